@@ -1,0 +1,59 @@
+# Needs git, make and a Python 3.11-3.13 with venv; everything else goes into .venv.
+# Another Python: make clean, then make setup PYTHON=python3.12
+
+PYTHON ?= python3
+BIN := .venv/bin
+STAMP := .venv/.installed
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+
+# A sourced ROS installation must not leak into .venv.
+unexport PYTHONPATH
+
+.PHONY: help setup run view test lock clean
+
+help: ## list these targets
+	@sed -nE 's/^([a-z]+):[^#]*## (.*)/  make \1\t\2/p' Makefile | expand -t 15
+
+setup: $(STAMP) ## make .venv with everything in requirements.lock
+
+run: setup ## run the TM21 noise sweep, then analyse its bag
+	@$(BIN)/cam-rig run --analyze
+
+view: setup ## show the newest bag in Rerun
+	@$(BIN)/cam-rig view
+
+test: setup ## lint, types, import rules, tests
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/python -m pytest
+
+lock: | $(BIN)/pip ## resolve requirements.lock anew (remove it first to raise every version)
+	@$(PIP) install uv==0.13.8
+	$(BIN)/uv pip compile setup.py --extra ros-wheels --extra test --output-file requirements.lock \
+		--universal --python-version 3.11 --fork-strategy fewest \
+		--no-annotate --custom-compile-command 'make lock' --quiet
+
+clean: ## remove .venv and everything built; bags stay
+	rm -rf .venv build install log *.egg-info .*_cache .hypothesis
+	find cam_rig launch test -name __pycache__ -prune -exec rm -rf {} +
+
+# pip is the last thing venv writes, so a half-made .venv is made again.
+$(BIN)/pip:
+	@command -v $(PYTHON) >/dev/null || { \
+		echo 'cam_rig needs Python 3.11 to 3.13, and there is no $(PYTHON):' \
+			'name one with PYTHON=...' >&2; exit 1; }
+	@$(PYTHON) -c 'import platform as p, sys; v = sys.version_info[:2]; \
+		(3, 11) <= v <= (3, 13) or sys.exit( \
+			"cam_rig needs Python 3.11 to 3.13, and $(PYTHON) is %s: " \
+			"name another with PYTHON=..." % p.python_version())'
+	@echo 'Making .venv with $(PYTHON)'
+	@$(PYTHON) -m venv --clear .venv
+
+$(STAMP): requirements.lock setup.py setup.cfg | $(BIN)/pip
+	@rm -f $@
+	@echo 'Installing requirements.lock into .venv (about 1 GB the first time)'
+	@$(PIP) install --requirement requirements.lock
+	@$(PIP) install --no-deps --no-build-isolation --editable .
+	@touch $@

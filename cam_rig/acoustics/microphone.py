@@ -1,0 +1,69 @@
+"""The microphone: blocks of contact force in, r.m.s. sound pressure out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from cam_rig.acoustics.radiation import RadiationParameters
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MicrophoneState:
+    """What the structure remembers from one block to the next: q and the last force, N."""
+
+    structure: float
+    force: float
+
+
+def hear(
+    parameters: RadiationParameters,
+    state: MicrophoneState | None,
+    force: FloatArray,
+    impulse: FloatArray,
+    sample_rate: float,
+    speed: float,
+) -> tuple[MicrophoneState, float]:
+    """r.m.s. sound pressure (Pa) over one block.
+
+    Parameters
+    ----------
+    state : as the block before left it; None starts with the structure at rest under the force
+    force : ``(n,)`` contact force in N at the samples, taken as straight between them
+    impulse : ``(n,)`` N·s, of the landings since the sample before
+    sample_rate : Hz
+    speed : rad/s, for the background
+    """
+    if force.size == 0:
+        raise ValueError("a block must hold at least one sample")
+    start = state or MicrophoneState(structure=float(force[0]), force=float(force[0]))
+    structure = _structure(parameters, start, force, impulse, sample_rate)
+    rate = parameters.corner_rate * (force - structure)
+    contact = parameters.gain**2 * float(np.mean(rate**2))
+    landings = float(np.sum(parameters.landing_energy(impulse))) * sample_rate / force.size
+    power = parameters.background_power(speed) + contact + landings
+    return MicrophoneState(float(structure[-1]), float(force[-1])), math.sqrt(power)
+
+
+def _structure(
+    parameters: RadiationParameters,
+    start: MicrophoneState,
+    force: FloatArray,
+    impulse: FloatArray,
+    sample_rate: float,
+) -> FloatArray:
+    """Structure q at the samples: q̇ = ω_c (F − q) solved exactly for a force straight between samples."""
+    x = parameters.corner_rate / sample_rate
+    keep = math.exp(-x)
+    ramp = -math.expm1(-x) / x
+    before, now = ramp - keep, 1.0 - ramp
+    previous = np.concatenate(([start.force], force[:-1]))
+    drive = before * previous + now * force + parameters.corner_rate * impulse
+    structure, _ = lfilter([1.0], [1.0, -keep], drive, zi=[keep * start.structure])
+    return np.asarray(structure)

@@ -1,0 +1,75 @@
+"""How contact force becomes sound: a structure with one corner, and background.
+
+The pressure follows the rate of the contact force through a structure that cannot follow
+beyond its corner:
+
+    p = gain · ω_c (F − q),    q̇ = ω_c (F − q)        (p ≈ gain · Ḟ below the corner)
+
+A landing is a force pulse of impulse J, half a sine of the time the follower's mass takes on
+its stem. It is far above the corner, so it radiates ∫p² dt = (gain ω_c J)² π²/(8 T_c) and leaves
+q higher by ω_c J: the impact needs no constant of its own. Background (motor, bearings) adds in
+energy, rising with speed. This is the energy accountancy of machinery noise (Richards).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cam_rig.acoustics.level import pressure_pa
+from cam_rig.schema import RigConfig
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RadiationParameters:
+    """The acoustic constants of a rig.
+
+    Parameters
+    ----------
+    gain : Pa·s/N, pressure per rate of contact force
+    corner : Hz
+    background : dB at the speed ``background_at`` (rad/s)
+    background_slope : dB per octave of speed
+    contact_time : s, duration of a landing's force pulse
+    """
+
+    gain: float
+    corner: float
+    background: float
+    background_at: float
+    background_slope: float
+    contact_time: float
+
+    @classmethod
+    def from_rig(cls, rig: RigConfig) -> RadiationParameters:
+        """Take the numbers of a rig file."""
+        r, follower = rig.radiation, rig.follower
+        stem = math.sqrt(follower.mass.si / follower.stem_stiffness.si)
+        return cls(
+            gain=r.gain.si,
+            corner=r.corner.si,
+            background=r.background.si,
+            background_at=r.background_at.si,
+            background_slope=r.background_slope.si,
+            contact_time=math.pi * stem,
+        )
+
+    @property
+    def corner_rate(self) -> float:
+        """ω_c in rad/s."""
+        return 2.0 * math.pi * self.corner
+
+    def background_power(self, speed: float) -> float:
+        """Mean square background pressure, Pa², at a cam speed in rad/s."""
+        level = self.background + self.background_slope * math.log2(speed / self.background_at)
+        return float(pressure_pa(level)) ** 2
+
+    def landing_energy(self, impulse: FloatArray) -> FloatArray:
+        """∫p² dt in Pa²·s radiated by landings of these impulses (N·s)."""
+        peak = self.gain * self.corner_rate * impulse
+        return np.asarray(peak**2 * math.pi**2 / (8.0 * self.contact_time))

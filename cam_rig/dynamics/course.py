@@ -1,0 +1,148 @@
+"""The follower's course through one interval: phases of contact and flight, and their events."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cam_rig.dynamics.block import NS, Event, EventKind, FollowerState, Interval
+from cam_rig.dynamics.contact import loss_intervals
+from cam_rig.dynamics.flight import Flight
+from cam_rig.dynamics.kinetostatic import state_at
+from cam_rig.dynamics.landing import landing_time
+from cam_rig.dynamics.parameters import FollowerParameters
+from cam_rig.errors import DynamicsError
+from cam_rig.laws import TURN, Law
+
+#: A relative speed below this fraction of (cam speed x lift) is rounding, not a separation.
+STILL = 1e-12
+#: Angle (rad) of a loss interval too short to lift anything but a rounding error.
+GRAZE = 1e-9
+#: More events in one interval than any physical bounce series has.
+MOST_EVENTS = 100_000
+
+
+@dataclass(frozen=True)
+class Phase:
+    """Contact (no flight) or flight from ``begin`` to ``end``, in s since the interval's start."""
+
+    begin: float
+    end: float
+    flight: Flight | None
+
+
+@dataclass
+class Course:
+    """Finds phase after phase of an interval at constant speed.
+
+    Nothing is stepped: contact ends where the force polynomial turns negative, flight ends
+    where the gap closes, and between these the motion is known in closed form.
+    """
+
+    law: Law
+    parameters: FollowerParameters
+    interval: Interval
+    phases: list[Phase] = field(default_factory=list)
+    events: list[Event] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        # Angles are kept within the turn they start in: a law's value is lost to rounding
+        # with the size of the angle.
+        self._turns = float(np.floor(self.interval.angle / TURN)) * TURN
+        self._start = self.interval.angle - self._turns
+
+    def run(self, state: FollowerState | None) -> None:
+        """Find all phases of the interval; ``state`` None puts the follower on the cam."""
+        time, flight = 0.0, self._begin(state)
+        duration = self.interval.duration
+        while time < duration:
+            if flight is None:
+                end = min(self._lift_off(time), duration)
+                self.phases.append(Phase(time, end, None))
+                flight = self._leave(end) if end < duration else None
+            else:
+                landing = landing_time(
+                    flight, self.law, self.angle(time), self.interval.speed, duration - time
+                )
+                end = duration if landing is None else min(time + landing, duration)
+                self.phases.append(Phase(time, end, flight))
+                if landing is not None:
+                    self._require_progress()
+                    flight = self._meet(end, float(flight.state(np.array([landing]))[1][0]))
+            time = end
+
+    def _require_progress(self) -> None:
+        """An endless series of events would be a fault of the model: say so, do not hang."""
+        if len(self.events) > MOST_EVENTS:
+            raise DynamicsError(
+                f"{len(self.events)} events in {self.interval.duration:g} s at "
+                f"{self.interval.speed:g} rad/s; allowed: {MOST_EVENTS} an interval"
+            )
+
+    def angle(self, time: float) -> float:
+        """Cam angle (rad) at a time since the interval's start, less its whole turns there."""
+        return self._start + self.interval.speed * time
+
+    def on_cam(self, time: float) -> FollowerState:
+        """The follower as it would be on the cam at a time since the interval's start."""
+        return state_at(self.law, self.parameters, self.angle(time), self.interval.speed)
+
+    def _begin(self, state: FollowerState | None) -> Flight | None:
+        if state is None:
+            return None
+        if not state.in_contact:
+            return Flight(self.parameters, state.displacement, state.velocity)
+        # A change of speed at a joint of two intervals throws the follower off or strikes it.
+        return self._meet(0.0, state.velocity)
+
+    def _lift_off(self, time: float) -> float:
+        """Time of the next lift-off, infinity when the cam never has to pull."""
+        losses = loss_intervals(self.law, self.parameters, self.interval.speed)
+        angle = self.angle(time)
+        turn = np.floor(angle / TURN) * TURN
+        for start, stop in (*losses, *((a + TURN, b + TURN) for a, b in losses)):
+            if turn + stop - angle > GRAZE:
+                return time + max(0.0, (turn + start - angle) / self.interval.speed)
+        return float("inf")
+
+    def _leave(self, time: float) -> Flight:
+        cam = self.on_cam(time)
+        self.events.append(self._event("lift-off", time))
+        return Flight(self.parameters, cam.displacement, cam.velocity)
+
+    def _meet(self, time: float, velocity: float) -> Flight | None:
+        """The follower comes to the cam with ``velocity``: what flies on, or None for contact."""
+        cam = self.on_cam(time)
+        approach = cam.velocity - velocity
+        if abs(approach) <= STILL * self.interval.speed * self.law.lift:
+            return None
+        if approach < 0.0:
+            self.events.append(self._event("lift-off", time))
+            return Flight(self.parameters, cam.displacement, velocity)
+        p = self.parameters
+        rebound = p.restitution * approach
+        if self._bounces(rebound, cam.contact_force):
+            self._land(time, approach, p.restitution)
+            return Flight(p, cam.displacement, cam.velocity + rebound)
+        self._land(time, approach, 0.0)
+        return None
+
+    def _bounces(self, rebound: float, force: float) -> bool:
+        """Whether a rebound rises above rounding; the rest of an endless series is contact."""
+        if rebound <= 0.0 or force <= 0.0:
+            return rebound > 0.0
+        height = 0.5 * rebound**2 * self.parameters.mass / force
+        return height > 1e-12 * self.law.lift
+
+    def _land(self, time: float, approach: float, restitution: float) -> None:
+        mass = self.parameters.mass
+        impulse = mass * (1.0 + restitution) * approach
+        lost = 0.5 * mass * (1.0 - restitution**2) * approach**2
+        self.events.append(self._event("landing", time, impulse, lost))
+
+    def _event(
+        self, kind: EventKind, time: float, impulse: float = 0.0, lost: float = 0.0
+    ) -> Event:
+        at = self.interval.start_ns / NS + time
+        return Event(kind, at, self._turns + self.angle(time), impulse, lost)

@@ -1,0 +1,79 @@
+"""One mass on a rigid stem: it rides the cam, leaves it, flies, and lands again.
+
+In contact the follower is the law. It leaves where the contact force crosses zero from above,
+flies freely, and lands where the gap closes: plastically, or with Newton's restitution. Each
+phase is a closed form and each change of phase a root, so neither a step nor the length of an
+interval enters the result.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cam_rig.dynamics import kinetostatic
+from cam_rig.dynamics.block import NS, Block, FloatArray, FollowerState, Interval, SampleGrid
+from cam_rig.dynamics.course import Course, Phase
+from cam_rig.dynamics.parameters import FollowerParameters
+from cam_rig.laws import Law
+
+
+def advance(
+    law: Law,
+    parameters: FollowerParameters,
+    state: FollowerState | None,
+    interval: Interval,
+    sample_rate: int,
+) -> tuple[FollowerState, Block]:
+    """Take the follower through the interval, exactly.
+
+    Parameters
+    ----------
+    state : where the interval before it ended; None puts the follower down on the cam
+    sample_rate : Hz
+    """
+    course = Course(law, parameters, interval)
+    course.run(state)
+    _, block = kinetostatic.advance(law, parameters, None, interval, sample_rate)
+    grid = interval.grid(sample_rate)
+    for phase in course.phases:
+        if phase.flight is not None:
+            _show_flight(block.rows, grid, phase)
+    pending = state.pending_impulse if state is not None else 0.0
+    pending = _show_impulses(block.rows, grid, course, pending)
+    end = replace(_end(course), pending_impulse=pending)
+    return end, replace(block, events=tuple(course.events))
+
+
+def _show_flight(rows: FloatArray, grid: SampleGrid, phase: Phase) -> None:
+    """Put the free motion in place of the law where the follower flies."""
+    assert phase.flight is not None
+    first, end = grid.index_after(phase.begin), min(grid.index_after(phase.end), grid.count)
+    if first < end:
+        times = grid.offset + np.arange(first, end) / grid.sample_rate - phase.begin
+        rows[1:4, first:end] = phase.flight.motion(times)
+        rows[4, first:end] = 0.0
+
+
+def _show_impulses(rows: FloatArray, grid: SampleGrid, course: Course, pending: float) -> float:
+    """Add each landing's impulse to the sample at or after it; return what comes too late."""
+    start = course.interval.start_ns / NS
+    due = [(0, pending)]
+    due += [(grid.index_after(event.time - start), event.impulse) for event in course.events]
+    late = 0.0
+    for index, impulse in due:
+        if index < grid.count:
+            rows[5, index] += impulse
+        else:
+            late += impulse
+    return late
+
+
+def _end(course: Course) -> FollowerState:
+    """The follower's state at the end of the interval."""
+    last = course.phases[-1]
+    if last.flight is None:
+        return course.on_cam(course.interval.duration)
+    y, v = last.flight.state(np.array([last.end - last.begin]))
+    return FollowerState(float(y[0]), float(v[0]), 0.0, in_contact=False)

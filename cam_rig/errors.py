@@ -1,0 +1,36 @@
+"""The errors a user can meet. All share one root, so a command catches one type."""
+
+from __future__ import annotations
+
+
+class CamRigError(Exception):
+    """Root of every error the rig raises on purpose.
+
+    The message names the thing, its value, the limit and what to do about it.
+    """
+
+    exit_code = 1
+
+
+class ConfigError(CamRigError):
+    """A YAML file is wrong: the message names file, key, value and what is allowed."""
+
+    exit_code = 2
+
+
+class LawError(CamRigError):
+    """A displacement law cannot exist with the numbers given."""
+
+    exit_code = 2
+
+
+class DynamicsError(CamRigError):
+    """A model was asked for something it cannot give."""
+
+
+class BagError(CamRigError):
+    """A recording is missing, incomplete, or not one of ours."""
+
+
+class RunError(CamRigError):
+    """A node of the graph died, or did not answer."""

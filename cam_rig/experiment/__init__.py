@@ -1,0 +1,1 @@
+"""What an experimenter does with the rig: programs, sweeps, comparisons, identification."""

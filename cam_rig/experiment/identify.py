@@ -1,0 +1,105 @@
+"""Identifying the geometry of the TM21's own cam from its published noise curve.
+
+No source prints a dimension of that cam. Its lift and its two arc angles are the three numbers
+that bring the simulated level nearest to the published one, with the acoustic constants as they
+were calibrated on another cam. They are identified, never TM21 data.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import differential_evolution, minimize
+
+from cam_rig.errors import LawError
+from cam_rig.experiment.noise import step_levels
+from cam_rig.experiment.stage import Stage
+from cam_rig.experiment.sweep import simulate
+from cam_rig.laws import build_law
+from cam_rig.schema import CamConfig
+
+FloatArray = NDArray[np.float64]
+
+#: Bounds of lift (m), event span (deg) and nose span as a fraction of the event span.
+BOUNDS = ((0.005, 0.05), (60.0, 300.0), (0.05, 0.95))
+#: What a geometry that cannot exist costs, dB.
+IMPOSSIBLE = 50.0
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """The identified numbers and the r.m.s. difference they leave, dB."""
+
+    lift_mm: float
+    event_deg: float
+    nose_deg: float
+    rmse_db: float
+    evaluations: int
+
+    @property
+    def dwell_deg(self) -> float:
+        """Each of the two dwells beside the event."""
+        return 180.0 - 0.5 * self.event_deg
+
+
+def with_geometry(cam: CamConfig, lift_mm: float, event_deg: float, nose_deg: float) -> CamConfig:
+    """The same cam file with other numbers."""
+    data = cam.model_dump(exclude_none=True)
+    dwell = 180.0 - 0.5 * event_deg
+    data["lift"] |= {"identified": lift_mm, "unit": "mm"}
+    for segment, span in zip(data["segments"], (dwell, event_deg, dwell), strict=True):
+        segment["span"] |= {"identified": span, "unit": "deg"}
+    data["segments"][1]["nose_span"] |= {"identified": nose_deg, "unit": "deg"}
+    return CamConfig.model_validate(data)
+
+
+def identify(
+    stage: Stage, cam: str, seed: int, on_progress: Callable[[float], None] = lambda _: None
+) -> Geometry:
+    """Search lift and angles of an arc cam; ``stage`` holds the scene to run for each trial.
+
+    A global search (differential evolution, seeded) followed by a local one.
+    """
+    rpm = np.array(stage.scene.program.speeds.si_list) * 30.0 / math.pi
+    assert stage.published is not None
+    target = stage.published.level(cam, rpm)
+    evaluations = 0
+
+    def rmse(x: FloatArray) -> float:
+        nonlocal evaluations
+        evaluations += 1
+        level = _levels(stage, cam, x)
+        return IMPOSSIBLE if level is None else float(np.sqrt(np.mean((level - target) ** 2)))
+
+    best = differential_evolution(
+        rmse,
+        BOUNDS,
+        seed=seed,
+        popsize=10,
+        maxiter=30,
+        tol=1e-3,
+        polish=False,
+        callback=lambda intermediate_result: on_progress(float(intermediate_result.fun)),
+    )
+    best = minimize(
+        rmse, best.x, method="Nelder-Mead", options={"xatol": 1e-5, "fatol": 1e-5, "maxfev": 200}
+    )
+    lift, event, fraction = (float(v) for v in best.x)
+    return Geometry(1e3 * lift, event, event * fraction, float(best.fun), evaluations)
+
+
+def _levels(stage: Stage, cam: str, x: FloatArray) -> FloatArray | None:
+    lift, event, fraction = (float(v) for v in x)
+    if any(not low <= v <= high for v, (low, high) in zip(x, BOUNDS, strict=True)):
+        return None
+    try:
+        config = with_geometry(stage.cams[cam], 1e3 * lift, event, event * fraction)
+        trial = stage.only(cam, build_law(config))
+    except LawError:
+        return None
+    steps = step_levels(simulate(trial), trial.scene.program.settle_turns.si)[cam]
+    return np.array([steps[speed] for speed in sorted(steps)])

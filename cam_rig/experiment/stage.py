@@ -1,0 +1,85 @@
+"""A scene with everything it names: the mounted cams, the rig, the published curves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from cam_rig.acoustics import RadiationParameters
+from cam_rig.dynamics import FollowerParameters
+from cam_rig.errors import ConfigError
+from cam_rig.laws import Law, build_law
+from cam_rig.schema import (
+    CamConfig,
+    Library,
+    PublishedNoise,
+    RigConfig,
+    SceneConfig,
+    load_cam,
+    load_published,
+    load_rig,
+    load_scene,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """Everything a run needs, checked before anything starts."""
+
+    scene: SceneConfig
+    rig: RigConfig
+    cams: dict[str, CamConfig]
+    laws: dict[str, Law]
+    published: PublishedNoise | None
+    files: tuple[Path, ...]
+
+    @property
+    def follower(self) -> FollowerParameters:
+        """The follower's numbers."""
+        return FollowerParameters.from_rig(self.rig)
+
+    @property
+    def radiation(self) -> RadiationParameters:
+        """The acoustic constants."""
+        return RadiationParameters.from_rig(self.rig)
+
+    def role(self, cam: str) -> str:
+        """What a comparison of this cam's noise with the published curve is worth."""
+        if cam == self.rig.radiation.calibrated_on:
+            return "calibrated"
+        return "identified" if self.cams[cam].identified_from else "predicted"
+
+    def only(self, cam: str, law: Law) -> Stage:
+        """The same scene with one cam alone, and another law for it."""
+        scene = self.scene.model_copy(update={"cams": [cam]})
+        return replace(self, scene=scene, laws={cam: law})
+
+
+def open_stage(scene_path: Path) -> Stage:
+    """Read a scene and every file it names.
+
+    Raises
+    ------
+    ConfigError, LawError : one line that names the file and what is wrong in it
+    """
+    scene = load_scene(scene_path)
+    library = Library.beside(scene_path)
+    cam_paths = [library.path("cams", name) for name in scene.cams]
+    rig_path = library.path("rigs", scene.rig)
+    cams = [load_cam(path) for path in cam_paths]
+    for path, name, cam in zip(cam_paths, scene.cams, cams, strict=True):
+        if cam.name != name:
+            raise ConfigError(f"{path}: name is {cam.name!r}; allowed: the file's name, {name!r}")
+    files = [scene_path, rig_path, *cam_paths]
+    published = None
+    if scene.published is not None:
+        files.append(library.path("published", scene.published))
+        published = load_published(files[-1])
+    return Stage(
+        scene=scene,
+        rig=load_rig(rig_path),
+        cams={cam.name: cam for cam in cams},
+        laws={cam.name: build_law(cam) for cam in cams},
+        published=published,
+        files=tuple(files),
+    )

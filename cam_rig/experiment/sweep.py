@@ -1,0 +1,71 @@
+"""The scene without ROS: the same core as the nodes, in one process."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from cam_rig.acoustics import MicrophoneState, RadiationParameters, hear
+from cam_rig.dynamics import MODELS, Block, FloatArray, FollowerParameters, FollowerState
+from cam_rig.experiment.noise import HeardTick
+from cam_rig.experiment.program import CamState, cam_states
+from cam_rig.experiment.stage import Stage
+from cam_rig.laws import Law
+
+
+@dataclass
+class FollowerBench:
+    """The follower under the mounted cam: takes cam states, gives blocks. Used by the node too."""
+
+    parameters: FollowerParameters
+    model: str
+    sample_rate: int
+    laws: dict[str, Law] = field(default_factory=dict)
+    _last: CamState | None = None
+    _state: FollowerState | None = None
+
+    def turn_to(self, state: CamState) -> tuple[FollowerState, Block] | None:
+        """The tick that ends at ``state``; None at the first state, which only begins one.
+
+        A change of cam puts the follower down on the new one.
+        """
+        start, self._last = self._last, state
+        if start is None or start.speed == 0.0:
+            return None
+        law = self.laws[start.cam]
+        advance = MODELS[self.model]
+        end, block = advance(
+            law, self.parameters, self._state, start.until(state), self.sample_rate
+        )
+        self._state = end if state.cam == start.cam else None
+        return end, block
+
+
+@dataclass
+class MicrophoneBench:
+    """The microphone with its memory: takes blocks, gives r.m.s. pressure. Used by the node too."""
+
+    parameters: RadiationParameters
+    sample_rate: int
+    _state: MicrophoneState | None = None
+
+    def listen(self, block_rows: FloatArray, speed: float) -> float:
+        """r.m.s. pressure (Pa) over a block, ``(6, n)`` rows, at cam speed ``speed`` (rad/s)."""
+        self._state, pressure = hear(
+            self.parameters, self._state, block_rows[4], block_rows[5], self.sample_rate, speed
+        )
+        return pressure
+
+
+def simulate(stage: Stage) -> Iterator[HeardTick]:
+    """Run the scene tick by tick."""
+    rate = int(stage.scene.sample_rate.si)
+    follower = FollowerBench(stage.follower, stage.scene.model, rate, stage.laws)
+    microphone = MicrophoneBench(stage.radiation, rate)
+    start: CamState | None = None
+    for state in cam_states(stage.scene):
+        turned = follower.turn_to(state)
+        if turned is not None and start is not None:
+            pressure = microphone.listen(turned[1].rows, start.speed)
+            yield HeardTick(start, state.time_ns, pressure)
+        start = state

@@ -1,0 +1,6 @@
+"""Displacement laws: every family becomes one periodic Bernstein piecewise polynomial."""
+
+from cam_rig.laws.cam import build_law
+from cam_rig.laws.law import TURN, Law
+
+__all__ = ["TURN", "Law", "build_law"]

@@ -1,0 +1,150 @@
+"""Polynomials in Bernstein form on [0, 1]: the one basis the rig computes in.
+
+An ordinate array is ``(p + 1,)`` or ``(p + 1, n)``: degree p, n polynomials side by side.
+The basis is chosen for its stability (profile thesis §2.1.1): for degree 15 the monomial
+coefficients reach 1e7 and cancel, the Bernstein ordinates are of the size of the lift.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.special import comb
+
+FloatArray = NDArray[np.float64]
+
+#: Subdivision stops here: roots nearer than this cannot be told apart in double precision.
+_ROOT_RESOLUTION = 2.0**-46
+
+
+@lru_cache(maxsize=128)
+def binomials(degree: int) -> FloatArray:
+    """Row ``degree`` of Pascal's triangle, ``(degree + 1,)``."""
+    row = np.asarray(comb(degree, np.arange(degree + 1)), dtype=np.float64)
+    row.setflags(write=False)
+    return row
+
+
+def basis(degree: int, u: FloatArray) -> FloatArray:
+    """Bernstein basis values B_i(u), ``(len(u), degree + 1)`` (eq. 1 of the paper)."""
+    powers = np.empty((degree + 1, u.size))
+    mirror = np.empty((degree + 1, u.size))
+    powers[0] = mirror[0] = 1.0
+    for i in range(1, degree + 1):
+        np.multiply(powers[i - 1], u, out=powers[i])
+        np.multiply(mirror[i - 1], 1.0 - u, out=mirror[i])
+    powers *= mirror[::-1]
+    powers *= binomials(degree)[:, None]
+    return powers.T
+
+
+def evaluate(ordinates: FloatArray, u: FloatArray) -> FloatArray:
+    """Values at ``u``; ``(len(u),)`` or ``(len(u), n)``."""
+    return basis(ordinates.shape[0] - 1, np.atleast_1d(u)) @ ordinates
+
+
+def derivative(ordinates: FloatArray) -> FloatArray:
+    """Ordinates of d/du, one degree lower (a constant's is a constant zero)."""
+    degree = ordinates.shape[0] - 1
+    if degree == 0:
+        return np.zeros_like(ordinates)
+    return degree * np.diff(ordinates, axis=0)
+
+
+def antiderivative(ordinates: FloatArray, start: float = 0.0) -> FloatArray:
+    """Ordinates of the integral over u that begins at ``start``, one degree higher."""
+    degree = ordinates.shape[0]
+    steps = np.cumsum(ordinates, axis=0) / degree
+    return np.concatenate([np.zeros_like(ordinates[:1]), steps]) + start
+
+
+@lru_cache(maxsize=256)
+def elevation_matrix(degree: int, target: int) -> FloatArray:
+    """Matrix ``(target + 1, degree + 1)`` that rewrites degree ``degree`` as ``target``."""
+    matrix = np.zeros((target + 1, degree + 1))
+    for j in range(degree + 1):
+        rise = np.arange(j, j + target - degree + 1)
+        weight = comb(degree, j) * comb(target - degree, rise - j) / comb(target, rise)
+        matrix[rise, j] = weight
+    matrix.setflags(write=False)
+    return matrix
+
+
+def elevate(ordinates: FloatArray, target: int) -> FloatArray:
+    """The same polynomial written with degree ``target``: convex combinations, so stable."""
+    degree = ordinates.shape[0] - 1
+    return ordinates if degree == target else elevation_matrix(degree, target) @ ordinates
+
+
+def split(ordinates: FloatArray, u: float) -> tuple[FloatArray, FloatArray]:
+    """De Casteljau: ordinates on [0, u] and on [u, 1]."""
+    left = np.empty_like(ordinates)
+    right = np.empty_like(ordinates)
+    row = ordinates
+    for i in range(ordinates.shape[0]):
+        left[i] = row[0]
+        right[ordinates.shape[0] - 1 - i] = row[-1]
+        row = row[:-1] * (1.0 - u) + row[1:] * u
+    return left, right
+
+
+def restrict(ordinates: FloatArray, start: float, stop: float) -> FloatArray:
+    """Ordinates of the same polynomial on [start, stop] ⊂ [0, 1], start < 1."""
+    tail = split(ordinates, start)[1] if start > 0.0 else ordinates
+    inner = (stop - start) / (1.0 - start)
+    return split(tail, inner)[0] if inner < 1.0 else tail
+
+
+def sign_changes(ordinates: FloatArray) -> int:
+    """Number of sign changes: no fewer than the roots in (0, 1) (Descartes' rule)."""
+    signs = np.sign(ordinates)
+    signs = signs[signs != 0.0]
+    return int(np.count_nonzero(signs[1:] != signs[:-1]))
+
+
+def crossings(ordinates: FloatArray, lo: float = 0.0, hi: float = 1.0) -> list[float]:
+    """All u in (lo, hi) where the polynomial changes sign, in order.
+
+    The ordinates are those on [lo, hi]. None is missed: a piece is dropped only when its
+    ordinates do not change sign, which proves that the polynomial does not. Touching zero
+    without crossing it is no crossing.
+    """
+    changes = sign_changes(ordinates)
+    if changes == 0:
+        return []
+    if changes == 1 and ordinates[0] * ordinates[-1] < 0.0:
+        return [lo + (hi - lo) * _bracketed_root(ordinates)]
+    if hi - lo <= _ROOT_RESOLUTION:
+        return [0.5 * (lo + hi)] if ordinates[0] * ordinates[-1] < 0.0 else []
+    left, right = split(ordinates, 0.5)
+    mid = 0.5 * (lo + hi)
+    at_split = [mid] if left[-1] == 0.0 and _sign_before(left) * _sign_after(right) < 0 else []
+    return crossings(left, lo, mid) + at_split + crossings(right, mid, hi)
+
+
+def _bracketed_root(ordinates: FloatArray) -> float:
+    def value(u: float) -> float:
+        return float((basis(degree, np.array([u])) @ ordinates)[0])
+
+    degree = ordinates.shape[0] - 1
+    return float(brentq(value, 0.0, 1.0, xtol=1e-300, rtol=4 * np.finfo(float).eps))
+
+
+def _sign_before(ordinates: FloatArray) -> float:
+    nonzero = ordinates[ordinates != 0.0]
+    return float(np.sign(nonzero[-1])) if nonzero.size else 0.0
+
+
+def _sign_after(ordinates: FloatArray) -> float:
+    return _sign_before(ordinates[::-1])
+
+
+def negative_intervals(ordinates: FloatArray) -> list[tuple[float, float]]:
+    """Intervals of [0, 1] where the polynomial is negative, in order."""
+    edges = np.array([0.0, *crossings(ordinates), 1.0])
+    middles = evaluate(ordinates, 0.5 * (edges[:-1] + edges[1:]))
+    spans = zip(edges[:-1], edges[1:], middles, strict=True)
+    return [(float(a), float(b)) for a, b, value in spans if value < 0.0]

@@ -1,0 +1,117 @@
+"""The one type every displacement law becomes: a periodic Bernstein piecewise polynomial."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import BPoly
+
+from cam_rig.errors import LawError
+from cam_rig.laws import bernstein
+from cam_rig.laws.bernstein import FloatArray
+
+TURN = 2.0 * np.pi
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """Follower displacement s(θ) over one turn of the cam, repeated for every turn.
+
+    Parameters
+    ----------
+    name : the cam's name
+    breaks : ``(n + 1,)`` cam angles in rad, from 0 to 2π
+    ordinates : ``(p + 1, n)`` Bernstein ordinates in m, one column a piece
+
+    Raises
+    ------
+    LawError : the arrays do not fit each other, are not finite, or do not span one turn
+    """
+
+    name: str
+    breaks: FloatArray
+    ordinates: FloatArray
+
+    def __post_init__(self) -> None:
+        breaks = np.array(self.breaks, dtype=np.float64)
+        ordinates = np.array(self.ordinates, dtype=np.float64)
+        if ordinates.ndim != 2 or breaks.shape != (ordinates.shape[1] + 1,):
+            raise LawError(
+                f"law {self.name!r}: {breaks.shape} breakpoints do not fit ordinates of shape "
+                f"{ordinates.shape}; n pieces need n + 1 breakpoints"
+            )
+        if not (np.isfinite(breaks).all() and np.isfinite(ordinates).all()):
+            raise LawError(f"law {self.name!r}: breakpoints and ordinates must be finite")
+        if breaks[0] != 0.0 or breaks[-1] != TURN or np.any(np.diff(breaks) <= 0.0):
+            raise LawError(
+                f"law {self.name!r}: breakpoints must rise from 0 to 2π, got "
+                f"{breaks[0]!r} to {breaks[-1]!r}"
+            )
+        for field, array in (("breaks", breaks), ("ordinates", ordinates)):
+            array.setflags(write=False)
+            object.__setattr__(self, field, array)
+
+    @property
+    def degree(self) -> int:
+        """Degree p common to all pieces."""
+        return int(self.ordinates.shape[0] - 1)
+
+    @cached_property
+    def spans(self) -> FloatArray:
+        """``(n,)`` span of each piece, rad."""
+        return np.diff(self.breaks)
+
+    @cached_property
+    def bpoly(self) -> BPoly:
+        """The law as scipy sees it, periodic."""
+        return BPoly(self.ordinates, self.breaks, extrapolate="periodic")
+
+    def __call__(self, angle: FloatArray | float, order: int = 0) -> FloatArray:
+        """Displacement s (m) or its derivative d^order s/dθ^order (m/rad^order) at cam angles in rad.
+
+        At a joint the piece that begins there is taken (the right limit).
+        """
+        return np.asarray(self.bpoly(np.asarray(angle, dtype=np.float64), nu=order))
+
+    def derivative_ordinates(self, order: int) -> FloatArray:
+        """``(p + 1, n)`` ordinates of the derivative in θ, written with the law's degree."""
+        ordinates = self.ordinates
+        for _ in range(order):
+            ordinates = bernstein.derivative(ordinates) / self.spans
+        return bernstein.elevate(ordinates, self.degree)
+
+    @cached_property
+    def motion(self) -> FloatArray:
+        """``(3, p + 1, n)``: ordinates of s, s', s'' of every piece, one degree for all."""
+        stack = np.stack([self.derivative_ordinates(order) for order in range(3)])
+        stack.setflags(write=False)
+        return stack
+
+    @cached_property
+    def taylor(self) -> FloatArray:
+        """``(n, p + 1, p + 1)``: [i] takes basis values at u to the series s^(r)(u)/r! in u."""
+        series = np.empty((self.spans.size, self.degree + 1, self.degree + 1))
+        rows, factorial = self.ordinates, 1.0
+        for r in range(self.degree + 1):
+            series[:, :, r] = bernstein.elevate(rows, self.degree).T / factorial
+            rows = bernstein.derivative(rows)
+            factorial *= r + 1
+        series.setflags(write=False)
+        return series
+
+    @cached_property
+    def lift(self) -> float:
+        """Largest minus smallest displacement over the turn, m."""
+        extremes = [float(self.ordinates[0].min()), float(self.ordinates[0].max())]
+        slopes = bernstein.derivative(self.ordinates)
+        for i in range(self.spans.size):
+            at = np.array(bernstein.crossings(slopes[:, i]))
+            extremes.extend(bernstein.evaluate(self.ordinates[:, i], at).tolist())
+        return max(extremes) - min(extremes)
+
+    def jumps(self, order: int) -> FloatArray:
+        """``(n,)`` right minus left limit of the derivative at the start of each piece."""
+        ordinates = self.derivative_ordinates(order)
+        return np.asarray(ordinates[0] - np.roll(ordinates[-1], 1))

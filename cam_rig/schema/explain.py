@@ -1,0 +1,99 @@
+"""A pydantic error in one line: the key, its value, and what is allowed."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+
+def kind_of(value: object) -> str:
+    """What a YAML value is, in words."""
+    if value is None:
+        return "nothing"
+    return {list: "a list", str: "text"}.get(type(value), f"a {type(value).__name__}")
+
+
+def explain(error: ValidationError, kind: type[BaseModel]) -> str:
+    """The first problem in words, and how many more there are."""
+    problems = error.errors()
+    first = problems[0]
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    return _sentence(first, kind) + more
+
+
+def _sentence(problem: ErrorDetails, kind: type[BaseModel]) -> str:
+    key = _key(problem["loc"])
+    shown = _shown(problem["input"])
+    if problem["type"] == "extra_forbidden":
+        allowed = sorted(_fields_at(kind, problem["loc"][:-1]))
+        near = difflib.get_close_matches(str(problem["loc"][-1]), allowed, 1)
+        hint = f" (did you mean {near[0]!r}?)" if near else ""
+        listing = f"; allowed: {', '.join(allowed)}" if allowed else ""
+        return f"{key}: unknown key, value {shown}{hint}{listing}"
+    if problem["type"] == "missing":
+        return f"{key}: missing; it is required"
+    if problem["type"] == "value_error":
+        message = str(problem["ctx"]["error"]) if "ctx" in problem else problem["msg"]
+        return f"{key}: {message}" if key else message
+    return f"{key}: is {shown}; {_lower(problem['msg'])}"
+
+
+def _lower(text: str) -> str:
+    return "allowed: " + text.removeprefix("Input should be ") if text.startswith("Input") else text
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    text = kind_of(value) if isinstance(value, dict) else repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _key(loc: tuple[int | str, ...]) -> str:
+    """``segments[1].span`` from pydantic's location, without the names of union members."""
+    out = ""
+    for i, part in enumerate(loc):
+        if isinstance(part, int):
+            out += f"[{part}]"
+        elif i and isinstance(loc[i - 1], int) and loc[i - 2] == "segments":
+            continue  # the tag of the segment union
+        else:
+            out += f".{part}" if out else part
+    return out
+
+
+def _fields_at(kind: type[BaseModel], loc: tuple[int | str, ...]) -> set[str]:
+    """The keys allowed at a location, as far as the model's annotations tell."""
+    names = set(kind.model_fields)
+    schema = kind.model_json_schema()
+    node: Any = schema
+    for part in loc:
+        node = _step(node, part, schema)
+        if node is None:
+            return set()
+        names = set(_resolve(node, schema).get("properties", {}))
+    return names
+
+
+def _resolve(node: Any, schema: Any) -> Any:
+    while isinstance(node, dict):
+        if "$ref" in node:
+            node = schema["$defs"][node["$ref"].rsplit("/", 1)[-1]]
+        elif "anyOf" in node:
+            node = next((n for n in node["anyOf"] if n.get("type") != "null"), {})
+        else:
+            return node
+    return {}
+
+
+def _step(node: Any, part: int | str, schema: Any) -> Any:
+    node = _resolve(node, schema)
+    if isinstance(part, int):
+        return node.get("items")
+    if "discriminator" in node:
+        return {"$ref": node["discriminator"]["mapping"].get(part, "#/none")}
+    return node.get("properties", {}).get(part)

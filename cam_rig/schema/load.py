@@ -1,0 +1,103 @@
+"""Reading YAML files into config models, with one-line errors that name file and key."""
+
+from __future__ import annotations
+
+import sysconfig
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from cam_rig.errors import ConfigError
+from cam_rig.schema.cam import CamConfig
+from cam_rig.schema.explain import explain, kind_of
+from cam_rig.schema.published import PublishedNoise
+from cam_rig.schema.rig import RigConfig
+from cam_rig.schema.scene import SceneConfig
+
+Config = TypeVar("Config", bound=BaseModel)
+
+
+def config_root() -> Path:
+    """The shipped ``config`` folder: the source tree's, else the installed share folder's."""
+    source = Path(__file__).parents[2] / "config"
+    if source.is_dir():
+        return source
+    for parent in Path(__file__).parents:
+        share = parent / "share" / "cam_rig" / "config"
+        if share.is_dir():
+            return share
+    return Path(sysconfig.get_path("data")) / "share" / "cam_rig" / "config"
+
+
+def _read(path: Path) -> Any:
+    try:
+        return YAML(typ="safe").load(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        near = sorted(p.stem for p in path.parent.glob("*.yaml"))
+        known = f"; there are: {', '.join(near)}" if near else ""
+        raise ConfigError(f"{path}: no such file{known}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read ({error})") from None
+    except YAMLError as error:
+        raise ConfigError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
+
+
+def load(path: Path, kind: type[Config]) -> Config:
+    """Read and check one file.
+
+    Raises
+    ------
+    ConfigError : one line that names file, key, value and what is allowed
+    """
+    data = _read(path)
+    if not isinstance(data, dict):
+        raise ConfigError(
+            f"{path}: holds {kind_of(data)}; allowed: a mapping with the keys "
+            f"{', '.join(kind.model_fields)}"
+        )
+    try:
+        return kind.model_validate(data)
+    except ValidationError as error:
+        raise ConfigError(f"{path}: {explain(error, kind)}") from None
+
+
+@dataclass(frozen=True)
+class Library:
+    """The folders that the names in a scene refer to, the scene's own before the shipped one."""
+
+    roots: tuple[Path, ...]
+
+    @classmethod
+    def beside(cls, scene: Path) -> Library:
+        """For a scene in ``X/scenes/``: names are looked up in ``X``, then in ``config``."""
+        own = scene.absolute().parent.parent
+        return cls(tuple(dict.fromkeys((own, config_root()))))
+
+    def path(self, folder: str, name: str) -> Path:
+        """The file ``folder/name.yaml`` of the first root that has it."""
+        candidates = [root / folder / f"{name}.yaml" for root in self.roots]
+        return next((path for path in candidates if path.is_file()), candidates[-1])
+
+
+def load_cam(path: Path) -> CamConfig:
+    """Read one file of ``config/cams/``."""
+    return load(path, CamConfig)
+
+
+def load_rig(path: Path) -> RigConfig:
+    """Read one file of ``config/rigs/``."""
+    return load(path, RigConfig)
+
+
+def load_scene(path: Path) -> SceneConfig:
+    """Read one file of ``config/scenes/``."""
+    return load(path, SceneConfig)
+
+
+def load_published(path: Path) -> PublishedNoise:
+    """Read one file of ``config/published/``."""
+    return load(path, PublishedNoise)

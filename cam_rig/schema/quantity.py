@@ -1,0 +1,141 @@
+"""A number with its unit and its origin: the only way a number enters the rig.
+
+In YAML::
+
+    mass: {given: 1.3, unit: kg, source: paper Table 1}
+    span: {identified: 117.5, unit: deg, source: fit to Table 2, residual: 0.35 % RMS}
+
+Exactly one of ``given`` (a source prints it), ``assumed`` (nobody does, and it says why) or
+``identified`` (fitted, and it says to what) carries the number.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, model_validator
+
+Origin = Literal["given", "assumed", "identified"]
+ORIGINS: tuple[Origin, ...] = ("given", "assumed", "identified")
+
+#: dimension -> unit -> factor to SI
+UNITS: dict[str, dict[str, float]] = {
+    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254},
+    "angle": {"rad": 1.0, "deg": math.pi / 180.0, "turn": 2.0 * math.pi},
+    "speed": {"rad/s": 1.0, "rpm": math.pi / 30.0},
+    "mass": {"kg": 1.0, "g": 1e-3},
+    "stiffness": {"N/m": 1.0, "N/mm": 1e3},
+    "damping": {"N*s/m": 1.0},
+    "force": {"N": 1.0},
+    "frequency": {"Hz": 1.0, "kHz": 1e3},
+    "level": {"dB": 1.0},
+    "level slope": {"dB/octave": 1.0},
+    "radiation": {"Pa*s/N": 1.0},
+    "ratio": {"1": 1.0},
+    "turns": {"turns": 1.0},
+    "temperature": {"degC": 1.0},
+}
+
+
+class Strict(BaseModel):
+    """Base of every config model: unknown keys are errors, values do not change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Quantity(Strict):
+    """One number, or a list of them, with unit, origin and where it comes from."""
+
+    given: float | list[float] | None = None
+    assumed: float | list[float] | None = None
+    identified: float | list[float] | None = None
+    unit: str
+    source: str = ""
+    residual: str = ""
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> Quantity:
+        named = [origin for origin in ORIGINS if getattr(self, origin) is not None]
+        if len(named) != 1:
+            found = " and ".join(named) or "none"
+            raise ValueError(f"has {found}; allowed: exactly one of given, assumed, identified")
+        if not all(math.isfinite(v) for v in self.numbers):
+            raise ValueError(f"is {self.raw}; allowed: finite numbers")
+        return self
+
+    @property
+    def origin(self) -> Origin:
+        """given, assumed or identified."""
+        return next(o for o in ORIGINS if getattr(self, o) is not None)
+
+    @property
+    def raw(self) -> float | list[float]:
+        """The number or numbers as written, in the written unit."""
+        value: float | list[float] = getattr(self, self.origin)
+        return value
+
+    @property
+    def numbers(self) -> list[float]:
+        """The numbers as written, always as a list."""
+        return self.raw if isinstance(self.raw, list) else [self.raw]
+
+    @property
+    def factor(self) -> float:
+        """Factor from the written unit to SI."""
+        return next(units[self.unit] for units in UNITS.values() if self.unit in units)
+
+    @property
+    def si(self) -> float:
+        """The number in SI units."""
+        return self.numbers[0] * self.factor
+
+    @property
+    def si_list(self) -> list[float]:
+        """The numbers in SI units."""
+        return [value * self.factor for value in self.numbers]
+
+
+def _check(
+    quantity: Quantity,
+    dimension: str,
+    many: bool,
+    above: float | None,
+    least: float | None,
+    most: float | None,
+) -> Quantity:
+    units = UNITS[dimension]
+    if quantity.unit not in units:
+        raise ValueError(
+            f"has unit {quantity.unit!r}, not a {dimension}; allowed: {', '.join(units)}"
+        )
+    if isinstance(quantity.raw, list) != many:
+        wanted = "a list of numbers" if many else "one number"
+        raise ValueError(f"is {quantity.raw}; allowed: {wanted}")
+    if many and not quantity.numbers:
+        raise ValueError("is an empty list; allowed: at least one number")
+    for value in quantity.numbers:
+        si = value * units[quantity.unit]
+        for limit, broken, words in (
+            (above, above is not None and not si > above, "greater than"),
+            (least, least is not None and si < least, "at least"),
+            (most, most is not None and si > most, "at most"),
+        ):
+            if broken and limit is not None:
+                shown = limit / units[quantity.unit]
+                raise ValueError(
+                    f"is {value:g} {quantity.unit}; allowed: {words} {shown:g} {quantity.unit}"
+                )
+    return quantity
+
+
+def must_be(
+    dimension: str,
+    *,
+    many: bool = False,
+    above: float | None = None,
+    least: float | None = None,
+    most: float | None = None,
+) -> AfterValidator:
+    """Annotation of a config key: its dimension, and limits in SI units."""
+    return AfterValidator(lambda q: _check(q, dimension, many, above, least, most))

@@ -1,0 +1,44 @@
+"""A rig file: the follower's mechanics and the sound they make."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from cam_rig.schema.quantity import Quantity, Strict, must_be
+
+Mass = Annotated[Quantity, must_be("mass", above=0.0)]
+Stiffness = Annotated[Quantity, must_be("stiffness", above=0.0)]
+Damping = Annotated[Quantity, must_be("damping", least=0.0)]
+
+
+class FollowerMechanics(Strict):
+    """The follower as one mass on a closing spring; the stem is the stiffness at contact."""
+
+    mass: Mass
+    spring_stiffness: Stiffness
+    stem_stiffness: Stiffness
+    damping: Damping
+    preload: Annotated[Quantity, must_be("force", least=0.0)]
+    restitution: Annotated[Quantity, must_be("ratio", least=0.0, most=0.999)]
+
+
+class Radiation(Strict):
+    """Contact force to sound: gain and corner of the structure, and the background."""
+
+    gain: Annotated[Quantity, must_be("radiation", above=0.0)]
+    corner: Annotated[Quantity, must_be("frequency", above=0.0)]
+    background: Annotated[Quantity, must_be("level")]
+    background_at: Annotated[Quantity, must_be("speed", above=0.0)]
+    background_slope: Annotated[Quantity, must_be("level slope")]
+    calibrated_on: str = ""
+
+
+class RigConfig(Strict):
+    """One file of ``config/rigs/``."""
+
+    name: str = Field(pattern=r"^[a-z][a-z0-9_]*$")
+    title: str
+    follower: FollowerMechanics
+    radiation: Radiation

@@ -1,0 +1,64 @@
+"""A scene file: which cams on which rig, how they turn, and what is compared."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from cam_rig.schema.quantity import Quantity, Strict, must_be
+
+#: A name refers to a file of that name, without the suffix.
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+Model = Literal["kinetostatic", "one_mass"]
+
+
+class Program(Strict):
+    """The cam's speed: hold each of ``speeds`` for ``turns``, tick by tick."""
+
+    speeds: Annotated[Quantity, must_be("speed", many=True, above=0.0)]
+    turns: Annotated[Quantity, must_be("turns", least=1.0)]
+    settle_turns: Annotated[Quantity, must_be("turns", least=0.0)]
+    ticks_per_turn: int = Field(default=1, ge=1, le=1000)
+
+    @model_validator(mode="after")
+    def _something_to_measure(self) -> Program:
+        for key in ("turns", "settle_turns"):
+            value = getattr(self, key).si
+            if value != int(value):
+                raise ValueError(f"{key}: is {value:g} turns; allowed: a whole number")
+        if self.settle_turns.si >= self.turns.si:
+            raise ValueError(
+                f"settle_turns: is {self.settle_turns.si:g} turns; "
+                f"allowed: less than turns ({self.turns.si:g} turns)"
+            )
+        return self
+
+
+class SceneConfig(Strict):
+    """One file of ``config/scenes/``."""
+
+    name: Name
+    title: str
+    cams: list[Name] = Field(min_length=1)
+    rig: Name
+    model: Model
+    sample_rate: Annotated[Quantity, must_be("frequency", least=100.0, most=1e6)]
+    program: Program
+    published: Name | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> SceneConfig:
+        if len(set(self.cams)) != len(self.cams):
+            raise ValueError(f"cams: {self.cams} names a cam twice; allowed: each once")
+        if self.sample_rate.si != int(self.sample_rate.si):
+            raise ValueError(
+                f"sample_rate: is {self.sample_rate.si:g} Hz; allowed: a whole number of Hz"
+            )
+        tick = 6.283185307179586 / max(self.program.speeds.si_list) / self.program.ticks_per_turn
+        if tick * self.sample_rate.si < 2.0:
+            raise ValueError(
+                f"sample_rate: {self.sample_rate.si:g} Hz gives {tick * self.sample_rate.si:.3g} "
+                "samples a tick at the highest speed; allowed: at least 2"
+            )
+        return self

@@ -1,0 +1,85 @@
+"""Build and install cam_rig, with colcon (ament_python) as well as with pip."""
+
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = "cam_rig"
+NODES = ["law_server", "cam_drive", "follower", "microphone", "recorder"]
+
+# package.xml declares the same dependencies by their rosdep keys.
+RUNTIME = [
+    "matplotlib",
+    "mcap",
+    "numpy",
+    "pydantic>=2",
+    "ruamel.yaml",
+    "rerun-sdk",
+    "rich",
+    "rosbags",
+    "scipy",
+    "typer",
+]
+# Only for a plain Python; where ROS 2 is installed, these come from it.
+ROS_WHEELS = [
+    "ros-kilted-rclpy[fastrtps]",
+    "ros-kilted-diagnostic-msgs",
+    "ros-kilted-geometry-msgs",
+    "ros-kilted-rcl-interfaces",
+    "ros-kilted-rosgraph-msgs",
+    "ros-kilted-sensor-msgs",
+    "ros-kilted-std-msgs",
+    "ros-kilted-std-srvs",
+    "ros-kilted-trajectory-msgs",
+]
+TEST = [
+    "hypothesis",
+    "import-linter",
+    "mpmath",
+    "mypy",
+    "pytest",
+    "pytest-timeout",
+    "ruff",
+    "scipy-stubs",
+    "setuptools>=77",  # builds the editable install from the lock, without build isolation
+]
+
+
+def share(folder: str) -> list[tuple[str, list[str]]]:
+    """List every file under a folder as data_files, keeping its sub-folders."""
+    files = (p for p in sorted(Path(folder).rglob("*")) if p.is_file())
+    return [
+        (f"share/{NAME}/{path.parent.as_posix()}", [str(path)])
+        for path in files
+        if "__pycache__" not in path.parts
+    ]
+
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    description="A virtual cam test rig: cam laws, follower dynamics, noise, on ROS 2",
+    license="Apache-2.0",
+    author="cam_rig developers",
+    author_email="cam_rig@example.org",
+    maintainer="cam_rig developers",
+    maintainer_email="cam_rig@example.org",
+    python_requires=">=3.11,<3.14",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={NAME: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        *share("config"),
+        *share("launch"),
+    ],
+    zip_safe=False,
+    install_requires=RUNTIME,
+    extras_require={"ros-wheels": ROS_WHEELS, "test": TEST},
+    entry_points={
+        "console_scripts": [
+            f"cam-rig = {NAME}.cli.main:main",
+            *(f"{node} = {NAME}.nodes.{node}:main" for node in NODES),
+        ],
+    },
+)
