@@ -58,7 +58,7 @@ def _structure(
     impulse: FloatArray,
     sample_rate: float,
 ) -> FloatArray:
-    """Structure q at the samples: q̇ = ω_c (F − q) solved exactly for a force straight between samples."""
+    """Structure q at the samples, solved exactly for a force straight between them."""
     x = parameters.corner_rate / sample_rate
     keep = math.exp(-x)
     ramp = -math.expm1(-x) / x

@@ -24,6 +24,12 @@ class FollowerBench:
     _last: CamState | None = None
     _state: FollowerState | None = None
 
+    @classmethod
+    def of(cls, stage: Stage) -> FollowerBench:
+        """The follower of a scene."""
+        rate = int(stage.scene.sample_rate.si)
+        return cls(stage.follower, stage.scene.model, rate, dict(stage.laws))
+
     def turn_to(self, state: CamState) -> tuple[FollowerState, Block] | None:
         """The tick that ends at ``state``; None at the first state, which only begins one.
 
@@ -49,6 +55,11 @@ class MicrophoneBench:
     sample_rate: int
     _state: MicrophoneState | None = None
 
+    @classmethod
+    def of(cls, stage: Stage) -> MicrophoneBench:
+        """The microphone of a scene."""
+        return cls(stage.radiation, int(stage.scene.sample_rate.si))
+
     def listen(self, block_rows: FloatArray, speed: float) -> float:
         """r.m.s. pressure (Pa) over a block, ``(6, n)`` rows, at cam speed ``speed`` (rad/s)."""
         self._state, pressure = hear(
@@ -59,9 +70,7 @@ class MicrophoneBench:
 
 def simulate(stage: Stage) -> Iterator[HeardTick]:
     """Run the scene tick by tick."""
-    rate = int(stage.scene.sample_rate.si)
-    follower = FollowerBench(stage.follower, stage.scene.model, rate, stage.laws)
-    microphone = MicrophoneBench(stage.radiation, rate)
+    follower, microphone = FollowerBench.of(stage), MicrophoneBench.of(stage)
     start: CamState | None = None
     for state in cam_states(stage.scene):
         turned = follower.turn_to(state)

@@ -99,7 +99,7 @@ class ConcaveFlankCam:
             if abs(np.imag(root)) > 0.0 or flank <= 0.0:
                 continue
             nose = float((a + b * flank) / (d + e * flank))
-            if 0.0 < nose < top:
+            if 0.0 < nose < top and self._joins(flank, nose):
                 return flank, nose
         raise LawError(
             f"tangent arcs: no concave flank joins base radius {base:g} m to lift "
@@ -107,9 +107,18 @@ class ConcaveFlankCam:
             f"{np.degrees(alpha):g}°; move the nose half angle"
         )
 
+    def _joins(self, flank: float, nose: float) -> bool:
+        """Whether a follower goes from flank to nose: it could also come under an overhang."""
+        joint = np.array([-self.nose_half_angle])
+        with np.errstate(invalid="ignore"):
+            before, after = (arc(joint, 0)[0] for arc in self._arcs(flank, nose))
+        return bool(abs(after - before) < 1e-9 * self.base_radius)
+
     def arcs(self) -> tuple[Arc, Arc]:
         """Flank (on the rising side, direction measured from the nose) and nose."""
-        flank, nose = self.radii()
+        return self._arcs(*self.radii())
+
+    def _arcs(self, flank: float, nose: float) -> tuple[Arc, Arc]:
         centre = self.base_radius + self.lift - nose
         return (
             Arc(self.base_radius + flank, -self.event_half_angle, flank, concave=True),

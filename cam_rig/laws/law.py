@@ -69,7 +69,7 @@ class Law:
         return BPoly(self.ordinates, self.breaks, extrapolate="periodic")
 
     def __call__(self, angle: FloatArray | float, order: int = 0) -> FloatArray:
-        """Displacement s (m) or its derivative d^order s/dθ^order (m/rad^order) at cam angles in rad.
+        """Displacement s (m) or d^order s/dθ^order (m/rad^order) at cam angles in rad.
 
         At a joint the piece that begins there is taken (the right limit).
         """

@@ -1,0 +1,1 @@
+"""Recordings: the table of topics, MCAP writing and reading."""

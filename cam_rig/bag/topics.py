@@ -1,0 +1,75 @@
+"""The one table of topics: name, type, quality of service, and how many a tick.
+
+Nodes, recorder and analysis read this table and nothing else knows a topic's name.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+#: A tick's messages are few and bounded by the drive, so a history this deep cannot overflow,
+#: and a node that is discovered late still gets the first ticks.
+TICK_DEPTH = 32
+#: The drive keeps at most this many ticks in flight.
+TICKS_IN_FLIGHT = 4
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One topic. All are reliable.
+
+    ``per`` says when it is published: for each ``state`` of the cam, each ``tick`` (the time
+    between two states), each ``cam`` mounted, each ``speed``, or when there is something to say.
+    """
+
+    name: str
+    type: str
+    per: Literal["state", "tick", "cam", "speed", "any"]
+    latched: bool = True
+    depth: int = TICK_DEPTH
+    stamped: bool = True
+
+    @property
+    def package(self) -> str:
+        """The interface package, std_msgs for one."""
+        return self.type.split("/")[0]
+
+    @property
+    def message(self) -> str:
+        """The message's name within its package."""
+        return self.type.split("/")[2]
+
+
+CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", "state", stamped=False)
+LAW = Topic("/cam/law", "trajectory_msgs/msg/JointTrajectory", "speed")
+LAW_COEFFICIENTS = Topic(
+    "/cam/law_coefficients", "std_msgs/msg/Float64MultiArray", "cam", stamped=False
+)
+PROFILE = Topic("/cam/profile", "geometry_msgs/msg/PolygonStamped", "cam")
+CAM_STATE = Topic("/cam/state", "sensor_msgs/msg/JointState", "state")
+FOLLOWER_STATE = Topic("/follower/state", "sensor_msgs/msg/JointState", "tick")
+FOLLOWER_CONTACT = Topic("/follower/contact", "geometry_msgs/msg/WrenchStamped", "tick")
+FOLLOWER_SAMPLES = Topic(
+    "/follower/samples", "std_msgs/msg/Float64MultiArray", "tick", stamped=False
+)
+LEVEL = Topic("/microphone/level", "std_msgs/msg/Float64", "tick", stamped=False)
+PRESSURE = Topic("/microphone/pressure", "sensor_msgs/msg/FluidPressure", "tick")
+DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "any", latched=False)
+#: How far the recorder is: the stamp of the newest tick of which it has written every message.
+RECORDED = Topic("/recorder/written", "std_msgs/msg/Header", "tick")
+
+#: What a bag holds.
+RECORDING = (
+    CLOCK,
+    LAW,
+    LAW_COEFFICIENTS,
+    PROFILE,
+    CAM_STATE,
+    FOLLOWER_STATE,
+    FOLLOWER_CONTACT,
+    FOLLOWER_SAMPLES,
+    LEVEL,
+    PRESSURE,
+    DIAGNOSTICS,
+)

@@ -1,0 +1,61 @@
+"""cam-rig analyze: the noise comparison from a bag."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cam_rig.cli.console import console, user_errors
+from cam_rig.cli.results import show
+
+
+def analyze(
+    bag: Annotated[
+        Path | None, typer.Argument(help="Bag to analyse; by default the newest in bags/.")
+    ] = None,
+    json_target: Annotated[
+        str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")
+    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Write the plot (PNG, SVG, PDF).")] = None,
+) -> None:
+    """Read a recorded sweep back and compare its noise with the published regressions.
+
+    Examples
+    --------
+    cam-rig analyze
+
+    cam-rig analyze bags/tm21_sweep_2026-01-31_12-00-00 --plot out/sweep.png --json out/sweep.json
+    """
+    with user_errors():
+        analyze_bag(bag or newest_bag(), json_target, plot)
+
+
+def analyze_bag(bag: Path, json_target: str | None, plot: Path | None) -> None:
+    """Analyse one bag."""
+    from cam_rig.bag.reader import read_recording
+    from cam_rig.experiment.noise import compare, require_ticks, step_levels
+
+    recording = read_recording(bag)
+    stage = recording.stage
+    console.print(f"{bag}: {sum(recording.counts.values())} messages, {len(recording.ticks)} ticks")
+    levels = step_levels(recording.ticks, stage.scene.program.settle_turns.si)
+    require_ticks(levels, str(bag))
+    result = compare(levels, {cam: stage.role(cam) for cam in levels}, stage.published)
+    show(result, stage, recording.counts, json_target, plot)
+
+
+def newest_bag() -> Path:
+    """The bag under ``bags/`` that was written last.
+
+    Raises
+    ------
+    BagError : there is none
+    """
+    from cam_rig.errors import BagError
+
+    found = sorted(Path("bags").glob("*/metadata.yaml"), key=lambda p: p.stat().st_mtime)
+    if not found:
+        raise BagError("no bag in bags/; make one with: cam-rig run")
+    return found[-1].parent

@@ -1,0 +1,129 @@
+"""The node graph as processes: started together, watched, and all ended together."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from queue import Empty, Queue
+from types import TracebackType
+
+from cam_rig.errors import RunError
+from cam_rig.schema.load import config_root
+
+#: Started in this order, ended in the other: who listens must outlive who speaks.
+NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
+#: Wall time (s) a node has to end when asked to, before it is killed.
+GRACE = 10.0
+
+
+class Graph:
+    """The five nodes of one run; a context manager that leaves no process behind.
+
+    Parameters
+    ----------
+    scene : the scene's file
+    bag : the folder to record into
+    """
+
+    def __init__(self, scene: Path, bag: Path) -> None:
+        self._scene, self._bag = scene, bag
+        self._processes: dict[str, subprocess.Popen[str]] = {}
+        self._errors: dict[str, list[str]] = {}
+        self._lines: Queue[str] = Queue()
+
+    def __enter__(self) -> Graph:
+        for name in NODES:
+            self._start(name)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        for name in reversed(NODES):
+            self._stop(name)
+
+    def progress(self) -> Iterator[dict[str, float | str]]:
+        """What the drive reports, until it has finished.
+
+        Raises
+        ------
+        RunError : a node ended before its time, with what it said
+        """
+        while True:
+            ended = {name: p.poll() for name, p in self._processes.items()}
+            try:
+                while True:
+                    yield json.loads(self._lines.get(timeout=0.05))
+            except Empty:
+                pass
+            dead = [name for name, code in ended.items() if code is not None]
+            if dead == ["cam_drive"] and ended["cam_drive"] == 0:
+                return
+            if dead:
+                raise RunError(self._obituary(dead[0], ended[dead[0]] or 0))
+
+    def _start(self, name: str) -> None:
+        arguments = {"scene": str(self._scene)}
+        if name == "recorder":
+            arguments["bag"] = str(self._bag)
+        if name == "cam_drive":
+            arguments["report_progress"] = "true"
+        ros = [part for key, value in arguments.items() for part in ("-p", f"{key}:={value}")]
+        process = subprocess.Popen(
+            [sys.executable, "-m", f"cam_rig.nodes.{name}", "--ros-args", *ros],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=environment(),
+            start_new_session=True,  # Ctrl-C reaches us alone; we end them in order
+        )
+        self._processes[name] = process
+        self._errors[name] = []
+        say = self._lines.put if name == "cam_drive" else (lambda _line: None)
+        for stream, take in ((process.stdout, say), (process.stderr, self._errors[name].append)):
+            threading.Thread(target=_drain, args=(stream, take), daemon=True).start()
+
+    def _stop(self, name: str) -> None:
+        process = self._processes.get(name)
+        if process is None:
+            return
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+        try:
+            process.wait(GRACE)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+    def _obituary(self, name: str, code: int) -> str:
+        time.sleep(0.2)  # let its last words arrive
+        words = [line.strip() for line in self._errors[name] if line.strip()]
+        said = words[-1] if words else "it said nothing"
+        how = f"was ended by signal {-code}" if code < 0 else f"ended with code {code}"
+        return f"node {name} {how}: {said}"
+
+
+def environment() -> dict[str, str]:
+    """The nodes' environment: no socket leaves this machine unless the user says otherwise."""
+    own = dict(os.environ)
+    # The nodes' matrices are small: threads inside one node only take the cores of the others.
+    for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        own.setdefault(threads, "1")
+    own.setdefault("FASTDDS_DEFAULT_PROFILES_FILE", str(config_root() / "fastdds_loopback.xml"))
+    return own
+
+
+def _drain(stream: object, take: Callable[[str], None]) -> None:
+    for line in stream:  # type: ignore[attr-defined]
+        take(line)

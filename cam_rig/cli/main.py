@@ -1,0 +1,24 @@
+"""The command ``cam-rig``."""
+
+from __future__ import annotations
+
+import typer
+
+from cam_rig.cli.analyze import analyze
+from cam_rig.cli.run import run
+from cam_rig.cli.simulate import simulate
+
+app = typer.Typer(
+    help="A virtual cam test rig: turn a cam, move its follower, listen, record, compare.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+)
+for verb in (run, simulate, analyze):
+    app.command()(verb)
+
+
+def main() -> None:
+    """Entry point of the executable."""
+    app()

@@ -1,0 +1,55 @@
+"""cam-rig simulate: the scene without ROS."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cam_rig.cli.console import DEFAULT_SCENE, console, progress_bar, scene_path, user_errors
+from cam_rig.cli.results import show
+
+
+def simulate(
+    scene: Annotated[str, typer.Argument(help="Scene file, or a name in config/scenes.")] = (
+        DEFAULT_SCENE
+    ),
+    json_target: Annotated[
+        str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")
+    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Write the plot (PNG, SVG, PDF).")] = None,
+) -> None:
+    """Run a scene without ROS, on the same core, and compare its noise.
+
+    Examples
+    --------
+    cam-rig simulate
+
+    cam-rig simulate config/scenes/tm21_sweep.yaml --plot out/sweep.png --json -
+    """
+    with user_errors():
+        import time
+
+        from cam_rig.experiment.noise import compare, require_ticks, step_levels
+        from cam_rig.experiment.program import tick_count
+        from cam_rig.experiment.stage import open_stage
+        from cam_rig.experiment.sweep import simulate as run
+
+        path = scene_path(scene)
+        stage = open_stage(path)
+        begun = time.perf_counter()
+        with progress_bar() as bar:
+            ticks = list(
+                bar.track(run(stage), total=tick_count(stage.scene), description=stage.scene.name)
+            )
+        took = time.perf_counter() - begun
+        rig_time = ticks[-1].stop_ns * 1e-9
+        console.print(
+            f"{len(ticks)} ticks, {rig_time:.1f} s of rig time in {took:.2f} s "
+            f"({rig_time / took:.0f} x real time)"
+        )
+        levels = step_levels(ticks, stage.scene.program.settle_turns.si)
+        require_ticks(levels, str(path))
+        result = compare(levels, {cam: stage.role(cam) for cam in levels}, stage.published)
+        show(result, stage, {}, json_target, plot)

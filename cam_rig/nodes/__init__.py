@@ -1,0 +1,1 @@
+"""The nodes: shells around the core, the only importers of rclpy."""

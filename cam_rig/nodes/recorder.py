@@ -1,0 +1,57 @@
+"""The recorder: every message of the rig, as it came, into a rosbag2 MCAP bag."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from cam_rig.bag import topics
+from cam_rig.bag.session import RecordingSession
+from cam_rig.bag.writer import BagWriter
+from cam_rig.experiment.stage import open_stage
+from cam_rig.nodes.app import RigNode, run
+from cam_rig.nodes.convert import message_class, qos, to_header
+from cam_rig.nodes.parameters import declare_scene, declare_text
+
+
+class Recorder(RigNode):
+    """Subscribes to all of the rig's topics; /recorder/written tells how far it is."""
+
+    def __init__(self) -> None:
+        super().__init__("recorder")
+        stage = open_stage(declare_scene(self))
+        default = time.strftime(f"bags/{stage.scene.name}_%Y-%m-%d_%H-%M-%S")
+        bag = declare_text(self, "bag", default, "folder to record into; must not exist yet")
+        self._writer = BagWriter(Path(bag))
+        for path in stage.files:
+            self._writer.attach(f"{path.parent.name}/{path.name}", path.read_bytes())
+        self._session = RecordingSession(self._writer)
+        self._written = self.create_publisher(
+            message_class(topics.RECORDED), topics.RECORDED.name, qos(topics.RECORDED)
+        )
+        for topic in topics.RECORDING:
+            self.create_subscription(
+                message_class(topic), topic.name, self._on(topic), qos(topic), raw=True
+            )
+
+    def _on(self, topic: topics.Topic) -> Callable[[bytes], None]:
+        def take(cdr: bytes) -> None:
+            stamp = self._session.take(topic, cdr)
+            if stamp is not None:
+                self._written.publish(to_header(stamp, "recorder"))
+
+        return take
+
+    def close(self) -> None:
+        """Close the bag."""
+        self._writer.close()
+
+
+def main() -> None:
+    """Entry point of the executable."""
+    run(Recorder)
+
+
+if __name__ == "__main__":
+    main()

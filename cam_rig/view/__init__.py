@@ -1,0 +1,1 @@
+"""Pictures: Rerun recordings and plots."""

@@ -1,0 +1,77 @@
+"""Fixtures shared by all tests: the shipped cams and rig, and small cams made on the spot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cam_rig.dynamics import FollowerParameters
+from cam_rig.laws import Law, build_law
+from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
+
+CONFIG = Path(__file__).parents[1] / "config"
+CAM_NAMES = sorted(path.stem for path in (CONFIG / "cams").glob("*.yaml"))
+
+
+@pytest.fixture(scope="session")
+def config_dir() -> Path:
+    """The shipped ``config`` folder."""
+    return CONFIG
+
+
+@pytest.fixture(scope="session")
+def cams() -> dict[str, CamConfig]:
+    """Every shipped cam file by name."""
+    return {name: load_cam(CONFIG / "cams" / f"{name}.yaml") for name in CAM_NAMES}
+
+
+@pytest.fixture(scope="session")
+def laws(cams: dict[str, CamConfig]) -> dict[str, Law]:
+    """The law of every shipped cam by name."""
+    return {name: build_law(cam) for name, cam in cams.items()}
+
+
+@pytest.fixture(scope="session", params=CAM_NAMES)
+def law(request: pytest.FixtureRequest, laws: dict[str, Law]) -> Law:
+    """Each shipped law in turn."""
+    return laws[request.param]
+
+
+@pytest.fixture(scope="session")
+def rig() -> RigConfig:
+    """The shipped rig file."""
+    return load_rig(CONFIG / "rigs" / "tm21.yaml")
+
+
+@pytest.fixture(scope="session")
+def follower(rig: RigConfig) -> FollowerParameters:
+    """The shipped rig's follower."""
+    return FollowerParameters.from_rig(rig)
+
+
+@pytest.fixture(scope="session")
+def make_cam() -> Callable[..., CamConfig]:
+    """Make a cam of segments; a span is written in degrees, as one number."""
+
+    def make(*segments: dict[str, Any], lift: float = 0.05, name: str = "made") -> CamConfig:
+        def quantity(value: Any, unit: str) -> dict[str, Any]:
+            return {"assumed": value, "unit": unit}
+
+        units = {"span": "deg", "nose_span": "deg", "ordinates": "1"}
+        return CamConfig.model_validate(
+            {
+                "name": name,
+                "title": "made for a test",
+                "lift": quantity(lift, "m"),
+                "follower": {"type": "point", "base_radius": quantity(0.04, "m")},
+                "segments": [
+                    {k: quantity(v, units[k]) if k in units else v for k, v in segment.items()}
+                    for segment in segments
+                ],
+            }
+        )
+
+    return make
