@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.laws import Law, build_law
 from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
 
+_DOMAINS = count()
 CONFIG = Path(__file__).parents[1] / "config"
 CAM_NAMES = sorted(path.stem for path in (CONFIG / "cams").glob("*.yaml"))
 
@@ -75,3 +78,12 @@ def make_cam() -> Callable[..., CamConfig]:
         )
 
     return make
+
+
+@pytest.fixture
+def ros_domain(monkeypatch: pytest.MonkeyPatch) -> int:
+    """A ROS domain of its own for a test, on this machine only."""
+    domain = 1 + (os.getpid() + next(_DOMAINS)) % 200
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    return domain

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from cam_rig.acoustics.radiation import RadiationParameters
 
@@ -59,6 +58,8 @@ def _structure(
     sample_rate: float,
 ) -> FloatArray:
     """Structure q at the samples, solved exactly for a force straight between them."""
+    from scipy.signal import lfilter  # a second of imports, which only who listens should pay
+
     x = parameters.corner_rate / sample_rate
     keep = math.exp(-x)
     ramp = -math.expm1(-x) / x

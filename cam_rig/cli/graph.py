@@ -34,7 +34,7 @@ class Graph:
 
     def __init__(self, scene: Path, bag: Path) -> None:
         self._scene, self._bag = scene, bag
-        self._processes: dict[str, subprocess.Popen[str]] = {}
+        self.processes: dict[str, subprocess.Popen[str]] = {}
         self._errors: dict[str, list[str]] = {}
         self._lines: Queue[str] = Queue()
 
@@ -60,7 +60,7 @@ class Graph:
         RunError : a node ended before its time, with what it said
         """
         while True:
-            ended = {name: p.poll() for name, p in self._processes.items()}
+            ended = {name: p.poll() for name, p in self.processes.items()}
             try:
                 while True:
                     yield json.loads(self._lines.get(timeout=0.05))
@@ -88,14 +88,14 @@ class Graph:
             env=environment(),
             start_new_session=True,  # Ctrl-C reaches us alone; we end them in order
         )
-        self._processes[name] = process
+        self.processes[name] = process
         self._errors[name] = []
         say = self._lines.put if name == "cam_drive" else (lambda _line: None)
         for stream, take in ((process.stdout, say), (process.stderr, self._errors[name].append)):
             threading.Thread(target=_drain, args=(stream, take), daemon=True).start()
 
     def _stop(self, name: str) -> None:
-        process = self._processes.get(name)
+        process = self.processes.get(name)
         if process is None:
             return
         if process.poll() is None:

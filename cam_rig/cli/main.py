@@ -5,6 +5,8 @@ from __future__ import annotations
 import typer
 
 from cam_rig.cli.analyze import analyze
+from cam_rig.cli.calibrate import calibrate
+from cam_rig.cli.identify import identify
 from cam_rig.cli.run import run
 from cam_rig.cli.simulate import simulate
 
@@ -15,10 +17,14 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for verb in (run, simulate, analyze):
+for verb in (run, simulate, analyze, calibrate, identify):
     app.command()(verb)
 
 
 def main() -> None:
     """Entry point of the executable."""
     app()
+
+
+if __name__ == "__main__":
+    main()

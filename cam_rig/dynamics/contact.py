@@ -42,7 +42,7 @@ def loss_intervals(
     found: list[tuple[float, float]] = []
     for i, span in enumerate(law.spans):
         for start, stop in bernstein.negative_intervals(ordinates[:, i]):
-            low, high = law.breaks[i] + start * span, law.breaks[i] + stop * span
+            low, high = (float(law.breaks[i] + u * span) for u in (start, stop))
             if found and low <= found[-1][1] + 1e-15 * TURN:
                 found[-1] = (found[-1][0], high)
             else:

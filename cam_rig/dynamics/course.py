@@ -100,7 +100,7 @@ class Course:
         """Time of the next lift-off, infinity when the cam never has to pull."""
         losses = loss_intervals(self.law, self.parameters, self.interval.speed)
         angle = self.angle(time)
-        turn = np.floor(angle / TURN) * TURN
+        turn = float(np.floor(angle / TURN)) * TURN
         for start, stop in (*losses, *((a + TURN, b + TURN) for a, b in losses)):
             if turn + stop - angle > GRAZE:
                 return time + max(0.0, (turn + start - angle) / self.interval.speed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -27,7 +28,7 @@ class Flight:
     def window(self) -> float:
         """Time (s) within which the series of `SERIES_DEGREE` is exact to rounding."""
         p = self.parameters
-        return 0.5 / max(np.sqrt(p.spring_stiffness / p.mass), p.damping / p.mass)
+        return 0.5 / max(math.sqrt(p.spring_stiffness / p.mass), p.damping / p.mass)
 
     def state(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Displacement (m) and velocity (m/s) at times since the flight began, s."""

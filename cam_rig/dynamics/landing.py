@@ -43,10 +43,10 @@ def landing_time(
 
 
 def _rounding(follower: FloatArray, law: Law, angle: float) -> float:
-    """Bound (m) on the error of a gap: of both displacements, and of the angle times slope."""
+    """Bound (m) on the error of a gap: of both displacements, the angle, the law's own joints."""
     size = max(float(np.abs(follower).max()), float(np.abs(law.ordinates).max()))
     size += abs(angle) * float(np.abs(law.motion[1]).max())
-    return ROUNDING_ERRORS * float(np.finfo(float).eps) * size
+    return ROUNDING_ERRORS * float(np.finfo(float).eps) * size + law.largest_step
 
 
 def _windows(

@@ -68,7 +68,7 @@ def piece(matrix: FloatArray, forcing: FloatArray, duration: float) -> Piece:
             "every mode"
         )
     slope = derivative_matrix(forcing.shape[1] - 1) / duration
-    particular = solve_sylvester(matrix, -slope.T, -forcing)
+    particular = np.asarray(solve_sylvester(matrix, -slope.T, -forcing), dtype=np.float64)
     return Piece(matrix, particular, duration, np.asarray(expm(matrix * duration)))
 
 

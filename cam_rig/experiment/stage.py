@@ -31,7 +31,10 @@ class Stage:
     cams: dict[str, CamConfig]
     laws: dict[str, Law]
     published: PublishedNoise | None
-    files: tuple[Path, ...]
+    scene_file: Path
+    rig_file: Path
+    cam_files: dict[str, Path]
+    published_file: Path | None
 
     @property
     def follower(self) -> FollowerParameters:
@@ -42,6 +45,25 @@ class Stage:
     def radiation(self) -> RadiationParameters:
         """The acoustic constants."""
         return RadiationParameters.from_rig(self.rig)
+
+    @property
+    def files(self) -> list[Path]:
+        """Every file of the scene, the scene's own first."""
+        published = [] if self.published_file is None else [self.published_file]
+        return [self.scene_file, self.rig_file, *self.cam_files.values(), *published]
+
+    def law_of(self, cam: str) -> Law:
+        """The law of a cam of the scene.
+
+        Raises
+        ------
+        ConfigError : the scene has no such cam
+        """
+        if cam not in self.laws:
+            raise ConfigError(
+                f"{self.scene_file}: has no cam {cam!r}; allowed: {', '.join(self.laws)}"
+            )
+        return self.laws[cam]
 
     def role(self, cam: str) -> str:
         """What a comparison of this cam's noise with the published curve is worth."""
@@ -70,16 +92,17 @@ def open_stage(scene_path: Path) -> Stage:
     for path, name, cam in zip(cam_paths, scene.cams, cams, strict=True):
         if cam.name != name:
             raise ConfigError(f"{path}: name is {cam.name!r}; allowed: the file's name, {name!r}")
-    files = [scene_path, rig_path, *cam_paths]
-    published = None
+    published_path = None
     if scene.published is not None:
-        files.append(library.path("published", scene.published))
-        published = load_published(files[-1])
+        published_path = library.path("published", scene.published)
     return Stage(
         scene=scene,
         rig=load_rig(rig_path),
         cams={cam.name: cam for cam in cams},
         laws={cam.name: build_law(cam) for cam in cams},
-        published=published,
-        files=tuple(files),
+        published=None if published_path is None else load_published(published_path),
+        scene_file=scene_path,
+        rig_file=rig_path,
+        cam_files=dict(zip(scene.cams, cam_paths, strict=True)),
+        published_file=published_path,
     )

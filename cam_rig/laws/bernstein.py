@@ -38,12 +38,12 @@ def basis(degree: int, u: FloatArray) -> FloatArray:
         np.multiply(mirror[i - 1], 1.0 - u, out=mirror[i])
     powers *= mirror[::-1]
     powers *= binomials(degree)[:, None]
-    return powers.T
+    return np.asarray(powers.T)
 
 
 def evaluate(ordinates: FloatArray, u: FloatArray) -> FloatArray:
     """Values at ``u``; ``(len(u),)`` or ``(len(u), n)``."""
-    return basis(ordinates.shape[0] - 1, np.atleast_1d(u)) @ ordinates
+    return np.asarray(basis(ordinates.shape[0] - 1, np.atleast_1d(u)) @ ordinates)
 
 
 def derivative(ordinates: FloatArray) -> FloatArray:
@@ -51,7 +51,7 @@ def derivative(ordinates: FloatArray) -> FloatArray:
     degree = ordinates.shape[0] - 1
     if degree == 0:
         return np.zeros_like(ordinates)
-    return degree * np.diff(ordinates, axis=0)
+    return np.asarray(degree * np.diff(ordinates, axis=0))
 
 
 def antiderivative(ordinates: FloatArray, start: float = 0.0) -> FloatArray:

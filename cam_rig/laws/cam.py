@@ -93,11 +93,29 @@ def _rise(law: str, span: float, level: float, height: float) -> Pieces:
     return [span * u for u in breaks], [level + height * piece for piece in pieces]
 
 
+def arc_cam(cam: CamConfig) -> ConcaveFlankCam:
+    """The circles of a cam that has a segment of tangent arcs, on its pitch curve.
+
+    Raises
+    ------
+    LawError : it has no such segment
+    """
+    for segment in cam.segments:
+        if isinstance(segment, TangentArcs):
+            return _circles(segment, cam)
+    raise LawError(f"cam {cam.name!r} has no tangent_arcs segment")
+
+
+def _circles(segment: TangentArcs, cam: CamConfig) -> ConcaveFlankCam:
+    base = cam.follower.base_radius.si + cam.follower.roller
+    return ConcaveFlankCam(base, cam.lift.si, 0.5 * segment.span.si, 0.5 * segment.nose_span.si)
+
+
 def _tangent_arcs(segment: TangentArcs, cam: CamConfig) -> Pieces:
     """Rising flank, nose, falling flank; the fall mirrors the rise bit for bit."""
-    base = cam.follower.base_radius.si + cam.follower.roller
-    half, nose_half = 0.5 * segment.span.si, 0.5 * segment.nose_span.si
-    flank, nose = ConcaveFlankCam(base, cam.lift.si, half, nose_half).arcs()
+    circles = _circles(segment, cam)
+    base, half, nose_half = circles.base_radius, circles.event_half_angle, circles.nose_half_angle
+    flank, nose = circles.arcs()
     at_flank, rising = analytic.fit(flank, -half, -nose_half)
     at_nose, over = analytic.fit(nose, -nose_half, 0.0)
     half_breaks = [x + half for x in at_flank] + [x + half for x in at_nose[1:]]

@@ -115,3 +115,8 @@ class Law:
         """``(n,)`` right minus left limit of the derivative at the start of each piece."""
         ordinates = self.derivative_ordinates(order)
         return np.asarray(ordinates[0] - np.roll(ordinates[-1], 1))
+
+    @cached_property
+    def largest_step(self) -> float:
+        """Largest step of s at a joint, m: rounding, for a cam without a cliff."""
+        return float(np.abs(self.jumps(0)).max())

@@ -20,6 +20,8 @@ from cam_rig.laws.law import TURN, Law
 CHUNK = 64
 #: A chunk may cover this fraction of its piece: beyond it the series would lose digits.
 WIDEST_CHUNK = 0.125
+#: Middle of a chunk, in chunks from its first sample.
+MIDDLE = 0.5 * (CHUNK - 1) / CHUNK
 
 
 @lru_cache(maxsize=64)
@@ -77,14 +79,14 @@ class _Run:
 
 
 def _fill_directly(law: Law, index: int, run: _Run, weights: FloatArray, out: FloatArray) -> None:
-    at = bernstein.basis(law.degree, run.first + run.step * np.arange(run.count))
+    at = bernstein.basis(law.degree, run.first + run.step * np.arange(run.count, dtype=np.float64))
     np.matmul(weights @ law.motion[:, :, index], at.T, out=out)
 
 
 def _fill_in_chunks(law: Law, index: int, run: _Run, weights: FloatArray, out: FloatArray) -> None:
     degree, span = law.degree, law.spans[index]
     chunks, full = -(-run.count // CHUNK), run.count // CHUNK
-    middles = run.first + run.step * (CHUNK * np.arange(chunks) + 0.5 * (CHUNK - 1))
+    middles = run.first + run.step * CHUNK * (np.arange(chunks, dtype=np.float64) + MIDDLE)
     series = np.zeros((3, chunks, degree + 1))
     series[0] = bernstein.basis(degree, middles) @ law.taylor[index]
     order = np.arange(1, degree + 1) / span

@@ -6,19 +6,28 @@ import signal
 import sys
 from collections.abc import Callable
 from types import FrameType
+from typing import Any
 
 import rclpy
+from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
+from cam_rig.bag.topics import Topic
 from cam_rig.errors import CamRigError
+from cam_rig.nodes.convert import message_class, qos
 
 try:  # a fifth of the CPU time a message; not in every distribution
     from rclpy.experimental import EventsExecutor as Executor
 except ImportError:
     Executor = SingleThreadedExecutor
+
+
+#: Longest wait (s) for readers to have received what a node that ends has published.
+ACKNOWLEDGE_WITHIN = 2.0
 
 
 class RigNode(Node):
@@ -29,10 +38,21 @@ class RigNode(Node):
         self.done: Future = Future()
         self.failure: CamRigError | None = None
 
+    def publisher(self, topic: Topic) -> Publisher:
+        """A publisher with the topic's type and quality of service."""
+        return self.create_publisher(message_class(topic), topic.name, qos(topic))
+
+    def subscribe(self, topic: Topic, callback: Callable[[Any], None], raw: bool = False) -> None:
+        """Subscribe with the topic's type and quality of service."""
+        self.create_subscription(message_class(topic), topic.name, callback, qos(topic), raw=raw)
+
     def finish(self) -> None:
         """End the process with code 0."""
         if not self.done.done():
             self.done.set_result(None)
+
+    def drain(self, spin_once: Callable[..., None]) -> None:
+        """Take what is still on its way; nothing for a node whose drive waits for it."""
 
     def fail(self, error: CamRigError) -> None:
         """End the process with the error's message and code."""
@@ -40,7 +60,9 @@ class RigNode(Node):
         self.finish()
 
     def close(self) -> None:
-        """Release what the node holds; called once, after the executor has stopped."""
+        """Let go of what the node holds; called once, after the executor has stopped."""
+        for publisher in self.publishers:
+            publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_WITHIN))
 
 
 def run(make: Callable[[], RigNode]) -> None:
@@ -68,6 +90,7 @@ def _spin(make: Callable[[], RigNode]) -> int:
     executor.add_node(node)
     while not node.done.done():
         executor.spin_until_future_complete(node.done, timeout_sec=0.5)
+    node.drain(executor.spin_once)
     executor.shutdown()
     try:
         node.close()

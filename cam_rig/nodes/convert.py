@@ -40,6 +40,11 @@ def to_time(time_ns: int) -> Time:
     return Time(sec=time_ns // NS, nanosec=time_ns % NS)
 
 
+def stamp_ns(stamp: Any) -> int:
+    """Rig time in ns of a stamp."""
+    return int(stamp.sec) * NS + int(stamp.nanosec)
+
+
 def to_header(time_ns: int, frame: str) -> Header:
     """A header with rig time in ns."""
     return Header(stamp=to_time(time_ns), frame_id=frame)
@@ -60,8 +65,7 @@ def to_joint_state(
 
 def to_cam_state(message: JointState) -> CamState:
     """The cam's state from its message; the frame names the mounted cam."""
-    stamp = message.header.stamp
-    time_ns = stamp.sec * NS + stamp.nanosec
+    time_ns = stamp_ns(message.header.stamp)
     return CamState(time_ns, message.position[0], message.velocity[0], message.header.frame_id)
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
-from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
@@ -17,14 +17,8 @@ from cam_rig.experiment.program import CamState
 from cam_rig.experiment.stage import open_stage
 from cam_rig.experiment.sweep import FollowerBench
 from cam_rig.nodes.app import RigNode, run
-from cam_rig.nodes.convert import (
-    message_class,
-    qos,
-    to_array,
-    to_cam_state,
-    to_header,
-    to_joint_state,
-)
+from cam_rig.nodes.convert import to_array, to_cam_state, to_header, to_joint_state
+from cam_rig.nodes.diagnostics import OK, WARN, Diagnostics
 from cam_rig.nodes.parameters import declare_scene
 
 
@@ -36,14 +30,13 @@ class Follower(RigNode):
         self._bench = FollowerBench.of(open_stage(declare_scene(self)))
         self._bench.laws.clear()  # the law server's word counts, not the file
         self._waiting: deque[CamState] = deque()
-        wanted = (topics.FOLLOWER_SAMPLES, topics.FOLLOWER_CONTACT, topics.FOLLOWER_STATE)
-        self._out: dict[topics.Topic, Any] = {
-            topic: self.create_publisher(message_class(topic), topic.name, qos(topic))
-            for topic in wanted
-        }
-        law, state = topics.LAW_COEFFICIENTS, topics.CAM_STATE
-        self.create_subscription(Float64MultiArray, law.name, self._on_law, qos(law))
-        self.create_subscription(JointState, state.name, self._on_state, qos(state))
+        self._samples, self._contact, self._state = map(
+            self.publisher,
+            (topics.FOLLOWER_SAMPLES, topics.FOLLOWER_CONTACT, topics.FOLLOWER_STATE),
+        )
+        self._health = Diagnostics(self.publisher(topics.DIAGNOSTICS), "follower")
+        self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
+        self.subscribe(topics.CAM_STATE, self._on_state)
 
     def _on_law(self, message: Float64MultiArray) -> None:
         try:
@@ -68,12 +61,16 @@ class Follower(RigNode):
 
     def _publish(self, end: CamState, state: FollowerState, block: Block) -> None:
         header = to_header(end.time_ns, "follower")
-        self._out[topics.FOLLOWER_SAMPLES].publish(to_array(*encode_block(block.rows)))
+        self._samples.publish(to_array(*encode_block(block.rows)))
         contact = WrenchStamped(header=header)
         contact.wrench.force.y = float(state.contact_force)
-        self._out[topics.FOLLOWER_CONTACT].publish(contact)
+        self._contact.publish(contact)
         motion = (state.displacement, state.velocity, state.contact_force)
-        self._out[topics.FOLLOWER_STATE].publish(to_joint_state("follower", header, *motion))
+        self._state.publish(to_joint_state("follower", header, *motion))
+        lost = bool(block.events) or not state.in_contact
+        values = {"rpm": f"{block.interval.speed * 30.0 / math.pi:.6g}"}
+        words = "contact lost" if lost else "in contact"
+        self._health.report(end.time_ns, WARN if lost else OK, words, values)
 
 
 def main() -> None:

@@ -13,7 +13,7 @@ from cam_rig.experiment.pairing import TickPairing
 from cam_rig.experiment.stage import open_stage
 from cam_rig.experiment.sweep import MicrophoneBench
 from cam_rig.nodes.app import RigNode, run
-from cam_rig.nodes.convert import message_class, qos, to_cam_state, to_header
+from cam_rig.nodes.convert import to_cam_state, to_header
 from cam_rig.nodes.parameters import declare_scene
 
 
@@ -24,13 +24,9 @@ class Microphone(RigNode):
         super().__init__("microphone")
         self._bench = MicrophoneBench.of(open_stage(declare_scene(self)))
         self._ticks = TickPairing()
-        self._level, self._pressure = (
-            self.create_publisher(message_class(topic), topic.name, qos(topic))
-            for topic in (topics.LEVEL, topics.PRESSURE)
-        )
-        samples, state = topics.FOLLOWER_SAMPLES, topics.CAM_STATE
-        self.create_subscription(Float64MultiArray, samples.name, self._on_samples, qos(samples))
-        self.create_subscription(JointState, state.name, self._on_state, qos(state))
+        self._level, self._pressure = map(self.publisher, (topics.LEVEL, topics.PRESSURE))
+        self.subscribe(topics.FOLLOWER_SAMPLES, self._on_samples)
+        self.subscribe(topics.CAM_STATE, self._on_state)
 
     def _on_state(self, message: JointState) -> None:
         self._ticks.add_state(to_cam_state(message))

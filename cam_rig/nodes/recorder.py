@@ -11,7 +11,7 @@ from cam_rig.bag.session import RecordingSession
 from cam_rig.bag.writer import BagWriter
 from cam_rig.experiment.stage import open_stage
 from cam_rig.nodes.app import RigNode, run
-from cam_rig.nodes.convert import message_class, qos, to_header
+from cam_rig.nodes.convert import to_header
 from cam_rig.nodes.parameters import declare_scene, declare_text
 
 
@@ -27,13 +27,9 @@ class Recorder(RigNode):
         for path in stage.files:
             self._writer.attach(f"{path.parent.name}/{path.name}", path.read_bytes())
         self._session = RecordingSession(self._writer)
-        self._written = self.create_publisher(
-            message_class(topics.RECORDED), topics.RECORDED.name, qos(topics.RECORDED)
-        )
+        self._written = self.publisher(topics.RECORDED)
         for topic in topics.RECORDING:
-            self.create_subscription(
-                message_class(topic), topic.name, self._on(topic), qos(topic), raw=True
-            )
+            self.subscribe(topic, self._on(topic), raw=True)
 
     def _on(self, topic: topics.Topic) -> Callable[[bytes], None]:
         def take(cdr: bytes) -> None:
@@ -43,9 +39,18 @@ class Recorder(RigNode):
 
         return take
 
+    def drain(self, spin_once: Callable[..., None]) -> None:
+        """Record what has arrived but was not taken yet."""
+        before = -1
+        while before < (now := sum(self._writer.counts.values())):
+            before = now
+            for _ in topics.RECORDING:
+                spin_once(timeout_sec=0.02)
+
     def close(self) -> None:
         """Close the bag."""
         self._writer.close()
+        super().close()
 
 
 def main() -> None:

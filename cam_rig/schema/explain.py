@@ -14,7 +14,8 @@ def kind_of(value: object) -> str:
     """What a YAML value is, in words."""
     if value is None:
         return "nothing"
-    return {list: "a list", str: "text"}.get(type(value), f"a {type(value).__name__}")
+    names: dict[type, str] = {list: "a list", str: "text", dict: "a mapping"}
+    return names.get(type(value), f"a {type(value).__name__}")
 
 
 def explain(error: ValidationError, kind: type[BaseModel]) -> str:

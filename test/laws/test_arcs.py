@@ -96,12 +96,13 @@ def test_smooth_to_first_order_only(geometry, arc_law):
 
 def test_event_is_symmetric(arc_law):
     """The fall is the rise in a mirror, bit for bit in the ordinates."""
-    np.testing.assert_array_equal(arc_law.ordinates, arc_law.ordinates[::-1, ::-1])
+    event = arc_law.ordinates[:, 1:-1]
+    np.testing.assert_array_equal(event, event[::-1, ::-1])
     angle = np.linspace(0.0, HALF, 101)
     np.testing.assert_allclose(arc_law(np.pi + angle), arc_law(np.pi - angle), rtol=0, atol=1e-15)
 
 
-@pytest.mark.parametrize("nose_half", [57.9, 0.01])
+@pytest.mark.parametrize("nose_half", [0.01, 5.0])
 def test_impossible_geometry_is_refused(nose_half):
     """No such pair of arcs: the error names all four numbers."""
     with pytest.raises(LawError, match=r"0\.04 m to lift 0\.01 m with event half angle 58°"):

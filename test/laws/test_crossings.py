@@ -34,7 +34,7 @@ def test_double_root_is_no_crossing():
 
 def test_triple_root_is_one_crossing():
     """A triple root at a split point changes the sign once."""
-    assert bernstein.crossings(from_roots(0.5, 0.5, 0.5)) == [0.5]
+    assert bernstein.crossings(np.array([-1.0, 1.0, -1.0, 1.0])) == [0.5]
 
 
 def test_root_exactly_at_the_split():
@@ -56,8 +56,9 @@ def test_zero_everywhere():
 
 def test_roots_at_the_ends_are_outside():
     """A root at 0 or 1 is not inside (0, 1), and does not hide the one that is."""
-    assert bernstein.crossings(from_roots(0.0, 1.0)) == []
-    assert bernstein.crossings(from_roots(0.0, 0.4, 1.0)) == pytest.approx([0.4], abs=1e-14)
+    assert bernstein.crossings(np.array([0.0, 1.0, 0.0])) == []
+    found = bernstein.crossings(np.array([0.0, 0.4, -0.6, 0.0]))  # 3u(1 − u)(0.4 − u)
+    assert found == pytest.approx([0.4], abs=1e-14)
 
 
 def test_given_interval():

@@ -1,0 +1,81 @@
+"""The command line: codes, one-line errors, JSON that programs can read."""
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from cam_rig.cli.main import app
+from cam_rig.schema.load import config_root
+
+SWEEP = str(config_root() / "scenes" / "tm21_sweep.yaml")
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+def test_simulate_writes_the_promised_json():
+    """The sweep's figures meet the targets of the comparison, and roles are told apart."""
+    result = call("simulate", SWEEP, "--json", "-")
+    assert result.exit_code == 0
+    data = json.loads(result.stdout)
+    assert set(data) == {"cams", "crossover_rpm", "messages"}
+    cams = data["cams"]
+    assert {name: cam["role"] for name, cam in cams.items()} == {
+        "tm21": "identified",
+        "poly345": "calibrated",
+        "bezier15": "predicted",
+    }
+    assert all(len(c["rpm"]) == len(c["level_db"]) == 21 for c in cams.values())
+    assert all(len(c["coefficients"]) == 4 for c in cams.values())
+    assert cams["poly345"]["rmse_db"] <= 1.0
+    assert cams["bezier15"]["rmse_db"] <= 1.0
+    assert cams["tm21"]["rmse_db"] <= 2.5
+    assert data["crossover_rpm"] == pytest.approx(335.0, abs=15.0)
+
+
+def test_a_plot_is_a_picture(tmp_path):
+    """The PNG is written where asked, folder and all."""
+    scene = config_root() / "scenes" / "quick.yaml"
+    assert call("simulate", scene, "--plot", tmp_path / "new" / "a.png").exit_code == 0
+    assert (tmp_path / "new" / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_analyze_reads_the_golden_bag():
+    """Counts of the bag come with the comparison."""
+    golden = config_root().parent / "bags" / "golden"
+    result = call("analyze", golden, "--json", "-")
+    assert result.exit_code == 0
+    assert json.loads(result.stdout)["messages"]["/follower/samples"] == 16
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["simulate", "no_such_scene"], 2, "no_such_scene.yaml: no such file; there are: quick"),
+        (["run", "no_such_scene", "--bag", "{tmp}/bag"], 2, "no such file"),
+        (["run", "quick", "--bag", "{tmp}"], 1, "exists already, not overwriting"),
+        (["analyze", "{tmp}/none"], 1, "no such bag"),
+        (["identify", "bezier15"], 2, "cannot be identified"),
+        (["simulate", "--nonsense"], 2, ""),
+    ],
+)
+def test_errors_are_one_line_with_a_code(tmp_path, arguments, code, words):
+    """A user's mistake gives a line and a code, no traceback, and writes nothing."""
+    result = call(*(a.replace("{tmp}", str(tmp_path)) for a in arguments))
+    assert result.exit_code == code
+    assert words in result.stderr
+    assert "Traceback" not in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_calibrate_repeats_what_is_in_the_rig_file(tmp_path):
+    """The shipped constants are what the command finds, and a dry run writes nothing."""
+    rig = config_root() / "rigs" / "tm21.yaml"
+    before = rig.read_bytes()
+    result = call("calibrate", "--dry-run")
+    assert result.exit_code == 0
+    assert "gain 9.86e-05" in result.stderr
+    assert "corner 18.42" in result.stderr
+    assert rig.read_bytes() == before

@@ -1,0 +1,92 @@
+"""Uniform sampling of a turning cam is evaluation of its law, sample by sample."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cam_rig.laws import TURN
+from cam_rig.laws.sampling import sample
+
+EPS = np.finfo(float).eps
+IDENTITY = np.eye(3)
+NO_OFFSET = np.zeros(3)
+#: Rounding errors a sample may have, in units of eps·size. Evaluating s'' from ordinates costs
+#: the degree squared.
+ERRORS = 500.0
+
+
+def assert_is_the_law(law, start, step, count):
+    """Samples equal the law's, but for rounding of values and of angle times slope."""
+    rows = sample(law, start, step, count, IDENTITY, NO_OFFSET)
+    angle = start + step * np.arange(count)
+    reached = np.abs(angle).max() + TURN
+    blur = 4.0 * EPS * reached
+    reduced = angle - np.floor(angle / TURN) * TURN
+    at_joint = np.abs(reduced[:, None] - law.breaks[None, :]).min(axis=1) <= blur
+    for order in range(3):
+        size, slope = (np.abs(law.derivative_ordinates(k)).max() for k in (order, order + 1))
+        inside = ~at_joint  # at a joint either side may be met
+        np.testing.assert_allclose(
+            rows[order, inside],
+            law(angle[inside], order),
+            rtol=0,
+            atol=ERRORS * EPS * size + blur * slope,
+        )
+
+
+@pytest.mark.parametrize(
+    ("start", "step", "count"),
+    [
+        (0.0, 1e-3, 20_000),  # three turns, chunks
+        (0.0, 8.7e-4, 1),
+        (123.456, 8.7e-4, 10_000),
+        (1000 * TURN + 1.0, 1e-3, 10_000),  # a thousand turns on
+        (-5.0, 0.01, 2000),  # through θ = 0
+        (1.0, 1e-9, 5000),  # tiny steps, one piece
+        (0.3, 0.9, 300),  # a few samples a turn
+        (0.0, 100.0, 500),  # many turns a step
+        (0.0, TURN / 360, 720),  # samples on the joints
+        (np.nextafter(TURN, 0.0), 1e-3, 500),
+    ],
+)
+def test_samples_are_the_law(law, start, step, count):
+    """Starts, steps and lengths of every kind, each sample against Law.__call__."""
+    assert_is_the_law(law, start, step, count)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    start=st.floats(-100.0, 1000.0),
+    exponent=st.floats(-6.0, 1.0),
+    count=st.integers(1, 700),
+    name=st.sampled_from(["poly345", "bezier15", "tm21", "cycloidal"]),
+)
+def test_any_samples_are_the_law(laws, start, exponent, count, name):
+    """The same for starts and steps drawn at random."""
+    assert_is_the_law(laws[name], start, 10.0**exponent, count)
+
+
+def test_weights_and_offsets(law):
+    """Rows are the asked combinations of s, s', s'' plus constants."""
+    weights = np.array([[1.0, -2.0, 0.5], [0.0, 0.0, 3.0]])
+    offsets = np.array([7.0, -1.0])
+    plain = sample(law, 0.2, 1e-3, 3000, IDENTITY, NO_OFFSET)
+    mixed = sample(law, 0.2, 1e-3, 3000, weights, offsets)
+    expected = weights @ plain + offsets[:, None]
+    np.testing.assert_allclose(mixed, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+def test_no_samples(law):
+    """Asking for none gives none."""
+    assert sample(law, 1.0, 0.1, 0, IDENTITY, NO_OFFSET).shape == (3, 0)
+
+
+def test_parts_join(law):
+    """A run taken in two parts is the run taken at once, to rounding."""
+    whole = sample(law, 0.1, 2e-3, 5000, IDENTITY, NO_OFFSET)
+    second = sample(law, 0.1 + 2e-3 * 1700, 2e-3, 3300, IDENTITY, NO_OFFSET)
+    sizes = np.array([np.abs(law.derivative_ordinates(k)).max() for k in range(4)])
+    # the sample at a joint may fall to either side: continuous rows only
+    tolerance = 1000 * EPS * (sizes[:2] + 20.0 * sizes[1:3])
+    assert np.all(np.abs(whole[:2, 1700:] - second[:2]) <= tolerance[:, None])

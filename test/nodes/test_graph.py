@@ -1,0 +1,72 @@
+"""The live graph: five processes, one bag, the same numbers as without ROS."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from cam_rig.bag.complete import require_complete
+from cam_rig.bag.reader import read_recording
+from cam_rig.cli.graph import Graph
+from cam_rig.errors import RunError
+from cam_rig.experiment.noise import step_levels
+from cam_rig.experiment.sweep import simulate
+from cam_rig.schema.load import config_root
+
+pytestmark = pytest.mark.ros
+QUICK = config_root() / "scenes" / "quick.yaml"
+
+
+def node_processes(bag):
+    """Processes of a run, found by the bag they were started with, and their siblings."""
+    found = subprocess.run(["pgrep", "-f", str(bag)], capture_output=True, text=True, check=False)
+    return found.stdout.split()
+
+
+def test_the_graph_gives_the_numbers_of_the_core(ros_domain, tmp_path):
+    """Levels from the live graph's bag and from simulate agree to 1e-9 dB; no tick is missing."""
+    bag = tmp_path / "bag"
+    with Graph(QUICK, bag) as graph:
+        ticks = [report["tick"] for report in graph.progress()]
+    assert ticks == list(range(17))
+    recording = read_recording(bag)
+    require_complete(bag, recording.stage.scene)
+    settle = recording.stage.scene.program.settle_turns.si
+    live = step_levels(recording.ticks, settle)
+    alone = step_levels(simulate(recording.stage), settle)
+    for cam in ("tm21", "bezier15"):
+        assert live[cam] == pytest.approx(alone[cam], abs=1e-9)
+    assert node_processes(bag) == []
+
+
+def test_a_dead_node_ends_the_run_and_is_named(ros_domain, tmp_path):
+    """kill -9 of the follower: the run says which node died, and no process is left."""
+    bag = tmp_path / "bag"
+    with Graph(config_root() / "scenes" / "tm21_sweep.yaml", bag) as graph:
+        with pytest.raises(RunError, match="node follower was ended by signal 9"):
+            for report in graph.progress():
+                if report["tick"] == 3:
+                    graph.processes["follower"].kill()
+        started = list(graph.processes.values())
+    assert all(process.poll() is not None for process in started)
+    assert (bag / "metadata.yaml").exists()
+
+
+def test_ctrl_c_ends_all_and_closes_the_bag(ros_domain, tmp_path):
+    """SIGINT in mid-sweep: exit code 130, a closed bag, no process left."""
+    bag = tmp_path / "bag"
+    command = [sys.executable, "-m", "cam_rig.cli.main", "run", "tm21_sweep", "--bag", str(bag)]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=dict(os.environ))
+    for _ in range(400):
+        time.sleep(0.05)
+        if bag.exists() and sum(f.stat().st_size for f in bag.iterdir()) > 1_000_000:
+            break
+    process.send_signal(signal.SIGINT)
+    _, words = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert "interrupted" in words
+    assert read_recording(bag).ticks
+    assert node_processes(bag) == []

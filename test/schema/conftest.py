@@ -1,0 +1,49 @@
+"""A config file made wrong in one place, and the error it gives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from cam_rig.errors import CamRigError, ConfigError
+from cam_rig.schema import load_cam, load_published, load_rig, load_scene
+
+KINDS = {
+    "cam": ("cams/poly345.yaml", load_cam),
+    "rig": ("rigs/tm21.yaml", load_rig),
+    "scene": ("scenes/tm21_sweep.yaml", load_scene),
+    "published": ("published/tm21_noise.yaml", load_published),
+}
+
+
+@pytest.fixture
+def error_of(tmp_path: Path) -> Callable[[str, str | bytes], str]:
+    """Load a text as a file of a kind; the one line that it is refused with."""
+
+    def load(kind: str, text: str | bytes) -> str:
+        path = tmp_path / "wrong.yaml"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        with pytest.raises(CamRigError) as caught:
+            KINDS[kind][1](path)
+        message = str(caught.value)
+        assert isinstance(caught.value, ConfigError)
+        assert caught.value.exit_code == 2
+        assert message.startswith(f"{path}: ")
+        assert "\n" not in message
+        return message.removeprefix(f"{path}: ")
+
+    return load
+
+
+@pytest.fixture
+def refuse(config_dir: Path, error_of: Callable[[str, str], str]) -> Callable[[str, str, str], str]:
+    """Replace one piece of the shipped file of a kind; the line that it is refused with."""
+
+    def spoil(kind: str, old: str, new: str) -> str:
+        text = (config_dir / KINDS[kind][0]).read_text(encoding="utf-8")
+        assert old in text, f"the shipped {kind} file has no {old!r}"
+        return error_of(kind, text.replace(old, new, 1))
+
+    return spoil

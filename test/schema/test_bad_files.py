@@ -1,0 +1,102 @@
+"""Files that are no config at all: missing, empty, broken, of another shape."""
+
+import pytest
+
+from cam_rig.errors import ConfigError
+from cam_rig.schema import load_cam
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "holds nothing; allowed: a mapping with the keys name, title, follower, radiation"),
+        ("# only a comment\n", "holds nothing"),
+        ("- 1\n- 2\n", "holds a list; allowed: a mapping"),
+        ("just words", "holds text; allowed: a mapping"),
+        ("3", "holds a int; allowed: a mapping"),
+    ],
+)
+def test_not_a_mapping(error_of, text, words):
+    """What the file holds is named, and the keys it should hold."""
+    assert error_of("rig", text).startswith(words)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a: [1",
+        "a: 1\n b: 2\n",
+        "a: 1\na: 2\n",  # a key twice: one of them would be lost
+        "a: 'unfinished",
+        "a: \x00",
+        "--- 1\n--- 2\n",
+        "a: !!python/object:os.system x",
+        "\ta: 1",
+    ],
+)
+def test_broken_yaml(error_of, text):
+    """The parser's words, with the line, in one line."""
+    message = error_of("rig", text)
+    assert message.startswith("not YAML: ")
+    assert "line" in message or "position" in message
+
+
+def test_not_text(error_of):
+    """A file that is not UTF-8 cannot be read, and says so."""
+    assert error_of("rig", b"\xff\xfe\x00\x01").startswith("cannot be read (")
+
+
+@pytest.mark.parametrize("value", ["2024-99-99", "1" * 5000], ids=["date", "digits"])
+def test_scalar_python_cannot_hold(refuse, value):
+    """A scalar that YAML takes for a date or an integer, and Python refuses, is an error too."""
+    refuse("rig", "title: TM21", f"title: {value} #")
+
+
+def test_missing_file(tmp_path):
+    """The files there are, are named."""
+    (tmp_path / "poly345.yaml").touch()
+    with pytest.raises(ConfigError, match=r"poly34\.yaml: no such file; there are: poly345") as e:
+        load_cam(tmp_path / "poly34.yaml")
+    assert e.value.exit_code == 2
+    with pytest.raises(ConfigError, match="no such file$"):
+        load_cam(tmp_path / "nowhere" / "poly345.yaml")
+
+
+def test_folder_for_a_file(tmp_path):
+    """A folder cannot be read as a file."""
+    with pytest.raises(ConfigError, match="cannot be read"):
+        load_cam(tmp_path)
+
+
+@pytest.mark.parametrize("kind", ["cam", "rig", "scene", "published"])
+def test_every_key_missing(error_of, kind):
+    """An empty mapping lacks its first key, and the line says how many more."""
+    message = error_of(kind, "{}")
+    assert message.startswith("name: missing; it is required")
+    assert "more)" in message
+
+
+@pytest.mark.parametrize("kind", ["cam", "rig", "scene"])
+def test_unknown_key(refuse, kind):
+    """A key that does not exist is named, with the one that was meant."""
+    message = refuse(kind, "title:", "titel: x\ntitle:")
+    assert message.startswith("titel: unknown key, value 'x' (did you mean 'title'?); allowed: ")
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize(
+    ("kind", "key", "wrong"),
+    [("rig", "title", "titel"), ("rig", "mass", "mas"), ("scene", "model", "modell")],
+)
+def test_misspelt_required_key(refuse, kind, key, wrong):
+    """A misspelt required key is missing and unknown at once: the line shows the misspelling."""
+    message = refuse(kind, f"{key}:", f"{wrong}:")
+    assert f"did you mean {key!r}?" in message
+
+
+@pytest.mark.parametrize("title", ["[a, b]", "3", "", "{a: 1}"])
+def test_title_must_be_text(refuse, title):
+    """A list, a number or nothing for a text is refused, with key and value."""
+    message = refuse("rig", "title: TM21 with the paper's follower", f"title: {title}")
+    assert message.startswith("title: is ")
+    assert "allowed: a valid string" in message
