@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import struct
+from bisect import bisect_right
 from collections import deque
+from typing import Any
+
+from rosbags.typesys import Stores, get_typestore
 
 from cam_rig.bag import topics
 from cam_rig.bag.topics import Topic
@@ -27,6 +31,10 @@ class RecordingSession:
             if topic.per == "tick" and not topic.stamped
         }
         self._ticks = {topic.name: 0 for topic in topics.RECORDING if topic.per == "tick"}
+        self._types = get_typestore(Stores.ROS2_KILTED)
+        self._clocks = self._laws = 0
+        self._step: tuple[str, float] | None = None
+        self._steps: list[int] = []
 
     def take(self, topic: Topic, cdr: bytes) -> int | None:
         """Take one message; the stamp of the newest complete tick when that moved on."""
@@ -35,8 +43,11 @@ class RecordingSession:
             self._waiting[topic].append(cdr)
         else:
             self._write(topic, self._time(topic, cdr), cdr)
+        self._clocks += topic is topics.CLOCK
+        self._laws += topic is topics.LAW
         if topic is topics.CAM_STATE:
             self._stamps.append(stamp_of(cdr))
+            self._steps.append(self._count_step(cdr))
         self._write_waiting()
         after = self._complete()
         return self._stamps[after] if after > before else None
@@ -58,7 +69,17 @@ class RecordingSession:
 
     def _complete(self) -> int:
         """Ticks of which every message is written, as an index into the stamps."""
-        return min(*self._ticks.values(), max(len(self._stamps) - 1, 0))
+        states = min(len(self._stamps), self._clocks)
+        told = bisect_right(self._steps, self._laws)
+        return max(0, min(*self._ticks.values(), states - 1, told))
+
+    def _count_step(self, cdr: bytes) -> int:
+        """Steps so far, a cam at a speed each: as many laws must be in the bag."""
+        state: Any = self._types.deserialize_cdr(cdr, topics.CAM_STATE.type)
+        step = (str(state.header.frame_id), float(state.velocity[0]))
+        before = self._steps[-1] if self._steps else 0
+        known, self._step = step == self._step, step
+        return before if known or step[1] == 0.0 else before + 1
 
 
 def stamp_of(cdr: bytes) -> int:

@@ -45,5 +45,6 @@ def set_identified(
             yaml.dump(data, stream)
         os.replace(part, path)
     except OSError as error:
-        part.unlink(missing_ok=True)
         raise ConfigError(f"{path}: cannot be written ({error.strerror})") from None
+    finally:
+        part.unlink(missing_ok=True)

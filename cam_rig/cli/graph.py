@@ -49,8 +49,9 @@ class Graph:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        for name in reversed(NODES):
-            self._stop(name)
+        *speakers, recorder = [self.processes[n] for n in reversed(NODES) if n in self.processes]
+        _stop(speakers)
+        _stop([recorder])  # last, so that it hears the others to the end
 
     def progress(self) -> Iterator[dict[str, float | str]]:
         """What the drive reports, until it has finished.
@@ -94,18 +95,6 @@ class Graph:
         for stream, take in ((process.stdout, say), (process.stderr, self._errors[name].append)):
             threading.Thread(target=_drain, args=(stream, take), daemon=True).start()
 
-    def _stop(self, name: str) -> None:
-        process = self.processes.get(name)
-        if process is None:
-            return
-        if process.poll() is None:
-            process.send_signal(signal.SIGINT)
-        try:
-            process.wait(GRACE)
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-
     def _obituary(self, name: str, code: int) -> str:
         time.sleep(0.2)  # let its last words arrive
         words = [line.strip() for line in self._errors[name] if line.strip()]
@@ -127,3 +116,17 @@ def environment() -> dict[str, str]:
 def _drain(stream: object, take: Callable[[str], None]) -> None:
     for line in stream:  # type: ignore[attr-defined]
         take(line)
+
+
+def _stop(processes: list[subprocess.Popen[str]]) -> None:
+    """Ask all to end, wait for them, and kill who does not."""
+    for process in processes:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+    deadline = time.monotonic() + GRACE
+    for process in processes:
+        try:
+            process.wait(max(0.1, deadline - time.monotonic()))
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 from cam_rig.experiment.credit import Credit
 from cam_rig.experiment.program import CamState, cam_states, tick_count
@@ -11,20 +10,12 @@ from cam_rig.laws import Law
 from cam_rig.schema import SceneConfig
 
 
-class _Step(NamedTuple):
-    """The present step: one cam at one speed since ``start_ns``."""
-
-    cam: str
-    speed: float
-    start_ns: int
-
-
 class DriveProgram:
     """The scene's states in order, each held back until everyone is ready for it.
 
     A state needs credit (few ticks in flight) and the law of its cam. A new cam is asked for when
-    every tick of the one before is dealt with; a new speed waits until the law at the one before
-    was published. So nothing is dropped, and a run repeats message by message.
+    every tick of the one before is dealt with. So nothing is dropped, and a run repeats message by
+    message.
 
     Parameters
     ----------
@@ -38,27 +29,23 @@ class DriveProgram:
     ) -> None:
         self.laws: dict[str, Law] = {}
         self.credit = Credit(consumers, limit)
-        self.told_ns = -1
         self.ticks = tick_count(scene)
         self.sent = 0
         self._states = cam_states(scene)
         self._next: CamState | None = next(self._states)
         self._mount = mount
         self._asked = ""
-        self._step = _Step("", 0.0, -1)
 
     @property
     def done(self) -> bool:
         """Whether every state is sent and every tick dealt with."""
-        return self._next is None and self.credit.in_flight == 0 and self._law_was_told()
+        return self._next is None and self.credit.in_flight == 0
 
     def take(self) -> CamState | None:
         """The next state, when it may go out now."""
         state = self._next
         if state is None or not self.credit.may_send() or not self._ready(state):
             return None
-        if state.speed > 0.0 and self._is_new_step(state):
-            self._step = _Step(state.cam, state.speed, state.time_ns)
         self.credit.sent(state.time_ns)
         self.sent += 1
         self._next = next(self._states, None)
@@ -69,17 +56,8 @@ class DriveProgram:
         return self.credit.behind() or ["law_server"]
 
     def _ready(self, state: CamState) -> bool:
-        if self._is_new_step(state) and not self._law_was_told():
-            return False
         if state.cam != self._asked:
             if self.credit.in_flight or not self._mount(state.cam):
                 return False
             self._asked = state.cam
         return state.cam in self.laws
-
-    def _is_new_step(self, state: CamState) -> bool:
-        return (state.cam, state.speed) != (self._step.cam, self._step.speed)
-
-    def _law_was_told(self) -> bool:
-        """Whether the law server has published the law at the present speed."""
-        return self.told_ns >= self._step.start_ns

@@ -106,10 +106,9 @@ def identify(
     )
     lift, event, fraction = (float(v) for v in polished.x)
     # Rounded to what the residual can support, so that the file is readable and spans add up.
-    rounded = np.array([round(lift, 6), round(event, 2), fraction])
-    nose = round(event * fraction, 2)
-    rounded[2] = nose / rounded[1]
-    return Geometry(1e3 * rounded[0], rounded[1], nose, rmse(rounded), evaluations)
+    lift, event, nose = round(lift, 6), round(event, 2), round(event * fraction, 2)
+    left = rmse(np.array([lift, event, nose / event]))
+    return Geometry(round(1e3 * lift, 3), event, nose, left, evaluations)
 
 
 def _levels(stage: Stage, cam: str, x: FloatArray) -> FloatArray | None:

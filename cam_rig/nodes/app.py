@@ -9,7 +9,6 @@ from types import FrameType
 from typing import Any
 
 import rclpy
-from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -26,8 +25,8 @@ except ImportError:
     Executor = SingleThreadedExecutor
 
 
-#: Longest wait (s) for readers to have received what a node that ends has published.
-ACKNOWLEDGE_WITHIN = 2.0
+#: A signal is noticed when the executor comes back to Python, which it does this often (s).
+SIGNALS_EVERY = 0.1
 
 
 class RigNode(Node):
@@ -61,8 +60,6 @@ class RigNode(Node):
 
     def close(self) -> None:
         """Let go of what the node holds; called once, after the executor has stopped."""
-        for publisher in self.publishers:
-            publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_WITHIN))
 
 
 def run(make: Callable[[], RigNode]) -> None:
@@ -89,7 +86,7 @@ def _spin(make: Callable[[], RigNode]) -> int:
     executor = Executor()
     executor.add_node(node)
     while not node.done.done():
-        executor.spin_until_future_complete(node.done, timeout_sec=0.5)
+        executor.spin_until_future_complete(node.done, timeout_sec=SIGNALS_EVERY)
     node.drain(executor.spin_once)
     executor.shutdown()
     try:

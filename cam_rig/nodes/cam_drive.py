@@ -47,7 +47,6 @@ class CamDrive(RigNode):
         self._law_server = AsyncParameterClient(self, "law_server")
         self._program = DriveProgram(stage.scene, consumers, topics.TICKS_IN_FLIGHT, self._mount)
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
-        self.subscribe(topics.LAW, self._on_told)
         for name in consumers:
             self.subscribe(ACKNOWLEDGES[name], self._on_acknowledge(name))
         self.create_timer(0.1, self._turn)
@@ -61,10 +60,6 @@ class CamDrive(RigNode):
     def _on_law(self, message: Any) -> None:
         law = decode_law(*array_of(message))
         self._program.laws[law.name] = law
-        self._turn()
-
-    def _on_told(self, message: Any) -> None:
-        self._program.told_ns = stamp_ns(message.header.stamp)
         self._turn()
 
     def _on_acknowledge(self, name: str) -> Callable[[Any], None]:

@@ -50,7 +50,6 @@ class Recorder(RigNode):
     def close(self) -> None:
         """Close the bag."""
         self._writer.close()
-        super().close()
 
 
 def main() -> None:

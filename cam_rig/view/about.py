@@ -6,8 +6,8 @@ from cam_rig.experiment.stage import Stage
 from cam_rig.schema.quantity import ORIGINS, Quantity
 
 
-def about(stage: Stage) -> str:
-    """Markdown on the scene, its cams and its rig."""
+def about(stage: Stage, bucket: int) -> str:
+    """Markdown on the scene, its cams and its rig; of ``bucket`` samples two are shown."""
     scene, rig = stage.scene, stage.rig
     lines = [
         f"# {scene.title}",
@@ -15,6 +15,8 @@ def about(stage: Stage) -> str:
         f"{scene.program.turns.si:g} turns at each speed.",
         "The follower is drawn at its simulated lift. Where the contact force is zero it flies.",
     ]
+    if bucket > 1:
+        lines.append(f"Of every {bucket} samples the curves show the least and the greatest.")
     for name, cam in stage.cams.items():
         lines += [f"## {cam.title}", f"`{name}`, {cam.follower.type} follower"]
         lines += by_origin(cam.numbers())

@@ -16,15 +16,16 @@ PLAYBACK_SPEED = 0.1
 NEAR = 0.5
 
 
-def layout(reach: float, duration: float) -> rrb.Blueprint:
+def layout(reach: float, duration: float, bucket: int) -> rrb.Blueprint:
     """The blueprint.
 
     Parameters
     ----------
     reach : greatest height of a roller's centre above the cam shaft, m
     duration : rig time of the whole run, s
+    bucket : samples of which the least and the greatest are shown, 1 for all
     """
-    side = reach * MM
+    side, kept = reach * MM, f", min and max of every {bucket} samples" if bucket > 1 else ""
     bounds = rrb.VisualBounds2D(
         x_range=[-1.3 * side, 1.3 * side], y_range=[-1.5 * side, 1.3 * side]
     )
@@ -35,8 +36,8 @@ def layout(reach: float, duration: float) -> rrb.Blueprint:
     )
     left = rrb.Vertical(scene, words, row_shares=[3, 2])
     plots = rrb.Vertical(
-        _plot("plots/lift", "Lift [mm]", _near()),
-        _plot("plots/force", "Contact force [N]", _near()),
+        _plot("plots/lift", f"Lift [mm]{kept}", _near()),
+        _plot("plots/force", f"Contact force [N]{kept}", _near()),
         _plot("plots/level", "Sound level [dB], one value a tick, whole run", _whole(duration)),
         _plot("plots/speed", "Cam speed [rpm], whole run", _whole(duration)),
         row_shares=[3, 3, 2, 2],

@@ -34,7 +34,8 @@ class RunDrawing:
         self._levels: list[tuple[int, float]] = []
         self._angles: dict[int, float] = {}
         self._last: CamState | None = None
-        stream.log(ABOUT, rr.TextDocument(about(stage), media_type="text/markdown"), static=True)
+        words = rr.TextDocument(about(stage, bucket), media_type="text/markdown")
+        stream.log(ABOUT, words, static=True)
         marks = rr.SeriesPoints(colors=series.LANDING.colour, names=series.LANDING.name)
         stream.log(series.LANDING.entity, marks, static=True)
         self._scene = Scene2D(stream, stage)
@@ -61,7 +62,7 @@ class RunDrawing:
         self._force.add(time, angle, force)
         ends = np.array([start.time_ns, end.time_ns]) / NS, np.array([start.angle, end.angle])
         self._zero.add(*ends, np.zeros(2))
-        self._speed.add(*ends, np.full(2, start.speed))
+        self._speed.add(ends[0][:1], ends[1][:1], np.array([start.speed]))
         self._angles[end.time_ns] = end.angle
         frame = frame_mask(angle, start.speed / self._stage.scene.sample_rate.si)
         if frame.any():

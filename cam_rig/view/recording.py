@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
@@ -16,12 +15,13 @@ from cam_rig.bag import topics
 from cam_rig.bag.codec import array_of, decode_block
 from cam_rig.bag.reader import messages, read_counts, read_stage, stamp_ns
 from cam_rig.dynamics import NS, FloatArray
-from cam_rig.errors import BagError, CamRigError
+from cam_rig.errors import BagError
 from cam_rig.experiment.pairing import TickPairing
 from cam_rig.experiment.program import CamState, cam_states
 from cam_rig.experiment.stage import Stage
 from cam_rig.view.blueprint import layout
 from cam_rig.view.drawing import RunDrawing
+from cam_rig.view.rrd_file import require_free, rrd_stream
 from cam_rig.view.scene2d import reach
 
 APPLICATION = "cam_rig"
@@ -53,25 +53,14 @@ def save_recording(
     BagError : the bag cannot be read, or lacks a cam's profile
     CamRigError : the file exists already, or cannot be written
     """
-    if path.suffix != ".rrd":
-        raise CamRigError(f"{path}: ends in {path.suffix!r}; allowed: .rrd, or no viewer opens it")
-    if path.exists() and not overwrite:
-        raise CamRigError(f"{path}: exists already, not overwriting; name another, or use --force")
-    stage, part = read_stage(bag), path.with_name(f"{path.name}.part")
+    require_free(path, overwrite)
+    stage = read_stage(bag)
     duration = run_duration(bag, stage)
     samples = round(duration * stage.scene.sample_rate.si)
     bucket = 1 if all_samples else bucket_for(samples)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with rr.RecordingStream(APPLICATION) as stream:
-            stream.save(part, default_blueprint=layout(reach(stage), duration))
-            draw(bag, stage, stream, bucket, on_tick)
-            stream.disconnect()
-        os.replace(part, path)
-    except (OSError, RuntimeError) as error:
-        raise CamRigError(f"{path}: cannot be written ({error})") from None
-    finally:
-        part.unlink(missing_ok=True)
+    blueprint = layout(reach(stage), duration, bucket)
+    with rrd_stream(path, APPLICATION, blueprint) as stream:
+        draw(bag, stage, stream, bucket, on_tick)
 
 
 def draw(

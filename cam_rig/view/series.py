@@ -17,7 +17,7 @@ ROWS_AT_ONCE = 100_000
 
 @dataclass(frozen=True)
 class Line:
-    """One curve: ``factor`` takes SI to the unit in its name, ``colour`` is 0xRRGGBBAA."""
+    """One curve: ``factor`` takes SI to the unit shown, ``colour`` is 0xRRGGBBAA."""
 
     entity: str
     name: str
@@ -26,20 +26,20 @@ class Line:
     width: float = 1.2
     interpolation: rr.components.InterpolationMode = rr.components.InterpolationMode.Linear
 
-    def style(self, note: str = "") -> rr.SeriesLines:
+    def style(self) -> rr.SeriesLines:
         """How the curve looks; however far one zooms out, its peaks stay."""
         return rr.SeriesLines(
             colors=self.colour,
-            names=self.name + note,
+            names=self.name,
             widths=self.width,
             aggregation_policy=rr.components.AggregationPolicy.MinMax,
             interpolation_mode=self.interpolation,
         )
 
 
-LIFT = Line("plots/lift/follower", "follower lift [mm]", 0x56B4E9FF, factor=1e3)
-FORCE = Line("plots/force/contact", "contact force [N]", 0xE69F00FF)
-ZERO = Line("plots/force/zero", "no contact, 0 N", 0x999999FF, width=0.8)
+LIFT = Line("plots/lift/follower", "follower", 0x56B4E9FF, factor=1e3)
+FORCE = Line("plots/force/contact", "contact", 0xE69F00FF)
+ZERO = Line("plots/force/zero", "0 N", 0x999999FF, width=0.8)
 LEVEL = Line(
     "plots/level",
     "sound level [dB]",
@@ -81,8 +81,7 @@ class LineWriter:
     _rows: int = 0
 
     def __post_init__(self) -> None:
-        note = f" (min/max of every {self.bucket})" if self.bucket > 1 else ""
-        self.stream.log(self.line.entity, self.line.style(note), static=True)
+        self.stream.log(self.line.entity, self.line.style(), static=True)
 
     def add(self, time: FloatArray, angle: FloatArray, values: FloatArray) -> None:
         """Take ``values`` (SI) at ``time`` (s) and unwrapped cam ``angle`` (rad)."""

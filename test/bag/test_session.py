@@ -3,6 +3,7 @@
 import random
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
@@ -11,6 +12,8 @@ from cam_rig.bag.session import RecordingSession, stamp_of
 
 TYPES = get_typestore(Stores.ROS2_KILTED)
 STAMPS = [0, 300_000_000, 1_500_000_001]
+#: The first tick at one speed, the second at another; then the cam stands.
+STAMPED_SPEED = dict(zip(STAMPS, (20.0, 30.0, 0.0), strict=True))
 
 
 class Kept:
@@ -32,6 +35,9 @@ def cdr(topic, stamp):
     kind = TYPES.types[topic.type]
     if topic.type == "sensor_msgs/msg/FluidPressure":
         message = kind(header(stamp), 0.1, 0.0)
+    elif topic is topics.CAM_STATE:
+        one = np.array([1.0])
+        message = kind(header(stamp), ["cam"], one, np.array([STAMPED_SPEED[stamp]]), one)
     elif topic.type == "std_msgs/msg/Float64":
         message = kind(80.0)
     else:
@@ -47,7 +53,9 @@ def run_in_order(order):
 
 
 def all_messages():
-    yield from ((topics.CAM_STATE, stamp) for stamp in STAMPS)
+    for topic in (topics.CLOCK, topics.CAM_STATE):
+        yield from ((topic, stamp) for stamp in STAMPS)
+    yield from ((topics.LAW, stamp) for stamp in STAMPS[:2])
     for topic in topics.RECORDING:
         if topic.per == "tick":
             yield from ((topic, stamp) for stamp in STAMPS[1:])
@@ -84,3 +92,11 @@ def test_a_tick_is_complete_only_with_its_last_message():
     order = [m for m in all_messages() if m[0] is not topics.LEVEL]
     assert run_in_order(order)[1] == []
     assert run_in_order([*order, (topics.LEVEL, 0)])[1] == [STAMPS[1]]
+
+
+def test_a_tick_waits_for_the_law_at_its_speed():
+    """The sampled law of each step is in the bag before the step's ticks count as recorded."""
+    order = [m for m in all_messages() if m[0] is not topics.LAW]
+    assert run_in_order(order)[1] == []
+    assert run_in_order([*order, (topics.LAW, STAMPS[0])])[1] == [STAMPS[1]]
+    assert run_in_order([*order, *((topics.LAW, s) for s in STAMPS[:2])])[1] == STAMPS[1:]

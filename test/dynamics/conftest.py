@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -37,7 +38,7 @@ def run() -> Callable[..., Result]:
     ) -> Result:
         speed = rpm * np.pi / 30.0
         rows, events = [], []
-        for start, stop in zip(cuts_ns[:-1], cuts_ns[1:], strict=True):
+        for start, stop in itertools.pairwise(cuts_ns):
             interval = Interval(start, stop, speed * start / NS, speed)
             state, block = MODELS[model](law, parameters, state, interval, sample_rate)
             rows.append(block.rows)

@@ -1,5 +1,6 @@
 """Intervals and the one grid of samples they share."""
 
+import itertools
 from fractions import Fraction
 
 import numpy as np
@@ -16,9 +17,9 @@ rates = st.integers(100, 1_000_000)
 def test_consecutive_intervals_share_no_sample_and_miss_none(cuts, rate):
     """Each interval's first sample is the one after the last of the interval before."""
     cuts = sorted(cuts)
-    pairs = zip(cuts[:-1], cuts[1:], strict=True)
+    pairs = itertools.pairwise(cuts)
     grids = [Interval(a, b, 0.0, 1.0).grid(rate) for a, b in pairs]
-    for before, after in zip(grids[:-1], grids[1:], strict=True):
+    for before, after in itertools.pairwise(grids):
         assert after.first == before.first + before.count
     whole = Interval(cuts[0], cuts[-1], 0.0, 1.0).grid(rate)
     assert whole.first == grids[0].first

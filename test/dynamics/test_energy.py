@@ -1,6 +1,7 @@
 """Energy: what the cam puts in is stored, burnt in the damper, or lost in landings."""
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -47,7 +48,7 @@ class Account:
         turns = np.arange(0, 10)[:, None] * TURN
         joints = ((self.law.breaks[:-1] + turns) / self.speed).ravel()
         edges = [begin, *joints[(joints > begin) & (joints < end)], end]
-        for a, b in zip(edges[:-1], edges[1:], strict=True):
+        for a, b in itertools.pairwise(edges):
             self.input += integral(lambda t: self.force(t) * self.velocity(t), a, b, 1)
             self.burnt += integral(lambda t: self.p.damping * self.velocity(t) ** 2, a, b, 1)
 

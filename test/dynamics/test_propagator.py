@@ -1,5 +1,7 @@
 """The exact propagator against 50-digit arithmetic."""
 
+import itertools
+
 import mpmath as mp
 import numpy as np
 import pytest
@@ -21,7 +23,7 @@ def exact(matrix, forcing, duration, start, time):
             row = [mp.mpf(x) for x in forcing[i]]
             for j in range(degree + 1):  # f⁽ʲ⁾(0) = p!/(p−j)! Δʲ f₀ / Tʲ
                 augmented[i, n + j] = mp.ff(degree, j) * row[0] / mp.mpf(duration) ** j
-                row = [b - a for a, b in zip(row[:-1], row[1:], strict=True)]
+                row = [b - a for a, b in itertools.pairwise(row)]
         for j in range(degree):
             augmented[n + j + 1, n + j] = 1
         begin = mp.matrix([*(mp.mpf(x) for x in start), 1, *[0] * degree])

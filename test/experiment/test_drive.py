@@ -41,14 +41,13 @@ def test_a_late_acknowledgement_of_old_news_changes_nothing():
     assert credit.in_flight == 0
 
 
-def follow(program, stage, states, lag=0):
+def follow(program, states):
     """Answer as the other nodes do; returns the states that went out."""
     out = []
     for _ in range(states):
         state = program.take()
         if state is not None:
             out.append(state)
-            program.told_ns = state.time_ns
             program.credit.acknowledge("all", state.time_ns)
     return out
 
@@ -63,7 +62,7 @@ def test_the_whole_scene_goes_out_once_and_in_order(stage):
         return True
 
     program = DriveProgram(stage.scene, ["all"], 4, mount)
-    out = follow(program, stage, 100)
+    out = follow(program, 100)
     assert program.done
     assert asked == stage.scene.cams
     assert len(out) == program.ticks + 1
@@ -76,16 +75,3 @@ def test_nothing_turns_before_its_law_is_known(stage):
     assert program.take() is None
     assert program.waits_for() == ["law_server"]
     assert not program.done
-
-
-def test_a_new_speed_waits_until_the_law_at_the_old_one_was_published(stage):
-    """The law at each speed is in the bag, however slow the law server is."""
-    program = DriveProgram(stage.scene, ["all"], 4, lambda cam: True)
-    program.laws = dict(stage.laws)
-    out = []
-    for _ in range(20):
-        state = program.take()
-        if state is not None:
-            out.append(state)
-            program.credit.acknowledge("all", state.time_ns)
-    assert {state.speed for state in out} == {out[0].speed}

@@ -58,7 +58,7 @@ def test_missing_file(tmp_path):
     with pytest.raises(ConfigError, match=r"poly34\.yaml: no such file; there are: poly345") as e:
         load_cam(tmp_path / "poly34.yaml")
     assert e.value.exit_code == 2
-    with pytest.raises(ConfigError, match="no such file$"):
+    with pytest.raises(ConfigError, match=r"no such file$"):
         load_cam(tmp_path / "nowhere" / "poly345.yaml")
 
 
