@@ -9,6 +9,7 @@ from cam_rig.cli.calibrate import calibrate
 from cam_rig.cli.identify import identify
 from cam_rig.cli.run import run
 from cam_rig.cli.simulate import simulate
+from cam_rig.cli.view import view
 
 app = typer.Typer(
     help="A virtual cam test rig: turn a cam, move its follower, listen, record, compare.",
@@ -17,7 +18,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for verb in (run, simulate, analyze, calibrate, identify):
+for verb in (run, simulate, analyze, view, calibrate, identify):
     app.command()(verb)
 
 

@@ -63,7 +63,7 @@ def convert(bag: Path, path: Path, force: bool, all_samples: bool) -> None:
             overwrite=force,
             on_tick=lambda: bar.advance(task),
         )
-    console.print(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
+    console.print(f"{path}: {path.stat().st_size / 1e6:.1f} MB", soft_wrap=True)
 
 
 def _show(bag: Path, all_samples: bool) -> None:

@@ -20,7 +20,7 @@ STILL = 1e-12
 #: Angle (rad) of a loss interval too short to lift anything but a rounding error.
 GRAZE = 1e-9
 #: More events in one interval than any physical bounce series has.
-MOST_EVENTS = 100_000
+MOST_EVENTS = 10_000
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from cam_rig.dynamics.block import FloatArray
+from cam_rig.dynamics.impulse import response
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.laws import bernstein
 
@@ -31,17 +32,18 @@ class Flight:
         return 0.5 / max(math.sqrt(p.spring_stiffness / p.mass), p.damping / p.mass)
 
     def state(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Displacement (m) and velocity (m/s) at times since the flight began, s."""
+        """Displacement (m) and velocity (m/s) at times since the flight began, s.
+
+        y = y₀ + v₀ S − a₀ C and ẏ = v₀ Ṡ − a₀ S with the impulse response S, its integral C and
+        the deceleration at the start a₀ = (k y₀ + preload)/m, which stays exact for any spring.
+        """
         p = self.parameters
-        decay = 0.5 * p.damping / p.mass
-        square = p.spring_stiffness / p.mass
-        rest = -p.preload / p.spring_stiffness
-        offset = self.start - rest
-        cosine, sine = _cosine_and_sine(square - decay**2, time)
-        envelope = np.exp(-decay * time)
-        y = rest + envelope * (offset * cosine + (self.velocity + decay * offset) * sine)
-        v = envelope * (self.velocity * cosine - (square * offset + decay * self.velocity) * sine)
-        return y, v
+        pull = (p.spring_stiffness * self.start + p.preload) / p.mass
+        impulse, rate, step = response(p.damping / p.mass, p.spring_stiffness / p.mass, time)
+        return (
+            self.start + self.velocity * impulse - pull * step,
+            self.velocity * rate - pull * impulse,
+        )
 
     def motion(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Displacement, velocity and acceleration (m/s²) at times since the flight began."""
@@ -65,17 +67,6 @@ class Flight:
             pull = p.damping * (i + 1) * terms[i + 1] * length + spring * length**2
             terms[i + 2] = -pull / (p.mass * (i + 1) * (i + 2))
         return _bernstein_from_powers() @ terms
-
-
-def _cosine_and_sine(square: float, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """cos(wt) and sin(wt)/w for w² = ``square`` of either sign, or none."""
-    if square > 0.0:
-        w = np.sqrt(square)
-        return np.cos(w * time), np.sin(w * time) / w
-    if square < 0.0:
-        w = np.sqrt(-square)
-        return np.cosh(w * time), np.sinh(w * time) / w
-    return np.ones_like(time), time
 
 
 @lru_cache(maxsize=1)

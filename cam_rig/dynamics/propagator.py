@@ -1,22 +1,32 @@
 """The exact response of a linear system to a polynomial forcing: ẋ = A x + f(t).
 
-On one piece of duration T the forcing is f(u) = Σ Fⱼ Bⱼ(u), u = t/T. With M the derivative
-matrix of the basis, a polynomial particular solution X satisfies the Sylvester equation
-A X − X Mᵀ/T = −F, which has one solution whenever A is invertible, resonance included, because
-M is nilpotent. The rest is e^{At}. Nothing is stepped, so stiffness costs nothing.
+On one piece of duration T the forcing is f(u) = Σ Fⱼ Bⱼ(u), u = t/T, and the response is
+x(t) = X(u) + e^{At} (x₀ − X(0)) with a polynomial X. Nothing is stepped, so stiffness costs
+nothing. X is found in the way that keeps its digits:
+
+* modes fast against the piece (|λ|T at least the degree): A X − X Mᵀ/T = −F, a Sylvester
+  equation with M the derivative matrix of the basis, solvable because M is nilpotent;
+* slow modes, where that X would be huge and cancel against the exponential, and modes without
+  a restoring force, where it does not exist: X(0) = 0 and Picard's series of integrals, which
+  ends at rounding after some twenty terms.
+
+An ordered Schur form keeps the two apart.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import expm, solve_sylvester
+from scipy.linalg import expm, matrix_balance, schur, solve_sylvester
 
 from cam_rig.dynamics.block import FloatArray
-from cam_rig.errors import DynamicsError
 from cam_rig.laws import bernstein
+
+#: A part of a piece spans at most this |A|T of its slow modes: Picard's terms stay below e⁴.
+PICARD_REACH = 4.0
 
 
 @lru_cache(maxsize=64)
@@ -27,25 +37,50 @@ def derivative_matrix(degree: int) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """One piece of the response: x(t) = X(t/T) + e^{At} (x₀ − X(0))."""
+    """One piece of the response, in one or more equal parts.
+
+    ``particular`` is ``(parts, n, p + 1)``, the ordinates of X on each part; ``part_flow`` is
+    e^{Ah} over one part of length ``part`` (s).
+    """
 
     matrix: FloatArray
     particular: FloatArray
     duration: float
-    flow: FloatArray
+    part_flow: FloatArray
+
+    @property
+    def part(self) -> float:
+        """Length of a part, s."""
+        return self.duration / len(self.particular)
+
+    @property
+    def flow(self) -> FloatArray:
+        """e^{AT} over the whole piece."""
+        return np.asarray(np.linalg.matrix_power(self.part_flow, self.particular.shape[0]))
 
     def end(self, start: FloatArray) -> FloatArray:
         """State at the end of the piece from the state at its start, ``(n,)``."""
-        return np.asarray(
-            self.particular[:, -1] + self.flow @ (start - self.particular[:, 0]), dtype=np.float64
-        )
+        return self._part_starts(start)[-1]
 
     def at(self, start: FloatArray, times: FloatArray) -> FloatArray:
         """States ``(n, len(times))`` at times in s since the piece's start."""
-        degree = self.particular.shape[1] - 1
-        forced = self.particular @ bernstein.basis(degree, times / self.duration).T
-        flows = expm(self.matrix[None] * times[:, None, None])
-        return np.asarray(forced + (flows @ (start - self.particular[:, 0])).T)
+        starts = self._part_starts(start)
+        states = np.empty((start.size, times.size))
+        index = np.minimum((times / self.part).astype(int), self.particular.shape[0] - 1)
+        for i in np.unique(index):
+            here = index == i
+            since = times[here] - i * self.part
+            forced = bernstein.evaluate(self.particular[i].T, since / self.part)
+            flows = expm(self.matrix[None] * since[:, None, None])
+            states[:, here] = (forced + flows @ (starts[i] - self.particular[i, :, 0])).T
+        return states
+
+    def _part_starts(self, start: FloatArray) -> list[FloatArray]:
+        states = [start]
+        for ordinates in self.particular:
+            free = self.part_flow @ (states[-1] - ordinates[:, 0])
+            states.append(np.asarray(ordinates[:, -1] + free))
+        return states
 
 
 def piece(matrix: FloatArray, forcing: FloatArray, duration: float) -> Piece:
@@ -56,20 +91,56 @@ def piece(matrix: FloatArray, forcing: FloatArray, duration: float) -> Piece:
     matrix : ``(n, n)``, 1/s
     forcing : ``(n, p + 1)`` Bernstein ordinates of f over the piece
     duration : s
-
-    Raises
-    ------
-    DynamicsError : the matrix is singular (a system with no restoring force)
     """
-    smallest = np.abs(np.linalg.eigvals(matrix)).min()
-    if not smallest > 1e-14 * np.abs(matrix).max():
-        raise DynamicsError(
-            f"the system matrix has an eigenvalue {smallest:g}; allowed: a restoring force in "
-            "every mode"
-        )
-    slope = derivative_matrix(forcing.shape[1] - 1) / duration
-    particular = np.asarray(solve_sylvester(matrix, -slope.T, -forcing), dtype=np.float64)
-    return Piece(matrix, particular, duration, np.asarray(expm(matrix * duration)))
+    degree = forcing.shape[1] - 1
+    slow, fast, modes = _modes(matrix, duration, max(float(degree), PICARD_REACH))
+    inputs = np.asarray(np.linalg.solve(modes, forcing), dtype=np.float64)
+    k = slow.shape[0]
+    settled = np.zeros((fast.shape[0], degree + 1))
+    if fast.size:
+        slope = derivative_matrix(degree) / duration
+        settled = np.asarray(solve_sylvester(fast, -slope.T, -inputs[k:]), dtype=np.float64)
+    parts = max(1, math.ceil(float(np.linalg.norm(slow, 2)) * duration / PICARD_REACH)) if k else 1
+    length = duration / parts
+    responses = []
+    for i in range(parts):
+        span = (i / parts, (i + 1) / parts)
+        grown = _picard(slow, bernstein.restrict(inputs[:k].T, *span), length)
+        rest = bernstein.elevate(bernstein.restrict(settled.T, *span), grown.shape[0] - 1)
+        responses.append(np.hstack([grown, rest]) @ modes.T)
+    top = max(response.shape[0] for response in responses) - 1
+    particular = np.stack([bernstein.elevate(response, top).T for response in responses])
+    return Piece(matrix, particular, duration, np.asarray(expm(matrix * length)))
+
+
+def _modes(
+    matrix: FloatArray, duration: float, bound: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Slow block, fast block and V with A V = V diag(slow, fast); slow has |λ|T < bound."""
+    balanced, scale = matrix_balance(matrix)
+    triangle, basis, k = schur(
+        balanced, output="real", sort=lambda re, im: math.hypot(re, im) * duration < bound
+    )
+    if k == 0:  # nothing to keep apart: the matrix as it is has the smallest rounding
+        return np.empty((0, 0)), matrix, np.eye(matrix.shape[0])
+    slow, fast = triangle[:k, :k], triangle[k:, k:]
+    decouple = np.eye(matrix.shape[0])
+    if k < matrix.shape[0]:
+        decouple[:k, k:] = solve_sylvester(slow, -fast, -triangle[:k, k:])
+    return slow, fast, np.asarray(scale @ basis @ decouple)
+
+
+def _picard(matrix: FloatArray, forcing: FloatArray, duration: float) -> FloatArray:
+    """``(q + 1, k)`` ordinates of the solution from zero: ∫f + A∫∫f + A²∫∫∫f and so on."""
+    term = total = duration * bernstein.antiderivative(forcing)
+    reach = float(np.linalg.norm(matrix, 2)) * duration if matrix.size else 0.0
+    size, order = reach, 2
+    while size > 1e-17:
+        term = duration * bernstein.antiderivative(term @ matrix.T)
+        total = bernstein.elevate(total, term.shape[0] - 1) + term
+        size *= reach / order
+        order += 1
+    return np.asarray(total)
 
 
 def periodic_state(pieces: list[Piece]) -> FloatArray:

@@ -93,7 +93,8 @@ def regression(rpm: FloatArray, level: FloatArray) -> FloatArray:
     if rpm.size <= REGRESSION_DEGREE:
         return np.full(REGRESSION_DEGREE + 1, np.nan)
     fit = np.polynomial.Polynomial.fit(rpm, level, REGRESSION_DEGREE)
-    return np.asarray(fit.convert().coef)
+    found = fit.convert().coef  # without trailing zeros
+    return np.pad(found, (0, REGRESSION_DEGREE + 1 - found.size))
 
 
 def _rmse(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from cam_rig.acoustics import RadiationParameters
 from cam_rig.dynamics import FollowerParameters
-from cam_rig.errors import ConfigError
+from cam_rig.errors import ConfigError, LawError
 from cam_rig.laws import Law, build_law
 from cam_rig.schema import (
     CamConfig,
@@ -99,10 +99,17 @@ def open_stage(scene_path: Path) -> Stage:
         scene=scene,
         rig=load_rig(rig_path),
         cams={cam.name: cam for cam in cams},
-        laws={cam.name: build_law(cam) for cam in cams},
+        laws={cam.name: _law(path, cam) for path, cam in zip(cam_paths, cams, strict=True)},
         published=None if published_path is None else load_published(published_path),
         scene_file=scene_path,
         rig_file=rig_path,
         cam_files=dict(zip(scene.cams, cam_paths, strict=True)),
         published_file=published_path,
     )
+
+
+def _law(path: Path, cam: CamConfig) -> Law:
+    try:
+        return build_law(cam)
+    except LawError as error:
+        raise LawError(f"{path}: {error}") from None

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from cam_rig.acoustics import MicrophoneState, RadiationParameters, hear
 from cam_rig.dynamics import MODELS, Block, FloatArray, FollowerParameters, FollowerState
+from cam_rig.dynamics.kinetostatic import state_at
 from cam_rig.experiment.noise import HeardTick
 from cam_rig.experiment.program import CamState, cam_states
 from cam_rig.experiment.stage import Stage
@@ -43,7 +44,10 @@ class FollowerBench:
         end, block = advance(
             law, self.parameters, self._state, start.until(state), self.sample_rate
         )
-        self._state = end if state.cam == start.cam else None
+        self._state = end
+        if state.cam != start.cam:
+            down = state_at(self.laws[state.cam], self.parameters, state.angle, state.speed)
+            self._state = replace(down, pending_impulse=end.pending_impulse)
         return end, block
 
 

@@ -115,14 +115,21 @@ def crossings(ordinates: FloatArray, lo: float = 0.0, hi: float = 1.0) -> list[f
     changes = sign_changes(ordinates)
     if changes == 0:
         return []
-    if changes == 1 and ordinates[0] * ordinates[-1] < 0.0:
+    if changes == 1 and _opposite(ordinates[0], ordinates[-1]):
         return [lo + (hi - lo) * _bracketed_root(ordinates)]
     if hi - lo <= _ROOT_RESOLUTION:
-        return [0.5 * (lo + hi)] if ordinates[0] * ordinates[-1] < 0.0 else []
+        return [0.5 * (lo + hi)] if _opposite(ordinates[0], ordinates[-1]) else []
     left, right = split(ordinates, 0.5)
     mid = 0.5 * (lo + hi)
-    at_split = [mid] if left[-1] == 0.0 and _sign_before(left) * _sign_after(right) < 0 else []
+    at_split = (
+        [mid] if left[-1] == 0.0 and _opposite(_sign_before(left), _sign_after(right)) else []
+    )
     return crossings(left, lo, mid) + at_split + crossings(right, mid, hi)
+
+
+def _opposite(one: float, other: float) -> bool:
+    """Opposite signs; a product of the two would underflow for tiny values."""
+    return bool(np.sign(one) * np.sign(other) < 0.0)
 
 
 def _bracketed_root(ordinates: FloatArray) -> float:

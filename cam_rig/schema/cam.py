@@ -26,7 +26,7 @@ class Rise(_Segment):
     """A rise or a fall from the level reached so far to ``to`` (fraction of the lift)."""
 
     law: Literal["poly345", "poly4567", "cycloidal"]
-    to: float = Field(ge=-1.0, le=1.0, allow_inf_nan=False)
+    to: float = Field(ge=-1.0, le=1.0, allow_inf_nan=False, strict=True)
 
 
 class Bezier(_Segment):

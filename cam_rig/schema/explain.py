@@ -19,32 +19,54 @@ def kind_of(value: object) -> str:
 
 
 def explain(error: ValidationError, kind: type[BaseModel]) -> str:
-    """The first problem in words, and how many more there are."""
+    """The problem that tells most, in words, and how many more there are.
+
+    An unknown key comes first: the key that is missing beside it is often the same, misspelt.
+    """
     problems = error.errors()
-    first = problems[0]
+    first = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     return _sentence(first, kind) + more
 
 
 def _sentence(problem: ErrorDetails, kind: type[BaseModel]) -> str:
-    key = _key(problem["loc"])
-    shown = _shown(problem["input"])
-    if problem["type"] == "extra_forbidden":
-        allowed = sorted(_fields_at(kind, problem["loc"][:-1]))
-        near = difflib.get_close_matches(str(problem["loc"][-1]), allowed, 1)
-        hint = f" (did you mean {near[0]!r}?)" if near else ""
-        listing = f"; allowed: {', '.join(allowed)}" if allowed else ""
-        return f"{key}: unknown key, value {shown}{hint}{listing}"
-    if problem["type"] == "missing":
-        return f"{key}: missing; it is required"
-    if problem["type"] == "value_error":
-        message = str(problem["ctx"]["error"]) if "ctx" in problem else problem["msg"]
-        return f"{key}: {message}" if key else message
-    return f"{key}: is {shown}; {_lower(problem['msg'])}"
+    key, shown, context = _key(problem["loc"]), _shown(problem["input"]), problem.get("ctx", {})
+    match problem["type"]:
+        case "extra_forbidden":
+            text = _unknown_key(problem, kind)
+        case "missing":
+            text = f"{key}: missing; it is required"
+        case "value_error":
+            text = f"{key}: {context['error']}" if key else str(context["error"])
+        case "union_tag_not_found":
+            text = f"{key}.law: missing; allowed: one of {_tags(kind, problem)}"
+        case "union_tag_invalid":
+            text = f"{key}.law: is {context['tag']!r}; allowed: {context['expected_tags']}"
+        case "string_pattern_mismatch":
+            text = f"{key}: is {shown}; allowed: lower case letters, digits and _"
+        case "too_short":
+            text = f"{key}: is {shown}; allowed: at least {context['min_length']} of them"
+        case _:
+            text = f"{key}: is {shown}; allowed: {problem['msg'].removeprefix('Input should be ')}"
+    return text
 
 
-def _lower(text: str) -> str:
-    return "allowed: " + text.removeprefix("Input should be ") if text.startswith("Input") else text
+def _unknown_key(problem: ErrorDetails, kind: type[BaseModel]) -> str:
+    key, shown = _key(problem["loc"]), _shown(problem["input"])
+    allowed = sorted(_fields_at(kind, problem["loc"][:-1]))
+    near = difflib.get_close_matches(str(problem["loc"][-1]), allowed, 1)
+    hint = f" (did you mean {near[0]!r}?)" if near else ""
+    listing = f"; allowed: {', '.join(allowed)}" if allowed else ""
+    return f"{key}: unknown key, value {shown}{hint}{listing}"
+
+
+def _tags(kind: type[BaseModel], problem: ErrorDetails) -> str:
+    """The tags of a union: the names of its members' ``law``."""
+    node: Any = kind.model_json_schema()
+    schema = node
+    for part in problem["loc"]:
+        node = _step(node, part, schema)
+    return ", ".join(_resolve(node, schema).get("discriminator", {}).get("mapping", {}))
 
 
 def _shown(value: object) -> str:
@@ -62,6 +84,8 @@ def _key(loc: tuple[int | str, ...]) -> str:
             out += f"[{part}]"
         elif i and isinstance(loc[i - 1], int) and loc[i - 2] == "segments":
             continue  # the tag of the segment union
+        elif part in ("float", "list[float]") or str(part).startswith(("constrained-", "list[")):
+            continue  # a member of number | list of numbers
         else:
             out += f".{part}" if out else part
     return out

@@ -42,7 +42,7 @@ def _read(path: Path) -> Any:
         raise ConfigError(f"{path}: no such file{known}") from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read ({error})") from None
-    except YAMLError as error:
+    except (YAMLError, ValueError) as error:  # a date or a number that Python cannot hold
         raise ConfigError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, FiniteFloat
+from pydantic import Field, FiniteFloat, model_validator
 
 from cam_rig.schema.quantity import Strict
 
@@ -24,6 +24,17 @@ class PublishedNoise(Strict):
     range_rpm: tuple[FiniteFloat, FiniteFloat]
     regression_db: dict[str, list[FiniteFloat]] = Field(min_length=1)
     crossover: Crossover
+
+    @model_validator(mode="after")
+    def _consistent(self) -> PublishedNoise:
+        low, high = self.range_rpm
+        if not 0.0 < low < high:
+            raise ValueError(f"range_rpm: is {low:g} to {high:g}; allowed: rising, above 0")
+        for cam in self.crossover.between:
+            if cam not in self.regression_db:
+                known = ", ".join(self.regression_db)
+                raise ValueError(f"crossover.between: has {cam!r}; allowed: {known}")
+        return self
 
     def level(self, cam: str, rpm: NDArray[np.float64]) -> NDArray[np.float64]:
         """Published level of ``cam`` in dB at speeds in rpm."""

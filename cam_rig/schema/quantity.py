@@ -12,9 +12,9 @@ Exactly one of ``given`` (a source prints it), ``assumed`` (nobody does, and it 
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 Origin = Literal["given", "assumed", "identified"]
 ORIGINS: tuple[Origin, ...] = ("given", "assumed", "identified")
@@ -38,6 +38,10 @@ UNITS: dict[str, dict[str, float]] = {
 }
 
 
+#: A number as YAML means it: neither text nor true.
+Number = Annotated[float, Field(strict=True)]
+
+
 class Strict(BaseModel):
     """Base of every config model: unknown keys are errors, values do not change."""
 
@@ -47,9 +51,9 @@ class Strict(BaseModel):
 class Quantity(Strict):
     """One number, or a list of them, with unit, origin and where it comes from."""
 
-    given: float | list[float] | None = None
-    assumed: float | list[float] | None = None
-    identified: float | list[float] | None = None
+    given: Number | list[Number] | None = None
+    assumed: Number | list[Number] | None = None
+    identified: Number | list[Number] | None = None
     unit: str
     source: str = ""
     residual: str = ""

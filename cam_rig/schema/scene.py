@@ -19,7 +19,7 @@ class Program(Strict):
     speeds: Annotated[Quantity, must_be("speed", many=True, above=0.0)]
     turns: Annotated[Quantity, must_be("turns", least=1.0)]
     settle_turns: Annotated[Quantity, must_be("turns", least=0.0)]
-    ticks_per_turn: int = Field(default=1, ge=1, le=1000)
+    ticks_per_turn: int = Field(default=1, ge=1, le=1000, strict=True)
 
     @model_validator(mode="after")
     def _something_to_measure(self) -> Program:

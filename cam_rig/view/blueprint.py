@@ -6,6 +6,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from cam_rig.view import scene2d
+from cam_rig.view.series import LEVEL, SPEED
 from cam_rig.view.shapes import MM
 from cam_rig.view.timeline import RIG_TIME
 
@@ -38,8 +39,8 @@ def layout(reach: float, duration: float, bucket: int) -> rrb.Blueprint:
     plots = rrb.Vertical(
         _plot("plots/lift", f"Lift [mm]{kept}", _near()),
         _plot("plots/force", f"Contact force [N]{kept}", _near()),
-        _plot("plots/level", "Sound level [dB], one value a tick, whole run", _whole(duration)),
-        _plot("plots/speed", "Cam speed [rpm], whole run", _whole(duration)),
+        _plot(LEVEL.entity, "Sound level [dB], one value a tick, whole run", _whole(duration)),
+        _plot(SPEED.entity, "Cam speed [rpm], whole run", _whole(duration)),
         row_shares=[3, 3, 2, 2],
     )
     return rrb.Blueprint(
@@ -53,7 +54,8 @@ def layout(reach: float, duration: float, bucket: int) -> rrb.Blueprint:
 
 
 def _plot(origin: str, name: str, axis: rrb.TimeAxis) -> rrb.TimeSeriesView:
-    legend = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
+    alone = origin in (LEVEL.entity, SPEED.entity)
+    legend = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=not alone)
     return rrb.TimeSeriesView(origin=origin, name=name, axis_x=axis, plot_legend=legend)
 
 

@@ -34,6 +34,7 @@ class RunDrawing:
         self._levels: list[tuple[int, float]] = []
         self._angles: dict[int, float] = {}
         self._last: CamState | None = None
+        self._end: CamState | None = None
         words = rr.TextDocument(about(stage, bucket), media_type="text/markdown")
         stream.log(ABOUT, words, static=True)
         marks = rr.SeriesPoints(colors=series.LANDING.colour, names=series.LANDING.name)
@@ -63,7 +64,7 @@ class RunDrawing:
         ends = np.array([start.time_ns, end.time_ns]) / NS, np.array([start.angle, end.angle])
         self._zero.add(*ends, np.zeros(2))
         self._speed.add(ends[0][:1], ends[1][:1], np.array([start.speed]))
-        self._angles[end.time_ns] = end.angle
+        self._angles[end.time_ns], self._end = end.angle, end
         frame = frame_mask(angle, start.speed / self._stage.scene.sample_rate.si)
         if frame.any():
             self._scene.frames(time[frame], angle[frame], lift[frame])
@@ -77,6 +78,9 @@ class RunDrawing:
             if time_ns in self._angles:
                 angle = np.array([self._angles[time_ns]])
                 self._level.add(np.array([time_ns / NS]), angle, np.array([level]))
+        if self._end is not None and self._last is not None:
+            at = np.array([self._end.time_ns / NS]), np.array([self._end.angle])
+            self._speed.add(*at, np.array([self._last.speed]))
         for writer in (self._lift, self._force, self._zero, self._speed, self._level):
             writer.flush()
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
+from rerun.components import AggregationPolicy, InterpolationMode
 
 from cam_rig.dynamics import FloatArray
 from cam_rig.view.timeline import time_columns
@@ -24,15 +25,17 @@ class Line:
     colour: int
     factor: float = 1.0
     width: float = 1.2
-    interpolation: rr.components.InterpolationMode = rr.components.InterpolationMode.Linear
+    interpolation: InterpolationMode = InterpolationMode.Linear
+    #: However far one zooms out, the peaks stay.
+    aggregation: AggregationPolicy = AggregationPolicy.MinMax
 
     def style(self) -> rr.SeriesLines:
-        """How the curve looks; however far one zooms out, its peaks stay."""
+        """How the curve looks."""
         return rr.SeriesLines(
             colors=self.colour,
             names=self.name,
             widths=self.width,
-            aggregation_policy=rr.components.AggregationPolicy.MinMax,
+            aggregation_policy=self.aggregation,
             interpolation_mode=self.interpolation,
         )
 
@@ -44,14 +47,16 @@ LEVEL = Line(
     "plots/level",
     "sound level [dB]",
     0x009E73FF,
-    interpolation=rr.components.InterpolationMode.StepBefore,
+    interpolation=InterpolationMode.StepBefore,
+    aggregation=AggregationPolicy.Off,
 )
 SPEED = Line(
     "plots/speed",
     "cam speed [rpm]",
     0xCC79A7FF,
     factor=30.0 / np.pi,
-    interpolation=rr.components.InterpolationMode.StepAfter,
+    interpolation=InterpolationMode.StepAfter,
+    aggregation=AggregationPolicy.Off,
 )
 #: Where the follower meets the cam again: markers on the lift.
 LANDING = Line("plots/lift/landing", "landing", 0xD55E00FF, factor=1e3)

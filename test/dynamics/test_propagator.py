@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics.propagator import derivative_matrix, periodic_state, piece
-from cam_rig.errors import DynamicsError
 from cam_rig.laws import bernstein
 
 
@@ -128,7 +127,19 @@ def test_derivative_matrix():
 
 
 @pytest.mark.parametrize("matrix", [np.zeros((1, 1)), np.array([[0.0, 1.0], [0.0, -3.0]])])
-def test_singular_matrix(matrix):
-    """A system without a restoring force is refused, with its eigenvalue."""
-    with pytest.raises(DynamicsError, match="eigenvalue 0; allowed: a restoring force"):
-        piece(matrix, np.ones((matrix.shape[0], 3)), 1.0)
+def test_no_restoring_force(matrix):
+    """A mode without a spring drifts; that is a response like any other, not a failure."""
+    n = matrix.shape[0]
+    forcing, start = np.random.default_rng(8).normal(size=(n, 6)), np.ones(n)
+    expected = exact(matrix, forcing, 2.0, start, 2.0)
+    np.testing.assert_allclose(piece(matrix, forcing, 2.0).end(start), expected, atol=1e-13)
+
+
+def test_critical_damping():
+    """One eigenvector for two modes: nothing here asks for eigenvectors."""
+    matrix = np.array([[0.0, 1.0], [-25.0, -10.0]])
+    forcing, start = np.random.default_rng(9).normal(size=(2, 8)), np.array([0.3, -1.0])
+    for duration in (0.01, 1.0, 20.0):
+        expected = exact(matrix, forcing, duration, start, duration)
+        got = piece(matrix, forcing, duration).end(start)
+        np.testing.assert_allclose(got, expected, rtol=0, atol=1e-11 * np.abs(expected).max())

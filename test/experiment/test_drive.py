@@ -1,5 +1,7 @@
 """The drive's program: nothing goes out before everyone is ready for it."""
 
+import itertools
+
 import pytest
 
 from cam_rig.experiment.credit import Credit
@@ -66,7 +68,7 @@ def test_the_whole_scene_goes_out_once_and_in_order(stage):
     assert program.done
     assert asked == stage.scene.cams
     assert len(out) == program.ticks + 1
-    assert all(a.time_ns < b.time_ns for a, b in zip(out[:-1], out[1:], strict=True))
+    assert all(a.time_ns < b.time_ns for a, b in itertools.pairwise(out))
 
 
 def test_nothing_turns_before_its_law_is_known(stage):

@@ -26,7 +26,7 @@ SPAN = "span: {identified: 117.5, unit: deg"
         (RISE, "{law: poly345, to: up,", "segments[1].to", "is 'up'; allowed: a valid number"),
         (RISE, "{law: poly345,", "segments[1].to", "missing; it is required"),
         (RISE, "{law: poly345, to: 1, too: 2,", "segments[1].too", "did you mean 'to'?"),
-        (RISE, "{law: poly346, to: 1,", "segments[1]", "poly346"),
+        (RISE, "{law: poly346, to: 1,", "segments[1].law", "is 'poly346'; allowed"),
         ("type: roller", "type: flat", "follower.type", "is 'flat'; allowed: 'roller' or 'point'"),
         ("type: roller", "type: point", "follower", "'point' has no roller_radius"),
         ("  roller_radius:", "  # roller_radius:", "follower", "'roller' needs roller_radius"),

@@ -1,0 +1,79 @@
+"""The moving picture is true: the roller is on the contour wherever there is contact."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cam_rig.dynamics import FloatArray
+from cam_rig.view.scene2d import CAM, CONTOUR, FOLLOWER, FRAMES_PER_TURN, frame_mask
+from cam_rig.view.shapes import turned
+
+from .conftest import Picture, SmallBag
+
+
+def gap(point: FloatArray, outline: FloatArray) -> float:
+    """Distance of a point to a closed polyline ``(n, 2)``, its first point again at the end."""
+    begin, along = outline[:-1], np.diff(outline, axis=0)
+    share = np.sum((point - begin) * along, axis=1) / np.sum(along**2, axis=1)
+    foot = begin + np.clip(share, 0.0, 1.0)[:, None] * along
+    return float(np.hypot(*(point - foot).T).min())
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, 2.0, 4.5, 7.0])
+def test_the_follower_of_the_cams_frame_is_up_in_the_rigs(angle: float) -> None:
+    """What the cam sees towards (sin θ, cos θ) is on the +y axis of the rig."""
+    seen = np.array([[np.sin(angle), np.cos(angle)]])
+    np.testing.assert_allclose(turned(seen, angle), [[0.0, 1.0]], atol=1e-15)
+
+
+def test_each_cam_replaces_the_one_before(bag: SmallBag, picture: Picture) -> None:
+    """One contour at a time: the recorded /cam/profile in mm, closed, when its cam comes on."""
+    strips = picture.column(CONTOUR, "LineStrips2D:strips")
+    assert len(strips) == 2
+    for strip, profile in zip(strips, bag.profiles.values(), strict=True):
+        np.testing.assert_allclose(strip[0][:-1], profile * 1e3, atol=1e-4)
+        assert strip[0][0] == strip[0][-1]
+    half = bag.samples[0, bag.samples.shape[1] // 2]
+    np.testing.assert_allclose(picture.time(CONTOUR), [0.0, half], atol=1e-3)
+
+
+def test_the_picture_turns_the_cam_as_the_drive_did(bag: SmallBag, picture: Picture) -> None:
+    """The recorded rotation is the cam angle at the frame's time, counterclockwise about z."""
+    time, quaternion = picture.time(CAM), picture.numbers(CAM, "Transform3D:quaternion")
+    x, y, z, w = quaternion.T
+    angle = np.interp(time, bag.samples[0], bag.angle)
+    np.testing.assert_allclose(x, 0.0)
+    np.testing.assert_allclose(y, 0.0)
+    np.testing.assert_allclose(w + 1j * z, np.exp(0.5j * angle), atol=1e-6)
+
+
+def test_the_roller_touches_the_turned_contour(bag: SmallBag, picture: Picture) -> None:
+    """In contact the contour is one roller radius from the roller's centre, in flight farther."""
+    time = picture.time(FOLLOWER)
+    place = picture.numbers(FOLLOWER, "Transform3D:translation")[:, :2]
+    _, _, z, w = picture.numbers(CAM, "Transform3D:quaternion").T
+    strips = [np.array(row[0]) for row in picture.column(CONTOUR, "LineStrips2D:strips")]
+    mounted = np.searchsorted(picture.time(CONTOUR), time, side="right") - 1
+    sample = np.abs(bag.samples[0][:, None] - time).argmin(axis=0)
+    force = bag.samples[4, sample]
+    angle = 2.0 * np.arctan2(z, w)
+    gaps = np.array(
+        [gap(p, turned(strips[m], a)) for p, m, a in zip(place, mounted, angle, strict=True)]
+    )
+    assert (force > 0.0).sum() > 200
+    assert (force == 0.0).any()
+    np.testing.assert_allclose(gaps[force > 0.0], 10.0, atol=0.02)
+    assert gaps.min() > 9.98
+    assert gaps[force == 0.0].max() > 10.5
+
+
+def test_frames_come_at_equal_angles_across_blocks() -> None:
+    """One sample a frame, however the samples are cut into blocks."""
+    angle = np.linspace(0.0, 4.0 * np.pi, 5000, endpoint=False)
+    step = angle[1]
+    whole = frame_mask(angle, step)
+    cut = np.concatenate([frame_mask(part, step) for part in np.split(angle, 8)])
+    assert whole.sum() == 2 * FRAMES_PER_TURN
+    np.testing.assert_array_equal(whole, cut)
+    assert frame_mask(angle[::500], 500 * step).all()

@@ -1,0 +1,71 @@
+"""Opening the viewer fails with words, and the command line says them."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from cam_rig.cli.view import view
+from cam_rig.errors import CamRigError
+from cam_rig.view import viewer
+
+from .conftest import SmallBag
+
+app = typer.Typer()
+app.command()(view)
+
+
+@pytest.fixture
+def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A Linux machine without a screen."""
+    monkeypatch.setattr(sys, "platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def test_a_viewer_that_fails_is_an_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Its exit code is told, with the way out."""
+    monkeypatch.setattr(viewer, "COMMAND", "import sys; sys.exit(3)")
+    with pytest.raises(CamRigError, match=r"ended with code 3.*--save"):
+        viewer.show(tmp_path / "a.rrd")
+
+
+def test_the_viewer_gets_the_file_and_listens_to_nobody_else(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The recording comes last; the viewer's server is bound to loopback."""
+    said = tmp_path / "said"
+    monkeypatch.setattr(
+        viewer, "COMMAND", f"import sys; open({str(said)!r}, 'w').write(str(sys.argv))"
+    )
+    viewer.show(tmp_path / "a.rrd")
+    assert said.read_text().endswith(
+        f"'--bind', '127.0.0.1', '--hide-welcome-screen', '{tmp_path / 'a.rrd'}']"
+    )
+
+
+@pytest.mark.usefixtures("no_display")
+def test_without_a_screen_the_command_says_so(bag: SmallBag) -> None:
+    """Exit code 1, one line, before any work is done."""
+    result = CliRunner().invoke(app, [str(bag.path)])
+    assert result.exit_code == 1
+    assert "no display to open the viewer on" in result.stderr
+    assert "--save FILE.rrd" in result.stderr
+
+
+@pytest.mark.usefixtures("no_display")
+def test_saving_needs_no_screen_and_tells_path_and_size(bag: SmallBag, tmp_path: Path) -> None:
+    """The folder is made; a second time the file is in the way, but for --force."""
+    path = tmp_path / "out" / "a.rrd"
+    command = [str(bag.path), "--save", str(path)]
+    first, second = (CliRunner().invoke(app, command) for _ in range(2))
+    assert first.exit_code == 0
+    assert re.fullmatch(rf"{re.escape(str(path))}: \d+\.\d MB", first.stderr.strip())
+    assert second.exit_code == 1
+    assert "exists already" in second.stderr
+    assert CliRunner().invoke(app, [*command, "--force"]).exit_code == 0
