@@ -13,7 +13,7 @@ def test_numbers_are_listed_by_origin(bag: SmallBag) -> None:
     assert words.startswith("# Two cams, two speeds\n")
     assert "## Polynomial 3-4-5" in words
     assert "**given:** lift 0.05 m" in words
-    assert "**assumed:** base_radius 40 mm; roller_radius 10 mm" in words
+    assert "**assumed:** base_radius 65 mm; roller_radius 10 mm" in words
     assert "**identified:** segments[1].span 117.5 deg" in words
     assert "mass 1.3 kg" in words
     assert "Of every" not in words
