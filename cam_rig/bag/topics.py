@@ -55,7 +55,7 @@ FOLLOWER_SAMPLES = Topic(
 )
 LEVEL = Topic("/microphone/level", "std_msgs/msg/Float64", "tick", stamped=False)
 PRESSURE = Topic("/microphone/pressure", "sensor_msgs/msg/FluidPressure", "tick")
-DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "any", latched=False)
+DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "any")
 #: How far the recorder is: the stamp of the newest tick of which it has written every message.
 RECORDED = Topic("/recorder/written", "std_msgs/msg/Header", "tick")
 
