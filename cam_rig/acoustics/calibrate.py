@@ -6,18 +6,15 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from cam_rig.acoustics.level import REFERENCE_PRESSURE
 from cam_rig.acoustics.radiation import RadiationParameters
 from cam_rig.acoustics.steady import mean_square_rate
-from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics import FloatArray, FollowerParameters
 from cam_rig.dynamics.contact import loss_intervals
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
-
-FloatArray = NDArray[np.float64]
 
 #: Corner frequencies searched, Hz.
 CORNERS = (1.0, 1000.0)

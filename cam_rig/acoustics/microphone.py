@@ -6,11 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cam_rig.acoustics.radiation import RadiationParameters
-
-FloatArray = NDArray[np.float64]
+from cam_rig.dynamics import FloatArray
 
 
 @dataclass(frozen=True)

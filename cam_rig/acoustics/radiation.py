@@ -17,12 +17,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cam_rig.acoustics.level import pressure_pa
+from cam_rig.dynamics import FloatArray, FollowerParameters
 from cam_rig.schema import RigConfig
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -48,15 +46,14 @@ class RadiationParameters:
     @classmethod
     def from_rig(cls, rig: RigConfig) -> RadiationParameters:
         """Take the numbers of a rig file."""
-        r, follower = rig.radiation, rig.follower
-        stem = math.sqrt(follower.mass.si / follower.stem_stiffness.si)
+        r = rig.radiation
         return cls(
             gain=r.gain.si,
             corner=r.corner.si,
             background=r.background.si,
             background_at=r.background_at.si,
             background_slope=r.background_slope.si,
-            contact_time=math.pi * stem,
+            contact_time=FollowerParameters.from_rig(rig).contact_time,
         )
 
     @property

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cam_rig.acoustics.radiation import RadiationParameters
-from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics import FloatArray, FollowerParameters
 from cam_rig.dynamics.contact import force_ordinates
 from cam_rig.dynamics.propagator import periodic_state, piece
 from cam_rig.laws import Law, bernstein
-
-FloatArray = NDArray[np.float64]
 
 #: Gauss-Legendre nodes a sub-interval; each is short against the structure's time constant.
 NODES = 12

@@ -9,13 +9,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cam_rig.dynamics import COLUMNS
+from cam_rig.dynamics import COLUMNS, FloatArray
 from cam_rig.errors import BagError
 from cam_rig.laws import TURN, Law
 
-FloatArray = NDArray[np.float64]
 Dimensions = list[tuple[str, int]]
 
 #: A piece's row: the cam angle where it begins, then its Bernstein ordinates.

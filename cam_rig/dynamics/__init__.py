@@ -10,12 +10,12 @@ from cam_rig.dynamics.block import (
     NS,
     Block,
     Event,
-    FloatArray,
     FollowerState,
     Interval,
 )
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.laws import Law
+from cam_rig.laws.bernstein import FloatArray
 
 Advance = Callable[
     [Law, FollowerParameters, FollowerState | None, Interval, int], tuple[FollowerState, Block]

@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from cam_rig.laws.bernstein import FloatArray
 
 NS = 1_000_000_000
 #: Rows of a block, with their units.

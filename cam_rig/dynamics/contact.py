@@ -10,9 +10,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from cam_rig.dynamics.block import FloatArray
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.laws import TURN, Law, bernstein
+from cam_rig.laws.bernstein import FloatArray
 
 
 def force_weights(parameters: FollowerParameters, speed: float) -> FloatArray:

@@ -8,10 +8,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from cam_rig.dynamics.block import FloatArray
 from cam_rig.dynamics.impulse import response
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.laws import bernstein
+from cam_rig.laws.bernstein import FloatArray
 
 #: Degree of the power series that stands for the motion within a window of `Flight.window`.
 SERIES_DEGREE = 14

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from cam_rig.dynamics.block import FloatArray
+from cam_rig.laws.bernstein import FloatArray
 
 #: Below this time, in units of the fastest rate, the power series is used.
 SHORT = 0.5

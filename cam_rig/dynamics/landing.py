@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cam_rig.dynamics.block import FloatArray
 from cam_rig.dynamics.flight import SERIES_DEGREE, Flight
 from cam_rig.laws import TURN, Law, bernstein
+from cam_rig.laws.bernstein import FloatArray
 
 #: The follower has landed when it is this many rounding errors below the cam: at lift-off the
 #: gap and its first derivatives are zero, and rounding must not look like a landing.

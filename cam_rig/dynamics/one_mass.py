@@ -13,10 +13,17 @@ from dataclasses import replace
 import numpy as np
 
 from cam_rig.dynamics import kinetostatic
-from cam_rig.dynamics.block import NS, Block, FloatArray, FollowerState, Interval, SampleGrid
+from cam_rig.dynamics.block import (
+    NS,
+    Block,
+    FollowerState,
+    Interval,
+    SampleGrid,
+)
 from cam_rig.dynamics.course import Course, Phase
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.laws import Law
+from cam_rig.laws.bernstein import FloatArray
 
 
 def advance(

@@ -22,8 +22,8 @@ from functools import lru_cache
 import numpy as np
 from scipy.linalg import expm, matrix_balance, schur, solve_sylvester
 
-from cam_rig.dynamics.block import FloatArray
 from cam_rig.laws import bernstein
+from cam_rig.laws.bernstein import FloatArray
 
 #: A part of a piece spans at most this |A|T of its slow modes: Picard's terms stay below e⁴.
 PICARD_REACH = 4.0

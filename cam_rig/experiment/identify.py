@@ -12,9 +12,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import Bounds, differential_evolution, minimize
 
+from cam_rig.dynamics import FloatArray
 from cam_rig.errors import LawError
 from cam_rig.experiment.noise import step_levels
 from cam_rig.experiment.stage import Stage
@@ -22,8 +22,6 @@ from cam_rig.experiment.sweep import simulate
 from cam_rig.laws import build_law
 from cam_rig.laws.cam import arc_cam
 from cam_rig.schema import CamConfig, SceneConfig
-
-FloatArray = NDArray[np.float64]
 
 #: Bounds of lift (m), event span (deg) and nose span as a fraction of the event span.
 BOUNDS = np.array([[0.002, 0.05], [60.0, 300.0], [0.05, 0.95]])

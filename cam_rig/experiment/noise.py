@@ -6,15 +6,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cam_rig.acoustics import level_db
-from cam_rig.dynamics import NS
+from cam_rig.dynamics import NS, FloatArray
 from cam_rig.errors import CamRigError
 from cam_rig.experiment.program import CamState
 from cam_rig.schema import PublishedNoise
-
-FloatArray = NDArray[np.float64]
 
 #: Regressions are cubic, as the paper's.
 REGRESSION_DEGREE = 3
