@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
-from cam_rig.dynamics import kinetostatic, one_mass
+from cam_rig.dynamics import kinetostatic, one_mass, residual, separation_block
 from cam_rig.dynamics.block import (
     COLUMNS,
     NS,
@@ -14,16 +16,27 @@ from cam_rig.dynamics.block import (
     Interval,
 )
 from cam_rig.dynamics.parameters import FollowerParameters
+from cam_rig.dynamics.two_mass import TwoMassParameters
 from cam_rig.laws import Law
 from cam_rig.laws.bernstein import FloatArray
+from cam_rig.schema import RigConfig
 
-Advance = Callable[
-    [Law, FollowerParameters, FollowerState | None, Interval, int], tuple[FollowerState, Block]
-]
+Advance = Callable[[Law, Any, FollowerState | None, Interval, int], tuple[FollowerState, Block]]
 
-MODELS: dict[str, Advance] = {
-    "kinetostatic": kinetostatic.advance,
-    "one_mass": one_mass.advance,
+
+@dataclass(frozen=True)
+class Model:
+    """A follower model: what it takes from a rig, and how it passes through an interval."""
+
+    parameters: Callable[[RigConfig], Any]
+    advance: Advance
+
+
+MODELS: dict[str, Model] = {
+    "kinetostatic": Model(FollowerParameters.from_rig, kinetostatic.advance),
+    "one_mass": Model(FollowerParameters.from_rig, one_mass.advance),
+    "residual": Model(FollowerParameters.from_rig, residual.advance),
+    "separation": Model(TwoMassParameters.from_rig, separation_block.advance),
 }
 
 __all__ = [
@@ -37,4 +50,6 @@ __all__ = [
     "FollowerParameters",
     "FollowerState",
     "Interval",
+    "Model",
+    "TwoMassParameters",
 ]

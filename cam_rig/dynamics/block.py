@@ -87,6 +87,7 @@ class FollowerState:
     """Where the follower is at the end of an interval.
 
     ``pending_impulse`` (N·s) fell after the interval's last sample: the next block shows it.
+    ``inner`` is what else the model remembers: (y, ẏ) of the two-mass model's end mass.
     """
 
     displacement: float
@@ -94,6 +95,7 @@ class FollowerState:
     contact_force: float
     in_contact: bool
     pending_impulse: float = 0.0
+    inner: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

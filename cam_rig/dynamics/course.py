@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cam_rig.dynamics.block import NS, Event, EventKind, FollowerState, Interval
+from cam_rig.dynamics.block import Event, EventKind, FollowerState, Interval
 from cam_rig.dynamics.contact import loss_intervals
 from cam_rig.dynamics.flight import Flight
 from cam_rig.dynamics.kinetostatic import state_at
@@ -34,7 +34,7 @@ class Phase:
 
 @dataclass
 class Course:
-    """Finds phase after phase of an interval at constant speed.
+    """Finds phase after phase of an interval at constant speed; times since its start, in s.
 
     Nothing is stepped: contact ends where the force polynomial turns negative, flight ends
     where the gap closes, and between these the motion is known in closed form.
@@ -144,5 +144,4 @@ class Course:
     def _event(
         self, kind: EventKind, time: float, impulse: float = 0.0, lost: float = 0.0
     ) -> Event:
-        at = self.interval.start_ns / NS + time
-        return Event(kind, at, self._turns + self.angle(time), impulse, lost)
+        return Event(kind, time, self._turns + self.angle(time), impulse, lost)

@@ -50,8 +50,13 @@ def _series(damping: float, stiffness: float, time: FloatArray) -> Response:
     for i in range(1, TERMS - 1):
         pull = damping * (i + 1) * terms[i + 1] + stiffness * terms[i]
         terms.append(-pull / ((i + 1) * (i + 2)))
-    series = np.polynomial.Polynomial(terms)
-    return series.deriv(1)(time), series.deriv(2)(time), series(time)
+    step = np.array(terms)
+    order = np.arange(TERMS + 1.0)
+    impulse = np.append(step[1:] * order[1:], 0.0)
+    rate = np.append(impulse[1:] * order[1:], 0.0)
+    powers = np.vander(time, TERMS + 1, increasing=True)
+    found = powers @ np.stack([impulse, rate, step], axis=1)
+    return found[:, 0], found[:, 1], found[:, 2]
 
 
 def _oscillating(decay: float, square: float, stiffness: float, time: FloatArray) -> Response:

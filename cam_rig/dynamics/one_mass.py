@@ -21,6 +21,7 @@ from cam_rig.dynamics.block import (
     SampleGrid,
 )
 from cam_rig.dynamics.course import Course, Phase
+from cam_rig.dynamics.impulses import show_impulses
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.laws import Law
 from cam_rig.laws.bernstein import FloatArray
@@ -48,9 +49,11 @@ def advance(
         if phase.flight is not None:
             _show_flight(block.rows, grid, phase)
     pending = state.pending_impulse if state is not None else 0.0
-    pending = _show_impulses(block.rows, grid, course, pending)
+    pending = show_impulses(block.rows, grid, course.events, pending)
     end = replace(_end(course), pending_impulse=pending)
-    return end, replace(block, events=tuple(course.events))
+    begun = interval.start_ns / NS
+    events = tuple(replace(event, time=begun + event.time) for event in course.events)
+    return end, replace(block, events=events)
 
 
 def _show_flight(rows: FloatArray, grid: SampleGrid, phase: Phase) -> None:
@@ -61,20 +64,6 @@ def _show_flight(rows: FloatArray, grid: SampleGrid, phase: Phase) -> None:
         times = grid.offset + np.arange(first, end) / grid.sample_rate - phase.begin
         rows[1:4, first:end] = phase.flight.motion(times)
         rows[4, first:end] = 0.0
-
-
-def _show_impulses(rows: FloatArray, grid: SampleGrid, course: Course, pending: float) -> float:
-    """Add each landing's impulse to the sample at or after it; return what comes too late."""
-    start = course.interval.start_ns / NS
-    due = [(0, pending)]
-    due += [(grid.index_after(event.time - start), event.impulse) for event in course.events]
-    late = 0.0
-    for index, impulse in due:
-        if index < grid.count:
-            rows[5, index] += impulse
-        else:
-            late += impulse
-    return late
 
 
 def _end(course: Course) -> FollowerState:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from typing import Any
 
 from cam_rig.acoustics import MicrophoneState, RadiationParameters, hear
-from cam_rig.dynamics import MODELS, Block, FloatArray, FollowerParameters, FollowerState
-from cam_rig.dynamics.kinetostatic import state_at
+from cam_rig.dynamics import MODELS, Block, FloatArray, FollowerState, Model
 from cam_rig.experiment.noise import HeardTick
 from cam_rig.experiment.program import CamState, cam_states
 from cam_rig.experiment.stage import Stage
@@ -18,18 +18,19 @@ from cam_rig.laws import Law
 class FollowerBench:
     """The follower under the mounted cam: takes cam states, gives blocks. Used by the node too."""
 
-    parameters: FollowerParameters
-    model: str
+    model: Model
+    parameters: Any
     sample_rate: int
     laws: dict[str, Law] = field(default_factory=dict)
     _last: CamState | None = None
     _state: FollowerState | None = None
+    _owed: float = 0.0
 
     @classmethod
     def of(cls, stage: Stage) -> FollowerBench:
         """The follower of a scene."""
-        rate = int(stage.scene.sample_rate.si)
-        return cls(stage.follower, stage.scene.model, rate, dict(stage.laws))
+        model, rate = MODELS[stage.scene.model], int(stage.scene.sample_rate.si)
+        return cls(model, model.parameters(stage.rig), rate, dict(stage.laws))
 
     def turn_to(self, state: CamState) -> tuple[FollowerState, Block] | None:
         """The tick that ends at ``state``; None at the first state, which only begins one.
@@ -40,14 +41,13 @@ class FollowerBench:
         if start is None or start.speed == 0.0:
             return None
         law = self.laws[start.cam]
-        advance = MODELS[self.model]
-        end, block = advance(
+        end, block = self.model.advance(
             law, self.parameters, self._state, start.until(state), self.sample_rate
         )
-        self._state = end
-        if state.cam != start.cam:
-            down = state_at(self.laws[state.cam], self.parameters, state.angle, state.speed)
-            self._state = replace(down, pending_impulse=end.pending_impulse)
+        block.rows[5, 0] += self._owed
+        same = state.cam == start.cam
+        self._state = end if same else None
+        self._owed = 0.0 if same else end.pending_impulse  # struck by the cam before
         return end, block
 
 

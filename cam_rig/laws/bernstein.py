@@ -79,6 +79,18 @@ def elevate(ordinates: FloatArray, target: int) -> FloatArray:
     return ordinates if degree == target else elevation_matrix(degree, target) @ ordinates
 
 
+def taylor(ordinates: FloatArray) -> FloatArray:
+    """``(n, p + 1, p + 1)``: for each of n columns, basis values at u to the series f^(r)(u)/r!."""
+    degree = ordinates.shape[0] - 1
+    series = np.empty((ordinates.shape[1], degree + 1, degree + 1))
+    rows, factorial = ordinates, 1.0
+    for r in range(degree + 1):
+        series[:, :, r] = elevate(rows, degree).T / factorial
+        rows = derivative(rows)
+        factorial *= r + 1
+    return series
+
+
 def split(ordinates: FloatArray, u: float) -> tuple[FloatArray, FloatArray]:
     """De Casteljau: ordinates on [0, u] and on [u, 1]."""
     left = np.empty_like(ordinates)

@@ -8,11 +8,13 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import BPoly
 
-from cam_rig.errors import LawError
+from cam_rig.errors import DynamicsError, LawError
 from cam_rig.laws import bernstein
 from cam_rig.laws.bernstein import FloatArray
 
 TURN = 2.0 * np.pi
+#: A jump of s' above this, per rad and lift, is one; below, rounding.
+VELOCITY_JUMP = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +75,20 @@ class Law:
 
         At a joint the piece that begins there is taken (the right limit).
         """
-        return np.asarray(self.bpoly(np.asarray(angle, dtype=np.float64), nu=order))
+        at = np.asarray(angle, dtype=np.float64)
+        inside = (at - np.floor(at / TURN) * TURN).ravel()
+        pieces = np.clip(np.searchsorted(self.breaks, inside, side="right") - 1, 0, None)
+        pieces = np.minimum(pieces, self.spans.size - 1)
+        out = np.empty(inside.size)
+        ordinates = self._derivative(order)
+        for i in np.unique(pieces):
+            here = pieces == i
+            u = (inside[here] - self.breaks[i]) / self.spans[i]
+            out[here] = bernstein.evaluate(ordinates[:, i], u)
+        return out.reshape(at.shape)
+
+    def _derivative(self, order: int) -> FloatArray:
+        return self.motion[order] if order < 3 else self.derivative_ordinates(order)
 
     def derivative_ordinates(self, order: int) -> FloatArray:
         """``(p + 1, n)`` ordinates of the derivative in θ, written with the law's degree."""
@@ -92,12 +107,7 @@ class Law:
     @cached_property
     def taylor(self) -> FloatArray:
         """``(n, p + 1, p + 1)``: [i] takes basis values at u to the series s^(r)(u)/r! in u."""
-        series = np.empty((self.spans.size, self.degree + 1, self.degree + 1))
-        rows, factorial = self.ordinates, 1.0
-        for r in range(self.degree + 1):
-            series[:, :, r] = bernstein.elevate(rows, self.degree).T / factorial
-            rows = bernstein.derivative(rows)
-            factorial *= r + 1
+        series = bernstein.taylor(self.ordinates)
         series.setflags(write=False)
         return series
 
@@ -115,6 +125,17 @@ class Law:
         """``(n,)`` right minus left limit of the derivative at the start of each piece."""
         ordinates = self.derivative_ordinates(order)
         return np.asarray(ordinates[0] - np.roll(ordinates[-1], 1))
+
+    def require_velocity(self, model: str) -> None:
+        """Raise `DynamicsError` when the velocity jumps: an elastic model has no answer to that."""
+        jump = self.jumps(1)
+        worst = int(np.argmax(np.abs(jump)))
+        if abs(jump[worst]) > VELOCITY_JUMP * self.lift:
+            raise DynamicsError(
+                f"law {self.name!r}: velocity jumps by {jump[worst]:g} m/rad at "
+                f"{np.degrees(self.breaks[worst]):g}°; allowed in the model {model}: no jump (in "
+                "one_mass it throws the follower off or strikes it)"
+            )
 
     @cached_property
     def largest_step(self) -> float:

@@ -25,7 +25,7 @@ MIDDLE = 0.5 * (CHUNK - 1) / CHUNK
 
 
 @lru_cache(maxsize=64)
-def _powers(degree: int) -> FloatArray:
+def chunk_powers(degree: int) -> FloatArray:
     """``(degree + 1, CHUNK)`` powers of the chunk's local abscissa in [-1, 1]."""
     x = np.linspace(-1.0, 1.0, CHUNK)
     return np.asarray(x[None, :] ** np.arange(degree + 1)[:, None])
@@ -95,6 +95,6 @@ def _fill_in_chunks(law: Law, index: int, run: _Run, weights: FloatArray, out: F
     series *= (0.5 * run.step * (CHUNK - 1)) ** np.arange(degree + 1)
     for row, terms in zip(out, np.tensordot(weights, series, axes=1), strict=True):
         body = row[: full * CHUNK].reshape(full, CHUNK)
-        np.matmul(terms[:full], _powers(degree), out=body)
+        np.matmul(terms[:full], chunk_powers(degree), out=body)
         if chunks > full:
-            row[full * CHUNK :] = (terms[full] @ _powers(degree))[: run.count - full * CHUNK]
+            row[full * CHUNK :] = (terms[full] @ chunk_powers(degree))[: run.count - full * CHUNK]

@@ -14,13 +14,20 @@ Damping = Annotated[Quantity, must_be("damping", least=0.0)]
 
 
 class FollowerMechanics(Strict):
-    """The follower as one mass on a closing spring; the stem is the stiffness at contact."""
+    """The follower on its closing spring.
+
+    As one mass, the stem is the stiffness of a landing. The two-mass model (``separation``) also
+    needs ``roller_share``, the part of the mass on the cam's side of the stem, and
+    ``stem_damping``.
+    """
 
     mass: Mass
     spring_stiffness: Stiffness
     stem_stiffness: Stiffness
     damping: Damping
     preload: Annotated[Quantity, must_be("force", least=0.0)]
+    roller_share: Annotated[Quantity, must_be("ratio", above=0.0, most=0.99)] | None = None
+    stem_damping: Damping | None = None
     restitution: Annotated[Quantity, must_be("ratio", least=0.0, most=0.999)]
 
 

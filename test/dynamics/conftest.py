@@ -40,7 +40,7 @@ def run() -> Callable[..., Result]:
         rows, events = [], []
         for start, stop in itertools.pairwise(cuts_ns):
             interval = Interval(start, stop, speed * start / NS, speed)
-            state, block = MODELS[model](law, parameters, state, interval, sample_rate)
+            state, block = MODELS[model].advance(law, parameters, state, interval, sample_rate)
             rows.append(block.rows)
             events += block.events
         assert state is not None

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from cam_rig.acoustics import level_db, steady_power
+from cam_rig.dynamics import MODELS
 from cam_rig.experiment.noise import step_levels
 from cam_rig.experiment.program import cam_states, tick_count
 from cam_rig.experiment.sweep import FollowerBench, simulate
@@ -64,7 +65,7 @@ def test_no_impulse_is_lost(make_stage):
     sample on the old one waits for the next block all the same. At 670 rpm and 100 Hz there is one.
     """
     stage = make_stage(speeds=[670], sample_rate=100)
-    bench = FollowerBench(stage.follower, "one_mass", 100, stage.laws)
+    bench = FollowerBench(MODELS["one_mass"], stage.follower, 100, stage.laws)
     due = shown = pending = 0.0
     for state in cam_states(stage.scene):
         turned = bench.turn_to(state)
@@ -79,5 +80,5 @@ def test_no_impulse_is_lost(make_stage):
 def test_first_state_only_begins_a_tick(make_stage):
     """One state is no tick."""
     stage = make_stage()
-    bench = FollowerBench(stage.follower, "one_mass", 8000, stage.laws)
+    bench = FollowerBench(MODELS["one_mass"], stage.follower, 8000, stage.laws)
     assert bench.turn_to(next(iter(cam_states(stage.scene)))) is None

@@ -1,0 +1,111 @@
+"""The two-mass model as states at any times and as blocks of samples."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cam_rig.dynamics.block import NS, Block, FollowerState, Interval, SampleGrid
+from cam_rig.dynamics.impulses import show_impulses
+from cam_rig.dynamics.separation import Phase, Separation
+from cam_rig.dynamics.two_mass import TwoMassParameters, contact_response, force_output
+from cam_rig.dynamics.uniform import sample
+from cam_rig.laws import Law
+from cam_rig.laws.bernstein import FloatArray
+
+
+def states(course: Separation, times: FloatArray) -> FloatArray:
+    """(z, ż, y, ẏ, F) at ascending times in s of a course, ``(5, len(times))``."""
+    out = np.empty((5, times.size))
+    for phase in course.phases:
+        last = phase is course.phases[-1]
+        a = int(np.searchsorted(times, phase.begin))
+        b = times.size if last else int(np.searchsorted(times, phase.end))
+        if a < b:
+            out[:, a:b] = _phase_states(course, phase, times[a:b])
+    return out
+
+
+def _phase_states(course: Separation, phase: Phase, times: FloatArray) -> FloatArray:
+    if not phase.contact:
+        flight = course.fly(phase.state, times - phase.begin)
+        return np.vstack([flight, np.zeros(times.size)])
+    response = contact_response(course.law, course.parameters, course.speed)
+    angle = course.angle + course.speed * phase.begin
+    vibration = response.states(phase.state, angle, times - phase.begin)
+    cam = course.cam(times)
+    end_mass = course.parameters.static_place(cam) + vibration
+    return np.vstack([cam[:2], end_mass, course.force(vibration, times)])
+
+
+def advance(
+    law: Law,
+    parameters: TwoMassParameters,
+    state: FollowerState | None,
+    interval: Interval,
+    sample_rate: int,
+) -> tuple[FollowerState, Block]:
+    """Take the follower through the interval; None starts it at rest on the cam.
+
+    The block's motion is that of the roller mass, which meets the cam.
+    """
+    turns = np.floor(interval.angle / (2.0 * np.pi)) * 2.0 * np.pi
+    course = Separation(law, parameters, interval.speed, interval.angle - turns)
+    start = None if state is None else _start(state)
+    course.run(interval.duration, start, state is None or state.in_contact)
+    grid = interval.grid(sample_rate)
+    rows = np.zeros((6, grid.count))
+    rows[0] = (grid.first + np.arange(grid.count)) / sample_rate
+    for phase in course.phases:
+        _show(rows, grid, course, phase)
+    begun = interval.start_ns / NS
+    pending = state.pending_impulse if state is not None else 0.0
+    pending = show_impulses(rows, grid, course.events, pending)
+    events = tuple(
+        replace(event, time=begun + event.time, angle=turns + event.angle)
+        for event in course.events
+    )
+    end = _end(course, interval.duration, pending)
+    return end, Block(interval, rows, events)
+
+
+def _end(course: Separation, duration: float, pending: float) -> FollowerState:
+    z, v, y, w, force = states(course, np.array([duration]))[:, 0].tolist()
+    if not course.ends_in_contact:
+        return FollowerState(z, v, 0.0, False, pending, (y, w))
+    vibration = course.final_state.tolist()
+    return FollowerState(z, v, force, True, pending, tuple(vibration))
+
+
+def _start(state: FollowerState) -> FloatArray:
+    if state.in_contact:
+        return np.array(state.inner)
+    return np.array([state.displacement, state.velocity, *state.inner])
+
+
+def _show(rows: FloatArray, grid: SampleGrid, course: Separation, phase: Phase) -> None:
+    """Fill the samples of one phase."""
+    first = grid.index_after(phase.begin)
+    end = min(grid.index_after(phase.end), grid.count)
+    if first >= end:
+        return
+    times = grid.offset + np.arange(first, end) / grid.sample_rate
+    if phase.contact:
+        response = contact_response(course.law, course.parameters, course.speed)
+        angle = course.angle + course.speed * phase.begin
+        rows[1:4, first:end] = course.cam(times)
+        rows[4, first:end] = sample(
+            response,
+            phase.state,
+            angle,
+            float(times[0]) - phase.begin,
+            1.0 / grid.sample_rate,
+            end - first,
+            force_output(course.parameters),
+        )
+    else:
+        flight = course.fly(phase.state, times - phase.begin)
+        rows[1:3, first:end] = flight[:2]
+        p = course.parameters
+        rows[3, first:end] = p.flight_matrix[1] @ flight + p.flight_load[1]
