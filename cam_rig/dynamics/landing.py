@@ -33,13 +33,21 @@ def landing_time(
         follower = bernstein.elevate(flight.ordinates(begin, end), degree)
         cam = bernstein.restrict(law.ordinates[:, piece], low, high)
         reached = angle + speed * end
-        gap = follower - bernstein.elevate(cam, degree) + _rounding(follower, law, reached)
+        noise = _rounding(follower, law, reached)
+        gap = follower - bernstein.elevate(cam, degree) + noise
         if gap[0] <= 0.0:
             return begin
         roots = bernstein.crossings(gap)
         if roots or gap[-1] <= 0.0:
-            return begin + (end - begin) * (roots[0] if roots else 1.0)
+            below = roots[0] if roots else 1.0
+            return begin + (end - begin) * _zero_before(gap, noise, below)
     return None
+
+
+def _zero_before(gap: FloatArray, noise: float, below: float) -> float:
+    """The gap's own zero before it is below −noise, when it was clearly open before that."""
+    zeros = [u for u in bernstein.crossings(gap - noise) if u <= below]
+    return zeros[-1] if zeros and gap[0] > 2.0 * noise else below
 
 
 def _rounding(follower: FloatArray, law: Law, angle: float) -> float:

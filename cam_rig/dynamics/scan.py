@@ -18,14 +18,17 @@ WINDOW = 512
 Function = Callable[[FloatArray], FloatArray]
 
 
-def first_negative(function: Function, end: float, fastest_rate: float, least: int) -> float | None:
-    """Smallest t in (0, end] after which ``function`` is negative; None when there is none.
+def first_negative(
+    function: Function, noise: float, end: float, fastest_rate: float, least: int
+) -> float | None:
+    """The zero in (0, end] after which ``function`` is below −``noise``; None when there is none.
 
     The function is sampled finer than its fastest mode, window after window. A dip between two
     samples shows as a minimum that bends down towards zero; it is looked at again, 32 times finer.
 
     Parameters
     ----------
+    noise : what rounding may add; a function that only comes this far below zero has no zero
     fastest_rate : rad/s
     least : fewest grid points in all, for the slow part of the function
     """
@@ -33,25 +36,25 @@ def first_negative(function: Function, end: float, fastest_rate: float, least: i
     step = float(end / count)
     for first in range(0, count, WINDOW):
         times = step * np.arange(first, min(first + WINDOW, count) + 1, dtype=np.float64)
-        found = _in_window(function, times)
+        found = _in_window(function, noise, times)
         if found is not None:
             return found
     return None
 
 
-def _in_window(function: Function, times: FloatArray) -> float | None:
-    values = function(times)
+def _in_window(function: Function, noise: float, times: FloatArray) -> float | None:
+    values = function(times) + noise
     below = np.flatnonzero((values[1:] < 0.0) & (values[:-1] >= 0.0))
     dips = _dips(values)
     stop = below[0] if below.size else times.size
     for i in dips[dips <= stop]:
         fine = np.linspace(times[i - 1], times[i + 1], 65)
-        at = np.flatnonzero(function(fine) < 0.0)
+        at = np.flatnonzero(function(fine) + noise < 0.0)
         if at.size and at[0] > 0:
-            return _polish(function, float(fine[at[0] - 1]), float(fine[at[0]]))
+            return _polish(function, noise, float(fine[at[0] - 1]), float(fine[at[0]]))
     if not below.size:
         return None
-    return _polish(function, float(times[below[0]]), float(times[below[0] + 1]))
+    return _polish(function, noise, float(times[below[0]]), float(times[below[0] + 1]))
 
 
 def _dips(values: FloatArray) -> NDArray[np.intp]:
@@ -62,9 +65,12 @@ def _dips(values: FloatArray) -> NDArray[np.intp]:
     return np.asarray(np.flatnonzero(hidden) + 1)
 
 
-def _polish(function: Function, low: float, high: float) -> float:
+def _polish(function: Function, noise: float, low: float, high: float) -> float:
+    """The zero itself where the function was clearly above it before, else where it left it."""
+    shift = 0.0 if float(function(np.array([low]))[0]) > 0.0 else noise
+
     def scalar(t: float) -> float:
-        return float(function(np.array([t]))[0])
+        return float(function(np.array([t]))[0]) + shift
 
     if scalar(low) <= 0.0:
         return low
