@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from cam_rig.dynamics import kinetostatic, one_mass, residual, separation_block
+from cam_rig.dynamics import kinetostatic, one_mass, residual, separation_block, torsional_block
 from cam_rig.dynamics.block import (
     COLUMNS,
     NS,
@@ -37,6 +37,7 @@ MODELS: dict[str, Model] = {
     "one_mass": Model(FollowerParameters.from_rig, one_mass.advance),
     "residual": Model(FollowerParameters.from_rig, residual.advance),
     "separation": Model(TwoMassParameters.from_rig, separation_block.advance),
+    "torsional": Model(torsional_block.from_rig, torsional_block.advance),
 }
 
 __all__ = [

@@ -25,6 +25,9 @@ from cam_rig.laws.bernstein import FloatArray
 #: it is the argument of the Bessel functions that are the coefficients of an oscillation.
 DEGREES = (16, 24, 32, 48, 64)
 PHASES = (2.0, 7.0, 14.0, 30.0, 48.0)
+#: A vibration (rad, rad/s) that a long dwell has damped below this is none: nearer to the smallest
+#: number that a float can hold, it has no digits left to be resolved.
+DEAD = 1e-250
 #: A window is resolved when its last coefficients are below this fraction of the largest.
 RESOLVED = 1e-13
 #: Halvings and other changes of one window before it is given up.
@@ -136,6 +139,8 @@ class March:
 
     def _window(self, state: TorsionalState, piece: int, remaining: float) -> Window:
         """A solved and resolved window from ``state`` on: as long as can be."""
+        if max(abs(state.twist), abs(state.twist_rate)) < DEAD:
+            state = replace(state, twist=0.0, twist_rate=0.0)
         control, length = self._controls[piece], 0.0
         for _ in range(MOST_TRIES):
             length = self._length(state, piece, remaining)

@@ -42,10 +42,19 @@ class Radiation(Strict):
     calibrated_on: str = ""
 
 
+class Shaft(Strict):
+    """The shaft between flywheel and cam, for the model ``torsional``."""
+
+    cam_inertia: Annotated[Quantity, must_be("inertia", above=0.0)]
+    stiffness: Annotated[Quantity, must_be("torsional stiffness", above=0.0)]
+    damping: Annotated[Quantity, must_be("torsional damping", least=0.0)]
+
+
 class RigConfig(Strict):
     """One file of ``config/rigs/``."""
 
     name: str = Field(pattern=r"^[a-z][a-z0-9_]*$")
     title: str
     follower: FollowerMechanics
+    shaft: Shaft | None = None
     radiation: Radiation

@@ -10,7 +10,7 @@ from cam_rig.schema.quantity import Quantity, Strict, must_be
 
 #: A name refers to a file of that name, without the suffix.
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
-Model = Literal["kinetostatic", "one_mass", "residual", "separation"]
+Model = Literal["kinetostatic", "one_mass", "residual", "separation", "torsional"]
 
 
 class Program(Strict):

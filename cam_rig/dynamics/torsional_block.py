@@ -1,0 +1,66 @@
+"""The torsional model as a scene's model: blocks of the follower's motion at the twisted angle."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cam_rig.dynamics.block import NS, Block, FollowerState, Interval
+from cam_rig.dynamics.parameters import FollowerParameters
+from cam_rig.dynamics.torsional import TorsionalMotion, solve
+from cam_rig.dynamics.torsional_parameters import TorsionalParameters, TorsionalState
+from cam_rig.errors import ConfigError
+from cam_rig.laws import TURN, Law
+from cam_rig.laws.bernstein import FloatArray
+from cam_rig.schema import RigConfig
+
+
+def from_rig(rig: RigConfig) -> TorsionalParameters:
+    """The numbers of a rig file, whose flywheel holds its speed: the drive sets it.
+
+    Raises
+    ------
+    ConfigError : the file has no shaft
+    """
+    if rig.shaft is None:
+        raise ConfigError(f"rig {rig.name!r}: has no shaft; required by the model torsional")
+    return TorsionalParameters(
+        follower=FollowerParameters.from_rig(rig),
+        cam_inertia=rig.shaft.cam_inertia.si,
+        shaft_stiffness=rig.shaft.stiffness.si,
+        shaft_damping=rig.shaft.damping.si,
+    )
+
+
+def advance(
+    law: Law,
+    parameters: TorsionalParameters,
+    state: FollowerState | None,
+    interval: Interval,
+    sample_rate: int,
+) -> tuple[FollowerState, Block]:
+    """Take the cam on its shaft through the interval; None starts it untwisted at the speed.
+
+    The interval's angle and speed are the flywheel's; ``inner`` of the state is twist and rate.
+    """
+    turns = math.floor(interval.angle / TURN) * TURN
+    twist = (0.0, 0.0) if state is None else state.inner
+    start = TorsionalState(twist[0], twist[1], interval.angle - turns, interval.speed)
+    motion = solve(law, parameters, start, interval.start_ns / NS, interval.duration)
+    grid = interval.grid(sample_rate)
+    rows = np.zeros((6, grid.count))
+    rows[0] = (grid.first + np.arange(grid.count)) / sample_rate
+    inside = np.clip(interval.start_ns / NS + grid.since_start(), None, motion.stop_time)
+    rows[1:5] = follower_rows(motion, inside)
+    x, v, _, force = follower_rows(motion, np.array([motion.stop_time]))[:, 0].tolist()
+    inner = (motion.end.twist, motion.end.twist_rate)
+    return FollowerState(x, v, force, in_contact=True, inner=inner), Block(interval, rows)
+
+
+def follower_rows(motion: TorsionalMotion, times: FloatArray) -> FloatArray:
+    """Lift, velocity, acceleration and contact force, ``(4, len(times))``, at times in s."""
+    _, _, angle, speed, acceleration = motion.at(times)
+    s = np.stack([motion.law(angle, order) for order in range(3)])
+    follower = s[2] * speed**2 + s[1] * acceleration
+    return np.stack([s[0], s[1] * speed, follower, motion.contact_force(times)])
