@@ -32,5 +32,9 @@ class BagError(CamRigError):
     """A recording is missing, incomplete, or not one of ours."""
 
 
+class OutputError(CamRigError):
+    """A result cannot be written where it was asked for."""
+
+
 class RunError(CamRigError):
     """A node of the graph died, or did not answer."""

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cam_rig.cli.console import console, user_errors
+from cam_rig.cli.console import check_outputs, console, user_errors
 from cam_rig.cli.results import show
 
 
@@ -29,6 +29,7 @@ def analyze(
     cam-rig analyze bags/tm21_sweep_2026-01-31_12-00-00 --plot out/sweep.png --json out/sweep.json
     """
     with user_errors():
+        check_outputs(json_target, plot)
         analyze_bag(bag or newest_bag(), json_target, plot)
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +14,15 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from cam_rig.errors import CamRigError
+from cam_rig.errors import CamRigError, OutputError
 from cam_rig.schema.load import config_root
 
 #: People read stderr, programs read stdout.
 console = Console(stderr=True, highlight=False)
 
 DEFAULT_SCENE = "tm21_sweep"
+#: Kinds of picture a plot can be written as.
+PICTURES = (".png", ".svg", ".pdf", ".jpg")
 
 
 @contextmanager
@@ -51,5 +54,39 @@ def write_json(data: dict[str, Any], target: str) -> None:
     text = json.dumps(data, indent=2)
     if target == "-":
         print(text)
-    else:
-        Path(target).write_text(text + "\n", encoding="utf-8")
+        return
+    with writing(Path(target)) as part:
+        part.write_text(text + "\n", encoding="utf-8")
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[Path]:
+    """A file beside ``path`` to write into, which then takes its place whole.
+
+    Raises
+    ------
+    OutputError : the place cannot be written
+    """
+    part = path.with_name(f".{path.stem}.part{path.suffix}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield part
+        part.replace(path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
+    finally:
+        with suppress(OSError):
+            part.unlink()
+
+
+def check_outputs(json_target: str | None, plot: Path | None) -> None:
+    """Refuse, before anything runs, what could not be written afterwards."""
+    if plot is not None and plot.suffix.lower() not in PICTURES:
+        raise OutputError(f"{plot}: unknown kind of picture; allowed: {', '.join(PICTURES)}")
+    asked = [plot, None if json_target in (None, "-") else Path(str(json_target))]
+    for target in (path for path in asked if path is not None):
+        if target.is_dir():
+            raise OutputError(f"{target}: is a folder; allowed: a file")
+        nearest = next(parent for parent in target.absolute().parents if parent.exists())
+        if not (nearest.is_dir() and os.access(nearest, os.W_OK)):
+            raise OutputError(f"{target}: cannot be written, {nearest} is no writable folder")

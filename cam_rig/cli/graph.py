@@ -12,13 +12,16 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from queue import Empty, Queue
-from types import TracebackType
+from types import FrameType, TracebackType
+from typing import Any
 
 from cam_rig.errors import RunError
 from cam_rig.schema.load import config_root
 
 #: Started in this order, ended in the other: who listens must outlive who speaks.
 NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
+#: Signals that end a run; a closed terminal is one of them.
+STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 #: Wall time (s) a node has to end when asked to, before it is killed.
 GRACE = 10.0
 
@@ -37,8 +40,11 @@ class Graph:
         self.processes: dict[str, subprocess.Popen[str]] = {}
         self._errors: dict[str, list[str]] = {}
         self._lines: Queue[str] = Queue()
+        self._handlers: dict[int, Any] = {}
 
     def __enter__(self) -> Graph:
+        for number in STOPPING:
+            self._handlers[int(number)] = signal.signal(number, _interrupt)
         for name in NODES:
             self._start(name)
         return self
@@ -49,9 +55,13 @@ class Graph:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        for number in STOPPING:  # a second Ctrl-C must not leave nodes behind
+            signal.signal(number, signal.SIG_IGN)
         *speakers, recorder = [self.processes[n] for n in reversed(NODES) if n in self.processes]
         _stop(speakers)
         _stop([recorder])  # last, so that it hears the others to the end
+        for stopping, handler in self._handlers.items():
+            signal.signal(stopping, handler)
 
     def progress(self) -> Iterator[dict[str, float | str]]:
         """What the drive reports, until it has finished.
@@ -74,12 +84,14 @@ class Graph:
                 raise RunError(self._obituary(dead[0], ended[dead[0]] or 0))
 
     def _start(self, name: str) -> None:
-        arguments = {"scene": str(self._scene)}
+        arguments: dict[str, str | bool] = {"scene": str(self._scene)}
         if name == "recorder":
             arguments["bag"] = str(self._bag)
         if name == "cam_drive":
-            arguments["report_progress"] = "true"
-        ros = [part for key, value in arguments.items() for part in ("-p", f"{key}:={value}")]
+            arguments["report_progress"] = True
+        # as JSON, which is YAML too: a folder called yes or 1e3 stays a text
+        pairs = (f"{key}:={json.dumps(value)}" for key, value in arguments.items())
+        ros = [part for pair in pairs for part in ("-p", pair)]
         process = subprocess.Popen(
             [sys.executable, "-m", f"cam_rig.nodes.{name}", "--ros-args", *ros],
             stdin=subprocess.DEVNULL,
@@ -103,12 +115,25 @@ class Graph:
         return f"node {name} {how}: {said}"
 
 
+class InterruptError(RunError):
+    """The run was told to stop; the exit code is the shell's convention, 128 + signal."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(f"interrupted by {signal.Signals(number).name}")
+        self.exit_code = 128 + number
+
+
+def _interrupt(number: int, _frame: FrameType | None) -> None:
+    raise InterruptError(number)
+
+
 def environment() -> dict[str, str]:
     """The nodes' environment: no socket leaves this machine unless the user says otherwise."""
     own = dict(os.environ)
     # The nodes' matrices are small: threads inside one node only take the cores of the others.
     for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         own.setdefault(threads, "1")
+    own["CAM_RIG_RUNNER"] = str(os.getpid())
     own.setdefault("FASTDDS_DEFAULT_PROFILES_FILE", str(config_root() / "fastdds_loopback.xml"))
     return own
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from rich.table import Table
 
-from cam_rig.cli.console import console, write_json
+from cam_rig.cli.console import console, write_json, writing
 from cam_rig.experiment.noise import NoiseResult
 from cam_rig.experiment.stage import Stage
 
@@ -46,7 +46,7 @@ def table(result: NoiseResult, stage: Stage) -> Table:
             curve.cam,
             f"{c0:.5g} {c1:+.5g} x {c2:+.5g} x² {c3:+.5g} x³",
             rmse,
-            curve.role,
+            "" if curve.rmse_db is None else curve.role,
             f"{curve.level_db[0]:.1f} … {curve.level_db[-1]:.1f} dB",
         )
     return out
@@ -70,7 +70,8 @@ def show(
     if plot is not None:
         from cam_rig.view.noise_plot import draw
 
-        draw(result, stage, plot)
+        with writing(plot) as part:
+            draw(result, stage, part)
         console.print(f"plot: {plot}")
     if json_target is not None:
         write_json(to_json(result, counts), json_target)

@@ -34,7 +34,7 @@ def run(
     cam-rig run config/scenes/quick.yaml --bag bags/mine --analyze
     """
     with user_errors():
-        from cam_rig.errors import BagError
+        from cam_rig.errors import BagError, RunError
 
         path = scene_path(scene)
         target = bag or Path(time.strftime(f"bags/{path.stem}_%Y-%m-%d_%H-%M-%S"))
@@ -42,9 +42,10 @@ def run(
             raise BagError(f"{target}: exists already, not overwriting; name another with --bag")
         try:
             _run(path, target)
-        except KeyboardInterrupt:
-            console.print(f"interrupted; what was recorded is in {target}")
-            raise typer.Exit(130) from None
+        except RunError:
+            if target.is_dir():
+                console.print(f"what was recorded so far is in {target}")
+            raise
         if analyze:
             from cam_rig.cli.analyze import analyze_bag
 

@@ -7,7 +7,14 @@ from typing import Annotated
 
 import typer
 
-from cam_rig.cli.console import DEFAULT_SCENE, console, progress_bar, scene_path, user_errors
+from cam_rig.cli.console import (
+    DEFAULT_SCENE,
+    check_outputs,
+    console,
+    progress_bar,
+    scene_path,
+    user_errors,
+)
 from cam_rig.cli.results import show
 
 
@@ -36,6 +43,7 @@ def simulate(
         from cam_rig.experiment.stage import open_stage
         from cam_rig.experiment.sweep import simulate as run
 
+        check_outputs(json_target, plot)
         path = scene_path(scene)
         stage = open_stage(path)
         begun = time.perf_counter()

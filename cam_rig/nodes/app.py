@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+import os
 import signal
 import sys
 from collections.abc import Callable
@@ -64,11 +66,21 @@ class RigNode(Node):
 
 def run(make: Callable[[], RigNode]) -> None:
     """Run a node until it finishes, fails, or is told to stop (SIGINT, SIGTERM)."""
+    _end_with_the_runner()
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         sys.exit(_spin(make))
     finally:
         rclpy.try_shutdown()
+
+
+def _end_with_the_runner() -> None:
+    """A runner that is killed outright must not leave its nodes behind (PR_SET_PDEATHSIG)."""
+    runner = os.environ.get("CAM_RIG_RUNNER")
+    if runner is not None and sys.platform == "linux":
+        ctypes.CDLL(None).prctl(1, signal.SIGINT)
+        if os.getppid() != int(runner):
+            sys.exit(f"the runner {runner} has ended")
 
 
 def _spin(make: Callable[[], RigNode]) -> int:

@@ -45,6 +45,5 @@ def draw(result: NoiseResult, stage: Stage, path: Path) -> None:
     axes.set(xlabel="cam speed [rpm]", ylabel="sound level [dB]", title=stage.scene.title)
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8, loc="upper left")
-    path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=130)
     plt.close(figure)

@@ -53,12 +53,19 @@ def test_analyze_reads_the_golden_bag():
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        (["simulate", "no_such_scene"], 2, "no_such_scene.yaml: no such file; there are: quick"),
+        (["simulate", "no_such_scene"], 2, "no_such_scene.yaml: no such file; there are: "),
         (["run", "no_such_scene", "--bag", "{tmp}/bag"], 2, "no such file"),
         (["run", "quick", "--bag", "{tmp}"], 1, "exists already, not overwriting"),
         (["analyze", "{tmp}/none"], 1, "no such bag"),
         (["identify", "bezier15"], 2, "cannot be identified"),
         (["simulate", "--nonsense"], 2, ""),
+        (
+            ["simulate", "quick", "--plot", "{tmp}/a.xyz"],
+            1,
+            "unknown kind of picture; allowed: .png",
+        ),
+        (["simulate", "quick", "--json", "{tmp}"], 1, "is a folder; allowed: a file"),
+        (["simulate", "quick", "--json", "/proc/none/a.json"], 1, "/proc/none/a.json: cannot be"),
     ],
 )
 def test_errors_are_one_line_with_a_code(tmp_path, arguments, code, words):

@@ -67,6 +67,6 @@ def test_ctrl_c_ends_all_and_closes_the_bag(ros_domain, tmp_path):
     process.send_signal(signal.SIGINT)
     _, words = process.communicate(timeout=30)
     assert process.returncode == 130
-    assert "interrupted" in words
+    assert "interrupted by SIGINT" in words
     assert read_recording(bag).ticks
     assert node_processes(bag) == []
