@@ -9,7 +9,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 # A sourced ROS installation must not leak into .venv.
 unexport PYTHONPATH
 
-.PHONY: help setup run view test lock clean
+.PHONY: help setup run view test bench lock clean
 
 help: ## list these targets
 	@sed -nE 's/^([a-z]+):[^#]*## (.*)/  make \1\t\2/p' Makefile | expand -t 15
@@ -29,9 +29,12 @@ test: setup ## lint, types, import rules, tests
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest
 
+bench: setup ## speed against error, against other solvers: writes docs/speed.md (5 minutes)
+	@OMP_NUM_THREADS=1 $(BIN)/python benchmark/work_precision.py
+
 lock: | $(BIN)/pip ## resolve requirements.lock anew (remove it first to raise every version)
 	@$(PIP) install uv==0.13.8
-	$(BIN)/uv pip compile setup.py --extra ros-wheels --extra test --output-file requirements.lock \
+	$(BIN)/uv pip compile setup.py --extra ros-wheels --extra bench --extra test --output-file requirements.lock \
 		--universal --python-version 3.11 --fork-strategy fewest \
 		--no-annotate --custom-compile-command 'make lock' --quiet
 

@@ -32,6 +32,8 @@ ROS_WHEELS = [
     "ros-kilted-std-srvs",
     "ros-kilted-trajectory-msgs",
 ]
+# The solvers that `cam-rig bench` measures against, beside scipy's.
+BENCH = ["scikit-sundae"]
 TEST = [
     "hypothesis",
     "import-linter",
@@ -66,7 +68,7 @@ setup(
     maintainer_email="cam_rig@example.org",
     python_requires=">=3.11,<3.14",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed"]},
+    package_data={NAME: ["py.typed", "bench/reference/*.json"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
@@ -75,7 +77,7 @@ setup(
     ],
     zip_safe=False,
     install_requires=RUNTIME,
-    extras_require={"ros-wheels": ROS_WHEELS, "test": TEST},
+    extras_require={"ros-wheels": ROS_WHEELS, "bench": BENCH, "test": TEST},
     entry_points={
         "console_scripts": [
             f"cam-rig = {NAME}.cli.main:main",

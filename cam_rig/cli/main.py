@@ -5,6 +5,7 @@ from __future__ import annotations
 import typer
 
 from cam_rig.cli.analyze import analyze
+from cam_rig.cli.bench import bench
 from cam_rig.cli.calibrate import calibrate
 from cam_rig.cli.identify import identify
 from cam_rig.cli.run import run
@@ -18,7 +19,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for verb in (run, simulate, analyze, view, calibrate, identify):
+for verb in (run, simulate, analyze, view, calibrate, identify, bench):
     app.command()(verb)
 
 

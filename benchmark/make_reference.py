@@ -1,0 +1,29 @@
+"""Computes the study's references with 50 digits: cam_rig/bench/reference/*.json.
+
+Run it from the project's root: .venv/bin/python benchmark/make_reference.py [case ...]
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+
+from cam_rig.bench import exact, exact_twist, stored
+from cam_rig.bench.cases import CASES
+from cam_rig.bench.twist import Twist
+
+
+def main() -> None:
+    """Solve and store."""
+    for name in sys.argv[1:] or CASES:
+        case = CASES[name]()
+        begun = time.perf_counter()
+        solver = exact_twist if isinstance(case.model, Twist) else exact
+        solution = solver.solve(case)
+        path = stored.write(case, solution)
+        took = time.perf_counter() - begun
+        print(f"{path}: {case.times.size} times, {len(solution.events)} events, {took:.0f} s")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,94 @@
+"""Error against time, the rig beside its peers: writes docs/speed.md and its plot.
+
+Run it from the project's root: OMP_NUM_THREADS=1 .venv/bin/python benchmark/work_precision.py
+"""
+
+from __future__ import annotations
+
+import platform
+from pathlib import Path
+
+from cam_rig.bench.peers import PEERS
+from cam_rig.bench.plot import draw
+from cam_rig.bench.report import HEADER, KEY, notes, rows
+from cam_rig.bench.study import FULL
+from cam_rig.cli.bench import measure
+
+PAGE, PLOT = Path("docs/speed.md"), Path("docs/speed.png")
+
+TEXT = """\
+# Speed against error
+
+What a result costs here, and what the same result costs with the solvers one would otherwise
+pick: error against a 50-digit reference, and wall time, both in one run.
+
+![error against wall time](speed.png)
+
+{table}
+
+{key}
+
+Error: largest difference over the output times, relative to the largest value, of displacement
+or velocity, whichever is worse. Events: largest time between an event and the nearest of its
+kind in the reference, so a missed or invented event counts. Time: median, in one process on one
+of {cores} cores ({machine}); a rig's run starts with a law of which nothing is cached.
+
+Samples of lift, velocity and acceleration per second (Bézier 15 at 48 kHz, blocks of 131072):
+{rates}.
+
+## What the peers are given
+
+- Relative tolerances from {loosest:.0e} to {tightest:.0e}, as tight as the time allows.
+- Their Jacobian and their event functions, and a restart at every joint of the law, so that they
+  never step across a jump of a derivative.
+- A right-hand side in plain Python floats; the law by Horner's rule about the middle of a piece.
+- The gap as the state in flight: it starts at exactly zero.
+- Contact of the one mass costs them nothing: it is the law, and lift-off a root of a polynomial.
+{options}
+{notes}
+
+## The cases
+
+{cases}
+
+The references are made by `benchmark/make_reference.py`: closed forms of every linear phase with
+60 digits, events as roots of these; the torsional one by Taylor series of order 40 with 45 digits.
+Made by `benchmark/work_precision.py` in {took:.0f} s; `cam-rig bench` measures this machine.
+"""
+
+
+def markdown(lines: list[tuple[str, ...]]) -> str:
+    """A Markdown table."""
+    ruler = ["---", "---", *["---:"] * (len(HEADER) - 2)]
+    return "\n".join("| " + " | ".join(line) + " |" for line in [HEADER, tuple(ruler), *lines])
+
+
+def bullets(lines: list[str]) -> str:
+    return "\n".join(f"- {line}" for line in lines)
+
+
+def main() -> None:
+    """Measure and write."""
+    study = measure(quick=False)
+    draw(study, PLOT)
+    left_out = notes(study)
+    options = dict.fromkeys(f"{peer.name}: {peer.options}." for peer in PEERS)
+    text = TEXT.format(
+        table=markdown(rows(study)),
+        key=KEY,
+        cores=study.cores,
+        machine=f"{platform.machine()}, Python {platform.python_version()}",
+        rates=", ".join(f"{name} {rate / 1e6:.0f} million" for name, rate in study.rates.items()),
+        loosest=FULL.rtols[0],
+        tightest=FULL.rtols[-1],
+        options=bullets(list(options)),
+        notes="\nLeft out:\n\n" + bullets(left_out) if left_out else "",
+        cases=bullets([f"`{name}`: {r.case.title}." for name, r in study.cases.items()]),
+        took=study.took_s,
+    )
+    PAGE.write_text(text, encoding="utf-8")
+    print(f"{PAGE}, {PLOT}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,108 @@
+"""The study as plain data and as rows for a table."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from cam_rig.bench.cases import QUICK_TURNS
+from cam_rig.bench.result import CaseResult, Point, Study, Sweep
+
+HEADER = ("case", "solver, rtol", "time", "error", "events", "x rig")
+#: What a reader of the rows must know.
+KEY = (
+    "Each peer at its cheapest setting with an error no larger than the rig's; where it has none, "
+    "at its most accurate one: the ratio, marked >, is then a bound, for the same error costs more."
+)
+
+
+def to_json(study: Study) -> dict[str, Any]:
+    """The promised keys, and beside them what a reader needs to judge them."""
+    return {
+        "cases": {name: _case(result) for name, result in study.cases.items()},
+        "samples_per_s": min(study.rates.values()),
+        "samples_per_s_by_model": study.rates,
+        "quick": study.quick,
+        "cores_used": 1,
+        "cores": study.cores,
+        "took_s": study.took_s,
+    }
+
+
+def _case(result: CaseResult) -> dict[str, Any]:
+    rig: dict[str, Any] = {"time_s": None, "error": None, "note": result.missing}
+    if result.rig is not None:
+        rig = _point(result.rig)
+    peers = {}
+    for name in result.peers:
+        best = result.best(name)
+        if best is not None:
+            sweep, point = best
+            peers[name] = {
+                **_point(point),
+                "method": sweep.peer.method,
+                "ratio": result.ratio(point),
+                "no_worse_than_rig": result.as_good(point),
+                "options": sweep.peer.options,
+            }
+    sweeps = {
+        sweep.peer.title: {"settings": [_point(p) for p in sweep.points], "notes": sweep.notes}
+        for sweep in result.sweeps
+    }
+    return {"title": result.case.title, "rig": rig, "peers": peers, "sweeps": sweeps}
+
+
+def _point(point: Point) -> dict[str, Any]:
+    data = {"time_s": point.time_s, "error": point.error, "repeats": point.repeats}
+    extra = {"event_error_s": point.event_error_s, "rtol": point.rtol}
+    return data | {key: value for key, value in extra.items() if value is not None}
+
+
+def rows(study: Study) -> list[tuple[str, ...]]:
+    """Rows as in `HEADER`: the rig, then each peer at the setting it is compared at."""
+    out: list[tuple[str, ...]] = []
+    for name, result in study.cases.items():
+        if result.rig is None:
+            out.append((name, f"rig: {result.missing}", "", "", "", ""))
+        else:
+            out.append((name, "rig", *_cells(result.rig), "1"))
+        for peer in result.peers:
+            best = result.best(peer)
+            out.append(("", *(_peer(result, *best) if best else _absent(result, peer))))
+    return out
+
+
+def _cells(point: Point) -> tuple[str, str, str]:
+    events = "" if point.event_error_s is None else f"{point.event_error_s:.1e} s"
+    digits = max(0, 1 - math.floor(math.log10(1e3 * point.time_s)))
+    return f"{1e3 * point.time_s:.{digits}f} ms", f"{point.error:.1e}", events
+
+
+def _peer(result: CaseResult, sweep: Sweep, point: Point) -> tuple[str, ...]:
+    ratio = result.ratio(point)
+    bound = "" if result.as_good(point) else "> "
+    title = f"{sweep.peer.title} {point.rtol:.0e}"
+    shown = "" if ratio is None else f"{bound}{ratio:.{0 if ratio >= 10 else 1}f}"
+    return title, *_cells(point), shown
+
+
+def _absent(result: CaseResult, peer: str) -> tuple[str, ...]:
+    notes = [n for s in result.sweeps if s.peer.name == peer for n in s.notes]
+    return (f"{peer}: {notes[0] if notes else 'not measured'}", "", "", "", "")
+
+
+def notes(study: Study) -> list[str]:
+    """What was left out or cut short, one line each."""
+    out = [
+        f"{name}: {sweep.peer.title}: {note}"
+        for name, result in study.cases.items()
+        for sweep in result.sweeps
+        for note in sweep.notes
+    ]
+    if study.quick:
+        out += [
+            f"{name}: {r.case.turns} turns only, for the rig and the peers (quick)"
+            for name, r in study.cases.items()
+            if name in QUICK_TURNS
+        ]
+    return out

@@ -1,0 +1,94 @@
+"""The rig's own solution of each case, through the models' public functions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from cam_rig.bench.case import Case, Solution
+from cam_rig.bench.models import OneMass, Oscillator, TwoMasses
+from cam_rig.bench.twist import Twist
+from cam_rig.dynamics import FollowerParameters, Interval, residual
+from cam_rig.dynamics import torsional as torsion
+from cam_rig.dynamics.block import NS
+from cam_rig.dynamics.course import Course
+from cam_rig.dynamics.separation import Separation
+from cam_rig.dynamics.separation_block import states
+from cam_rig.dynamics.two_mass import TwoMassParameters
+
+#: A stiffness that plays no part in the result.
+ANY_STIFFNESS = 3.3e8
+
+
+def solve(case: Case) -> Solution:
+    """The case by the rig."""
+    return ADAPTERS[type(case.model)](case)
+
+
+def _oscillator(case: Case) -> Solution:
+    p = case.model
+    assert isinstance(p, Oscillator)
+    follower = FollowerParameters(p.mass, p.spring_stiffness, p.damping, 0.0, p.stem_stiffness)
+    rows = residual.motion(case.law, follower, case.speed, 0.0, np.zeros(2), case.times)
+    return Solution(rows[:1], rows[1:2])
+
+
+def _two_masses(case: Case) -> Solution:
+    p = case.model
+    assert isinstance(p, TwoMasses)
+    parameters = TwoMassParameters(
+        roller_mass=p.roller_mass,
+        end_mass=p.stem_mass,
+        stem_stiffness=p.stem_stiffness,
+        spring_stiffness=p.spring_stiffness,
+        stem_damping=p.stem_damping,
+        damping=p.spring_damping,
+        preload=p.preload,
+    )
+    course = Separation(case.law, parameters, case.speed)
+    course.run(case.duration)
+    rows = states(course, case.times)
+    events = tuple((event.kind, event.time) for event in course.events)
+    return Solution(rows[0:3:2], rows[1:4:2], events)
+
+
+def _one_mass(case: Case) -> Solution:
+    p = case.model
+    assert isinstance(p, OneMass)
+    follower = FollowerParameters(
+        p.mass, p.stiffness, p.damping, p.preload, ANY_STIFFNESS, p.restitution
+    )
+    course = Course(case.law, follower, Interval(0, math.ceil(case.duration * NS), 0.0, case.speed))
+    course.run(None)
+    motion = np.empty((2, case.times.size))
+    for phase in course.phases:
+        here = (case.times >= phase.begin) & (case.times < phase.end)
+        times = case.times[here]
+        if phase.flight is not None:
+            motion[:, here] = phase.flight.state(times - phase.begin)
+        else:
+            angle = case.speed * times
+            motion[:, here] = case.law(angle), case.speed * case.law(angle, 1)
+    events = tuple((e.kind, e.time) for e in course.events if e.time <= case.duration)
+    return Solution(motion[:1], motion[1:], events)
+
+
+def _twist(case: Case) -> Solution:
+    p = case.model
+    assert isinstance(p, Twist)
+    follower = FollowerParameters(p.mass, p.stiffness, p.damping, p.preload, ANY_STIFFNESS)
+    parameters = torsion.TorsionalParameters(follower, p.inertia, p.shaft_stiffness)
+    start = torsion.TorsionalState(0.0, 0.0, 0.0, case.speed)
+    motion = torsion.solve(case.law, parameters, start, 0.0, case.duration)
+    rows = motion.at(case.times)
+    return Solution(rows[:1], rows[1:2])
+
+
+ADAPTERS: dict[type, Callable[[Case], Solution]] = {
+    Oscillator: _oscillator,
+    TwoMasses: _two_masses,
+    OneMass: _one_mass,
+    Twist: _twist,
+}

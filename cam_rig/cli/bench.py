@@ -1,0 +1,86 @@
+"""cam-rig bench: the rig's speed and error on this machine, beside other solvers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cam_rig.cli.console import console, progress_bar, user_errors, write_json
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from cam_rig.bench.result import Study
+
+
+def bench(
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer settings, under 50 s.")] = False,
+    json_target: Annotated[
+        str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")
+    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Write the plot (PNG, SVG, PDF).")] = None,
+) -> None:
+    """Measure error against time for the rig, scipy's solvers and SUNDIALS CVODE.
+
+    One core; set OMP_NUM_THREADS=1 for the same in numpy. CVODE needs the extra 'bench'.
+
+    Examples
+    --------
+    cam-rig bench --quick
+
+    cam-rig bench --json out/bench.json --plot out/bench.png
+    """
+    with user_errors():
+        from cam_rig.bench.report import notes, to_json
+
+        study = measure(quick)
+        console.print(table(study))
+        for note in notes(study):
+            console.print(f"  {note}", markup=False)
+        if plot is not None:
+            from cam_rig.bench.plot import draw
+
+            draw(study, plot)
+            console.print(f"plot: {plot}")
+        if json_target is not None:
+            write_json(to_json(study), json_target)
+
+
+def measure(quick: bool) -> Study:
+    """Run the study behind a progress bar."""
+    import os
+
+    from cam_rig.bench.peers import PEERS
+    from cam_rig.bench.study import ORDER, run
+
+    with progress_bar() as bar:
+        task = bar.add_task("bench", total=len(ORDER) * len(PEERS))
+
+        def advance(what: str) -> None:
+            bar.update(task, description=what, advance=1)
+
+        return run(quick, advance, cores=os.cpu_count() or 1)
+
+
+def table(study: Study) -> Table:
+    """The measured points, each case's rig first."""
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    from cam_rig.bench.report import HEADER, KEY, rows
+
+    rate = min(study.rates.values()) / 1e6
+    title = (
+        f"one of {study.cores} cores, {study.took_s:.0f} s; "
+        f"{rate:.0f} million samples of lift, velocity, acceleration a second"
+    )
+    out = Table(title=title, caption=KEY, box=SIMPLE, padding=(0, 1, 0, 0))
+    for i, name in enumerate(HEADER):
+        out.add_column(name, justify="right" if i > 1 else "left", no_wrap=True)
+    for row in rows(study):
+        if row[0]:
+            out.add_section()
+        out.add_row(*row)
+    return out

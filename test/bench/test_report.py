@@ -1,0 +1,115 @@
+"""The measure, the comparison and what is written about them."""
+
+import json
+
+import numpy as np
+import pytest
+
+from cam_rig.bench import rig, stored
+from cam_rig.bench.case import Solution
+from cam_rig.bench.peers import PEERS
+from cam_rig.bench.plot import draw
+from cam_rig.bench.report import HEADER, notes, rows, to_json
+from cam_rig.bench.result import CaseResult, Point, Study, Sweep
+
+
+def solution(events=(), shift=0.0):
+    return Solution(np.array([[1.0, 2.0 + shift]]), np.array([[4.0, -8.0]]), tuple(events))
+
+
+def point(time_s, error, rtol=None):
+    return Point(time_s, error, None, 3, rtol)
+
+
+@pytest.fixture
+def study(cases):
+    """A case that the rig wins against one peer and a case without the rig's side."""
+    dop853, adams, bdf, *_ = PEERS
+    sweeps = [
+        Sweep(dop853, [point(0.2, 1e-6, 1e-6), point(0.5, 1e-9, 1e-9)], ["rest left out"]),
+        Sweep(adams, [point(0.3, 1e-12, 1e-11)]),
+        Sweep(bdf, [point(0.1, 1e-12, 1e-11), point(0.4, 1e-13, 1e-12)]),
+    ]
+    done = CaseResult(cases["resonance"], point(0.01, 2e-12), None, sweeps)
+    absent = CaseResult(cases["torsional"], None, "not written yet", [Sweep(dop853)])
+    rates = {"kinetostatic": 6e7, "residual": 5e7}
+    return Study({"resonance": done, "torsional": absent}, rates, True, 2, 1.0)
+
+
+def test_error_is_relative_to_the_largest_value():
+    """The worse of displacement and velocity counts."""
+    assert solution(shift=0.5).error(solution()) == pytest.approx(0.25)
+    assert solution().error(solution()) == 0.0
+
+
+def test_a_missed_event_counts_with_its_distance():
+    """Otherwise a solver that finds nothing would be the best."""
+    two, one = solution([("landing", 1.0), ("landing", 1.5)]), solution([("landing", 1.0)])
+    assert one.event_error(two) == pytest.approx(0.5)
+    assert two.event_error(one) == pytest.approx(0.5)
+    assert solution().event_error(one) == float("inf")
+    assert solution().event_error(solution()) is None
+
+
+def test_a_peer_is_compared_at_its_best(study):
+    """Cheapest among the settings that are no worse, else the most accurate one."""
+    result = study.cases["resonance"]
+    sweep, chosen = result.best("CVODE")
+    assert (sweep.peer.method, chosen.time_s) == ("BDF", 0.1)
+    assert result.best("DOP853")[1].error == 1e-9
+    assert not result.as_good(result.best("DOP853")[1])
+
+
+def test_json_has_the_promised_keys(study):
+    """And is plain data without NaN."""
+    data = json.loads(json.dumps(to_json(study), allow_nan=False))
+    case = data["cases"]["resonance"]
+    assert case["rig"]["time_s"] == 0.01
+    assert set(case["peers"]) == {"DOP853", "CVODE"}
+    assert case["peers"]["CVODE"]["ratio"] == pytest.approx(10.0)
+    assert data["cases"]["torsional"]["rig"]["note"] == "not written yet"
+    assert data["samples_per_s"] == 5e7
+
+
+def test_rows_mark_a_ratio_that_is_only_a_bound(study):
+    """A peer that never was as good is compared at a larger error: its ratio is a bound."""
+    table = rows(study)
+    assert all(len(row) == len(HEADER) for row in table)
+    assert [row[-1] for row in table] == ["1", "> 50", "10", "", ""]
+    assert notes(study) == ["resonance: DOP853: rest left out"]
+
+
+def test_the_plot_is_a_picture(study, tmp_path):
+    """Folder and all."""
+    draw(study, tmp_path / "new" / "a.png")
+    assert (tmp_path / "new" / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+#: Largest error, and of event times in s: of what is measured, with some room.
+LIMITS = {
+    "residual_stem": (1e-12, None),
+    "resonance": (1e-11, None),
+    "torsional": (1e-12, None),
+    "separation_soft": (1e-10, 1e-11),
+    "separation_stem": (1e-6, 1e-8),
+    "one_mass_arc": (1e-9, 1e-11),
+}
+
+
+@pytest.mark.parametrize("name", LIMITS)
+def test_the_rig_is_near_the_reference(cases, name):
+    """No case of the study may be wrong: a fast wrong answer is no answer."""
+    case, (error, event_error) = cases[name], LIMITS[name]
+    found, reference = rig.solve(case), stored.read(case)
+    assert found.error(reference) < error
+    assert [kind for kind, _ in found.events] == [kind for kind, _ in reference.events]
+    if event_error is not None:
+        assert found.event_error(reference) < event_error
+
+
+def test_a_short_case_is_the_beginning_of_the_long_one(cases):
+    """A quick study uses the same stored references."""
+    case = cases["separation_soft"]
+    short, whole = rig.solve(case.first_turns(1)), rig.solve(case)
+    count = case.first_turns(1).times.size
+    np.testing.assert_allclose(short.displacement, whole.displacement[:, :count], atol=1e-15)
