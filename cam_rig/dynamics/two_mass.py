@@ -52,7 +52,7 @@ class TwoMassParameters:
     restitution: float = 0.0
 
     def __post_init__(self) -> None:
-        positive = ("roller_mass", "end_mass", "stem_stiffness")
+        positive = ("roller_mass", "end_mass", "stem_stiffness", "spring_stiffness")
         limits = {name: (value > 0.0, "> 0") for name, value in vars(self).items()}
         for name in vars(self).keys() - set(positive):
             limits[name] = (getattr(self, name) >= 0.0, "≥ 0")
@@ -125,6 +125,45 @@ class TwoMassParameters:
                 [k1 / m2, c1 / m2, -(k1 + k2) / m2, -(c1 + c2) / m2],
             ]
         )
+
+    @cached_property
+    def inner_matrix(self) -> FloatArray:
+        """A of flight in (w, ẇ, Y, Ẏ): stretch w = y − z of the stem, and centre of mass Y.
+
+        In these the slow and the fast mode stand apart; in z and y the closing spring drowns in
+        the rounding of the stem, 1e5 times as stiff.
+        """
+        m1, m2 = self.roller_mass, self.end_mass
+        total, both = m1 + m2, 1.0 / m1 + 1.0 / m2
+        share, end = m1 / total, 1.0 / m2
+        k1, c1 = self.stem_stiffness, self.stem_damping
+        k2, c2 = self.spring_stiffness, self.damping
+        fast = [-k1 * both - k2 * share * end, -c1 * both - c2 * share * end, -k2 * end, -c2 * end]
+        slow = [-k2 * share / total, -c2 * share / total, -k2 / total, -c2 / total]
+        return np.array([[0.0, 1.0, 0.0, 0.0], fast, [0.0, 0.0, 0.0, 1.0], slow])
+
+    def to_inner(self, state: FloatArray) -> FloatArray:
+        """(w, ẇ, Y, Ẏ) of (z, ż, y, ẏ), less what it is where all springs rest."""
+        z, y = state[:2], state[2:]
+        total = self.roller_mass + self.end_mass
+        stretch, centre = y - z, (self.roller_mass * z + self.end_mass * y) / total
+        return np.concatenate([stretch, centre]) - self._inner_rest
+
+    def from_inner(self, inner: FloatArray) -> FloatArray:
+        """(z, ż, y, ẏ) of states ``(4, n)`` as `to_inner` makes them."""
+        moved = inner + self._inner_rest[:, None]
+        total = self.roller_mass + self.end_mass
+        stretch, centre = moved[:2], moved[2:]
+        before = centre - self.end_mass / total * stretch
+        return np.concatenate([before, centre + self.roller_mass / total * stretch])
+
+    @cached_property
+    def _inner_rest(self) -> FloatArray:
+        """Where all forces of a flight balance: the stem carries the roller's weight."""
+        total = self.roller_mass + self.end_mass
+        stretch = self.roller_mass * self.gravity / self.stem_stiffness
+        end = -(self.preload + total * self.gravity) / self.spring_stiffness
+        return np.array([stretch, 0.0, end - self.roller_mass / total * stretch, 0.0])
 
     @cached_property
     def flight_load(self) -> FloatArray:

@@ -21,8 +21,8 @@ EPS = float(np.finfo(float).eps)
 
 def fly(parameters: TwoMassParameters, state: FloatArray, times: FloatArray) -> FloatArray:
     """(z, ż, y, ẏ) of free motion at times (s) after ``state``, ``(4, len(times))``."""
-    rest = -np.linalg.solve(parameters.flight_matrix, parameters.flight_load)
-    return np.asarray(rest[:, None] + free_motion(parameters.flight_matrix, state - rest, times))
+    inner = free_motion(parameters.inner_matrix, parameters.to_inner(state), times)
+    return parameters.from_inner(inner)
 
 
 def lift_off_time(

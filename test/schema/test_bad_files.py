@@ -9,7 +9,10 @@ from cam_rig.schema import load_cam
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "holds nothing; allowed: a mapping with the keys name, title, follower, shaft, radiation"),
+        (
+            "",
+            "holds nothing; allowed: a mapping with the keys name, title, follower, shaft, ",
+        ),
         ("# only a comment\n", "holds nothing"),
         ("- 1\n- 2\n", "holds a list; allowed: a mapping"),
         ("just words", "holds text; allowed: a mapping"),
