@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -18,10 +19,18 @@ from rosbags.typesys import Stores, get_typestore
 from cam_rig.bag import topics
 from cam_rig.bag.topics import Topic
 from cam_rig.dynamics import NS
-from cam_rig.errors import BagError
+from cam_rig.errors import BagError, ConfigError
 from cam_rig.experiment.noise import HeardTick
 from cam_rig.experiment.program import CamState
 from cam_rig.experiment.stage import Stage, open_stage
+
+#: What a file with wrong bytes in it may raise in the readers.
+DAMAGE = (McapError, OSError, struct.error, KeyError, IndexError, ValueError, EOFError)
+
+
+def reason(error: Exception) -> str:
+    """An error's words in one line, or its kind where it has none."""
+    return " ".join(str(error).split()) or type(error).__name__
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +56,8 @@ def messages(bag: Path, wanted: tuple[Topic, ...]) -> Iterator[tuple[Topic, int,
             for connection, log_time, data in reader.messages(connections):
                 topic = by_name[connection.topic]
                 yield topic, log_time, reader.deserialize(data, connection.msgtype)
-    except (AnyReaderError, ReaderError, McapError, OSError) as error:
-        raise BagError(f"{bag}: cannot be read as a rosbag2 bag ({error})") from None
+    except (AnyReaderError, ReaderError, *DAMAGE) as error:
+        raise BagError(f"{bag}: cannot be read as a rosbag2 bag ({reason(error)})") from None
 
 
 def stamp_ns(header_stamp: Any) -> int:
@@ -99,8 +108,8 @@ def read_counts(bag: Path) -> dict[str, int]:
     try:
         with mcap_file(bag).open("rb") as stream:
             summary = make_reader(stream).get_summary()
-    except (McapError, OSError) as error:
-        raise BagError(f"{bag}: was not closed, or is damaged ({error})") from None
+    except DAMAGE as error:
+        raise BagError(f"{bag}: was not closed, or is damaged ({reason(error)})") from None
     if summary is None or summary.statistics is None:
         raise BagError(f"{bag}: has no summary: the recording was not closed")
     counts = summary.statistics.channel_message_counts
@@ -121,8 +130,12 @@ def read_stage(bag: Path) -> Stage:
                     path.parent.mkdir(parents=True, exist_ok=True)
                     path.write_bytes(attachment.data)
                     scene = path if path.parent.name == "scenes" else scene
-        except (McapError, OSError) as error:
-            raise BagError(f"{bag}: was not closed, or is damaged ({error})") from None
+        except DAMAGE as error:
+            raise BagError(f"{bag}: was not closed, or is damaged ({reason(error)})") from None
         if scene is None:
             raise BagError(f"{bag}: has no scene attached; it was not recorded by cam_rig")
-        return open_stage(scene)
+        try:
+            return open_stage(scene)
+        except ConfigError as error:
+            inside = str(error).replace(f"{root}/config/", "")
+            raise BagError(f"{bag}: its attached files do not fit: {inside}") from None

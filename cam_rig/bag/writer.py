@@ -64,20 +64,32 @@ class BagWriter:
         self._last = max(self._last, log_time)
         self.counts[topic.name] = self.counts.get(topic.name, 0) + 1
         channel = self._channels[topic.name][1]
-        self._writer.add_message(channel, log_time, cdr, log_time, self.counts[topic.name])
-        if time.monotonic() - self._flushed > FLUSH_EVERY:
-            self._writer.flush()
-            self._file.flush()
-            self._flushed = time.monotonic()
+        try:
+            self._writer.add_message(channel, log_time, cdr, log_time, self.counts[topic.name])
+            if time.monotonic() - self._flushed > FLUSH_EVERY:
+                self._writer.flush()
+                self._file.flush()
+                self._flushed = time.monotonic()
+        except OSError as error:
+            raise self._lost(error) from None
 
     def close(self) -> None:
         """Finish the MCAP file and write metadata.yaml."""
         if self._file.closed:
             return
-        self._writer.finish()
-        self._file.close()
-        with (self.directory / "metadata.yaml").open("w", encoding="utf-8") as stream:
-            YAML().dump({"rosbag2_bagfile_information": self._metadata()}, stream)
+        try:
+            self._writer.finish()
+            self._file.close()
+            with (self.directory / "metadata.yaml").open("w", encoding="utf-8") as stream:
+                YAML().dump({"rosbag2_bagfile_information": self._metadata()}, stream)
+        except OSError as error:
+            raise self._lost(error) from None
+
+    def _lost(self, error: OSError) -> BagError:
+        written = sum(self.counts.values())
+        return BagError(
+            f"{self.directory}: cannot be written ({error.strerror}) after {written} messages"
+        )
 
     def _register(self, topic: Topic) -> int:
         text, _ = self._types.generate_msgdef(topic.type, ros_version=2)

@@ -37,10 +37,14 @@ def analyze_bag(bag: Path, json_target: str | None, plot: Path | None) -> None:
     """Analyse one bag."""
     from cam_rig.bag.reader import read_recording
     from cam_rig.experiment.noise import compare, require_ticks, step_levels
+    from cam_rig.experiment.program import tick_count
 
     recording = read_recording(bag)
     stage = recording.stage
     console.print(f"{bag}: {sum(recording.counts.values())} messages, {len(recording.ticks)} ticks")
+    whole = tick_count(stage.scene)
+    if len(recording.ticks) < whole:
+        console.print(f"[bold]not complete:[/] {len(recording.ticks)} of {whole} ticks")
     levels = step_levels(recording.ticks, stage.scene.program.settle_turns.si)
     require_ticks(levels, str(bag))
     result = compare(levels, {cam: stage.role(cam) for cam in levels}, stage.published)

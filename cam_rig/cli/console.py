@@ -38,7 +38,7 @@ def user_errors() -> Iterator[None]:
 def scene_path(scene: str) -> Path:
     """A scene by its path, or by its name in ``config/scenes``."""
     path = Path(scene)
-    if path.suffix in (".yaml", ".yml") or path.exists():
+    if path.suffix in (".yaml", ".yml") or path.is_file():
         return path
     return config_root() / "scenes" / f"{scene}.yaml"
 

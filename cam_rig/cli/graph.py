@@ -45,8 +45,12 @@ class Graph:
     def __enter__(self) -> Graph:
         for number in STOPPING:
             self._handlers[int(number)] = signal.signal(number, _interrupt)
-        for name in NODES:
-            self._start(name)
+        try:
+            for name in NODES:
+                self._start(name)
+        except BaseException:  # interrupted or out of memory: leave no node behind
+            self._end()
+            raise
         return self
 
     def __exit__(
@@ -55,6 +59,9 @@ class Graph:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self._end()
+
+    def _end(self) -> None:
         for number in STOPPING:  # a second Ctrl-C must not leave nodes behind
             signal.signal(number, signal.SIG_IGN)
         *speakers, recorder = [self.processes[n] for n in reversed(NODES) if n in self.processes]

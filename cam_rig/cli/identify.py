@@ -14,7 +14,7 @@ def identify(
     scene: Annotated[str, typer.Option(help="Scene file, or a name in config/scenes.")] = (
         DEFAULT_SCENE
     ),
-    seed: Annotated[int, typer.Option(help="Seed of the global search.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the global search.")] = 1,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show, write nothing.")] = False,
 ) -> None:
     """Search lift, event and nose angle of a tangent-arc cam that fit its published noise.

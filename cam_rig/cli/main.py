@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import typer
 
 from cam_rig.cli.analyze import analyze
@@ -25,7 +27,10 @@ for verb in (run, simulate, analyze, view, calibrate, identify, bench):
 
 def main() -> None:
     """Entry point of the executable."""
-    app()
+    try:
+        app()
+    except KeyboardInterrupt:
+        sys.exit(130)
 
 
 if __name__ == "__main__":

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
 from cam_rig.cli.console import console, write_json, writing
-from cam_rig.experiment.noise import NoiseResult
-from cam_rig.experiment.stage import Stage
+
+if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
+    from cam_rig.experiment.noise import NoiseResult
+    from cam_rig.experiment.stage import Stage
 
 
 def to_json(result: NoiseResult, counts: dict[str, int]) -> dict[str, Any]:
@@ -44,7 +46,9 @@ def table(result: NoiseResult, stage: Stage) -> Table:
         rmse = "" if curve.rmse_db is None else f"{curve.rmse_db:.2f} dB"
         out.add_row(
             curve.cam,
-            f"{c0:.5g} {c1:+.5g} x {c2:+.5g} x² {c3:+.5g} x³",
+            f"{c0:.5g} {c1:+.5g} x {c2:+.5g} x² {c3:+.5g} x³"
+            if math.isfinite(c0)
+            else "needs four speeds",
             rmse,
             "" if curve.rmse_db is None else curve.role,
             f"{curve.level_db[0]:.1f} … {curve.level_db[-1]:.1f} dB",

@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from cam_rig.errors import DynamicsError
 from cam_rig.laws.bernstein import FloatArray
 
 NS = 1_000_000_000
@@ -32,6 +33,13 @@ class Interval:
     stop_ns: int
     angle: float
     speed: float
+
+    def __post_init__(self) -> None:
+        if self.stop_ns <= self.start_ns:
+            raise DynamicsError(
+                f"an interval from {self.start_ns} to {self.stop_ns} ns; allowed: stamps that "
+                "rise (is a second drive at work?)"
+            )
 
     @property
     def duration(self) -> float:

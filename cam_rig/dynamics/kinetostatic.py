@@ -29,6 +29,7 @@ def advance(
 
     ``state`` plays no part (there is no memory), it is taken so that models are alike.
     """
+    law.require_velocity()
     grid = interval.grid(sample_rate)
     rows = np.zeros((6, grid.count))
     rows[0] = (grid.first + np.arange(grid.count)) / sample_rate

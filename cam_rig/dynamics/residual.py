@@ -29,7 +29,7 @@ def response(law: Law, parameters: FollowerParameters, speed: float) -> LinearRe
     ------
     DynamicsError : the law's velocity jumps, or the speed is not above 0
     """
-    law.require_velocity("residual")
+    law.require_velocity()
     p = parameters
     total = p.spring_stiffness + p.stem_stiffness
     share, damping = p.stem_stiffness / total, p.damping / p.mass

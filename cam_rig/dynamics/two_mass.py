@@ -179,7 +179,7 @@ class TwoMassParameters:
 @lru_cache(maxsize=64)
 def contact_response(law: Law, parameters: TwoMassParameters, speed: float) -> LinearResponse:
     """The end mass while the roller rides the cam; state (η, η̇)."""
-    law.require_velocity("separation")
+    law.require_velocity()
     p, damping = parameters, parameters.stem_damping + parameters.damping
     matrix = np.array([[0.0, 1.0], [-p.stiffness / p.end_mass, -damping / p.end_mass]])
     drive = np.zeros((2, 3))

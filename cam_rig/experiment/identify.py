@@ -77,10 +77,10 @@ def identify(
 
     A global search (differential evolution, seeded) followed by a local one.
     """
+    arc_cam(stage.cams[cam])  # it must have arcs to move
     trial = trial_stage(stage)
     rpm = np.array(stage.scene.program.speeds.si_list) * 30.0 / math.pi
-    assert stage.published is not None
-    target = stage.published.level(cam, rpm)
+    target = stage.published_levels(cam, rpm)
     evaluations = 0
 
     def rmse(x: FloatArray) -> float:
@@ -104,9 +104,12 @@ def identify(
     )
     lift, event, fraction = (float(v) for v in polished.x)
     # Rounded to what the residual can support, so that the file is readable and spans add up.
-    lift, event, nose = round(lift, 6), round(event, 2), round(event * fraction, 2)
-    left = rmse(np.array([lift, event, nose / event]))
-    return Geometry(round(1e3 * lift, 3), event, nose, left, evaluations)
+    for digits in (2, 3, 4, 6):  # the fewest that keep the geometry possible
+        short = [round(lift, digits + 4), round(event, digits), round(event * fraction, digits)]
+        left = rmse(np.array([short[0], short[1], short[2] / short[1]]))
+        if left < IMPOSSIBLE:
+            return Geometry(round(1e3 * short[0], 6), short[1], short[2], left, evaluations)
+    raise LawError(f"cam {cam!r}: no arc cam within the bounds comes near its published noise")
 
 
 def _levels(stage: Stage, cam: str, x: FloatArray) -> FloatArray | None:

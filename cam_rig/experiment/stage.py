@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cam_rig.acoustics import RadiationParameters
-from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics import FloatArray, FollowerParameters
 from cam_rig.errors import ConfigError, LawError
 from cam_rig.laws import Law, build_law
 from cam_rig.schema import (
@@ -69,7 +69,29 @@ class Stage:
         """What a comparison of this cam's noise with the published curve is worth."""
         if cam == self.rig.radiation.calibrated_on:
             return "calibrated"
-        return "identified" if self.cams[cam].identified_from else "predicted"
+        source = self.cams[cam].identified_from
+        known = self.published is None or source == self.published.name
+        return "identified" if source and known else "predicted"
+
+    def published_levels(self, cam: str, rpm: FloatArray) -> FloatArray:
+        """Published levels (dB) of a cam at speeds in rpm, to fit something to.
+
+        Raises
+        ------
+        ConfigError : nothing is published for the cam, or not at all these speeds
+        """
+        if self.published is None or cam not in self.published.regression_db:
+            raise ConfigError(
+                f"{self.scene_file}: no published noise of {cam!r} to fit to; allowed: a scene "
+                "that names a publication with that cam"
+            )
+        low, high = self.published.range_rpm
+        if rpm.min() < low - 1e-6 or rpm.max() > high + 1e-6:
+            raise ConfigError(
+                f"{self.scene_file}: speeds are {rpm.min():g} to {rpm.max():g} rpm; allowed for a "
+                f"fit: the published {low:g} to {high:g} rpm"
+            )
+        return self.published.level(cam, rpm)
 
     def only(self, cam: str, law: Law) -> Stage:
         """The same scene with one cam alone, and another law for it."""

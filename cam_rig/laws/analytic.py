@@ -12,7 +12,7 @@ from cam_rig.laws import bernstein
 from cam_rig.laws.bernstein import FloatArray
 
 #: Degree of the interpolant of the third derivative; the curve itself has three more.
-THIRD_DEGREE = 12
+THIRD_DEGREE = 22
 #: Relative tail of the third derivative's Chebyshev series that is accepted ...
 TAIL = 1e-13
 #: ... or what the tail may add to the curve itself, relative: rounding of the formula.

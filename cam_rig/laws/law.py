@@ -126,16 +126,27 @@ class Law:
         ordinates = self.derivative_ordinates(order)
         return np.asarray(ordinates[0] - np.roll(ordinates[-1], 1))
 
-    def require_velocity(self, model: str) -> None:
-        """Raise `DynamicsError` when the velocity jumps: an elastic model has no answer to that."""
+    def require_velocity(self) -> None:
+        """Refuse a law whose velocity jumps: every follower model would need an infinite force.
+
+        Raises
+        ------
+        DynamicsError : with the jump, in m/rad, and where it is
+        """
+        if self._velocity_jump is not None:
+            size, angle = self._velocity_jump
+            raise DynamicsError(
+                f"law {self.name!r}: velocity jumps by {size:g} m/rad at {angle:g}°; allowed: "
+                "segments that join with one slope"
+            )
+
+    @cached_property
+    def _velocity_jump(self) -> tuple[float, float] | None:
         jump = self.jumps(1)
         worst = int(np.argmax(np.abs(jump)))
-        if abs(jump[worst]) > VELOCITY_JUMP * self.lift:
-            raise DynamicsError(
-                f"law {self.name!r}: velocity jumps by {jump[worst]:g} m/rad at "
-                f"{np.degrees(self.breaks[worst]):g}°; allowed in the model {model}: no jump (in "
-                "one_mass it throws the follower off or strikes it)"
-            )
+        if abs(jump[worst]) <= VELOCITY_JUMP * self.lift:
+            return None
+        return float(jump[worst]), float(np.degrees(self.breaks[worst]))
 
     @cached_property
     def largest_step(self) -> float:

@@ -11,6 +11,7 @@ from types import FrameType
 from typing import Any
 
 import rclpy
+from rclpy.exceptions import ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -18,7 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from cam_rig.bag.topics import Topic
-from cam_rig.errors import CamRigError
+from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.nodes.convert import message_class, qos
 
 try:  # a fifth of the CPU time a message; not in every distribution
@@ -89,6 +90,9 @@ def _spin(make: Callable[[], RigNode]) -> int:
     except CamRigError as error:
         print(f"cam_rig: {error}", file=sys.stderr)
         return error.exit_code
+    except ParameterException as error:
+        print(f"cam_rig: parameter: {error}", file=sys.stderr)
+        return ConfigError.exit_code
 
     def stop(_signal: int, _frame: FrameType | None) -> None:
         node.finish()
@@ -105,8 +109,9 @@ def _spin(make: Callable[[], RigNode]) -> int:
         node.close()
     except CamRigError as error:
         node.failure = node.failure or error
+    name, failure = node.get_name(), node.failure
     node.destroy_node()
-    if node.failure is not None:
-        print(f"{node.get_name()}: {node.failure}", file=sys.stderr)
-        return node.failure.exit_code
+    if failure is not None:
+        print(f"{name}: {failure}", file=sys.stderr)
+        return failure.exit_code
     return 0

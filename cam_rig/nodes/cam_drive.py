@@ -15,13 +15,13 @@ from rosgraph_msgs.msg import Clock
 from cam_rig.bag import topics
 from cam_rig.bag.codec import array_of, decode_law
 from cam_rig.dynamics.torque import shaft_torque
-from cam_rig.errors import RunError
+from cam_rig.errors import CamRigError, ConfigError, RunError
 from cam_rig.experiment.drive import DriveProgram
 from cam_rig.experiment.program import CamState
 from cam_rig.experiment.stage import open_stage
 from cam_rig.nodes.app import RigNode, run
 from cam_rig.nodes.convert import stamp_ns, to_header, to_joint_state, to_time
-from cam_rig.nodes.parameters import declare_flag, declare_names, declare_scene
+from cam_rig.nodes.parameters import declare_flag, declare_names, declare_number, declare_scene
 
 #: Who may be waited for, and the stamped topic that shows how far each is.
 ACKNOWLEDGES = {
@@ -29,8 +29,6 @@ ACKNOWLEDGES = {
     "microphone": topics.PRESSURE,
     "recorder": topics.RECORDED,
 }
-#: Wall time (s) without any progress after which the drive gives up.
-PATIENCE = 20.0
 
 
 class CamDrive(RigNode):
@@ -41,12 +39,20 @@ class CamDrive(RigNode):
         stage = open_stage(declare_scene(self))
         consumers = declare_names(self, "consumers", list(ACKNOWLEDGES), "nodes to wait for")
         self._talk = declare_flag(self, "report_progress", False, "a JSON line a tick on stdout")
+        self._patience = declare_number(
+            self, "patience", 20.0, "wall time without progress before giving up, s"
+        )
         self._mechanics = stage.follower
         self._moved = time.monotonic()
         self._clock_out, self._state_out = map(self.publisher, (topics.CLOCK, topics.CAM_STATE))
         self._law_server = AsyncParameterClient(self, "law_server")
         self._program = DriveProgram(stage.scene, consumers, topics.TICKS_IN_FLIGHT, self._mount)
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
+        unknown = set(consumers) - set(ACKNOWLEDGES)
+        if unknown:
+            raise ConfigError(
+                f"consumers: has {', '.join(sorted(unknown))}; allowed: {', '.join(ACKNOWLEDGES)}"
+            )
         for name in consumers:
             self.subscribe(ACKNOWLEDGES[name], self._on_acknowledge(name))
         self.create_timer(0.1, self._turn)
@@ -58,7 +64,11 @@ class CamDrive(RigNode):
         return True
 
     def _on_law(self, message: Any) -> None:
-        law = decode_law(*array_of(message))
+        try:
+            law = decode_law(*array_of(message))
+        except CamRigError as error:
+            self.get_logger().warning(str(error), throttle_duration_sec=1.0)
+            return
         self._program.laws[law.name] = law
         self._turn()
 
@@ -77,10 +87,10 @@ class CamDrive(RigNode):
             self._send(state)
         if self._program.done:
             self.finish()
-        elif time.monotonic() - self._moved > PATIENCE:
+        elif time.monotonic() - self._moved > self._patience:
             self.fail(
                 RunError(
-                    f"no answer for {PATIENCE:g} s after {self._program.sent} of "
+                    f"no answer for {self._patience:g} s after {self._program.sent} of "
                     f"{self._program.ticks + 1} states from: "
                     f"{', '.join(self._program.waits_for())}; is it running?"
                 )

@@ -55,7 +55,10 @@ class Follower(RigNode):
         """Take all ticks whose cam is known, in order; law and state come on two topics."""
         while self._waiting and self._waiting[0].cam in self._bench.laws:
             state = self._waiting.popleft()
-            turned = self._bench.turn_to(state)
+            try:
+                turned = self._bench.turn_to(state)
+            except CamRigError as error:
+                return self.fail(error)
             if turned is not None:
                 self._publish(state, *turned)
 

@@ -24,6 +24,13 @@ def declare_flag(node: Node, name: str, default: bool, description: str) -> bool
     return value
 
 
+def declare_number(node: Node, name: str, default: float, description: str) -> float:
+    """Declare a number and return its value."""
+    descriptor = ParameterDescriptor(description=description, read_only=True)
+    value: float = node.declare_parameter(name, default, descriptor).value
+    return value
+
+
 def declare_names(node: Node, name: str, default: list[str], description: str) -> list[str]:
     """Declare a list of names and return its value."""
     descriptor = ParameterDescriptor(description=description, read_only=True)

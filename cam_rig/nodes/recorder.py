@@ -9,6 +9,7 @@ from pathlib import Path
 from cam_rig.bag import topics
 from cam_rig.bag.session import RecordingSession
 from cam_rig.bag.writer import BagWriter
+from cam_rig.errors import CamRigError
 from cam_rig.experiment.stage import open_stage
 from cam_rig.nodes.app import RigNode, run
 from cam_rig.nodes.convert import to_header
@@ -33,7 +34,10 @@ class Recorder(RigNode):
 
     def _on(self, topic: topics.Topic) -> Callable[[bytes], None]:
         def take(cdr: bytes) -> None:
-            stamp = self._session.take(topic, cdr)
+            try:
+                stamp = self._session.take(topic, cdr)
+            except CamRigError as error:
+                return self.fail(error)
             if stamp is not None:
                 self._written.publish(to_header(stamp, "recorder"))
 

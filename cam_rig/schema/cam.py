@@ -12,6 +12,10 @@ from cam_rig.schema.quantity import Quantity, Strict, must_be
 Span = Annotated[Quantity, must_be("angle", above=0.0, most=2.0 * math.pi * (1.0 + 1e-12))]
 
 
+#: Degree 100 is far beyond any cam, and still stable.
+MOST_ORDINATES = 101
+
+
 class _Segment(Strict):
     span: Span
 
@@ -33,7 +37,14 @@ class Bezier(_Segment):
     """A Bézier curve by its ordinates, in fractions of the lift; they set both end levels."""
 
     law: Literal["bezier"]
-    ordinates: Annotated[Quantity, must_be("ratio", many=True)]
+    ordinates: Annotated[Quantity, must_be("ratio", many=True, least=-100.0, most=100.0)]
+
+    @model_validator(mode="after")
+    def _degree(self) -> Bezier:
+        count = len(self.ordinates.numbers)
+        if not 2 <= count <= MOST_ORDINATES:
+            raise ValueError(f"ordinates: are {count}; allowed: 2 to {MOST_ORDINATES}")
+        return self
 
 
 class TangentArcs(_Segment):
@@ -50,8 +61,8 @@ class Follower(Strict):
     """The translating follower and the size of the cam under it."""
 
     type: Literal["roller", "point"]
-    base_radius: Annotated[Quantity, must_be("length", above=0.0)]
-    roller_radius: Annotated[Quantity, must_be("length", above=0.0)] | None = None
+    base_radius: Annotated[Quantity, must_be("length", above=0.0, most=100.0)]
+    roller_radius: Annotated[Quantity, must_be("length", above=0.0, most=100.0)] | None = None
 
     @model_validator(mode="after")
     def _roller(self) -> Follower:
@@ -72,7 +83,7 @@ class CamConfig(Strict):
     name: str = Field(pattern=r"^[a-z][a-z0-9_]*$")
     title: str
     identified_from: str | None = None
-    lift: Annotated[Quantity, must_be("length", above=0.0)]
+    lift: Annotated[Quantity, must_be("length", above=0.0, most=100.0)]
     follower: Follower
     segments: list[Segment] = Field(min_length=1)
 

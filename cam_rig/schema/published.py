@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, FiniteFloat, model_validator
 
 from cam_rig.schema.quantity import Strict
 
+#: Coefficients c0 to c3.
+Cubic = Annotated[list[FiniteFloat], Field(min_length=4, max_length=4)]
+
 
 class Crossover(Strict):
     """Where the noise of two cams is equal."""
 
     between: tuple[str, str]
-    rpm: FiniteFloat
+    rpm: FiniteFloat = Field(gt=0.0)
 
 
 class PublishedNoise(Strict):
@@ -22,7 +27,7 @@ class PublishedNoise(Strict):
     name: str
     source: str
     range_rpm: tuple[FiniteFloat, FiniteFloat]
-    regression_db: dict[str, list[FiniteFloat]] = Field(min_length=1)
+    regression_db: dict[str, Cubic] = Field(min_length=1)
     crossover: Crossover
 
     @model_validator(mode="after")
@@ -30,6 +35,8 @@ class PublishedNoise(Strict):
         low, high = self.range_rpm
         if not 0.0 < low < high:
             raise ValueError(f"range_rpm: is {low:g} to {high:g}; allowed: rising, above 0")
+        if len(set(self.crossover.between)) < 2:
+            raise ValueError(f"crossover.between: is {self.crossover.between}; allowed: two cams")
         for cam in self.crossover.between:
             if cam not in self.regression_db:
                 known = ", ".join(self.regression_db)

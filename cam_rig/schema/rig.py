@@ -8,9 +8,9 @@ from pydantic import Field
 
 from cam_rig.schema.quantity import Quantity, Strict, must_be
 
-Mass = Annotated[Quantity, must_be("mass", above=0.0)]
-Stiffness = Annotated[Quantity, must_be("stiffness", above=0.0)]
-Damping = Annotated[Quantity, must_be("damping", least=0.0)]
+Mass = Annotated[Quantity, must_be("mass", above=0.0, most=1e6)]
+Stiffness = Annotated[Quantity, must_be("stiffness", above=0.0, most=1e15)]
+Damping = Annotated[Quantity, must_be("damping", least=0.0, most=1e9)]
 
 
 class FollowerMechanics(Strict):
@@ -25,7 +25,7 @@ class FollowerMechanics(Strict):
     spring_stiffness: Stiffness
     stem_stiffness: Stiffness
     damping: Damping
-    preload: Annotated[Quantity, must_be("force", least=0.0)]
+    preload: Annotated[Quantity, must_be("force", least=0.0, most=1e9)]
     roller_share: Annotated[Quantity, must_be("ratio", above=0.0, most=0.99)] | None = None
     stem_damping: Damping | None = None
     restitution: Annotated[Quantity, must_be("ratio", least=0.0, most=0.999)]
@@ -34,11 +34,11 @@ class FollowerMechanics(Strict):
 class Radiation(Strict):
     """Contact force to sound: gain and corner of the structure, and the background."""
 
-    gain: Annotated[Quantity, must_be("radiation", above=0.0)]
-    corner: Annotated[Quantity, must_be("frequency", above=0.0)]
-    background: Annotated[Quantity, must_be("level")]
+    gain: Annotated[Quantity, must_be("radiation", above=0.0, most=1e3)]
+    corner: Annotated[Quantity, must_be("frequency", above=0.0, most=1e6)]
+    background: Annotated[Quantity, must_be("level", least=-50.0, most=200.0)]
     background_at: Annotated[Quantity, must_be("speed", above=0.0)]
-    background_slope: Annotated[Quantity, must_be("level slope")]
+    background_slope: Annotated[Quantity, must_be("level slope", least=-60.0, most=60.0)]
     calibrated_on: str = ""
 
 

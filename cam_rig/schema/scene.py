@@ -13,11 +13,14 @@ Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 Model = Literal["kinetostatic", "one_mass", "residual", "separation", "torsional"]
 
 
+RPM = 0.10471975511965977  # rad/s
+
+
 class Program(Strict):
     """The cam's speed: hold each of ``speeds`` for ``turns``, tick by tick."""
 
-    speeds: Annotated[Quantity, must_be("speed", many=True, above=0.0)]
-    turns: Annotated[Quantity, must_be("turns", least=1.0)]
+    speeds: Annotated[Quantity, must_be("speed", many=True, least=RPM * 0.01, most=RPM * 1e5)]
+    turns: Annotated[Quantity, must_be("turns", least=1.0, most=1e5)]
     settle_turns: Annotated[Quantity, must_be("turns", least=0.0)]
     ticks_per_turn: int = Field(default=1, ge=1, le=1000, strict=True)
 

@@ -70,3 +70,28 @@ def test_step_is_refused(make_cam, segments, where):
     assert "'steppy'" in str(caught.value)
     assert "allowed: no step" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_velocity_step_is_refused_by_every_model(make_cam, follower):
+    """Constant velocity up and down would need an infinite force: no model may run it silently."""
+    from cam_rig.dynamics import MODELS, Interval
+    from cam_rig.errors import DynamicsError
+
+    up = {"law": "bezier", "span": 180, "ordinates": [0, 1]}
+    down = {"law": "bezier", "span": 180, "ordinates": [1, 0]}
+    law = build_law(make_cam(up, down))
+    for model in ("kinetostatic", "one_mass", "residual"):
+        with pytest.raises(DynamicsError, match="velocity jumps by .* allowed"):
+            MODELS[model].advance(law, follower, None, Interval(0, 10**9, 0.0, 6.0), 1000)
+
+
+def test_a_dwell_of_a_whole_turn_is_a_cam(make_cam, follower):
+    """A disc: no lift, and the contact force is the preload at any speed."""
+    from cam_rig.dynamics import MODELS, Interval
+
+    law = build_law(make_cam({"law": "dwell", "span": 360}))
+    assert law.lift == 0.0
+    for model in ("kinetostatic", "one_mass", "residual"):
+        advance = MODELS[model].advance
+        rows = advance(law, follower, None, Interval(0, 10**9, 0.0, 40.0), 20_000)[1].rows
+        np.testing.assert_allclose(rows[4], follower.preload, rtol=1e-12)

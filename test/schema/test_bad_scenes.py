@@ -55,8 +55,8 @@ def test_wrong_scene(scene_error, key, value, words):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("200, 210", "-200, 210", "program.speeds: is -200 rpm; allowed: greater than 0 rpm"),
-        ("200, 210", "0, 210", "program.speeds: is 0 rpm; allowed: greater than 0 rpm"),
+        ("200, 210", "-200, 210", "program.speeds: is -200 rpm; allowed: at least 0.01 rpm"),
+        ("200, 210", "0, 210", "program.speeds: is 0 rpm; allowed: at least 0.01 rpm"),
         ("200, 210", ".nan, 210", "allowed: finite numbers"),
         ("200, 210", ".inf, 210", "allowed: finite numbers"),
         (
