@@ -81,7 +81,7 @@ def test_a_velocity_step_is_refused_by_every_model(make_cam, follower):
     down = {"law": "bezier", "span": 180, "ordinates": [1, 0]}
     law = build_law(make_cam(up, down))
     for model in ("kinetostatic", "one_mass", "residual"):
-        with pytest.raises(DynamicsError, match="velocity jumps by .* allowed"):
+        with pytest.raises(DynamicsError, match="velocity jumps by"):
             MODELS[model].advance(law, follower, None, Interval(0, 10**9, 0.0, 6.0), 1000)
 
 
