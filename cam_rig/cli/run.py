@@ -54,13 +54,14 @@ def run(
 
 def _run(path: Path, target: Path) -> None:
     from cam_rig.bag.complete import require_complete
+    from cam_rig.cli.domain import own_domain
     from cam_rig.cli.graph import Graph
     from cam_rig.experiment.program import tick_count
     from cam_rig.experiment.stage import open_stage
 
     stage = open_stage(path)
     begun = time.perf_counter()
-    with progress_bar() as bar, Graph(path, target) as graph:
+    with own_domain(), progress_bar() as bar, Graph(path, target) as graph:
         task = bar.add_task("starting the nodes", total=tick_count(stage.scene))
         for report in graph.progress():
             words = f"{report['cam']} {report['rpm']:.0f} rpm"

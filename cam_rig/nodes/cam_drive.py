@@ -83,7 +83,8 @@ class CamDrive(RigNode):
 
     def _turn(self) -> None:
         """Send what may be sent now."""
-        while (state := self._program.take()) is not None:
+        self._require_one_drive()
+        while not self.done.done() and (state := self._program.take()) is not None:
             self._send(state)
         if self._program.done:
             self.finish()
@@ -95,7 +96,6 @@ class CamDrive(RigNode):
                     f"{', '.join(self._program.waits_for())}; is it running?"
                 )
             )
-        self._require_one_drive()
 
     def _send(self, state: CamState) -> None:
         law = self._program.laws[state.cam]
