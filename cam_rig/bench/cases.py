@@ -32,10 +32,13 @@ def residual_stem() -> Case:
 
 
 def resonance() -> Case:
-    """The tenth harmonic of the cam meets an undamped follower: the response grows for ever."""
-    stiffness = MASS * (10.0 * rad_per_s(300)) ** 2
+    """The ninth harmonic of the cam meets an undamped follower: the response grows for ever.
+
+    The even harmonics of this cam are zero: its fall is its rise, half a turn later.
+    """
+    stiffness = MASS * (9.0 * rad_per_s(300)) ** 2
     model = Oscillator(MASS, 0.0, SPRING, stiffness - SPRING)
-    return _case("resonance", "undamped resonance, ω_n = 10 ω", "poly345", model, 300, 20, 25)
+    return _case("resonance", "undamped resonance, ω_n = 9 ω", "poly345", model, 300, 20, 25)
 
 
 def torsional() -> Case:
