@@ -56,7 +56,7 @@ $(BIN)/pip:
 
 $(STAMP): requirements.lock setup.py setup.cfg | $(BIN)/pip
 	@rm -f $@
-	@echo 'Installing requirements.lock into .venv (about 1 GB the first time)'
+	@echo 'Installing requirements.lock into .venv (about 1.4 GB the first time)'
 	@$(PIP) install --requirement requirements.lock
 	@$(PIP) install --no-deps --no-build-isolation --editable .
 	@touch $@

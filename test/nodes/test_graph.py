@@ -1,6 +1,7 @@
 """The live graph: five processes, one bag, the same numbers as without ROS."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -20,9 +21,9 @@ pytestmark = pytest.mark.ros
 QUICK = config_root() / "scenes" / "quick.yaml"
 
 
-def node_processes(bag):
-    """Processes of a run, found by the bag they were started with, and their siblings."""
-    found = subprocess.run(["pgrep", "-f", str(bag)], capture_output=True, text=True, check=False)
+def node_processes(path):
+    """Processes of a run, found by a path that they were started with."""
+    found = subprocess.run(["pgrep", "-f", str(path)], capture_output=True, text=True, check=False)
     return found.stdout.split()
 
 
@@ -55,18 +56,42 @@ def test_a_dead_node_ends_the_run_and_is_named(ros_domain, tmp_path):
     assert (bag / "metadata.yaml").exists()
 
 
-def test_ctrl_c_ends_all_and_closes_the_bag(ros_domain, tmp_path):
-    """SIGINT in mid-sweep: exit code 130, a closed bag, no process left."""
+def start_run(tmp_path):
+    """A sweep under way, of a scene file of its own, by which its nodes are found."""
+    scene = tmp_path / "scenes" / "tm21_sweep.yaml"
+    scene.parent.mkdir()
+    shutil.copy(config_root() / "scenes" / "tm21_sweep.yaml", scene)
     bag = tmp_path / "bag"
-    command = [sys.executable, "-m", "cam_rig.cli.main", "run", "tm21_sweep", "--bag", str(bag)]
+    command = [sys.executable, "-m", "cam_rig.cli.main", "run", str(scene), "--bag", str(bag)]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=dict(os.environ))
     for _ in range(400):
         time.sleep(0.05)
         if bag.exists() and sum(f.stat().st_size for f in bag.iterdir()) > 1_000_000:
             break
-    process.send_signal(signal.SIGINT)
+    assert len(node_processes(scene)) > 5  # the runner and its five nodes
+    return process, scene, bag
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_a_signal_ends_all_and_closes_the_bag(ros_domain, tmp_path, name):
+    """Ctrl-C, kill, a closed terminal: code 128 + signal, a closed bag, no process left."""
+    process, scene, bag = start_run(tmp_path)
+    number = getattr(signal, name)
+    process.send_signal(number)
     _, words = process.communicate(timeout=30)
-    assert process.returncode == 130
-    assert "interrupted by SIGINT" in words
+    assert process.returncode == 128 + number
+    assert f"interrupted by {name}" in words
     assert read_recording(bag).ticks
-    assert node_processes(bag) == []
+    assert node_processes(scene) == []
+
+
+def test_a_killed_runner_leaves_no_node(ros_domain, tmp_path):
+    """kill -9 of the runner: the nodes end by themselves."""
+    process, scene, _ = start_run(tmp_path)
+    process.kill()
+    process.communicate(timeout=30)
+    for _ in range(200):
+        if not node_processes(scene):
+            break
+        time.sleep(0.05)
+    assert node_processes(scene) == []
