@@ -10,6 +10,7 @@ import numpy as np
 from cam_rig.errors import LawError
 from cam_rig.laws import bernstein
 from cam_rig.laws.bernstein import FloatArray
+from cam_rig.laws.pieces import Pieces
 
 #: Degree of the interpolant of the third derivative; the curve itself has three more.
 THIRD_DEGREE = 22
@@ -21,6 +22,8 @@ ROUNDING = 1e-17
 SHORTEST = 1e-5
 
 Curve = Callable[[FloatArray, int], FloatArray]
+#: A curve on the stretch from its first to its second abscissa.
+Section = tuple[float, float, Curve]
 
 
 @lru_cache(maxsize=1)
@@ -30,7 +33,7 @@ def _nodes() -> tuple[FloatArray, FloatArray]:
     return nodes, bernstein.basis(THIRD_DEGREE, nodes)
 
 
-def fit(curve: Curve, start: float, stop: float) -> tuple[list[float], list[FloatArray]]:
+def fit(curve: Curve, start: float, stop: float) -> Pieces:
     """Bernstein pieces of ``curve`` on [start, stop]: breakpoints and ordinate columns.
 
     ``curve(x, order)`` gives the values and the derivatives up to the third. The third
@@ -59,6 +62,16 @@ def fit(curve: Curve, start: float, stop: float) -> tuple[list[float], list[Floa
             continue
         pieces.append(_integrate(third, curve, a, b))
         breaks.append(b)
+    return breaks, pieces
+
+
+def fit_sections(sections: list[Section]) -> Pieces:
+    """Bernstein pieces of curves that follow one another; raises as ``fit``."""
+    breaks, pieces = [sections[0][0]], []
+    for start, stop, curve in sections:
+        steps, fitted = fit(curve, start, stop)
+        breaks += steps[1:]
+        pieces += fitted
     return breaks, pieces
 
 

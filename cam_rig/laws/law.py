@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_right
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import BPoly
 
-from cam_rig.errors import DynamicsError, LawError
+from cam_rig.errors import LawError
 from cam_rig.laws import bernstein
 from cam_rig.laws.bernstein import FloatArray
 
+Scalar = Callable[[float], float]
 TURN = 2.0 * np.pi
-#: A jump of s' above this, per rad and lift, is one; below, rounding.
-VELOCITY_JUMP = 1e-9
+#: Nodes a turn of the table that a glance at the law reads.
+GLANCE_NODES = 1024
+#: A jump of s' is one above this fraction of the lift a rad, and of the slopes beside it; below
+#: it is rounding.
+VELOCITY_JUMP, SLOPE_ROUNDING = 1e-9, 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +33,7 @@ class Law:
     name : the cam's name
     breaks : ``(n + 1,)`` cam angles in rad, from 0 to 2π
     ordinates : ``(p + 1, n)`` Bernstein ordinates in m, one column a piece
+    repeats : whether the turn's end joins its start
 
     Raises
     ------
@@ -35,6 +43,7 @@ class Law:
     name: str
     breaks: FloatArray
     ordinates: FloatArray
+    repeats: bool = True
 
     def __post_init__(self) -> None:
         breaks = np.array(self.breaks, dtype=np.float64)
@@ -76,19 +85,73 @@ class Law:
         At a joint the piece that begins there is taken (the right limit).
         """
         at = np.asarray(angle, dtype=np.float64)
-        inside = (at - np.floor(at / TURN) * TURN).ravel()
-        pieces = np.clip(np.searchsorted(self.breaks, inside, side="right") - 1, 0, None)
-        pieces = np.minimum(pieces, self.spans.size - 1)
-        out = np.empty(inside.size)
-        ordinates = self._derivative(order)
-        for i in np.unique(pieces):
-            here = pieces == i
-            u = (inside[here] - self.breaks[i]) / self.spans[i]
-            out[here] = bernstein.evaluate(ordinates[:, i], u)
-        return out.reshape(at.shape)
+        ordinates = self.motion[order] if order < 3 else self.derivative_ordinates(order)
+        return np.asarray(self._evaluate(ordinates[None], at.ravel())[0].reshape(at.shape))
 
-    def _derivative(self, order: int) -> FloatArray:
-        return self.motion[order] if order < 3 else self.derivative_ordinates(order)
+    def motion_at(self, angle: FloatArray) -> FloatArray:
+        """Rows s, s' and s'' at cam angles ``(n,)`` in rad, ``(3, n)``; right limits at joints."""
+        return self._evaluate(self.motion, angle)
+
+    def _evaluate(self, ordinates: FloatArray, angle: FloatArray) -> FloatArray:
+        """``(k, len(angle))`` of ordinates ``(k, p + 1, n)``."""
+        inside = angle - np.floor(angle / TURN) * TURN
+        pieces = np.searchsorted(self.breaks[1:-1], inside, side="right")
+        out = np.empty((ordinates.shape[0], inside.size))
+        for i in np.flatnonzero(np.bincount(pieces)):
+            here = np.flatnonzero(pieces == i)
+            u = (inside[here] - self.breaks[i]) / self.spans[i]
+            out[:, here] = ordinates[:, :, i] @ bernstein.basis(self.degree, u).T
+        return out
+
+    def at(self, angle: float) -> tuple[float, float, float]:
+        """S (m), s' (m/rad) and s'' (m/rad²) at one cam angle in rad, in plain floats.
+
+        At a joint the right limit, as `__call__` gives it.
+        """
+        inside = angle - math.floor(angle / TURN) * TURN
+        piece = self.piece(inside)
+        u = (inside - self.joints[piece]) / float(self.spans[piece])
+        s, slope, bend = self.scalars(piece)
+        return s(u), slope(u), bend(u)
+
+    def lift_at(self, angle: float) -> float:
+        """S (m) alone, as `at` gives it."""
+        inside = angle - math.floor(angle / TURN) * TURN
+        piece = self.piece(inside)
+        return self.scalars(piece)[0]((inside - self.joints[piece]) / float(self.spans[piece]))
+
+    def scalars(self, piece: int) -> tuple[Scalar, Scalar, Scalar]:
+        """s, s' and s'' of one piece as functions of one u ∈ [0, 1]."""
+        if piece not in self._scalars:
+            s, slope, bend = (bernstein.scalar(order[:, piece]) for order in self.motion)
+            self._scalars[piece] = (s, slope, bend)
+        return self._scalars[piece]
+
+    @cached_property
+    def _scalars(self) -> dict[int, tuple[Scalar, Scalar, Scalar]]:
+        return {}
+
+    def piece(self, inside: float) -> int:
+        """Index of the piece that holds an angle of the first turn, rad."""
+        return min(max(bisect_right(self.joints, inside) - 1, 0), self.spans.size - 1)
+
+    @cached_property
+    def joints(self) -> list[float]:
+        """`breaks` as plain floats."""
+        return [float(angle) for angle in self.breaks]
+
+    def glance(self, angle: FloatArray) -> tuple[FloatArray, float]:
+        """S (m) from a table, and the largest error of it: a quick look at many angles (rad)."""
+        nodes, table, error = self._table
+        return np.interp(angle - np.floor(angle / TURN) * TURN, nodes, table), error
+
+    @cached_property
+    def _table(self) -> tuple[FloatArray, FloatArray, float]:
+        nodes = np.linspace(0.0, TURN, GLANCE_NODES + 1)
+        step = float(nodes[1])
+        kink = float(np.abs(self.jumps(1)).sum())  # a step of the table may hold them all
+        error = self.bounds[2] * step**2 / 8.0 + kink * step / 4.0 + self.largest_step
+        return nodes, self(nodes), error
 
     def derivative_ordinates(self, order: int) -> FloatArray:
         """``(p + 1, n)`` ordinates of the derivative in θ, written with the law's degree."""
@@ -121,32 +184,41 @@ class Law:
             extremes.extend(bernstein.evaluate(self.ordinates[:, i], at).tolist())
         return max(extremes) - min(extremes)
 
+    @cached_property
+    def bounds(self) -> tuple[float, float, float]:
+        """What |s| (m), |s'| (m/rad) and |s''| (m/rad²) do not exceed: their largest ordinates."""
+        s, slope, bend = np.abs(self.motion).max(axis=(1, 2)).tolist()
+        return s, slope, bend
+
+    def substitute(self, breaks: FloatArray, motion: FloatArray, kinks: dict[int, float]) -> Law:
+        """A law that is not repeated, from s, s', s'' ``(3, p + 1, n)`` known each on its own.
+
+        It takes this law's lift, the measure of what is small. Differences of the ordinates of s
+        alone would lose the digits of s'' where a piece is short. ``kinks`` are as in `kinks`.
+        """
+        found = Law(self.name, breaks, motion[0], repeats=False)
+        motion.setflags(write=False)
+        vars(found).update(motion=motion, lift=self.lift, kinks=kinks)
+        return found
+
     def jumps(self, order: int) -> FloatArray:
         """``(n,)`` right minus left limit of the derivative at the start of each piece."""
-        ordinates = self.derivative_ordinates(order)
-        return np.asarray(ordinates[0] - np.roll(ordinates[-1], 1))
-
-    def require_velocity(self) -> None:
-        """Refuse a law whose velocity jumps: every follower model would need an infinite force.
-
-        Raises
-        ------
-        DynamicsError : with the jump, in m/rad, and where it is
-        """
-        if self._velocity_jump is not None:
-            size, angle = self._velocity_jump
-            raise DynamicsError(
-                f"law {self.name!r}: velocity jumps by {size:g} m/rad at {angle:g}°; allowed: "
-                "segments that join with one slope"
-            )
+        ordinates = self.motion[order] if order < 3 else self.derivative_ordinates(order)
+        before = np.roll(ordinates[-1], 1)
+        if not self.repeats:
+            before[0] = ordinates[0, 0]
+        return np.asarray(ordinates[0] - before)
 
     @cached_property
-    def _velocity_jump(self) -> tuple[float, float] | None:
-        jump = self.jumps(1)
-        worst = int(np.argmax(np.abs(jump)))
-        if abs(jump[worst]) <= VELOCITY_JUMP * self.lift:
-            return None
-        return float(jump[worst]), float(np.degrees(self.breaks[worst]))
+    def kinks(self) -> dict[int, float]:
+        """Joints at which the velocity jumps: the piece that begins there, and what s' gains.
+
+        In order, m/rad; empty for a law that every model takes.
+        """
+        jumps, slopes = self.jumps(1), np.abs(self.motion[1]).max(axis=0)
+        beside = np.maximum(slopes, np.roll(slopes, 1))
+        real = np.abs(jumps) > VELOCITY_JUMP * self.lift + SLOPE_ROUNDING * beside
+        return {int(i): float(jumps[i]) for i in np.flatnonzero(real)}
 
     @cached_property
     def largest_step(self) -> float:

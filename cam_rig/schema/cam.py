@@ -3,78 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from cam_rig.schema.follower import Follower
 from cam_rig.schema.quantity import Quantity, Strict, must_be
-
-Span = Annotated[Quantity, must_be("angle", above=0.0, most=2.0 * math.pi * (1.0 + 1e-12))]
-
-
-#: Degree 100 is far beyond any cam, and still stable.
-MOST_ORDINATES = 101
-
-
-class _Segment(Strict):
-    span: Span
-
-
-class Dwell(_Segment):
-    """The follower rests at the level where the segment before it ended."""
-
-    law: Literal["dwell"]
-
-
-class Rise(_Segment):
-    """A rise or a fall from the level reached so far to ``to`` (fraction of the lift)."""
-
-    law: Literal["poly345", "poly4567", "cycloidal"]
-    to: float = Field(ge=-1.0, le=1.0, allow_inf_nan=False, strict=True)
-
-
-class Bezier(_Segment):
-    """A Bézier curve by its ordinates, in fractions of the lift; they set both end levels."""
-
-    law: Literal["bezier"]
-    ordinates: Annotated[Quantity, must_be("ratio", many=True, least=-100.0, most=100.0)]
-
-    @model_validator(mode="after")
-    def _degree(self) -> Bezier:
-        count = len(self.ordinates.numbers)
-        if not 2 <= count <= MOST_ORDINATES:
-            raise ValueError(f"ordinates: are {count}; allowed: 2 to {MOST_ORDINATES}")
-        return self
-
-
-class TangentArcs(_Segment):
-    """The whole event of a concave-flank arc cam, from base circle over the nose and back."""
-
-    law: Literal["tangent_arcs"]
-    nose_span: Span
-
-
-Segment = Annotated[Dwell | Rise | Bezier | TangentArcs, Field(discriminator="law")]
-
-
-class Follower(Strict):
-    """The translating follower and the size of the cam under it."""
-
-    type: Literal["roller", "point"]
-    base_radius: Annotated[Quantity, must_be("length", above=0.0, most=100.0)]
-    roller_radius: Annotated[Quantity, must_be("length", above=0.0, most=100.0)] | None = None
-
-    @model_validator(mode="after")
-    def _roller(self) -> Follower:
-        if (self.type == "roller") != (self.roller_radius is not None):
-            need = "needs" if self.type == "roller" else "has no"
-            raise ValueError(f"of type {self.type!r} {need} roller_radius")
-        return self
-
-    @property
-    def roller(self) -> float:
-        """Roller radius in m, 0 for a point follower."""
-        return self.roller_radius.si if self.roller_radius is not None else 0.0
+from cam_rig.schema.segments import Segment, Table
 
 
 class CamConfig(Strict):
@@ -99,12 +34,12 @@ class CamConfig(Strict):
 
     def numbers(self) -> dict[str, Quantity]:
         """Every number of the file by its key, for tables of given / assumed / identified."""
-        found: dict[str, Quantity] = {"lift": self.lift, "base_radius": self.follower.base_radius}
-        if self.follower.roller_radius is not None:
-            found["roller_radius"] = self.follower.roller_radius
+        found: dict[str, Quantity] = {"lift": self.lift, **self.follower.numbers()}
         for i, segment in enumerate(self.segments):
-            for key in ("span", "ordinates", "nose_span"):
-                value = getattr(segment, key, None)
-                if value is not None:
-                    found[f"segments[{i}].{key}"] = value
+            found |= {f"segments[{i}].{key}": n for key, n in segment.numbers().items()}
         return found
+
+    @property
+    def files(self) -> list[str]:
+        """Names of the files beside the cam's own that it is made of."""
+        return [segment.file.file for segment in self.segments if isinstance(segment, Table)]

@@ -30,7 +30,8 @@ def explain(error: ValidationError, kind: type[BaseModel]) -> str:
 
 
 def _sentence(problem: ErrorDetails, kind: type[BaseModel]) -> str:
-    key, shown, context = _key(problem["loc"]), _shown(problem["input"]), problem.get("ctx", {})
+    key, shown, context = _key(problem, kind), _shown(problem["input"]), problem.get("ctx", {})
+    tag = str(context.get("discriminator", "")).strip("'")
     match problem["type"]:
         case "extra_forbidden":
             text = _unknown_key(problem, kind)
@@ -39,9 +40,9 @@ def _sentence(problem: ErrorDetails, kind: type[BaseModel]) -> str:
         case "value_error":
             text = f"{key}: {context['error']}" if key else str(context["error"])
         case "union_tag_not_found":
-            text = f"{key}.law: missing; allowed: one of {_tags(kind, problem)}"
+            text = f"{key}.{tag}: missing; allowed: one of {_tags(kind, problem)}"
         case "union_tag_invalid":
-            text = f"{key}.law: is {context['tag']!r}; allowed: {context['expected_tags']}"
+            text = f"{key}.{tag}: is {context['tag']!r}; allowed: {context['expected_tags']}"
         case "string_pattern_mismatch":
             text = f"{key}: is {shown}; allowed: lower case letters, digits and _"
         case "too_short":
@@ -52,7 +53,7 @@ def _sentence(problem: ErrorDetails, kind: type[BaseModel]) -> str:
 
 
 def _unknown_key(problem: ErrorDetails, kind: type[BaseModel]) -> str:
-    key, shown = _key(problem["loc"]), _shown(problem["input"])
+    key, shown = _key(problem, kind), _shown(problem["input"])
     allowed = sorted(_fields_at(kind, problem["loc"][:-1]))
     near = difflib.get_close_matches(str(problem["loc"][-1]), allowed, 1)
     hint = f" (did you mean {near[0]!r}?)" if near else ""
@@ -61,7 +62,7 @@ def _unknown_key(problem: ErrorDetails, kind: type[BaseModel]) -> str:
 
 
 def _tags(kind: type[BaseModel], problem: ErrorDetails) -> str:
-    """The tags of a union: the names of its members' ``law``."""
+    """The tags of a union: the names of its members."""
     node: Any = kind.model_json_schema()
     schema = node
     for part in problem["loc"]:
@@ -76,14 +77,18 @@ def _shown(value: object) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _key(loc: tuple[int | str, ...]) -> str:
+def _key(problem: ErrorDetails, kind: type[BaseModel]) -> str:
     """``segments[1].span`` from pydantic's location, without the names of union members."""
     out = ""
-    for i, part in enumerate(loc):
+    schema = kind.model_json_schema()
+    node: Any = schema
+    for part in problem["loc"]:
+        tagged = "discriminator" in _resolve(node, schema)
+        node = _step(node, part, schema)
         if isinstance(part, int):
             out += f"[{part}]"
-        elif i and isinstance(loc[i - 1], int) and loc[i - 2] == "segments":
-            continue  # the tag of the segment union
+        elif tagged:
+            continue  # the tag of a union
         elif part in ("float", "list[float]") or str(part).startswith(("constrained-", "list[")):
             continue  # a member of number | list of numbers
         else:

@@ -14,7 +14,8 @@ from ruamel.yaml.error import YAMLError
 from cam_rig.errors import ConfigError
 from cam_rig.schema.cam import CamConfig
 from cam_rig.schema.explain import explain, kind_of
-from cam_rig.schema.published import PublishedNoise
+from cam_rig.schema.factorial import FactorialConfig
+from cam_rig.schema.published import PublishedNoise, PublishedTables
 from cam_rig.schema.rig import RigConfig
 from cam_rig.schema.scene import SceneConfig
 
@@ -60,7 +61,7 @@ def load(path: Path, kind: type[Config]) -> Config:
             f"{', '.join(kind.model_fields)}"
         )
     try:
-        return kind.model_validate(data)
+        return kind.model_validate(data, context={"folder": path.parent})
     except ValidationError as error:
         raise ConfigError(f"{path}: {explain(error, kind)}") from None
 
@@ -101,3 +102,13 @@ def load_scene(path: Path) -> SceneConfig:
 def load_published(path: Path) -> PublishedNoise:
     """Read one file of ``config/published/``."""
     return load(path, PublishedNoise)
+
+
+def load_tables(path: Path) -> PublishedTables:
+    """Read one file of ``config/published/tables/``."""
+    return load(path, PublishedTables)
+
+
+def load_factorial(path: Path) -> FactorialConfig:
+    """Read one file of ``config/factorials/``."""
+    return load(path, FactorialConfig)

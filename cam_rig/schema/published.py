@@ -1,4 +1,4 @@
-"""Published measurements: noise regressions to compare a run with."""
+"""Published measurements: noise regressions and jump speeds to compare with."""
 
 from __future__ import annotations
 
@@ -46,3 +46,28 @@ class PublishedNoise(Strict):
     def level(self, cam: str, rpm: NDArray[np.float64]) -> NDArray[np.float64]:
         """Published level of ``cam`` in dB at speeds in rpm."""
         return np.asarray(np.polynomial.polynomial.polyval(rpm, self.regression_db[cam]))
+
+
+class PublishedJump(Strict):
+    """A row of the paper's Table 2: speed and time of the first lift-off."""
+
+    rpm: FiniteFloat = Field(gt=0.0)
+    time_s: FiniteFloat = Field(gt=0.0)
+
+
+class PublishedTables(Strict):
+    """``config/published/tables/paper.yaml``: what the paper prints in its tables."""
+
+    name: str
+    source: str
+    table_1: dict[str, FiniteFloat]
+    table_2_jump: dict[str, PublishedJump] = Field(min_length=1)
+    table_2_defined: list[str] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _known(self) -> PublishedTables:
+        for cam in self.table_2_defined:
+            if cam not in self.table_2_jump:
+                known = ", ".join(self.table_2_jump)
+                raise ValueError(f"table_2_defined: has {cam!r}; allowed: {known}")
+        return self

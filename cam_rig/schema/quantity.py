@@ -3,7 +3,7 @@
 In YAML::
 
     mass: {given: 1.3, unit: kg, source: paper Table 1}
-    span: {identified: 117.5, unit: deg, source: fit to Table 2, residual: 0.35 % RMS}
+    span: {identified: 117.5, unit: deg, source: fit to Table 2, residual: 0.37 % RMS}
 
 Exactly one of ``given`` (a source prints it), ``assumed`` (nobody does, and it says why) or
 ``identified`` (fitted, and it says to what) carries the number.
@@ -37,6 +37,7 @@ UNITS: dict[str, dict[str, float]] = {
     "radiation": {"Pa*s/N": 1.0},
     "ratio": {"1": 1.0},
     "turns": {"turns": 1.0},
+    "time": {"s": 1.0, "ms": 1e-3},
     "temperature": {"degC": 1.0},
 }
 

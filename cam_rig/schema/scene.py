@@ -17,12 +17,17 @@ RPM = 0.10471975511965977  # rad/s
 
 
 class Program(Strict):
-    """The cam's speed: hold each of ``speeds`` for ``turns``, tick by tick."""
+    """The cam's speed: hold each of ``speeds`` for ``turns``, tick by tick.
+
+    With ``ramp`` each cam starts at rest, and every speed is reached evenly in that time; without,
+    the speed steps.
+    """
 
     speeds: Annotated[Quantity, must_be("speed", many=True, least=RPM * 0.01, most=RPM * 1e5)]
     turns: Annotated[Quantity, must_be("turns", least=1.0, most=1e5)]
     settle_turns: Annotated[Quantity, must_be("turns", least=0.0)]
     ticks_per_turn: int = Field(default=1, ge=1, le=1000, strict=True)
+    ramp: Annotated[Quantity, must_be("time", above=0.0, most=3600.0)] | None = None
 
     @model_validator(mode="after")
     def _something_to_measure(self) -> Program:

@@ -69,7 +69,11 @@ def test_bezier15_maximum(cams, laws):
 
 
 def test_lift_is_the_largest_displacement(cams, laws):
-    """Law.lift is the config's lift, for Bézier 15 with its overshoot of 0.896 %."""
+    """Law.lift is the config's lift, for Bézier 15 with its overshoot of 0.896 %.
+
+    That of a table is its points', which the spline leaves by its tolerance.
+    """
     for name, law in laws.items():
         overshoot = 1.0089649 if name == "bezier15" else 1.0
-        assert law.lift == pytest.approx(overshoot * cams[name].lift.si, rel=5e-8)
+        tolerance = 2e-3 if cams[name].files else 5e-8
+        assert law.lift == pytest.approx(overshoot * cams[name].lift.si, rel=tolerance)

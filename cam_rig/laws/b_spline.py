@@ -1,0 +1,45 @@
+"""B-splines over knots, as the Bézier curves they are made of (profile thesis §2.1.2)."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from cam_rig.laws.bernstein import FloatArray
+from cam_rig.laws.pieces import Pieces
+
+
+def greville(knots: FloatArray, degree: int) -> FloatArray:
+    """``(m,)`` Greville abscissae ξᵢ = (uᵢ + … + uᵢ₊ₙ₋₁)/n of m control points (eq. 2.8).
+
+    ``knots`` are the m + n − 1 of the thesis, the ends n times.
+    """
+    windows = np.lib.stride_tricks.sliding_window_view(knots, degree)
+    return np.asarray(windows.mean(axis=1))
+
+
+def pieces(knots: FloatArray, ordinates: FloatArray, degree: int) -> Pieces:
+    """Bézier pieces of the B-spline with the thesis's knots, the ends ``degree`` times."""
+    outer = np.concatenate([knots[:1], knots, knots[-1:]])  # scipy counts one more at each end
+    return bezier_pieces(BSpline(outer, ordinates, degree))
+
+
+def bezier_pieces(spline: BSpline[np.float64]) -> Pieces:
+    """The Bézier curves of a spline, over its domain.
+
+    Each inner knot is inserted until it stands ``degree`` times; the control points then are
+    the Bézier ordinates. Insertion takes convex combinations, so it is as accurate as they are.
+    """
+    n = spline.k
+    breaks = np.unique(spline.t[n : spline.t.size - n])
+    for knot in breaks:
+        missing = n - int(np.count_nonzero(spline.t == knot))
+        if missing > 0:
+            spline = spline.insert_knot(knot, missing)
+    start = int(np.searchsorted(spline.t, breaks[0], side="right")) - n - 1
+    count = breaks.size - 1
+    columns = [
+        np.array(spline.c[start + n * i : start + n * i + n + 1], dtype=np.float64)
+        for i in range(count)
+    ]
+    return breaks.tolist(), columns

@@ -1,0 +1,59 @@
+"""Every law there is, and the figures by which rises are compared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from cam_rig.laws.continuity import joints
+from cam_rig.laws.law import TURN, Law
+from cam_rig.laws.named import NAMED_RISES, unit_rise
+from cam_rig.laws.peaks import peak
+from cam_rig.laws.pieces import joined
+
+#: Laws whose figures depend on the numbers given: name, and what shapes them.
+FREE_LAWS = (
+    ("dwell", "level before"),
+    ("bezier", "ordinates"),
+    ("b_spline", "knots, ordinates"),
+    ("polynomial", "conditions"),
+    ("trigonometric", "coefficients"),
+    ("tangent_arcs", "event angles"),
+    ("arcs_by_radii", "radii"),
+    ("arcs_by_centres", "centres, radii"),
+    ("table", "measured points"),
+)
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Peaks of a rise of unit lift over a unit span, and the class it joins with.
+
+    ``continuity`` is C^k against dwells; a half-rise joins a dwell and a straight line.
+    """
+
+    peak_velocity: float
+    peak_acceleration: float
+    peak_jerk: float
+    continuity: int
+
+
+@lru_cache(maxsize=len(NAMED_RISES))
+def figures(name: str) -> Figures:
+    """The figures of a named rise, from exact roots."""
+    law = _between_lines(name)
+    velocity, acceleration, jerk = (abs(peak(law, order).value) for order in (1, 2, 3))
+    inside = [joint.continuity for joint in joints(law) if 1.0 <= joint.angle <= 2.0]
+    return Figures(velocity, acceleration, jerk, min(inside))
+
+
+def _between_lines(name: str) -> Law:
+    """The rise from angle 1 to 2, between the dwells or straight lines that it is made for."""
+    before, after = NAMED_RISES[name].slopes
+    breaks, columns = unit_rise(name)
+    rest = TURN - 2.0
+    lines = np.array([-before, 0.0]), np.array([1.0, 1.0 + after * rest])
+    edges = np.array([0.0, *(1.0 + u for u in breaks), TURN])
+    return Law(name, edges, joined([lines[0], *columns, lines[1]]))

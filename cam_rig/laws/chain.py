@@ -1,0 +1,146 @@
+"""A contour of circular arcs and straight lines, each tangent to the next.
+
+Points are complex numbers in the cam's frame, y + ix, so that the argument of a point is the
+cam angle at which a follower on the cam's centre line stands over it. A circle's radius is
+signed: positive where the contour is convex, negative where it is concave. With the outward
+normal n, the contour's points are c + ρn in both cases, and two circles touch where
+c₁ + ρ₁n = c₂ + ρ₂n.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import dataclass
+
+from cam_rig.errors import LawError
+
+#: Two given circles touch when they miss by less than this fraction of their size.
+TOUCH = 1e-9
+
+
+@dataclass(frozen=True)
+class Circle:
+    """A circle of a contour: centre in the cam's frame (y + ix) and signed radius, m."""
+
+    centre: complex
+    radius: float
+
+
+@dataclass(frozen=True)
+class Blend:
+    """An arc of a signed radius (m), or a straight line (None), that joins its neighbours."""
+
+    radius: float | None
+
+
+@dataclass(frozen=True)
+class Line:
+    """The straight line of all points z with Re(z·n*) = distance, n the outward unit normal."""
+
+    normal: complex
+    distance: float
+
+
+Part = Circle | Line
+
+
+@dataclass(frozen=True)
+class Chain:
+    """A closed contour: its parts in the order of the cam angle, and their joints.
+
+    ``normals[i]`` is the outward unit normal where part i meets the next one.
+    """
+
+    parts: tuple[Part, ...]
+    normals: tuple[complex, ...]
+
+
+def close(specs: list[Circle | Blend]) -> Chain:
+    """Give every blend its place between its neighbours, and find where the parts touch.
+
+    Raises
+    ------
+    LawError : two parts do not touch, a blend has no place, or no circle is beside it
+    """
+    parts: list[Part] = []
+    for i, spec in enumerate(specs):
+        if isinstance(spec, Circle):
+            parts.append(spec)
+            continue
+        before, after = specs[i - 1], specs[(i + 1) % len(specs)]
+        if not (isinstance(before, Circle) and isinstance(after, Circle)) or before == after:
+            raise LawError(
+                f"arcs[{i}]: has no centre and stands between parts that do not both have one; "
+                "allowed: two different arcs with centres beside it"
+            )
+        join = _line if spec.radius is None else _arc
+        parts.append(join(before, after, spec.radius or 0.0, f"arcs[{i}]"))
+    ends = [*parts[1:], parts[0]]
+    normals = [_touch(a, b, i) for i, (a, b) in enumerate(zip(parts, ends, strict=True))]
+    return Chain(tuple(parts), tuple(normals))
+
+
+def _line(before: Circle, after: Circle, _: float, name: str) -> Line:
+    """The common outer tangent that leads from one circle to the other."""
+    apart = after.centre - before.centre
+    difference = before.radius - after.radius
+    if abs(apart) <= abs(difference):
+        raise LawError(
+            f"{name}: no straight line touches both its neighbours, one lies inside the other; "
+            f"allowed: centres more than {abs(difference):g} m apart, they are {abs(apart):g} m"
+        )
+    normal = cmath.rect(1.0, cmath.phase(apart) - math.acos(difference / abs(apart)))
+    return Line(normal, (before.centre * normal.conjugate()).real + before.radius)
+
+
+def _arc(before: Circle, after: Circle, radius: float, name: str) -> Circle:
+    """The arc that touches both circles and turns the normal the way its sign says."""
+    apart = after.centre - before.centre
+    one, other, between = radius - before.radius, radius - after.radius, abs(apart)
+    if abs(one - other) >= between:
+        raise LawError(
+            f"{name}: no arc touches both its neighbours, one lies inside the other; allowed: "
+            f"centres more than {abs(one - other):g} m apart, they are {between:g} m"
+        )
+    if radius < 0.0:
+        least = max(0.0, 0.5 * (between - before.radius - after.radius))
+        possible = -radius > least
+    else:
+        least = 0.5 * (between + before.radius + after.radius)
+        possible = radius > least
+    if not possible:
+        raise LawError(
+            f"{name}: radius {radius:g} m is too small to touch both its neighbours; allowed: "
+            f"more than {least:g} m"
+        )
+    along = 0.5 * (one**2 - other**2 + between**2) / between
+    across = math.sqrt(max(0.0, one**2 - along**2))
+    for side in (across, -across):
+        circle = Circle(before.centre + apart / between * complex(along, side), radius)
+        turn = _normal(circle, after) / _normal(before, circle)
+        if turn.imag * radius > 0.0:
+            return circle
+    raise LawError(f"{name}: its neighbours touch each other; leave it out")
+
+
+def _normal(one: Circle, other: Circle) -> complex:
+    """Outward unit normal where two circles touch: n = (c₂ − c₁)/(ρ₁ − ρ₂)."""
+    towards = (other.centre - one.centre) / (one.radius - other.radius)
+    return towards / abs(towards)
+
+
+def _touch(one: Part, other: Part, i: int) -> complex:
+    if isinstance(one, Line):
+        return one.normal
+    if isinstance(other, Line):
+        return other.normal
+    apart, needed = abs(other.centre - one.centre), abs(one.radius - other.radius)
+    size = abs(one.radius) + abs(other.radius)
+    if needed == 0.0 or abs(apart - needed) > TOUCH * size:
+        raise LawError(
+            f"arcs[{i}] and the next do not touch: their centres are {apart:.9g} m apart, their "
+            f"radii need {needed:.9g} m; allowed: arcs that touch, so leave out the centre of "
+            "one and it is placed"
+        )
+    return _normal(one, other)

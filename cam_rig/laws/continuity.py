@@ -1,0 +1,63 @@
+"""How smoothly a law's pieces join: the class C0 to C4 at each joint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cam_rig.laws.bernstein import FloatArray
+from cam_rig.laws.law import Law
+from cam_rig.laws.peaks import peak
+
+#: Classes are told apart up to this one; what is smoother counts as it.
+SMOOTHEST = 4
+#: A jump below this fraction of the derivative's peak over the turn is none.
+TOLERANCE = 1e-6
+#: Rounding of a derivative at a piece's end, in units of eps·ordinate·(2p/span)^order.
+ROUNDINGS = 16.0
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Where two pieces of a law meet.
+
+    Parameters
+    ----------
+    angle : cam angle, rad
+    continuity : highest derivative that goes on without a jump, 4 at most, −1 for a step
+    jump : right minus left limit of the next derivative, m/rad^(continuity + 1); 0 at C4
+    """
+
+    angle: float
+    continuity: int
+    jump: float
+
+
+def joints(law: Law) -> tuple[Joint, ...]:
+    """Every joint of the law with its class, in order from cam angle 0."""
+    jumps = np.stack([law.jumps(order) for order in range(SMOOTHEST + 1)])
+    breaks = np.abs(jumps) > np.stack([_limits(law, order) for order in range(SMOOTHEST + 1)])
+    found = []
+    for i, angle in enumerate(law.breaks[:-1]):
+        first = int(np.argmax(breaks[:, i])) if breaks[:, i].any() else SMOOTHEST + 1
+        jump = 0.0 if first > SMOOTHEST else float(jumps[first, i])
+        found.append(Joint(float(angle), first - 1, jump))
+    return tuple(found)
+
+
+def continuity(law: Law) -> int:
+    """The class of the whole law: that of its roughest joint."""
+    return min(joint.continuity for joint in joints(law))
+
+
+def _limits(law: Law, order: int) -> FloatArray:
+    """``(n,)`` jump (m/rad^order) at the start of each piece that still is none.
+
+    A fraction of the derivative's peak, or what rounding of the two pieces' ordinates makes of
+    it where that is more: short pieces of high degree.
+    """
+    scale = np.abs(law.ordinates).max(axis=0) * (2.0 * law.degree / law.spans) ** order
+    noise = ROUNDINGS * np.finfo(float).eps * np.maximum(scale, np.roll(scale, 1))
+    size = abs(peak(law, order).value) if order else float(np.abs(law.ordinates).max())
+    return np.asarray(np.maximum(TOLERANCE * size, noise))

@@ -1,0 +1,104 @@
+"""A law measured point by point."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, FiniteFloat, ValidationInfo, model_validator
+
+from cam_rig.schema.points import read_points
+from cam_rig.schema.quantity import Quantity, Strict, must_be
+from cam_rig.schema.segments.base import WholeTurn
+
+#: Fewer points than this over a turn do not hold a cam's law, more are slow to no use.
+FEWEST_POINTS, MOST_POINTS = 12, 7200
+#: A wider gap than this (deg) leaves the law there to chance.
+WIDEST_GAP_DEG = 45.0
+#: Where a table repeats its first point at 360°, the two may differ by so many tolerances.
+CLOSING_TOLERANCES = 3.0
+
+#: A spline that may be further from the points than this fraction of their lift is no cam's.
+MOST_TOLERANCE = 0.05
+
+
+class MeasuredPoints(Strict):
+    """What a file of points holds: cam angles in rad, rising, and lifts in m."""
+
+    file: str
+    angles: tuple[FiniteFloat, ...] = Field(min_length=FEWEST_POINTS)
+    lifts: tuple[FiniteFloat, ...] = Field(min_length=FEWEST_POINTS)
+
+
+def _read(value: Any, info: ValidationInfo) -> Any:
+    """The points of a file name; already read ones as they are (a config that was copied)."""
+    if not isinstance(value, str):
+        return value
+    if Path(value).name != value or not value.endswith(".csv"):
+        raise ValueError(f"is {value!r}; allowed: the name of a .csv file beside the cam's file")
+    folder = (info.context or {}).get("folder", Path())
+    angles, lifts = read_points(folder / value)
+    _check(value, angles)
+    return {"file": value, "angles": angles, "lifts": lifts}
+
+
+def _check(name: str, angles: list[float]) -> None:
+    """Enough points, rising, all around the turn."""
+    if not FEWEST_POINTS <= len(angles) <= MOST_POINTS:
+        raise ValueError(
+            f"{name}: has {len(angles)} points; allowed: {FEWEST_POINTS} to {MOST_POINTS}"
+        )
+    degrees = [math.degrees(angle) for angle in angles]
+    for i, (one, other) in enumerate(pairwise(degrees)):
+        if other <= one:
+            raise ValueError(
+                f"{name}: point {i + 2} is at {other:g}° after {one:g}°; allowed: rising angles, "
+                "so sort the points and leave out repeated ones"
+            )
+    if degrees[0] < 0.0 or degrees[-1] > 360.0 + 1e-9:
+        raise ValueError(
+            f"{name}: angles are {degrees[0]:g}° to {degrees[-1]:g}°; allowed: 0° to 360°"
+        )
+    ends = zip(degrees, [*degrees[1:], degrees[0] + 360.0], strict=True)
+    gap, start = max((end - start, start) for start, end in ends)
+    if gap > WIDEST_GAP_DEG:
+        raise ValueError(
+            f"{name}: has no point for {gap:.4g}° after {start:.4g}°; allowed: gaps of at most "
+            f"{WIDEST_GAP_DEG:g}° all around, so measure there too"
+        )
+
+
+class Table(WholeTurn):
+    """Points (angle, lift) of a whole turn, joined by a smooth periodic spline.
+
+    ``tolerance`` is the r.m.s. distance (m) of the spline from the points: what a reading of
+    them is worth. With 0 the spline goes through every point.
+    """
+
+    law: Literal["table"]
+    file: Annotated[MeasuredPoints, BeforeValidator(_read)]
+    tolerance: Annotated[Quantity, must_be("length", least=0.0, most=1.0)]
+    source: str = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _closes(self) -> Table:
+        angles, lifts = self.file.angles, self.file.lifts
+        height = max(lifts) - min(lifts)
+        if not height > 0.0:
+            raise ValueError(f"{self.file.file}: all lifts are {lifts[0]:g} m; allowed: a lift")
+        if self.tolerance.si > MOST_TOLERANCE * height:
+            raise ValueError(
+                f"tolerance: is {self.tolerance.si:g} m; allowed: at most "
+                f"{MOST_TOLERANCE * height:g} m, {MOST_TOLERANCE:g} of the points' lift"
+            )
+        limit = CLOSING_TOLERANCES * self.tolerance.si + 1e-12 * height
+        step = lifts[-1] - lifts[0]
+        repeated = abs(angles[-1] - angles[0] - 2.0 * math.pi) < 1e-9
+        if repeated and abs(step) > limit:
+            raise ValueError(
+                f"{self.file.file}: does not close, the lift at 360° is {step:.6g} m above that "
+                f"at 0°; allowed: {limit:.3g} m ({CLOSING_TOLERANCES:g} tolerances)"
+            )
+        return self

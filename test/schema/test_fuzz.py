@@ -1,0 +1,101 @@
+"""Whatever is in a YAML file, the loader gives a checked config or one line of error."""
+
+import copy
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from ruamel.yaml import YAML
+
+from cam_rig.errors import CamRigError
+from cam_rig.experiment.stage import open_stage
+from cam_rig.schema import load_cam, load_published, load_rig, load_scene
+from cam_rig.schema.load import config_root
+
+LOADERS = {
+    "cams/tm21.yaml": load_cam,
+    "cams/bezier15.yaml": load_cam,
+    "rigs/tm21.yaml": load_rig,
+    "scenes/quick.yaml": load_scene,
+    "published/tm21_noise.yaml": load_published,
+}
+BOUNDED = settings(
+    max_examples=60,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+ANYTHING = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats()
+    | st.text(max_size=8)
+    | st.sampled_from(["deg", "rpm", "1e400", "0x", "tm21", "../x", "2001-01-01"]),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner),
+    max_leaves=6,
+)
+
+
+def check(load, path):
+    """Either it loads, or the error is one line that names the file."""
+    try:
+        load(path)
+    except CamRigError as error:
+        assert "\n" not in str(error)
+        assert path.name in str(error)
+
+
+@BOUNDED
+@given(data=st.binary(max_size=200) | st.text(max_size=200).map(str.encode))
+@pytest.mark.parametrize("name", LOADERS)
+def test_any_bytes(tmp_path, name, data):
+    """Not UTF-8, not YAML, another document."""
+    path = tmp_path / "any.yaml"
+    path.write_bytes(data)
+    check(LOADERS[name], path)
+
+
+def paths_in(data, here=()):
+    yield here
+    items = data.items() if isinstance(data, dict) else enumerate(data)
+    for key, value in items:
+        if isinstance(value, (dict, list)):
+            yield from paths_in(value, (*here, key))
+        else:
+            yield (*here, key)
+
+
+@BOUNDED
+@given(choice=st.data())
+@pytest.mark.parametrize("name", LOADERS)
+def test_a_shipped_file_with_one_thing_changed(tmp_path, name, choice):
+    """Any value anywhere, or a key too many or too few."""
+    data = copy.deepcopy(YAML(typ="safe").load((config_root() / name).read_text(encoding="utf-8")))
+    *above, last = choice.draw(st.sampled_from([p for p in paths_in(data) if p]))
+    place = data
+    for key in above:
+        place = place[key]
+    if choice.draw(st.booleans()):
+        place[last] = choice.draw(ANYTHING)
+    else:
+        del place[last]
+    path = tmp_path / name.split("/")[1]
+    with path.open("w", encoding="utf-8") as stream:
+        YAML(typ="safe").dump(data, stream)
+    check(LOADERS[name], path)
+
+
+@BOUNDED
+@given(text=st.text(max_size=30))
+def test_a_scene_may_name_anything(tmp_path, text):
+    """A cam's or rig's name cannot lead out of the folders."""
+    folder = tmp_path / "scenes"
+    folder.mkdir(exist_ok=True)
+    data = YAML(typ="safe").load((config_root() / "scenes/quick.yaml").read_text(encoding="utf-8"))
+    data["cams"] = [text]
+    with (folder / "quick.yaml").open("w", encoding="utf-8") as stream:
+        YAML(typ="safe").dump(data, stream)
+    try:
+        open_stage(folder / "quick.yaml")
+    except CamRigError as error:
+        assert "\n" not in str(error)
