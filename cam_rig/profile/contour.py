@@ -1,39 +1,87 @@
-"""The cam's contour under a translating roller or point follower on the cam's centre line.
+"""The contour of a cam in its own frame, with curvature and pressure angle (kinematic inversion).
 
-The follower's centre stands at (0, d(θ)) above the cam, d = R_b + R_r + s. Turning the frame
-with the cam (eq. 2.16) gives the pitch curve; the contour lies one roller radius inside it along
-its normal (eq. 2.20-2.25).
+At cam angle 0 the cam's frame is the guide's: a translating follower is on +y. The cam turns
+counterclockwise; so in its frame the follower runs around it clockwise.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from cam_rig.laws import TURN, Law
+from cam_rig.laws import Law
 from cam_rig.laws.bernstein import FloatArray
+from cam_rig.profile.disc import Disc, discs
+from cam_rig.profile.motion import Motion
+from cam_rig.profile.touch import ComplexArray, Touch
+from cam_rig.schema.follower import Follower
 
 
-def pitch_curve(law: Law, pitch_radius: float, angle: FloatArray) -> FloatArray:
-    """``(2, n)`` path of the follower's centre in the cam's frame, m.
+@dataclass(frozen=True, eq=False)
+class Contour:
+    """The contour of one disc; point i is the one the follower touches at cam angle i.
 
-    ``pitch_radius`` is R_b + R_r in m, ``angle`` the cam angles in rad.
+    Parameters
+    ----------
+    disc : the disc and what rides on it
+    angle : ``(n,)`` cam angles, rad
+    points, normal : ``(2, n)`` m, and unit vectors out of the cam
+    radius : ``(n,)`` m, radius of curvature: positive where convex, negative where concave
+    rate : ``(n,)`` m/rad, dP/dθ along the clockwise tangent; not positive: undercut
+    pressure : ``(n,)`` rad, pressure angle, signed
+    pitch : ``(2, n)`` m, path of the roller's centre or of the point; None for a face
     """
-    distance = pitch_radius + law(angle)
-    return np.stack([distance * np.sin(angle), distance * np.cos(angle)])
+
+    disc: Disc
+    angle: FloatArray
+    points: FloatArray
+    normal: FloatArray
+    radius: FloatArray
+    rate: FloatArray
+    pressure: FloatArray
+    pitch: FloatArray | None
+
+    @property
+    def tangent(self) -> FloatArray:
+        """``(2, n)`` unit vectors along the contour, clockwise around the cam."""
+        return np.stack([self.normal[1], -self.normal[0]])
+
+    @classmethod
+    def of(cls, disc: Disc, motion: Motion) -> Contour:
+        """The contour of a disc at the angles of a motion."""
+        touch: Touch = disc.element.touch(motion)
+        turn = np.exp(-1j * motion.angle)
+        return cls(
+            disc=disc,
+            angle=motion.angle,
+            points=_plane(touch.contact * turn),
+            normal=_plane(touch.normal * turn),
+            radius=touch.radius,
+            rate=touch.rate,
+            pressure=touch.pressure,
+            pitch=None if touch.centre is None else _plane(touch.centre * turn),
+        )
 
 
-def contour(law: Law, pitch_radius: float, roller_radius: float, angle: FloatArray) -> FloatArray:
-    """``(2, n)`` points of the cam's contour in its own frame, m; radii in m, angle in rad.
+def contours(follower: Follower, law: Law, count: int) -> tuple[Contour, ...]:
+    """The contours of a cam, one a disc, at ``count`` equal steps of the cam angle.
 
-    Point i is the one the follower touches at cam angle i.
+    Nothing is checked here but that the follower reaches its base circle: see `checks`.
+
+    Raises
+    ------
+    ProfileError : the follower does not reach the base circle
     """
-    distance, slope = pitch_radius + law(angle), law(angle, 1)
-    sine, cosine = np.sin(angle), np.cos(angle)
-    tangent = np.stack([slope * sine + distance * cosine, slope * cosine - distance * sine])
-    inward = np.stack([tangent[1], -tangent[0]]) / np.hypot(slope, distance)
-    return pitch_curve(law, pitch_radius, angle) + roller_radius * inward
+    motion = Motion.uniform(law, count)
+    return tuple(Contour.of(disc, motion) for disc in discs(follower, law))
 
 
-def turn_angles(points: int) -> FloatArray:
-    """``points`` cam angles over one turn, without its end."""
-    return np.linspace(0.0, TURN, points, endpoint=False)
+def contours_at(follower: Follower, law: Law, angle: FloatArray) -> tuple[Contour, ...]:
+    """The same at any cam angles, rad."""
+    motion = Motion.at(law, angle)
+    return tuple(Contour.of(disc, motion) for disc in discs(follower, law))
+
+
+def _plane(values: ComplexArray) -> FloatArray:
+    return np.stack([values.real, values.imag])

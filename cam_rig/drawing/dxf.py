@@ -1,0 +1,106 @@
+"""DXF and SVG drawings of closed polylines, mm, true to scale."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import ezdxf
+import numpy as np
+from ezdxf import units
+from ezdxf.addons.drawing import Frontend, RenderContext, layout
+from ezdxf.addons.drawing.config import BackgroundPolicy, ColorPolicy, Configuration
+from ezdxf.addons.drawing.svg import SVGBackend
+from ezdxf.document import Drawing
+from ezdxf.entities import LWPolyline, Polyline, Spline
+from ezdxf.lldxf.const import DXFError
+
+from cam_rig.errors import OutputError, ProfileError
+from cam_rig.laws.bernstein import FloatArray
+
+MM = 1e3
+MARGIN_MM = 5.0
+#: Units of length that are read, in m.
+METRES = {units.MM: 1e-3, units.CM: 1e-2, units.M: 1.0, units.IN: 0.0254}
+#: Points that are read of a spline, for each of its control points.
+PER_CONTROL_POINT = 16
+
+
+def to_document(curves: dict[str, FloatArray]) -> Drawing:
+    """A drawing with one closed polyline on each layer; points ``(2, n)`` in m.
+
+    Raises
+    ------
+    OutputError : it would not pass its own audit
+    """
+    document = ezdxf.new("R2010", units=units.MM)
+    for layer, points in curves.items():
+        document.layers.add(layer)
+        attributes = {"layer": layer}
+        space = document.modelspace()
+        space.add_lwpolyline((MM * points).T, close=True, dxfattribs=attributes)
+    audit = document.audit()
+    if audit.has_issues:
+        raise OutputError(f"the drawing fails its audit: {audit.errors + audit.fixes}")
+    return document
+
+
+def write_dxf(path: Path, curves: dict[str, FloatArray]) -> None:
+    """Write the drawing as DXF R2010."""
+    to_document(curves).saveas(path)
+
+
+def write_svg(path: Path, curves: dict[str, FloatArray]) -> None:
+    """Write the drawing as SVG at scale 1, black on white; to a millionth of its size."""
+    look = Configuration(background_policy=BackgroundPolicy.WHITE, color_policy=ColorPolicy.BLACK)
+    document, backend = to_document(curves), SVGBackend()
+    Frontend(RenderContext(document), backend, config=look).draw_layout(document.modelspace())
+    page = layout.Page(0, 0, layout.Units.mm, layout.Margins.all(MARGIN_MM))
+    text = backend.get_string(page, settings=layout.Settings(fit_page=False, scale=1))
+    path.write_text(text, encoding="utf-8")
+
+
+def read_dxf(path: Path) -> list[FloatArray]:
+    """The closed curves of a drawing, ``(2, n)`` points in m each, in the file's order.
+
+    Raises
+    ------
+    ProfileError : it is no DXF file, names no unit of length, or has no closed curve
+    """
+    try:
+        document = ezdxf.readfile(path)
+    except (OSError, DXFError, UnicodeDecodeError) as error:
+        raise ProfileError(f"{path}: cannot be read as DXF ({error})") from None
+    if document.units not in METRES:
+        raise ProfileError(
+            f"{path}: its unit ($INSUNITS) is {units.unit_name(document.units)}; allowed: "
+            "millimetres, centimetres, metres or inches"
+        )
+    factor = METRES[document.units]
+    curves = [_points(entity) for entity in document.modelspace() if _closed(entity)]
+    if not curves:
+        raise ProfileError(f"{path}: has no closed polyline or spline in its model space")
+    return [factor * curve for curve in curves]
+
+
+def _closed(entity: object) -> bool:
+    if isinstance(entity, LWPolyline | Spline):
+        return bool(entity.closed)
+    return isinstance(entity, Polyline) and bool(entity.is_closed)
+
+
+def _points(entity: object) -> FloatArray:
+    if isinstance(entity, LWPolyline):
+        return np.array(entity.get_points("xy"), dtype=np.float64).T
+    if isinstance(entity, Spline):
+        return _on_spline(entity)
+    assert isinstance(entity, Polyline)
+    return np.array([(p.x, p.y) for p in entity.points()], dtype=np.float64).T
+
+
+def _on_spline(entity: Spline) -> FloatArray:
+    """Points of its valid range: the outer knots of an unclamped spline lie beyond it."""
+    tool = entity.construction_tool()
+    knots, degree = tool.knots(), tool.degree
+    count = PER_CONTROL_POINT * len(tool.control_points)
+    points = tool.points(np.linspace(knots[degree], knots[-degree - 1], count).tolist())
+    return np.array([(p.x, p.y) for p in points], dtype=np.float64).T

@@ -1,0 +1,144 @@
+"""Drawings on disk: DXF that its own audit accepts, true to scale, and readable again."""
+
+import re
+
+import ezdxf
+import numpy as np
+import pytest
+from ezdxf import units
+
+from cam_rig.drawing.dxf import read_dxf, write_dxf, write_svg
+from cam_rig.drawing.table import HEADER, read_contour, write_contour, write_law
+from cam_rig.errors import ProfileError
+from cam_rig.profile import contours, discs, turn_angles
+from cam_rig.profile.measure import closed_curve, rest
+from cam_rig.profile.path import contour_paths
+from cam_rig.profile.polyline import polyline
+
+ANGLES = turn_angles(311)
+
+
+@pytest.fixture(params=["poly345", "oscillating_flat", "conjugate"])
+def cam(request, cams, laws):
+    """A shipped cam, its law and the paths of its contours."""
+    cam, law = cams[request.param], laws[request.param]
+    return cam, law, contour_paths(cam.follower, law)
+
+
+def lines_of(paths, tolerance=1e-6):
+    return {path.name: polyline(path, tolerance) for path in paths}
+
+
+def test_dxf_is_one_closed_polyline_a_layer(cam, tmp_path):
+    """Named layers, millimetres, no complaint from the audit, points exactly as computed."""
+    lines = lines_of(cam[2])
+    write_dxf(tmp_path / "a.dxf", lines)
+    document = ezdxf.readfile(tmp_path / "a.dxf")
+    assert document.units == units.MM
+    assert not document.audit().has_issues
+    entities = list(document.modelspace())
+    assert [e.dxf.layer for e in entities] == list(lines)
+    assert all(e.dxftype() == "LWPOLYLINE" and e.closed for e in entities)
+    for entity, points in zip(entities, lines.values(), strict=True):
+        np.testing.assert_allclose(np.array(entity.get_points("xy")), 1e3 * points.T, rtol=1e-15)
+
+
+def test_law_comes_back_from_a_dxf(cam, tmp_path):
+    """The follower on the polyline of 1 µm finds s(θ) within 5 nm: a spline joins its points."""
+    write_dxf(tmp_path / "a.dxf", lines_of(cam[2]))
+    law_comes_back(cam, read_dxf(tmp_path / "a.dxf"), 5e-9)
+
+
+def test_law_comes_back_from_a_csv(cam, tmp_path):
+    """3600 points give s(θ) to 1e-9 of the lift."""
+    write_contour(tmp_path / "a.csv", cam[2], 3600)
+    law_comes_back(cam, read_contour(tmp_path / "a.csv"), 1e-9 * cam[1].lift)
+
+
+def law_comes_back(cam, outlines, tolerance):
+    plates = discs(cam[0].follower, cam[1])
+    for disc, outline in zip(plates, outlines, strict=True):
+        lift = rest(disc.element, closed_curve(outline), ANGLES)
+        np.testing.assert_allclose(lift, cam[1](ANGLES), rtol=0, atol=tolerance)
+
+
+def test_csv_has_every_digit(cam, tmp_path):
+    """Angle, point, radius of curvature and pressure angle read back as they were computed."""
+    write_contour(tmp_path / "a.csv", cam[2], 100)
+    header, *rows = (tmp_path / "a.csv").read_text().splitlines()
+    several = len(cam[2]) > 1
+    assert tuple(header.split(",")) == (("disc", *HEADER) if several else HEADER)
+    numbers = np.array([[float(cell) for cell in row.split(",")] for row in rows])
+    found = numbers[:, int(several) :].reshape(len(cam[2]), 100, 5)
+    for table, contour in zip(found, contours(cam[0].follower, cam[1], 100), strict=True):
+        np.testing.assert_allclose(np.radians(table[:, 0]), contour.angle, rtol=1e-15)
+        np.testing.assert_array_equal(table[:, 1:3].T, 1e3 * contour.points)
+        np.testing.assert_array_equal(table[:, 3], 1e3 * contour.radius)
+        np.testing.assert_array_equal(table[:, 4], np.degrees(contour.pressure))
+
+
+def test_svg_is_true_to_scale(cam, tmp_path):
+    """Page in mm: the cam's extent and a margin of 5 mm on each side."""
+    lines = lines_of(cam[2])
+    write_svg(tmp_path / "a.svg", lines)
+    text = (tmp_path / "a.svg").read_text()
+    width, height = (
+        float(re.search(rf'{key}="([\d.]+)mm"', text)[1]) for key in ("width", "height")
+    )
+    every = 1e3 * np.concatenate(list(lines.values()), axis=1)
+    np.testing.assert_allclose([width, height], np.ptp(every, axis=1) + 10.0, atol=1.0)
+    assert text.count("<path") == len(lines)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [(units.M, 1.0), (units.IN, 0.0254), (units.CM, 0.01)])
+def test_dxf_of_others(tmp_path, unit, factor):
+    """Other units of length, an old-style polyline, a closed spline; open lines are passed over."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 80, endpoint=False)
+    circle = np.column_stack([np.cos(angle), np.sin(angle)])
+    document = ezdxf.new("R2010", units=unit)
+    space = document.modelspace()
+    space.add_lwpolyline(circle[:10])
+    space.add_polyline2d(circle.tolist(), close=True)
+    spline = space.add_spline(dxfattribs={"layer": "S"})
+    spline.set_closed(np.column_stack([circle, 0 * angle]).tolist(), degree=3)
+    document.saveas(tmp_path / "b.dxf")
+    one, two = read_dxf(tmp_path / "b.dxf")
+    np.testing.assert_allclose(one, factor * circle.T, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.hypot(*two), factor, rtol=2e-3)
+
+
+def test_law_table(tmp_path):
+    """Degrees and millimetres, every digit."""
+    write_law(tmp_path / "a.csv", np.radians([0.0, 90.0]), np.array([0.0, 0.0125]))
+    assert (tmp_path / "a.csv").read_text() == "angle_deg,lift_mm\n0.0,0.0\n90.0,12.5\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("a.csv", "", "its columns are none; allowed: among them x_mm and y_mm"),
+        ("a.csv", "x,y\n1,2\n", "its columns are x, y; allowed: "),
+        ("a.csv", "x_mm,y_mm\n1,2\n3,no\n", "has the row '3,no'; allowed: finite numbers"),
+        ("a.csv", "x_mm,y_mm\n1\n", "has the row '1'; allowed: finite numbers"),
+        ("a.csv", "x_mm,y_mm\n1,nan\n", "has the row '1,nan'"),
+        ("a.dxf", "no drawing", "cannot be read as DXF"),
+        ("b.dxf", None, "cannot be read as DXF"),
+        ("b.csv", None, "cannot be read"),
+    ],
+)
+def test_files_that_are_no_contour(tmp_path, name, text, words):
+    """One line with the file's name and what is wrong."""
+    path = tmp_path / name
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(ProfileError, match=re.escape(words)) as caught:
+        (read_contour if name.endswith("csv") else read_dxf)(path)
+    assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_dxf_without_a_contour_or_a_unit(tmp_path):
+    """Nothing closed, and a drawing whose unit is not said."""
+    for unit, words in ((units.MM, "has no closed polyline"), (0, r"its unit \(\$INSUNITS\) is ")):
+        ezdxf.new("R2010", units=unit).saveas(tmp_path / "a.dxf")
+        with pytest.raises(ProfileError, match=words):
+            read_dxf(tmp_path / "a.dxf")

@@ -1,0 +1,117 @@
+"""A cam for each kind of follower, whose rise and fall differ, and the shipped ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cam_rig.laws import Law, build_law
+from cam_rig.laws.bernstein import FloatArray
+from cam_rig.profile import Contour, Disc, contours_at, discs
+from cam_rig.profile.touch import Element
+from cam_rig.schema import CamConfig
+
+#: Lengths in mm, angles in degrees.
+FOLLOWERS: dict[str, dict[str, float]] = {
+    "point": {"base_radius": 40, "eccentricity": 5},
+    "roller": {"base_radius": 40, "roller_radius": 8, "eccentricity": -6},
+    "flat": {"base_radius": 40, "eccentricity": 3},
+    "inclined_flat": {"base_radius": 45, "eccentricity": 3, "inclination": 12},
+    "oscillating_point": {"base_radius": 40, "pivot_distance": 90, "arm": 75},
+    "oscillating_roller": {
+        "base_radius": 40,
+        "roller_radius": 8,
+        "pivot_distance": 90,
+        "arm": 75,
+    },
+    "oscillating_flat": {"base_radius": 50, "pivot_distance": 110, "arm": 90, "face_offset": 6},
+    "constant_breadth": {"base_radius": 50},
+    "constant_diameter": {"base_radius": 50, "roller_radius": 8},
+    "conjugate": {"base_radius": 50, "roller_radius": 8, "eccentricity": 4},
+}
+UNEVEN = [
+    ("dwell", 60, None),
+    ("cycloidal", 110, 1),
+    ("dwell", 40, None),
+    ("poly345", 120, 0),
+    ("dwell", 30, None),
+]
+#: Where s(θ) + s(θ + π) = s_max, although the rise is not symmetric about the cam.
+OPPOSITE = [
+    ("dwell", 10, None),
+    ("poly345", 150, 1),
+    ("dwell", 30, None),
+    ("poly345", 150, 0),
+    ("dwell", 20, None),
+]
+
+MakeProfile = Callable[..., CamConfig]
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """A cam and its law."""
+
+    cam: CamConfig
+    law: Law
+
+    def contours(self, angle: FloatArray) -> tuple[Contour, ...]:
+        return contours_at(self.cam.follower, self.law, angle)
+
+    @property
+    def discs(self) -> tuple[Disc, ...]:
+        return discs(self.cam.follower, self.law)
+
+    def riders(self) -> list[tuple[int, Element]]:
+        """Every element that rides on a contour, with the contour's number."""
+        return [
+            (number, element)
+            for number, disc in enumerate(self.discs)
+            for element in (disc.element, disc.opposite)
+            if element is not None
+        ]
+
+
+def make(
+    kind: str, segments: list[tuple[str, float, float | None]], lift: float = 10.0, **numbers: float
+) -> Made:
+    """A cam of this kind; ``numbers`` in mm and degrees replace those of `FOLLOWERS`."""
+    lengths = FOLLOWERS[kind] | numbers
+    follower: dict[str, Any] = {"type": kind} | {
+        key: {"assumed": value, "unit": "deg" if key in ANGLES else "mm"}
+        for key, value in lengths.items()
+    }
+    rows = [
+        {"law": law, "span": {"assumed": span, "unit": "deg"}} | ({} if to is None else {"to": to})
+        for law, span, to in segments
+    ]
+    cam = CamConfig.model_validate(
+        {
+            "name": kind,
+            "title": "made for a test",
+            "lift": {"assumed": lift, "unit": "mm"},
+            "follower": follower,
+            "segments": rows,
+        }
+    )
+    return Made(cam, build_law(cam))
+
+
+ANGLES = {"inclination", "most_pressure_angle"}
+
+
+@pytest.fixture(params=list(FOLLOWERS))
+def made(request: pytest.FixtureRequest) -> Made:
+    """One cam of each kind in turn."""
+    positive = request.param in ("constant_breadth", "constant_diameter")
+    return make(request.param, OPPOSITE if positive else UNEVEN)
+
+
+@pytest.fixture
+def angles() -> FloatArray:
+    """360 cam angles that are no joints of a law, rad."""
+    return np.radians(np.arange(360.0) + 0.137)
