@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -9,11 +11,12 @@ from cam_rig.bench import march, twist_peer
 from cam_rig.bench.case import Case, Solution
 from cam_rig.bench.cvode_peer import OPTIONS as CVODE_OPTIONS
 from cam_rig.bench.cvode_peer import CvodePeer, cvode_class
-from cam_rig.bench.problem import Integrator
+from cam_rig.bench.problem import Arrival, Floats, Integrator, PeerError, Problem
 from cam_rig.bench.scipy_peer import OPTIONS as SCIPY_OPTIONS
 from cam_rig.bench.scipy_peer import ScipyPeer
 from cam_rig.bench.twist import Twist
 from cam_rig.errors import CamRigError
+from cam_rig.laws.bernstein import FloatArray
 
 
 @dataclass(frozen=True)
@@ -36,10 +39,15 @@ class Peer:
         """Name and method."""
         return self.name if self.name == self.method else f"{self.name} {self.method}"
 
-    def solve(self, case: Case, rtol: float) -> Solution:
-        """The case at one relative tolerance."""
+    def solve(self, case: Case, rtol: float, seconds: float = math.inf) -> Solution:
+        """The case at one relative tolerance.
+
+        Raises
+        ------
+        PeerError : it gave up, or took more than ``seconds``
+        """
         run = twist_peer.march if isinstance(case.model, Twist) else march.march
-        return run(case, self.make(self.method, rtol))
+        return run(case, _limited(self.make(self.method, rtol), seconds))
 
     def missing(self) -> str | None:
         """Why this peer cannot run here, and the remedy; None when it can."""
@@ -52,10 +60,24 @@ class Peer:
         return None
 
 
+def _limited(integrate: Integrator, seconds: float) -> Integrator:
+    """The same, that stops between two stretches of the law when its time is over."""
+    stop = time.perf_counter() + seconds
+
+    def limited(
+        problem: Problem, state: Floats, begin: float, end: float, times: FloatArray
+    ) -> Arrival:
+        if time.perf_counter() > stop:
+            raise PeerError(f"not done after {seconds:.1f} s")
+        return integrate(problem, state, begin, end, times)
+
+    return limited
+
+
 PEERS = (
     Peer("DOP853", "DOP853", f"scipy {SCIPY_OPTIONS}", ScipyPeer, 4),
-    Peer("CVODE", "Adams", f"scikit-sundae, {CVODE_OPTIONS}", CvodePeer, 3),
-    Peer("CVODE", "BDF", f"scikit-sundae, {CVODE_OPTIONS}", CvodePeer, 3),
+    Peer("CVODE", "Adams", f"scikit-sundae, {CVODE_OPTIONS}", CvodePeer, 4),
+    Peer("CVODE", "BDF", f"scikit-sundae, {CVODE_OPTIONS}", CvodePeer, 2),
     Peer("LSODA", "LSODA", f"scipy {SCIPY_OPTIONS}, Jacobian", ScipyPeer, 2),
     Peer("Radau", "Radau", f"scipy {SCIPY_OPTIONS}, Jacobian", ScipyPeer, 1, slow=True),
 )

@@ -33,6 +33,8 @@ ORDER = (
 LEAST_GROWTH, MOST_GROWTH = 1.3, 4.0
 #: Runs of a peer's setting, as long as they take no more than this fraction of the sweep's share.
 PEER_REPEATS, REPEAT_SHARE = 3, 0.15
+#: A run may take so many times the time that is left before it is stopped.
+OVERRUN = 4.0
 
 
 @dataclass(frozen=True)
@@ -44,10 +46,10 @@ class Effort:
     rtols: tuple[float, ...]
 
 
-QUICK = Effort(32.0, 7, (1e-8, 1e-10, 1e-12))
+QUICK = Effort(32.0, 7, (1e-9, 1e-12, 1e-13))
 #: Tolerances of a slow peer in a quick study.
 QUICK_AND_SLOW = (1e-4, 1e-6)
-FULL = Effort(235.0, 25, (1e-4, 1e-6, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12))
+FULL = Effort(235.0, 25, (1e-4, 1e-6, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 3e-14))
 
 
 def run(
@@ -110,7 +112,7 @@ def sweep(
             out.notes.append(f"rtol {rtol:.0e} and tighter left out: {words}")
             break
         try:
-            out.points.append(_measure(case, peer, reference, rtol, REPEAT_SHARE * share))
+            out.points.append(_measure(case, peer, reference, rtol, REPEAT_SHARE * share, spare))
         except PeerError as error:
             out.notes.append(f"rtol {rtol:.0e} failed: {error}")
     return out
@@ -123,12 +125,17 @@ def _predicted(points: list[Point]) -> float:
     return last * min(max(LEAST_GROWTH, last / before), MOST_GROWTH)
 
 
-def _measure(case: Case, peer: Peer, reference: Solution, rtol: float, limit: float) -> Point:
-    """Median of up to `PEER_REPEATS` runs, one at least, more only within ``limit`` seconds."""
+def _measure(
+    case: Case, peer: Peer, reference: Solution, rtol: float, limit: float, spare: float
+) -> Point:
+    """Median of up to `PEER_REPEATS` runs, one at least, more only within ``limit`` seconds.
+
+    A run that takes much longer than the ``spare`` seconds it was let in for is given up.
+    """
     times: list[float] = []
     while not times or (len(times) < PEER_REPEATS and sum(times) + times[-1] < limit):
         begun = time.perf_counter()
-        solution = peer.solve(case, rtol)
+        solution = peer.solve(case, rtol, OVERRUN * spare)
         times.append(time.perf_counter() - begun)
     return _point(solution, reference, times, rtol)
 

@@ -15,29 +15,33 @@ from cam_rig.dynamics.block import (
     FollowerState,
     Interval,
 )
+from cam_rig.dynamics.kinks import require_smooth
 from cam_rig.dynamics.parameters import FollowerParameters
+from cam_rig.dynamics.ramp import Advance
 from cam_rig.dynamics.two_mass import TwoMassParameters
 from cam_rig.laws import Law
 from cam_rig.laws.bernstein import FloatArray
 from cam_rig.schema import RigConfig
 
-Advance = Callable[[Law, Any, FollowerState | None, Interval, int], tuple[FollowerState, Block]]
-
 
 @dataclass(frozen=True)
 class Model:
-    """A follower model: what it takes from a rig, and how it passes through an interval."""
+    """A follower model: what it takes from a rig, how it passes through an interval, which laws.
+
+    ``require`` raises a `DynamicsError` for a law that it cannot take.
+    """
 
     parameters: Callable[[RigConfig], Any]
-    advance: Advance
+    advance: Advance[Any]
+    require: Callable[[Law], None] = lambda _law: None
 
 
 MODELS: dict[str, Model] = {
-    "kinetostatic": Model(FollowerParameters.from_rig, kinetostatic.advance),
+    "kinetostatic": Model(FollowerParameters.from_rig, kinetostatic.advance, require_smooth),
     "one_mass": Model(FollowerParameters.from_rig, one_mass.advance),
     "residual": Model(FollowerParameters.from_rig, residual.advance),
     "separation": Model(TwoMassParameters.from_rig, separation_block.advance),
-    "torsional": Model(torsional_block.from_rig, torsional_block.advance),
+    "torsional": Model(torsional_block.from_rig, torsional_block.advance, require_smooth),
 }
 
 __all__ = [

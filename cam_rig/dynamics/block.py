@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -11,6 +12,8 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws.bernstein import FloatArray
 
 NS = 1_000_000_000
+#: A speed this small beside the other end's is rest: a ramp down to it ends there by rounding.
+REST = 1e-9
 #: Rows of a block, with their units.
 COLUMNS = (
     "t [s]",
@@ -24,15 +27,21 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Interval:
-    """Rig time from ``start_ns`` to ``stop_ns`` while the cam turns at one speed.
+    """Rig time from ``start_ns`` to ``stop_ns``: θ = angle + speed t + acceleration t²/2.
 
-    ``angle`` is the unwrapped cam angle (rad) at the start, ``speed`` in rad/s.
+    ``angle`` is the unwrapped cam angle (rad) at the start, ``speed`` in rad/s there,
+    ``acceleration`` in rad/s².
+
+    Raises
+    ------
+    DynamicsError : stamps that do not rise, or a cam that turns back
     """
 
     start_ns: int
     stop_ns: int
     angle: float
     speed: float
+    acceleration: float = 0.0
 
     def __post_init__(self) -> None:
         if self.stop_ns <= self.start_ns:
@@ -40,11 +49,57 @@ class Interval:
                 f"an interval from {self.start_ns} to {self.stop_ns} ns; allowed: stamps that "
                 "rise (is a second drive at work?)"
             )
+        numbers = {key: getattr(self, key) for key in ("angle", "speed", "acceleration")}
+        for name, value in numbers.items():
+            if not math.isfinite(value):
+                raise DynamicsError(f"an interval whose {name} is {value!r}; allowed: finite")
+        end = self.speed_at(self.duration)
+        if self.acceleration != 0.0 and min(self.speed, end) < -REST * max(self.speed, end):
+            raise DynamicsError(
+                f"a ramp from {self.speed:g} to {end:g} rad/s; allowed: from rest or forwards"
+            )
 
     @property
     def duration(self) -> float:
         """Length in s."""
         return (self.stop_ns - self.start_ns) / NS
+
+    @property
+    def mean_speed(self) -> float:
+        """Mean speed, rad/s."""
+        return self.speed + 0.5 * self.acceleration * self.duration
+
+    def angle_at(self, time: float) -> float:
+        """Cam angle (rad) at a time (s) since the start."""
+        return self.angle + time * (self.speed + 0.5 * self.acceleration * time)
+
+    def speed_at(self, time: float) -> float:
+        """Speed (rad/s) at a time (s) since the start."""
+        return self.speed + self.acceleration * time
+
+    def time_at(self, angle: float) -> float:
+        """Time (s) since the start at which the cam comes to an angle (rad), infinity if never."""
+        ahead = angle - self.angle
+        square = self.speed**2 + 2.0 * self.acceleration * ahead
+        if square < 0.0 or self.speed + math.sqrt(square) <= 0.0:
+            return 0.0 if ahead <= 0.0 else math.inf
+        return 2.0 * ahead / (self.speed + math.sqrt(square))
+
+    def split(self, most: float) -> list[Interval]:
+        """Parts of equal time, as many as hold the cam to ``most`` rad in each at full speed."""
+        fastest = max(abs(self.speed), abs(self.speed_at(self.duration)))
+        length = self.stop_ns - self.start_ns
+        count = min(max(1, math.ceil(fastest * self.duration / most)), length)
+        parts = []
+        for i in range(count):
+            since, until = length * i // count, length * (i + 1) // count
+            at = since / NS
+            start, stop = self.start_ns + since, self.start_ns + until
+            part = replace(
+                self, start_ns=start, stop_ns=stop, angle=self.angle_at(at), speed=self.speed_at(at)
+            )
+            parts.append(part)
+        return parts
 
     def grid(self, sample_rate: int) -> SampleGrid:
         """The instants k / ``sample_rate`` (Hz) in [start, stop), k whole: one grid for all."""
@@ -104,6 +159,15 @@ class FollowerState:
     in_contact: bool
     pending_impulse: float = 0.0
     inner: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            numbers = value if isinstance(value, tuple) else (value,)
+            for number in numbers:
+                if not math.isfinite(number):
+                    raise DynamicsError(
+                        f"a follower whose {name} is {number!r}; allowed: finite numbers"
+                    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -31,6 +31,15 @@ class Flight:
         p = self.parameters
         return 0.5 / max(math.sqrt(p.spring_stiffness / p.mass), p.damping / p.mass)
 
+    @cached_property
+    def largest_acceleration(self) -> float:
+        """What |ÿ| (m/s²) does not exceed: neither does the energy."""
+        p = self.parameters
+        pull = p.spring_stiffness * self.start + p.preload
+        energy = pull**2 + p.spring_stiffness * p.mass * self.velocity**2
+        fastest = math.sqrt(energy / (p.spring_stiffness * p.mass))
+        return (math.sqrt(energy) + p.damping * fastest) / p.mass
+
     def state(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Displacement (m) and velocity (m/s) at times since the flight began, s.
 
@@ -54,19 +63,28 @@ class Flight:
     def ordinates(self, begin: float, end: float) -> FloatArray:
         """Bernstein ordinates of the displacement on [begin, end], no longer than `window`.
 
-        The exponential's power series about ``begin``, in which each term follows from the two
-        before it by the equation of motion, written in the Bernstein basis.
+        The exponential's power series about ``begin``, written in the Bernstein basis.
         """
-        p = self.parameters
-        length = end - begin
         y, v = self.state(np.array([begin]))
-        terms = np.empty(SERIES_DEGREE + 1)
-        terms[0], terms[1] = y[0], v[0] * length
-        for i in range(SERIES_DEGREE - 1):
-            spring = p.spring_stiffness * terms[i] + (p.preload if i == 0 else 0.0)
-            pull = p.damping * (i + 1) * terms[i + 1] * length + spring * length**2
-            terms[i + 2] = -pull / (p.mass * (i + 1) * (i + 2))
-        return _bernstein_from_powers() @ terms
+        terms = _series(self.parameters) @ np.array([y[0], v[0], 1.0])
+        powers = (end - begin) ** np.arange(SERIES_DEGREE + 1.0)
+        return np.asarray(_bernstein_from_powers() @ (terms * powers))
+
+
+@lru_cache(maxsize=64)
+def _series(parameters: FollowerParameters) -> FloatArray:
+    """What y, ẏ and the preload add to each term of the power series, ``(n + 1, 3)``.
+
+    Each term follows from the two before it by the equation of motion.
+    """
+    p = parameters
+    terms = np.zeros((SERIES_DEGREE + 1, 3))
+    terms[0, 0] = terms[1, 1] = 1.0
+    for i in range(SERIES_DEGREE - 1):
+        pull = p.damping * (i + 1) * terms[i + 1] + p.spring_stiffness * terms[i]
+        pull[2] += p.preload if i == 0 else 0.0
+        terms[i + 2] = -pull / (p.mass * (i + 1) * (i + 2))
+    return terms
 
 
 @lru_cache(maxsize=1)

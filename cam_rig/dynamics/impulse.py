@@ -8,6 +8,7 @@ short; each range therefore has its own form.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -31,21 +32,33 @@ def response(damping: float, stiffness: float, time: FloatArray) -> Response:
     """
     time = np.asarray(time, dtype=np.float64)
     short = max(math.sqrt(stiffness), damping) * time <= SHORT
+    if short.all():
+        return _series(damping, stiffness, time)
+    if not short.any():
+        return _long(damping, stiffness, time)
     out = np.empty((3, time.size))
     out[:, short] = _series(damping, stiffness, time[short])
-    if not short.all():
-        decay = 0.5 * damping
-        square = stiffness - decay**2
-        long = time[~short]
-        if square > 0.0:
-            out[:, ~short] = _oscillating(decay, square, stiffness, long)
-        else:
-            out[:, ~short] = _creeping(decay, math.sqrt(-square), stiffness, long)
+    out[:, ~short] = _long(damping, stiffness, time[~short])
     return out[0], out[1], out[2]
 
 
+def _long(damping: float, stiffness: float, time: FloatArray) -> Response:
+    decay = 0.5 * damping
+    square = stiffness - decay**2
+    if square > 0.0:
+        return _oscillating(decay, square, stiffness, time)
+    return _creeping(decay, math.sqrt(-square), stiffness, time)
+
+
 def _series(damping: float, stiffness: float, time: FloatArray) -> Response:
-    """Taylor series of C, whose coefficients follow from the equation of motion."""
+    """Taylor series; the times are below `SHORT` over the fastest rate."""
+    found = np.vander(time, TERMS + 1, increasing=True) @ _terms(damping, stiffness)
+    return found[:, 0], found[:, 1], found[:, 2]
+
+
+@lru_cache(maxsize=256)
+def _terms(damping: float, stiffness: float) -> FloatArray:
+    """Coefficients of S, Ṡ and C, ``(TERMS + 1, 3)``: they follow from the equation of motion."""
     terms = [0.0, 0.0, 0.5]
     for i in range(1, TERMS - 1):
         pull = damping * (i + 1) * terms[i + 1] + stiffness * terms[i]
@@ -54,9 +67,7 @@ def _series(damping: float, stiffness: float, time: FloatArray) -> Response:
     order = np.arange(TERMS + 1.0)
     impulse = np.append(step[1:] * order[1:], 0.0)
     rate = np.append(impulse[1:] * order[1:], 0.0)
-    powers = np.vander(time, TERMS + 1, increasing=True)
-    found = powers @ np.stack([impulse, rate, step], axis=1)
-    return found[:, 0], found[:, 1], found[:, 2]
+    return np.stack([impulse, rate, step], axis=1)
 
 
 def _oscillating(decay: float, square: float, stiffness: float, time: FloatArray) -> Response:

@@ -1,21 +1,29 @@
-"""The follower that never leaves the cam: what a scene needs when nothing vibrates or jumps."""
+"""The follower that never leaves the cam: what a scene needs when nothing vibrates or jumps.
+
+A law whose velocity jumps is refused: the contact force there is infinite, and no sample shows it.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from cam_rig.dynamics.block import Block, FollowerState, Interval
-from cam_rig.dynamics.contact import force_weights, motion_weights
+from cam_rig.dynamics.contact import motion_weights
+from cam_rig.dynamics.kinks import require_smooth
 from cam_rig.dynamics.parameters import FollowerParameters
+from cam_rig.dynamics.ramp import with_ramps
+from cam_rig.dynamics.speed import require_turning
 from cam_rig.laws import Law
+from cam_rig.laws.bernstein import FloatArray
 from cam_rig.laws.sampling import sample
 
 
 def state_at(law: Law, parameters: FollowerParameters, angle: float, speed: float) -> FollowerState:
     """The follower on the cam at ``angle`` (rad), turning at ``speed`` (rad/s)."""
-    motion = np.array([float(law(angle, order)) for order in range(3)])
-    force = float(force_weights(parameters, speed) @ motion) + parameters.preload
-    return FollowerState(float(motion[0]), float(motion[1] * speed), force, in_contact=True)
+    p, (s, slope, bend) = parameters, law.at(angle)
+    v, a = slope * speed, bend * speed**2
+    force = p.spring_stiffness * s + p.damping * v + p.mass * a + p.preload
+    return FollowerState(s, v, force, in_contact=True)
 
 
 def advance(
@@ -28,8 +36,33 @@ def advance(
     """Follow the law through the interval; the contact force may come out negative.
 
     ``state`` plays no part (there is no memory), it is taken so that models are alike.
+
+    Raises
+    ------
+    DynamicsError : the law's velocity jumps
     """
-    law.require_velocity()
+    require_turning(interval.mean_speed)
+    require_smooth(law)  # here, where it is not yet a ramp's substitute
+    return _advance(law, parameters, state, interval, sample_rate)
+
+
+@with_ramps
+def _advance(
+    law: Law,
+    parameters: FollowerParameters,
+    _: FollowerState | None,
+    interval: Interval,
+    sample_rate: int,
+) -> tuple[FollowerState, Block]:
+    end = interval.angle + interval.speed * interval.duration
+    rows = ride(law, parameters, interval, sample_rate)
+    return state_at(law, parameters, end, interval.speed), Block(interval, rows)
+
+
+def ride(
+    law: Law, parameters: FollowerParameters, interval: Interval, sample_rate: int
+) -> FloatArray:
+    """The samples ``(6, n)`` of a follower on the cam, rows as in `COLUMNS`, at one speed."""
     grid = interval.grid(sample_rate)
     rows = np.zeros((6, grid.count))
     rows[0] = (grid.first + np.arange(grid.count)) / sample_rate
@@ -41,5 +74,4 @@ def advance(
         motion_weights(parameters, interval.speed),
         np.array([0.0, 0.0, 0.0, parameters.preload]),
     )
-    end = interval.angle + interval.speed * interval.duration
-    return state_at(law, parameters, end, interval.speed), Block(interval, rows)
+    return rows

@@ -13,23 +13,24 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import expm
+from numpy.typing import NDArray
 
 from cam_rig.dynamics.exponential import free_motion
-from cam_rig.dynamics.propagator import piece
+from cam_rig.dynamics.kinks import SLACK
+from cam_rig.dynamics.propagator import exponential, piece
+from cam_rig.dynamics.speed import require_turning
+from cam_rig.dynamics.turn_map import TurnMap
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import TURN, Law, bernstein
 from cam_rig.laws.bernstein import FloatArray
-
-#: A mode that a turn changes by less than this (in phase and size) is in resonance.
-RESONANT = 1e-11
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
     """A stretch of the turn with one polynomial X: x(t) = X + e^{At} z.
 
-    ``low`` and ``span`` in rad of cam angle, ``length`` in s, ``particular`` ``(n, p + 1)``.
+    ``low`` and ``span`` in rad of cam angle, ``length`` in s, ``particular`` ``(n, p + 1)``;
+    ``kick`` is by how much the state jumps where the part begins.
     """
 
     low: float
@@ -38,6 +39,7 @@ class Part:
     law_piece: int
     particular: FloatArray
     flow: FloatArray
+    kick: FloatArray | None = None
 
     def forced(self, time: FloatArray) -> FloatArray:
         """X at times in s since the part's start, ``(n, len(time))``."""
@@ -68,6 +70,7 @@ class LinearResponse:
     matrix : A, ``(n, n)``
     drive : G, ``(n, 3)``, what s, ṡ and s̈ contribute
     constant : g, ``(n,)``
+    kicked : whether a jump of ṡ, a blow of s̈, acts on the state; else the caller sees to it
     """
 
     law: Law
@@ -75,10 +78,10 @@ class LinearResponse:
     matrix: FloatArray
     drive: FloatArray
     constant: FloatArray
+    kicked: bool = False
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.speed) and self.speed > 0.0):
-            raise DynamicsError(f"speed is {self.speed!r} rad/s; allowed: finite and above 0")
+        require_turning(self.speed)
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
@@ -91,62 +94,105 @@ class LinearResponse:
             count = solved.particular.shape[0]
             for k in range(count):
                 low = float(self.law.breaks[i] + span * (k / count))
-                part = Part(
-                    low, float(span) / count, solved.part, i, solved.particular[k], solved.part_flow
-                )
-                found.append(part)
+                kick = self._kick(i) if k == 0 else None
+                x, flow = solved.particular[k], solved.part_flow
+                found.append(Part(low, float(span) / count, solved.part, i, x, flow, kick))
         return tuple(found)
 
+    def _kick(self, piece: int) -> FloatArray | None:
+        """What a jump of ṡ where a piece begins adds to the state."""
+        step = self.law.kinks.get(piece) if self.kicked else None
+        return None if step is None else self.drive[:, 2] * (self.speed * step)
+
     def walk(self, start: FloatArray, angle: float, duration: float) -> Iterator[Run]:
-        """Run after run from state ``start`` at cam angle ``angle`` (rad) for ``duration`` s."""
-        turns = math.floor(angle / TURN)
-        inside = angle - turns * TURN
+        """Run after run from state ``start`` at cam angle ``angle`` (rad) for ``duration`` s.
+
+        A kick at the start is the walk's, one at its end is not (`kinks`).
+        """
+        slack = SLACK / self.speed if self.law.repeats else 0.0
+        inside = angle - math.floor(angle / TURN) * TURN
         i = bisect_right(self.parts, inside, key=lambda part: part.low) - 1
-        now, state = 0.0, start
+        now, state, local = 0.0, start, (inside - self.parts[i].low) / self.speed
         while now < duration:
             part = self.parts[i % len(self.parts)]
             low = part.low + (i // len(self.parts)) * TURN
             end = max(now, (low + part.span - inside) / self.speed)
-            local = max(0.0, (inside - low) / self.speed + now)
+            if part.kick is not None and (now > 0.0 or slack - duration < local <= slack):
+                state = state + part.kick
+            if duration - end <= slack and self.parts[(i + 1) % len(self.parts)].kick is not None:
+                end = max(end, duration)
             at = part.forced(np.array([local]))[:, 0] if local > 0.0 else part.particular[:, 0]
             free = state - at
             yield Run(part, now, min(end, duration), local, free)
-            flow = part.flow if local == 0.0 else expm(self.matrix * (end - now))
+            if end >= duration:
+                return
+            # A part's own length, not end - now: the rounding of a late time would turn the phase.
+            flow = part.flow if local == 0.0 else exponential(self.matrix, part.length - local)
             state = part.particular[:, -1] + flow @ free
-            now, i = end, i + 1
+            now, i, local = end, i + 1, 0.0
 
     def states(self, start: FloatArray, angle: float, times: FloatArray) -> FloatArray:
         """States ``(n, len(times))`` at ascending times in s since ``angle``."""
-        out = np.empty((start.size, times.size))
-        last = float(times[-1]) if times.size else 0.0
-        for run in self.walk(start, angle, np.nextafter(last, np.inf)):
-            a, b = np.searchsorted(times, [run.begin, run.end])
-            since = times[a:b] - run.begin
-            out[:, a:b] = run.part.forced(run.local + since) + free_motion(
-                self.matrix, run.free, since
-            )
+        out, local, part_of = self.passes(start, angle, times)
+        for i in np.unique(part_of):
+            here = np.flatnonzero(part_of == i)
+            out[:, here] += self.parts[i].forced(local[here])
         return out
 
+    def passes(
+        self, start: FloatArray, angle: float, times: FloatArray
+    ) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
+        """States less X ``(n, m)``, times in their parts (s) and these parts' numbers, ``(m,)``."""
+        last = float(times[-1]) if times.size else 0.0
+        runs = list(self.walk(start, angle, np.nextafter(last, np.inf)))
+        begins = np.array([run.begin for run in runs])
+        run_of = np.searchsorted(begins, times, side="right") - 1
+        since = times - begins[run_of]
+        free = np.stack([run.free for run in runs], axis=1)[:, run_of]
+        local = np.array([run.local for run in runs])[run_of] + since
+        part_of = (run_of + self.parts.index(runs[0].part)) % len(self.parts)
+        return free_motion(self.matrix, free, since), local, part_of
+
     def end(self, start: FloatArray, angle: float, duration: float) -> FloatArray:
-        """State ``(n,)`` after ``duration`` s."""
-        return self.states(start, angle, np.array([duration]))[:, 0]
+        """State ``(n,)`` after ``duration`` s; many turns cost no more than one."""
+        start, angle, rest = self.last_turn(start, angle, duration)
+        return self.states(start, angle, np.array([rest]))[:, 0]
+
+    def last_turn(
+        self, start: FloatArray, angle: float, duration: float
+    ) -> tuple[FloatArray, float, float]:
+        """State, angle (rad) and what is left of ``duration`` (s) after all whole turns but one."""
+        first = math.ceil(angle / TURN)
+        # Not up to a kick at the very end, which is the next interval's.
+        spare = 0.0 if self.parts[0].kick is None else 2.0 * SLACK
+        whole = math.floor((angle + self.speed * duration - spare) / TURN) - first
+        if whole <= 1:
+            return start, angle, duration
+        before = max(0.0, (first * TURN - angle) / self.speed)
+        start = self.turn.after(self.end(start, angle, before), whole)
+        return start, 0.0, max(0.0, duration - before - whole * (TURN / self.speed))
+
+    @cached_property
+    def turn(self) -> TurnMap:
+        """What one turn from θ = 0 does to the state."""
+        flow, rest = np.eye(self.constant.size), np.zeros(self.constant.size)
+        for part in self.parts:
+            rest = rest if part.kick is None else rest + part.kick
+            rest = part.particular[:, -1] + part.flow @ (rest - part.particular[:, 0])
+            flow = part.flow @ flow
+        return TurnMap(flow, rest)
 
     def periodic(self) -> FloatArray:
-        """The state at θ = 0 that a turn brings back: one linear solve.
+        """The state at θ = 0, before a kick there, that a turn brings back: one linear solve.
 
         Raises
         ------
         DynamicsError : an undamped mode at a harmonic of the speed; it grows turn after turn
         """
-        size = self.constant.size
-        flow, rest = np.eye(size), np.zeros(size)
-        for part in self.parts:
-            rest = part.particular[:, -1] + part.flow @ (rest - part.particular[:, 0])
-            flow = part.flow @ flow
-        gap = np.eye(size) - flow
-        if np.abs(np.linalg.eigvals(gap)).min() < RESONANT:
+        state = self.turn.fixed_point()
+        if state is None:
             raise DynamicsError(
                 f"no steady state at {self.speed:g} rad/s: a mode without damping is at a harmonic "
                 "of the speed; allowed: damping, or another speed"
             )
-        return np.asarray(np.linalg.solve(gap, rest))
+        return state

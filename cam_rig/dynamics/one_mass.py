@@ -4,6 +4,9 @@ In contact the follower is the law. It leaves where the contact force crosses ze
 flies freely, and lands where the gap closes: plastically, or with Newton's restitution. Each
 phase is a closed form and each change of phase a root, so neither a step nor the length of an
 interval enters the result.
+
+Where the law's velocity jumps up by Δs' the cam strikes the follower, a landing with the impulse
+m (1 + e) ω Δs'; where it jumps down the follower is thrown off with the velocity it had.
 """
 
 from __future__ import annotations
@@ -23,10 +26,13 @@ from cam_rig.dynamics.block import (
 from cam_rig.dynamics.course import Course, Phase
 from cam_rig.dynamics.impulses import show_impulses
 from cam_rig.dynamics.parameters import FollowerParameters
+from cam_rig.dynamics.ramp import with_ramps
+from cam_rig.dynamics.speed import require_turning
 from cam_rig.laws import Law
 from cam_rig.laws.bernstein import FloatArray
 
 
+@with_ramps
 def advance(
     law: Law,
     parameters: FollowerParameters,
@@ -41,19 +47,20 @@ def advance(
     state : where the interval before it ended; None puts the follower down on the cam
     sample_rate : Hz
     """
+    require_turning(interval.speed)
     course = Course(law, parameters, interval)
     course.run(state)
-    _, block = kinetostatic.advance(law, parameters, None, interval, sample_rate)
+    rows = kinetostatic.ride(law, parameters, interval, sample_rate)
     grid = interval.grid(sample_rate)
     for phase in course.phases:
         if phase.flight is not None:
-            _show_flight(block.rows, grid, phase)
+            _show_flight(rows, grid, phase)
     pending = state.pending_impulse if state is not None else 0.0
-    pending = show_impulses(block.rows, grid, course.events, pending)
-    end = replace(_end(course), pending_impulse=pending)
+    pending = show_impulses(rows, grid, course.events, pending)
+    end = replace(course.end, pending_impulse=pending)
     begun = interval.start_ns / NS
     events = tuple(replace(event, time=begun + event.time) for event in course.events)
-    return end, replace(block, events=events)
+    return end, Block(interval, rows, events)
 
 
 def _show_flight(rows: FloatArray, grid: SampleGrid, phase: Phase) -> None:
@@ -64,12 +71,3 @@ def _show_flight(rows: FloatArray, grid: SampleGrid, phase: Phase) -> None:
         times = grid.offset + np.arange(first, end) / grid.sample_rate - phase.begin
         rows[1:4, first:end] = phase.flight.motion(times)
         rows[4, first:end] = 0.0
-
-
-def _end(course: Course) -> FollowerState:
-    """The follower's state at the end of the interval."""
-    last = course.phases[-1]
-    if last.flight is None:
-        return course.on_cam(course.interval.duration)
-    y, v = last.flight.state(np.array([last.end - last.begin]))
-    return FollowerState(float(y[0]), float(v[0]), 0.0, in_contact=False)

@@ -22,6 +22,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.linalg import expm, matrix_balance, schur, solve_sylvester
 
+from cam_rig.dynamics.exponential import free_motion
 from cam_rig.laws import bernstein
 from cam_rig.laws.bernstein import FloatArray
 
@@ -33,6 +34,17 @@ PICARD_REACH = 4.0
 def derivative_matrix(degree: int) -> FloatArray:
     """``(p + 1, p + 1)``: takes ordinates to those of d/du, written with the same degree."""
     return np.asarray(bernstein.elevate(bernstein.derivative(np.eye(degree + 1)), degree))
+
+
+def exponential(matrix: FloatArray, time: float) -> FloatArray:
+    """e^{At}: for two states in closed form, whose error is that of the phase; else by expm.
+
+    Scaling and squaring lets a vibration of 3000 rad drift by ten times as much, turn after turn.
+    """
+    if matrix.shape[0] != 2:
+        return np.asarray(expm(matrix * time), dtype=np.float64)
+    at = np.array([time])
+    return np.stack([free_motion(matrix, unit, at)[:, 0] for unit in np.eye(2)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +122,7 @@ def piece(matrix: FloatArray, forcing: FloatArray, duration: float) -> Piece:
         responses.append(np.hstack([grown, rest]) @ modes.T)
     top = max(response.shape[0] for response in responses) - 1
     particular = np.stack([bernstein.elevate(response, top).T for response in responses])
-    return Piece(matrix, particular, duration, np.asarray(expm(matrix * length)))
+    return Piece(matrix, particular, duration, exponential(matrix, length))
 
 
 def _modes(

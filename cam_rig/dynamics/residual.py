@@ -5,6 +5,8 @@ m ẍ + c ẋ + (k_spring + k_stem) x = k_stem s(θ): one degree of freedom, alw
 The model's state is the vibration r = x − α s about the static share α = k_stem/(k_spring + k_stem)
 of the lift: m r̈ + c ṙ + (k_spring + k_stem) r = −α (m s̈ + c ṡ). In x itself the rounding of the
 lift, times a stem of 3.3e8 N/m, would drown acceleration and force.
+
+Where the law's velocity jumps by Δs' the stem only bends: x and ẋ go on, so ṙ jumps by −α ω Δs'.
 """
 
 from __future__ import annotations
@@ -16,7 +18,8 @@ import numpy as np
 from cam_rig.dynamics.block import Block, FollowerState, Interval
 from cam_rig.dynamics.linear import LinearResponse
 from cam_rig.dynamics.parameters import FollowerParameters
-from cam_rig.dynamics.uniform import Outputs, sample
+from cam_rig.dynamics.ramp import with_ramps
+from cam_rig.dynamics.uniform import Outputs, end_of, outputs_at, sample
 from cam_rig.laws import Law
 from cam_rig.laws.bernstein import FloatArray
 
@@ -27,15 +30,14 @@ def response(law: Law, parameters: FollowerParameters, speed: float) -> LinearRe
 
     Raises
     ------
-    DynamicsError : the law's velocity jumps, or the speed is not above 0
+    DynamicsError : the speed is not above 0
     """
-    law.require_velocity()
     p = parameters
     total = p.spring_stiffness + p.stem_stiffness
     share, damping = p.stem_stiffness / total, p.damping / p.mass
     matrix = np.array([[0.0, 1.0], [-total / p.mass, -damping]])
     drive = np.array([[0.0, 0.0, 0.0], [0.0, -share * damping, -share]])
-    return LinearResponse(law, speed, matrix, drive, np.zeros(2))
+    return LinearResponse(law, speed, matrix, drive, np.zeros(2), kicked=True)
 
 
 @lru_cache(maxsize=64)
@@ -70,10 +72,11 @@ def motion(
 
     ``start`` is (r, ṙ) there; zeros is a follower that rests on a standing cam.
     """
-    vibration = response(law, parameters, speed).states(start, angle, times)
-    return outputs(parameters).at(law, speed, angle, vibration, times)
+    model = response(law, parameters, speed)
+    return outputs_at(model, start, angle, times, outputs(parameters))
 
 
+@with_ramps
 def advance(
     law: Law,
     parameters: FollowerParameters,
@@ -89,8 +92,7 @@ def advance(
     rows[0] = (grid.first + np.arange(grid.count)) / sample_rate
     out, step = outputs(parameters), 1.0 / sample_rate
     rows[1:5] = sample(model, start, interval.angle, grid.offset, step, grid.count, out)
-    after = np.array([interval.duration])
-    end = model.states(start, interval.angle, after)
-    x, v, _, force = out.at(law, interval.speed, interval.angle, end, after)[:, 0].tolist()
-    inner = tuple(end[:, 0].tolist())
+    end, shown = end_of(model, start, interval.angle, interval.duration, out)
+    x, v, _, force = shown.tolist()
+    inner = tuple(end.tolist())
     return FollowerState(x, v, force, in_contact=True, inner=inner), Block(interval, rows)

@@ -2,7 +2,8 @@
 
 Phases are closed forms, events are roots; nothing is stepped. A landing stops the roller mass on
 the cam (ż := ṡ, the paper's plastic re-contact) or throws it back with Newton's restitution; the
-end mass goes on with the velocity it had.
+end mass goes on with the velocity it had. So it is where the law's velocity jumps: up is a blow on
+the roller mass, m₁ (1 + e) ω Δs', down throws it off with the velocity it had.
 """
 
 from __future__ import annotations
@@ -12,9 +13,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cam_rig.dynamics.block import Event, EventKind
+from cam_rig.dynamics.bounce import least_bounce, rises
+from cam_rig.dynamics.kinks import KinksAhead, short_of_kink
 from cam_rig.dynamics.linear import LinearResponse
 from cam_rig.dynamics.two_mass import TwoMassParameters, contact_response, force_output
-from cam_rig.dynamics.two_mass_guards import fly, landing_time, lift_off_time
+from cam_rig.dynamics.two_mass_guards import fly, gap_rounding, landing, lift_off
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.laws.bernstein import FloatArray
@@ -52,30 +55,58 @@ class Separation:
 
     def __post_init__(self) -> None:
         self._response: LinearResponse = contact_response(self.law, self.parameters, self.speed)
-        self._contact = True
+        self._contact, self._reach = True, 0.0
         self._force = force_output(self.parameters)
 
     def run(self, duration: float, state: FloatArray | None = None, contact: bool = True) -> None:
         """Find all phases and events up to ``duration`` s, from rest on the cam by default."""
         if state is None:
             state, contact = np.zeros(2), True
-        now = 0.0
+        kinks = KinksAhead(self.law, self.angle, self.speed, duration)
+        now, self._reach = 0.0, self.speed * duration
+        state, contact = self._cross(now, kinks.take(now), state, contact)
         while now < duration:
             if len(self.events) > MOST_EVENTS:
                 raise DynamicsError(
                     f"{len(self.events)} events in {now:g} s; allowed: {MOST_EVENTS} a run"
                 )
-            guard = lift_off_time if contact else landing_time
-            angle = self.angle + self.speed * now
-            event = guard(self.law, self.parameters, self.speed, angle, state, duration - now)
-            end = duration if event is None else now + event
-            self.phases.append(Phase(now, end, contact, state))
-            if event is not None and contact:
-                self._note("lift-off", end)
-                state, contact = self._full(state, now, end), False
-            elif event is not None:
-                state, contact = self._meet(end, self.fly(state, np.array([event]))[:, 0])
+            limit = min(kinks.bound, kinks.clear) if contact else kinks.bound
+            event = self._next_event(now, limit - now, state, contact)
+            end = kinks.bound if event is None else kinks.no_later(now + event[0])
+            phase = Phase(now, end, contact, state)
+            self.phases.append(phase)
+            struck, step = kinks.at(end), kinks.take(end)
+            if event is None or (contact and struck):
+                if end < duration:
+                    state, contact = self._cross(end, step, self._end_of(phase), contact)
+            else:
+                change = self._leave if contact else self._meet
+                state, contact = change(end, event[1])
             now, self._contact = end, contact
+
+    def _next_event(
+        self, now: float, limit: float, state: FloatArray, contact: bool
+    ) -> tuple[float, FloatArray] | None:
+        guard = lift_off if contact else landing
+        return guard(
+            self.law, self.parameters, self.speed, self.angle + self.speed * now, state, limit
+        )
+
+    def _cross(
+        self, time: float, step: float, state: FloatArray, contact: bool
+    ) -> tuple[FloatArray, bool]:
+        """Where ṡ jumps by ``step`` (m/s): a blow on a roller in contact, or it is thrown off.
+
+        ``state`` is that before the jump; the end mass has the same velocity after it.
+        """
+        if step == 0.0 or not contact:
+            return state, contact
+        cam = self._cam_at(time) - np.array([0.0, step, 0.0])
+        both = np.concatenate([cam[:2], self.parameters.static_place(cam) + state])
+        if step > 0.0:
+            return self._meet(time, both)
+        self._note("lift-off", time)
+        return both, False
 
     @property
     def ends_in_contact(self) -> bool:
@@ -85,11 +116,14 @@ class Separation:
     @property
     def final_state(self) -> FloatArray:
         """(η, η̇) or (z, ż, y, ẏ) at the end of the run, exact as it is handed on."""
-        last = self.phases[-1]
-        if last.contact:
-            angle = self.angle + self.speed * last.begin
-            return self._response.end(last.state, angle, last.end - last.begin)
-        return self.fly(last.state, np.array([last.end - last.begin]))[:, 0]
+        return self._end_of(self.phases[-1])
+
+    def _end_of(self, phase: Phase) -> FloatArray:
+        """(η, η̇) or (z, ż, y, ẏ) at the end of a phase, before its event."""
+        if phase.contact:
+            angle = self.angle + self.speed * phase.begin
+            return self._response.end(phase.state, angle, phase.end - phase.begin)
+        return self.fly(phase.state, np.array([phase.end - phase.begin]))[:, 0]
 
     def fly(self, state: FloatArray, times: FloatArray) -> FloatArray:
         """(z, ż, y, ẏ) at times (s) of a flight, ``(4, len(times))``."""
@@ -98,7 +132,19 @@ class Separation:
     def cam(self, time: FloatArray) -> FloatArray:
         """S, ṡ and s̈ at times in s, ``(3, len(time))``."""
         angle = self.angle + self.speed * time
-        return np.stack([self.law(angle, order) * self.speed**order for order in range(3)])
+        return self.law.motion_at(angle) * (self.speed ** np.arange(3.0))[:, None]
+
+    def _cam_at(self, time: float) -> FloatArray:
+        """S, ṡ and s̈ at one time in s, ``(3,)``."""
+        return self._cam_to(self.angle + self.speed * time)
+
+    def cam_at_end(self, time: float) -> FloatArray:
+        """The same where an interval ends: before a kink that begins the next one."""
+        return self._cam_to(short_of_kink(self.law, self.angle + self.speed * time))
+
+    def _cam_to(self, angle: float) -> FloatArray:
+        s, slope, bend = self.law.at(angle)
+        return np.array([s, slope * self.speed, bend * self.speed**2])
 
     def force(self, state: FloatArray, time: FloatArray) -> FloatArray:
         """Contact force (N) of vibrations (η, η̇), ``(2, n)``, at times in s."""
@@ -106,32 +152,36 @@ class Separation:
         total = out.state @ state + out.law @ self.cam(time) + out.constant[:, None]
         return np.asarray(total[0])
 
-    def _full(self, state: FloatArray, begin: float, end: float) -> FloatArray:
-        """(z, ż, y, ẏ) at the end of a contact phase."""
-        vibration = self._response.end(state, self.angle + self.speed * begin, end - begin)
-        cam = self.cam(np.array([end]))[:, 0]
-        return np.concatenate([cam[:2], self.parameters.static_place(cam) + vibration])
+    def force_of(self, vibration: FloatArray, cam: FloatArray) -> float:
+        """Contact force (N) of one vibration (η, η̇) where the cam has (s, ṡ, s̈)."""
+        out = self._force
+        return float((out.state @ vibration + out.law @ cam + out.constant)[0])
+
+    def _leave(self, time: float, vibration: FloatArray) -> tuple[FloatArray, bool]:
+        """(z, ż, y, ẏ) that flies off at the end of a contact phase."""
+        self._note("lift-off", time)
+        cam = self._cam_at(time)
+        end_mass = self.parameters.static_place(cam) + vibration
+        return np.concatenate([cam[:2], end_mass]), False
 
     def _meet(self, time: float, state: FloatArray) -> tuple[FloatArray, bool]:
         """After a landing: what flies on, or the end mass's state in contact."""
         p = self.parameters
-        cam = self.cam(np.array([time]))[:, 0]
-        approach, vibration = float(cam[1] - state[1]), state[2:] - p.static_place(cam)
-        force = float(self.force(vibration[:, None], np.array([time]))[0])
+        cam = self._cam_at(time)
+        approach, vibration = max(0.0, float(cam[1] - state[1])), state[2:] - p.static_place(cam)
+        force = self.force_of(vibration, cam)
         rebound = p.restitution * approach
-        restitution = p.restitution if self._rises(rebound, force) else 0.0
+        least = least_bounce(
+            self.law, p.restitution, gap_rounding(self.law, state, abs(self.angle) + self._reach)
+        )
+        bounces = rises(rebound, force / p.roller_mass, least)
+        restitution = p.restitution if bounces else 0.0
         impulse = p.roller_mass * (1.0 + restitution) * approach
         lost = 0.5 * p.roller_mass * (1.0 - restitution**2) * approach**2
         self._note("landing", time, impulse, lost)
         if restitution > 0.0:
             return np.array([cam[0], cam[1] + rebound, *state[2:]]), False
         return vibration, True
-
-    def _rises(self, rebound: float, force: float) -> bool:
-        """Whether a rebound rises above rounding; the rest of an endless series is contact."""
-        if rebound <= 0.0 or force <= 0.0:
-            return rebound > 0.0
-        return 0.5 * rebound**2 * self.parameters.roller_mass / force > 1e-12 * self.law.lift
 
     def _note(self, kind: EventKind, time: float, impulse: float = 0.0, lost: float = 0.0) -> None:
         self.events.append(Event(kind, time, self.angle + self.speed * time, impulse, lost))

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
 from cam_rig.dynamics.block import NS, Block, FollowerState, Interval, SampleGrid
 from cam_rig.dynamics.impulses import show_impulses
+from cam_rig.dynamics.ramp import with_ramps
 from cam_rig.dynamics.separation import Phase, Separation
 from cam_rig.dynamics.two_mass import TwoMassParameters, contact_response, force_output
 from cam_rig.dynamics.uniform import sample
-from cam_rig.laws import Law
+from cam_rig.laws import TURN, Law
 from cam_rig.laws.bernstein import FloatArray
 
 
@@ -39,6 +41,7 @@ def _phase_states(course: Separation, phase: Phase, times: FloatArray) -> FloatA
     return np.vstack([cam[:2], end_mass, course.force(vibration, times)])
 
 
+@with_ramps
 def advance(
     law: Law,
     parameters: TwoMassParameters,
@@ -50,7 +53,7 @@ def advance(
 
     The block's motion is that of the roller mass, which meets the cam.
     """
-    turns = np.floor(interval.angle / (2.0 * np.pi)) * 2.0 * np.pi
+    turns = math.floor(interval.angle / TURN) * TURN
     course = Separation(law, parameters, interval.speed, interval.angle - turns)
     start = None if state is None else _start(state)
     course.run(interval.duration, start, state is None or state.in_contact)
@@ -71,11 +74,13 @@ def advance(
 
 
 def _end(course: Separation, duration: float, pending: float) -> FollowerState:
-    z, v, y, w, force = states(course, np.array([duration]))[:, 0].tolist()
     if not course.ends_in_contact:
+        z, v, y, w, _ = states(course, np.array([duration]))[:, 0].tolist()
         return FollowerState(z, v, 0.0, False, pending, (y, w))
-    vibration = course.final_state.tolist()
-    return FollowerState(z, v, force, True, pending, tuple(vibration))
+    inner = course.final_state
+    cam = course.cam_at_end(duration)
+    force = course.force_of(inner, cam)
+    return FollowerState(cam[0], cam[1], force, True, pending, tuple(inner.tolist()))
 
 
 def _start(state: FollowerState) -> FloatArray:

@@ -14,4 +14,4 @@ def shaft_torque(law: Law, parameters: FollowerParameters, angle: float, speed: 
     would have to pull.
     """
     force = state_at(law, parameters, angle, speed).contact_force
-    return max(force, 0.0) * float(law(angle, 1))
+    return max(force, 0.0) * law.at(angle)[1] + 0.0  # no negative zero: it is another message

@@ -4,8 +4,10 @@
 
 with s, s', s'' at the twisted angle θ_c, ṡ = s' θ̇_c and s̈ = s'' θ̇_c² + s' θ̈_c. The flywheel
 holds its speed, θ_v = θ_0 + ω t, or has an inertia: I_v θ̈_v = k_s (θ_c − θ_v) + c_s (θ̇_c − θ̇_v)
-+ T_motor. The follower is taken to stay on the cam: where `TorsionalMotion.contact_force` is
-negative the result means nothing any more.
++ T_motor. Along a ramp of α rad/s² a flywheel that is driven follows it, θ_v = θ_0 + ω t + α t²/2,
+and one with an inertia is free as before while the motor gives I_v α more. The follower is taken
+to stay on the cam: where `TorsionalMotion.contact_force` is negative the result means nothing any
+more.
 """
 
 from __future__ import annotations
@@ -124,20 +126,23 @@ def solve(
     state: TorsionalState,
     start_time: float,
     duration: float,
+    ramp: float = 0.0,
 ) -> TorsionalMotion:
     """Solve eq. 10 from ``state`` at ``start_time`` (s) for ``duration`` (s).
+
+    ``ramp`` (rad/s²) is the flywheel's acceleration, or what the motor gives more over I_v.
 
     Raises
     ------
     DynamicsError : a number is not finite, the duration not positive, the law has a step in s',
         or the motion cannot be resolved
     """
-    numbers = {"start_time": start_time, "duration": duration, **asdict(state)}
+    numbers = {"start_time": start_time, "duration": duration, "ramp": ramp, **asdict(state)}
     for name, value in numbers.items():
         if not math.isfinite(value) or (name == "duration" and value <= 0.0):
             limit = "finite and > 0" if name == "duration" else "finite"
             raise DynamicsError(f"{name} is {value!r}; allowed: {limit}")
-    end, done = March(law, parameters).run(state, duration)
+    end, done = March(law, parameters, ramp).run(state, duration)
     for stretch in done:
         stretch.series[2, 0] += stretch.low
     path = Path(

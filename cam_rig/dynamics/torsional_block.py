@@ -10,7 +10,7 @@ from cam_rig.dynamics.block import NS, Block, FollowerState, Interval
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.torsional import TorsionalMotion, solve
 from cam_rig.dynamics.torsional_parameters import TorsionalParameters, TorsionalState
-from cam_rig.errors import ConfigError
+from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import TURN, Law
 from cam_rig.laws.bernstein import FloatArray
 from cam_rig.schema import RigConfig
@@ -42,12 +42,24 @@ def advance(
 ) -> tuple[FollowerState, Block]:
     """Take the cam on its shaft through the interval; None starts it untwisted at the speed.
 
-    The interval's angle and speed are the flywheel's; ``inner`` of the state is twist and rate.
+    The interval's angle, speed and acceleration are the flywheel's; ``inner`` of the state is twist
+    and rate. No substitute law for a ramp: the law is taken at the twisted angle.
+
+    Raises
+    ------
+    DynamicsError : a flywheel of finite inertia, which would not turn as the drive says
     """
+    if parameters.flywheel_inertia is not None:
+        raise DynamicsError(
+            f"flywheel_inertia is {parameters.flywheel_inertia!r}; allowed where a drive sets the "
+            "speed: None, so take cam_rig.dynamics.torsional.solve for a free flywheel"
+        )
     turns = math.floor(interval.angle / TURN) * TURN
     twist = (0.0, 0.0) if state is None else state.inner
     start = TorsionalState(twist[0], twist[1], interval.angle - turns, interval.speed)
-    motion = solve(law, parameters, start, interval.start_ns / NS, interval.duration)
+    motion = solve(
+        law, parameters, start, interval.start_ns / NS, interval.duration, interval.acceleration
+    )
     grid = interval.grid(sample_rate)
     rows = np.zeros((6, grid.count))
     rows[0] = (grid.first + np.arange(grid.count)) / sample_rate
@@ -61,6 +73,6 @@ def advance(
 def follower_rows(motion: TorsionalMotion, times: FloatArray) -> FloatArray:
     """Lift, velocity, acceleration and contact force, ``(4, len(times))``, at times in s."""
     _, _, angle, speed, acceleration = motion.at(times)
-    s = np.stack([motion.law(angle, order) for order in range(3)])
+    s = motion.law.motion_at(angle)
     follower = s[2] * speed**2 + s[1] * acceleration
     return np.stack([s[0], s[1] * speed, follower, motion.contact_force(times)])

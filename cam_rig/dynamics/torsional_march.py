@@ -15,6 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from cam_rig.dynamics.collocation import basis, basis_at, table
+from cam_rig.dynamics.kinks import require_smooth
 from cam_rig.dynamics.torsional_parameters import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.torsional_window import Piece, Window, largest
 from cam_rig.errors import DynamicsError
@@ -38,8 +39,6 @@ MOST_WINDOWS = 100_000
 MOST_STALLS = 3
 #: Newton's method for a crossing ends at this relative correction.
 STILL = 1e-10
-#: Steps of s' at a joint up to this fraction of its largest value are rounding.
-SMOOTH = 1e-9
 
 
 @lru_cache(maxsize=64)
@@ -48,15 +47,9 @@ def pieces_of(law: Law) -> tuple[Piece, ...]:
 
     Raises
     ------
-    DynamicsError : s' steps at a joint, where eq. 10 would need an impulse
+    DynamicsError : s' jumps at a joint, where eq. 10 would need an impulse
     """
-    steps, largest = np.abs(law.jumps(1)), float(np.abs(law.motion[1]).max())
-    if steps.max() > SMOOTH * largest:
-        where = float(law.breaks[int(steps.argmax())])
-        raise DynamicsError(
-            f"law {law.name!r}: s' steps by {steps.max():.3g} m/rad at {where:.4g} rad; allowed: "
-            "no step, since eq. 10 has no solution through an impulse"
-        )
+    require_smooth(law)
     stack = np.stack([law.derivative_ordinates(order).T for order in range(4)], axis=1)
     stack *= bernstein.binomials(law.degree)
     return tuple(
@@ -88,10 +81,14 @@ class Stretch:
 
 
 class March:
-    """Takes a state on, and keeps what it learns about the pieces of the law."""
+    """Takes a state on, and keeps what it learns about the pieces of the law.
 
-    def __init__(self, law: Law, parameters: TorsionalParameters) -> None:
+    ``ramp`` is what the flywheel is sped up by, rad/s².
+    """
+
+    def __init__(self, law: Law, parameters: TorsionalParameters, ramp: float = 0.0) -> None:
         self.law, self.parameters, self.pieces = law, parameters, pieces_of(law)
+        self.ramp = ramp
         self.rate = math.sqrt(parameters.mobility * parameters.shaft_stiffness)
         self.peak = 0.0
         self._controls = [Control(PHASES[-1] / self.rate) for _ in self.pieces]
@@ -146,7 +143,9 @@ class March:
             length = self._length(state, piece, remaining)
             rung = bisect.bisect_left(PHASES, length * self.rate) + control.bump
             degree = DEGREES[min(rung, len(DEGREES) - 1)]
-            window = Window(self.parameters, self.pieces[piece], state, length, table(degree))
+            window = Window(
+                self.parameters, self.pieces[piece], state, length, table(degree), self.ramp
+            )
             solved = window.solve()
             tail = window.tail() if solved else None
             if tail is not None and tail[1] <= RESOLVED:
@@ -169,10 +168,13 @@ class March:
         """Time (s) to a little past the next joint as the flywheel turns, in equal windows."""
         span, speed = self.pieces[piece].span, state.flywheel_speed
         margin = min(2.0 * self.peak + 0.002 * span, 0.1 * span)
-        ahead = span - state.flywheel_angle if speed > 0.0 else state.flywheel_angle
+        forwards = (speed or self.ramp) > 0.0
+        ahead = span - state.flywheel_angle if forwards else state.flywheel_angle
+        way = max(ahead, 0.0) + margin
+        square = speed**2 + 2.0 * way * (self.ramp if forwards else -self.ramp)
         length = remaining
-        if speed != 0.0:
-            length = min(remaining, (max(ahead, 0.0) + margin) / abs(speed))
+        if square > 0.0:  # else it stands, or turns back before
+            length = min(remaining, 2.0 * way / (abs(speed) + math.sqrt(square)))
         return length / math.ceil(length / self._controls[piece].reach)
 
     def _state(
@@ -180,8 +182,11 @@ class March:
     ) -> TorsionalState:
         twist, twist_rate, angle, speed = (series @ basis_at(series.shape[1], at / length))[:4]
         if self.parameters.flywheel_inertia is None:
-            turned = start.flywheel_angle + start.flywheel_speed * at
-            return TorsionalState(float(twist), float(twist_rate), turned, start.flywheel_speed)
+            gained = self.ramp * at
+            turned = start.flywheel_angle + (start.flywheel_speed + 0.5 * gained) * at
+            return TorsionalState(
+                float(twist), float(twist_rate), turned, start.flywheel_speed + gained
+            )
         return TorsionalState(
             float(twist), float(twist_rate), float(angle - twist), float(speed - twist_rate)
         )

@@ -2,8 +2,8 @@
 
 The twist is ψ = θ_c − θ_v. What ψ̈ is more at the nodes than in a free vibration, known in
 closed form, is the only unknown; all else follows from it, also the flywheel's angle, since
-I_v θ̈_v = k_s ψ + c_s ψ̇ + T_motor. Integration thus never touches the free vibration, where it
-would lose digits with the square of the phase.
+θ̈_v = (k_s ψ + c_s ψ̇ + T_motor)/I_v + α, or α alone. Integration thus never touches the free
+vibration, where it would lose digits with the square of the phase.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ ROUNDING = 1e-12
 MOST_ITERATIONS = 15
 #: A correction may be this fraction of the last before the matrix is made anew.
 SLOW = 0.01
+#: Chebyshev coefficients of u²/2, u and 1, what a ramp adds to angle, speed and acceleration.
+RAMP = np.array([[3.0, 4.0, 1.0], [8.0, 8.0, 0.0], [16.0, 0.0, 0.0]]) / 16.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +61,8 @@ class Piece:
 class Window:
     """Eq. 10 over a time ``length`` (s) on one piece of the law, continued beyond its ends.
 
-    ``start`` has the flywheel's angle measured from the beginning of the piece.
+    ``start`` has the flywheel's angle measured from the beginning of the piece; ``ramp`` is α,
+    rad/s².
     """
 
     def __init__(
@@ -69,14 +72,19 @@ class Window:
         start: TorsionalState,
         length: float,
         table: Table,
+        ramp: float = 0.0,
     ) -> None:
-        self.parameters, self.piece, self.start = parameters, piece, start
+        self.parameters, self.piece, self.start, self.ramp = parameters, piece, start, ramp
         self.length, self.table = length, table
         self.first, self.second = length * table.first, length**2 * table.second
         self.times = length * table.nodes
         self.flywheel_line = start.flywheel_angle + start.flywheel_speed * self.times
+        self.flywheel_speed: FloatArray | float = start.flywheel_speed
+        if ramp != 0.0:
+            self.flywheel_line += 0.5 * ramp * self.times**2
+            self.flywheel_speed = start.flywheel_speed + ramp * self.times
         self.free, self.free_rate, self.free_b = self._free()
-        self.flywheel: FloatArray | float = 0.0
+        self.flywheel: FloatArray | float = ramp
         self.scale = 0.0
         self._set(np.zeros_like(self.times))
 
@@ -87,7 +95,7 @@ class Window:
         """
         p, start = self.parameters, self.start
         k, c = p.mobility * p.shaft_stiffness, p.mobility * p.shaft_damping
-        rest = p.flywheel_acceleration[2] / k
+        rest = (p.flywheel_acceleration[2] + self.ramp) / k
         z, rate = start.twist + rest, start.twist_rate
         if k <= (0.51 * c) ** 2:
             impulse, slope, _ = response(c, k, self.times)
@@ -104,12 +112,13 @@ class Window:
         self.twist = self.free + self.second @ more
         self.twist_rate = self.free_rate + self.first @ more
         self.angle = self.flywheel_line + self.twist
-        self.speed = self.start.flywheel_speed + self.twist_rate
+        self.speed = self.flywheel_speed + self.twist_rate
         if self.parameters.flywheel_inertia is not None:
             k, c, steady = self.parameters.flywheel_acceleration
-            self.flywheel = k * self.twist + c * self.twist_rate + steady
-            self.angle += self.second @ self.flywheel
-            self.speed += self.first @ self.flywheel
+            driven = k * self.twist + c * self.twist_rate + steady
+            self.angle += self.second @ driven
+            self.speed += self.first @ driven
+            self.flywheel = driven + self.ramp
 
     def solve(self) -> bool:
         """Newton's method to rounding; False when it does not converge."""
@@ -198,7 +207,9 @@ class Window:
         twist, rate, value = (self.table.series[0] @ free).T + np.stack([twist, rate, value])
         rows = np.stack([twist, rate, twist, rate, value])
         if self.parameters.flywheel_inertia is not None:
-            rows[4:1:-1] += scales * (self.table.series @ self.flywheel)
+            rows[4:1:-1] += scales * (self.table.series @ (self.flywheel - self.ramp))
+        if self.ramp != 0.0:
+            rows[2:, :3] += self.ramp * np.array([[h**2], [h], [1.0]]) * RAMP
         rows[2, 0] += start.flywheel_angle + 0.5 * start.flywheel_speed * h
         rows[2, 1] += 0.5 * start.flywheel_speed * h
         rows[3, 0] += start.flywheel_speed

@@ -158,6 +158,16 @@ class TwoMassParameters:
         return np.concatenate([before, centre + self.roller_mass / total * stretch])
 
     @cached_property
+    def roller_row(self) -> FloatArray:
+        """What (w, ẇ, Y, Ẏ) contribute to z."""
+        return np.array([-self.end_mass / (self.roller_mass + self.end_mass), 0.0, 1.0, 0.0])
+
+    @cached_property
+    def roller_rest(self) -> float:
+        """Z where all forces of a flight balance, m."""
+        return float(self.roller_row @ self._inner_rest)
+
+    @cached_property
     def _inner_rest(self) -> FloatArray:
         """Where all forces of a flight balance: the stem carries the roller's weight."""
         total = self.roller_mass + self.end_mass
@@ -178,8 +188,10 @@ class TwoMassParameters:
 
 @lru_cache(maxsize=64)
 def contact_response(law: Law, parameters: TwoMassParameters, speed: float) -> LinearResponse:
-    """The end mass while the roller rides the cam; state (η, η̇)."""
-    law.require_velocity()
+    """The end mass while the roller rides the cam; state (η, η̇).
+
+    A jump of the law's velocity is for the caller: the roller may not stay on the cam.
+    """
     p, damping = parameters, parameters.stem_damping + parameters.damping
     matrix = np.array([[0.0, 1.0], [-p.stiffness / p.end_mass, -damping / p.end_mass]])
     drive = np.zeros((2, 3))

@@ -15,7 +15,7 @@ from scipy.linalg import expm
 
 from cam_rig.dynamics.exponential import free_grid, free_motion
 from cam_rig.dynamics.linear import LinearResponse, Part, Run
-from cam_rig.laws import Law, bernstein
+from cam_rig.laws import bernstein
 from cam_rig.laws.bernstein import FloatArray
 from cam_rig.laws.sampling import CHUNK, MIDDLE, WIDEST_CHUNK, chunk_powers
 
@@ -28,13 +28,34 @@ class Outputs:
     law: FloatArray
     constant: FloatArray
 
-    def at(
-        self, law: Law, speed: float, angle: float, states: FloatArray, times: FloatArray
-    ) -> FloatArray:
-        """Outputs ``(k, len(times))`` of states ``(n, len(times))`` at times (s) after angle."""
-        at = angle + speed * times
-        motion = np.stack([law(at, order) * speed**order for order in range(3)])
-        return np.asarray(self.state @ states + self.law @ motion + self.constant[:, None])
+
+def outputs_at(
+    model: LinearResponse, start: FloatArray, angle: float, times: FloatArray, outputs: Outputs
+) -> FloatArray:
+    """Outputs ``(k, m)`` at ascending times ``(m,)`` in s after ``start`` at ``angle`` (rad).
+
+    State and law are of one part, also where by rounding a time is beside a joint.
+    """
+    free, local, part_of = model.passes(start, angle, times)
+    out = np.asarray(outputs.state @ free)
+    for i in np.unique(part_of):
+        here = np.flatnonzero(part_of == i)
+        ordinates, _ = polynomial_part(model, model.parts[i], outputs)
+        out[:, here] += bernstein.evaluate(ordinates.T, local[here] / model.parts[i].length).T
+    return out
+
+
+def end_of(
+    model: LinearResponse, start: FloatArray, angle: float, duration: float, outputs: Outputs
+) -> tuple[FloatArray, FloatArray]:
+    """State ``(n,)`` and outputs ``(k,)`` after ``duration`` s."""
+    start, angle, rest = model.last_turn(start, angle, duration)
+    free, local, part_of = model.passes(start, angle, np.array([rest]))
+    part = model.parts[int(part_of[0])]
+    ordinates, _ = polynomial_part(model, part, outputs)
+    u = bernstein.basis(ordinates.shape[1] - 1, local / part.length)[0]
+    state = free[:, 0] + part.forced(local)[:, 0]
+    return state, np.asarray(outputs.state @ free[:, 0] + ordinates @ u)
 
 
 def sample(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import MODELS, NS, Event, FollowerParameters, FollowerState, Interval
-from cam_rig.laws import Law
+from cam_rig.laws import TURN, Law, analytic, bernstein
 
 
 @dataclass
@@ -47,3 +47,25 @@ def run() -> Callable[..., Result]:
         return Result(np.concatenate(rows, axis=1), events, state)
 
     return go
+
+
+@pytest.fixture(scope="session")
+def harmonic() -> Law:
+    """Dwell 60°, simple-harmonic rise of 50 mm over 120°, dwell 60°, fall over 120°.
+
+    s'' jumps by ± h π²/(2β²) at both ends of each.
+    """
+    lift, span = 0.05, np.radians(120.0)
+
+    def rise(u, order):
+        cosine = [np.cos, lambda x: -np.sin(x), lambda x: -np.cos(x), np.sin][order](np.pi * u)
+        return 0.5 * lift * ((order == 0) - np.pi**order * cosine)
+
+    breaks, pieces = analytic.fit(rise, 0.0, 1.0)
+    degree, dwell = pieces[0].size - 1, np.radians(60.0)
+    up, steps = pieces, span * np.diff(breaks)
+    down = [column[::-1] for column in reversed(pieces)]
+    rests = [bernstein.elevate(np.array([level]), degree) for level in (0.0, lift)]
+    edges = np.cumsum([0.0, dwell, *steps, dwell, *steps[::-1]])
+    edges[-1] = TURN
+    return Law("harmonic", edges, np.stack([rests[0], *up, rests[1], *down], axis=1))

@@ -65,7 +65,7 @@ class Account:
 
 
 @pytest.mark.parametrize("name", ["poly345", "poly4567", "cycloidal", "bezier15"])
-@pytest.mark.parametrize("restitution", [0.0, 0.5])
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 0.9])
 @pytest.mark.parametrize("milliseconds", [110, 300, 333])
 def test_energy_balance(laws, follower, name, restitution, milliseconds):
     """Over a run with flights the account closes to 1e-10 of the work done."""

@@ -1,0 +1,43 @@
+"""Speed of the profile: contours of 36 000 points, and the checks of every shipped cam.
+
+Usage: python benchmark/contour.py
+"""
+
+import time
+
+from cam_rig.laws import build_law
+from cam_rig.profile import contours
+from cam_rig.profile.checks import check_cam
+from cam_rig.schema import load_cam
+from cam_rig.schema.load import config_root
+
+POINTS, REPEATS = 36_000, 10
+
+
+def best_of(repeats, work):
+    """Shortest time of some repeats, s."""
+    times = []
+    for _ in range(repeats):
+        begun = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - begun)
+    return min(times)
+
+
+def main():
+    begun = time.perf_counter()
+    cams = [load_cam(path) for path in sorted((config_root() / "cams").glob("*.yaml"))]
+    read = time.perf_counter() - begun
+    laws = [build_law(cam) for cam in cams]
+    begun = time.perf_counter()
+    for cam, law in zip(cams, laws, strict=True):
+        check_cam(cam, law)
+    checked = time.perf_counter() - begun
+    print(f"{len(cams)} cams read in {read:.3f} s, checked in {checked:.3f} s")
+    for cam, law in zip(cams, laws, strict=True):
+        took = best_of(REPEATS, lambda c=cam, s=law: contours(c.follower, s, POINTS))
+        print(f"{cam.name:20} {cam.follower.type:20} {POINTS} points in {took * 1e3:.1f} ms")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,126 @@
+"""Joints at which a law's velocity jumps: which of them an interval owns, and when it meets them.
+
+A joint belongs to the interval that begins with it. Where it lies at the border of two, rounding of
+the angle decides nothing: an interval from angle a to b owns the joints in [a − SLACK, b − SLACK),
+so of two that meet exactly one owns it, and one that lies behind the start is met at once.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import count
+from typing import NamedTuple
+
+from cam_rig.errors import DynamicsError
+from cam_rig.laws import TURN, Law
+
+#: Rounding (rad) that the angle at a border of two intervals may have, up to 1e5 turns.
+SLACK = 1e-9
+#: Two events closer than this angle (rad) to each other are at one place.
+SAME_PLACE = 1e-12
+
+
+class Kink(NamedTuple):
+    """A joint ahead: ``time`` (s) to it, ``step`` of s' there in m/rad."""
+
+    time: float
+    step: float
+
+
+class KinksAhead:
+    """What is left of the kinks of an interval; times since its start, in s.
+
+    Parameters
+    ----------
+    angle, speed : cam angle (rad) at its start, and cam speed (rad/s)
+    duration : s
+    """
+
+    def __init__(self, law: Law, angle: float, speed: float, duration: float) -> None:
+        self._left = list(kinks_ahead(law, angle, speed, duration))
+        self._speed, self._duration = speed, duration
+        end = angle + speed * duration
+        before = short_of_kink(law, end)
+        #: Up to where the law is as before a kink that the next interval owns. By rounding this one
+        #: may end behind that joint; a lift-off there is not its own.
+        self.clear = duration if before == end else min(duration, (before - angle) / speed)
+
+    @property
+    def bound(self) -> float:
+        """Time of the next kink, or the end."""
+        return min(self._left[0].time, self._duration) if self._left else self._duration
+
+    def no_later(self, time: float) -> float:
+        """``time``, or `bound` where it is later, or only by rounding before a kink there."""
+        near = SAME_PLACE / self._speed if self._left else 0.0
+        return time if time < self.bound - near else self.bound
+
+    def at(self, time: float) -> bool:
+        """Whether the next kink is at a time, or before it."""
+        return bool(self._left) and self._left[0].time <= time
+
+    def take(self, time: float) -> float:
+        """Done with the kinks up to a time: what ṡ gains by them, m/s."""
+        step = 0.0
+        while self.at(time):
+            step += self._left.pop(0).step * self._speed
+        return step
+
+
+def kinks_ahead(law: Law, angle: float, speed: float, duration: float) -> tuple[Kink, ...]:
+    """The joints with a jump of s' that an interval owns, in order; see `KinksAhead`."""
+    if not law.kinks:
+        return ()
+    found: list[Kink] = []
+    # A substitute law has none but those that its ramp owns.
+    slack = SLACK if law.repeats else 0.0
+    end = speed * duration - slack
+    first = math.floor(angle / TURN)
+    for turn in count(first - 1) if law.repeats else (0,):
+        for piece, step in law.kinks.items():
+            ahead = law.joints[piece] + turn * TURN - angle
+            if ahead >= end:
+                return tuple(found)
+            if ahead >= -slack:
+                found.append(Kink(_arrival(law, angle, speed, ahead, piece), step))
+    return tuple(found)
+
+
+def _arrival(law: Law, angle: float, speed: float, ahead: float, piece: int) -> float:
+    """Time (s) at which the cam is at a joint, and by rounding not before it."""
+    time = max(0.0, ahead) / speed
+    for _ in range(8):
+        at = angle + speed * time
+        if law.piece(at - math.floor(at / TURN) * TURN) != (piece - 1) % law.spans.size:
+            break
+        time += math.ulp(at) / speed
+    return time
+
+
+def short_of_kink(law: Law, angle: float) -> float:
+    """The angle (rad), or where a jump of s' belongs to what follows, the angle just before it."""
+    if not (law.kinks and law.repeats):
+        return angle
+    turn = math.floor(angle / TURN + SLACK)
+    for piece in law.kinks:
+        joint = law.joints[piece] + turn * TURN
+        if abs(joint - angle) <= SLACK:
+            return joint - 4.0 * math.ulp(max(joint, TURN))
+    return angle
+
+
+def require_smooth(law: Law) -> None:
+    """Refuse a law whose velocity jumps, for a model that it would need an infinite force in.
+
+    Raises
+    ------
+    DynamicsError : with the largest jump, in m/rad, and where it is
+    """
+    if law.kinks:
+        piece = max(law.kinks, key=lambda i: abs(law.kinks[i]))
+        raise DynamicsError(
+            f"law {law.name!r}: velocity jumps by {law.kinks[piece]:.3g} m/rad at "
+            f"{math.degrees(law.joints[piece]):.3g}°, an infinite force in this model; allowed: "
+            "segments that join with one slope, or one of the models residual, one_mass and "
+            "separation, where it is a blow or throws the follower off"
+        )

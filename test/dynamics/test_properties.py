@@ -1,0 +1,192 @@
+"""Random laws and random numbers against closed forms in 60 digits.
+
+A law is any piecewise polynomial that joins with one slope (sometimes with one curvature) and
+begins at rest at zero; its numbers span what a rig can be built with.
+"""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, Phase, assume, given, settings
+from hypothesis import strategies as st
+
+from cam_rig.bench import exact, exact_twist, rig
+from cam_rig.bench.case import Case
+from cam_rig.bench.models import LANDING, LIFT_OFF, OneMass, Oscillator, TwoMasses
+from cam_rig.bench.twist import Twist
+from cam_rig.laws import TURN, Law
+
+EXAMPLES = settings(
+    max_examples=20,
+    deadline=None,
+    derandomize=True,
+    phases=(Phase.explicit, Phase.generate),
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
+)
+
+
+def between(low, high):
+    """Numbers spread evenly over the orders from ``low`` to ``high``."""
+    return st.floats(np.log10(low), np.log10(high)).map(lambda x: float(10.0**x))
+
+
+maybe = st.one_of(st.just(0.0), between(0.1, 100.0))
+
+
+LIFTS, DEGREES = between(1e-3, 0.05), st.integers(4, 9)
+
+
+@st.composite
+def laws(draw, lifts=LIFTS, degrees=DEGREES):
+    """A periodic law of two to four Bézier pieces that begins and ends at rest at zero."""
+    count, degree, lift = draw(st.integers(2, 4)), draw(degrees), draw(lifts)
+    unit = st.floats(0.0, 1.0)
+    spans = np.array([draw(st.floats(0.5, 2.0)) for _ in range(count)])
+    breaks = np.concatenate([[0.0], np.cumsum(spans)]) * (TURN / spans.sum())
+    breaks[-1] = TURN
+    levels = [0.0, *(draw(unit) for _ in range(count - 1)), 0.0]
+    slopes = [0.0, *(2.0 * draw(unit) - 1.0 for _ in range(count - 1)), 0.0]
+    curved = draw(st.booleans()) and degree > 4
+    columns = []
+    for i, span in enumerate(np.diff(breaks)):
+        column = np.array([draw(unit) for _ in range(degree + 1)])
+        column[0], column[-1] = levels[i], levels[i + 1]
+        column[1] = levels[i] + slopes[i] * span / degree
+        column[-2] = levels[i + 1] - slopes[i + 1] * span / degree
+        if curved:  # no curvature at the joints: C²
+            column[2] = 2.0 * column[1] - column[0]
+            column[-3] = 2.0 * column[-2] - column[-1]
+        columns.append(lift * column)
+    law = Law("random", breaks, np.stack(columns, axis=1))
+    assume(law.lift > 1e-4)
+    return law
+
+
+def case(law, model, speed, last=1.0, count=24):
+    """One turn, with output times in its first part."""
+    times = (np.arange(count) + 0.5) / count * last * TURN / speed
+    return Case("random", "random", law, model, speed, 1, 1, times)
+
+
+@EXAMPLES
+@given(
+    law=laws(),
+    speed=between(0.3, 300.0),
+    mass=between(0.1, 10.0),
+    damping=maybe,
+    spring=between(1e2, 1e4),
+    stem=between(1e4, 1e9),
+)
+def test_residual(law, speed, mass, damping, spring, stem):
+    """One linear equation, from 1 to 1e6 rad of free vibration a turn: to 1e-12."""
+    problem = case(law, Oscillator(mass, damping, spring, stem), speed)
+    assert rig.solve(problem).error(exact.solve(problem)) < 1e-12
+
+
+def events_agree(got, wanted, tolerance, least):
+    """Each true event is found; what is found besides stands beside a true one."""
+    for kind in (LIFT_OFF, LANDING):
+        true = np.array([t for k, t in wanted.events if k == kind])
+        found = np.array([t for k, t in got.events if k == kind])
+        if true.size == 0:
+            assert found.size == 0
+            continue
+        apart = np.abs(true[:, None] - found[None, :])
+        assert apart.min(axis=1).max() < tolerance
+        invented = np.abs(found[:, None] - np.array([t for _, t in wanted.events])).min(axis=1)
+        assert invented.max() < least
+
+
+@EXAMPLES
+@given(
+    law=laws(),
+    speed=between(3.0, 100.0),
+    mass=between(0.1, 10.0),
+    damping=maybe,
+    spring=between(1e2, 1e4),
+    preload=between(1.0, 300.0),
+    restitution=st.sampled_from([0.0, 0.0, 0.3, 0.8]),
+)
+def test_one_mass(law, speed, mass, damping, spring, preload, restitution):
+    """Rides, leaves, flies and lands: motion to 1e-11, plastic events to 1e-11 of a turn.
+
+    A series of bounces ends in jumps of 1e-12 of the lift, whose times are known to 1e-6 of it.
+    """
+    model = OneMass(mass, damping, spring, preload, restitution, 1e-12 * law.lift)
+    problem = case(law, model, speed)
+    got, wanted = rig.solve(problem), exact.solve(problem)
+    assert got.error(wanted) < (1e-11 if restitution == 0.0 else 1e-9)
+    tolerance = (1e-11 if restitution == 0.0 else 1e-6) * TURN / speed
+    events_agree(got, wanted, tolerance, tolerance)
+
+
+@EXAMPLES
+@given(
+    law=laws(),
+    speed=between(20.0, 100.0),
+    mass=between(0.3, 5.0),
+    share=st.floats(0.1, 0.9),
+    stem=between(1e4, 1e6),
+    spring=between(1e3, 1e4),
+    dampings=st.tuples(maybe, maybe),
+    preload=between(1.0, 300.0),
+)
+def test_two_masses(law, speed, mass, share, stem, spring, dampings, preload):
+    """Contact, flight and plastic landings of the roller: motion to 1e-10, events to 1e-8 s.
+
+    A landing at 1e-6 m/s is known to 1e-14 m of the gap over that.
+    """
+    model = TwoMasses(mass * share, mass * (1.0 - share), stem, spring, *dampings, preload)
+    problem = case(law, model, speed)
+    got, wanted = rig.solve(problem), exact.solve(problem)
+    assert got.error(wanted) < 1e-10
+    events_agree(got, wanted, 1e-8, 1e-8)
+
+
+@settings(EXAMPLES, max_examples=10)
+@given(
+    law=laws(between(1e-3, 1e-2), st.integers(4, 6)),
+    speed=between(15.0, 40.0),
+    inertia=between(0.02, 0.1),
+    shaft=between(3e3, 2e4),
+    mass=between(0.3, 3.0),
+    damping=maybe,
+    preload=between(1.0, 100.0),
+)
+def test_torsional(law, speed, inertia, shaft, mass, damping, preload):
+    """Nonlinear in the twist, and solved to 1e-11 of its peak while that is small."""
+    problem = case(law, Twist(inertia, shaft, mass, damping, 4030.0, preload), speed, last=0.4)
+    wanted = exact_twist.solve(problem)
+    assume(1e-9 < np.abs(wanted.displacement).max() < 0.05)
+    assert rig.solve(problem).error(wanted) < 1e-11
+
+
+def test_a_random_law_is_a_law():
+    """The strategy makes what it says: periodic, C¹, at rest at zero."""
+    found = []
+
+    @settings(max_examples=30, derandomize=True, database=None)
+    @given(laws())
+    def look(law):
+        size = np.abs(law.motion[1]).max()
+        assert np.abs(law.jumps(0)).max() <= 1e-15
+        assert np.abs(law.jumps(1)).max() <= 1e-12 * size
+        assert float(law(0.0)) == 0.0
+        found.append(np.abs(law.jumps(2)).max() > 1e-6 * size)
+
+    look()
+    assert any(found)  # some jump in acceleration
+    assert not all(found)  # and some do not
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_repeat_of_a_turn(seed):
+    """The second turn of a damped follower is nearer to the first than the first to rest.
+
+    The law of each turn is the same to the last bit: nothing drifts with the turns.
+    """
+    rng = np.random.default_rng(seed)
+    ordinates = 0.01 * np.concatenate([[0.0, 0.0], rng.uniform(0.0, 1.0, 6), [0.0, 0.0]])
+    law = Law("repeat", np.array([0.0, TURN]), ordinates[:, None])
+    model = Oscillator(1.0, 400.0, 1e3, 1e5)
+    problem = Case("r", "r", law, model, 30.0, 3, 3, np.linspace(0.0, 2.99, 60) * TURN / 30.0)
+    assert rig.solve(problem).error(exact.solve(problem)) < 1e-13

@@ -1,0 +1,308 @@
+"""Every model along a ramp: exact, however time is cut, with the true angles of the cam."""
+
+import dataclasses
+import itertools
+import math
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from cam_rig.dynamics import MODELS, NS, FollowerParameters, Interval, TwoMassParameters
+from cam_rig.dynamics.one_mass import advance as one_mass
+from cam_rig.dynamics.ramp import substitute
+from cam_rig.laws import TURN, Law
+from cam_rig.laws.bernstein import evaluate
+
+MS = NS // 1000
+ONE = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)
+SOFT = dataclasses.replace(ONE, stem_stiffness=1e5)
+#: A stem damped so well that it does not chatter: no rounding grows from landing to landing.
+TWO = TwoMassParameters(0.4, 0.9, 1.26e6, 4030.0, 300.0, 8.642, 30.6)
+
+
+def run(model, law, p, whole, cuts, rate=8000):
+    """Samples, events and last state of a ramp that begins at 0 ns, cut into ticks."""
+    state, rows, events = None, [], []
+    for a, b in itertools.pairwise(cuts):
+        at, angle = a / NS, whole.angle_at(a / NS)
+        part = Interval(a, b, angle, whole.speed_at(at), whole.acceleration)
+        state, block = MODELS[model].advance(law, p, state, part, rate)
+        assert block.interval is part
+        rows.append(block.rows)
+        events += block.events
+    return np.hstack(rows), events, state
+
+
+def exact_motion(law, interval, time):
+    """s, ṡ and s̈ at a time (s) in mpmath's digits; the law's doubles taken as exact."""
+    t, w, a = mp.mpf(time), mp.mpf(interval.speed), mp.mpf(interval.acceleration)
+    angle, speed = mp.mpf(interval.angle) + w * t + a * t**2 / 2, w + a * t
+    inside = angle - mp.floor(angle / mp.mpf(TURN)) * mp.mpf(TURN)
+    i = max(k for k in range(law.spans.size) if mp.mpf(law.breaks[k]) <= inside)
+    span = mp.mpf(law.breaks[i + 1]) - mp.mpf(law.breaks[i])
+    row, found = [mp.mpf(float(b)) for b in law.ordinates[:, i]], []
+    for _ in range(3):
+        found.append(value(row, (inside - mp.mpf(law.breaks[i])) / span))
+        row = [(len(row) - 1) * (d - c) / span for c, d in itertools.pairwise(row)] or [mp.mpf(0)]
+    s, slope, bend = found
+    return s, slope * speed, bend * speed**2 + slope * a
+
+
+def value(row, u):
+    while len(row) > 1:
+        row = [c * (1 - u) + d * u for c, d in itertools.pairwise(row)]
+    return row[0]
+
+
+RAMPS = {
+    "from rest": Interval(0, 200 * MS, 0.0, 0.0, 200.0),
+    "up": Interval(0, 200 * MS, 1.3, 10.0, 150.0),
+    "down": Interval(0, 200 * MS, 100.0, 45.0, -100.0),
+    "down to rest": Interval(0, 200 * MS, 2.0, 40.0, -200.0),
+    "many turns": Interval(0, 200 * MS, 0.5, 55.0, 150.0),
+}
+
+
+@pytest.fixture(params=RAMPS, ids=list(RAMPS))
+def ramp(request):
+    """A ramp of each kind."""
+    return RAMPS[request.param]
+
+
+@pytest.mark.parametrize("name", ["poly345", "bezier15", "tm21"])
+def test_kinetostatic_rows_against_forty_digits(laws, ramp, name):
+    """s(θ(t)), ṡ = s' ω, s̈ = s'' ω² + s' α and the force they need, to rounding."""
+    law = laws[name]
+    rows, _, state = run("kinetostatic", law, ONE, ramp, [0, ramp.stop_ns], rate=97)
+    with mp.workdps(40):
+        exact = np.array(
+            [[float(x) for x in exact_motion(law, ramp, t)] for t in rows[0].tolist()]
+        ).T
+        end = [float(x) for x in exact_motion(law, ramp, ramp.duration)]
+    for row, expected in zip(rows[1:4], exact, strict=True):
+        np.testing.assert_allclose(row, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    force = np.array([4030.0, 8.642, 1.3]) @ exact + 12.753
+    np.testing.assert_allclose(rows[4], force, rtol=0, atol=1e-12 * np.abs(force).max())
+    size = np.abs(exact).max(axis=1)
+    assert state.displacement == pytest.approx(end[0], abs=1e-13 * size[0])
+    assert state.velocity == pytest.approx(end[1], abs=1e-12 * size[1])
+
+
+def test_substitute_is_a_law_of_time(laws):
+    """Its pieces are the ramp's: continuous in s, ṡ and s̈ where the cam's law is."""
+    interval = RAMPS["up"]
+    law, steady = substitute(laws["poly4567"], interval)
+    assert (steady.angle, steady.acceleration) == (0.0, 0.0)
+    assert steady.speed * steady.duration == pytest.approx(law.breaks[-2], rel=1e-14)
+    assert law.breaks[-2] == pytest.approx(interval.mean_speed * interval.duration, rel=1e-14)
+    assert not law.repeats
+    motion = law.motion
+    for order, size in enumerate(np.abs(motion).max(axis=(1, 2))):
+        np.testing.assert_allclose(
+            motion[order, -1, :-2], motion[order, 0, 1:-1], rtol=0, atol=1e-12 * size
+        )
+    middle = float(evaluate(motion[0, :, 0], np.array([0.5]))[0])
+    time = 0.5 * law.breaks[1] / steady.speed
+    assert middle == pytest.approx(laws["poly4567"].at(interval.angle_at(time))[0], abs=1e-15)
+
+
+def residual_by_taylor(law, p, interval, times):
+    """x and ẋ from rest on the cam: Taylor's series with 50 digits, none across a joint."""
+    with mp.workdps(50):
+        m, c, stem = mp.mpf(p.mass), mp.mpf(p.damping), mp.mpf(p.stem_stiffness)
+        total = stem + mp.mpf(p.spring_stiffness)
+        w, a, start = mp.mpf(interval.speed), mp.mpf(interval.acceleration), mp.mpf(interval.angle)
+        longest, out, now = 1 / mp.sqrt(total / m), [], mp.mpf(0)
+        s, v, _ = exact_motion(law, interval, 0.0)
+        x, v, todo = stem / total * s, stem / total * v, [mp.mpf(float(t)) for t in times]
+        index, turn = law.piece(interval.angle % TURN), mp.floor(start / mp.mpf(TURN))
+        while todo:
+            low = mp.mpf(law.breaks[index]) + turn * mp.mpf(TURN)
+            span = mp.mpf(law.breaks[index + 1]) - mp.mpf(law.breaks[index])
+            ahead = low + span - start
+            joint = 2 * ahead / (w + mp.sqrt(w**2 + 2 * a * ahead))
+            step = min(longest, joint - now)
+            # s as a series of the time since now
+            row = [mp.mpf(float(b)) for b in law.ordinates[:, index]]
+            n = len(row) - 1
+            power = [
+                mp.binomial(n, j)
+                * sum((-1) ** (j - i) * mp.binomial(j, i) * row[i] for i in range(j + 1))
+                for j in range(n + 1)
+            ]
+            line = [(start + w * now + a * now**2 / 2 - low) / span, (w + a * now) / span]
+            line.append(a / 2 / span)
+            series = [mp.mpf(0)]
+            for coefficient in reversed(power):
+                series = times_series(series, line)
+                series[0] += coefficient
+            terms = [x, v]
+            for k in range(60):
+                push = stem * (series[k] if k < len(series) else 0) - total * terms[k]
+                push -= c * (k + 1) * terms[k + 1]
+                terms.append(push / m / ((k + 1) * (k + 2)))
+            rates = [(k + 1) * term for k, term in enumerate(terms[1:])]
+            while todo and todo[0] <= now + step:
+                since = todo.pop(0) - now
+                out.append([float(power_series(row, since)) for row in (terms, rates)])
+            x, v = (power_series(row, step) for row in (terms, rates))
+            now += step
+            if now == joint:
+                index += 1
+                if index == law.spans.size:
+                    index, turn = 0, turn + 1
+        return np.array(out).T
+
+
+def power_series(row, x):
+    total = mp.mpf(0)
+    for a in reversed(row):
+        total = total * x + a
+    return total
+
+
+def times_series(one, other):
+    out = [mp.mpf(0)] * (len(one) + len(other) - 1)
+    for i, p in enumerate(one):
+        for j, q in enumerate(other):
+            out[i + j] += p * q
+    return out
+
+
+@pytest.mark.parametrize("kind", ["from rest", "up", "many turns"])
+def test_residual_against_fifty_digits(laws, kind):
+    """A stem of 1e5 N/m along a ramp: place to 1e-13 of the lift, velocity to 1e-12 of its peak."""
+    law, interval = laws["poly345"], RAMPS[kind]
+    rows, _, _ = run("residual", law, SOFT, interval, [0, interval.stop_ns], rate=50)
+    expected = residual_by_taylor(law, SOFT, interval, rows[0])
+    assert np.abs(rows[1] - expected[0]).max() < 1e-13 * law.lift
+    assert np.abs(rows[2] - expected[1]).max() < 1e-12 * np.abs(expected[1]).max()
+
+
+def test_first_lift_off_of_one_mass_along_a_ramp(laws):
+    """It leaves where m s̈ + c ṡ + k s + F₀ = 0 with 40 digits, and lands where 40 digits say."""
+    law, whole = laws["poly345"], Interval(0, 400 * MS, 0.0, 30.0, 100.0)
+    events = run("one_mass", law, ONE, whole, [0, whole.stop_ns])[1]
+    off, on = events[:2]
+    assert (off.kind, on.kind) == ("lift-off", "landing")
+    with mp.workdps(40):
+
+        def force(t):
+            s, v, a = exact_motion(law, whole, t)
+            return mp.mpf(1.3) * a + mp.mpf(8.642) * v + 4030 * s + mp.mpf(12.753)
+
+        left = mp.findroot(force, mp.mpf(off.time))
+        s, v, _ = exact_motion(law, whole, left)
+        decay = mp.mpf(8.642) / mp.mpf(1.3) / 2
+        w = mp.sqrt(4030 / mp.mpf(1.3) - decay**2)
+        above = s + mp.mpf(12.753) / 4030
+
+        def gap(t):
+            swing = above * mp.cos(w * t) + (v + decay * above) / w * mp.sin(w * t)
+            flight = mp.exp(-decay * t) * swing - mp.mpf(12.753) / 4030
+            return flight - exact_motion(law, whole, left + t)[0]
+
+        flown = mp.findroot(gap, mp.mpf(on.time) - left)
+    assert off.time == pytest.approx(float(left), abs=1e-13)
+    assert on.time == pytest.approx(float(left + flown), abs=1e-12)
+    assert off.angle == pytest.approx(whole.angle_at(off.time), abs=1e-13)
+    assert on.angle == pytest.approx(whole.angle_at(on.time), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("model", "p"),
+    [
+        ("kinetostatic", ONE),
+        ("one_mass", ONE),
+        ("residual", ONE),
+        ("separation", TWO),
+    ],
+)
+def test_the_length_of_a_tick_does_not_enter(laws, ramp, model, p):
+    """1 ms against 200 ms: 1e-10 of the largest value of each row, and the same events."""
+    law, stop = laws["poly345"], ramp.stop_ns
+    rows, events, state = run(model, law, p, ramp, range(0, stop + 1, MS))
+    coarse, expected, end = run(model, law, p, ramp, [0, stop])
+    size = np.abs(coarse[1:5]).max(axis=1)
+    assert (np.abs(rows - coarse)[1:5].max(axis=1) < 1e-10 * size).all()
+    assert [event.kind for event in events] == [event.kind for event in expected]
+    for one, other in zip(events, expected, strict=True):
+        assert one.time == pytest.approx(other.time, abs=1e-11)
+        assert one.angle == pytest.approx(ramp.angle_at(one.time), abs=1e-12 * (1.0 + one.angle))
+        assert one.impulse == pytest.approx(other.impulse, abs=1e-8)
+    assert state.displacement == pytest.approx(end.displacement, abs=1e-10 * size[0])
+
+
+@pytest.mark.parametrize(("model", "p"), [("one_mass", ONE), ("separation", TWO)])
+def test_there_are_events_to_compare(laws, model, p):
+    """The long ramp passes the jump speed, so flights are among what does not depend on ticks."""
+    whole = RAMPS["many turns"]
+    events = run(model, laws["poly345"], p, whole, [0, whole.stop_ns])[1]
+    assert sum(event.kind == "landing" for event in events) >= 2
+    assert events[-1].angle > TURN
+
+
+@pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "residual", "separation"])
+def test_a_ramp_that_hardly_ramps_is_a_held_speed(laws, model):
+    """α → 0 is the model at constant speed, by another road."""
+    p = TWO if model == "separation" else ONE
+    law, speed = laws["poly345"], 30.0
+    held = run(model, law, p, Interval(0, 250 * MS, 0.4, speed), [0, 250 * MS])[0]
+    slow = run(model, law, p, Interval(0, 250 * MS, 0.4, speed, 1e-10), [0, 250 * MS])[0]
+    size = np.abs(held[1:5]).max(axis=1, keepdims=True)
+    assert (np.abs(slow - held)[1:5] < 1e-10 * size).all()
+
+
+def test_no_model_runs_a_ramp_at_its_first_speed(laws):
+    """Also where a model is taken from its module, a ramp is a ramp."""
+    whole = RAMPS["up"]
+    assert MODELS["one_mass"].advance is one_mass
+    end, _ = one_mass(laws["poly345"], ONE, None, whole, 1000)
+    assert end.displacement == pytest.approx(
+        laws["poly345"].at(whole.angle_at(whole.duration))[0], abs=1e-13
+    )
+
+
+# A law whose velocity jumps, along a ramp
+
+BREAKS = np.radians([0.0, 60.0, 150.0, 210.0, 300.0, 360.0])
+BREAKS[-1] = TURN
+EDGE = Law("edge", BREAKS, 0.05 * np.array([[0.0, 0, 1, 1, 0], [0, 1, 1, 0, 0]]))
+STEP = 0.05 / np.radians(90.0)
+#: From rest to 60° in 0.1 s.
+START = Interval(0, 340 * MS, 0.0, 0.0, 2.0 * math.pi / 3.0 / 0.01)
+
+
+@pytest.mark.parametrize(("model", "p", "mass"), [("one_mass", ONE, 1.3), ("separation", TWO, 0.4)])
+@pytest.mark.parametrize("cuts", [[340], [100, 340], [50, 150, 340], [99, 100, 101, 340]])
+def test_a_blow_along_a_ramp(model, p, mass, cuts):
+    """J = m ω(t) Δs' at the speed that the cam has at the joint, also where a tick ends there."""
+    events = run(model, EDGE, p, START, [0, *(cut * MS for cut in cuts)])[1]
+    first = events[0]
+    assert first.kind == "landing"
+    assert first.time == pytest.approx(0.1, abs=1e-14)
+    assert first.angle == pytest.approx(math.pi / 3.0, abs=1e-13)
+    assert first.impulse == pytest.approx(mass * START.speed_at(0.1) * STEP, rel=1e-12)
+    top = next(e for e in events if e.angle > math.radians(150.0) - 1e-9)
+    assert top.kind == "lift-off"
+    assert top.time == pytest.approx(0.1 * math.sqrt(2.5), abs=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("model", "p"), [("one_mass", ONE), ("residual", ONE), ("separation", TWO)]
+)
+@pytest.mark.parametrize("acceleration", [START.acceleration, 150.0])
+def test_ticks_along_a_ramp_with_jumps(model, p, acceleration):
+    """1 ms, one ending on a joint, against 170 ms: 1e-10, off the jumps themselves."""
+    whole = dataclasses.replace(START, acceleration=acceleration)
+    rows, events, _ = run(model, EDGE, p, whole, range(0, 170 * MS + 1, MS))
+    coarse, expected, _ = run(model, EDGE, p, whole, [0, 170 * MS])
+    assert [event.kind for event in events] == [event.kind for event in expected]
+    for one, other in zip(events, expected, strict=True):
+        assert one.time == pytest.approx(other.time, abs=1e-11)
+        assert one.impulse == pytest.approx(other.impulse, abs=1e-9)
+    angle = 0.5 * acceleration * rows[0] ** 2
+    apart = np.abs(angle[:, None] % TURN - BREAKS).min(axis=1) > 1e-9
+    size = np.abs(coarse[1:5]).max(axis=1)
+    assert (np.abs(rows - coarse)[1:5, apart].max(axis=1) < 1e-10 * size).all()
