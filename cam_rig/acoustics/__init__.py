@@ -1,18 +1,26 @@
-"""How the follower sounds: radiation, microphone, calibration."""
+"""How the follower sounds: radiation, pressure samples, sound-level meter, calibration."""
 
+from cam_rig.acoustics.bands import Spectrum, third_octaves
 from cam_rig.acoustics.calibrate import Calibration, calibrate
 from cam_rig.acoustics.level import level_db, pressure_pa
+from cam_rig.acoustics.meter import Reading, SoundLevelMeter
 from cam_rig.acoustics.microphone import MicrophoneState, hear
 from cam_rig.acoustics.radiation import RadiationParameters
+from cam_rig.acoustics.sound import SoundSource
 from cam_rig.acoustics.steady import steady_power
 
 __all__ = [
     "Calibration",
     "MicrophoneState",
     "RadiationParameters",
+    "Reading",
+    "SoundLevelMeter",
+    "SoundSource",
+    "Spectrum",
     "calibrate",
     "hear",
     "level_db",
     "pressure_pa",
     "steady_power",
+    "third_octaves",
 ]

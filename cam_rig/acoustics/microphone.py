@@ -1,4 +1,8 @@
-"""The microphone: blocks of contact force in, r.m.s. sound pressure out."""
+"""The energy account of the microphone: blocks of contact force in, r.m.s. sound pressure out.
+
+It is the mean square of the samples that `sound` makes, with the landings and the background at
+their exact energy: no noise of measurement, and no need of a high sample rate.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cam_rig.acoustics.radiation import RadiationParameters
+from cam_rig.acoustics.structure import structure_response
 from cam_rig.dynamics import FloatArray
 
 
@@ -40,29 +45,11 @@ def hear(
     if force.size == 0:
         raise ValueError("a block must hold at least one sample")
     start = state or MicrophoneState(structure=float(force[0]), force=float(force[0]))
-    structure = _structure(parameters, start, force, impulse, sample_rate)
+    structure = structure_response(
+        parameters.corner_rate, sample_rate, start.structure, start.force, force, impulse
+    )
     rate = parameters.corner_rate * (force - structure)
     contact = parameters.gain**2 * float(np.mean(rate**2))
     landings = float(np.sum(parameters.landing_energy(impulse))) * sample_rate / force.size
     power = parameters.background_power(speed) + contact + landings
     return MicrophoneState(float(structure[-1]), float(force[-1])), math.sqrt(power)
-
-
-def _structure(
-    parameters: RadiationParameters,
-    start: MicrophoneState,
-    force: FloatArray,
-    impulse: FloatArray,
-    sample_rate: float,
-) -> FloatArray:
-    """Structure q at the samples, solved exactly for a force straight between them."""
-    from scipy.signal import lfilter  # a second of imports, which only who listens should pay
-
-    x = parameters.corner_rate / sample_rate
-    keep = math.exp(-x)
-    ramp = -math.expm1(-x) / x
-    before, now = ramp - keep, 1.0 - ramp
-    previous = np.concatenate(([start.force], force[:-1]))
-    drive = before * previous + now * force + parameters.corner_rate * impulse
-    structure, _ = lfilter([1.0], [1.0, -keep], drive, zi=[keep * start.structure])
-    return np.asarray(structure)

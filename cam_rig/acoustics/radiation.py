@@ -34,6 +34,7 @@ class RadiationParameters:
     background : dB at the speed ``background_at`` (rad/s)
     background_slope : dB per octave of speed
     contact_time : s, duration of a landing's force pulse
+    background_corner : Hz, above which the background falls by 6 dB an octave
     """
 
     gain: float
@@ -42,6 +43,7 @@ class RadiationParameters:
     background_at: float
     background_slope: float
     contact_time: float
+    background_corner: float
 
     @classmethod
     def from_rig(cls, rig: RigConfig) -> RadiationParameters:
@@ -54,6 +56,7 @@ class RadiationParameters:
             background_at=r.background_at.si,
             background_slope=r.background_slope.si,
             contact_time=FollowerParameters.from_rig(rig).contact_time,
+            background_corner=r.background_corner.si,
         )
 
     @property

@@ -7,6 +7,7 @@ import numpy as np
 from cam_rig.acoustics.radiation import RadiationParameters
 from cam_rig.dynamics import FloatArray, FollowerParameters
 from cam_rig.dynamics.contact import force_ordinates
+from cam_rig.dynamics.kinks import require_smooth
 from cam_rig.dynamics.propagator import periodic_state, piece
 from cam_rig.laws import Law, bernstein
 
@@ -21,7 +22,12 @@ def mean_square_rate(
 
     The structure's periodic state is one linear solve on the exact propagator; only the mean
     is a quadrature, of a smooth function and at rounding level.
+
+    Raises
+    ------
+    DynamicsError : the law's velocity jumps
     """
+    require_smooth(law)
     forces = force_ordinates(law, follower, speed)
     matrix = np.array([[-corner_rate]])
     durations = law.spans / speed

@@ -26,6 +26,10 @@ class Credit:
         """Ticks that somebody has not dealt with yet."""
         return max(0, len(self._sent) - 1)
 
+    def is_in_flight(self, stamp_ns: int) -> bool:
+        """Whether a state begins or ends a tick that somebody has not dealt with."""
+        return self.in_flight > 0 and stamp_ns in self._sent
+
     def may_send(self) -> bool:
         """Whether the next state may go out."""
         return self.in_flight < self._limit
@@ -34,12 +38,19 @@ class Credit:
         """Note a state that went out."""
         self._sent.append(stamp_ns)
 
-    def acknowledge(self, consumer: str, stamp_ns: int) -> None:
-        """Note that a consumer has dealt with the tick that ended at a stamp, and all before."""
+    def acknowledge(self, consumer: str, stamp_ns: int) -> bool:
+        """Note that a consumer has dealt with the tick that ended at a stamp, and all before.
+
+        A stamp that is not in flight is old news, or no answer to this drive: it counts nothing,
+        and False tells so.
+        """
+        if stamp_ns not in self._sent:
+            return False
         self._done[consumer] = max(self._done[consumer], stamp_ns)
         slowest = min(self._done.values())
         while len(self._sent) > 1 and self._sent[1] <= slowest:
             self._sent.popleft()
+        return True
 
     def behind(self) -> list[str]:
         """The consumers that have not dealt with every tick sent."""

@@ -2,62 +2,179 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 
+from cam_rig.errors import RefusedError
 from cam_rig.experiment.credit import Credit
-from cam_rig.experiment.program import CamState, cam_states, tick_count
+from cam_rig.experiment.follower_ticks import MOST_LAWS, require_same
+from cam_rig.experiment.gate import FASTEST
+from cam_rig.experiment.handover import TICKS_KEPT
+from cam_rig.experiment.pacing import Pacing
+from cam_rig.experiment.program import CamState, tick_count
+from cam_rig.experiment.turntable import Place, Turntable
 from cam_rig.laws import Law
 from cam_rig.schema import SceneConfig
+
+#: Wall time (s) after which an unanswered request for a cam is made again.
+ASK_AGAIN = 1.0
+
+
+@dataclass(frozen=True)
+class DriveMemory:
+    """What a drive's successor must know: where it is, and the states that may be on their way."""
+
+    place: Place
+    recent: tuple[CamState, ...]
+    sent: int
+    running: bool
 
 
 class DriveProgram:
     """The scene's states in order, each held back until everyone is ready for it.
 
-    A state needs credit (few ticks in flight) and the law of its cam. A new cam is asked for when
-    every tick of the one before is dealt with. So nothing is dropped, and a run repeats message by
-    message.
+    A state needs credit (few ticks in flight), the law of its cam, and its time. A new cam is asked
+    for when every tick of the one before is dealt with. So nothing is dropped, and a run repeats
+    message by message.
 
     Parameters
     ----------
     scene : what to run
     consumers, limit : see `Credit`
     mount : asks the law server for a cam; False when it cannot be asked yet
+    memory : of the predecessor, whose last states are sent again
     """
 
     def __init__(
-        self, scene: SceneConfig, consumers: list[str], limit: int, mount: Callable[[str], bool]
+        self,
+        scene: SceneConfig,
+        consumers: list[str],
+        limit: int,
+        mount: Callable[[str], bool],
+        memory: DriveMemory | None = None,
     ) -> None:
         self.laws: dict[str, Law] = {}
         self.credit = Credit(consumers, limit)
+        self.pacing = Pacing()
         self.ticks = tick_count(scene)
+        self.running = True
         self.sent = 0
-        self._states = cam_states(scene)
-        self._next: CamState | None = next(self._states)
+        self.table = Turntable(scene, memory.place if memory else None)
+        self._recent: deque[CamState] = deque(maxlen=max(TICKS_KEPT, limit) + 2)
+        self._again: deque[CamState] = deque()
         self._mount = mount
-        self._asked = ""
+        self._asked, self._asked_at = "", -ASK_AGAIN
+        if memory is not None:
+            self._follow(memory)
+
+    def _follow(self, memory: DriveMemory) -> None:
+        self.running = memory.running
+        self.sent = memory.sent - len(memory.recent)
+        self._again.extend(memory.recent)
+        for state in memory.recent:
+            self.credit.sent(state.time_ns)
+
+    def add_law(self, law: Law) -> None:
+        """Take a law.
+
+        Raises
+        ------
+        RefusedError : the cam turns with another law of that name, or there are too many
+        """
+        if self.sent > 0:
+            require_same(self.laws.get(law.name), law)
+        if len(self.laws) >= MOST_LAWS and law.name not in self.laws:
+            raise RefusedError(f"law {law.name!r}: is one more than {MOST_LAWS}; restart the node")
+        self.laws[law.name] = law
 
     @property
     def done(self) -> bool:
-        """Whether every state is sent and every tick dealt with."""
-        return self._next is None and self.credit.in_flight == 0
+        """Whether every state is sent and every tick dealt with; a halted drive is not done."""
+        at_end = self.table.state is None and not self.table.place.halted
+        return at_end and not self._again and self.credit.in_flight == 0
 
-    def take(self) -> CamState | None:
-        """The next state, when it may go out now."""
-        state = self._next
-        if state is None or not self.credit.may_send() or not self._ready(state):
+    @property
+    def memory(self) -> DriveMemory:
+        """To hand over before the state that was taken last goes out."""
+        return DriveMemory(self.table.place, tuple(self._recent), self.sent, self.running)
+
+    def take(self, now: float) -> CamState | None:
+        """The next state, when it may go out at wall time ``now`` (s)."""
+        if self._again:
+            return self._repeat()
+        state = self.table.state
+        if state is None or not self.running or not self.credit.may_send():
             return None
-        self.credit.sent(state.time_ns)
-        self.sent += 1
-        self._next = next(self._states, None)
-        return state
+        if not self._ready(state, now) or self.pacing.wait(state.time_ns, now) > 0.0:
+            return None
+        self.table.advance()
+        self.pacing.sent(state.time_ns, now)
+        return self._out(state)
+
+    def wait(self, now: float) -> float:
+        """Wall time (s) until the next state is due; zero when it waits for somebody instead."""
+        state = self.table.state
+        return 0.0 if state is None else self.pacing.wait(state.time_ns, now)
+
+    def command(self, speed: float) -> None:
+        """Turn at a speed (rad/s) from the next state on; zero as the scene says.
+
+        Raises
+        ------
+        RefusedError : no cam can turn so fast
+        """
+        if not 0.0 <= speed <= FASTEST:
+            raise RefusedError(f"speed: is {speed:g} rad/s; allowed: 0 to {FASTEST:.6g} rad/s")
+        self.table.command(speed or None)
+
+    def run(self, running: bool) -> None:
+        """Go on, or stop with the present tick; rig time stands with the cam."""
+        if not running or not self.running:
+            self.pacing.stand()
+        self.running = running
+
+    def unanswered(self) -> list[CamState]:
+        """The states in flight, to be said again when nobody answers: one may have been lost."""
+        return [state for state in self._recent if self.credit.is_in_flight(state.time_ns)]
+
+    def halt(self) -> CamState | None:
+        """Emergency stop: the state that makes the cam stand, to be sent at once."""
+        self.run(False)
+        state = None if self._again else self.table.halt()
+        return None if state is None else self._out(state)
+
+    def reset(self) -> None:
+        """Back to the scene's beginning, stopped; rig time and θ go on."""
+        self.run(False)
+        self.table.rewind()
 
     def waits_for(self) -> list[str]:
         """Who has not answered yet."""
         return self.credit.behind() or ["law_server"]
 
-    def _ready(self, state: CamState) -> bool:
-        if state.cam != self._asked:
-            if self.credit.in_flight or not self._mount(state.cam):
+    def _repeat(self) -> CamState | None:
+        if self._again[0].cam not in self.laws:
+            return None
+        state = self._again.popleft()
+        self._recent.append(state)
+        self.sent += 1
+        return state
+
+    def _out(self, state: CamState) -> CamState:
+        self.credit.sent(state.time_ns)
+        self._recent.append(state)
+        self.sent += 1
+        return state
+
+    def _ready(self, state: CamState, now: float) -> bool:
+        known = state.cam in self.laws
+        if self.table.by_hand or (known and state.cam == self._asked):
+            return known
+        if state.cam != self._asked and self.credit.in_flight:
+            return False
+        if state.cam != self._asked or now - self._asked_at > ASK_AGAIN:
+            if not self._mount(state.cam):
                 return False
-            self._asked = state.cam
+            self._asked, self._asked_at = state.cam, now
         return state.cam in self.laws

@@ -19,11 +19,15 @@ REGRESSION_DEGREE = 3
 
 @dataclass(frozen=True)
 class HeardTick:
-    """One tick as the microphone heard it: r.m.s. pressure in Pa from ``start`` to ``stop_ns``."""
+    """One tick as the microphone heard it: r.m.s. pressure in Pa from ``start`` to ``stop_ns``.
+
+    ``steady`` is False along a ramp.
+    """
 
     start: CamState
     stop_ns: int
     pressure: float
+    steady: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,12 +53,15 @@ class NoiseResult:
 def step_levels(ticks: Iterable[HeardTick], settle_turns: float) -> dict[str, dict[float, float]]:
     """Level in dB by cam and speed (rad/s): the energy mean over the step's settled ticks.
 
-    A step is a run of ticks of one cam at one speed; its first ``settle_turns`` are left out.
+    A step is a run of ticks of one cam at one speed; its first ``settle_turns`` are left out,
+    and ramps are.
     """
     energy: dict[tuple[str, float], list[float]] = {}
     first: CamState | None = None
     for tick in ticks:
         state = tick.start
+        if not tick.steady:
+            continue
         if first is None or (state.cam, state.speed) != (first.cam, first.speed):
             first = state
         turned = (state.angle - first.angle) / (2.0 * np.pi)
@@ -92,6 +99,12 @@ def regression(rpm: FloatArray, level: FloatArray) -> FloatArray:
     fit = np.polynomial.Polynomial.fit(rpm, level, REGRESSION_DEGREE)
     found = fit.convert().coef  # without trailing zeros
     return np.pad(found, (0, REGRESSION_DEGREE + 1 - found.size))
+
+
+def cubic(rpm: FloatArray) -> FloatArray:
+    """``(n, n)``: takes levels at the speeds to the values of their regression there."""
+    powers = np.polynomial.polynomial.polyvander(rpm / rpm.mean() - 1.0, REGRESSION_DEGREE)
+    return np.asarray(powers @ np.linalg.pinv(powers))
 
 
 def _rmse(

@@ -7,8 +7,9 @@ from pathlib import Path
 
 from cam_rig.acoustics import RadiationParameters
 from cam_rig.dynamics import FloatArray, FollowerParameters
-from cam_rig.errors import ConfigError, LawError
-from cam_rig.laws import Law, build_law
+from cam_rig.errors import ConfigError
+from cam_rig.experiment.lineup import law_of, require_sprung
+from cam_rig.laws import Law
 from cam_rig.schema import (
     CamConfig,
     Library,
@@ -50,7 +51,12 @@ class Stage:
     def files(self) -> list[Path]:
         """Every file of the scene, the scene's own first."""
         published = [] if self.published_file is None else [self.published_file]
-        return [self.scene_file, self.rig_file, *self.cam_files.values(), *published]
+        points = [
+            path.parent / name
+            for cam, path in self.cam_files.items()
+            for name in self.cams[cam].files
+        ]
+        return [self.scene_file, self.rig_file, *self.cam_files.values(), *points, *published]
 
     def law_of(self, cam: str) -> Law:
         """The law of a cam of the scene.
@@ -114,6 +120,7 @@ def open_stage(scene_path: Path) -> Stage:
     for path, name, cam in zip(cam_paths, scene.cams, cams, strict=True):
         if cam.name != name:
             raise ConfigError(f"{path}: name is {cam.name!r}; allowed: the file's name, {name!r}")
+        require_sprung(path, cam)
     published_path = None
     if scene.published is not None:
         published_path = library.path("published", scene.published)
@@ -121,17 +128,10 @@ def open_stage(scene_path: Path) -> Stage:
         scene=scene,
         rig=load_rig(rig_path),
         cams={cam.name: cam for cam in cams},
-        laws={cam.name: _law(path, cam) for path, cam in zip(cam_paths, cams, strict=True)},
+        laws={cam.name: law_of(path, cam) for path, cam in zip(cam_paths, cams, strict=True)},
         published=None if published_path is None else load_published(published_path),
         scene_file=scene_path,
         rig_file=rig_path,
         cam_files=dict(zip(scene.cams, cam_paths, strict=True)),
         published_file=published_path,
     )
-
-
-def _law(path: Path, cam: CamConfig) -> Law:
-    try:
-        return build_law(cam)
-    except LawError as error:
-        raise LawError(f"{path}: {error}") from None

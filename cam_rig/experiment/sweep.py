@@ -14,6 +14,15 @@ from cam_rig.experiment.stage import Stage
 from cam_rig.laws import Law
 
 
+@dataclass(frozen=True)
+class FollowerMemory:
+    """What a follower carries from tick to tick: the last cam state, its own, an impulse owed."""
+
+    last: CamState | None = None
+    state: FollowerState | None = None
+    owed: float = 0.0
+
+
 @dataclass
 class FollowerBench:
     """The follower under the mounted cam: takes cam states, gives blocks. Used by the node too."""
@@ -22,9 +31,7 @@ class FollowerBench:
     parameters: Any
     sample_rate: int
     laws: dict[str, Law] = field(default_factory=dict)
-    _last: CamState | None = None
-    _state: FollowerState | None = None
-    _owed: float = 0.0
+    memory: FollowerMemory = field(default_factory=FollowerMemory)
 
     @classmethod
     def of(cls, stage: Stage) -> FollowerBench:
@@ -35,19 +42,21 @@ class FollowerBench:
     def turn_to(self, state: CamState) -> tuple[FollowerState, Block] | None:
         """The tick that ends at ``state``; None at the first state, which only begins one.
 
-        A change of cam puts the follower down on the new one.
+        A change of cam puts the follower down on the new one; so does a cam that stood.
         """
-        start, self._last = self._last, state
-        if start is None or start.speed == 0.0:
+        start, before = self.memory.last, self.memory
+        if start is None or not start.turns_until(state):
+            self.memory = FollowerMemory(state)
             return None
         law = self.laws[start.cam]
         end, block = self.model.advance(
-            law, self.parameters, self._state, start.until(state), self.sample_rate
+            law, self.parameters, before.state, start.until(state), self.sample_rate
         )
-        block.rows[5, 0] += self._owed
-        same = state.cam == start.cam
-        self._state = end if same else None
-        self._owed = 0.0 if same else end.pending_impulse  # struck by the cam before
+        block.rows[5, 0] += before.owed
+        if state.cam == start.cam:
+            self.memory = FollowerMemory(state, end)
+        else:  # struck by the cam before
+            self.memory = FollowerMemory(state, None, end.pending_impulse)
         return end, block
 
 
@@ -57,7 +66,7 @@ class MicrophoneBench:
 
     parameters: RadiationParameters
     sample_rate: int
-    _state: MicrophoneState | None = None
+    memory: MicrophoneState | None = None
 
     @classmethod
     def of(cls, stage: Stage) -> MicrophoneBench:
@@ -66,8 +75,8 @@ class MicrophoneBench:
 
     def listen(self, block_rows: FloatArray, speed: float) -> float:
         """r.m.s. pressure (Pa) over a block, ``(6, n)`` rows, at cam speed ``speed`` (rad/s)."""
-        self._state, pressure = hear(
-            self.parameters, self._state, block_rows[4], block_rows[5], self.sample_rate, speed
+        self.memory, pressure = hear(
+            self.parameters, self.memory, block_rows[4], block_rows[5], self.sample_rate, speed
         )
         return pressure
 
@@ -79,6 +88,7 @@ def simulate(stage: Stage) -> Iterator[HeardTick]:
     for state in cam_states(stage.scene):
         turned = follower.turn_to(state)
         if turned is not None and start is not None:
-            pressure = microphone.listen(turned[1].rows, start.speed)
-            yield HeardTick(start, state.time_ns, pressure)
+            interval = turned[1].interval
+            pressure = microphone.listen(turned[1].rows, interval.mean_speed)
+            yield HeardTick(start, state.time_ns, pressure, interval.acceleration == 0.0)
         start = state

@@ -4,8 +4,10 @@ import itertools
 
 import pytest
 
+from cam_rig.errors import RefusedError
 from cam_rig.experiment.credit import Credit
 from cam_rig.experiment.drive import DriveProgram
+from cam_rig.experiment.program import cam_states
 from cam_rig.experiment.stage import open_stage
 from cam_rig.schema.load import config_root
 
@@ -38,16 +40,25 @@ def test_a_late_acknowledgement_of_old_news_changes_nothing():
     credit = Credit(["one"], 1)
     for stamp in (0, 10):
         credit.sent(stamp)
-    credit.acknowledge("one", 10)
+    assert credit.acknowledge("one", 10)
     credit.acknowledge("one", 0)
     assert credit.in_flight == 0
+
+
+def test_an_answer_to_nothing_that_was_sent_gives_no_credit():
+    """Somebody else's stamps must not make the drive run away."""
+    credit = Credit(["one"], 1)
+    for stamp in (0, 10):
+        credit.sent(stamp)
+    assert not credit.acknowledge("one", 10**18)
+    assert credit.in_flight == 1
 
 
 def follow(program, states):
     """Answer as the other nodes do; returns the states that went out."""
     out = []
-    for _ in range(states):
-        state = program.take()
+    for now in range(states):
+        state = program.take(float(now))
         if state is not None:
             out.append(state)
             program.credit.acknowledge("all", state.time_ns)
@@ -74,6 +85,82 @@ def test_the_whole_scene_goes_out_once_and_in_order(stage):
 def test_nothing_turns_before_its_law_is_known(stage):
     """A cam that nobody has published is waited for, by name."""
     program = DriveProgram(stage.scene, ["all"], 4, lambda cam: True)
-    assert program.take() is None
+    assert program.take(0.0) is None
     assert program.waits_for() == ["law_server"]
     assert not program.done
+
+
+@pytest.fixture
+def program(stage):
+    made = DriveProgram(stage.scene, ["all"], 4, lambda cam: True)
+    made.laws.update(stage.laws)
+    return made
+
+
+def test_an_unanswered_request_for_a_cam_is_made_again(stage):
+    """The law server may have died with it; once a second, not more often."""
+    asked = []
+    program = DriveProgram(stage.scene, ["all"], 4, lambda cam: asked.append(cam) is None)
+    for now in (0.0, 0.1, 0.9, 1.1, 1.2, 2.5):
+        assert program.take(now) is None
+    assert asked == ["tm21"] * 3
+
+
+def test_a_stopped_drive_sends_nothing_and_goes_on(stage, program):
+    """Stop and start leave no trace in the states."""
+    out = follow(program, 5)
+    program.run(False)
+    assert follow(program, 5) == []
+    program.run(True)
+    out += follow(program, 100)
+    assert out == list(cam_states(stage.scene))
+    assert program.done
+
+
+def test_an_emergency_stop_waits_for_a_reset(program):
+    """The cam stands at once; start alone does nothing."""
+    out = follow(program, 5)
+    standing = program.halt()
+    assert standing.speed == 0.0 and standing.time_ns > out[-1].time_ns
+    program.credit.acknowledge("all", standing.time_ns)
+    program.run(True)
+    assert follow(program, 5) == []
+    assert not program.done
+    program.reset()
+    assert follow(program, 5) == []
+    program.run(True)
+    again = follow(program, 100)
+    assert again[0].time_ns > standing.time_ns and again[0].angle == standing.angle
+    assert program.done
+
+
+def test_a_drive_that_died_is_followed_without_a_gap(stage):
+    """The successor says the last states again, then goes on: the same states in all."""
+    first = DriveProgram(stage.scene, ["all"], 4, lambda cam: True)
+    first.laws.update(stage.laws)
+    out = follow(first, 7)
+    second = DriveProgram(stage.scene, ["all"], 4, lambda cam: True, first.memory)
+    assert second.take(0.0) is None  # no law yet: nothing to say
+    second.laws.update(stage.laws)
+    again = follow(second, 100)
+    assert again[: len(out)] == out[-len(again[: len(out)]) :]
+    known = set(out)
+    assert out + [state for state in again if state not in known] == list(cam_states(stage.scene))
+    assert second.done and second.sent == second.ticks + 1
+
+
+def test_a_speed_no_cam_can_have_is_refused(program):
+    """With the limit."""
+    for speed in (-1.0, 1e6, float("nan")):
+        with pytest.raises(RefusedError, match="allowed: 0 to 10472"):
+            program.command(speed)
+
+
+def test_a_state_waits_for_its_time(program):
+    """Paced, the second state goes out when its rig time has come."""
+    program.pacing.set("real_time")
+    first = program.take(50.0)
+    program.credit.acknowledge("all", first.time_ns)
+    assert program.take(50.1) is None
+    assert program.wait(50.1) == pytest.approx(0.2)
+    assert program.take(50.3).time_ns == 300_000_000

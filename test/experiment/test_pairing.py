@@ -1,7 +1,9 @@
 """Blocks and states find each other, in whatever order they come."""
 
 import numpy as np
+import pytest
 
+from cam_rig.errors import RefusedError
 from cam_rig.experiment.pairing import TickPairing
 from cam_rig.experiment.program import CamState
 
@@ -40,3 +42,54 @@ def test_a_block_from_before_we_listened_is_passed_over():
     pairing.add_state(state(10**9))
     pairing.add_state(state(2 * 10**9))
     assert [a.time_ns for a, _, _ in pairing.complete()] == [10**9]
+
+
+def test_a_block_that_comes_again_is_given_once():
+    """A follower that was started again says its last ticks once more."""
+    pairing = TickPairing(sample_rate=5)
+    for stamp in (0, 10**9, 2 * 10**9, 3 * 10**9):
+        pairing.add_state(state(stamp))
+    found = []
+    for first in (0.0, 1.0, 0.0, 1.0, 2.0):
+        pairing.add_block(block(first, first + 0.8))
+        found += [a.time_ns for a, _, _ in pairing.complete()]
+    assert found == [0, 10**9, 2 * 10**9]
+
+
+def test_a_successor_begins_where_its_predecessor_ended():
+    """Ticks that were heard are not heard again."""
+    pairing = TickPairing(sample_rate=5, since=10**9)
+    for stamp in (0, 10**9, 2 * 10**9):
+        pairing.add_state(state(stamp))
+    for first in (0.0, 1.0):
+        pairing.add_block(block(first, first + 0.8))
+    assert [a.time_ns for a, _, _ in pairing.complete()] == [10**9]
+
+
+@pytest.mark.parametrize("wrong", [block(0.0, 0.7), block(0.0, 0.8)[:, :3], block(1.2, 1.8)])
+def test_a_block_of_other_samples_is_refused(wrong):
+    """It is named, and the right one is taken."""
+    pairing = TickPairing(sample_rate=5)
+    pairing.add_state(state(0))
+    pairing.add_state(state(10**9))
+    pairing.add_state(state(2 * 10**9))
+    pairing.add_block(block(0.0, 0.8))
+    assert len(list(pairing.complete())) == 1
+    pairing.add_block(wrong if wrong[0, 0] > 1 else wrong + np.eye(6, 1))
+    with pytest.raises(RefusedError, match="allowed: the samples of the tick that begins at 1"):
+        list(pairing.complete())
+    pairing.add_block(block(1.0, 1.8))
+    assert [a.time_ns for a, _, _ in pairing.complete()] == [10**9]
+
+
+def test_a_standing_cam_has_no_tick():
+    """After an emergency stop the next tick begins with the next start."""
+    pairing = TickPairing(sample_rate=5)
+    stands = CamState(10**9, 0.0, 0.0, "cam")
+    for now in (state(0), stands, state(2 * 10**9), state(3 * 10**9)):
+        pairing.add_state(now)
+    found = []
+    for first in (0.0, 2.0):
+        pairing.add_block(block(first, first + 0.8))
+        found += [a.time_ns for a, _, _ in pairing.complete()]
+    assert found == [0, 2 * 10**9]

@@ -1,12 +1,12 @@
 """The drive's program: whole turns, ticks that meet, an angle that never jumps."""
 
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 import pytest
 
 from cam_rig.dynamics import NS
-from cam_rig.experiment.program import cam_states, tick_count
+from cam_rig.experiment.program import CamState, cam_states, speed_count, tick_count
 
 TURN = 2.0 * np.pi
 
@@ -78,3 +78,94 @@ def test_interval_until_the_next(scene):
     interval = first.until(second)
     assert (interval.start_ns, interval.stop_ns) == (first.time_ns, second.time_ns)
     assert (interval.angle, interval.speed) == (first.angle, first.speed)
+
+
+# Ramps
+
+
+@pytest.fixture(params=[1, 5])
+def ramped(request, make_scene):
+    """Up, on, down and no change: from rest for each of two cams."""
+    program = {
+        "speeds": {"assumed": [200, 333, 100, 100], "unit": "rpm"},
+        "turns": {"assumed": 2, "unit": "turns"},
+        "settle_turns": {"assumed": 1, "unit": "turns"},
+        "ticks_per_turn": request.param,
+        "ramp": {"assumed": 0.7, "unit": "s"},
+    }
+    return make_scene(program=program)
+
+
+def intervals(scene):
+    return [before.until(after) for before, after in pairwise(cam_states(scene))]
+
+
+def test_states_tell_ramps_from_held_speeds(ramped):
+    """From angle and speed at both ends alone; a ramp takes its time, each cam starts at rest."""
+    parts = intervals(ramped)
+    assert len(parts) == tick_count(ramped)
+    rates = [0.0, *(float(speed) for speed in ramped.program.speeds.si_list)]
+    runs = [
+        (rate, list(group)) for rate, group in groupby(parts, key=lambda part: part.acceleration)
+    ]
+    slopes = [(b - a) / 0.7 for a, b in pairwise(rates) if a != b]
+    expected = [round(slope, 6) for up in slopes for slope in (up, 0.0)] * 2
+    # a ramp's slope is found from each of its ticks, so they are put together by their rounding
+    found = [round(rate, 6) for rate, _ in runs]
+    assert [rate for rate, _ in groupby(found)] == expected
+    ramps = sum(part.duration for part in parts if part.acceleration != 0.0)
+    assert ramps == pytest.approx(2 * 3 * 0.7, rel=1e-12)
+
+
+def test_angle_and_speed_go_on_over_ramps(ramped):
+    """No jump of the angle anywhere, and none of the speed but where a cam is put on."""
+    states = list(cam_states(ramped))
+    assert states[0].speed == 0.0
+    for part, (before, after) in zip(intervals(ramped), pairwise(states), strict=True):
+        assert part.angle_at(part.duration) == pytest.approx(after.angle, abs=1e-11)
+        if after.cam == before.cam and after is not states[-1]:
+            assert part.speed_at(part.duration) == pytest.approx(after.speed, rel=1e-9)
+
+
+def test_ticks_of_a_ramp_are_no_longer_than_of_its_faster_end(ramped):
+    """So a bag's blocks are not larger along a ramp."""
+    turn = TURN / ramped.program.ticks_per_turn
+    for part in intervals(ramped):
+        if part.acceleration != 0.0:
+            fastest = max(part.speed, part.speed_at(part.duration))
+            assert part.duration * fastest <= turn * (1.0 + 1e-6) or part.mean_speed < 1.0
+    assert max(part.mean_speed * part.duration for part in intervals(ramped)) <= turn * 1.000001
+
+
+def test_speeds_are_counted_as_the_law_server_tells_them(ramped, scene):
+    """One law for each state of a turning cam with another speed or cam than the last told."""
+    for program in (ramped, scene):
+        told, last = 0, None
+        for state in cam_states(program):
+            if state.speed > 0.0 and (state.cam, state.speed) != last:
+                told, last = told + 1, (state.cam, state.speed)
+        assert speed_count(program) == told
+    assert speed_count(scene) == 2 * 4
+
+
+def test_a_program_without_a_ramp_steps(make_scene):
+    """Speeds follow each other at once."""
+    assert all(part.acceleration == 0.0 for part in intervals(make_scene()))
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "turned", "acceleration"),
+    [
+        (10.0, 20.0, 15.0, 10.0),  # turned at the mean: a ramp
+        (10.0, 20.0, 10.0, 0.0),  # turned at the first speed: a step at the end
+        (0.0, 20.0, 10.0, 20.0),  # from rest
+        (20.0, 0.0, 10.0, -20.0),  # down to rest
+        (20.0, 0.0, 20.0, 0.0),  # held, and stands from there on
+        (20.0, 20.0, 20.0, 0.0),
+    ],
+)
+def test_what_two_states_tell(first, second, turned, acceleration):
+    """A ramp is inferred from the angle turned, nothing else is sent."""
+    one = CamState(0, 3.0, first, "poly345")
+    part = one.until(CamState(NS, 3.0 + turned, second, "poly345"))
+    assert part.acceleration == acceleration

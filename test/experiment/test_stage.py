@@ -88,3 +88,32 @@ def test_all_errors_share_one_root():
     """A command has one type to catch."""
     assert issubclass(ConfigError, CamRigError)
     assert issubclass(LawError, CamRigError)
+
+
+@pytest.mark.parametrize("cam", ["oscillating_roller", "oscillating_flat", "conjugate"])
+def test_a_follower_that_the_models_do_not_know(make_stage, cam):
+    """No arm and no second contact in the dynamics: refused by the cam file and the key."""
+    words = rf"{cam}\.yaml: follower\.type is '{cam}'; allowed on a rig: one that translates"
+    with pytest.raises(ConfigError, match=words):
+        make_stage(cams=[cam])
+
+
+def test_faces_and_eccentric_rollers_are_known(make_stage):
+    """They translate against the closing spring like any other."""
+    stage = make_stage(cams=["flat", "inclined_flat", "eccentric_roller"])
+    assert list(stage.laws) == ["flat", "inclined_flat", "eccentric_roller"]
+
+
+def test_a_table_brings_its_points(make_stage, tmp_path):
+    """The file of points is one of the scene's files: a bag holds it, and can be analysed alone."""
+    from cam_rig.bag.reader import read_stage
+    from cam_rig.bag.writer import BagWriter
+
+    stage = make_stage(cams=["measured"], published=None)
+    assert "measured.csv" in [path.name for path in stage.files]
+    writer = BagWriter(tmp_path / "bag")
+    for path in stage.files:
+        writer.attach(f"{path.parent.name}/{path.name}", path.read_bytes())
+    writer.close()
+    again = read_stage(tmp_path / "bag")
+    assert again.cams["measured"] == stage.cams["measured"]

@@ -82,3 +82,48 @@ def test_first_state_only_begins_a_tick(make_stage):
     stage = make_stage()
     bench = FollowerBench(MODELS["one_mass"], stage.follower, 8000, stage.laws)
     assert bench.turn_to(next(iter(cam_states(stage.scene)))) is None
+
+
+def ramped(**changes):
+    """A program that reaches every speed in 0.4 s from the one before, from rest at first."""
+    return {
+        "speeds": {"assumed": [200, 300], "unit": "rpm"},
+        "turns": {"assumed": 3, "unit": "turns"},
+        "settle_turns": {"assumed": 1, "unit": "turns"},
+        "ramp": {"assumed": 0.4, "unit": "s"},
+    } | changes
+
+
+@pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "residual"])
+def test_levels_along_ramps_are_left_out(make_stage, model):
+    """A scene with ramps has levels of the held speeds alone, and they are the steady ones."""
+    stage = make_stage(program=ramped(), model=model, sample_rate=24_000)
+    heard = list(simulate(stage))
+    assert len(heard) == tick_count(stage.scene)
+    assert sum(not tick.steady for tick in heard) == tick_count(stage.scene) - 2 * 2 * 3
+    levels = step_levels(heard, 1.0)
+    held = [float(speed) for speed in stage.scene.program.speeds.si_list]
+    assert {cam: list(steps) for cam, steps in levels.items()} == {
+        "poly345": held,
+        "bezier15": held,
+    }
+    for cam, steps in levels.items():
+        for speed, level in steps.items():
+            power = steady_power(stage.laws[cam], stage.follower, stage.radiation, speed)
+            close = 2e-2 if model != "residual" else 0.1  # there the stem rings
+            assert level == pytest.approx(float(level_db(np.sqrt(power))), abs=close)
+
+
+def test_ramps_do_not_depend_on_the_ticks(make_stage):
+    """One or nine ticks a turn: the samples of the whole run are the same to rounding."""
+    rows = []
+    for ticks in (1, 9):
+        stage = make_stage(program=ramped(ticks_per_turn=ticks))
+        follower = FollowerBench.of(stage)
+        blocks = [follower.turn_to(state) for state in cam_states(stage.scene)]
+        # the ticks of a held speed end at whole nanoseconds, which differ
+        first = [block for _, block in filter(None, blocks) if block.interval.stop_ns <= 4 * 10**8]
+        rows.append(np.hstack([block.rows for block in first]))
+    assert rows[0].shape == rows[1].shape == (6, 3200)
+    size = np.abs(rows[0]).max(axis=1)
+    assert (np.abs(rows[1] - rows[0]).max(axis=1)[:5] < 1e-10 * size[:5]).all()

@@ -1,0 +1,56 @@
+"""The laws of a factorial study: one rise up and down over any angle, and a cam squeezed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cam_rig.laws import TURN, Law
+from cam_rig.laws.catalogue import figures
+from cam_rig.laws.named import unit_rise
+from cam_rig.laws.pieces import joined
+
+#: A dwell narrower than this (rad) is none.
+LEAST_DWELL = 1e-9
+
+
+def up_and_down(rise: str, event: float, lift: float) -> Law:
+    """Half a low dwell, rise, high dwell, fall, half a low dwell; the two dwells are equal.
+
+    Parameters
+    ----------
+    event : rad, of the rise and of the fall, at most π
+    lift : m
+    """
+    steps, columns = unit_rise(rise)
+    dwell = math.pi - event
+    breaks, pieces = [0.0], []
+    for height, base, before in ((lift, 0.0, 0.5 * dwell), (-lift, lift, dwell)):
+        if before > LEAST_DWELL:
+            breaks.append(breaks[-1] + before)
+            pieces.append(np.array([base]))
+        start = breaks[-1]
+        breaks += [start + event * u for u in steps[1:]]
+        pieces += [base + height * column for column in columns]
+    if dwell > LEAST_DWELL:
+        breaks.append(TURN)
+        pieces.append(np.array([0.0]))
+    breaks[-1] = TURN
+    return Law(f"{rise} over {math.degrees(event):.4g}°", np.array(breaks), joined(pieces))
+
+
+def as_gentle(rise: str, reference: str, event: float) -> float:
+    """The event angle (rad) over which a rise accelerates as the reference does over ``event``."""
+    ratio = figures(rise).peak_acceleration / figures(reference).peak_acceleration
+    return event * math.sqrt(ratio)
+
+
+def squeezed(law: Law, span: float) -> Law:
+    """A cam's whole turn pressed into ``span`` rad, and its lift at θ = 0 held for the rest."""
+    if span > TURN - LEAST_DWELL:
+        return law
+    rest = np.full_like(law.ordinates[:, :1], law.ordinates[0, 0])
+    breaks = np.append(law.breaks * (span / TURN), TURN)
+    name = f"{law.name} in {math.degrees(span):.4g}°"
+    return Law(name, breaks, np.hstack([law.ordinates, rest]))

@@ -1,0 +1,125 @@
+"""What a node knows, kept outside of it, so that its successor can go on where it ended.
+
+Records are written as JSON: floats come back bit for bit, and only the rig's own immutable records
+are made from it, so a foreign file can do no more than be refused.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections import deque
+from dataclasses import fields, is_dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cam_rig.errors import CamRigError, RunError
+
+#: Ticks that a successor goes back: more than are in flight, so that whatever its predecessor had
+#: published, and somebody may not have got, is published again.
+TICKS_KEPT = 8
+
+
+class Handover:
+    """The memory of one node after each of its last ticks, in a file of the run's own folder.
+
+    Parameters
+    ----------
+    folder : the run's folder; empty keeps nothing
+    node : the node's name
+    depth : how many records are kept
+    """
+
+    def __init__(self, folder: str, node: str, depth: int = TICKS_KEPT) -> None:
+        self._file = Path(folder) / f"{node}.json" if folder else None
+        self._kept: deque[str] = deque(maxlen=depth)
+
+    @property
+    def kept(self) -> bool:
+        """Whether anything is kept at all."""
+        return self._file is not None
+
+    def keep(self, memory: Any) -> None:
+        """Keep one more record, and let go of the oldest.
+
+        Raises
+        ------
+        RunError : the folder cannot be written
+        """
+        if self._file is None:
+            return
+        self._kept.append(json.dumps(to_plain(memory)))
+        part = self._file.with_suffix(".part")
+        try:
+            part.write_text(f"[{','.join(self._kept)}]", encoding="utf-8")
+            os.replace(part, self._file)
+        except OSError as error:
+            raise RunError(f"{self._file}: cannot be written ({error.strerror})") from None
+
+    def oldest(self) -> Any:
+        """The oldest record that the predecessor kept; None without a predecessor.
+
+        Raises
+        ------
+        RunError : the file is no handover
+        """
+        return self._read(0)
+
+    def newest(self) -> Any:
+        """The newest record that the predecessor kept; None without a predecessor."""
+        return self._read(-1)
+
+    def _read(self, index: int) -> Any:
+        if self._file is None or not self._file.is_file():
+            return None
+        try:
+            return from_plain(json.loads(self._file.read_text(encoding="utf-8"))[index])
+        except (OSError, ValueError, KeyError, IndexError, TypeError, CamRigError) as error:
+            raise RunError(f"{self._file}: is no handover of a node ({error})") from None
+
+
+def to_plain(value: Any) -> Any:
+    """Records, arrays, tuples, numbers and texts as what JSON can hold."""
+    if is_dataclass(value) and not isinstance(value, type):
+        kind = type(value)
+        inside = {field.name: to_plain(getattr(value, field.name)) for field in fields(value)}
+        return {"record": f"{kind.__module__}:{kind.__qualname__}", "fields": inside}
+    if isinstance(value, np.ndarray):
+        data = np.ascontiguousarray(value)
+        return {"array": data.tobytes().hex(), "type": data.dtype.str, "shape": data.shape}
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, (tuple, list)):
+        return {type(value).__name__: [to_plain(item) for item in value]}
+    if isinstance(value, dict):
+        return {"dict": [[to_plain(k), to_plain(v)] for k, v in value.items()]}
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    raise RunError(f"a node's memory holds {type(value).__name__}; allowed: records and arrays")
+
+
+def from_plain(data: Any) -> Any:
+    """The value that `to_plain` was given."""
+    if not isinstance(data, dict):
+        return data
+    if "record" in data:
+        inside = {name: from_plain(value) for name, value in data["fields"].items()}
+        return _record(data["record"])(**inside)
+    if "array" in data:
+        flat = np.frombuffer(bytes.fromhex(data["array"]), dtype=np.dtype(data["type"]))
+        return flat.reshape(data["shape"])
+    if "dict" in data:
+        return {from_plain(key): from_plain(value) for key, value in data["dict"]}
+    (name, items), *_ = data.items()
+    return {"tuple": tuple, "list": list}[name](from_plain(item) for item in items)
+
+
+def _record(path: str) -> type[Any]:
+    module, _, name = path.partition(":")
+    kind = getattr(import_module(module), name) if module.startswith("cam_rig.") else None
+    if not (isinstance(kind, type) and is_dataclass(kind)):
+        raise RunError(f"{path} is no record of the rig")
+    return kind

@@ -1,0 +1,90 @@
+"""The jump speed: the lowest at which the follower leaves the cam.
+
+Contact holds at a speed as long as the least contact force of the run is positive. The first zero
+of that force is sought at many speeds at once, and then proved by the exact model on either side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cam_rig.dynamics.kinks import require_smooth
+from cam_rig.dynamics.two_mass import TwoMassParameters, contact_response
+from cam_rig.dynamics.two_mass_guards import lift_off
+from cam_rig.experiment.jump_search import RPM, sought_speed
+from cam_rig.laws import TURN, Law
+
+#: Half of what a speed is known to, relative: 0.002 rpm at 400 rpm.
+TOLERANCE = 5e-6
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A jump speed (rad/s); where (rad of cam angle in its turn) and when (s) the cam is left.
+
+    ``time`` counts from rest, or from the beginning of a turn in steady state.
+    """
+
+    speed: float
+    angle: float
+    time: float
+
+    @property
+    def rpm(self) -> float:
+        """The speed in rpm."""
+        return self.speed / RPM
+
+
+def jump_speed(law: Law, parameters: TwoMassParameters, duration: float | None = 1.7) -> Jump:
+    """The lowest speed at which the two-mass follower leaves the cam.
+
+    Parameters
+    ----------
+    duration : s of a run from rest at θ = 0, at one speed; None for the steady state
+
+    Raises
+    ------
+    DynamicsError : it leaves at any speed, or at none; or there is no steady state
+    """
+    require_smooth(law)  # where the velocity jumps down, it is thrown off at any speed
+    found = sought_speed(law, parameters, duration)
+
+    def leaves(speed: float) -> float | None:
+        return _leaves(law, parameters, speed, duration)
+
+    low, high, time = _prove(leaves, found)
+    return Jump(0.5 * (low + high), float((high * time) % TURN), time)
+
+
+def _prove(leaves: Callable[[float], float | None], found: float) -> tuple[float, float, float]:
+    """A speed at which the exact model stays on, one at which it leaves, and when it leaves.
+
+    They are `TOLERANCE` on either side of what was found, or bisected down to that.
+    """
+    away = TOLERANCE
+    while (time := leaves(found * (1.0 + away))) is None:
+        away *= 4.0
+    high, away = found * (1.0 + away), TOLERANCE
+    while (earlier := leaves(found * (1.0 - away))) is not None:
+        high, time = found * (1.0 - away), earlier
+        away *= 4.0
+    low = found * (1.0 - away)
+    while high - low > 4.0 * TOLERANCE * high:
+        middle = 0.5 * (low + high)
+        at = leaves(middle)
+        low, high, time = (middle, high, time) if at is None else (low, middle, at)
+    return low, high, time
+
+
+def _leaves(
+    law: Law, parameters: TwoMassParameters, speed: float, duration: float | None
+) -> float | None:
+    """When (s) the exact model first leaves the cam, None where it stays on."""
+    start, length = np.zeros(2), duration
+    if length is None:
+        start, length = contact_response(law, parameters, speed).periodic(), TURN / speed
+    found = lift_off(law, parameters, speed, 0.0, start, length)
+    return None if found is None else found[0]

@@ -1,0 +1,45 @@
+"""The jump speed of a cam that speeds up evenly from rest."""
+
+from __future__ import annotations
+
+import math
+
+from cam_rig.dynamics import MODELS, NS, Interval, TwoMassParameters
+from cam_rig.dynamics.block import FollowerState
+from cam_rig.errors import DynamicsError
+from cam_rig.experiment.jump import Jump
+from cam_rig.experiment.jump_search import FASTEST, RPM
+from cam_rig.laws import TURN, Law
+
+#: Events are exact at any rate; samples are not looked at.
+SAMPLE_RATE_HZ = 1000
+
+
+def jump_along_ramp(law: Law, parameters: TwoMassParameters, rate: float) -> Jump:
+    """Where the follower first leaves a cam that starts from rest at θ = 0.
+
+    Parameters
+    ----------
+    rate : rad/s², of the cam
+
+    Raises
+    ------
+    DynamicsError : the rate is not above 0, or it does not leave
+    """
+    if not (math.isfinite(rate) and rate > 0.0):
+        raise DynamicsError(f"the ramp is {rate / RPM:g} rpm/s; allowed: finite and above 0")
+    advance = MODELS["separation"].advance
+    state: FollowerState | None = None
+    start = 0
+    for turn in range(1, math.ceil((FASTEST * RPM) ** 2 / (2.0 * rate) / TURN) + 1):
+        stop, begun = round(math.sqrt(2.0 * TURN * turn / rate) * NS), start / NS
+        tick = Interval(start, stop, 0.5 * rate * begun**2, rate * begun, rate)
+        state, block = advance(law, parameters, state, tick, SAMPLE_RATE_HZ)
+        if block.events:
+            first = block.events[0]
+            return Jump(rate * first.time, first.angle % TURN, first.time)
+        start = stop
+    raise DynamicsError(
+        f"cam {law.name!r}: the follower does not leave it up to {FASTEST:g} rpm; allowed for a "
+        "jump speed: a cam that throws it off"
+    )

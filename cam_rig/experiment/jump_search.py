@@ -1,0 +1,106 @@
+"""Where the least contact force of a run first falls to zero, going through the speeds upwards.
+
+That force is not monotone in speed: the stem rings in step with the cam at each harmonic, and at a
+resonance the follower may leave the cam and stay on it again a little faster. So speeds are gone
+through from the slowest on, in steps in which the ringing's phase turns by no more than half a
+radian over as long as it is remembered: half of a resonance's half-width in steady state.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.optimize import brentq
+
+from cam_rig.dynamics.ringing import Ringing
+from cam_rig.dynamics.ringing_run import Run
+from cam_rig.dynamics.scan import dips
+from cam_rig.dynamics.two_mass import TwoMassParameters, contact_response, force_output
+from cam_rig.errors import DynamicsError
+from cam_rig.laws import Law
+from cam_rig.laws.bernstein import FloatArray
+
+RPM = math.pi / 30.0
+#: Where the search begins and ends, rpm.
+SLOWEST, FASTEST = 1.0, 1e5
+#: The ringing's phase turns by this much (rad) from one speed to the next.
+PHASE_STEP = 0.5
+#: Speeds looked at together, and a dip's second look.
+TOGETHER, CLOSER = 64, 33
+#: A damping ratio below this is none: a search in steady state would have no end.
+UNDAMPED = 1e-7
+#: A zero is polished to this part of the speed.
+POLISHED = 5e-7
+
+
+def force_run(law: Law, parameters: TwoMassParameters, duration: float | None) -> Run:
+    """The contact force of the two-mass follower over a run, at any speeds."""
+    model = Ringing.of(contact_response(law, parameters, RPM), force_output(parameters))
+    return Run(model, duration)
+
+
+def sought_speed(
+    law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = SLOWEST
+) -> float:
+    """The jump speed (rad/s) without its proof; ``slowest`` (rpm) is where the search begins."""
+    run = force_run(law, parameters, duration)
+    if duration is None and run.model.rates.real.max() > -UNDAMPED * np.abs(run.model.rates).max():
+        raise DynamicsError(
+            "no steady state: a stem without damping rings for ever, at each harmonic of the "
+            "speed louder turn after turn; allowed: damping, or a run from rest"
+        )
+    low, high = _bracket(run, law, slowest)
+    return float(brentq(run.lowest, low, high, rtol=POLISHED))
+
+
+def step(run: Run) -> float:
+    """Relative step of the speed from which the force is as good as continuous."""
+    rates = run.model.rates
+    memory = 1.0 / max(float(-rates.real.max()), 1e-300)
+    if run.duration is not None:
+        memory = min(memory, run.duration)
+    return min(0.02, PHASE_STEP / (float(np.abs(rates).max()) * memory))
+
+
+def _bracket(run: Run, law: Law, slowest: float) -> tuple[float, float]:
+    """Two speeds (rad/s): the least force is above zero at the lower and below at the upper."""
+    ratio = 1.0 + step(run)
+    first = slowest
+    while first < FASTEST:
+        speeds = RPM * first * ratio ** np.arange(TOGETHER + 1.0)
+        if (run.bound(speeds) <= 0.0).any():
+            found = _first_below(run, speeds, RPM * slowest)
+            if found is not None:
+                if found[0] <= RPM * slowest:
+                    raise DynamicsError(
+                        f"cam {law.name!r}: the follower leaves it at {slowest:g} rpm already; "
+                        "allowed for a jump speed: a follower that is pressed on, so give it a "
+                        "preload"
+                    )
+                return found
+        first *= ratio**TOGETHER
+    raise DynamicsError(
+        f"cam {law.name!r}: the follower does not leave it up to {FASTEST:g} rpm; allowed for a "
+        "jump speed: a cam that throws it off"
+    )
+
+
+def _first_below(run: Run, speeds: FloatArray, slowest: float) -> tuple[float, float] | None:
+    """The first bracket of a zero among neighbouring speeds, in a dip between two of them too."""
+    least = run.least(speeds)
+    below = np.flatnonzero(least <= 0.0)
+    stop = int(below[0]) if below.size else speeds.size
+    for i in dips(least):
+        if i < stop:
+            closer = np.linspace(speeds[i - 1], speeds[i + 1], CLOSER)
+            found = np.flatnonzero(run.least(closer) <= 0.0)
+            if found.size:
+                speeds, stop = closer, int(found[0])
+                break
+    if stop == speeds.size:
+        return None
+    low = float(speeds[max(0, stop - 1)])
+    while run.lowest(low) <= 0.0 and low > slowest:  # it hid between grid points
+        low *= 1.0 - step(run)
+    return low, float(speeds[stop])

@@ -1,0 +1,47 @@
+"""Where a follower should rest at its lowest: the stretch in which residual vibration is read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cam_rig.laws import TURN, Law
+from cam_rig.laws.bernstein import FloatArray
+
+#: A piece no higher above the lowest lift than this fraction of the lift is flat.
+FLAT = 1e-12
+#: What stands for the low dwell of a law that has none: this much (rad) about θ = 0, as wide as
+#: the low dwell of the paper's other laws here.
+STAND_IN = float(np.radians(62.5))
+
+
+@dataclass(frozen=True)
+class Window:
+    """A stretch of the turn from ``start`` (rad), ``span`` wide; ``dwell`` says that it rests."""
+
+    start: float
+    span: float
+    dwell: bool
+
+    def holds(self, angle: FloatArray) -> NDArray[np.bool_]:
+        """Which cam angles (rad) lie inside, the end not among them."""
+        return np.asarray((angle - self.start) % TURN < self.span * (1.0 - 1e-9))
+
+
+def low_dwell(law: Law) -> Window:
+    """The longest run of pieces at the lowest lift, around the turn; else the stand-in."""
+    lowest = float(law.ordinates.min())
+    height = np.abs(law.ordinates - lowest).max(axis=0)
+    flat = height <= FLAT * law.lift
+    best = Window(0.0, 0.0, True)
+    count = flat.size
+    for i in np.flatnonzero(flat & ~np.roll(flat, 1)):
+        run = 1
+        while flat[(i + run) % count] and run < count:
+            run += 1
+        span = float(sum(law.spans[(i + k) % count] for k in range(run)))
+        if span > best.span:
+            best = Window(float(law.breaks[i]), span, True)
+    return best if best.span > 0.0 else Window(TURN - 0.5 * STAND_IN, STAND_IN, False)

@@ -1,0 +1,79 @@
+"""How fast rig time goes beside wall time."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+from cam_rig.dynamics import NS
+from cam_rig.errors import ConfigError
+
+#: Wall time (s) that a paced run may be late before it gives that time up and says so.
+TOLERANCE = 0.1
+FACTORS = (1e-3, 1e3)
+
+
+def factor_of(pacing: str) -> float | None:
+    """Rig seconds a wall second: 1 for ``real_time``, N for ``Nx``, None for ``free``.
+
+    Raises
+    ------
+    ConfigError : another text
+    """
+    if pacing == "free":
+        return None
+    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*[x×]", pacing)
+    factor = 1.0 if pacing == "real_time" else float(found[1]) if found else 0.0
+    if not FACTORS[0] <= factor <= FACTORS[1]:
+        raise ConfigError(
+            f"pacing: is {pacing!r}; allowed: free, real_time, or a factor of "
+            f"{FACTORS[0]:g} to {FACTORS[1]:g} such as 20x"
+        )
+    return factor
+
+
+@dataclass
+class Pacing:
+    """Holds each state back until its rig time has come.
+
+    A run that is late goes on from where it is: lost time is not made up in a rush.
+
+    Parameters
+    ----------
+    factor : rig seconds a wall second; None never waits
+    """
+
+    factor: float | None = None
+    #: Wall time (s) given up at the last state; zero while the run keeps its pace.
+    late: float = 0.0
+    _begin: tuple[int, float] | None = field(default=None, repr=False)
+
+    def set(self, pacing: str) -> None:
+        """Change the pace from the next state on."""
+        self.factor, self._begin, self.late = factor_of(pacing), None, 0.0
+
+    def stand(self) -> None:
+        """Rig time stands still until the next state."""
+        self._begin = None
+
+    def wait(self, rig_ns: int, now: float) -> float:
+        """Wall time (s) until the state at a rig time is due, seen from wall time ``now``."""
+        if self.factor is None or self._begin is None:
+            return 0.0
+        return max(0.0, self._due(rig_ns) - now)
+
+    def sent(self, rig_ns: int, now: float) -> None:
+        """Note that a state went out."""
+        self.late = 0.0
+        if self.factor is None:
+            return
+        if self._begin is None:
+            self._begin = (rig_ns, now)
+        late = now - self._due(rig_ns)
+        if late > TOLERANCE:
+            self.late, self._begin = late, (rig_ns, now)
+
+    def _due(self, rig_ns: int) -> float:
+        assert self.factor is not None and self._begin is not None
+        from_ns, wall = self._begin
+        return wall + (rig_ns - from_ns) / NS / self.factor

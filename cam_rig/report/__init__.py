@@ -1,0 +1,1 @@
+"""The report: every experiment of the paper, redone and taken further, on one page."""

@@ -1,0 +1,70 @@
+"""The report's figures, drawn as SVG and carried in the page itself."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import matplotlib as mpl
+
+from cam_rig.experiment.factorial import Factorial
+from cam_rig.experiment.jump_table import JumpRow
+from cam_rig.experiment.noise_results import NoiseStudy
+from cam_rig.profile.checks import check_cam
+from cam_rig.report.results import FROM_REST, Sources
+from cam_rig.view import (
+    factorial_plot,
+    jump_plot,
+    law_plot,
+    noise_study_plot,
+    profile_plot,
+    takeoff_plot,
+    vibration_plot,
+)
+
+#: Speeds of the figures, rpm: below every jump speed, and above all but Bézier 15's.
+STEADY_RPM, TAKEOFF_RPM = 300.0, 460.0
+PROPOSED = "bezier15"
+
+
+def uri(draw: Callable[[Path], None]) -> str:
+    """What ``draw`` writes to an SVG file, as a data URI that repeats bit for bit."""
+    with TemporaryDirectory() as folder, mpl.rc_context({"svg.hashsalt": "cam_rig"}):
+        path = Path(folder) / "figure.svg"
+        draw(path)
+        text = path.read_text(encoding="utf-8")
+    kept = [line for line in text.splitlines() if "<dc:date>" not in line]
+    data = base64.b64encode("\n".join(kept).encode()).decode()
+    return f"data:image/svg+xml;base64,{data}"
+
+
+def early_figures(sources: Sources, jumps: list[JumpRow]) -> dict[str, str]:
+    """Those that need no study: URIs by key."""
+    lineup, arcs = sources.lineup, _arc_cam(sources)
+    cam, law = lineup.cams[PROPOSED], lineup.laws[PROPOSED]
+    tm21, tm21_law = sources.stage.cams[arcs], sources.stage.laws[arcs]
+    checks = check_cam(cam, law)
+    return {
+        "fig1": uri(lambda path: law_plot.draw(tm21, tm21_law, path)),
+        "fig2": uri(lambda path: law_plot.draw(cam, law, path)),
+        "fig4": uri(lambda path: vibration_plot.draw(lineup, STEADY_RPM, path)),
+        "fig11": uri(lambda path: takeoff_plot.draw(lineup, TAKEOFF_RPM, path)),
+        "fig12": uri(lambda path: profile_plot.draw(cam, law, checks, path)),
+        "jump": uri(lambda path: jump_plot.draw(jumps, lineup, FROM_REST, path)),
+    }
+
+
+def late_figures(sources: Sources, noise: NoiseStudy, factorial: Factorial) -> dict[str, str]:
+    """Those of the two studies."""
+    return {
+        "fig16": uri(lambda path: noise_study_plot.draw(noise, sources.stage, path)),
+        "factorial": uri(lambda path: factorial_plot.draw(factorial, path)),
+    }
+
+
+def _arc_cam(sources: Sources) -> str:
+    """The scene's identified cam, which stands in for the TM21's own."""
+    stage = sources.stage
+    return next(cam for cam in stage.cams if stage.role(cam) == "identified")

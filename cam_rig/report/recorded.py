@@ -1,0 +1,69 @@
+"""A recorded sweep beside the simulated one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cam_rig.bag.complete import require_complete
+from cam_rig.bag.reader import read_recording
+from cam_rig.dynamics import FloatArray
+from cam_rig.errors import BagError
+from cam_rig.experiment.noise import step_levels
+from cam_rig.experiment.stage import Stage
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """Levels (dB) of a bag by cam, at the scene's speeds in rising order, and its messages."""
+
+    bag: Path
+    level_db: dict[str, FloatArray]
+    messages: int
+
+
+def read_recorded(bag: Path, stage: Stage) -> Recorded:
+    """Read a bag of the stage's own scene.
+
+    Raises
+    ------
+    BagError : missing, damaged, not complete, or of another scene
+    """
+    recording = read_recording(bag)
+    _require_same(bag, recording.stage, stage)
+    require_complete(bag, stage.scene)
+    levels = step_levels(recording.ticks, stage.scene.program.settle_turns.si)
+    by_cam = {cam: np.array([steps[s] for s in sorted(steps)]) for cam, steps in levels.items()}
+    return Recorded(bag, by_cam, sum(recording.counts.values()))
+
+
+def _require_same(bag: Path, found: Stage, wanted: Stage) -> None:
+    if found.scene.name != wanted.scene.name:
+        raise BagError(
+            f"{bag}: is a recording of the scene {found.scene.name!r}; allowed: of "
+            f"{wanted.scene.name!r}, so record that with: cam-rig run {wanted.scene.name}"
+        )
+    if changed := _changed(found, wanted):
+        raise BagError(
+            f"{bag}: was recorded with another {' and '.join(changed)} than the files have now; "
+            f"allowed: the same, so record it anew with: cam-rig run {wanted.scene.name}"
+        )
+
+
+def _changed(found: Stage, wanted: Stage) -> list[str]:
+    """What would make other levels: not what a file's words say, only its numbers."""
+    pairs = {
+        "program": (found.scene.program.speeds.si_list, wanted.scene.program.speeds.si_list),
+        "model": (found.scene.model, wanted.scene.model),
+        "follower": (found.follower, wanted.follower),
+        "sound": (found.radiation, wanted.radiation),
+        "cams": (_numbers(found), _numbers(wanted)),
+    }
+    return [name for name, (one, other) in pairs.items() if one != other]
+
+
+def _numbers(stage: Stage) -> dict[str, tuple[bytes, bytes]]:
+    """The laws of a stage as their exact numbers."""
+    return {cam: (law.breaks.tobytes(), law.ordinates.tobytes()) for cam, law in stage.laws.items()}

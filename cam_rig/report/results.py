@@ -1,0 +1,140 @@
+"""All that a report tells, and the jobs that find it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+
+from cam_rig.dynamics import TwoMassParameters
+from cam_rig.experiment.factorial import Factorial, run_factorial
+from cam_rig.experiment.jump_degrees import jump_by_degree
+from cam_rig.experiment.jump_table import JumpRow, find_jumps
+from cam_rig.experiment.lineup import Lineup, open_lineup
+from cam_rig.experiment.measures import Bench
+from cam_rig.experiment.noise_results import NoiseStudy, study_noise
+from cam_rig.experiment.stage import Stage, open_stage
+from cam_rig.experiment.vibration_table import VibrationTable, vibration_table
+from cam_rig.report.recorded import Recorded, read_recorded
+from cam_rig.schema import (
+    FactorialConfig,
+    Library,
+    PublishedTables,
+    RigConfig,
+    load_factorial,
+    load_rig,
+    load_tables,
+)
+
+#: Length of the run from rest of the jump speeds, s, and speeds of the vibration tables, rpm.
+FROM_REST = 1.7
+VIBRATION_RPM = (200.0, 250.0, 300.0, 350.0)
+#: The paper's fifth law, whose degree it does not print.
+BY_SEGMENTS = "bezier_segments"
+#: What a report does, as it is told to who waits.
+PARTS = ("jump speeds", "vibration", "figures", "noise", "continuity or slopes")
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Every file a report starts from, read and checked before anything runs.
+
+    ``stiff`` is the rig of the noise study, whose stem is the paper's Table 1.
+    """
+
+    lineup: Lineup
+    stage: Stage
+    tables: PublishedTables
+    factorial: FactorialConfig
+    stiff: RigConfig
+    recorded: Recorded | None
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """All experiments of a report.
+
+    ``degrees`` are jump speeds (rpm) of the law by segments by the degree of its half-rises;
+    ``stiff_vibration`` is on the stem of Table 1.
+    """
+
+    sources: Sources
+    jumps: list[JumpRow]
+    degrees: dict[int, float]
+    vibration: VibrationTable
+    stiff_vibration: VibrationTable
+    noise: NoiseStudy
+    factorial: Factorial
+
+
+def open_sources(scene: Path, rig: str, factorial: str, bag: Path | None) -> Sources:
+    """Read every file of a report.
+
+    Parameters
+    ----------
+    scene : of the noise study; the other files are found beside it, or shipped
+    rig : name of the rig of the jump speeds
+    factorial : name of the factorial study
+    bag : a recording of the scene to compare with
+
+    Raises
+    ------
+    ConfigError, LawError, BagError : a file that is missing or wrong, a bag of another scene
+    """
+    library = Library.beside(scene)
+    tables = load_tables(library.path("published/tables", "paper"))
+    stage = open_stage(scene)
+    cams = [library.path("cams", cam) for cam in tables.table_2_jump]
+    lineup = open_lineup(cams, library.path("rigs", rig))
+    TwoMassParameters.from_rig(lineup.rig)  # refused now rather than later
+    config = load_factorial(library.path("factorials", factorial))
+    return Sources(
+        lineup=lineup,
+        stage=stage,
+        tables=tables,
+        factorial=config,
+        stiff=load_rig(library.path("rigs", config.noise_rig)),
+        recorded=None if bag is None else read_recorded(bag, stage),
+    )
+
+
+def find(
+    sources: Sources,
+    pool: Executor,
+    on_part: Callable[[str], None],
+    meanwhile: Callable[[list[JumpRow]], None],
+) -> Results:
+    """Run every experiment, the two long ones in processes of their own.
+
+    Parameters
+    ----------
+    on_part : told each of `PARTS` when it is done
+    meanwhile : done with the jump speeds while the long ones run
+    """
+    noise = pool.submit(_noise, sources)
+    factorial = pool.submit(_factorial, sources)
+    lineup = sources.lineup
+    parameters = TwoMassParameters.from_rig(lineup.rig)
+    jumps = find_jumps(lineup.laws, parameters, sources.tables, FROM_REST)
+    degrees = jump_by_degree(lineup.cams[BY_SEGMENTS], parameters, FROM_REST)
+    on_part(PARTS[0])
+    vibration = vibration_table(lineup, VIBRATION_RPM)
+    stiff = vibration_table(Lineup(lineup.cams, lineup.laws, sources.stiff), VIBRATION_RPM)
+    on_part(PARTS[1])
+    meanwhile(jumps)
+    on_part(PARTS[2])
+    heard = noise.result()
+    on_part(PARTS[3])
+    answered = factorial.result()
+    on_part(PARTS[4])
+    return Results(sources, jumps, degrees, vibration, stiff, heard, answered)
+
+
+def _noise(sources: Sources) -> NoiseStudy:
+    return study_noise(sources.stage, sources.lineup.rig)
+
+
+def _factorial(sources: Sources) -> Factorial:
+    bench = Bench.of(sources.factorial, sources.lineup.rig, sources.stiff)
+    return run_factorial(sources.factorial, bench, sources.lineup.laws)

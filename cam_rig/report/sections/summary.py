@@ -1,0 +1,63 @@
+"""The report in short."""
+
+from __future__ import annotations
+
+from cam_rig.experiment.answer import answer
+from cam_rig.experiment.jump_table import rms_difference, same_ranking
+from cam_rig.experiment.vibration_table import jump_claims, vibration_claims
+from cam_rig.report.blocks import Points, Section, Words
+from cam_rig.report.results import Results
+
+
+def section(results: Results) -> Section:
+    """What was found, a line each."""
+    return Section(
+        "summary",
+        "In short",
+        (
+            Words(
+                "The experiments of the paper on a TecQuipment TM21 cam machine, done again on a "
+                "virtual rig and taken further: noise, jump, vibration, and the question the paper "
+                "leaves open. Every number here comes out of the run that wrote this page."
+            ),
+            Points((_question(results), _jump(results), _noise(results), _claims(results))),
+        ),
+    )
+
+
+def _question(results: Results) -> str:
+    return f"Continuity, or gentler slopes? {answer(results.factorial)[0]}"
+
+
+def _jump(results: Results) -> str:
+    rms = 100.0 * rms_difference(results.jumps)
+    tests = [
+        f"{row.cam} {100.0 * row.difference:+.2f} %"
+        for row in results.jumps
+        if row.difference is not None and not row.defined
+    ]
+    ranking = "the paper's ranking" if same_ranking(results.jumps) else "another ranking"
+    return (
+        f"Jump speed: {rms:.2f} % RMS from Table 2 on the four laws that identified the rig, "
+        f"{ranking}; not fitted: {', '.join(tests)}. The times of Table 2 do not come out."
+    )
+
+
+def _noise(results: Results) -> str:
+    best = results.noise.methods[-1]
+    curves = ", ".join(
+        f"{c.cam} {c.rms_regression_db:.2f} dB ({c.role}, "
+        f"{c.numbers or 'no'} number{'' if c.numbers == 1 else 's'} fitted to it)"
+        for c in best.curves.values()
+    )
+    found = best.crossing
+    crossed = "do not cross"
+    if found.rpm is not None:
+        crossed = f"cross at {found.rpm:.1f} ± {found.deviation:.1f} rpm"
+    return f"Noise, {best.name}: regressions within {curves} RMS; the curves {crossed}."
+
+
+def _claims(results: Results) -> str:
+    claims = [*vibration_claims(results.vibration), *jump_claims(results.jumps)]
+    agreed = sum(claim.verdict == "agrees" for claim in claims)
+    return f"What the paper says of vibration and jump: {agreed} of {len(claims)} claims agree."

@@ -1,0 +1,166 @@
+"""The factorial study: laws as they are meant, known effects, an answer from the numbers."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cam_rig.errors import ConfigError
+from cam_rig.experiment.advantage import advantages
+from cam_rig.experiment.answer import BY_KEY, answer, decided_by
+from cam_rig.experiment.factorial import EFFECTS, run_factorial
+from cam_rig.experiment.factorial_laws import as_gentle, squeezed, up_and_down
+from cam_rig.experiment.measures import Bench
+from cam_rig.laws import TURN
+from cam_rig.laws.continuity import joints
+from cam_rig.laws.peaks import peak
+from cam_rig.schema import load_factorial, load_rig
+
+RISES = ("simple_harmonic", "poly345", "cycloidal", "poly4567", "bezier9", "modified_sine")
+
+
+@pytest.fixture(scope="module")
+def config(config_dir):
+    """The shipped study with fewer levels."""
+    shipped = load_factorial(config_dir / "factorials" / "continuity.yaml")
+
+    def fewer(key, *numbers):
+        quantity = getattr(shipped, key)
+        return quantity.model_copy(update={quantity.origin: list(numbers)})
+
+    levels = {
+        "events": fewer("events", 105, 135),
+        "gentle": fewer("gentle", 110, 130),
+        "squeezed": fewer("squeezed", 360, 297.5),
+        "accelerated": fewer("accelerated", 250),
+        "noise": fewer("noise", 200, 300),
+    }
+    return shipped.model_copy(update=levels)
+
+
+@pytest.fixture(scope="module")
+def bench(config, config_dir):
+    """Its rigs."""
+    rig, noise_rig = (load_rig(config_dir / "rigs" / f"{n}.yaml") for n in ("paper_table2", "tm21"))
+    return Bench.of(config, rig, noise_rig)
+
+
+@pytest.fixture(scope="module")
+def found(config, bench, laws):
+    """The study, run."""
+    cams = {cam: laws[cam] for cam in ("bezier15", "poly345", "poly4567")}
+    return run_factorial(config, bench, cams)
+
+
+@pytest.mark.parametrize("rise", RISES)
+def test_up_and_down(rise):
+    """It rises and falls by the lift over the angle, dwells in between, its class at the joints."""
+    law = up_and_down(rise, math.radians(100.0), 0.05)
+    at = np.radians([0.0, 39.9, 140.1, 180.0, 219.9, 320.1])
+    assert law(at) == pytest.approx([0.0, 0.0, 0.05, 0.05, 0.05, 0.0], abs=1e-12)
+    assert law(np.radians([90.0, 270.0])) == pytest.approx([0.025, 0.025])
+    assert law.lift == pytest.approx(0.05)
+
+
+def test_same_as_the_shipped_cam(laws):
+    """3-4-5 over 117.5° is the shipped cam."""
+    law = up_and_down("poly345", math.radians(117.5), 0.05)
+    angle = np.linspace(0.0, TURN, 500)
+    assert law(angle) == pytest.approx(laws["poly345"](angle), abs=1e-14)
+
+
+def test_no_dwell_is_left_at_180():
+    """Rise and fall of half a turn each: simple harmonic becomes an eccentric, smooth for ever."""
+    law = up_and_down("simple_harmonic", math.pi, 0.05)
+    assert law.spans.size == 2
+    assert all(joint.continuity >= 4 for joint in joints(law))
+
+
+@pytest.mark.parametrize("rise", RISES)
+def test_as_gentle(rise):
+    """Over its angle each law has the peak acceleration of the reference."""
+    event = math.radians(120.0)
+    reference = up_and_down("poly345", event, 0.05)
+    law = up_and_down(rise, as_gentle(rise, "poly345", event), 0.05)
+    assert abs(peak(law, 2).value) == pytest.approx(abs(peak(reference, 2).value), rel=1e-9)
+
+
+def test_squeezed(laws):
+    """All of the cam's turn in 240°, rest for the remaining 120°, slopes in proportion."""
+    law = squeezed(laws["bezier15"], math.radians(240.0))
+    angle = np.linspace(0.0, TURN, 99, endpoint=False)
+    assert law(angle * 240.0 / 360.0) == pytest.approx(laws["bezier15"](angle), abs=1e-15)
+    assert not law(np.radians([241.0, 300.0, 359.0])).any()
+    ratio = peak(law, 2).value / peak(laws["bezier15"], 2).value
+    assert ratio == pytest.approx(1.5**2, rel=1e-9)
+    assert squeezed(laws["bezier15"], TURN) is laws["bezier15"]
+
+
+def test_sharper_is_worse(found):
+    """For every law shorter events mean an earlier jump, and more acceleration and noise."""
+    for key, sign in (("jump", -1), ("acceleration", 1), ("noise", 1)):
+        values = BY_KEY[key].values(found.same_angles.cells)
+        assert (sign * (values[:, 0] - values[:, 1]) > 0.0).all()
+
+
+def test_ringing_falls_with_continuity(found):
+    """At equal acceleration each higher class leaves less residual vibration, at every angle."""
+    design = found.same_acceleration
+    values = BY_KEY["residual"].values(design.cells)
+    order = np.argsort(design.classes, kind="stable")
+    assert (np.diff(values[order], axis=0) < 0.0).all()
+    assert decided_by(design, BY_KEY["residual"]) == "continuity"
+
+
+def test_noise_of_a_rigid_follower_is_the_slopes(found):
+    """With equal acceleration the law hardly matters to a follower that cannot ring."""
+    assert decided_by(found.same_acceleration, BY_KEY["noise"]) == "slopes"
+
+
+def test_advantage_adds_up(found):
+    """Slopes and ringing make up all of the advantage, by the definition of the rigid follower."""
+    for row in advantages(found):
+        best, other = found.cams["bezier15"], found.cams[row.cam]
+        ringing = math.log(best.jump / best.rigid_jump) - math.log(other.jump / other.rigid_jump)
+        assert row.jump == pytest.approx(row.jump_slopes + ringing)
+        assert 0.5 < row.jump_share < 1.1
+
+
+def test_cells_stand_in_their_places(found, bench):
+    """A cell of a design is the measure of its law and angle."""
+    law = up_and_down("cycloidal", math.radians(135.0), 0.05)
+    assert found.same_angles.cells[2][1] == bench.measure(law)
+    assert list(found.squeezed) == pytest.approx(np.radians([360.0, 297.5]))
+    assert found.squeezed[found.config.squeezed.si_list[0]] == found.cams["bezier15"]
+
+
+def test_answer_has_the_studys_numbers(found):
+    """Every sentence stands, and the verdict follows the shares."""
+    said = answer(found)
+    assert len(said) == 6
+    assert said[0].startswith("Mostly the gentler slopes")
+    shares = [row.jump_share for row in advantages(found)]
+    assert f"{100 * min(shares):.0f} % to {100 * max(shares):.0f} %" in said[0]
+
+
+def test_the_verdict_can_turn(found):
+    """Were the rigid follower to jump alike on all cams, it would be continuity."""
+    cams = {cam: replace(m, rigid_jump=60.0) for cam, m in found.cams.items()}
+    assert answer(replace(found, cams=cams))[0].startswith("Mostly the continuity")
+
+
+def test_one_follower(config, config_dir):
+    """Two rigs with different masses are no one follower."""
+    rig = load_rig(config_dir / "rigs" / "paper_table2.yaml")
+    mass = rig.follower.mass.model_copy(update={"given": 2.0})
+    follower = rig.follower.model_copy(update={"mass": mass})
+    other = rig.model_copy(update={"follower": follower})
+    with pytest.raises(ConfigError, match=r"1\.3 kg on paper_table2 and 2 kg on .*; allowed"):
+        Bench.of(config, rig, other)
+
+
+def test_effects_are_measures(found):
+    """Each effect names a measure."""
+    for effect in EFFECTS:
+        assert np.isfinite(effect.values(found.same_angles.cells)).all()

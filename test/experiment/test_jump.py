@@ -1,0 +1,194 @@
+"""Jump speeds: the lowest, proved on both sides, and what they must not depend on."""
+
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.dynamics.contact import loss_intervals
+from cam_rig.dynamics.two_mass import contact_response
+from cam_rig.dynamics.two_mass_guards import lift_off
+from cam_rig.errors import DynamicsError
+from cam_rig.experiment import jump_refit
+from cam_rig.experiment.events import with_event
+from cam_rig.experiment.jump import jump_speed
+from cam_rig.experiment.jump_ramp import jump_along_ramp
+from cam_rig.experiment.jump_refit import Numbers, refit
+from cam_rig.experiment.jump_search import RPM
+from cam_rig.experiment.jump_table import find_jumps, rms_difference, same_ranking
+from cam_rig.laws import build_law
+from cam_rig.schema import load_rig, load_tables
+
+FIVE = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
+
+
+@pytest.fixture(scope="module")
+def two_mass(config_dir):
+    """The two-mass follower of the paper's jump speeds."""
+    return TwoMassParameters.from_rig(load_rig(config_dir / "rigs" / "paper_table2.yaml"))
+
+
+@pytest.fixture(scope="module")
+def published(config_dir):
+    """The paper's tables."""
+    return load_tables(config_dir / "published" / "tables" / "paper.yaml")
+
+
+@pytest.fixture(scope="module")
+def rows(laws, two_mass, published):
+    """The five laws of Table 2."""
+    return find_jumps({cam: laws[cam] for cam in FIVE}, two_mass, published, 1.7)
+
+
+def leaves(law, parameters, speed, duration):
+    """Whether the exact model leaves the cam."""
+    start, length = np.zeros(2), duration
+    if duration is None:
+        start = contact_response(law, parameters, speed).periodic()
+        length = 2.0 * np.pi / speed
+    return lift_off(law, parameters, speed, 0.0, start, length) is not None
+
+
+def test_table_2(rows):
+    """Within 1 % RMS on the four laws that identified the rig, and the paper's ranking.
+
+    The fifth law was not fitted: it comes out within 1 % too.
+    """
+    assert rms_difference(rows) < 0.01
+    assert same_ranking(rows)
+    (test,) = [row for row in rows if not row.defined]
+    assert test.cam == "bezier_segments"
+    assert abs(test.difference) < 0.01
+
+
+@pytest.mark.parametrize("cam", ["bezier15", "poly345", "cycloidal"])
+@pytest.mark.parametrize("duration", [1.7, None])
+def test_jump_speed_is_the_exact_models(laws, two_mass, cam, duration):
+    """The exact model stays on 0.005 rpm below and leaves 0.005 rpm above, at the told time."""
+    law = laws[cam]
+    found = jump_speed(law, two_mass, duration)
+    assert not leaves(law, two_mass, found.speed - 0.005 * RPM, duration)
+    assert leaves(law, two_mass, found.speed + 0.005 * RPM, duration)
+    turned = found.speed * found.time % (2.0 * np.pi)
+    assert found.angle == pytest.approx(turned, rel=1e-4)
+
+
+def test_no_slower_speed_leaves(laws, two_mass):
+    """Sixty speeds below the jump speed: the exact model stays on at all of them."""
+    law = laws["poly345"]
+    slowest = jump_speed(law, two_mass, 0.5).speed
+    for speed in np.linspace(0.6, 0.9999, 60) * slowest:
+        assert not leaves(law, two_mass, float(speed), 0.5)
+
+
+def test_a_faster_cam_may_be_followed_again(laws, two_mass):
+    """Contact is not lost for good: 3-4-5 is left at 420 rpm, not at 435, and again at 450."""
+    law = laws["poly345"]
+    lost = [leaves(law, two_mass, rpm * RPM, 1.7) for rpm in (410.0, 420.0, 435.0, 450.0)]
+    assert lost == [False, True, False, True]
+
+
+def test_stiff_stem_is_the_rigid_follower(laws, two_mass):
+    """On a stiff, well damped stem the jump speed is that of one rigid mass, to 0.1 %."""
+    stiff = replace(two_mass, stem_stiffness=1e10, stem_damping=2e4)
+    law, mass = laws["bezier15"], two_mass.roller_mass + two_mass.end_mass
+    rigid = FollowerParameters(
+        mass, two_mass.spring_stiffness, two_mass.damping, two_mass.preload, 1e10
+    )
+
+    def pulls(speed):
+        return 1.0 if loss_intervals(law, rigid, float(speed)) else -1.0
+
+    expected = brentq(pulls, 300.0 * RPM, 900.0 * RPM, xtol=1e-6)
+    assert jump_speed(law, stiff, None).speed == pytest.approx(expected, rel=1e-3)
+
+
+def test_forces_in_proportion(laws, two_mass):
+    """All masses, stiffnesses, dampers and the preload times seven: the same jump."""
+    seven = TwoMassParameters(**{k: 7.0 * v for k, v in asdict(two_mass).items()})
+    one, other = (jump_speed(laws["poly4567"], p) for p in (two_mass, seven))
+    assert other.speed == pytest.approx(one.speed, rel=1e-5)
+    assert other.time == pytest.approx(one.time, rel=1e-3)
+
+
+def test_a_longer_run_leaves_no_later(laws, two_mass):
+    """What leaves within a short run leaves within a long one: speeds fall with the length."""
+    speeds = [jump_speed(laws["poly345"], two_mass, t).speed for t in (0.1, 0.3, 1.7)]
+    assert speeds == sorted(speeds, reverse=True)
+
+
+def test_slow_ramp_is_the_steady_state(laws, two_mass):
+    """A cam that speeds up slowly is left within a turn or two of its steady jump speed."""
+    law = laws["poly4567"]
+    steady = jump_speed(law, two_mass, None).rpm
+    slow, fast = (jump_along_ramp(law, two_mass, rate * RPM) for rate in (20.0, 2000.0))
+    turn = 20.0 * 60.0 / steady  # rpm that the ramp gains in a turn
+    assert steady - 0.1 * turn < slow.rpm < steady + 2.0 * turn
+    assert fast.rpm > slow.rpm
+    assert slow.time == pytest.approx(slow.rpm / 20.0, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "duration", "words"),
+    [
+        ({"preload": 0.0}, 1.7, r"leaves it at 1 rpm already; allowed .* preload"),
+        ({"stem_damping": 0.0, "damping": 0.0}, None, r"no steady state: .* allowed: damping, or"),
+    ],
+)
+def test_no_jump_speed(laws, two_mass, changes, duration, words):
+    """A follower that is not pressed on, or a stem that rings for ever, has none: said so."""
+    with pytest.raises(DynamicsError, match=words):
+        jump_speed(laws["poly345"], replace(two_mass, **changes), duration)
+
+
+def test_a_cam_that_throws_nothing(make_cam, two_mass):
+    """A lift of a picometre never overcomes the preload."""
+    cam = make_cam(
+        {"law": "dwell", "span": 120},
+        {"law": "poly345", "to": 1, "span": 120},
+        {"law": "poly345", "to": 0, "span": 120},
+        lift=1e-12,
+    )
+    with pytest.raises(DynamicsError, match="does not leave it up to 100000 rpm"):
+        jump_speed(build_law(cam), two_mass, None)
+
+
+@pytest.mark.parametrize("duration", [0.0, -1.0, float("nan")])
+def test_a_run_must_last(laws, two_mass, published, duration):
+    """No time, no run."""
+    with pytest.raises(DynamicsError, match="allowed: above 0"):
+        find_jumps({"poly345": laws["poly345"]}, two_mass, published, duration)
+
+
+def test_ramp_must_rise(laws, two_mass):
+    """A ramp of nothing never gets anywhere."""
+    with pytest.raises(DynamicsError, match="ramp is 0 rpm/s; allowed"):
+        jump_along_ramp(laws["poly345"], two_mass, 0.0)
+
+
+def test_with_event(cams):
+    """Other event angles: still a turn, both halves of a rise alike; a whole turn stays."""
+    for name in ("poly345", "bezier_segments"):
+        changed = with_event(cams[name], np.radians(100.0))
+        spans = {s.law: np.degrees(s.span.si) for s in changed.segments}
+        halves = 2 if name == "bezier_segments" else 1
+        moving = [v for law, v in spans.items() if law != "dwell"]
+        assert moving == pytest.approx([100.0 / halves] * len(moving))
+        assert build_law(changed).lift == pytest.approx(0.05)
+    assert with_event(cams["bezier15"], 1.0) is cams["bezier15"]
+
+
+def test_refit_finds_the_numbers_again(cams, laws, two_mass, monkeypatch):
+    """Speeds made with known numbers give these numbers back, from a start somewhat off."""
+    monkeypatch.setattr(jump_refit, "STARTS", 1)
+    monkeypatch.setattr(jump_refit, "MOST_STEPS", 6)
+    four = ("bezier15", "poly345", "poly4567", "cycloidal")
+    speeds = {cam: jump_speed(laws[cam], two_mass, 0.4).rpm for cam in four}
+    off = replace(two_mass, preload=0.97 * two_mass.preload)
+    found = refit(cams, speeds, off, 0.4)
+    assert found.rms[1] < 0.1 * found.rms[0]
+    assert isinstance(found.numbers, Numbers)
+    assert found.numbers.preload == pytest.approx(two_mass.preload, rel=0.01)
+    assert found.numbers.event == pytest.approx(np.radians(117.5), rel=0.005)
