@@ -6,12 +6,15 @@ No message class enters here, so nodes (rclpy) and analysis (rosbags) share it. 
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
 
-from cam_rig.dynamics import COLUMNS, FloatArray
-from cam_rig.errors import BagError
+from cam_rig.dynamics import COLUMNS, NS, FloatArray
+from cam_rig.errors import CamRigError, RefusedError
+from cam_rig.experiment.gate import MOST_SAMPLES, require_possible
+from cam_rig.experiment.program import CamState
 from cam_rig.laws import TURN, Law
 
 Dimensions = list[tuple[str, int]]
@@ -20,6 +23,14 @@ Dimensions = list[tuple[str, int]]
 PIECE_LABEL = "break_rad, ordinates_m"
 BLOCK_LABEL = ", ".join(COLUMNS)
 SAMPLE_LABEL = "sample"
+#: How a cam may be called; its file has the same name.
+CAM_NAME = re.compile(r"[a-z][a-z0-9_]{0,99}")
+#: More pieces or a higher degree than any cam has: its receiver would compute for minutes.
+MOST_PIECES, MOST_DEGREE = 1000, 64
+#: A shorter piece, in rad, would have accelerations beyond what numbers hold.
+SHORTEST_PIECE = 1e-9
+#: No cam lifts farther, m; no sample of a test rig is larger, in SI units.
+MOST_LIFT, MOST_VALUE = 10.0, 1e12
 
 
 def array_of(message: Any) -> tuple[Dimensions, FloatArray]:
@@ -39,13 +50,27 @@ def decode_law(dimensions: Dimensions, data: FloatArray) -> Law:
 
     Raises
     ------
-    BagError : the layout is another
-    LawError : the numbers are no law
+    RefusedError : the layout is another, or the numbers are no law
     """
     rows = _shaped(dimensions, data, "law coefficients")
     if dimensions[1][0] != PIECE_LABEL or rows.shape[1] < 2:
-        raise BagError(f"law coefficients: dimension {dimensions[1]}; allowed: {PIECE_LABEL!r}")
-    return Law(dimensions[0][0], np.append(rows[:, 0], TURN), rows[:, 1:].T)
+        raise RefusedError(f"law coefficients: dimension {dimensions[1]}; allowed: {PIECE_LABEL!r}")
+    if rows.shape[0] > MOST_PIECES or rows.shape[1] > MOST_DEGREE + 2:
+        raise RefusedError(
+            f"law coefficients: {rows.shape[0]} pieces of degree {rows.shape[1] - 2}; allowed: "
+            f"{MOST_PIECES} of {MOST_DEGREE}"
+        )
+    if not CAM_NAME.fullmatch(dimensions[0][0]):
+        raise RefusedError(f"law coefficients: of {dimensions[0][0][:80]!r}; allowed: a cam's name")
+    if not np.abs(rows[:, 1:]).max() <= MOST_LIFT:
+        raise RefusedError(f"law coefficients: allowed: finite, at most {MOST_LIFT:g} m")
+    try:
+        law = Law(dimensions[0][0], np.append(rows[:, 0], TURN), rows[:, 1:].T)
+        if law.spans.min() < SHORTEST_PIECE:
+            raise RefusedError(f"a piece shorter than {SHORTEST_PIECE:g} rad")
+    except CamRigError as error:
+        raise RefusedError(f"law coefficients: {error}") from None
+    return law
 
 
 def encode_block(rows: FloatArray) -> tuple[Dimensions, FloatArray]:
@@ -58,16 +83,54 @@ def decode_block(dimensions: Dimensions, data: FloatArray) -> FloatArray:
 
     Raises
     ------
-    BagError : the layout is another
+    RefusedError : the layout is another, or the numbers are no samples
     """
     rows = _shaped(dimensions, data, "follower samples")
     if dimensions[0] != (BLOCK_LABEL, len(COLUMNS)):
-        raise BagError(f"follower samples: dimension {dimensions[0]}; allowed: {BLOCK_LABEL!r}")
+        raise RefusedError(f"follower samples: dimension {dimensions[0]}; allowed: {BLOCK_LABEL!r}")
+    if rows.shape[1] > MOST_SAMPLES:
+        raise RefusedError(f"follower samples: {rows.shape[1]}; allowed: {MOST_SAMPLES} a tick")
+    if not max(rows.max(), -rows.min()) <= MOST_VALUE:
+        raise RefusedError(f"follower samples: allowed: finite, at most {MOST_VALUE:g}")
     return rows
+
+
+def stamp_ns(stamp: Any) -> int:
+    """Rig time in ns of a builtin_interfaces/Time, of rclpy or of rosbags alike.
+
+    Raises
+    ------
+    RefusedError : it is no time
+    """
+    seconds, nanoseconds = int(stamp.sec), int(stamp.nanosec)
+    if seconds < 0 or nanoseconds >= NS:
+        raise RefusedError(f"a stamp of {seconds} s and {nanoseconds} ns; allowed: from zero on")
+    return seconds * NS + nanoseconds
+
+
+def cam_state_of(message: Any) -> CamState:
+    """The cam's state of a JointState; the frame names the mounted cam.
+
+    Raises
+    ------
+    RefusedError : the message is no state of one cam
+    """
+    cam = str(message.header.frame_id)
+    if len(message.position) != 1 or len(message.velocity) != 1 or not CAM_NAME.fullmatch(cam):
+        raise RefusedError(
+            f"cam state: {len(message.position)} positions, {len(message.velocity)} velocities, "
+            f"frame {cam[:80]!r}; allowed: one of each, and a cam's name"
+        )
+    angle, speed = float(message.position[0]), float(message.velocity[0])
+    state = CamState(stamp_ns(message.header.stamp), angle, speed, cam)
+    require_possible(state)
+    return state
 
 
 def _shaped(dimensions: Dimensions, data: FloatArray, what: str) -> FloatArray:
     shape = tuple(size for _, size in dimensions)
     if len(shape) != 2 or shape[0] * shape[1] != data.size or data.size == 0:
-        raise BagError(f"{what}: {data.size} numbers in dimensions {shape}; allowed: two that fit")
+        raise RefusedError(
+            f"{what}: {data.size} numbers in dimensions {shape}; allowed: two that fit"
+        )
     return data.reshape(shape)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -10,27 +9,31 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.rosbag2 import ReaderError
+from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
 from cam_rig.bag import topics
+from cam_rig.bag.codec import cam_state_of, stamp_ns
+from cam_rig.bag.salvage import DAMAGE, reason
 from cam_rig.bag.topics import Topic
-from cam_rig.dynamics import NS
-from cam_rig.errors import BagError, ConfigError
+from cam_rig.errors import BagError, CamRigError, RefusedError
 from cam_rig.experiment.noise import HeardTick
 from cam_rig.experiment.program import CamState
 from cam_rig.experiment.stage import Stage, open_stage
 
-#: What a file with wrong bytes in it may raise in the readers.
-DAMAGE = (McapError, OSError, struct.error, KeyError, IndexError, ValueError, EOFError)
-
-
-def reason(error: Exception) -> str:
-    """An error's words in one line, or its kind where it has none."""
-    return " ".join(str(error).split()) or type(error).__name__
+#: What rosbags raises on a bag that is none.
+UNREADABLE = (
+    AnyReaderError,
+    ReaderError,
+    SerdeError,
+    AssertionError,
+    TypeError,
+    AttributeError,
+    *DAMAGE,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,37 +59,36 @@ def messages(bag: Path, wanted: tuple[Topic, ...]) -> Iterator[tuple[Topic, int,
             for connection, log_time, data in reader.messages(connections):
                 topic = by_name[connection.topic]
                 yield topic, log_time, reader.deserialize(data, connection.msgtype)
-    except (AnyReaderError, ReaderError, *DAMAGE) as error:
-        raise BagError(f"{bag}: cannot be read as a rosbag2 bag ({reason(error)})") from None
+    except UNREADABLE as error:
+        raise damaged(bag, error) from None
 
 
-def stamp_ns(header_stamp: Any) -> int:
-    """Nanoseconds of a builtin_interfaces/Time."""
-    return int(header_stamp.sec) * NS + int(header_stamp.nanosec)
-
-
-def read_recording(bag: Path) -> Recording:
+def read_recording(bag: Path, scene: Path | None = None) -> Recording:
     """Read what the analysis of a run needs.
+
+    Parameters
+    ----------
+    scene : the scene that was run, for a bag without one attached (``ros2 bag record``)
 
     Raises
     ------
     BagError : the bag is missing, was not closed, or holds another kind of run
     """
-    stage = read_stage(bag)
+    stage = read_stage(bag) if scene is None else open_stage(scene)
     states: list[CamState] = []
     pressures: dict[int, float] = {}
-    for topic, _, message in messages(bag, (topics.CAM_STATE, topics.PRESSURE)):
-        time_ns = stamp_ns(message.header.stamp)
-        if topic is topics.CAM_STATE:
-            cam = str(message.header.frame_id)
-            angle, speed = float(message.position[0]), float(message.velocity[0])
-            states.append(CamState(time_ns, angle, speed, cam))
-        else:
-            pressures[time_ns] = float(message.fluid_pressure)
+    try:
+        for topic, _, message in messages(bag, (topics.CAM_STATE, topics.PRESSURE)):
+            if topic is topics.CAM_STATE:
+                states.append(cam_state_of(message))
+            else:
+                pressures[stamp_ns(message.header.stamp)] = float(message.fluid_pressure)
+    except RefusedError as error:
+        raise BagError(f"{bag}: {error}") from None
     ticks = [
-        HeardTick(start, end.time_ns, pressures[end.time_ns])
+        HeardTick(start, end.time_ns, pressures[end.time_ns], start.holds_until(end))
         for start, end in pairwise(states)
-        if end.time_ns in pressures
+        if end.time_ns in pressures and start.turns_until(end)
     ]
     return Recording(stage, ticks, read_counts(bag))
 
@@ -104,38 +106,68 @@ def mcap_file(bag: Path) -> Path:
 
 
 def read_counts(bag: Path) -> dict[str, int]:
-    """Messages a topic, from the bag's own statistics."""
+    """Messages a topic, from the bag's own statistics; of every file of a bag that was split.
+
+    Raises
+    ------
+    BagError : no such bag, or one that was not closed
+    """
     try:
-        with mcap_file(bag).open("rb") as stream:
-            summary = make_reader(stream).get_summary()
-    except DAMAGE as error:
-        raise BagError(f"{bag}: was not closed, or is damaged ({reason(error)})") from None
-    if summary is None or summary.statistics is None:
-        raise BagError(f"{bag}: has no summary: the recording was not closed")
-    counts = summary.statistics.channel_message_counts
-    return {summary.channels[i].topic: n for i, n in sorted(counts.items())}
+        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_KILTED)) as reader:
+            counts: dict[str, int] = {}
+            for connection in reader.connections:
+                counts[connection.topic] = counts.get(connection.topic, 0) + connection.msgcount
+    except UNREADABLE as error:
+        raise damaged(bag, error) from None
+    return dict(sorted(counts.items()))
 
 
 def read_stage(bag: Path) -> Stage:
-    """The scene with its cams, rig and published curves as they were attached."""
+    """The scene with its cams, rig and published curves as they were attached.
+
+    Raises
+    ------
+    BagError : nothing is attached, or it does not fit together
+    """
     with TemporaryDirectory() as folder:
-        root = Path(folder)
-        scene = None
-        try:
-            with mcap_file(bag).open("rb") as stream:
-                for attachment in make_reader(stream).iter_attachments():
-                    path = root / "config" / Path(attachment.name)
-                    if not path.resolve().is_relative_to(root):
-                        raise BagError(f"{bag}: attachment {attachment.name!r} points elsewhere")
-                    path.parent.mkdir(parents=True, exist_ok=True)
-                    path.write_bytes(attachment.data)
-                    scene = path if path.parent.name == "scenes" else scene
-        except DAMAGE as error:
-            raise BagError(f"{bag}: was not closed, or is damaged ({reason(error)})") from None
-        if scene is None:
-            raise BagError(f"{bag}: has no scene attached; it was not recorded by cam_rig")
+        scene = unpack(bag, Path(folder))
         try:
             return open_stage(scene)
-        except ConfigError as error:
-            inside = str(error).replace(f"{root}/config/", "")
+        except CamRigError as error:
+            inside = str(error).replace(f"{folder}/config/", "")
             raise BagError(f"{bag}: its attached files do not fit: {inside}") from None
+
+
+def unpack(bag: Path, folder: Path) -> Path:
+    """Write the files attached to a bag into ``folder/config``; the scene's path.
+
+    Raises
+    ------
+    BagError : no scene is attached, or a name points out of the folder
+    """
+    scene = None
+    try:
+        with mcap_file(bag).open("rb") as stream:
+            for attachment in make_reader(stream).iter_attachments():
+                path = folder / "config" / Path(attachment.name)
+                if not path.resolve().is_relative_to(folder.resolve()):
+                    raise BagError(f"{bag}: attachment {attachment.name!r} points elsewhere")
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(attachment.data)
+                scene = path if path.parent.name == "scenes" else scene
+    except UNREADABLE as error:
+        raise damaged(bag, error) from None
+    if scene is None:
+        raise BagError(
+            f"{bag}: has no scene attached, it was not recorded by cam_rig; name the scene with "
+            "--scene"
+        )
+    return scene
+
+
+def damaged(bag: Path, error: Exception) -> BagError:
+    """What to say of a bag that cannot be read."""
+    return BagError(
+        f"{bag}: cannot be read as a rosbag2 bag ({reason(error)}); if it was not closed, mend it "
+        f"with: cam-rig recover {bag}"
+    )

@@ -1,89 +1,174 @@
-"""What the recorder does, without ROS: which message goes into the bag when, and how far it is."""
+"""What the recorder does, without ROS: the messages of each tick, brought together and in order.
+
+Topics come in any order, and some messages come twice when a node was started again. Here each
+message finds its cam state, and a state is written, with everything that belongs to it, when
+nothing is missing and everything before it is written. So two recordings of one run are equal.
+"""
 
 from __future__ import annotations
 
-import struct
-from bisect import bisect_right
 from collections import deque
-from typing import Any
-
-from rosbags.typesys import Stores, get_typestore
+from typing import Protocol
 
 from cam_rig.bag import topics
+from cam_rig.bag.codec import cam_state_of
+from cam_rig.bag.raw import RawMessages, cam_of, speaker_of, stamp_of
 from cam_rig.bag.topics import Topic
-from cam_rig.bag.writer import BagWriter
-from cam_rig.dynamics import NS
+from cam_rig.errors import RefusedError
+from cam_rig.experiment.gate import Admission, StateGate
+from cam_rig.experiment.program import CamState
+
+#: Messages kept of states that are not known yet; more than are ever in flight.
+MOST_WAITING = 4 * topics.TICK_DEPTH
+#: Cams whose law is kept.
+MOST_CAMS = 256
+
+TICK_TOPICS = tuple(topic for topic in topics.RECORDING if topic.per == "tick")
+#: The unstamped topics of each stamped one.
+TWINS = {
+    stamped.name: [topic for topic in topics.RECORDING if topic.twin == stamped.name]
+    for stamped in topics.RECORDING
+}
+CAM_TOPICS = (topics.LAW_COEFFICIENTS, topics.PROFILE)
+
+
+class Writing(Protocol):
+    """Where messages go: a `BagWriter`."""
+
+    def write(self, topic: Topic, log_time: int, cdr: bytes) -> None:
+        """Write one message at a rig time in ns."""
 
 
 class RecordingSession:
-    """Writes serialized messages with rig time, and knows the newest tick that is complete.
+    """Writes serialized messages in the order of rig time, each once.
 
-    A stamped message carries its rig time. An unstamped one of a tick belongs to the state that
-    closed the tick, and waits for it: topics come in any order, each topic in its own.
+    Parameters
+    ----------
+    writer : where they go
+    gate : which states of the cam can be true
     """
 
-    def __init__(self, writer: BagWriter) -> None:
-        self._writer = writer
-        self._stamps: list[int] = []
-        self._waiting: dict[Topic, deque[bytes]] = {
-            topic: deque()
-            for topic in topics.RECORDING
-            if topic.per == "tick" and not topic.stamped
-        }
-        self._ticks = {topic.name: 0 for topic in topics.RECORDING if topic.per == "tick"}
-        self._types = get_typestore(Stores.ROS2_KILTED)
-        self._clocks = self._laws = 0
-        self._step: tuple[str, float] | None = None
-        self._steps: list[int] = []
+    def __init__(self, writer: Writing, gate: StateGate) -> None:
+        self.written = -1
+        self._writer, self._raw = writer, RawMessages()
+        self._gate = gate
+        self._states: deque[tuple[CamState, bytes]] = deque()
+        self._before: CamState | None = None
+        self._waiting: dict[Topic, dict[int, bytes]] = {t: {} for t in topics.RECORDING}
+        self._twins: dict[tuple[str, bytes, int], int | bytes] = {}
+        self._cams: dict[Topic, dict[str, bytes]] = {topic: {} for topic in CAM_TOPICS}
+        self._said: deque[tuple[int, str, bytes]] = deque(maxlen=4 * MOST_WAITING)
 
-    def take(self, topic: Topic, cdr: bytes) -> int | None:
-        """Take one message; the stamp of the newest complete tick when that moved on."""
-        before = self._complete()
-        if topic in self._waiting:
-            self._waiting[topic].append(cdr)
-        else:
-            self._write(topic, self._time(topic, cdr), cdr)
-        self._clocks += topic is topics.CLOCK
-        self._laws += topic is topics.LAW
+    def take(self, topic: Topic, cdr: bytes, source: bytes = b"", number: int = 0) -> list[int]:
+        """Take one message; the stamps of the states that were written with it, in order.
+
+        Parameters
+        ----------
+        source : which process it is from
+        number : its place among all that its publisher sent
+
+        Raises
+        ------
+        RefusedError : the message is malformed, or contradicts one that was here before
+        BagError : it cannot be written
+        """
+        message, cdr = self._raw.read(topic, cdr)
         if topic is topics.CAM_STATE:
-            self._stamps.append(stamp_of(cdr))
-            self._steps.append(self._count_step(cdr))
-        self._write_waiting()
-        after = self._complete()
-        return self._stamps[after] if after > before else None
+            state = cam_state_of(message)
+            if self._gate.admit(state) is not Admission.SEEN:
+                self._states.append((state, cdr))
+        elif topic in self._cams:
+            self._take_cam(topic, cam_of(message), cdr)
+        elif topic is topics.DIAGNOSTICS:
+            self._take_diagnosis((stamp_of(cdr), speaker_of(message), cdr))
+        elif topic.twin:
+            self._pair(topic, source, number, cdr)
+        else:
+            stamp = stamp_of(cdr)
+            self._keep(topic, stamp, cdr)
+            for other in TWINS.get(topic.name, ()):
+                self._pair(other, source, number, stamp)
+        stamps = []
+        while self._states and self._complete():
+            self._write_state()
+            stamps.append(self.written)
+        return stamps
 
-    def _time(self, topic: Topic, cdr: bytes) -> int:
-        if topic.stamped or topic is topics.CLOCK:
-            return stamp_of(cdr)
-        return self._stamps[-1] if self._stamps else 0
+    def close(self) -> None:
+        """Write what came of the states that are not complete."""
+        while self._states:
+            self._write_state()
 
-    def _write_waiting(self) -> None:
-        for topic, queue in self._waiting.items():
-            while queue and self._ticks[topic.name] + 1 < len(self._stamps):
-                self._write(topic, self._stamps[self._ticks[topic.name] + 1], queue.popleft())
+    def _take_cam(self, topic: Topic, name: str, cdr: bytes) -> None:
+        known = self._cams[topic]
+        if known.setdefault(name, cdr) != cdr:
+            raise RefusedError(f"{topic.name}: another one of {name!r}; allowed: one a recording")
+        if len(known) > MOST_CAMS:
+            del known[name]
+            raise RefusedError(f"{topic.name}: more than {MOST_CAMS} cams")
 
-    def _write(self, topic: Topic, time_ns: int, cdr: bytes) -> None:
-        self._writer.write(topic, time_ns, cdr)
-        if topic.name in self._ticks:
-            self._ticks[topic.name] += 1
+    def _take_diagnosis(self, diagnosis: tuple[int, str, bytes]) -> None:
+        if diagnosis in self._said:
+            return
+        self._said.append(diagnosis)
+        stamp, speaker, cdr = diagnosis
+        # Some ns late, by speaker: so its place among others of its time depends on nobody's haste.
+        known = speaker in topics.SPEAKERS
+        rank = topics.SPEAKERS.index(speaker) if known else len(topics.SPEAKERS)
+        self._writer.write(topics.DIAGNOSTICS, stamp + 1 + rank, cdr)
 
-    def _complete(self) -> int:
-        """Ticks of which every message is written, as an index into the stamps."""
-        states = min(len(self._stamps), self._clocks)
-        told = bisect_right(self._steps, self._laws)
-        return max(0, min(*self._ticks.values(), states - 1, told))
+    def _pair(self, topic: Topic, source: bytes, number: int, half: int | bytes) -> None:
+        """Bring an unstamped message and the stamp of its twin together."""
+        key = (topic.name, source, number)
+        other = self._twins.pop(key, None)
+        if isinstance(half, int) and isinstance(other, bytes):
+            self._keep(topic, half, other)
+        elif isinstance(half, bytes) and isinstance(other, int):
+            self._keep(topic, other, half)
+        else:
+            self._twins[key] = half
+            if len(self._twins) > MOST_WAITING:
+                del self._twins[next(iter(self._twins))]
 
-    def _count_step(self, cdr: bytes) -> int:
-        """Steps so far, a cam at a speed each: as many laws must be in the bag."""
-        state: Any = self._types.deserialize_cdr(cdr, topics.CAM_STATE.type)
-        step = (str(state.header.frame_id), float(state.velocity[0]))
-        before = self._steps[-1] if self._steps else 0
-        known, self._step = step == self._step, step
-        return before if known or step[1] == 0.0 else before + 1
+    def _keep(self, topic: Topic, stamp: int, cdr: bytes) -> None:
+        known = self._waiting[topic]
+        if stamp <= self.written:
+            return
+        if known.setdefault(stamp, cdr) != cdr:
+            raise RefusedError(f"{topic.name} at {stamp} ns: another message was here before")
+        if len(known) > MOST_WAITING:
+            del known[max(known)]
+            raise RefusedError(f"{topic.name}: more than {MOST_WAITING} messages of no known state")
 
+    def _complete(self) -> bool:
+        state = self._states[0][0]
+        return all(state.time_ns in self._waiting[topic] for topic in self._belonging(state)) and (
+            not self._is_new_cam(state) or all(state.cam in known for known in self._cams.values())
+        )
 
-def stamp_of(cdr: bytes) -> int:
-    """Rig time (ns) at the head of a serialized message: a header's stamp, or a clock."""
-    little = cdr[1] == 1
-    seconds, nanoseconds = struct.unpack_from("<iI" if little else ">iI", cdr, 4)
-    return int(seconds) * NS + int(nanoseconds)
+    def _belonging(self, state: CamState) -> list[Topic]:
+        """Topics that have a message for a state, by its stamp."""
+        before, found = self._before, [topics.CLOCK]
+        if before is None or (before.cam, before.speed) != (state.cam, state.speed):
+            found += [topics.LAW] if state.speed > 0.0 else []
+        if before is not None and before.turns_until(state):
+            found += TICK_TOPICS
+        return found
+
+    def _is_new_cam(self, state: CamState) -> bool:
+        return self._before is None or self._before.cam != state.cam
+
+    def _write_state(self) -> None:
+        state, cdr = self._states.popleft()
+        stamp, put = state.time_ns, self._writer.write
+        if self._is_new_cam(state):
+            for topic, known in self._cams.items():
+                if state.cam in known:
+                    put(topic, stamp, known[state.cam])
+        if clock := self._waiting[topics.CLOCK].pop(stamp, None):
+            put(topics.CLOCK, stamp, clock)
+        put(topics.CAM_STATE, stamp, cdr)
+        for topic in self._belonging(state):
+            if message := self._waiting[topic].pop(stamp, None):
+                put(topic, stamp, message)
+        self._before, self.written = state, stamp

@@ -21,6 +21,9 @@ class Topic:
 
     ``per`` says when it is published: for each ``state`` of the cam, each ``tick`` (the time
     between two states), each ``cam`` mounted, each ``speed``, or when there is something to say.
+
+    ``twin`` names the stamped topic that the same node publishes as often: the n-th message of the
+    one belongs to the stamp of the n-th of the other.
     """
 
     name: str
@@ -29,6 +32,7 @@ class Topic:
     latched: bool = True
     depth: int = TICK_DEPTH
     stamped: bool = True
+    twin: str = ""
 
     @property
     def package(self) -> str:
@@ -51,13 +55,30 @@ CAM_STATE = Topic("/cam/state", "sensor_msgs/msg/JointState", "state")
 FOLLOWER_STATE = Topic("/follower/state", "sensor_msgs/msg/JointState", "tick")
 FOLLOWER_CONTACT = Topic("/follower/contact", "geometry_msgs/msg/WrenchStamped", "tick")
 FOLLOWER_SAMPLES = Topic(
-    "/follower/samples", "std_msgs/msg/Float64MultiArray", "tick", stamped=False
+    "/follower/samples",
+    "std_msgs/msg/Float64MultiArray",
+    "tick",
+    stamped=False,
+    twin="/follower/state",
 )
-LEVEL = Topic("/microphone/level", "std_msgs/msg/Float64", "tick", stamped=False)
+LEVEL = Topic(
+    "/microphone/level",
+    "std_msgs/msg/Float64",
+    "tick",
+    stamped=False,
+    twin="/microphone/pressure",
+)
 PRESSURE = Topic("/microphone/pressure", "sensor_msgs/msg/FluidPressure", "tick")
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "any")
+#: Who says on /diagnostics how it is, in the order of a bag.
+SPEAKERS = ("cam_drive", "law_server", "follower", "microphone", "recorder")
 #: How far the recorder is: the stamp of the newest tick of which it has written every message.
 RECORDED = Topic("/recorder/written", "std_msgs/msg/Header", "tick")
+#: How far the viewer is: the stamp of the newest tick that it has drawn.
+SHOWN = Topic("/viewer/shown", "std_msgs/msg/Header", "tick")
+
+#: A command to the drive: the cam's speed in rpm from the next tick on, 0 as the scene says.
+RPM = Topic("/cam/rpm", "std_msgs/msg/Float64", "any", latched=False, stamped=False)
 
 #: What a bag holds.
 RECORDING = (

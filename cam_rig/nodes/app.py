@@ -17,10 +17,14 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+from std_srvs.srv import Trigger
 
-from cam_rig.bag.topics import Topic
-from cam_rig.errors import CamRigError, ConfigError
+from cam_rig.bag.topics import DIAGNOSTICS, Topic
+from cam_rig.errors import CamRigError, ConfigError, RefusedError
+from cam_rig.experiment.handover import Handover
 from cam_rig.nodes.convert import message_class, qos
+from cam_rig.nodes.diagnostics import Diagnostics
+from cam_rig.nodes.parameters import PARAMETERS, declare, refuse_wrong
 
 try:  # a fifth of the CPU time a message; not in every distribution
     from rclpy.experimental import EventsExecutor as Executor
@@ -33,20 +37,56 @@ SIGNALS_EVERY = 0.1
 
 
 class RigNode(Node):
-    """A node of the rig: it ends its process by `finish` or `fail`."""
+    """A node of the rig: it declares its parameters, and ends its process by `finish` or `fail`.
+
+    ``given`` holds the parameters' values at the start, ``handover`` what a predecessor left.
+    """
+
+    #: Whether the executor must tell who sent a message; it costs three times the CPU a message.
+    knows_senders = False
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self.done: Future = Future()
         self.failure: CamRigError | None = None
+        self.given = declare(self, PARAMETERS[name])
+        self.handover = Handover(self.given["handover"], name)
+        self.add_on_set_parameters_callback(refuse_wrong(PARAMETERS[name]))
+        self.health = Diagnostics(self.publisher(DIAGNOSTICS), name)
 
     def publisher(self, topic: Topic) -> Publisher:
         """A publisher with the topic's type and quality of service."""
         return self.create_publisher(message_class(topic), topic.name, qos(topic))
 
-    def subscribe(self, topic: Topic, callback: Callable[[Any], None], raw: bool = False) -> None:
-        """Subscribe with the topic's type and quality of service."""
-        self.create_subscription(message_class(topic), topic.name, callback, qos(topic), raw=raw)
+    def subscribe(self, topic: Topic, callback: Callable[..., None], raw: bool = False) -> None:
+        """Subscribe with the topic's type and quality of service.
+
+        What the callback refuses (`RefusedError`) is warned of, and the node lives on.
+        """
+
+        def guarded(message: Any) -> None:
+            try:
+                callback(message)
+            except RefusedError as error:
+                self.refuse(error)
+
+        self.create_subscription(message_class(topic), topic.name, guarded, qos(topic), raw=raw)
+
+    def refuse(self, error: CamRigError) -> None:
+        """Warn of a message that was refused, at most once a second."""
+        self.get_logger().warning(f"refused: {error}", throttle_duration_sec=1.0)
+
+    def serve(self, service: str, act: Callable[[], str]) -> None:
+        """Offer ``~/service`` (std_srvs/Trigger); ``act`` gives the answer's words."""
+
+        def answer(_request: Any, response: Any) -> Any:
+            try:
+                response.success, response.message = True, act()
+            except CamRigError as error:
+                response.success, response.message = False, str(error)
+            return response
+
+        self.create_service(Trigger, f"~/{service}", answer)
 
     def finish(self) -> None:
         """End the process with code 0."""
@@ -99,7 +139,7 @@ def _spin(make: Callable[[], RigNode]) -> int:
 
     signal.signal(signal.SIGINT, stop)
     signal.signal(signal.SIGTERM, stop)
-    executor = Executor()
+    executor = SingleThreadedExecutor() if node.knows_senders else Executor()
     executor.add_node(node)
     while not node.done.done():
         executor.spin_until_future_complete(node.done, timeout_sec=SIGNALS_EVERY)

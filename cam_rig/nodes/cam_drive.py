@@ -2,121 +2,158 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
-from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
-from rclpy.parameter import Parameter
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
-from rosgraph_msgs.msg import Clock
+from rclpy.qos import qos_profile_parameter_events
 
 from cam_rig.bag import topics
 from cam_rig.bag.codec import array_of, decode_law
 from cam_rig.dynamics.torque import shaft_torque
-from cam_rig.errors import CamRigError, ConfigError, RunError
+from cam_rig.errors import RefusedError, RunError
 from cam_rig.experiment.drive import DriveProgram
 from cam_rig.experiment.program import CamState
 from cam_rig.experiment.stage import open_stage
-from cam_rig.nodes.app import RigNode, run
-from cam_rig.nodes.convert import stamp_ns, to_header, to_joint_state, to_time
-from cam_rig.nodes.parameters import declare_flag, declare_names, declare_number, declare_scene
+from cam_rig.nodes.app import run
+from cam_rig.nodes.diagnostics import ERROR, OK, WARN
+from cam_rig.nodes.pacemaker import Pacemaker
 
-#: Who may be waited for, and the stamped topic that shows how far each is.
-ACKNOWLEDGES = {
-    "follower": topics.FOLLOWER_STATE,
-    "microphone": topics.PRESSURE,
-    "recorder": topics.RECORDED,
-}
+RPM = math.pi / 30.0
 
 
-class CamDrive(RigNode):
+class CamDrive(Pacemaker):
     """Publishes /cam/state and /clock, and asks the law server for each cam in turn."""
 
     def __init__(self) -> None:
         super().__init__("cam_drive")
-        stage = open_stage(declare_scene(self))
-        consumers = declare_names(self, "consumers", list(ACKNOWLEDGES), "nodes to wait for")
-        self._talk = declare_flag(self, "report_progress", False, "a JSON line a tick on stdout")
-        self._patience = declare_number(
-            self, "patience", 20.0, "wall time without progress before giving up, s"
-        )
+        stage = open_stage(Path(self.given["scene"]))
         self._mechanics = stage.follower
-        self._moved = time.monotonic()
-        self._clock_out, self._state_out = map(self.publisher, (topics.CLOCK, topics.CAM_STATE))
         self._law_server = AsyncParameterClient(self, "law_server")
-        self._program = DriveProgram(stage.scene, consumers, topics.TICKS_IN_FLIGHT, self._mount)
+        memory, _ = self.handover.newest() or (None, None)
+        # A diagnosis may have died with its speaker: the last states' are said again.
+        _, self.health.said = self.handover.oldest() or (None, self.health.said)
+        waits = list(self.given["consumers"])
+        self._program = DriveProgram(
+            stage.scene, waits, topics.TICKS_IN_FLIGHT, self._ask_for, memory
+        )
+        self._program.pacing.set(self.given["pacing"])
+        if memory is None:
+            self._program.running = self.given["autostart"]
+            self._program.command(self.given["rpm"] * RPM)
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
-        unknown = set(consumers) - set(ACKNOWLEDGES)
-        if unknown:
-            raise ConfigError(
-                f"consumers: has {', '.join(sorted(unknown))}; allowed: {', '.join(ACKNOWLEDGES)}"
-            )
-        for name in consumers:
-            self.subscribe(ACKNOWLEDGES[name], self._on_acknowledge(name))
-        self.create_timer(0.1, self._turn)
+        self.subscribe(topics.RPM, self._on_rpm)
+        events = qos_profile_parameter_events
+        self.create_subscription(ParameterEvent, "/parameter_events", self._on_event, events)
+        self.add_post_set_parameters_callback(self._on_parameters)
+        for service in (self.start, self.stop, self.reset, self.emergency_stop):
+            self.serve(service.__name__, service)
+        self.set_going(waits, self._program.credit, alone=memory is None)
 
-    def _mount(self, cam: str) -> bool:
+    def start(self) -> str:
+        """Turn, or go on turning."""
+        if self._program.table.place.halted:
+            raise RunError("emergency stop: allowed: reset, then start")
+        self._program.run(True)
+        self.turn()
+        return "the cam turns"
+
+    def stop(self) -> str:
+        """Hold after the present tick; rig time stands with the cam."""
+        self._program.run(False)
+        return f"stopped after {self._program.sent} states"
+
+    def reset(self) -> str:
+        """Back to the beginning of the scene, stopped; rig time and θ go on."""
+        self._program.reset()
+        self.set_parameters([Parameter("rpm", value=0.0)])
+        return "at the beginning of the scene"
+
+    def emergency_stop(self) -> str:
+        """Stand still at the end of the present tick, until a reset."""
+        if (state := self._program.halt()) is not None:
+            self._send(state)
+        return "the cam stands; reset, then start, to go on"
+
+    def _ask_for(self, cam: str) -> bool:
         if not self._law_server.services_are_ready():
             return False
         self._law_server.set_parameters([Parameter("cam", value=cam)])
         return True
 
+    def _on_event(self, event: ParameterEvent) -> None:
+        """Somebody mounted a cam by hand, or the law server did as asked."""
+        if event.node == "/law_server":
+            for changed in (p for p in event.changed_parameters if p.name == "cam"):
+                self._program.table.mount(str(parameter_value_to_python(changed.value)))
+
+    def _on_parameters(self, parameters: list[Parameter]) -> None:
+        for parameter in parameters:
+            if parameter.name == "rpm":
+                self._program.command(parameter.value * RPM)
+            elif parameter.name == "pacing":
+                self._program.pacing.set(parameter.value)
+
+    def _on_rpm(self, message: Any) -> None:
+        result = self.set_parameters([Parameter("rpm", value=float(message.data))])[0]
+        if not result.successful:
+            raise RefusedError(f"{topics.RPM.name}: is {message.data:g}: {result.reason}")
+
     def _on_law(self, message: Any) -> None:
-        try:
-            law = decode_law(*array_of(message))
-        except CamRigError as error:
-            self.get_logger().warning(str(error), throttle_duration_sec=1.0)
-            return
-        self._program.laws[law.name] = law
-        self._turn()
+        self._program.add_law(decode_law(*array_of(message)))
+        self.turn()
 
-    def _on_acknowledge(self, name: str) -> Callable[[Any], None]:
-        def acknowledge(message: Any) -> None:
-            header = message.header if hasattr(message, "header") else message
-            self._program.credit.acknowledge(name, stamp_ns(header.stamp))
-            self._moved = time.monotonic()
-            self._turn()
+    def next_due(self) -> float:
+        """Wall time (s) until the next state is due."""
+        return self._program.wait(time.monotonic())
 
-        return acknowledge
-
-    def _turn(self) -> None:
-        """Send what may be sent now."""
-        self._require_one_drive()
-        while not self.done.done() and (state := self._program.take()) is not None:
-            self._send(state)
-        if self._program.done:
-            self.finish()
-        elif time.monotonic() - self._moved > self._patience:
-            self.fail(
-                RunError(
-                    f"no answer for {self._patience:g} s after {self._program.sent} of "
-                    f"{self._program.ticks + 1} states from: "
-                    f"{', '.join(self._program.waits_for())}; is it running?"
-                )
-            )
+    def send_next(self) -> bool:
+        """Send the next state, when it may go out now."""
+        if (state := self._program.take(time.monotonic())) is None:
+            return False
+        self._send(state)
+        return True
 
     def _send(self, state: CamState) -> None:
-        law = self._program.laws[state.cam]
-        torque = shaft_torque(law, self._mechanics, state.angle, state.speed)
-        header = to_header(state.time_ns, state.cam)
-        self._clock_out.publish(Clock(clock=to_time(state.time_ns)))
-        self._state_out.publish(to_joint_state("cam", header, state.angle, state.speed, torque))
-        self._moved = time.monotonic()
-        if self._talk:
-            done = {"tick": self._program.sent - 1, "cam": state.cam}
-            print(json.dumps(done | {"rpm": state.speed * 30.0 / math.pi}), flush=True)
+        self.handover.keep((self._program.memory, self.health.said))
+        late = self._program.pacing.late
+        level, words = (WARN, "lagging") if late else (OK, "turning" if state.speed else "stands")
+        if self._program.table.place.halted and state.speed == 0.0:
+            level, words = ERROR, "emergency stop"
+        values = {"late_s": f"{late:.3g}"} if late else {}
+        self.health.report(state.time_ns, level, words, values)
+        self._publish(state)
+        self.note_sent(state, self._program.sent - 1)
 
-    def _require_one_drive(self) -> None:
-        others = self.count_publishers(topics.CAM_STATE.name) - 1
-        if others > 0:
-            self.fail(
-                RunError(
-                    f"{others} more on {topics.CAM_STATE.name} in this ROS domain; allowed: one "
-                    "drive; set ROS_DOMAIN_ID to another number"
-                )
-            )
+    def _publish(self, state: CamState) -> None:
+        law = self._program.laws[state.cam]
+        self.publish_state(state, shaft_torque(law, self._mechanics, state.angle, state.speed))
+
+    def say_again(self) -> None:
+        """Send the states in flight once more."""
+        for state in self._program.unanswered():
+            self._publish(state)
+
+    def is_done(self) -> bool:
+        """Whether every state is sent and every tick dealt with."""
+        return self._program.done
+
+    def is_idle(self) -> bool:
+        """Whether nobody is waited for: stopped, or held by the pace."""
+        program = self._program
+        stands = not program.running and program.credit.in_flight == 0
+        return stands or self.next_due() > 0.0
+
+    def stuck(self) -> str:
+        """What is missing, in words."""
+        program = self._program
+        return (
+            f"{program.sent} of {program.ticks + 1} states from: {', '.join(program.waits_for())}"
+        )
 
 
 def main() -> None:

@@ -16,7 +16,6 @@ from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension
 from cam_rig.bag.codec import Dimensions
 from cam_rig.bag.topics import Topic
 from cam_rig.dynamics import NS
-from cam_rig.experiment.program import CamState
 
 
 def message_class(topic: Topic) -> Any:
@@ -24,13 +23,16 @@ def message_class(topic: Topic) -> Any:
     return getattr(import_module(f"{topic.package}.msg"), topic.message)
 
 
-def qos(topic: Topic) -> QoSProfile:
-    """The one quality of service of a topic, for publishers and subscribers alike."""
+def qos(topic: Topic, publishers: int = 1) -> QoSProfile:
+    """The one quality of service of a topic, for publishers and subscribers alike.
+
+    ``publishers`` makes room for the histories of so many at once.
+    """
     durability = DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
     return QoSProfile(
         reliability=ReliabilityPolicy.RELIABLE,
         history=HistoryPolicy.KEEP_LAST,
-        depth=topic.depth,
+        depth=topic.depth * publishers,
         durability=durability,
     )
 
@@ -38,11 +40,6 @@ def qos(topic: Topic) -> QoSProfile:
 def to_time(time_ns: int) -> Time:
     """Rig time in ns as a stamp."""
     return Time(sec=time_ns // NS, nanosec=time_ns % NS)
-
-
-def stamp_ns(stamp: Any) -> int:
-    """Rig time in ns of a stamp."""
-    return int(stamp.sec) * NS + int(stamp.nanosec)
 
 
 def to_header(time_ns: int, frame: str) -> Header:
@@ -61,12 +58,6 @@ def to_joint_state(
         velocity=[float(velocity)],
         effort=[float(effort)],
     )
-
-
-def to_cam_state(message: JointState) -> CamState:
-    """The cam's state from its message; the frame names the mounted cam."""
-    time_ns = stamp_ns(message.header.stamp)
-    return CamState(time_ns, message.position[0], message.velocity[0], message.header.frame_id)
 
 
 def to_array(dimensions: Dimensions, data: NDArray[np.float64]) -> Float64MultiArray:

@@ -12,7 +12,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from cam_rig.experiment.program import CamState
 from cam_rig.laws import Law
 from cam_rig.nodes.convert import to_header
-from cam_rig.profile import contour, turn_angles
+from cam_rig.profile import contours
 from cam_rig.schema import CamConfig
 
 #: Intervals of the sampled law and of the contour over one turn.
@@ -20,9 +20,8 @@ POINTS = 180
 
 
 def to_polygon(cam: CamConfig, law: Law) -> PolygonStamped:
-    """The cam's contour in its own frame."""
-    pitch = cam.follower.base_radius.si + cam.follower.roller
-    points = contour(law, pitch, cam.follower.roller, turn_angles(POINTS))
+    """The cam's contour in its own frame; of conjugate cams the first."""
+    points = contours(cam.follower, law, POINTS)[0].points
     message = PolygonStamped(header=to_header(0, law.name))
     message.polygon.points = [Point32(x=float(x), y=float(y), z=0.0) for x, y in points.T]
     return message

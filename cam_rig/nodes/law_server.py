@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
 from cam_rig.bag import topics
-from cam_rig.bag.codec import encode_law
-from cam_rig.errors import CamRigError
+from cam_rig.bag.codec import cam_state_of, encode_law
+from cam_rig.dynamics import MODELS
+from cam_rig.errors import CamRigError, RefusedError
+from cam_rig.experiment.gate import Admission, StateGate
 from cam_rig.experiment.program import CamState
-from cam_rig.laws import build_law
+from cam_rig.laws import Law, build_law
 from cam_rig.nodes.app import RigNode, run
-from cam_rig.nodes.convert import to_array, to_cam_state
+from cam_rig.nodes.convert import to_array
+from cam_rig.nodes.diagnostics import OK
 from cam_rig.nodes.law_messages import to_polygon, to_trajectory
-from cam_rig.nodes.parameters import declare_scene, declare_text
-from cam_rig.schema import CamConfig, Library, load_cam, load_scene
+from cam_rig.schema import Library, load_cam, load_scene
 
 
 class LawServer(RigNode):
@@ -23,41 +27,59 @@ class LawServer(RigNode):
 
     def __init__(self) -> None:
         super().__init__("law_server")
-        scene = declare_scene(self)
-        self._library = Library.beside(scene)
-        first = load_scene(scene).cams[0]
-        cam = declare_text(self, "cam", first, "mounted cam, a file of config/cams", live=True)
+        path = Path(self.given["scene"])
+        scene, self._library = load_scene(path), Library.beside(path)
+        self._model = MODELS[scene.model]
         self._sampled, self._coefficients, self._profile = map(
             self.publisher, (topics.LAW, topics.LAW_COEFFICIENTS, topics.PROFILE)
         )
+        self._laws: dict[str, Law] = {}
         self._last: CamState | None = None
-        self._mount(self._load(cam))
+        if left := self.handover.oldest():
+            _, self._last, self.health.said = left
+        newest = self.handover.newest()
+        self._gate = StateGate.of(scene, self._last)
+        self._mount(newest[0] if newest else self.given["cam"] or scene.cams[0])
         self.add_on_set_parameters_callback(self._on_parameters)
         self.subscribe(topics.CAM_STATE, self._on_state)
 
-    def _load(self, cam: str) -> CamConfig:
-        return load_cam(self._library.path("cams", cam))
-
     def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
         for parameter in parameters:
-            if parameter.name == "cam" and parameter.value != self._law.name:
+            if parameter.name == "cam" and parameter.value != self._mounted:
                 try:
-                    self._mount(self._load(str(parameter.value)))
+                    self._mount(str(parameter.value))
                 except CamRigError as error:
                     return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
-    def _mount(self, cam: CamConfig) -> None:
-        self._law = build_law(cam)
-        self._coefficients.publish(to_array(*encode_law(self._law)))
-        self._profile.publish(to_polygon(cam, self._law))
+    def _mount(self, name: str) -> None:
+        cam = load_cam(self._library.path("cams", name))
+        law = build_law(cam)
+        self._model.require(law)
+        self._laws[name], self._mounted = law, name
+        self.handover.keep((name, self._last, self.health.said))
+        self._coefficients.publish(to_array(*encode_law(law)))
+        self._profile.publish(to_polygon(cam, law))
 
     def _on_state(self, message: JointState) -> None:
-        state, last = to_cam_state(message), self._last
+        state = cam_state_of(message)
+        if self._gate.admit(state) is Admission.SEEN:
+            return
+        last = self._last
         known = last is not None and (last.cam, last.speed) == (state.cam, state.speed)
-        if state.speed > 0.0 and state.cam == self._law.name and not known:
-            self._sampled.publish(to_trajectory(self._law, state))
-            self._last = state
+        if state.speed > 0.0 and not known:
+            self._sampled.publish(to_trajectory(self._law_of(state.cam), state))
+        self._last = state
+        self.health.report(state.time_ns, OK, f"{state.cam} is mounted")
+        self.handover.keep((self._mounted, state, self.health.said))
+
+    def _law_of(self, cam: str) -> Law:
+        if cam not in self._laws:
+            try:
+                self._laws[cam] = build_law(load_cam(self._library.path("cams", cam)))
+            except CamRigError as error:
+                raise RefusedError(f"cam state: {error}") from None
+        return self._laws[cam]
 
 
 def main() -> None:

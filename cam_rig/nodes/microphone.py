@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Float64, Float64MultiArray
 
-from cam_rig.acoustics import level_db
 from cam_rig.bag import topics
-from cam_rig.bag.codec import array_of, decode_block
-from cam_rig.errors import CamRigError
+from cam_rig.bag.codec import array_of, cam_state_of, decode_block
+from cam_rig.experiment.gate import Admission, StateGate
+from cam_rig.experiment.listening import MeterBench
 from cam_rig.experiment.pairing import TickPairing
 from cam_rig.experiment.stage import open_stage
 from cam_rig.experiment.sweep import MicrophoneBench
 from cam_rig.nodes.app import RigNode, run
-from cam_rig.nodes.convert import to_cam_state, to_header
-from cam_rig.nodes.parameters import declare_scene
+from cam_rig.nodes.convert import to_header
+from cam_rig.nodes.diagnostics import OK, WARN
 
 
 class Microphone(RigNode):
@@ -22,30 +25,49 @@ class Microphone(RigNode):
 
     def __init__(self) -> None:
         super().__init__("microphone")
-        self._bench = MicrophoneBench.of(open_stage(declare_scene(self)))
-        self._ticks = TickPairing()
+        stage = open_stage(Path(self.given["scene"]))
+        self._bench, self._meter = MicrophoneBench.of(stage), MeterBench.of(stage)
+        self._meter.weigh(self.given["frequency_weighting"], self.given["time_weighting"])
+        begun = 0
+        if left := self.handover.oldest():
+            last, self._bench.memory, self.health.said, meter = left
+            begun, self._meter = last.time_ns, MeterBench.thawed(meter)
+        self._gate = StateGate.of(stage.scene)
+        self._ticks = TickPairing(self._bench.sample_rate, begun)
+        self.add_post_set_parameters_callback(self._on_parameters)
         self._level, self._pressure = map(self.publisher, (topics.LEVEL, topics.PRESSURE))
         self.subscribe(topics.FOLLOWER_SAMPLES, self._on_samples)
         self.subscribe(topics.CAM_STATE, self._on_state)
 
+    def _on_parameters(self, parameters: list[Parameter]) -> None:
+        """Another weighting from the next tick on."""
+        if any(parameter.name.endswith("_weighting") for parameter in parameters):
+            names = ("frequency_weighting", "time_weighting")
+            self._meter.weigh(*(self.get_parameter(name).value for name in names))
+
     def _on_state(self, message: JointState) -> None:
-        self._ticks.add_state(to_cam_state(message))
+        state = cam_state_of(message)
+        if self._gate.admit(state) is not Admission.SEEN:
+            self._ticks.add_state(state)
         self._listen()
 
     def _on_samples(self, message: Float64MultiArray) -> None:
-        try:
-            self._ticks.add_block(decode_block(*array_of(message)))
-        except CamRigError as error:
-            self.get_logger().warning(str(error), throttle_duration_sec=1.0)
+        self._ticks.add_block(decode_block(*array_of(message)))
         self._listen()
 
     def _listen(self) -> None:
         for start, end, rows in self._ticks.complete():
-            pressure = self._bench.listen(rows, start.speed)
-            self._level.publish(Float64(data=float(level_db(pressure))))
+            speed = start.until(end).mean_speed
+            pressure, reading = self._bench.listen(rows, speed), self._meter.read(rows, speed)
+            health = (WARN, "overload") if reading.overload else (OK, "hears")
+            self.health.report(end.time_ns, *health)
+            self._level.publish(Float64(data=reading.level))
             heard = FluidPressure(header=to_header(end.time_ns, "microphone"))
             heard.fluid_pressure = pressure
             self._pressure.publish(heard)
+            if self.handover.kept:
+                mine = (end, self._bench.memory, self.health.said, self._meter.frozen())
+                self.handover.keep(mine)
 
 
 def main() -> None:

@@ -5,55 +5,85 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
+
+from rclpy.serialization import serialize_message
 
 from cam_rig.bag import topics
-from cam_rig.bag.session import RecordingSession
-from cam_rig.bag.writer import BagWriter
-from cam_rig.errors import CamRigError
+from cam_rig.bag.recorder import BagRecorder
+from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.experiment.stage import open_stage
 from cam_rig.nodes.app import RigNode, run
-from cam_rig.nodes.convert import to_header
-from cam_rig.nodes.parameters import declare_scene, declare_text
+from cam_rig.nodes.convert import message_class, qos, to_header
+from cam_rig.nodes.diagnostics import OK
+
+#: Nodes that may speak on one topic (/diagnostics) and all have something to tell at once.
+MOST_NODES = 16
 
 
 class Recorder(RigNode):
     """Subscribes to all of the rig's topics; /recorder/written tells how far it is."""
 
+    knows_senders = True
+
     def __init__(self) -> None:
         super().__init__("recorder")
-        stage = open_stage(declare_scene(self))
+        stage = open_stage(Path(self.given["scene"]))
         default = time.strftime(f"bags/{stage.scene.name}_%Y-%m-%d_%H-%M-%S")
-        bag = declare_text(self, "bag", default, "folder to record into; must not exist yet")
-        self._writer = BagWriter(Path(bag))
-        for path in stage.files:
-            self._writer.attach(f"{path.parent.name}/{path.name}", path.read_bytes())
-        self._session = RecordingSession(self._writer)
+        mine = self.handover.newest()
+        bag = mine or self.given["bag"] or default
+        self._bag = BagRecorder(Path(bag), stage, resume=mine is not None)
+        self.handover.keep(str(bag))
         self._written = self.publisher(topics.RECORDED)
+        self._tell(self._bag.resumed)
         for topic in topics.RECORDING:
-            self.subscribe(topic, self._on(topic), raw=True)
+            kind, take = message_class(topic), self._on(topic)
+            self.create_subscription(kind, topic.name, take, qos(topic, MOST_NODES), raw=True)
+        self.create_timer(0.25, self._idle)
 
-    def _on(self, topic: topics.Topic) -> Callable[[bytes], None]:
-        def take(cdr: bytes) -> None:
+    def _on(self, topic: topics.Topic) -> Callable[[Any, Any], None]:
+        def take(cdr: bytes, about: dict[str, Any]) -> None:
             try:
-                stamp = self._session.take(topic, cdr)
+                number = about["publication_sequence_number"] or 0
+                stamps = self._bag.take(topic, cdr, process_of(about), number)
+            except RefusedError as error:
+                return self.refuse(error)
             except CamRigError as error:
                 return self.fail(error)
-            if stamp is not None:
-                self._written.publish(to_header(stamp, "recorder"))
+            self._tell(stamps)
 
         return take
 
+    def _tell(self, stamps: list[int]) -> None:
+        for stamp in stamps:
+            if said := self.health.report(stamp, OK, "recording"):  # needs no way round by DDS
+                self._bag.take(topics.DIAGNOSTICS, serialize_message(said))
+        if stamps:
+            self._written.publish(to_header(stamps[-1], "recorder"))
+
+    def _idle(self) -> None:
+        try:
+            self._bag.idle()
+        except CamRigError as error:
+            self.fail(error)
+
     def drain(self, spin_once: Callable[..., None]) -> None:
         """Record what has arrived but was not taken yet."""
-        before = -1
-        while before < (now := sum(self._writer.counts.values())):
-            before = now
-            for _ in topics.RECORDING:
-                spin_once(timeout_sec=0.02)
+        quiet = 0
+        while quiet < 5:
+            before = self._bag.count
+            spin_once(timeout_sec=0.02)
+            quiet = quiet + 1 if self._bag.count == before else 0
 
     def close(self) -> None:
         """Close the bag."""
-        self._writer.close()
+        self._bag.close()
+
+
+def process_of(about: dict[str, Any]) -> bytes:
+    """The process a message is from: the first 12 bytes of its writer's DDS identity."""
+    gid = about.get("publisher_gid")
+    return bytes(gid["data"][:12]) if gid else b"?"
 
 
 def main() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cam_rig.bag.codec import BLOCK_LABEL, decode_block, decode_law, encode_block, encode_law
-from cam_rig.errors import BagError, LawError
+from cam_rig.errors import RefusedError
 from cam_rig.laws import build_law
 from cam_rig.schema import load_cam
 from cam_rig.schema.load import config_root
@@ -40,7 +40,7 @@ def test_a_block_comes_back_bit_for_bit():
 )
 def test_another_layout_is_refused(dimensions):
     """A block whose labels or sizes are not ours is an error that says so."""
-    with pytest.raises(BagError, match="allowed"):
+    with pytest.raises(RefusedError, match="allowed"):
         decode_block(dimensions, np.zeros(12))
 
 
@@ -50,7 +50,7 @@ def test_a_law_with_a_hole_is_refused():
     dimensions, data = encode_law(law)
     broken = data.ravel().copy()
     broken[3] = np.nan
-    with pytest.raises(LawError, match="finite"):
+    with pytest.raises(RefusedError, match="finite"):
         decode_law(dimensions, broken)
-    with pytest.raises(BagError, match="law coefficients"):
+    with pytest.raises(RefusedError, match="law coefficients"):
         decode_law([("x", 1), ("y", broken.size)], broken)

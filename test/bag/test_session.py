@@ -1,102 +1,164 @@
-"""The recorder's bookkeeping: rig time for every message, and how far the bag is."""
+"""The recorder's bookkeeping: every message finds its state, and one run gives one bag."""
 
 import random
 from itertools import pairwise
 
-import numpy as np
 import pytest
-from rosbags.typesys import Stores, get_typestore
 
 from cam_rig.bag import topics
-from cam_rig.bag.session import RecordingSession, stamp_of
+from cam_rig.bag.raw import RawMessages, stamp_of
+from cam_rig.bag.session import RecordingSession
+from cam_rig.errors import RefusedError
+from cam_rig.experiment.gate import StateGate
 
-TYPES = get_typestore(Stores.ROS2_KILTED)
-STAMPS = [0, 300_000_000, 1_500_000_001]
-#: The first tick at one speed, the second at another; then the cam stands.
-STAMPED_SPEED = dict(zip(STAMPS, (20.0, 30.0, 0.0), strict=True))
-
-
-class Kept:
-    """Stands in for the bag: keeps what was written."""
-
-    def __init__(self):
-        self.messages = []
-
-    def write(self, topic, log_time, cdr):
-        self.messages.append((topic, log_time, cdr))
+RATE = 1000.0
+LIVE, AGAIN = b"first process", b"second process"
 
 
-def header(stamp):
-    time = TYPES.types["builtin_interfaces/msg/Time"](stamp // 10**9, stamp % 10**9)
-    return TYPES.types["std_msgs/msg/Header"](time, "x")
-
-
-def cdr(topic, stamp):
-    kind = TYPES.types[topic.type]
-    if topic.type == "sensor_msgs/msg/FluidPressure":
-        message = kind(header(stamp), 0.1, 0.0)
-    elif topic is topics.CAM_STATE:
-        one = np.array([1.0])
-        message = kind(header(stamp), ["cam"], one, np.array([STAMPED_SPEED[stamp]]), one)
-    elif topic.type == "std_msgs/msg/Float64":
-        message = kind(80.0)
-    else:
-        return bytes(TYPES.serialize_cdr(header(stamp), "std_msgs/msg/Header"))
-    return bytes(TYPES.serialize_cdr(message, topic.type))
-
-
-def run_in_order(order):
-    kept = Kept()
-    session = RecordingSession(kept)
-    told = [session.take(topic, cdr(topic, stamp)) for topic, stamp in order]
-    return kept.messages, [stamp for stamp in told if stamp is not None]
-
-
-def all_messages():
-    for topic in (topics.CLOCK, topics.CAM_STATE):
-        yield from ((topic, stamp) for stamp in STAMPS)
-    yield from ((topics.LAW, stamp) for stamp in STAMPS[:2])
-    for topic in topics.RECORDING:
-        if topic.per == "tick":
-            yield from ((topic, stamp) for stamp in STAMPS[1:])
-
-
-def test_a_stamp_is_read_from_the_serialized_message():
-    """Rig time is taken from the bytes; nothing is deserialized to record it."""
-    assert stamp_of(cdr(topics.PRESSURE, 1_500_000_001)) == 1_500_000_001
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_any_order_of_topics_gives_the_same_bag_times(seed):
-    """Topics keep their own order only; unstamped messages still get their tick's end."""
-    queues = {}
-    for topic, stamp in all_messages():
-        queues.setdefault(topic, []).append((topic, stamp))
-    chance = random.Random(seed)
-    order = []
+def shuffled(messages, seed):
+    """Another order of the topics; each topic keeps its own."""
+    queues, chance, order = {}, random.Random(seed), []
+    for message in messages:
+        queues.setdefault(message[0], []).append(message)
     while queues:
         topic = chance.choice(list(queues))
         order.append(queues[topic].pop(0))
         if not queues[topic]:
             del queues[topic]
-    written, told = run_in_order(order)
-    assert len(written) == len(order)
-    for topic in (topics.LEVEL, topics.FOLLOWER_SAMPLES, topics.PRESSURE):
-        assert [time for t, time, _ in written if t is topic] == STAMPS[1:]
-    assert told[-1] == STAMPS[-1]
-    assert all(a < b for a, b in pairwise(told))
+    return order
 
 
-def test_a_tick_is_complete_only_with_its_last_message():
-    """The drive is not told of a tick while one of its messages is missing."""
-    order = [m for m in all_messages() if m[0] is not topics.LEVEL]
-    assert run_in_order(order)[1] == []
-    assert run_in_order([*order, (topics.LEVEL, 0)])[1] == [STAMPS[1]]
+def record(messages, kept):
+    session = RecordingSession(kept, StateGate(RATE))
+    told = []
+    for topic, number, cdr, *source in messages:
+        told += session.take(topic, cdr, *(source or [LIVE]), number)
+    session.close()
+    return told
 
 
-def test_a_tick_waits_for_the_law_at_its_speed():
-    """The sampled law of each step is in the bag before the step's ticks count as recorded."""
-    order = [m for m in all_messages() if m[0] is not topics.LAW]
-    assert run_in_order(order)[1] == []
-    assert run_in_order([*order, (topics.LAW, STAMPS[0])])[1] == [STAMPS[1]]
-    assert run_in_order([*order, *((topics.LAW, s) for s in STAMPS[:2])])[1] == STAMPS[1:]
+def by_topic(kept):
+    found = {}
+    for topic, time, cdr in kept.messages:
+        found.setdefault(topic, []).append((time, cdr))
+    return found
+
+
+@pytest.fixture(scope="module")
+def states(golden):
+    return [stamp_of(cdr) for topic, _, cdr in golden if topic is topics.CAM_STATE]
+
+
+def test_every_message_is_written_once_with_its_states_time(golden, kept, states):
+    """Levels and samples carry no stamp: their twins tell it."""
+    told = record(golden, kept)
+    assert told == states
+    assert len(kept.messages) == len(golden)
+    found = by_topic(kept)
+    for topic in topics.RECORDING:
+        if topic.per == "tick":
+            assert [time for time, _ in found[topic.name]] == states[1:]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_any_order_of_topics_gives_one_bag(golden, kept, seed):
+    """DDS keeps the order of a topic, not between topics: the bag is the same for all orders."""
+    record(golden, kept)
+    straight, kept.messages = by_topic(kept), []
+    record(shuffled(golden, seed), kept)
+    assert by_topic(kept) == straight
+
+
+@pytest.mark.parametrize("missing", [t for t in topics.RECORDING if t.per in ("tick", "state")])
+def test_a_state_waits_for_every_message_of_its_tick(golden, kept, states, missing):
+    """Nobody is told of a state while a message is missing; what came is written at the end."""
+    last = max(n for topic, n, _ in golden if topic is missing)
+    told = record([m for m in golden if m[:2] != (missing, last)], kept)
+    assert told == states[:-1]
+    assert len(by_topic(kept)[missing.name]) == last - 1
+    if missing is not topics.CAM_STATE:  # a message without its stamped twin belongs to no tick
+        twins = sum(topic.twin == missing.name for topic in topics.RECORDING)
+        assert len(kept.messages) == len(golden) - 1 - twins
+
+
+def test_a_step_waits_for_its_law(golden, kept, states):
+    """The sampled law of each speed is in the bag before the states that turn with it."""
+    laws = [stamp_of(cdr) for topic, _, cdr in golden if topic is topics.LAW]
+    told = record([m for m in golden if m[:2] != (topics.LAW, 2)], kept)
+    assert told == [stamp for stamp in states if stamp < laws[1]]
+
+
+@pytest.mark.parametrize("back", [1, 3, 7])
+def test_a_node_that_was_started_again_changes_nothing(golden, kept, back):
+    """The successor says the last ticks again, numbered anew: the bag is the undisturbed one."""
+    record(golden, kept)
+    straight, kept.messages = by_topic(kept), []
+    heard, own = (topics.LEVEL, topics.PRESSURE), []
+    died = next(i for i, m in enumerate(golden) if m[:2] == (topics.PRESSURE, 9))  # level 9 is out
+    for topic, number, cdr in golden:
+        if topic in heard and number >= 9 - back:
+            own.append((topic, number - (9 - back) + 1, cdr, AGAIN))
+    before = golden[:died]
+    after = [m for m in golden[died:] if m[0] not in heard]
+    record([*before, *shuffled([*own, *((*m, LIVE) for m in after)], 1)], kept)
+    assert by_topic(kept) == straight
+
+
+def test_what_is_known_is_not_contradicted(golden, kept):
+    """A second publisher's message for a tick that has one is refused, and the first one stays."""
+    session = RecordingSession(kept, StateGate(RATE))
+    clock, state, *_ = (m for m in golden if m[0] in (topics.CLOCK, topics.CAM_STATE))
+    contact = next(m for m in golden if m[0] is topics.FOLLOWER_CONTACT)
+    for topic, number, cdr in (clock, state, contact):
+        session.take(topic, cdr, LIVE, number)
+    forged = bytearray(contact[2])
+    forged[-20] ^= 1
+    with pytest.raises(RefusedError, match="another message was here before"):
+        session.take(topics.FOLLOWER_CONTACT, bytes(forged), AGAIN, 1)
+
+
+def test_a_cam_that_jumps_is_no_state(golden, kept):
+    """A second drive's states do not lead on from the first's."""
+    session = RecordingSession(kept, StateGate(RATE))
+    first, second, third = [m for m in golden if m[0] is topics.CAM_STATE][:3]
+    session.take(topics.CAM_STATE, first[2])
+    session.take(topics.CAM_STATE, third[2])
+    with pytest.raises(RefusedError, match="is a second drive at work"):
+        session.take(topics.CAM_STATE, second[2])
+
+
+def test_messages_of_no_known_state_are_bounded(golden, kept):
+    """A flood of foreign stamps fills no memory."""
+    session, raw = RecordingSession(kept, StateGate(RATE)), RawMessages()
+    pressure, _ = raw.read(topics.PRESSURE, next(m[2] for m in golden if m[0] is topics.PRESSURE))
+    types = raw._types
+    with pytest.raises(RefusedError, match="of no known state"):
+        for second in range(1000):
+            pressure.header.stamp.sec = second
+            cdr = bytes(types.serialize_cdr(pressure, topics.PRESSURE.type))
+            session.take(topics.PRESSURE, cdr, AGAIN, second)
+
+
+@pytest.mark.parametrize("topic", topics.RECORDING, ids=lambda t: t.name)
+@pytest.mark.parametrize("cdr", [b"", b"\0\1\0\0", b"\xff" * 40])
+def test_bytes_of_no_message_are_refused(kept, topic, cdr):
+    """Raw subscriptions check nothing, so this does."""
+    with pytest.raises(RefusedError):
+        RecordingSession(kept, StateGate(RATE)).take(topic, cdr)
+
+
+def test_the_gaps_of_the_alignment_are_zero(golden):
+    """What the middleware leaves in the gaps of a message would differ from run to run."""
+    raw = RawMessages()
+    cdr = next(m[2] for m in golden if m[0] is topics.CAM_STATE)  # "tm21\0": a gap of 3 bytes
+    gap = 4 + 8 + 4 + 5
+    assert cdr[gap : gap + 3] == b"\0\0\0"
+    dirty = cdr[:gap] + b"abc" + cdr[gap + 3 :]
+    assert raw.read(topics.CAM_STATE, dirty)[1] == cdr
+
+
+def test_states_are_written_in_order(golden, kept):
+    """Log times rise, but for diagnoses, which wait for others of their time."""
+    record(golden, kept)
+    times = [time for topic, time, _ in kept.messages if topic != "/diagnostics"]
+    assert all(a <= b for a, b in pairwise(times))

@@ -20,6 +20,7 @@ def run_node(name, *parameters):
         ("cam_drive", "consumers:=['bogus']", 2, "consumers: has bogus; allowed: follower"),
         ("law_server", "scene:=5", 2, "parameter: "),
         ("follower", "scene:=none.yaml", 2, "none.yaml: no such file"),
+        ("microphone", "frequency_weighting:=B", 2, "frequency_weighting: has B; allowed: A, C, Z"),
         ("cam_drive", "patience:=1.0", 1, "cam_drive: no answer for 1 s after 0 of 631 states"),
     ],
 )

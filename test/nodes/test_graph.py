@@ -11,7 +11,7 @@ import pytest
 
 from cam_rig.bag.complete import require_complete
 from cam_rig.bag.reader import read_recording
-from cam_rig.cli.graph import Graph
+from cam_rig.cli.graph import Graph, live
 from cam_rig.errors import RunError
 from cam_rig.experiment.noise import step_levels
 from cam_rig.experiment.sweep import simulate
@@ -21,42 +21,53 @@ pytestmark = pytest.mark.ros
 QUICK = config_root() / "scenes" / "quick.yaml"
 
 
-def node_processes(path):
-    """Processes of a run, found by a path that they were started with."""
-    found = subprocess.run(["pgrep", "-f", str(path)], capture_output=True, text=True, check=False)
-    return found.stdout.split()
-
-
-def test_the_graph_gives_the_numbers_of_the_core(ros_domain, tmp_path):
+def test_the_graph_gives_the_numbers_of_the_core(ros_domain, rig, tmp_path):
     """Levels from the live graph's bag and from simulate agree to 1e-9 dB; no tick is missing."""
     bag = tmp_path / "bag"
-    with Graph(QUICK, bag) as graph:
+    with Graph(live(QUICK, bag)) as graph:
         ticks = [report["tick"] for report in graph.progress()]
     assert ticks == list(range(17))
     recording = read_recording(bag)
     require_complete(bag, recording.stage.scene)
     settle = recording.stage.scene.program.settle_turns.si
-    live = step_levels(recording.ticks, settle)
+    heard = step_levels(recording.ticks, settle)
     alone = step_levels(simulate(recording.stage), settle)
     for cam in ("tm21", "bezier15"):
-        assert live[cam] == pytest.approx(alone[cam], abs=1e-9)
-    assert node_processes(bag) == []
+        assert heard[cam] == pytest.approx(alone[cam], abs=1e-9)
+    assert rig.processes(bag) == []
+
+
+def test_ramps_give_the_numbers_of_the_core_too(ros_domain, tmp_path):
+    """From rest along ramps, two cams: every tick from the first is in the bag, as simulated."""
+    text = QUICK.read_text(encoding="utf-8")
+    ramp = '  ramp: {assumed: 0.4, unit: s, source: "a test"}\n  ticks_per_turn: 3\n'
+    scene, bag = tmp_path / "scenes" / "quick.yaml", tmp_path / "bag"
+    scene.parent.mkdir()
+    scene.write_text(text.replace("published:", ramp + "published:"), encoding="utf-8")
+    with Graph(live(scene, bag)) as graph:
+        for _ in graph.progress():
+            pass
+    recording = read_recording(bag)
+    require_complete(bag, recording.stage.scene)
+    alone = list(simulate(recording.stage))
+    assert [tick.start for tick in recording.ticks] == [tick.start for tick in alone]
+    assert [tick.pressure for tick in recording.ticks] == [tick.pressure for tick in alone]
 
 
 def test_a_dead_node_ends_the_run_and_is_named(ros_domain, tmp_path):
     """kill -9 of the follower: the run says which node died, and no process is left."""
     bag = tmp_path / "bag"
-    with Graph(config_root() / "scenes" / "tm21_sweep.yaml", bag) as graph:
-        with pytest.raises(RunError, match="node follower was ended by signal 9"):
+    with Graph(live(config_root() / "scenes" / "tm21_sweep.yaml", bag)) as graph:
+        with pytest.raises(RunError, match=r"node follower was ended by signal 9 after tick \d+"):
             for report in graph.progress():
                 if report["tick"] == 3:
-                    graph.processes["follower"].kill()
+                    graph.processes["follower"].process.kill()
         started = list(graph.processes.values())
-    assert all(process.poll() is not None for process in started)
+    assert all(node.has_ended for node in started)
     assert (bag / "metadata.yaml").exists()
 
 
-def start_run(tmp_path):
+def start_run(rig, tmp_path):
     """A sweep under way, of a scene file of its own, by which its nodes are found."""
     scene = tmp_path / "scenes" / "tm21_sweep.yaml"
     scene.parent.mkdir()
@@ -68,30 +79,30 @@ def start_run(tmp_path):
         time.sleep(0.05)
         if bag.exists() and sum(f.stat().st_size for f in bag.iterdir()) > 1_000_000:
             break
-    assert len(node_processes(scene)) > 5  # the runner and its five nodes
+    assert len(rig.processes(scene)) > 5  # the runner and its five nodes
     return process, scene, bag
 
 
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
-def test_a_signal_ends_all_and_closes_the_bag(ros_domain, tmp_path, name):
+def test_a_signal_ends_all_and_closes_the_bag(ros_domain, rig, tmp_path, name):
     """Ctrl-C, kill, a closed terminal: code 128 + signal, a closed bag, no process left."""
-    process, scene, bag = start_run(tmp_path)
+    process, scene, bag = start_run(rig, tmp_path)
     number = getattr(signal, name)
     process.send_signal(number)
     _, words = process.communicate(timeout=30)
     assert process.returncode == 128 + number
     assert f"interrupted by {name}" in words
     assert read_recording(bag).ticks
-    assert node_processes(scene) == []
+    assert rig.processes(scene) == []
 
 
-def test_a_killed_runner_leaves_no_node(ros_domain, tmp_path):
+def test_a_killed_runner_leaves_no_node(ros_domain, rig, tmp_path):
     """kill -9 of the runner: the nodes end by themselves."""
-    process, scene, _ = start_run(tmp_path)
+    process, scene, _ = start_run(rig, tmp_path)
     process.kill()
     process.communicate(timeout=30)
     for _ in range(200):
-        if not node_processes(scene):
+        if not rig.processes(scene):
             break
         time.sleep(0.05)
-    assert node_processes(scene) == []
+    assert rig.processes(scene) == []

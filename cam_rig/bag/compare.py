@@ -1,0 +1,90 @@
+"""Two recordings of one run, number by number."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cam_rig.bag import topics
+from cam_rig.bag.codec import array_of, decode_block, stamp_ns
+from cam_rig.bag.reader import messages
+from cam_rig.bag.topics import Topic
+from cam_rig.dynamics import COLUMNS, FloatArray
+from cam_rig.errors import BagError
+
+#: What the follower and the microphone say of each tick.
+ANSWERS = tuple(topic for topic in topics.RECORDING if topic.per == "tick")
+
+
+@dataclass
+class Difference:
+    """The largest difference of one quantity between two recordings, and its largest value."""
+
+    topic: str
+    quantity: str
+    count: int = 0
+    difference: float = 0.0
+    largest: float = 0.0
+
+    @property
+    def relative(self) -> float:
+        """The largest difference over the largest value."""
+        if self.difference == 0.0:
+            return 0.0
+        return self.difference / self.largest if self.largest > 0.0 else float("inf")
+
+
+def compare(one: Path, other: Path) -> list[Difference]:
+    """The differences of all that follower and microphone said in two recordings.
+
+    Raises
+    ------
+    BagError : a bag cannot be read, or one has more messages than the other
+    """
+    found: dict[tuple[str, str], Difference] = {}
+    for topic in ANSWERS:
+        pairs = zip_longest(_quantities(one, topic), _quantities(other, topic))
+        for number, (here, there) in enumerate(pairs):
+            if here is None or there is None:
+                short = one if here is None else other
+                raise BagError(f"{short}: {topic.name} has {number} messages, the other bag more")
+            for name, value in here.items():
+                entry = found.setdefault((topic.name, name), Difference(topic.name, name))
+                _note(entry, value, there[name], f"{one}: {topic.name} message {number}")
+    return list(found.values())
+
+
+def _note(entry: Difference, one: FloatArray, other: FloatArray, where: str) -> None:
+    if one.shape != other.shape:
+        raise BagError(f"{where}: has {one.size} numbers, in the other bag {other.size}")
+    entry.count += one.size
+    away = float(np.abs(one - other).max(initial=0.0))
+    entry.difference = max(entry.difference, away) if np.isfinite(away) else float("inf")
+    entry.largest = max(entry.largest, float(np.abs(one).max(initial=0.0)))
+
+
+def _quantities(bag: Path, topic: Topic) -> Iterator[dict[str, FloatArray]]:
+    for _, _, message in messages(bag, (topic,)):
+        yield {name: np.atleast_1d(value) for name, value in _numbers(topic, message)}
+
+
+def _numbers(topic: Topic, message: Any) -> Iterator[tuple[str, Any]]:
+    if topic.stamped:
+        yield "stamp [ns]", np.array([stamp_ns(message.header.stamp)])
+    if topic is topics.FOLLOWER_SAMPLES:
+        yield from zip(COLUMNS, decode_block(*array_of(message)), strict=True)
+    elif topic is topics.FOLLOWER_STATE:
+        yield "lift [m]", message.position
+        yield "velocity [m/s]", message.velocity
+        yield "contact_force [N]", message.effort
+    elif topic is topics.FOLLOWER_CONTACT:
+        yield "contact_force [N]", message.wrench.force.y
+    elif topic is topics.PRESSURE:
+        yield "pressure [Pa]", message.fluid_pressure
+    else:
+        yield "value", message.data

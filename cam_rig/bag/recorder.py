@@ -1,0 +1,101 @@
+"""A bag under recording: opened or taken over from a killed recorder, flushed, closed."""
+
+from __future__ import annotations
+
+import json
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from mcap.records import Attachment
+
+from cam_rig.bag import topics
+from cam_rig.bag.recover import OURS, is_torn, set_aside
+from cam_rig.bag.salvage import Salvage
+from cam_rig.bag.session import RecordingSession
+from cam_rig.bag.topics import Topic
+from cam_rig.bag.writer import FLUSH_EVERY, BagWriter, bag_file
+from cam_rig.experiment.gate import StateGate
+from cam_rig.experiment.stage import Stage
+
+#: States written between flushes, at most: what a killed recorder loses must still be in the
+#: histories of those who published it, beside what is in flight.
+STATES_UNFLUSHED = topics.TICK_DEPTH // 2
+PACKAGES = ("cam_rig", "numpy", "scipy", "pydantic", "mcap", "rosbags", "ros-kilted-rclpy")
+
+
+class BagRecorder:
+    """Records messages into a bag that holds everything to analyse it alone.
+
+    Parameters
+    ----------
+    bag : folder to record into
+    stage : the scene, attached with its files
+    resume : go on with a bag that a killed recorder left, instead of refusing it
+
+    Raises
+    ------
+    BagError : the bag exists and is not to be resumed, or cannot be made
+    """
+
+    def __init__(self, bag: Path, stage: Stage, resume: bool = False) -> None:
+        torn = set_aside(bag) if resume and is_torn(bag) else None
+        self._writer = BagWriter(bag, bag_file(bag) if torn else None)
+        for path in stage.files:
+            self._writer.attach(f"{path.parent.name}/{path.name}", path.read_bytes())
+        self._writer.attach("versions.json", versions())
+        self._session = RecordingSession(self._writer, StateGate.of(stage.scene))
+        self._unflushed = 0
+        #: Stamps (ns) of the states that a predecessor had written.
+        self.resumed: list[int] = []
+        if torn:
+            self._replay(torn)
+            torn.unlink()
+
+    @property
+    def count(self) -> int:
+        """Messages written."""
+        return sum(self._writer.counts.values())
+
+    def take(self, topic: Topic, cdr: bytes, source: bytes = b"", number: int = 0) -> list[int]:
+        """Take one message; see `RecordingSession.take`."""
+        stamps = self._session.take(topic, cdr, source, number)
+        self._unflushed += len(stamps)
+        if self._unflushed >= STATES_UNFLUSHED:
+            self._flush()
+        return stamps
+
+    def idle(self) -> None:
+        """Flush what has lain for a while; to be called now and then."""
+        if self._unflushed and self._writer.unflushed > FLUSH_EVERY:
+            self._flush()
+
+    def close(self) -> None:
+        """Write what is left, and close the bag."""
+        self._session.close()
+        self._writer.close()
+
+    def _flush(self) -> None:
+        self._writer.flush()
+        self._unflushed = 0
+
+    def _replay(self, torn: Path) -> None:
+        """Take again what the predecessor wrote; what it lost comes again from the publishers."""
+        for record in Salvage(torn).records():
+            if not isinstance(record, Attachment):
+                _, channel, message = record
+                if channel.topic in OURS:
+                    topic = OURS[channel.topic]
+                    self.resumed += self.take(topic, message.data, b"", message.sequence)
+        self._writer.flush()
+
+
+def versions() -> bytes:
+    """What the recording was made with, as JSON."""
+    found = {"python": platform.python_version(), "system": platform.platform()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "part of the ROS installation"
+    return json.dumps(found, indent=2).encode()

@@ -1,0 +1,135 @@
+"""What the drive and the player share: states go out as the consumers' answers allow."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable
+from typing import Any
+
+from rosgraph_msgs.msg import Clock
+
+from cam_rig.bag import topics
+from cam_rig.bag.codec import stamp_ns
+from cam_rig.errors import RunError
+from cam_rig.experiment.credit import Credit
+from cam_rig.experiment.program import CamState
+from cam_rig.nodes.app import RigNode
+from cam_rig.nodes.convert import to_header, to_joint_state, to_time
+
+#: Wall time (s) without an answer after which the states in flight are said again.
+SAY_AGAIN = 2.0
+#: Who may be waited for, and the stamped topic that shows how far each is.
+ACKNOWLEDGES = {
+    "follower": topics.FOLLOWER_STATE,
+    "microphone": topics.PRESSURE,
+    "recorder": topics.RECORDED,
+    "viewer": topics.SHOWN,
+}
+
+
+class Pacemaker(RigNode):
+    """A node that says what time it is: the only one on /clock and /cam/state."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self._moved = self._repeated = time.monotonic()
+        self._clock_out, self._state_out = map(self.publisher, (topics.CLOCK, topics.CAM_STATE))
+
+    def set_going(self, consumers: list[str], credit: Credit, alone: bool = True) -> None:
+        """Begin: listen to the consumers, and turn when one of them has answered.
+
+        ``alone`` refuses to begin beside another drive.
+        """
+        self._credit, self._begun = credit, not alone
+        for name in consumers:
+            self.subscribe(ACKNOWLEDGES[name], self._on_acknowledge(name))
+        self._alarm = self.create_timer(1.0, self._on_alarm)
+        self._alarm.cancel()
+        self.create_timer(0.1, self._on_timer)
+
+    def send_next(self) -> bool:
+        """Send the next state, if it may go out; False when it may not."""
+        raise NotImplementedError
+
+    def say_again(self) -> None:
+        """Send once more what nobody has answered; a flood of others may have swept it away."""
+
+    def next_due(self) -> float:
+        """Wall time (s) until the next state is due; zero when it waits for somebody."""
+        return 0.0
+
+    def is_done(self) -> bool:
+        """Whether nothing is left to do."""
+        raise NotImplementedError
+
+    def is_idle(self) -> bool:
+        """Whether nobody is waited for."""
+        return False
+
+    def stuck(self) -> str:
+        """What is missing, in words."""
+        raise NotImplementedError
+
+    def turn(self) -> None:
+        """Send what may be sent now."""
+        while not self.done.done() and self.send_next():
+            pass
+        if self.is_done():
+            self.finish()
+        elif self.is_idle():
+            self._moved = time.monotonic()
+        elif time.monotonic() - self._moved > self.given["patience"]:
+            self.fail(
+                RunError(
+                    f"no answer for {self.given['patience']:g} s after {self.stuck()}; "
+                    "is it running?"
+                )
+            )
+        if (due := self.next_due()) > 0.0:
+            self._alarm.timer_period_ns = max(100_000, int(due * 1e9))
+            self._alarm.reset()
+
+    def publish_state(self, state: CamState, torque: float) -> None:
+        """Send a state of the cam, and its time."""
+        header = to_header(state.time_ns, state.cam)
+        self._clock_out.publish(Clock(clock=to_time(state.time_ns)))
+        self._state_out.publish(to_joint_state("cam", header, state.angle, state.speed, torque))
+
+    def note_sent(self, state: CamState, tick: int) -> None:
+        """Note that a state went out, and tell who started us."""
+        self._begun, self._moved = True, time.monotonic()
+        if self.given["report_progress"]:
+            rpm = state.speed * 30.0 / math.pi
+            print(json.dumps({"tick": tick, "cam": state.cam, "rpm": rpm}), flush=True)
+
+    def _on_alarm(self) -> None:
+        self._alarm.cancel()
+        self.turn()
+
+    def _on_acknowledge(self, name: str) -> Callable[[Any], None]:
+        def acknowledge(message: Any) -> None:
+            header = message.header if hasattr(message, "header") else message
+            if self._credit.acknowledge(name, stamp_ns(header.stamp)):
+                self._moved = time.monotonic()
+            self.turn()
+
+        return acknowledge
+
+    def _on_timer(self) -> None:
+        others = self.count_publishers(topics.CAM_STATE.name) - 1
+        if others > 0:
+            error = RunError(
+                f"{others} more on {topics.CAM_STATE.name} in this ROS domain; allowed: one drive; "
+                "set ROS_DOMAIN_ID to another number"
+            )
+            # Once the cam turns, the others are the intruders, and everybody refuses their states.
+            if not self._begun:
+                return self.fail(error)
+            self.refuse(error)
+        now = time.monotonic()
+        if now - max(self._moved, self._repeated) > SAY_AGAIN:
+            self._repeated = now
+            self.say_again()
+        self.turn()

@@ -1,0 +1,56 @@
+"""The player: says what the drive and the law server of a recorded run said, to live nodes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cam_rig.bag import topics
+from cam_rig.bag.play import PLAYED, Played, played
+from cam_rig.experiment.credit import Credit
+from cam_rig.nodes.app import run
+from cam_rig.nodes.pacemaker import Pacemaker
+from cam_rig.nodes.parameters import CONSUMERS
+
+
+class Player(Pacemaker):
+    """Publishes the recorded cam states and laws, byte by byte, as fast as they are answered."""
+
+    def __init__(self) -> None:
+        super().__init__("player")
+        self._messages = played(Path(self.given["bag"]))
+        self._next: Played | None = next(self._messages, None)
+        self._sent = 0
+        known = {topics.CLOCK: self._clock_out, topics.CAM_STATE: self._state_out}
+        self._out = {t: known.get(t) or self.publisher(t) for t in PLAYED}
+        consumers = list(CONSUMERS)
+        self._waits = Credit(consumers, topics.TICKS_IN_FLIGHT)
+        self.set_going(consumers, self._waits)
+
+    def send_next(self) -> bool:
+        """Send the next state and what goes with it, if it may go out."""
+        if (now := self._next) is None or not self._waits.may_send():
+            return False
+        self._waits.sent(now.state.time_ns)
+        for topic, cdr in now.messages:
+            self._out[topic].publish(cdr)
+        self.note_sent(now.state, self._sent)
+        self._sent += 1
+        self._next = next(self._messages, None)
+        return True
+
+    def is_done(self) -> bool:
+        """Whether every state is sent and every tick dealt with."""
+        return self._next is None and self._waits.in_flight == 0
+
+    def stuck(self) -> str:
+        """What is missing, in words."""
+        return f"{self._sent} states from: {', '.join(self._waits.behind())}"
+
+
+def main() -> None:
+    """Entry point of the executable."""
+    run(Player)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,84 @@
+"""The viewer's bridge: every message of the run, as it comes, into Rerun."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from cam_rig.bag import topics
+from cam_rig.bag.codec import array_of, cam_state_of, decode_block, stamp_ns
+from cam_rig.errors import CamRigError, RefusedError
+from cam_rig.experiment.stage import open_stage
+from cam_rig.nodes.app import RigNode, run
+from cam_rig.nodes.convert import to_header
+from cam_rig.view.live import LivePicture
+from cam_rig.view.recording import polygon
+from cam_rig.view.viewer import require_display, window
+
+#: A drive may not wait for the viewer: then this much can wait.
+DEPTH = 256
+#: Looks for a message before the end is believed, one a subscription and some.
+DRAIN = 10
+#: Wall time (s) between blocks of columns.
+SEND_EVERY = 0.1
+
+
+class Viewer(RigNode):
+    """Draws into the viewer at ``address``, or into a window of its own; tells how far it is."""
+
+    def __init__(self) -> None:
+        super().__init__("viewer")
+        stage, self._windows = open_stage(Path(self.given["scene"])), ExitStack()
+        address = self.given["address"]
+        if not address:
+            require_display()
+            _, address = self._windows.enter_context(window())
+        self._picture, self._taken = LivePicture(stage, address), 0
+        self._shown, feed = self.publisher(topics.SHOWN), self._picture.feed
+        takes: dict[topics.Topic, Callable[[Any], None]] = {
+            topics.PROFILE: lambda m: feed.profile(m.header.frame_id, polygon(m)),
+            topics.CAM_STATE: lambda m: feed.state(cam_state_of(m)),
+            topics.FOLLOWER_SAMPLES: lambda m: feed.block(decode_block(*array_of(m))),
+            topics.LEVEL: lambda m: feed.level(m.data),
+            topics.PRESSURE: lambda m: feed.pressure(stamp_ns(m.header.stamp), m.fluid_pressure),
+        }
+        for topic, take in takes.items():
+            self.subscribe(replace(topic, depth=DEPTH), self._on(take))
+        self.create_timer(SEND_EVERY, self._picture.flush)
+
+    def _on(self, take: Callable[[Any], None]) -> Callable[[Any], None]:
+        def draw(message: Any) -> None:
+            self._taken += 1
+            try:
+                take(message)
+                for _, end, _ in self._picture.feed.draw():
+                    self._shown.publish(to_header(end.time_ns, "viewer"))
+            except CamRigError as error:
+                raise RefusedError(str(error)) from None
+
+        return draw
+
+    def drain(self, spin_once: Callable[..., None]) -> None:
+        """Draw what has arrived but was not taken yet."""
+        before = -1
+        while before < self._taken:
+            before = self._taken
+            for _ in range(DRAIN):
+                spin_once(timeout_sec=0.02)
+
+    def close(self) -> None:
+        """Send the rest; a window of our own closes."""
+        self._picture.close()
+        self._windows.close()
+
+
+def main() -> None:
+    """Entry point of the executable."""
+    run(Viewer)
+
+
+if __name__ == "__main__":
+    main()

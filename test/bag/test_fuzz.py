@@ -1,0 +1,186 @@
+"""Whatever is in a bag or a message, it is read, or refused by one error; nothing else."""
+
+import math
+from array import array
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from cam_rig.bag import topics
+from cam_rig.bag.codec import (
+    BLOCK_LABEL,
+    PIECE_LABEL,
+    array_of,
+    cam_state_of,
+    decode_block,
+    decode_law,
+    encode_block,
+)
+from cam_rig.bag.complete import require_complete
+from cam_rig.bag.reader import mcap_file, read_counts, read_recording, read_stage
+from cam_rig.bag.recover import recover
+from cam_rig.bag.session import RecordingSession
+from cam_rig.errors import BagError, DynamicsError, RefusedError
+from cam_rig.experiment.follower_ticks import FollowerTicks
+from cam_rig.experiment.gate import StateGate
+from cam_rig.experiment.stage import open_stage
+from cam_rig.experiment.sweep import FollowerBench, MicrophoneBench
+from cam_rig.schema.load import config_root
+
+BOUNDED = settings(
+    max_examples=50,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+STAGE = open_stage(config_root() / "scenes" / "quick.yaml")
+GOLDEN = mcap_file(config_root().parent / "bags" / "golden").read_bytes()
+
+
+@BOUNDED
+@given(
+    cut=st.none() | st.integers(0, len(GOLDEN)),
+    flips=st.lists(st.tuples(st.integers(0, len(GOLDEN) - 1), st.integers(1, 255)), max_size=20),
+    tail=st.binary(max_size=50),
+)
+def test_a_damaged_bag_is_read_or_refused(tmp_path_factory, cut, flips, tail):
+    """Cut, flipped, with something behind it: every reader ends with a result or a BagError."""
+    bag = tmp_path_factory.mktemp("fuzz") / "bag"
+    bag.mkdir()
+    data = bytearray(GOLDEN)
+    for place, change in flips:
+        data[place] ^= change
+    file = bag / "bag_0.mcap"
+    file.write_bytes(bytes(data[:cut]) + tail)
+    for read in (
+        read_counts,
+        read_stage,
+        read_recording,
+        lambda one: require_complete(one, STAGE.scene),
+        lambda one: recover(one, one.parent / "mended"),
+    ):
+        try:
+            read(bag)
+        except BagError as error:
+            assert "\n" not in str(error)
+
+
+NUMBERS = st.floats() | st.sampled_from([0.0, 1e-300, 1e300, math.inf, -math.inf, math.nan])
+DIMENSIONS = st.lists(
+    st.tuples(
+        st.sampled_from(["tm21", PIECE_LABEL, BLOCK_LABEL, "sample", ""]) | st.text(max_size=5),
+        st.integers(0, 2**32 - 1) | st.integers(0, 12),
+    ),
+    max_size=3,
+)
+
+
+def message(dimensions, data):
+    dim = [SimpleNamespace(label=label, size=size) for label, size in dimensions]
+    return SimpleNamespace(layout=SimpleNamespace(dim=dim), data=array("d", data))
+
+
+@st.composite
+def laws(draw):
+    """Something that has at least the shape of a law."""
+    pieces, ordinates = draw(st.integers(1, 4)), draw(st.integers(1, 6))
+    data = draw(
+        st.lists(NUMBERS, min_size=pieces * (ordinates + 1), max_size=pieces * (ordinates + 1))
+    )
+    rows = np.array(data).reshape(pieces, ordinates + 1)
+    if draw(st.booleans()):
+        rows[:, 0] = np.linspace(0.0, 2.0 * math.pi, pieces, endpoint=False)
+    if draw(st.booleans()):
+        rows[:, 1:] = rows[0, 1]
+    return [("tm21", pieces), (PIECE_LABEL, ordinates + 1)], rows.ravel()
+
+
+STATES = st.builds(
+    lambda sec, nanosec, cam, position, velocity: SimpleNamespace(
+        header=SimpleNamespace(
+            stamp=SimpleNamespace(sec=sec, nanosec=nanosec),
+            frame_id=cam,
+        ),
+        position=position,
+        velocity=velocity,
+    ),
+    st.integers(-5, 10) | st.just(2**31 - 1),
+    st.integers(0, 2**32 - 1) | st.just(0),
+    st.sampled_from(["tm21", "bezier15", "../x"]) | st.text(max_size=5),
+    st.lists(NUMBERS, max_size=2),
+    st.lists(NUMBERS, max_size=2) | st.lists(st.floats(0.0, 100.0), min_size=1, max_size=1),
+)
+
+
+@BOUNDED
+@given(st.lists(STATES | laws(), max_size=12))
+def test_a_follower_that_is_told_anything_stays_finite(told):
+    """What it refuses is refused by name; what it publishes of the rest is finite."""
+    bench = FollowerBench.of(STAGE)
+    follower = FollowerTicks(bench, STAGE.scene)
+    for one in told:
+        try:
+            if isinstance(one, tuple):
+                follower.add_law(decode_law(*array_of(message(*one))))
+            else:
+                follower.add_state(cam_state_of(one))
+            for _, state, block in follower.complete():
+                assert np.isfinite(block.rows).all()
+                assert math.isfinite(state.contact_force)
+        except (RefusedError, DynamicsError) as error:
+            assert "\n" not in str(error)
+
+
+@BOUNDED
+@given(DIMENSIONS, st.lists(NUMBERS, max_size=40))
+def test_any_array_is_decoded_or_refused(dimensions, data):
+    """As a law and as a block."""
+    for decode in (decode_law, decode_block):
+        try:
+            decode(*array_of(message(dimensions, data)))
+        except RefusedError as error:
+            assert len(str(error)) < 1000
+
+
+@BOUNDED
+@given(st.lists(NUMBERS, min_size=1, max_size=8), st.floats(1e-3, 1e4))
+def test_a_microphone_stays_finite(forces, speed):
+    """Every block that passes gives a level."""
+    rows = np.zeros((6, len(forces)))
+    rows[4], rows[5] = forces, forces[::-1]
+    dimensions, data = encode_block(rows)
+    microphone = MicrophoneBench.of(STAGE)
+    try:
+        passed = decode_block(dimensions, data.ravel())
+    except RefusedError:
+        return
+    assert math.isfinite(microphone.listen(passed, speed))
+
+
+@BOUNDED
+@given(st.lists(st.tuples(st.sampled_from(topics.RECORDING), st.binary(max_size=80)), max_size=10))
+def test_a_recorder_that_hears_anything_lives_on(kept, heard):
+    """Raw bytes are a message, or refused."""
+    session = RecordingSession(kept, StateGate(1000.0))
+    for topic, cdr in heard:
+        try:
+            session.take(topic, b"\0\1\0\0" + cdr, b"x", 1)
+        except RefusedError:
+            continue
+    session.close()
+
+
+@pytest.mark.parametrize("place", range(4, 84, 3))
+def test_a_flipped_byte_in_a_state_is_no_accident(kept, golden, place):
+    """A message with a wrong byte is taken as what it says, or refused."""
+    cdr = bytearray(next(m[2] for m in golden if m[0] is topics.CAM_STATE))
+    if place >= len(cdr):
+        pytest.skip("shorter")
+    cdr[place] ^= 0xFF
+    session = RecordingSession(kept, StateGate(1000.0))
+    try:
+        session.take(topics.CAM_STATE, bytes(cdr))
+    except RefusedError as error:
+        assert str(error)

@@ -1,0 +1,138 @@
+"""A recording that was cut off: what is left of it becomes a valid bag, and the loss is named."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from cam_rig.bag.reader import mcap_file, messages, read_counts, read_recording
+from cam_rig.bag.recorder import BagRecorder
+from cam_rig.bag.recover import is_torn, recover, recover_in_place
+from cam_rig.bag.topics import CAM_STATE, LEVEL
+from cam_rig.bag.writer import BagWriter
+from cam_rig.errors import BagError
+from cam_rig.experiment.stage import open_stage
+from cam_rig.schema.load import config_root
+
+GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
+
+
+def cut(bag, folder, part):
+    """A copy of a bag of which only a part was written."""
+    torn = folder / "torn"
+    torn.mkdir()
+    data = mcap_file(bag).read_bytes()
+    (torn / "torn_0.mcap").write_bytes(data[: int(len(data) * part)])
+    return torn
+
+
+def write(bag, every):
+    """A bag of 60 states in chunks of ``every``."""
+    with BagWriter(bag) as writer:
+        for topic, _, time, cdr in STATES:
+            writer.write(topic, time, cdr)
+            if time % every == 0:
+                writer.flush()
+
+
+STATES = [(LEVEL, 0, time, b"\0\1\0\0" + bytes(8)) for time in range(60)]
+
+
+@pytest.mark.parametrize("part", [0.3, 0.5, 0.7])
+def test_a_cut_bag_is_saved_up_to_the_cut(tmp_path, part):
+    """Every chunk that is whole comes back, and the result is an ordinary bag."""
+    write(tmp_path / "whole", 10)
+    torn = cut(tmp_path / "whole", tmp_path, part)
+    with pytest.raises(BagError, match="mend it with: cam-rig recover"):
+        read_counts(torn)
+    saved = recover(torn, tmp_path / "mended")
+    count = read_counts(tmp_path / "mended").get("/microphone/level", 0)
+    assert count == sum(saved.counts.values())
+    assert 0 < count <= 60 and not saved.whole
+    assert "lost: what was not flushed" in saved.words
+    times = [time for _, time, _ in messages(tmp_path / "mended", (LEVEL,))]
+    assert times == list(range(count))
+
+
+def test_the_golden_bag_comes_back_whole(tmp_path):
+    """Nothing is lost of a bag that was closed; scene and all are attached to the copy."""
+    saved = recover(GOLDEN, tmp_path / "copy")
+    assert saved.whole and "nothing lost" in saved.words
+    assert read_counts(tmp_path / "copy") == read_counts(GOLDEN)
+    assert len(read_recording(tmp_path / "copy").ticks) == 16
+
+
+def test_a_damaged_chunk_is_left_out(tmp_path):
+    """A flipped byte costs its own chunk, not what follows."""
+    write(tmp_path / "bag", 10)
+    file = mcap_file(tmp_path / "bag")
+    data = bytearray(file.read_bytes())
+    data[len(data) // 4] ^= 0xFF
+    file.write_bytes(data)
+    saved = recover(tmp_path / "bag", tmp_path / "mended")
+    assert saved.damaged_chunks == 1
+    assert 40 <= sum(saved.counts.values()) < 60
+
+
+def test_nothing_is_overwritten_and_nothing_made_of_nothing(tmp_path):
+    """An existing target and a file without records are refused by name."""
+    (tmp_path / "there").mkdir()
+    with pytest.raises(BagError, match="exists already, not overwriting"):
+        recover(GOLDEN, tmp_path / "there")
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "empty" / "empty_0.mcap").write_bytes(b"no mcap at all")
+    with pytest.raises(BagError, match="nothing to recover"):
+        recover(tmp_path / "empty", tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.fixture
+def stage():
+    return open_stage(config_root() / "scenes" / "quick.yaml")
+
+
+def record(bag, stage, golden, resume=False):
+    recorder = BagRecorder(bag, stage, resume)
+    for topic, number, cdr in golden:
+        recorder.take(topic, cdr, b"live", number)
+    return recorder
+
+
+def contents(bag):
+    found = {}
+    for topic in ("/cam/state", "/microphone/level", "/follower/samples", "/diagnostics"):
+        found[topic] = read_counts(bag).get(topic)
+    found["states"] = [time for _, time, _ in messages(bag, (CAM_STATE,))]
+    found["levels"] = [(time, float(m.data)) for _, time, m in messages(bag, (LEVEL,))]
+    return found
+
+
+@pytest.mark.parametrize("part", [0.02, 0.4, 0.9])
+def test_a_recorder_takes_over_from_a_killed_one(tmp_path, stage, golden, part):
+    """What the torn file lacks comes again from the histories; the bag is the undisturbed one."""
+    record(tmp_path / "straight", stage, golden).close()
+    bag = tmp_path / "bag"
+    killed = record(bag, stage, golden[: len(golden) // 2])
+    killed._flush()
+    file = mcap_file(bag)
+    data = file.read_bytes()
+    shutil.rmtree(bag)
+    bag.mkdir()
+    file.write_bytes(data[: int(len(data) * part)])
+    assert is_torn(bag)
+    record(bag, stage, golden, resume=True).close()
+    assert contents(bag) == contents(tmp_path / "straight")
+    assert [p.suffix for p in sorted(bag.iterdir())] == [".mcap", ".yaml"]
+
+
+def test_a_torn_bag_is_mended_where_it_is(tmp_path, stage, golden):
+    """After a run whose recorder was killed, its bag can be read."""
+    bag = tmp_path / "bag"
+    killed = record(bag, stage, golden)
+    killed._flush()
+    assert is_torn(bag)
+    saved = recover_in_place(bag)
+    assert not is_torn(bag) and not saved.whole
+    assert len(read_recording(bag).ticks) == 16
+    versions = [line for line in mcap_file(bag).read_bytes().split(b"\n") if b'"cam_rig"' in line]
+    assert versions, "the versions it was made with are attached"

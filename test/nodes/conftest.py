@@ -1,0 +1,205 @@
+"""Runs of the live graph, and what is left of them."""
+
+import subprocess
+from contextlib import suppress
+from itertools import count
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+import rclpy
+from mcap.reader import make_reader
+from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter, parameter_value_to_python
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
+
+from cam_rig.bag.reader import mcap_file
+from cam_rig.cli.graph import Graph, live
+
+_DOMAINS = count(70)
+WAIT = 30.0
+SCENE = """
+name: short
+title: A short sweep of two cams
+cams: [tm21, bezier15]
+rig: tm21
+model: one_mass
+sample_rate: {assumed: 2, unit: kHz, source: "keeps the test short"}
+program:
+  speeds: {assumed: [250, 300, 350, 400], unit: rpm, source: "a test"}
+  turns: {assumed: 10, unit: turns, source: "a test"}
+  settle_turns: {assumed: 1, unit: turns, source: "a test"}
+  ticks_per_turn: 2
+published: tm21_noise
+"""
+TICKS = 160
+
+
+def payloads(bag):
+    """Every message's bytes by topic, in the order of rig time."""
+    found = {}
+    with mcap_file(bag).open("rb") as stream:
+        for _, channel, message in make_reader(stream).iter_messages():
+            found.setdefault(channel.topic, []).append(message.data)
+    return found
+
+
+def mapped(*pids):
+    """The files of /dev/shm that living processes have mapped or open; of all by default."""
+    used = set()
+    for process in [Path(f"/proc/{pid}") for pid in pids] or Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            used |= {line.split("/")[-1] for line in (process / "maps").read_text().splitlines()}
+            used |= {path.readlink().name for path in (process / "fd").iterdir()}
+    return {name for name in used if "fastdds" in name}
+
+
+def node_processes(path):
+    """Processes of a run, found by a path that they were started with."""
+    found = subprocess.run(["pgrep", "-f", str(path)], capture_output=True, text=True, check=False)
+    return found.stdout.split()
+
+
+def unused():
+    """The files of Fast DDS in /dev/shm that no process uses.
+
+    Ports below 7400 are of no domain: other runs on this machine share them.
+    """
+    names = {path.name for path in Path("/dev/shm").glob("*fastdds*")} - mapped()
+    return {name for name in names if "port7" not in name}
+
+
+def run_graph(scene, bag, on_tick=None, respawn=False, said=None, **drive):
+    """Run to the end, calling ``on_tick(graph, tick)`` for each; what was said on the way."""
+    said = [] if said is None else said
+    with Graph(live(scene, bag, **drive), respawn=respawn, say=said.append) as graph:
+        for report in graph.progress():
+            if on_tick is not None:
+                on_tick(graph, report["tick"])
+    return said
+
+
+@pytest.fixture(scope="session")
+def short_scene(tmp_path_factory):
+    """160 ticks: two cams, four speeds."""
+    folder = tmp_path_factory.mktemp("short") / "scenes"
+    folder.mkdir()
+    path = folder / "short.yaml"
+    path.write_text(SCENE, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="session")
+def undisturbed(short_scene, tmp_path_factory):
+    """The payloads of a run of the short scene that nobody disturbed."""
+    bag = tmp_path_factory.mktemp("undisturbed") / "bag"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_DOMAIN_ID", str(next(_DOMAINS)))
+        run_graph(short_scene, bag)
+    return payloads(bag)
+
+
+@pytest.fixture
+def wait_for():
+    """Poll until something is true, or a minute has gone."""
+    import time
+
+    def wait(condition, seconds=60.0):
+        end = time.monotonic() + seconds
+        while not (found := condition()):
+            assert time.monotonic() < end, "it did not come true"
+            time.sleep(0.02)
+        return found
+
+    return wait
+
+
+class User:
+    """A node in a context and domain of its own."""
+
+    def __init__(self, domain):
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context, domain_id=domain)
+        self.node = rclpy.create_node("user", context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self._rpm = self.node.create_publisher(Float64, "/cam/rpm", 10)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self._context.shutdown()
+
+    def spin(self, seconds=0.0):
+        self._executor.spin_once(timeout_sec=seconds)
+
+    def ask(self, kind, name, request):
+        """A service's answer."""
+        client = self.node.create_client(kind, name)
+        assert client.wait_for_service(WAIT), name
+        future = client.call_async(request)
+        self._executor.spin_until_future_complete(future, WAIT)
+        self.node.destroy_client(client)
+        assert future.done(), name
+        return future.result()
+
+    def call(self, name, succeeds=True):
+        """The words of a std_srvs/Trigger."""
+        answer = self.ask(Trigger, name, Trigger.Request())
+        assert answer.success == succeeds, answer.message
+        return answer.message
+
+    def _set(self, node, name, value):
+        request = SetParameters.Request()
+        request.parameters = [Parameter(name, value=value).to_parameter_msg()]
+        return self.ask(SetParameters, f"/{node}/set_parameters", request).results[0]
+
+    def set(self, node, name, value):
+        result = self._set(node, name, value)
+        assert result.successful, result.reason
+
+    def refused(self, node, name, value):
+        """The reason why a value is refused."""
+        result = self._set(node, name, value)
+        assert not result.successful
+        return result.reason
+
+    def get(self, node, name):
+        request = GetParameters.Request(names=[name])
+        values = self.ask(GetParameters, f"/{node}/get_parameters", request).values
+        return parameter_value_to_python(values[0])
+
+    def describe(self, node, name):
+        request = DescribeParameters.Request(names=[name])
+        return self.ask(DescribeParameters, f"/{node}/describe_parameters", request).descriptors[0]
+
+    def say_rpm(self, rpm):
+        """The command topic."""
+        while self._rpm.get_subscription_count() == 0:
+            self.spin(0.05)
+        self._rpm.publish(Float64(data=rpm))
+
+
+@pytest.fixture
+def user(ros_domain):
+    """Somebody at a terminal, in the rig's domain."""
+    with User(ros_domain) as made:
+        yield made
+
+
+@pytest.fixture(scope="session")
+def rig():
+    """What the tests of the live graph do again and again."""
+    return SimpleNamespace(
+        run=run_graph,
+        payloads=payloads,
+        processes=node_processes,
+        mapped=mapped,
+        unused=unused,
+        ticks=TICKS,
+    )

@@ -1,0 +1,90 @@
+"""The rig under a user's hand: standard services, parameters and topics, while it turns."""
+
+import math
+from itertools import pairwise
+
+import pytest
+
+from cam_rig.bag import topics
+from cam_rig.bag.codec import cam_state_of
+from cam_rig.bag.complete import expected_counts
+from cam_rig.bag.reader import messages, read_counts
+from cam_rig.cli.graph import Graph, live
+from cam_rig.experiment.gate import Admission, StateGate
+
+pytestmark = pytest.mark.ros
+RPM = math.pi / 30.0
+
+
+def states_of(bag):
+    return [cam_state_of(message) for _, _, message in messages(bag, (topics.CAM_STATE,))]
+
+
+def test_a_whole_session_by_hand(user, short_scene, tmp_path):
+    """Start, another speed, another cam, stop, emergency stop, reset: θ never jumps, and nothing
+    that was refused has changed anything."""
+    bag = tmp_path / "bag"
+    nodes = live(short_scene, bag, autostart=False, pacing="2x")
+    with Graph(nodes) as graph:
+        reports = graph.progress()
+        assert "the cam turns" in user.call("/cam_drive/start")
+        next(report for report in reports if report["tick"] == 4)
+
+        assert "rpm" in user.refused("cam_drive", "rpm", 1e9)
+        assert "rpm" in user.refused("cam_drive", "rpm", math.nan)
+        assert "allowed: free, real_time" in user.refused("cam_drive", "pacing", "fast")
+        assert "no such file" in user.refused("law_server", "cam", "no_such_cam")
+        assert "read-only" in user.refused("follower", "scene", "other.yaml").replace("_", "-")
+        assert user.get("cam_drive", "rpm") == 0.0
+        assert user.get("law_server", "cam") in ("", "tm21")
+
+        user.set("cam_drive", "rpm", 222.0)
+        next(report for report in reports if report["rpm"] == pytest.approx(222.0))
+        user.say_rpm(333.0)
+        next(report for report in reports if report["rpm"] == pytest.approx(333.0))
+        user.set("law_server", "cam", "cycloidal")
+        next(report for report in reports if report["cam"] == "cycloidal")
+
+        assert "stopped" in user.call("/cam_drive/stop")
+        assert "the cam turns" in user.call("/cam_drive/start")
+        assert "the cam stands" in user.call("/cam_drive/emergency_stop")
+        assert "reset, then start" in user.call("/cam_drive/start", succeeds=False)
+        assert "at the beginning" in user.call("/cam_drive/reset")
+        assert user.get("cam_drive", "rpm") == 0.0
+        user.set("cam_drive", "pacing", "free")
+        user.call("/cam_drive/start")
+        for _ in reports:
+            pass
+    states = states_of(bag)
+    gate = StateGate(2000.0)
+    assert all(gate.admit(state) is not Admission.SEEN for state in states)
+    assert all(a.time_ns < b.time_ns for a, b in pairwise(states))
+    stands = [i for i, state in enumerate(states) if state.speed == 0.0]
+    assert len(stands) == 2 and stands[1] == len(states) - 1
+    assert [s.angle for s in states[stands[0] :][:2]] == [states[stands[0]].angle] * 2
+    speeds = {round(state.speed / RPM) for state in states[: stands[0]]}
+    assert {222, 333} <= speeds
+    assert "cycloidal" in {state.cam for state in states[: stands[0]]}
+    assert len(states) - stands[0] - 1 == 161  # the whole scene after the reset
+    counts, expected = read_counts(bag), expected_counts(states)
+    for topic in topics.RECORDING:
+        if topic.per in expected:
+            assert counts[topic.name] == expected[topic.per], topic.name
+
+
+def test_every_parameter_says_what_it_is(user, short_scene, tmp_path):
+    """Type, unit and range are there for `ros2 param describe`; what is not live is read-only."""
+    from cam_rig.nodes.parameters import PARAMETERS
+
+    nodes = live(short_scene, tmp_path / "bag", autostart=False)
+    with Graph(nodes):
+        for node in nodes:
+            for spec in PARAMETERS[node]:
+                about = user.describe(node, spec.name)
+                assert about.description == spec.description
+                assert about.read_only == (not spec.live)
+                if spec.most is not None:
+                    assert about.floating_point_range[0].to_value == spec.most
+                if spec.choices:
+                    assert all(choice in about.additional_constraints for choice in spec.choices)
+        user.call("/cam_drive/stop")

@@ -1,0 +1,54 @@
+"""A node dies: the run ends, says which and when, and keeps what it has."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from cam_rig.bag.reader import read_recording
+
+pytestmark = pytest.mark.ros
+NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
+
+
+@pytest.mark.parametrize("victim", NODES)
+def test_a_killed_node_ends_the_run(ros_domain, rig, short_scene, tmp_path, wait_for, victim):
+    """Code 1, the node and the last tick named, the bag readable, nothing left behind."""
+    bag, before = tmp_path / "bag", rig.unused()
+    command = [sys.executable, "-m", "cam_rig.cli.main", "run", str(short_scene)]
+    command += ["--bag", str(bag), "--pacing", "20x"]
+    run = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=dict(os.environ))
+    wait_for(lambda: bag.is_dir() and sum(f.stat().st_size for f in bag.iterdir()) > 200_000)
+    found = subprocess.run(
+        ["pgrep", "-f", f"cam_rig.nodes.{victim} .*{short_scene}"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    names = rig.mapped(*rig.processes(short_scene))
+    subprocess.run(["kill", "-9", *found.stdout.split()], check=True)
+    _, words = run.communicate(timeout=60)
+    assert run.returncode == 1
+    line = words.strip().splitlines()[-1]
+    assert f"cam-rig: node {victim} was ended by signal 9 after tick " in line
+    assert "rpm)" in line
+    assert "what was recorded so far is in" in words
+    assert 0 < len(read_recording(bag).ticks) < rig.ticks
+    assert rig.processes(bag) == []
+    assert (rig.unused() - before) & names == set()
+
+
+def test_a_full_disk_ends_the_run_with_its_name(ros_domain, rig, short_scene, tmp_path):
+    """A file may grow to 300 kB here: the recorder says what it could not write."""
+    limited = "import resource as r; r.setrlimit(r.RLIMIT_FSIZE, (300_000, 300_000))"
+    start = f"{limited}; import signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)"
+    arguments = ["cam-rig", "run", str(short_scene), "--bag", str(tmp_path / "bag")]
+    code = (
+        f"{start}; import sys; sys.argv = {arguments!r}; from cam_rig.cli.main import main; main()"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=100, check=False
+    )
+    assert run.returncode == 1
+    assert "cannot be written (File too large) after" in run.stderr
+    assert "Traceback" not in run.stderr
+    assert rig.processes(tmp_path) == []

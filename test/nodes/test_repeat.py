@@ -1,0 +1,74 @@
+"""One scene gives one bag: undisturbed, killed and started again, stalled, or stopped."""
+
+import signal
+import time
+
+import pytest
+
+pytestmark = pytest.mark.ros
+
+
+def assert_same(found, expected):
+    assert found.keys() == expected.keys()
+    for topic, messages in expected.items():
+        assert len(found[topic]) == len(messages), topic
+        assert found[topic] == messages, topic
+
+
+def test_two_runs_are_equal_byte_by_byte(ros_domain, rig, short_scene, undisturbed, tmp_path):
+    """Every payload on every topic, in order: nothing depends on who was faster."""
+    rig.run(short_scene, tmp_path / "bag")
+    assert len(undisturbed) == 11
+    assert_same(rig.payloads(tmp_path / "bag"), undisturbed)
+
+
+def test_killed_nodes_are_started_again_and_leave_no_trace(
+    ros_domain, rig, short_scene, undisturbed, tmp_path
+):
+    """kill -9 of each node in turn: the bag is the undisturbed one, and /dev/shm is left clean."""
+    victims = ["follower", "microphone", "law_server", "cam_drive", "recorder"]
+    killed, said, names, before = [], [], set(), rig.unused()
+
+    def kill(graph, tick):
+        alive = not any(node.has_ended for node in graph.processes.values())
+        if tick > 6 and victims and alive and len(said) == len(killed):
+            names.update(rig.mapped(*(node.process.pid for node in graph.processes.values())))
+            killed.append(victims.pop(0))
+            graph.processes[killed[-1]].process.kill()
+            graph.processes[killed[-1]].process.wait()
+
+    rig.run(short_scene, tmp_path / "bag", kill, respawn=True, said=said)
+    assert [line.split()[1] for line in said] == killed
+    assert len(killed) == 5
+    assert all("was ended by signal 9 after tick" in line for line in said)
+    assert_same(rig.payloads(tmp_path / "bag"), undisturbed)
+    assert len(names) > 10
+    assert (rig.unused() - before) & names == set()
+
+
+def resident_mb(process):
+    with open(f"/proc/{process.pid}/status", encoding="utf-8") as lines:
+        return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS")) / 1024
+
+
+def test_a_stalled_consumer_holds_all_and_loses_nothing(
+    ros_domain, rig, short_scene, undisturbed, tmp_path
+):
+    """The slowest consumer stands for 5 s: nobody's memory grows, then it goes on."""
+    grown = []
+
+    def stall(graph, tick):
+        if tick != 30:
+            return
+        others = [p.process for name, p in graph.processes.items() if name != "microphone"]
+        stalled = graph.processes["microphone"].process
+        stalled.send_signal(signal.SIGSTOP)
+        time.sleep(1.0)
+        before = [resident_mb(process) for process in others]
+        time.sleep(4.0)
+        grown.extend(resident_mb(p) - mb for p, mb in zip(others, before, strict=True))
+        stalled.send_signal(signal.SIGCONT)
+
+    rig.run(short_scene, tmp_path / "bag", stall)
+    assert max(grown) < 5.0
+    assert_same(rig.payloads(tmp_path / "bag"), undisturbed)

@@ -1,0 +1,58 @@
+"""A run seen while it runs: the same curves as of its bag."""
+
+import time
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+
+from cam_rig.bag.complete import require_complete
+from cam_rig.cli.graph import Graph, live
+from cam_rig.schema import load_scene
+from cam_rig.schema.load import config_root
+from cam_rig.view.recording import save_recording
+from cam_rig.view.viewer import free_port, listening, stream_address
+
+pytestmark = [pytest.mark.ros, pytest.mark.filterwarnings("ignore:RRD file has no footer")]
+QUICK = config_root() / "scenes" / "quick.yaml"
+CURVES = ("lift/follower", "lift/law", "velocity/follower", "force/contact", "level", "speed")
+
+
+def curves(path):
+    """Every curve's values in order of rig time."""
+    found = {name: [] for name in CURVES}
+    for chunk in RrdReader(path).stream().to_chunks():
+        name = chunk.entity_path.removeprefix("/plots/")
+        batch = chunk.to_record_batch()
+        if name in found and "Scalars:scalars" in batch.schema.names:
+            times = batch.column("rig_time").cast("int64").to_pylist()
+            values = batch.column("Scalars:scalars").to_pylist()
+            found[name] += zip(times, [value[0] for value in values], strict=True)
+    return {name: np.array(sorted(rows)) for name, rows in found.items()}
+
+
+def test_the_live_picture_is_the_bags(ros_domain, tmp_path):
+    """All six nodes run, no tick is missing in bag or picture, and the numbers are the same."""
+    bag, seen_file, port = tmp_path / "bag", tmp_path / "live.rrd", free_port()
+    arguments = ("--serve-grpc", "--port", str(port), "--save", str(seen_file))
+    with listening(*arguments, ports=(port,)):
+        with Graph(live(QUICK, bag, stream_address(port))) as graph:
+            for _ in graph.progress():
+                pass
+        assert graph.processes["viewer"].code == 0
+        time.sleep(0.5)  # the server writes what it took
+    require_complete(bag, load_scene(QUICK))
+    save_recording(bag, tmp_path / "bag.rrd")
+    seen, recorded = curves(seen_file), curves(tmp_path / "bag.rrd")
+    for name in CURVES:
+        assert recorded[name].size > 0, name
+        np.testing.assert_array_equal(seen[name], recorded[name], err_msg=name)
+
+
+def test_without_a_viewer_the_run_goes_on(ros_domain, tmp_path):
+    """Nobody listens at the address: the bag is whole all the same."""
+    bag = tmp_path / "bag"
+    with Graph(live(QUICK, bag, stream_address(free_port()))) as graph:
+        for _ in graph.progress():
+            pass
+    require_complete(bag, load_scene(QUICK))
