@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -12,31 +13,53 @@ import numpy as np
 import rerun as rr
 
 from cam_rig.bag import topics
-from cam_rig.bag.codec import array_of, decode_block
-from cam_rig.bag.reader import messages, read_counts, read_stage, stamp_ns
+from cam_rig.bag.codec import array_of, decode_block, stamp_ns
+from cam_rig.bag.reader import messages, read_counts, read_stage
 from cam_rig.dynamics import NS, FloatArray
 from cam_rig.errors import BagError
-from cam_rig.experiment.pairing import TickPairing
 from cam_rig.experiment.program import CamState, cam_states
 from cam_rig.experiment.stage import Stage
-from cam_rig.view.blueprint import layout
+from cam_rig.view.blueprint import blueprint, compared_rpm
 from cam_rig.view.drawing import RunDrawing
+from cam_rig.view.feed import RunFeed
+from cam_rig.view.layout import Layout
 from cam_rig.view.rrd_file import require_free, rrd_stream
-from cam_rig.view.scene2d import reach
 
 APPLICATION = "cam_rig"
 #: A run of fewer samples is shown whole.
-WHOLE_BELOW = 2_000_000
+WHOLE_BELOW = 1_000_000
 #: Buckets a line of a longer run; each gives its least and its greatest sample.
 BUCKETS = 250_000
-TOPICS = (topics.CAM_STATE, topics.PROFILE, topics.FOLLOWER_SAMPLES, topics.LEVEL)
+TOPICS = (
+    topics.CAM_STATE,
+    topics.PROFILE,
+    topics.FOLLOWER_SAMPLES,
+    topics.LEVEL,
+    topics.PRESSURE,
+)
+
+
+@dataclass(frozen=True)
+class Wish:
+    """How a picture is wanted.
+
+    Parameters
+    ----------
+    layout : for running, for comparing cams, or for a report
+    rpm : the speed at which cams are compared; by default the scene's highest
+    all_samples : keep every sample, however many
+    """
+
+    layout: Layout = Layout.RUN
+    rpm: float | None = None
+    all_samples: bool = False
 
 
 def save_recording(
     bag: Path,
     path: Path,
+    wish: Wish | None = None,
     *,
-    all_samples: bool = False,
     overwrite: bool = False,
     on_tick: Callable[[], None] = lambda: None,
 ) -> None:
@@ -44,50 +67,52 @@ def save_recording(
 
     Parameters
     ----------
-    all_samples : keep every sample, however many
+    wish : how it is wanted
     overwrite : replace the file when it exists
     on_tick : called after each tick
 
     Raises
     ------
     BagError : the bag cannot be read, or lacks a cam's profile
-    CamRigError : the file exists already, or cannot be written
+    CamRigError : the file exists already, or cannot be written; or no such speed
     """
     require_free(path, overwrite)
-    stage = read_stage(bag)
-    duration = run_duration(bag, stage)
+    stage, wish = read_stage(bag), wish or Wish()
+    duration, rpm = run_duration(bag, stage), compared_rpm(stage, wish.rpm)
     samples = round(duration * stage.scene.sample_rate.si)
-    bucket = 1 if all_samples else bucket_for(samples)
-    blueprint = layout(reach(stage), duration, bucket)
-    with rrd_stream(path, APPLICATION, blueprint) as stream:
-        draw(bag, stage, stream, bucket, on_tick)
+    whole, bucket = (
+        wish.layout is Layout.RUN,
+        1 if wish.all_samples else bucket_for(samples, WHOLE_BELOW),
+    )
+    plan = blueprint(wish.layout, stage, duration, bucket, rpm)
+    with rrd_stream(path, APPLICATION, plan) as stream:
+        name_recording(stream, f"{stage.scene.title} ({bag.name})")
+        draw(bag, stage, RunFeed(RunDrawing(stream, stage, bucket, rpm, whole)), on_tick)
 
 
-def draw(
-    bag: Path,
-    stage: Stage,
-    stream: rr.RecordingStream,
-    bucket: int,
-    on_tick: Callable[[], None],
-) -> None:
-    """Draw every tick of a bag into a stream."""
+def name_recording(stream: rr.RecordingStream, name: str) -> None:
+    """Name it, and keep wall time out of it: a run is drawn alike whenever it is."""
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
-    stream.send_recording_name(f"{stage.scene.title} ({bag.name})")
-    drawing, pairing = RunDrawing(stream, stage, bucket), TickPairing()
+    stream.send_recording_name(name)
+
+
+def draw(bag: Path, stage: Stage, feed: RunFeed, on_tick: Callable[[], None]) -> None:
+    """Draw every tick of a bag."""
     for topic, time_ns, message in messages(bag, TOPICS):
         if topic is topics.PROFILE:
-            drawing.profile(str(message.header.frame_id), polygon(message))
+            feed.profile(str(message.header.frame_id), polygon(message))
         elif topic is topics.LEVEL:
-            drawing.level(time_ns, float(message.data))
+            feed.level(float(message.data))
+        elif topic is topics.PRESSURE:
+            feed.pressure(time_ns, float(message.fluid_pressure))
         elif topic is topics.CAM_STATE:
-            pairing.add_state(cam_state(message, stage))
+            feed.state(cam_state(message, stage))
         else:
-            pairing.add_block(decode_block(*array_of(message)))
-        for start, end, rows in pairing.complete():
-            drawing.tick(start, end, rows)
+            feed.block(decode_block(*array_of(message)))
+        for _ in feed.draw():
             on_tick()
-    drawing.close()
+    feed.close()
 
 
 def run_duration(bag: Path, stage: Stage) -> float:
@@ -99,9 +124,9 @@ def run_duration(bag: Path, stage: Stage) -> float:
     return last.time_ns / NS
 
 
-def bucket_for(samples: int) -> int:
+def bucket_for(samples: int, whole_below: int) -> int:
     """Samples a bucket, so that a long run stays small enough for a viewer."""
-    return 1 if samples < WHOLE_BELOW else math.ceil(samples / BUCKETS)
+    return 1 if samples < whole_below else math.ceil(samples / BUCKETS)
 
 
 def cam_state(message: Any, stage: Stage) -> CamState:

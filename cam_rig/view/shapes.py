@@ -1,11 +1,10 @@
-"""Outlines in the plane, in mm, as lists of strips: cam, roller, stem, guide."""
+"""Outlines in the plane, in mm, as lists of strips: circles, stems, faces, arms, bearings."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from cam_rig.dynamics import FloatArray
-from cam_rig.schema.cam import Follower
 
 #: mm in a metre.
 MM = 1e3
@@ -22,24 +21,21 @@ def closed(points: FloatArray) -> FloatArray:
     return np.vstack([points, points[:1]])
 
 
-def follower_strips(follower: Follower, reach: float) -> list[FloatArray]:
-    """Roller (or point) and stem with the roller's centre, or the point, at the origin, mm.
-
-    ``reach`` (m) is the greatest height of that centre, and here the stem's length.
-    """
-    half, top, roller = 0.03 * reach * MM, reach * MM, follower.roller * MM
-    foot = 0.4 * roller if roller else 2.0 * half
-    stem = np.array([[-half, top], [-half, foot], [half, foot], [half, top], [-half, top]])
-    tip = circle(roller) if roller else np.array([[-half, foot], [0.0, 0.0], [half, foot]])
-    return [tip, stem]
+def stem(half: float, foot: float, top: float) -> FloatArray:
+    """``(5, 2)`` box around the y axis from ``foot`` to ``top``; any unit."""
+    return np.array([[-half, top], [-half, foot], [half, foot], [half, top], [-half, top]])
 
 
-def guide_strips(reach: float) -> list[FloatArray]:
-    """The fixed bearing of the stem, above the highest place (m) of the roller's centre, mm."""
-    inner, outer = 0.04 * reach * MM, 0.16 * reach * MM
-    low, high = 1.15 * reach * MM, 1.25 * reach * MM
+def tip(half: float, height: float) -> FloatArray:
+    """``(3, 2)`` knife edge that ends in the origin; any unit."""
+    return np.array([[-half, height], [0.0, 0.0], [half, height]])
+
+
+def bearing(centre: float, inner: float, outer: float, low: float, high: float) -> list[FloatArray]:
+    """Two boxes on either side of x = ``centre``: a guide; any unit."""
     right = np.array([[inner, low], [outer, low], [outer, high], [inner, high], [inner, low]])
-    return [right, right * (-1.0, 1.0)]
+    middle = np.array([centre, 0.0])
+    return [middle + right, middle + right * (-1.0, 1.0)]
 
 
 def turned(points: FloatArray, angle: float) -> FloatArray:

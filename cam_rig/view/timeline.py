@@ -1,6 +1,8 @@
-"""The two timelines of a picture: rig time, and how far the cam has turned."""
+"""The timelines of a picture: rig time, and how far the cam has turned, in three ways."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 import rerun as rr
@@ -11,13 +13,41 @@ from cam_rig.dynamics import FloatArray
 RIG_TIME = "rig_time"
 #: Cam angle in whole degrees, a sequence that runs on from turn to turn.
 CAM_DEGREES = "cam_degrees"
+#: Whole turns of the cam since the start.
+TURN = "turn"
+#: Degrees within the turn, 0 to 359: here turns lie over each other.
+TURN_DEGREES = "turn_degrees"
+
+#: Gives the time columns of rows at times (s) and unwrapped cam angles (rad).
+Times = Callable[[FloatArray, FloatArray], list[rr.TimeColumn]]
 
 
 def time_columns(time: FloatArray, angle: FloatArray) -> list[rr.TimeColumn]:
-    """Both timelines for rows at ``time`` (s) and unwrapped cam ``angle`` (rad)."""
+    """All timelines for rows at ``time`` (s) and unwrapped cam ``angle`` (rad)."""
     nanoseconds = np.rint(time * 1e9).astype("timedelta64[ns]")
-    degrees = np.floor(np.degrees(angle) + 1e-6).astype(np.int64)
+    degrees = _whole_degrees(angle)
+    turn = degrees // 360
     return [
         rr.TimeColumn(RIG_TIME, duration=nanoseconds),
         rr.TimeColumn(CAM_DEGREES, sequence=degrees),
+        rr.TimeColumn(TURN, sequence=turn),
+        rr.TimeColumn(TURN_DEGREES, sequence=degrees - 360 * turn),
     ]
+
+
+def set_times(stream: rr.RecordingStream, time_ns: int, angle: float) -> None:
+    """Let single rows that are logged next be at a rig time and an unwrapped angle (rad)."""
+    degrees = int(_whole_degrees(np.array([angle]))[0])
+    stream.set_time(RIG_TIME, duration=np.timedelta64(time_ns, "ns"))
+    stream.set_time(CAM_DEGREES, sequence=degrees)
+    stream.set_time(TURN, sequence=degrees // 360)
+    stream.set_time(TURN_DEGREES, sequence=degrees % 360)
+
+
+def within_turn(_time: FloatArray, angle: FloatArray) -> list[rr.TimeColumn]:
+    """The angle within the turn alone, for turns that are to lie over each other."""
+    return [rr.TimeColumn(TURN_DEGREES, sequence=_whole_degrees(angle) % 360)]
+
+
+def _whole_degrees(angle: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    return np.floor(np.degrees(angle) + 1e-6).astype(np.int64)

@@ -1,20 +1,41 @@
-"""The Rerun viewer as a child that ends with us."""
+"""The Rerun viewer as a child that ends with us: in a window, or as a server for a browser."""
 
 from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from cam_rig.errors import CamRigError
 
-ADVICE = "use --save FILE.rrd and open the file where there is a screen, with: rerun FILE.rrd"
-#: ``python -m rerun_cli`` would lose the viewer's exit code.
-COMMAND = "import sys; from rerun_cli.__main__ import main; sys.exit(main())"
-#: A viewer of its own, that nobody else on the network can send to.
-OPTIONS = ("--new", "--bind", "127.0.0.1", "--hide-welcome-screen")
+ADVICE = (
+    "use --web for a browser, or --save FILE.rrd and open the file where there is a screen, "
+    "with: rerun FILE.rrd"
+)
+#: Becomes the viewer itself, which the kernel ends with us however we end (PR_SET_PDEATHSIG).
+COMMAND = """
+import ctypes, os, signal, sys
+from pathlib import Path
+from rerun_cli import __main__ as cli
+if sys.platform != "linux":
+    sys.exit(cli.main())
+ctypes.CDLL(None).prctl(1, signal.SIGTERM)
+viewer = str(Path(cli.__file__).parent / "rerun")
+os.execv(viewer, [viewer, *sys.argv[1:]])
+"""
+#: Only this machine is served.
+HOST = "127.0.0.1"
+OPTIONS = ("--bind", HOST, "--hide-welcome-screen")
+#: Wall time (s) that the viewer has to listen.
+PATIENCE = 30.0
+#: The viewer reports no usage where CI is set. Its own switch would change the user's settings.
+SILENT = {"RUST_LOG": "error", "CI": "1"}
 
 
 def require_display() -> None:
@@ -36,17 +57,79 @@ def show(path: Path) -> None:
     ------
     CamRigError : the viewer failed
     """
-    process = subprocess.Popen(
-        [sys.executable, "-c", COMMAND, *OPTIONS, str(path)],
-        stdin=subprocess.DEVNULL,
-        env={"RUST_LOG": "error"} | os.environ,
-        start_new_session=True,  # the viewer is a child of this child: end both at once
-    )
-    try:
-        code = process.wait()
-    except BaseException:
-        os.killpg(process.pid, signal.SIGTERM)
-        process.wait()
-        raise
+    with child("--new", str(path)) as process:
+        wait(process)
+
+
+def wait(process: subprocess.Popen[bytes]) -> None:
+    """Wait until the viewer is closed.
+
+    Raises
+    ------
+    CamRigError : it failed
+    """
+    code = process.wait()
     if code != 0:
         raise CamRigError(f"the viewer ended with code {code}, see above; {ADVICE}")
+
+
+@contextmanager
+def child(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A viewer that is ended with the context."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", COMMAND, *OPTIONS, *arguments],
+        stdin=subprocess.DEVNULL,
+        env=os.environ | SILENT,
+        start_new_session=True,  # Ctrl-C reaches us alone; we end it and its children
+    )
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGTERM)
+        process.wait()
+
+
+@contextmanager
+def listening(*arguments: str, ports: tuple[int, ...]) -> Iterator[subprocess.Popen[bytes]]:
+    """A viewer that can be reached at all of its ports.
+
+    Raises
+    ------
+    CamRigError : it ended, or does not listen
+    """
+    with child(*arguments) as process:
+        deadline = time.monotonic() + PATIENCE
+        while not all(_open(port) for port in ports):
+            if process.poll() is not None:
+                raise CamRigError(f"the viewer ended with code {process.returncode}; {ADVICE}")
+            if time.monotonic() > deadline:
+                raise CamRigError(f"the viewer does not listen after {PATIENCE:g} s; {ADVICE}")
+            time.sleep(0.05)
+        yield process
+
+
+@contextmanager
+def window() -> Iterator[tuple[subprocess.Popen[bytes], str]]:
+    """An empty viewer, and the address at which it takes the picture of a live run."""
+    port = free_port()
+    with listening("--port", str(port), "--expect-data-soon", ports=(port,)) as process:
+        yield process, stream_address(port)
+
+
+def free_port() -> int:
+    """A port of this machine that nobody listens at."""
+    with socket.socket() as listener:
+        listener.bind((HOST, 0))
+        return int(listener.getsockname()[1])
+
+
+def stream_address(port: int) -> str:
+    """Where a live run sends its picture."""
+    return f"rerun+http://{HOST}:{port}/proxy"
+
+
+def _open(port: int) -> bool:
+    with socket.socket() as caller:
+        caller.settimeout(0.5)
+        return caller.connect_ex((HOST, port)) == 0

@@ -22,7 +22,7 @@ from cam_rig.dynamics import NS, FloatArray
 from cam_rig.experiment.program import CamState, cam_states
 from cam_rig.experiment.stage import Stage, open_stage
 from cam_rig.experiment.sweep import FollowerBench, MicrophoneBench
-from cam_rig.profile import contour, turn_angles
+from cam_rig.profile import contours
 from cam_rig.view.recording import save_recording
 
 SCENE = """
@@ -49,6 +49,7 @@ class SmallBag:
     rows: list[FloatArray] = field(default_factory=list)
     angles: list[FloatArray] = field(default_factory=list)
     levels: list[tuple[int, float]] = field(default_factory=list)
+    pressures: list[float] = field(default_factory=list)
     profiles: dict[str, FloatArray] = field(default_factory=dict)
 
     @property
@@ -100,6 +101,10 @@ class Messages:
         polygon = self.new("geometry_msgs/msg/Polygon", points=corners)
         return self.new(topics.PROFILE.type, header=self.header(0, cam), polygon=polygon)
 
+    def pressure(self, time_ns: int, value: float) -> Any:
+        header = self.header(time_ns, "microphone")
+        return self.new(topics.PRESSURE.type, header=header, fluid_pressure=value, variance=0.0)
+
     def number(self, value: float) -> Any:
         return self.new(topics.LEVEL.type, data=value)
 
@@ -122,9 +127,7 @@ def make_bag(folder: Path, config: Path, leave_out: tuple[Topic, ...] = ()) -> S
         for path in stage.files:
             writer.attach(f"{path.parent.name}/{path.name}", path.read_bytes())
         for name, cam in stage.cams.items():
-            roller = cam.follower.roller
-            pitch = cam.follower.base_radius.si + roller
-            made.profiles[name] = contour(stage.laws[name], pitch, roller, turn_angles(360)).T
+            made.profiles[name] = contours(cam.follower, stage.laws[name], 360)[0].points.T
             write(topics.PROFILE, 0, messages.profile(name, made.profiles[name]))
         follower, microphone = FollowerBench.of(stage), MicrophoneBench.of(stage)
         last: CamState | None = None
@@ -133,13 +136,17 @@ def make_bag(folder: Path, config: Path, leave_out: tuple[Topic, ...] = ()) -> S
             turned = follower.turn_to(state)
             if turned is not None and last is not None:
                 rows = turned[1].rows
-                level = float(level_db(microphone.listen(rows, last.speed)))
+                pressure = microphone.listen(rows, last.speed)
+                level = float(level_db(pressure))
                 made.rows.append(rows)
                 made.angles.append(last.angle + last.speed * (rows[0] - last.time_ns / NS))
                 made.levels.append((state.time_ns, level))
+                made.pressures.append(pressure)
                 block = messages.array(*encode_block(rows))
                 write(topics.FOLLOWER_SAMPLES, state.time_ns, block)
                 write(topics.LEVEL, state.time_ns, messages.number(level))
+                heard = messages.pressure(state.time_ns, pressure)
+                write(topics.PRESSURE, state.time_ns, heard)
             last = state
     return made
 
@@ -177,6 +184,11 @@ class Picture:
         self._batches: dict[str, list[Any]] = {}
         for chunk in RrdReader(path).stream().to_chunks():
             self._batches.setdefault(chunk.entity_path, []).append(chunk.to_record_batch())
+
+    @property
+    def entities(self) -> set[str]:
+        """All entities, each with a slash before it."""
+        return set(self._batches)
 
     def column(self, entity: str, name: str) -> list[Any]:
         """Every value of a column, as plain data, in the order sent."""

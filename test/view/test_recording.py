@@ -11,7 +11,7 @@ from cam_rig.bag import topics
 from cam_rig.dynamics import NS
 from cam_rig.errors import BagError, CamRigError
 from cam_rig.view import recording
-from cam_rig.view.recording import WHOLE_BELOW, bucket_for, save_recording
+from cam_rig.view.recording import WHOLE_BELOW, Wish, bucket_for, save_recording
 from cam_rig.view.series import FORCE, LANDING, LEVEL, LIFT, SPEED, ZERO
 
 from .conftest import Picture, SmallBag, make_bag
@@ -75,14 +75,14 @@ def test_a_long_run_keeps_its_peaks(
         for rows in bag.rows:
             for peak in (rows[row].max(), rows[row].min()):
                 assert np.isclose(values, peak * line.factor, rtol=1e-12).any()
-    save_recording(bag.path, tmp_path / "all.rrd", all_samples=True)
+    save_recording(bag.path, tmp_path / "all.rrd", Wish(all_samples=True))
     assert Picture(tmp_path / "all.rrd").time(LIFT.entity).size == bag.samples.shape[1]
 
 
 def test_only_a_long_run_is_thinned() -> None:
-    """Below two million samples all are shown; above, some half a million a line."""
-    assert bucket_for(WHOLE_BELOW - 1) == 1
-    assert bucket_for(6_314_142) == 26
+    """Below a million samples all are shown; above, some half a million a line."""
+    assert bucket_for(WHOLE_BELOW - 1, WHOLE_BELOW) == 1
+    assert bucket_for(6_314_142, WHOLE_BELOW) == 26
 
 
 def test_every_tick_is_reported(bag: SmallBag, tmp_path: Path) -> None:

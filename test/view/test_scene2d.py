@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import FloatArray
-from cam_rig.view.scene2d import CAM, CONTOUR, FOLLOWER, FRAMES_PER_TURN, frame_mask
+from cam_rig.view.scene2d import FRAMES_PER_TURN, frame_mask
 from cam_rig.view.shapes import turned
 
 from .conftest import Picture, SmallBag
+
+CAM, FOLLOWER, CONTOUR = "scene/rig/cam", "scene/rig/follower", "scene/rig/cam/contour"
 
 
 def gap(point: FloatArray, outline: FloatArray) -> float:
@@ -77,3 +79,45 @@ def test_frames_come_at_equal_angles_across_blocks() -> None:
     assert whole.sum() == 2 * FRAMES_PER_TURN
     np.testing.assert_array_equal(whole, cut)
     assert frame_mask(angle[::500], 500 * step).all()
+
+
+def test_the_gap_is_drawn_in_flight_and_nowhere_else(bag: SmallBag, picture: Picture) -> None:
+    """From the point the cam would touch straight up by lift minus law; none in contact."""
+    strips = picture.column("scene/rig/gap", "LineStrips2D:strips")
+    sample = np.abs(bag.samples[0][:, None] - picture.time("scene/rig/gap")).argmin(axis=0)
+    flies = bag.samples[4, sample] == 0.0
+    assert [len(row) for row in strips] == flies.astype(int).tolist()
+    assert 10 < flies.sum() < 0.5 * flies.size
+    half = bag.samples.shape[1] // 2
+    for row, i in zip(strips, sample, strict=True):
+        if row:
+            law = list(bag.stage.laws.values())[int(i >= half)]
+            (x0, y0), (x1, y1) = row[0]
+            gap = bag.samples[1, i] - float(law(bag.angle[i]))
+            assert x1 == pytest.approx(x0, abs=1e-4)
+            assert y1 - y0 == pytest.approx(gap * 1e3, abs=1e-3)
+
+
+def test_the_arrow_is_the_contact_force(bag: SmallBag, picture: Picture) -> None:
+    """Its height is the force to one scale, it leans with the pressure angle, none in flight."""
+    vectors = picture.column("scene/rig/force", "Arrows2D:vectors")
+    origins = picture.column("scene/rig/force", "Arrows2D:origins")
+    sample = np.abs(bag.samples[0][:, None] - picture.time("scene/rig/force")).argmin(axis=0)
+    force = bag.samples[4, sample]
+    assert [len(row) for row in vectors] == (force != 0.0).astype(int).tolist()
+    half = bag.samples.shape[1] // 2
+    touching = [k for k, row in enumerate(vectors) if row and sample[k] < half]
+    height = np.array([vectors[k][0][1] for k in touching])
+    scale = height / force[sample < half][[k for k in touching]]
+    np.testing.assert_allclose(scale, scale[0], rtol=1e-5)
+    law = bag.stage.laws["poly345"]
+    config = bag.stage.cams["poly345"].follower
+    for k in touching[::20]:
+        angle = bag.angle[sample[k]]
+        distance = config.base_radius.si + config.roller + float(law(angle))
+        slope = -float(law(angle, 1)) / distance
+        x, y = vectors[k][0]
+        assert x / y == pytest.approx(slope, abs=1e-5)
+        lean = np.array([x, y]) / np.hypot(x, y)
+        centre = np.array(origins[k][0]) + config.roller * 1e3 * lean
+        np.testing.assert_allclose(centre, [0.0, distance * 1e3], atol=1e-3)

@@ -45,7 +45,7 @@ def test_the_viewer_gets_the_file_and_listens_to_nobody_else(
     )
     viewer.show(tmp_path / "a.rrd")
     assert said.read_text().endswith(
-        f"'--bind', '127.0.0.1', '--hide-welcome-screen', '{tmp_path / 'a.rrd'}']"
+        f"'--bind', '127.0.0.1', '--hide-welcome-screen', '--new', '{tmp_path / 'a.rrd'}']"
     )
 
 
@@ -69,3 +69,23 @@ def test_saving_needs_no_screen_and_tells_path_and_size(bag: SmallBag, tmp_path:
     assert second.exit_code == 1
     assert "exists already" in second.stderr
     assert CliRunner().invoke(app, [*command, "--force"]).exit_code == 0
+
+
+def test_the_viewer_reports_no_usage(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Rerun keeps quiet where CI is set, and the user's own settings are not touched."""
+    said = tmp_path / "said"
+    monkeypatch.delenv("CI", raising=False)
+    words = f"import os; open({str(said)!r}, 'w').write(os.environ['CI'])"
+    monkeypatch.setattr(viewer, "COMMAND", words)
+    viewer.show(tmp_path / "a.rrd")
+    assert said.read_text() == "1"
+
+
+def test_a_speed_that_was_not_run_cannot_be_compared(bag: SmallBag, tmp_path: Path) -> None:
+    """The message names the speeds that can, and nothing is written."""
+    path = tmp_path / "a.rrd"
+    command = [str(bag.path), "--save", str(path), "--layout", "compare", "--rpm", "500"]
+    result = CliRunner().invoke(app, command)
+    assert result.exit_code == 2
+    assert "500 rpm: the scene has no such speed; allowed: 300, 700" in result.stderr
+    assert not path.exists()

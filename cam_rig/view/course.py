@@ -1,0 +1,98 @@
+"""The run as it went: the moving picture, the time series, bars and words, on every timeline."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import rerun as rr
+
+from cam_rig.dynamics import NS, FloatArray
+from cam_rig.experiment.program import CamState
+from cam_rig.experiment.stage import Stage
+from cam_rig.view import colours
+from cam_rig.view.bands import band_numbers, bars, third_octaves
+from cam_rig.view.scene2d import Scene2D, frame_mask
+from cam_rig.view.timeline import set_times, time_columns
+from cam_rig.view.traces import Traces
+from cam_rig.view.turns import TurnCollector
+
+EVENTS, BANDS = "events", "bands"
+
+
+class Course:
+    """Draws a run tick by tick.
+
+    Parameters
+    ----------
+    bucket : samples of which the least and the greatest are kept, 1 for all
+    """
+
+    def __init__(self, stream: rr.RecordingStream, stage: Stage, bucket: int) -> None:
+        self._stream, self._stage, self._rate = stream, stage, stage.scene.sample_rate.si
+        self._scene, self._traces = Scene2D(stream, stage), Traces(stream, stage, bucket)
+        self._turns = TurnCollector(stage.scene.program.ticks_per_turn)
+        self._last: CamState | None = None
+        silence = np.zeros(band_numbers(self._rate).size)
+        self._show_bands(CamState(0, 0.0, 0.0, ""), bars(silence, self._rate, colours.BANDS))
+
+    def tick(
+        self,
+        start: CamState,
+        end: CamState,
+        angle: FloatArray,
+        rows: FloatArray,
+        profile: FloatArray,
+    ) -> None:
+        """Draw one tick: unwrapped cam ``angle`` (rad), ``(6, n)`` rows, the cam's contour."""
+        self._change(start, profile)
+        time, lift, _, _, force, impulse = rows
+        self._traces.tick(start, end, angle, rows)
+        frame = frame_mask(angle, start.until(end).mean_speed / self._rate)
+        if frame.any():
+            self._scene.frames(time[frame], angle[frame], lift[frame], force[frame])
+        landed = impulse > 0.0
+        words = [f"landing, {value:.3g} N·s" for value in impulse[landed]]
+        self._say(time[landed], angle[landed], words, "WARN")
+        if not start.holds_until(end):
+            return
+        self._turns.add(start, angle, rows)
+        turn = self._turns.turn()
+        if turn is not None:
+            bands = third_octaves(self._stage.radiation, turn.rows[4], turn.rows[5], self._rate)
+            self._show_bands(end, rr.BarChart(bands))
+
+    def level(self, end: CamState, level: float) -> None:
+        """Draw the level (dB) of the tick that ended with a state."""
+        self._traces.level(end, level)
+
+    def close(self, end: CamState) -> None:
+        """Draw the last speed up to the end of the run."""
+        if self._last is not None:
+            self._traces.stop(end, self._last.speed)
+
+    def flush(self) -> None:
+        """Send what was collected so far."""
+        self._traces.flush()
+        self._scene.flush()
+
+    def _show_bands(self, at: CamState, chart: rr.BarChart) -> None:
+        """As a row, for Rerun takes no columns of bars; it gathers rows by itself."""
+        set_times(self._stream, at.time_ns, at.angle)
+        self._stream.log(BANDS, chart)
+
+    def _change(self, state: CamState, profile: FloatArray) -> None:
+        """What changes with the cam or the speed."""
+        last, self._last = self._last, state
+        if last is not None and (state.cam, state.speed) == (last.cam, last.speed):
+            return
+        if last is None or state.cam != last.cam:
+            self._scene.mount(state, profile)
+        words = f"{self._stage.cams[state.cam].title}, {state.speed * 30.0 / math.pi:.0f} rpm"
+        self._scene.label(state, words)
+        self._say(np.array([state.time_ns / NS]), np.array([state.angle]), [words], "INFO")
+
+    def _say(self, time: FloatArray, angle: FloatArray, words: list[str], level: str) -> None:
+        if words:
+            columns = rr.TextLog.columns(text=words, level=[level] * len(words))
+            self._stream.send_columns(EVENTS, time_columns(time, angle), columns)

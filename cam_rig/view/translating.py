@@ -1,0 +1,77 @@
+"""A follower in a guide: roller, edge or face."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cam_rig.dynamics import FloatArray
+from cam_rig.view.follower_shape import FollowerShape, size
+from cam_rig.view.shapes import bearing, circle, stem, tip
+
+
+@dataclass(frozen=True)
+class Translating(FollowerShape):
+    """A point, roller or face in a guide along y, which may run past the cam's axis."""
+
+    @property
+    def offset(self) -> float:
+        """The guide's x."""
+        return size(self.config, "eccentricity")
+
+    @property
+    def inclination(self) -> float:
+        """How far a face is turned from square to the guide, counterclockwise."""
+        return size(self.config, "inclination")
+
+    @property
+    def lowest(self) -> float:
+        """Height of the place at no lift."""
+        base = self.config.base_radius.si
+        if self.face:
+            tilt = self.inclination
+            return (base + self.offset * math.sin(tilt)) / math.cos(tilt)
+        return math.sqrt((base + self.config.roller) ** 2 - self.offset**2)
+
+    def place(self, lift: FloatArray) -> FloatArray:
+        """On the guide's line."""
+        return np.column_stack([np.full_like(lift, self.offset), self.lowest + lift])
+
+    def turn(self, lift: FloatArray) -> FloatArray:
+        """It never turns."""
+        return np.zeros_like(lift)
+
+    def origin(self, lift: FloatArray) -> FloatArray:
+        """The place itself."""
+        return self.place(lift)
+
+    def instant_centre(self, slope: FloatArray) -> FloatArray:
+        """(s', 0)."""
+        return np.column_stack([slope, np.zeros_like(slope)])
+
+    def upward(self, lift: FloatArray) -> FloatArray:
+        """Along the guide."""
+        return np.column_stack([np.zeros_like(lift), np.ones_like(lift)])
+
+    def normal_of_face(self, lift: FloatArray) -> FloatArray:
+        """Square to the face."""
+        tilt = np.full_like(lift, self.inclination)
+        return np.column_stack([-np.sin(tilt), np.cos(tilt)])
+
+    def outline(self) -> list[FloatArray]:
+        """Roller, edge or face, and the stem."""
+        top, roller = self.reach, self.config.roller
+        half = 0.03 * top
+        if self.face:
+            along = np.array([math.cos(self.inclination), math.sin(self.inclination)])
+            return [np.outer([-0.9 * top, 0.9 * top], along), stem(half, 0.0, top)]
+        if roller:
+            return [circle(roller), stem(half, 0.4 * roller, top)]
+        return [tip(half, 2.0 * half), stem(half, 2.0 * half, top)]
+
+    def support(self) -> list[FloatArray]:
+        """The bearing of the stem, above the highest place."""
+        top = self.reach
+        return bearing(self.offset, 0.04 * top, 0.16 * top, 1.15 * top, 1.25 * top)

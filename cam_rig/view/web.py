@@ -1,0 +1,123 @@
+"""Rerun's web viewer on this machine alone: nothing is asked of, or told to, any other.
+
+The viewer's own page loads a font, asks for a newer version and reports its use. This server
+hands the same page on with a guard before all of its code: a request to another host is answered
+on the spot with nothing, and the browser is told to let none out.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import threading
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from urllib.parse import quote, urlsplit
+
+from cam_rig.view.viewer import HOST, free_port, listening, stream_address
+
+#: A viewer that keeps nothing from one visit to the next.
+QUERY = "?hide_welcome_screen&persist=0&notebook=0&renderer=webgl&url="
+GUARD = """<script>
+const ask = window.fetch;
+window.fetch = (what, how) => {
+  const url = new URL(what instanceof Request ? what.url : what, location.href);
+  const here = url.hostname === location.hostname;
+  return here ? ask(what, how) : Promise.resolve(new Response(null, { status: 204 }));
+};
+</script>"""
+POLICY = (
+    "default-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
+    f"connect-src 'self' blob: data: http://{HOST}:*"
+)
+OUTSIDE = re.compile(rb'<link[^>]*"https://[^>]*>')
+
+
+@contextmanager
+def serve_file(path: Path) -> Iterator[str]:
+    """The address at which a browser shows a recording, as long as the context lasts."""
+    with _pages(free_port(), path) as address:
+        yield address
+
+
+@contextmanager
+def serve_live() -> Iterator[tuple[str, str]]:
+    """The address for a browser, and the one to which a live run sends its picture."""
+    port = free_port()
+    with _pages(port, None) as address:
+        yield address, stream_address(port)
+
+
+@contextmanager
+def _pages(port: int, path: Path | None) -> Iterator[str]:
+    assets = free_port()
+    arguments = ("--serve-web", "--port", str(port), "--web-viewer-port", str(assets))
+    with listening(*arguments, ports=(port, assets)):
+        server = _Server(assets, port, path)
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        try:
+            yield f"{server.origin}/"
+        finally:
+            server.shutdown()
+            server.server_close()
+
+
+class _Server(ThreadingHTTPServer):
+    daemon_threads = True
+
+    def __init__(self, assets: int, port: int, path: Path | None) -> None:
+        super().__init__((HOST, 0), _Handler)
+        self.assets, self.path = f"http://{HOST}:{assets}", path
+        self.origin = f"http://{HOST}:{self.server_address[1]}"
+        self.data = stream_address(port) if path is None else f"{self.origin}/{quote(path.name)}"
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: _Server
+
+    def do_GET(self) -> None:
+        """The recording, or the viewer; without a question, the way to what is shown."""
+        asked, recording = urlsplit(self.path), self.server.path
+        if asked.path == "/" and not asked.query:
+            self.send_response(302)
+            self.send_header("Location", f"/{QUERY}{quote(self.server.data, safe='')}")
+            self.end_headers()
+        elif recording is not None and asked.path == f"/{quote(recording.name)}":
+            self._recording(recording)
+        else:
+            self._viewer(asked.path)
+
+    def _recording(self, path: Path) -> None:
+        try:
+            stream = path.open("rb")
+        except OSError:
+            return self.send_error(404)
+        with stream, suppress(ConnectionError):  # a page may be closed while it loads
+            self._head("application/octet-stream", path.stat().st_size)
+            shutil.copyfileobj(stream, self.wfile)
+
+    def _viewer(self, path: str) -> None:
+        """A part of Rerun's own viewer."""
+        try:
+            with urllib.request.urlopen(self.server.assets + path) as answer:
+                kind, body = answer.headers.get_content_type(), answer.read()
+        except urllib.error.HTTPError as error:
+            return self.send_error(error.code)
+        if kind == "text/html":
+            body = OUTSIDE.sub(b"", body).replace(b"<head>", b"<head>" + GUARD.encode(), 1)
+        self._head(kind, len(body))
+        self.wfile.write(body)
+
+    def _head(self, kind: str, size: int) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(size))
+        self.send_header("Content-Security-Policy", POLICY)
+        self.end_headers()
+
+    def log_message(self, *_words: object) -> None:
+        """Say nothing: a terminal shows the run, not the browser's questions."""

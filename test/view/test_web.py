@@ -1,0 +1,82 @@
+"""The page server: the recording, Rerun's own viewer behind a guard, and nothing else."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from cam_rig.view.viewer import HOST
+from cam_rig.view.web import serve_file, serve_live
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    path = tmp_path_factory.mktemp("web") / "a run.rrd"
+    path.write_bytes(b"RRF2 of a kind")
+    with serve_file(path) as address:
+        yield address
+
+
+def get(address: str) -> tuple[str, bytes, str]:
+    with urllib.request.urlopen(address, timeout=20) as answer:
+        policy = answer.headers["Content-Security-Policy"]
+        return answer.url, answer.read(), policy
+
+
+def test_the_short_address_leads_to_the_recording(page: str) -> None:
+    """It is on this machine alone, and so is the recording it names."""
+    assert page.startswith(f"http://{HOST}:")
+    url, body, policy = get(page)
+    found = re.search("url=(.*)", url)
+    assert found is not None
+    recording = urllib.request.unquote(found[1])  # type: ignore[attr-defined]
+    assert recording.startswith(page)
+    assert get(recording)[1] == b"RRF2 of a kind"
+    assert b'"https://fonts' not in body
+    assert body.index(b"window.fetch = ") < body.index(b"re_viewer.js")
+    assert f"connect-src 'self' blob: data: http://{HOST}:*" in policy
+
+
+def test_the_viewers_own_files_are_handed_on(page: str) -> None:
+    """Code and WebAssembly come through; what there is not is not found."""
+    assert b"wasm" in get(f"{page}re_viewer.js")[1]
+    assert get(f"{page}re_viewer_bg.wasm")[1].startswith(b"\0asm")
+    with pytest.raises(urllib.error.HTTPError, match="404"):
+        get(f"{page}../../etc/passwd")
+
+
+def test_a_live_page_names_the_stream() -> None:
+    """The page asks the viewer's own server on this machine for the run."""
+    with serve_live() as (page, address):
+        assert address.startswith(f"rerun+http://{HOST}:")
+        assert urllib.request.quote(address, safe="") in get(page)[0]  # type: ignore[attr-defined]
+
+
+def test_the_viewer_ends_with_a_killed_server(tmp_path: Path) -> None:
+    """kill -9 of the command: the kernel ends the viewer behind it."""
+    path = tmp_path / "a.rrd"
+    path.write_bytes(b"")
+    serve = (
+        "import sys, time; from pathlib import Path; from cam_rig.view.web import serve_file\n"
+        "with serve_file(Path(sys.argv[1])) as address: print(address, flush=True); time.sleep(60)"
+    )
+    command = [sys.executable, "-c", serve, str(path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+        assert server.stdout is not None
+        assert server.stdout.readline().startswith("http")
+        viewers = Path(f"/proc/{server.pid}/task/{server.pid}/children").read_text().split()
+        assert len(viewers) == 1
+        server.kill()
+    for _ in range(100):
+        if not Path(f"/proc/{viewers[0]}").exists():
+            break
+        time.sleep(0.05)
+    assert not Path(f"/proc/{viewers[0]}").exists()
