@@ -9,7 +9,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 # A sourced ROS installation must not leak into .venv.
 unexport PYTHONPATH
 
-.PHONY: help setup run view test bench lock clean
+.PHONY: help setup run view pictures test bench lock clean
 
 help: ## list these targets
 	@sed -nE 's/^([a-z]+):[^#]*## (.*)/  make \1\t\2/p' Makefile | expand -t 15
@@ -21,6 +21,11 @@ run: setup ## run the TM21 noise sweep, then analyse its bag
 
 view: setup ## show the newest bag in Rerun
 	@$(BIN)/cam-rig view
+
+pictures: setup ## run the sweep, and draw the pictures in docs/ from its bag
+	@rm -rf out/pictures
+	@$(BIN)/cam-rig run --bag out/pictures
+	@$(BIN)/cam-rig pictures out/pictures
 
 test: setup ## lint, types, import rules, tests
 	$(BIN)/ruff check

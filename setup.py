@@ -5,19 +5,32 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = "cam_rig"
-NODES = ["law_server", "cam_drive", "follower", "microphone", "recorder"]
+NODES = [
+    "law_server",
+    "cam_drive",
+    "follower",
+    "microphone",
+    "recorder",
+    "player",
+    "viewer",
+]
 
 # package.xml declares the same dependencies by their rosdep keys.
 RUNTIME = [
+    "PyOctaveBand>=2",
+    "ezdxf",
+    "jinja2",
     "matplotlib",
     "mcap",
     "numpy",
+    "pillow",
     "pydantic>=2",
     "ruamel.yaml",
     "rerun-sdk",
     "rich",
     "rosbags",
     "scipy",
+    "shapely>=2",
     "typer",
 ]
 # Only for a plain Python; where ROS 2 is installed, these come from it.
@@ -39,6 +52,7 @@ TEST = [
     "import-linter",
     "mpmath",
     "mypy",
+    "playwright",
     "pytest",
     "pytest-timeout",
     "ruff",
@@ -68,7 +82,7 @@ setup(
     maintainer_email="cam_rig@example.org",
     python_requires=">=3.11,<3.14",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "bench/reference/*.json"]},
+    package_data={NAME: ["py.typed", "bench/reference/*.json", "report/templates/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

@@ -24,6 +24,10 @@ class LawError(CamRigError):
     exit_code = 2
 
 
+class ProfileError(CamRigError):
+    """A cam cannot have this shape: the message gives the angle, the value and the limit."""
+
+
 class DynamicsError(CamRigError):
     """A model was asked for something it cannot give."""
 
@@ -38,3 +42,7 @@ class OutputError(CamRigError):
 
 class RunError(CamRigError):
     """A node of the graph died, or did not answer."""
+
+
+class RefusedError(CamRigError):
+    """A message that cannot be right: it is refused, and its receiver lives on."""

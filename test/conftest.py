@@ -17,6 +17,8 @@ from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
 _DOMAINS = count()
 CONFIG = Path(__file__).parents[1] / "config"
 CAM_NAMES = sorted(path.stem for path in (CONFIG / "cams").glob("*.yaml"))
+#: Cams whose velocity jumps: no follower can stay on them, so no model takes them.
+VELOCITY_JUMPS = {"worked_example_constant_velocity"}
 
 
 @pytest.fixture(scope="session")
@@ -37,9 +39,9 @@ def laws(cams: dict[str, CamConfig]) -> dict[str, Law]:
     return {name: build_law(cam) for name, cam in cams.items()}
 
 
-@pytest.fixture(scope="session", params=CAM_NAMES)
+@pytest.fixture(scope="session", params=[name for name in CAM_NAMES if name not in VELOCITY_JUMPS])
 def law(request: pytest.FixtureRequest, laws: dict[str, Law]) -> Law:
-    """Each shipped law in turn."""
+    """Each shipped law that a follower can follow, in turn."""
     return laws[request.param]
 
 
@@ -59,17 +61,28 @@ def follower(rig: RigConfig) -> FollowerParameters:
 def make_cam() -> Callable[..., CamConfig]:
     """Make a cam of segments; a span is written in degrees, as one number."""
 
-    def make(*segments: dict[str, Any], lift: float = 0.05, name: str = "made") -> CamConfig:
+    def make(
+        *segments: dict[str, Any],
+        lift: float = 0.05,
+        name: str = "made",
+        roller_radius: float | None = None,
+    ) -> CamConfig:
         def quantity(value: Any, unit: str) -> dict[str, Any]:
             return {"assumed": value, "unit": unit}
 
-        units = {"span": "deg", "nose_span": "deg", "ordinates": "1"}
+        ratios = ("ordinates", "knots", "value", "mean", "cosine", "sine")
+        lengths = ("flank_radius", "nose_radius", "tolerance")
+        units = dict.fromkeys(("span", "nose_span", "at"), "deg")
+        units |= dict.fromkeys(ratios, "1") | dict.fromkeys(lengths, "m")
+        follower: dict[str, Any] = {"type": "point", "base_radius": quantity(0.04, "m")}
+        if roller_radius is not None:
+            follower |= {"type": "roller", "roller_radius": quantity(roller_radius, "m")}
         return CamConfig.model_validate(
             {
                 "name": name,
                 "title": "made for a test",
                 "lift": quantity(lift, "m"),
-                "follower": {"type": "point", "base_radius": quantity(0.04, "m")},
+                "follower": follower,
                 "segments": [
                     {k: quantity(v, units[k]) if k in units else v for k, v in segment.items()}
                     for segment in segments
@@ -85,5 +98,6 @@ def ros_domain(monkeypatch: pytest.MonkeyPatch) -> int:
     """A ROS domain of its own for a test, on this machine only."""
     domain = 1 + (os.getpid() + next(_DOMAINS)) % 200
     monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SYSTEM_DEFAULT")
+    monkeypatch.setenv("FASTDDS_DEFAULT_PROFILES_FILE", str(CONFIG / "fastdds_loopback.xml"))
     return domain

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cam_rig.cli.console import check_outputs, console, user_errors
+from cam_rig.cli.console import check_outputs, console, scene_path, user_errors
 from cam_rig.cli.results import show
 
 
@@ -19,6 +19,10 @@ def analyze(
         str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="Write the plot (PNG, SVG, PDF).")] = None,
+    scene: Annotated[
+        str | None,
+        typer.Option(help="Scene that was run, for a bag without one (made by `ros2 bag record`)."),
+    ] = None,
 ) -> None:
     """Read a recorded sweep back and compare its noise with the published regressions.
 
@@ -27,19 +31,24 @@ def analyze(
     cam-rig analyze
 
     cam-rig analyze bags/tm21_sweep_2026-01-31_12-00-00 --plot out/sweep.png --json out/sweep.json
+
+    cam-rig analyze recorded_by_ros2 --scene quick
     """
     with user_errors():
         check_outputs(json_target, plot)
-        analyze_bag(bag or newest_bag(), json_target, plot)
+        path = scene_path(scene) if scene else None
+        analyze_bag(bag or newest_bag(), json_target, plot, path)
 
 
-def analyze_bag(bag: Path, json_target: str | None, plot: Path | None) -> None:
-    """Analyse one bag."""
+def analyze_bag(
+    bag: Path, json_target: str | None, plot: Path | None, scene: Path | None = None
+) -> None:
+    """Analyse one bag, with the scene attached to it unless another is named."""
     from cam_rig.bag.reader import read_recording
     from cam_rig.experiment.noise import compare, require_ticks, step_levels
     from cam_rig.experiment.program import tick_count
 
-    recording = read_recording(bag)
+    recording = read_recording(bag, scene)
     stage = recording.stage
     console.print(f"{bag}: {sum(recording.counts.values())} messages, {len(recording.ticks)} ticks")
     whole = tick_count(stage.scene)

@@ -43,6 +43,27 @@ def scene_path(scene: str) -> Path:
     return config_root() / "scenes" / f"{scene}.yaml"
 
 
+def cam_path(cam: str) -> Path:
+    """A cam by its path, or by its name in ``config/cams``."""
+    path = Path(cam)
+    if path.suffix in (".yaml", ".yml") or path.is_file():
+        return path
+    return config_root() / "cams" / f"{cam}.yaml"
+
+
+def rig_path(rig: str) -> Path:
+    """A rig by its path, or by its name in ``config/rigs``."""
+    path = Path(rig)
+    if path.suffix in (".yaml", ".yml") or path.is_file():
+        return path
+    return config_root() / "rigs" / f"{rig}.yaml"
+
+
+def tables_path() -> Path:
+    """The paper's tables as data."""
+    return config_root() / "published" / "tables" / "paper.yaml"
+
+
 def progress_bar() -> Progress:
     """A bar with ticks done, ticks in all and the time left."""
     columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
@@ -85,8 +106,13 @@ def check_outputs(json_target: str | None, plot: Path | None) -> None:
         raise OutputError(f"{plot}: unknown kind of picture; allowed: {', '.join(PICTURES)}")
     asked = [plot, None if json_target in (None, "-") else Path(str(json_target))]
     for target in (path for path in asked if path is not None):
-        if target.is_dir():
-            raise OutputError(f"{target}: is a folder; allowed: a file")
-        nearest = next(parent for parent in target.absolute().parents if parent.exists())
-        if not (nearest.is_dir() and os.access(nearest, os.W_OK)):
-            raise OutputError(f"{target}: cannot be written, {nearest} is no writable folder")
+        check_place(target)
+
+
+def check_place(target: Path) -> None:
+    """Refuse a place where no file can be written."""
+    if target.is_dir():
+        raise OutputError(f"{target}: is a folder; allowed: a file")
+    nearest = next(parent for parent in target.absolute().parents if parent.exists())
+    if not (nearest.is_dir() and os.access(nearest, os.W_OK)):
+        raise OutputError(f"{target}: cannot be written, {nearest} is no writable folder")

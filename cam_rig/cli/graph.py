@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
-import sys
-import threading
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,38 +13,75 @@ from queue import Empty, Queue
 from types import FrameType, TracebackType
 from typing import Any
 
+from cam_rig.cli.process import NodeProcess, stop_all
+from cam_rig.cli.shared_memory import YOUNG, clean
 from cam_rig.errors import RunError
-from cam_rig.schema.load import config_root
 
-#: Started in this order, ended in the other: who listens must outlive who speaks.
-NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
+#: Started right after the recorder when a run is to be seen, and then waited for.
+VIEWER = "viewer"
 #: Signals that end a run; a closed terminal is one of them.
 STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-#: Wall time (s) a node has to end when asked to, before it is killed.
-GRACE = 10.0
+#: A node that was killed this often is not started again.
+MOST_RESPAWNS = 20
+
+Arguments = dict[str, str | bool | float | list[str]]
+
+
+def live(
+    scene: Path, bag: Path, screen: str | None = None, **drive: str | bool | float
+) -> dict[str, Arguments]:
+    """The nodes of a run, who listens before who speaks, with their parameters.
+
+    ``screen`` is where a viewer takes the picture of the run; None starts no viewer node.
+    """
+    named: Arguments = {"scene": str(scene)}
+    nodes: dict[str, Arguments] = {"recorder": {**named, "bag": str(bag)}}
+    if screen is not None:
+        nodes[VIEWER] = {**named, "address": screen}
+    nodes |= {"microphone": named, "follower": named}
+    waited: Arguments = {"report_progress": True, "consumers": list(nodes)}
+    return nodes | {"law_server": named, "cam_drive": {**named, **waited, **drive}}
+
+
+def replayed(scene: Path, bag: Path, recorded: Path) -> dict[str, Arguments]:
+    """The nodes that hear a recorded drive and law server."""
+    nodes = live(scene, bag)
+    heard = {name: nodes[name] for name in ("recorder", "microphone", "follower")}
+    return heard | {"player": {"bag": str(recorded), "report_progress": True}}
 
 
 class Graph:
-    """The five nodes of one run; a context manager that leaves no process behind.
+    """The nodes of one run; a context manager that leaves no process behind.
 
     Parameters
     ----------
-    scene : the scene's file
-    bag : the folder to record into
+    nodes : parameters by node, the last one being the drive, whose end is the run's
+    respawn : start a node again that was killed, instead of ending the run
+    network : let the nodes be heard in the whole subnet, not on this machine alone
+    say : told what happened, a line at a time
     """
 
-    def __init__(self, scene: Path, bag: Path) -> None:
-        self._scene, self._bag = scene, bag
-        self.processes: dict[str, subprocess.Popen[str]] = {}
-        self._errors: dict[str, list[str]] = {}
+    def __init__(
+        self,
+        nodes: dict[str, Arguments],
+        respawn: bool = False,
+        network: bool = False,
+        say: Callable[[str], None] = lambda _line: None,
+    ) -> None:
+        self._nodes, self._respawn, self._network = nodes, respawn, network
+        self._say, self._last = say, "before the first tick"
+        self.processes: dict[str, NodeProcess] = {}
+        self._respawned = dict.fromkeys(nodes, 0)
         self._lines: Queue[str] = Queue()
         self._handlers: dict[int, Any] = {}
+        self._handover = _memory_folder() if respawn else None
+        self._begun = time.time()
 
     def __enter__(self) -> Graph:
         for number in STOPPING:
             self._handlers[int(number)] = signal.signal(number, _interrupt)
         try:
-            for name in NODES:
+            for name in self._nodes:
                 self._start(name)
         except BaseException:  # interrupted or out of memory: leave no node behind
             self._end()
@@ -64,9 +99,17 @@ class Graph:
     def _end(self) -> None:
         for number in STOPPING:  # a second Ctrl-C must not leave nodes behind
             signal.signal(number, signal.SIG_IGN)
-        *speakers, recorder = [self.processes[n] for n in reversed(NODES) if n in self.processes]
-        _stop(speakers)
-        _stop([recorder])  # last, so that it hears the others to the end
+        speakers = [self.processes[n] for n in reversed(self._nodes) if n in self.processes]
+        recorder = [process for process in speakers if process.name == "recorder"]
+        stop_all([process for process in speakers if process not in recorder])
+        stop_all(recorder)  # last, so that it hears the others to the end
+        if self._handover is not None:
+            self._handover.cleanup()
+        if any(process.was_killed for process in speakers) or any(self._respawned.values()):
+            time.sleep(
+                YOUNG
+            )  # a port that was made anew at the end must not be taken for a new one
+            clean(self._begun)
         for stopping, handler in self._handlers.items():
             signal.signal(stopping, handler)
 
@@ -77,49 +120,50 @@ class Graph:
         ------
         RunError : a node ended before its time, with what it said
         """
+        drive = list(self._nodes)[-1]
         while True:
-            ended = {name: p.poll() for name, p in self.processes.items()}
-            try:
-                while True:
-                    yield json.loads(self._lines.get(timeout=0.05))
-            except Empty:
-                pass
-            dead = [name for name, code in ended.items() if code is not None]
-            if dead == ["cam_drive"] and ended["cam_drive"] == 0:
+            dead = [name for name, process in self.processes.items() if process.has_ended]
+            yield from self._reports()
+            if dead == [drive] and self.processes[drive].code == 0:
                 return
-            if dead:
-                raise RunError(self._obituary(dead[0], ended[dead[0]] or 0))
+            for name in dead:
+                self._mourn(name)
+
+    def _reports(self) -> Iterator[dict[str, float | str]]:
+        try:
+            while True:
+                report = json.loads(self._lines.get(timeout=0.05))
+                self._last = f"after tick {report['tick']} ({report['cam']}, {report['rpm']:g} rpm)"
+                yield report
+        except Empty:
+            pass
+
+    def _mourn(self, name: str) -> None:
+        """Start a killed node again, where that is asked for; else the run is over."""
+        words = f"{self.processes[name].obituary()} {self._last}"
+        again = self._respawn and self.processes[name].was_killed
+        if not again or self._respawned[name] >= MOST_RESPAWNS:
+            said = "" if self.processes[name].was_killed else self.processes[name].last_words()
+            raise RunError(f"node {words}{said and f': {said}'}")
+        self._say(f"node {words}: started again")
+        self._respawned[name] += 1
+        clean(self._begun)
+        self._start(name)
 
     def _start(self, name: str) -> None:
-        arguments: dict[str, str | bool] = {"scene": str(self._scene)}
-        if name == "recorder":
-            arguments["bag"] = str(self._bag)
-        if name == "cam_drive":
-            arguments["report_progress"] = True
-        # as JSON, which is YAML too: a folder called yes or 1e3 stays a text
-        pairs = (f"{key}:={json.dumps(value)}" for key, value in arguments.items())
-        ros = [part for pair in pairs for part in ("-p", pair)]
-        process = subprocess.Popen(
-            [sys.executable, "-m", f"cam_rig.nodes.{name}", "--ros-args", *ros],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            env=environment(),
-            start_new_session=True,  # Ctrl-C reaches us alone; we end them in order
-        )
-        self.processes[name] = process
-        self._errors[name] = []
-        say = self._lines.put if name == "cam_drive" else (lambda _line: None)
-        for stream, take in ((process.stdout, say), (process.stderr, self._errors[name].append)):
-            threading.Thread(target=_drain, args=(stream, take), daemon=True).start()
+        drive = name == list(self._nodes)[-1]
+        arguments = self._nodes[name]
+        if self._handover is not None:
+            arguments = arguments | {"handover": self._handover.name}
+        hear = self._lines.put if drive else (lambda _line: None)
+        self.processes[name] = NodeProcess(name, arguments, self._network, hear)
 
-    def _obituary(self, name: str, code: int) -> str:
-        time.sleep(0.2)  # let its last words arrive
-        words = [line.strip() for line in self._errors[name] if line.strip()]
-        said = words[-1] if words else "it said nothing"
-        how = f"was ended by signal {-code}" if code < 0 else f"ended with code {code}"
-        return f"node {name} {how}: {said}"
+
+def _memory_folder() -> tempfile.TemporaryDirectory[str]:
+    """A folder for handovers, of this user alone, in memory: nodes write to it every tick."""
+    places = [os.environ.get("XDG_RUNTIME_DIR", ""), "/dev/shm"]
+    place = next((p for p in places if p and os.access(p, os.W_OK)), None)
+    return tempfile.TemporaryDirectory(prefix="cam_rig-", dir=place, ignore_cleanup_errors=True)
 
 
 class InterruptError(RunError):
@@ -132,33 +176,3 @@ class InterruptError(RunError):
 
 def _interrupt(number: int, _frame: FrameType | None) -> None:
     raise InterruptError(number)
-
-
-def environment() -> dict[str, str]:
-    """The nodes' environment: no socket leaves this machine unless the user says otherwise."""
-    own = dict(os.environ)
-    # The nodes' matrices are small: threads inside one node only take the cores of the others.
-    for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        own.setdefault(threads, "1")
-    own["CAM_RIG_RUNNER"] = str(os.getpid())
-    own.setdefault("FASTDDS_DEFAULT_PROFILES_FILE", str(config_root() / "fastdds_loopback.xml"))
-    return own
-
-
-def _drain(stream: object, take: Callable[[str], None]) -> None:
-    for line in stream:  # type: ignore[attr-defined]
-        take(line)
-
-
-def _stop(processes: list[subprocess.Popen[str]]) -> None:
-    """Ask all to end, wait for them, and kill who does not."""
-    for process in processes:
-        if process.poll() is None:
-            process.send_signal(signal.SIGINT)
-    deadline = time.monotonic() + GRACE
-    for process in processes:
-        try:
-            process.wait(max(0.1, deadline - time.monotonic()))
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()

@@ -21,47 +21,76 @@ def run(
     analyze: Annotated[
         bool, typer.Option("--analyze", help="Analyse the bag afterwards, with a plot beside it.")
     ] = False,
+    view: Annotated[bool, typer.Option("--view", help="Show it in Rerun while it runs.")] = False,
+    web: Annotated[
+        bool, typer.Option("--web", help="Show it so to a browser on this machine.")
+    ] = False,
+    pacing: Annotated[
+        str, typer.Option(help="Rig time beside wall time: free, real_time, or Nx such as 20x.")
+    ] = "free",
+    respawn: Annotated[
+        bool, typer.Option("--respawn", help="Start a node again that was killed, and go on.")
+    ] = False,
+    network: Annotated[
+        bool, typer.Option("--network", help="Let the subnet hear the nodes; else nobody outside.")
+    ] = False,
 ) -> None:
     """Run a scene through the node graph and record it.
 
-    Five nodes, each its own process, run as fast as the slowest of them and are all ended, on
-    Ctrl-C too. Exit codes: 0 done, 1 a node failed, 2 the scene is wrong, 130 interrupted.
+    Five nodes, each its own process, run as fast as the slowest of them (or at a set pace) and are
+    all ended, on Ctrl-C too. Exit codes: 0 done, 1 a node failed, 2 the scene is wrong, 130
+    interrupted.
 
     Examples
     --------
     cam-rig run
 
     cam-rig run config/scenes/quick.yaml --bag bags/mine --analyze
+
+    cam-rig run --view
+
+    cam-rig run quick --pacing real_time
     """
     with user_errors():
+        from cam_rig.cli.screen import open_screen
         from cam_rig.errors import BagError, RunError
+        from cam_rig.experiment.pacing import factor_of
 
         path = scene_path(scene)
+        factor_of(pacing)
         target = bag or Path(time.strftime(f"bags/{path.stem}_%Y-%m-%d_%H-%M-%S"))
         if target.exists():
             raise BagError(f"{target}: exists already, not overwriting; name another with --bag")
-        try:
-            _run(path, target)
-        except RunError:
-            if target.is_dir():
-                console.print(f"what was recorded so far is in {target}")
-            raise
-        if analyze:
-            from cam_rig.cli.analyze import analyze_bag
+        with open_screen(view, web) as screen:
+            try:
+                _run(path, target, screen.address, pacing, respawn, network)
+            except RunError:
+                _keep(target)
+                raise
+            if analyze:
+                from cam_rig.cli.analyze import analyze_bag
 
-            analyze_bag(target, None, target / "noise.png")
+                analyze_bag(target, None, target / "noise.png")
+            screen.stay()
 
 
-def _run(path: Path, target: Path) -> None:
+def _run(
+    path: Path, target: Path, screen: str | None, pacing: str, respawn: bool, network: bool
+) -> None:
     from cam_rig.bag.complete import require_complete
     from cam_rig.cli.domain import own_domain
-    from cam_rig.cli.graph import Graph
+    from cam_rig.cli.graph import Graph, live
     from cam_rig.experiment.program import tick_count
     from cam_rig.experiment.stage import open_stage
 
     stage = open_stage(path)
     begun = time.perf_counter()
-    with own_domain(), progress_bar() as bar, Graph(path, target) as graph:
+    nodes = live(path, target, screen, pacing=pacing)
+    with (
+        own_domain(),
+        progress_bar() as bar,
+        Graph(nodes, respawn, network, console.print) as graph,
+    ):
         task = bar.add_task("starting the nodes", total=tick_count(stage.scene))
         for report in graph.progress():
             words = f"{report['cam']} {report['rpm']:.0f} rpm"
@@ -69,6 +98,22 @@ def _run(path: Path, target: Path) -> None:
     counts = require_complete(target, stage.scene)
     took = time.perf_counter() - begun
     console.print(
-        f"{tick_count(stage.scene)} ticks, {sum(counts.values())} messages, none missing, "
+        f"{counts['/follower/samples']} ticks, {sum(counts.values())} messages, none missing, "
         f"in {took:.1f} s: {target}"
     )
+
+
+def _keep(target: Path) -> None:
+    """What there is of a bag is left readable, even when the recorder was killed."""
+    from cam_rig.bag.recover import is_torn, recover_in_place
+    from cam_rig.errors import BagError
+
+    if not target.is_dir():
+        return
+    words = "closed"
+    if is_torn(target):
+        try:
+            words = recover_in_place(target).words
+        except BagError as error:
+            words = str(error)
+    console.print(f"what was recorded so far is in {target}: {words}")

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from cam_rig.cli.console import console, progress_bar, user_errors
+from cam_rig.view.layout import Layout
+
+if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
+    from cam_rig.view.recording import Wish
 
 
 def view(
@@ -16,6 +23,17 @@ def view(
     ] = None,
     save: Annotated[
         Path | None, typer.Option(metavar="FILE.rrd", help="Write a file, open no viewer.")
+    ] = None,
+    web: Annotated[
+        bool, typer.Option("--web", help="Serve it to a browser on this machine, open no window.")
+    ] = False,
+    layout: Annotated[
+        Layout,
+        typer.Option(help="For a run, for cams side by side at one speed, or for a report."),
+    ] = Layout.RUN,
+    rpm: Annotated[
+        float | None,
+        typer.Option(help="Speed at which cams are compared; by default the highest."),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file.")] = False,
     all_samples: Annotated[
@@ -26,29 +44,44 @@ def view(
         ),
     ] = False,
 ) -> None:
-    """Show a recorded run: the cam turning, its follower, lift, contact force and sound level.
+    """Show a recorded run: the cam turning, its follower, lift, contact force and sound.
 
-    The viewer stays open until its window is closed, or until Ctrl-C.
+    The viewer stays open until its window is closed, or until Ctrl-C. Nothing leaves this machine.
 
     Examples
     --------
     cam-rig view
 
+    cam-rig view bags/golden --web
+
+    cam-rig view --layout compare --rpm 350
+
     cam-rig view bags/tm21_sweep_2026-01-31_12-00-00 --save out/sweep.rrd
     """
     with user_errors():
         from cam_rig.cli.analyze import newest_bag
+        from cam_rig.view.recording import Wish
+        from cam_rig.view.viewer import require_display, show
 
-        if save is not None:
-            convert(bag or newest_bag(), save, force, all_samples)
-            return
+        wish = Wish(layout, rpm, all_samples)
         try:
-            _show(bag or newest_bag(), all_samples)
+            if save is not None:
+                convert(bag or newest_bag(), save, wish, force)
+                return
+            if not web:
+                require_display()
+            for number in (signal.SIGTERM, signal.SIGHUP):  # end as on Ctrl-C, and tidy up
+                signal.signal(number, signal.default_int_handler)
+            with _converted(bag or newest_bag(), wish) as path:
+                if web:
+                    _serve(path)
+                else:
+                    show(path)
         except KeyboardInterrupt:
             raise typer.Exit(130) from None
 
 
-def convert(bag: Path, path: Path, force: bool, all_samples: bool) -> None:
+def convert(bag: Path, path: Path, wish: Wish, force: bool) -> None:
     """Write the picture of a bag to a file."""
     from cam_rig.bag.reader import read_counts
     from cam_rig.bag.topics import FOLLOWER_SAMPLES
@@ -56,23 +89,24 @@ def convert(bag: Path, path: Path, force: bool, all_samples: bool) -> None:
 
     with progress_bar() as bar:
         task = bar.add_task(bag.name, total=read_counts(bag).get(FOLLOWER_SAMPLES.name, 0))
-        save_recording(
-            bag,
-            path,
-            all_samples=all_samples,
-            overwrite=force,
-            on_tick=lambda: bar.advance(task),
-        )
+        save_recording(bag, path, wish, overwrite=force, on_tick=lambda: bar.advance(task))
     console.print(f"{path}: {path.stat().st_size / 1e6:.1f} MB", soft_wrap=True)
 
 
-def _show(bag: Path, all_samples: bool) -> None:
+@contextmanager
+def _converted(bag: Path, wish: Wish) -> Iterator[Path]:
     from tempfile import TemporaryDirectory
 
-    from cam_rig.view.viewer import require_display, show
-
-    require_display()
     with TemporaryDirectory(prefix="cam_rig_") as folder:
-        path = Path(folder) / f"{bag.name}.rrd"
-        convert(bag, path, force=False, all_samples=all_samples)
-        show(path)
+        path = Path(folder) / f"{bag.resolve().name}.rrd"
+        convert(bag, path, wish, force=False)
+        yield path
+
+
+def _serve(path: Path) -> None:
+    from cam_rig.cli.screen import stay_until_interrupted
+    from cam_rig.view.web import serve_file
+
+    with serve_file(path) as address:
+        print(address, flush=True)
+        stay_until_interrupted()

@@ -1,0 +1,58 @@
+"""cam-rig pictures: the pictures of the documents, from a recorded run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cam_rig.cli.console import console, progress_bar, user_errors, writing
+
+
+def pictures(
+    bag: Annotated[
+        Path | None, typer.Argument(help="Bag to draw; by default the newest in bags/.")
+    ] = None,
+    to: Annotated[Path, typer.Option(help="Folder to write into.")] = Path("docs"),
+) -> None:
+    """Draw a run for the documents: an animation, cams side by side, noise against rpm.
+
+    Files of the same names are replaced. A note beside them says what they were drawn from.
+
+    Examples
+    --------
+    cam-rig pictures
+
+    cam-rig pictures bags/mine --to out
+    """
+    with user_errors():
+        from cam_rig.cli.analyze import newest_bag
+
+        _draw(bag or newest_bag(), to)
+
+
+def _draw(bag: Path, to: Path) -> None:
+    from tempfile import TemporaryDirectory
+
+    from cam_rig.bag.reader import read_counts, read_recording
+    from cam_rig.bag.topics import FOLLOWER_SAMPLES
+    from cam_rig.experiment.noise import compare, step_levels
+    from cam_rig.view import noise_plot
+    from cam_rig.view.album import read_album
+    from cam_rig.view.pictures import draw_pictures
+
+    with progress_bar() as bar:
+        task = bar.add_task(bag.name, total=read_counts(bag).get(FOLLOWER_SAMPLES.name, 0))
+        album = read_album(bag, lambda: bar.advance(task))
+    stage = album.stage
+    levels = step_levels(read_recording(bag).ticks, stage.scene.program.settle_turns.si)
+    result = compare(levels, {cam: stage.role(cam) for cam in levels}, stage.published)
+    with TemporaryDirectory(prefix="cam_rig_") as folder:
+        drawn = draw_pictures(
+            album, lambda path: noise_plot.draw(result, stage, path), Path(folder)
+        )
+        for path in drawn:
+            with writing(to / path.name) as part:
+                part.write_bytes(path.read_bytes())
+            console.print(f"{to / path.name}: {path.stat().st_size / 1e3:.0f} kB", soft_wrap=True)

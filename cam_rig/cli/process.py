@@ -1,0 +1,122 @@
+"""One node as a process: started, listened to, ended."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterable
+
+from cam_rig.schema.load import config_root
+
+#: Wall time (s) a node has to end when asked to, before it is killed.
+GRACE = 10.0
+#: Lines of its errors that are kept.
+MOST_WORDS = 1000
+
+
+class NodeProcess:
+    """A node that runs.
+
+    Parameters
+    ----------
+    name : the node's name, and its module's
+    arguments : its parameters
+    network : see `environment`
+    hear : told each line of its stdout
+    """
+
+    def __init__(
+        self,
+        name: str,
+        arguments: dict[str, str | bool | float | list[str]],
+        network: bool,
+        hear: Callable[[str], None],
+    ) -> None:
+        self.name = name
+        self.words: list[str] = []
+        # as JSON, which is YAML too: a folder called yes or 1e3 stays a text
+        pairs = (f"{key}:={json.dumps(value)}" for key, value in arguments.items())
+        ros = [part for pair in pairs for part in ("-p", pair)]
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", f"cam_rig.nodes.{name}", "--ros-args", *ros],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=environment(network),
+            start_new_session=True,  # Ctrl-C reaches the runner alone, which ends nodes in order
+        )
+        for stream, take in ((self.process.stdout, hear), (self.process.stderr, self._hear_words)):
+            threading.Thread(target=_drain, args=(stream, take), daemon=True).start()
+
+    @property
+    def code(self) -> int | None:
+        """The exit code; None while it runs."""
+        return self.process.poll()
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether it runs no more."""
+        return self.code is not None
+
+    @property
+    def was_killed(self) -> bool:
+        """Whether a signal ended it."""
+        return (self.code or 0) < 0
+
+    def obituary(self) -> str:
+        """How it ended."""
+        code = self.code or 0
+        how = f"was ended by signal {-code}" if code < 0 else f"ended with code {code}"
+        return f"{self.name} {how}"
+
+    def last_words(self) -> str:
+        """The last line it wrote to stderr."""
+        time.sleep(0.2)  # let it arrive
+        words = [line.strip() for line in self.words if line.strip()]
+        return words[-1] if words else "it said nothing"
+
+    def _hear_words(self, line: str) -> None:
+        if len(self.words) < MOST_WORDS:
+            self.words.append(line)
+        else:
+            self.words[-1] = line
+
+
+def stop_all(nodes: list[NodeProcess]) -> None:
+    """Ask all to end, wait for them, and kill who does not."""
+    for node in nodes:
+        if not node.has_ended:
+            node.process.send_signal(signal.SIGINT)
+    deadline = time.monotonic() + GRACE
+    for node in nodes:
+        try:
+            node.process.wait(max(0.1, deadline - time.monotonic()))
+        except subprocess.TimeoutExpired:
+            os.killpg(node.process.pid, signal.SIGKILL)
+            node.process.wait()
+
+
+def environment(network: bool = False) -> dict[str, str]:
+    """The nodes' environment: no socket leaves this machine, unless ``network`` says otherwise."""
+    own = dict(os.environ)
+    # The nodes' matrices are small: threads inside one node only take the cores of the others.
+    for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        own.setdefault(threads, "1")
+    own["CAM_RIG_RUNNER"] = str(os.getpid())
+    if "FASTDDS_DEFAULT_PROFILES_FILE" not in own:
+        profile = "fastdds_subnet.xml" if network else "fastdds_loopback.xml"
+        own["FASTDDS_DEFAULT_PROFILES_FILE"] = str(config_root() / profile)
+        if not network:  # any other range, LOCALHOST too, would replace the profile's transports
+            own["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"
+    return own
+
+
+def _drain(stream: Iterable[str], take: Callable[[str], None]) -> None:
+    for line in stream:
+        take(line)

@@ -1,0 +1,146 @@
+"""cam-rig profile: the cam's shape, checked, drawn, measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cam_rig.cli.console import (
+    cam_path,
+    check_outputs,
+    console,
+    user_errors,
+    write_json,
+    writing,
+)
+
+if TYPE_CHECKING:
+    from cam_rig.cli.profile_files import Request
+    from cam_rig.laws import Law
+    from cam_rig.profile.check import Check
+    from cam_rig.schema import CamConfig
+
+    Found = list[tuple[CamConfig, Law, list[Check]]]
+
+
+Cams = Annotated[list[str] | None, typer.Argument(help="Cam files, or names in config/cams.")]
+Every = Annotated[bool, typer.Option("--all", help="Check every cam of config/cams.")]
+Out = Annotated[
+    Path | None, typer.Option(help="Write the contour: .dxf, .svg or .csv (lengths in mm).")
+]
+Plot = Annotated[Path | None, typer.Option(help="Draw the cam (PNG, SVG, PDF).")]
+Pitch = Annotated[
+    bool, typer.Option("--pitch", help="Write the pitch curve instead of the contour.")
+]
+Cutter = Annotated[
+    float | None,
+    typer.Option(metavar="MM", help="Write the path of a cutter of this radius instead."),
+]
+Tolerance = Annotated[float, typer.Option(metavar="UM", help="Chord error of DXF and SVG, in µm.")]
+Points = Annotated[
+    int, typer.Option(min=36, max=1_000_000, help="Rows of a CSV file, over one turn.")
+]
+Source = Annotated[
+    Path | None,
+    typer.Option("--from", help="Measure this contour (.csv, .dxf) with the cam's follower."),
+]
+Force = Annotated[bool, typer.Option("--force", help="Draw a cam even though it cannot exist.")]
+Json = Annotated[
+    str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")
+]
+
+
+def profile(
+    cams: Cams = None,
+    every: Every = False,
+    out: Out = None,
+    plot: Plot = None,
+    pitch: Pitch = False,
+    cutter: Cutter = None,
+    tolerance: Tolerance = 1.0,
+    points: Points = 3600,
+    source: Source = None,
+    force: Force = False,
+    json_target: Json = None,
+) -> None:
+    """Check a cam's contour: undercut, curvature, pressure angle, reach. Draw it, or measure one.
+
+    The code is 1 when a check fails. With --from the cam's follower is put on the contour of a
+    file and read at every angle; --out then writes that law as CSV.
+
+    Examples
+    --------
+    cam-rig profile --all
+
+    cam-rig profile oscillating_roller --plot out/cam.png
+
+    cam-rig profile conjugate --out out/conjugate.dxf --tolerance 0.5
+
+    cam-rig profile poly345 --cutter 6 --out out/cutter.csv
+
+    cam-rig profile poly345 --from out/cam.dxf --out out/law.csv
+    """
+    with user_errors():
+        from cam_rig.cli import profile_files, profile_report
+
+        check_outputs(json_target, plot)
+        request = profile_files.Request(out, pitch, cutter, tolerance, points, source)
+        found = _checked(_paths(cams or [], every))
+        request.require(len(found), drawing=plot is not None)
+        if source is not None:
+            profile_files.measure(request, found[0][0], found[0][1])
+            return
+        if out is not None or plot is not None:
+            _draw(request, found, plot, force)
+        if json_target is not None:
+            write_json(profile_report.to_json(found), json_target)
+        if out is None and plot is None:
+            profile_report.show(found)
+            if not all(check.passed for _, _, checks in found for check in checks):
+                raise typer.Exit(1)
+
+
+def _draw(request: Request, found: Found, plot: Path | None, force: bool) -> None:
+    from cam_rig.cli import profile_files, profile_report
+
+    cam, law, checks = found[0]
+    profile_report.warn(cam, checks, force)
+    if request.out is not None:
+        profile_files.write(request, cam, law, force)
+    if plot is not None:
+        from cam_rig.view.profile_plot import draw
+
+        with writing(plot) as part:
+            draw(cam, law, checks, part)
+        console.print(f"plot: {plot}", soft_wrap=True)
+
+
+def _paths(cams: list[str], every: bool) -> list[Path]:
+    from cam_rig.errors import ConfigError
+    from cam_rig.schema.load import config_root
+
+    paths = [cam_path(cam) for cam in cams]
+    if every:
+        paths += sorted((config_root() / "cams").glob("*.yaml"))
+    if not paths:
+        raise ConfigError("no cam is named; allowed: cam files, names in config/cams, or --all")
+    return paths
+
+
+def _checked(paths: list[Path]) -> Found:
+    from cam_rig.errors import LawError, ProfileError
+    from cam_rig.laws import build_law
+    from cam_rig.profile.checks import check_cam
+    from cam_rig.schema import load_cam
+
+    found = []
+    for path in paths:
+        cam = load_cam(path)
+        try:
+            law = build_law(cam)
+            found.append((cam, law, check_cam(cam, law)))
+        except (LawError, ProfileError) as error:
+            raise type(error)(f"{path}: {error}") from None
+    return found

@@ -1,0 +1,142 @@
+"""The files of ``cam-rig profile``: contours and paths written, contours measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cam_rig.cli.console import check_outputs, console, writing
+from cam_rig.errors import OutputError
+
+if TYPE_CHECKING:
+    from cam_rig.laws import Law
+    from cam_rig.laws.bernstein import FloatArray
+    from cam_rig.profile.path import Path as Curve
+    from cam_rig.schema import CamConfig
+
+DRAWINGS, TABLES = (".dxf", ".svg"), (".csv",)
+READABLE = (".dxf", ".csv")
+#: Cam angles at which a follower is read on the contour of a file.
+READINGS = 720
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is to be written or read; radius in mm, tolerance in µm."""
+
+    out: Path | None
+    pitch: bool
+    cutter: float | None
+    tolerance: float
+    points: int
+    source: Path | None
+
+    def require(self, cams: int, drawing: bool) -> None:
+        """Refuse, before anything is computed, what does not go together.
+
+        Raises
+        ------
+        OutputError : several cams for one file, an unknown kind of file, no file at all
+        """
+        files = self.out is not None or self.source is not None or drawing
+        if files and cams != 1:
+            raise OutputError(f"{cams} cams for one file; allowed: one cam with --out or --plot")
+        if (self.pitch or self.cutter is not None) and self.out is None:
+            raise OutputError("--pitch and --cutter need --out FILE: they say what is written")
+        if self.pitch and self.cutter is not None:
+            raise OutputError("--pitch and --cutter are two paths; allowed: one of them")
+        if self.cutter is not None and not 0.0 < self.cutter < 1e5:
+            raise OutputError(f"--cutter is {self.cutter:g} mm; allowed: more than 0 mm")
+        if self.source is not None:
+            if drawing or self.pitch or self.cutter is not None:
+                raise OutputError("--from measures; allowed with it: --out FILE.csv for the law")
+            _suffix(self.source, READABLE)
+        if self.out is not None:
+            _suffix(self.out, TABLES if self.source is not None else (*DRAWINGS, *TABLES))
+            check_outputs(str(self.out), None)
+
+
+def _suffix(path: Path, allowed: tuple[str, ...]) -> None:
+    if path.suffix.lower() not in allowed:
+        hint = ""
+        if path.suffix.lower() in (".step", ".stp"):
+            hint = " (no STEP: import the DXF into CAD and extrude it)"
+        raise OutputError(f"{path}: unknown kind of file; allowed: {', '.join(allowed)}{hint}")
+
+
+def write(request: Request, cam: CamConfig, law: Law, force: bool) -> None:
+    """Write the contour, the pitch curve or the cutter's path by the file's suffix."""
+    from cam_rig.drawing import dxf, table
+    from cam_rig.profile.polyline import polyline
+
+    assert request.out is not None
+    curves, tolerance = _curves(request, cam, law, force), request.tolerance * 1e-6
+    kind = request.out.suffix.lower()
+    with writing(request.out) as part:
+        if kind in TABLES:
+            table.write_contour(part, curves, request.points)
+            words = f"{request.points} points"
+        else:
+            lines = {curve.name: polyline(curve, tolerance) for curve in curves}
+            (dxf.write_dxf if kind == ".dxf" else dxf.write_svg)(part, lines)
+            counts = " and ".join(str(line.shape[1]) for line in lines.values())
+            words = f"{counts} points, chord error at most {request.tolerance:g} µm"
+    names = " and ".join(curve.name for curve in curves)
+    console.print(f"{names}: {words}: {request.out}", markup=False, soft_wrap=True)
+
+
+def _curves(request: Request, cam: CamConfig, law: Law, force: bool) -> list[Curve]:
+    from cam_rig.profile import path
+
+    if request.pitch:
+        return path.pitch_paths(cam.follower, law)
+    if request.cutter is None:
+        return path.contour_paths(cam.follower, law)
+    curves = path.cutter_paths(cam.follower, law, request.cutter * 1e-3)
+    if not force:
+        for curve in curves:
+            curve.require_room()
+    return curves
+
+
+def measure(request: Request, cam: CamConfig, law: Law) -> None:
+    """Put the cam's follower on the contour of a file, and compare with the cam's law."""
+    import numpy as np
+
+    from cam_rig.drawing import table
+    from cam_rig.profile import turn_angles
+    from cam_rig.profile.disc import discs
+    from cam_rig.profile.measure import closed_curve, rest
+
+    assert request.source is not None
+    contours = _read(request.source)
+    plates = discs(cam.follower, law)
+    if len(contours) != len(plates):
+        raise OutputError(
+            f"{request.source}: has {len(contours)} closed curves; allowed: {len(plates)}, one "
+            f"for each contour of a {cam.follower.type} follower"
+        )
+    angle = turn_angles(READINGS)
+    for disc, points in zip(plates, contours, strict=True):
+        lift = rest(disc.element, closed_curve(points), angle)
+        error = lift - law(angle)
+        worst = int(np.argmax(np.abs(error)))
+        name = f"{disc.name} cam: " if disc.name else ""
+        console.print(
+            f"{name}{points.shape[1]} points, lift {np.ptp(lift) * 1e3:.6g} mm; from the law of "
+            f"{cam.name}: {error[worst] * 1e6:+.3g} µm at {np.degrees(angle[worst]):g}°, "
+            f"{np.sqrt(np.mean(error**2)) * 1e6:.3g} µm RMS",
+            markup=False,
+            soft_wrap=True,
+        )
+        if request.out is not None and disc is plates[0]:
+            with writing(request.out) as part:
+                table.write_law(part, angle, lift)
+            console.print(f"law: {request.out}", soft_wrap=True)
+
+
+def _read(source: Path) -> list[FloatArray]:
+    from cam_rig.drawing import dxf, table
+
+    return dxf.read_dxf(source) if source.suffix.lower() == ".dxf" else table.read_contour(source)

@@ -1,0 +1,37 @@
+"""cam-rig recover: a valid bag from one that was cut off."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cam_rig.cli.console import console, user_errors
+
+
+def recover(
+    bag: Annotated[Path, typer.Argument(help="Bag folder or .mcap file that cannot be read.")],
+    output: Annotated[
+        Path | None, typer.Option(help="New bag; by default BAG_recovered. Must not exist yet.")
+    ] = None,
+) -> None:
+    """Copy everything readable of a damaged or unfinished bag into a new, valid one.
+
+    The damaged bag is left as it is. What was lost is printed.
+
+    Examples
+    --------
+    cam-rig recover bags/tm21_sweep_2026-01-31_12-00-00
+
+    cam-rig recover broken.mcap --output bags/mended
+    """
+    with user_errors():
+        from cam_rig.bag.recover import missing_words
+        from cam_rig.bag.recover import recover as recover_bag
+
+        target = output or bag.with_name(f"{bag.stem if bag.is_file() else bag.name}_recovered")
+        saved = recover_bag(bag, target)
+        console.print(f"{target}: {saved.words}")
+        if words := missing_words(target):
+            console.print(words)

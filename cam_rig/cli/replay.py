@@ -1,0 +1,89 @@
+"""cam-rig replay: a recorded run through the live follower and microphone, and compared."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from cam_rig.cli.console import console, progress_bar, scene_path, user_errors
+
+if TYPE_CHECKING:
+    from cam_rig.bag.compare import Difference
+
+
+def replay(
+    bag: Annotated[Path, typer.Argument(help="Bag whose cam states and laws are played.")],
+    tolerance: Annotated[
+        float, typer.Option(help="Largest difference allowed, over the largest value.", min=0.0)
+    ] = 1e-12,
+    output: Annotated[
+        Path | None, typer.Option(help="Keep the new recording here; must not exist yet.")
+    ] = None,
+    scene: Annotated[
+        str | None, typer.Option(help="Scene that was run, for a bag without one attached.")
+    ] = None,
+) -> None:
+    """Feed recorded cam states and laws to live nodes, and compare what they say with the bag.
+
+    A regression test for any change of follower or microphone: code 1 when a number differs.
+
+    Examples
+    --------
+    cam-rig replay bags/golden
+
+    cam-rig replay bags/mine --tolerance 1e-9 --output bags/mine_again
+    """
+    with user_errors():
+        from cam_rig.errors import BagError
+
+        if output is not None and output.exists():
+            raise BagError(f"{output}: exists already, not overwriting; name another bag")
+        with TemporaryDirectory(prefix="cam_rig-replay-") as folder:
+            found = _replay(bag, Path(folder), scene, output)
+        console.print(_table(found))
+        worst = max(found, key=lambda entry: entry.relative)
+        if not worst.relative <= tolerance:
+            raise BagError(
+                f"{bag}: {worst.topic} {worst.quantity} differs by {worst.difference:.3g}, "
+                f"{worst.relative:.3g} of its largest value; allowed: {tolerance:g}"
+            )
+
+
+def _replay(bag: Path, folder: Path, scene: str | None, output: Path | None) -> list[Difference]:
+    from cam_rig.bag.compare import compare
+    from cam_rig.bag.reader import read_counts, unpack
+    from cam_rig.cli.domain import own_domain
+    from cam_rig.cli.graph import Graph, replayed
+    from cam_rig.errors import BagError
+
+    total = read_counts(bag).get("/cam/state", 0)
+    if total < 2:
+        raise BagError(f"{bag}: has {total} states of the cam; allowed: two at least")
+    path = scene_path(scene) if scene else unpack(bag, folder)
+    again = folder / (output.name if output else "again")
+    with own_domain(), progress_bar() as bar, Graph(replayed(path, again, bag)) as graph:
+        task = bar.add_task("replaying", total=total - 1)
+        for report in graph.progress():
+            bar.update(task, completed=int(report["tick"]))
+    found = compare(bag, again)
+    if output is not None:
+        shutil.move(again, output)
+    return found
+
+
+def _table(found: list[Difference]) -> Table:
+    out = Table(title="recorded against replayed")
+    for column in ("topic", "quantity"):
+        out.add_column(column, no_wrap=True)
+    for column in ("numbers", "difference", "relative"):
+        out.add_column(column, justify="right")
+    for entry in found:
+        away = (f"{entry.difference:.3g}", f"{entry.relative:.2g}")
+        out.add_row(entry.topic, escape(entry.quantity), str(entry.count), *away)
+    return out

@@ -1,0 +1,51 @@
+"""Where a run is seen while it runs: in a window, in a browser, or nowhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+
+from cam_rig.cli.console import console
+
+
+@dataclass(frozen=True)
+class Screen:
+    """``address`` is where the picture is sent, None for nowhere; ``stay`` waits for its end."""
+
+    address: str | None = None
+    stay: Callable[[], None] = lambda: None
+
+
+@contextmanager
+def open_screen(view: bool, web: bool) -> Iterator[Screen]:
+    """Open what was asked for; a browser wins over a window.
+
+    Raises
+    ------
+    CamRigError : no window can be opened here, or the viewer does not start
+    """
+    if web:
+        from cam_rig.view.web import serve_live
+
+        with serve_live() as (page, address):
+            print(page, flush=True)
+            console.print("open this address in a browser, now or after the run")
+            yield Screen(address, stay_until_interrupted)
+    elif view:
+        from cam_rig.view.viewer import require_display, wait, window
+
+        require_display()
+        with window() as (process, address):
+            yield Screen(address, lambda: wait(process))
+    else:
+        yield Screen()
+
+
+def stay_until_interrupted() -> None:
+    """Serve until Ctrl-C, which is how it is meant to end."""
+    from threading import Event
+
+    console.print("Ctrl-C ends the viewer")
+    with suppress(KeyboardInterrupt):
+        Event().wait()

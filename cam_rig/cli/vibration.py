@@ -1,0 +1,73 @@
+"""cam-rig vibration: residual and torsional vibration of cams, and what the paper says of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cam_rig.cli.console import (
+    cam_path,
+    check_outputs,
+    console,
+    progress_bar,
+    rig_path,
+    tables_path,
+    user_errors,
+    write_json,
+    writing,
+)
+
+#: The jump speed of the first of the paper's laws is 389 rpm.
+SPEEDS = [200.0, 250.0, 300.0, 350.0]
+
+
+def vibration(
+    cams: Annotated[
+        list[str] | None,
+        typer.Argument(help="Cam files, or names in config/cams; by default those of Table 2."),
+    ] = None,
+    rig: Annotated[str, typer.Option(help="Rig file, or a name in config/rigs.")] = "paper_table2",
+    rpm: Annotated[list[float] | None, typer.Option(help="Speed; may be given often.")] = None,
+    json_target: Annotated[
+        str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")
+    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Write the plot (PNG, SVG, PDF).")] = None,
+) -> None:
+    """Measure what vibrates: the stem in the low dwell, the follower's acceleration, the shaft.
+
+    Eq. 5 and eq. 10 of the paper, in steady state. Ringing is free vibration, what the joints of a
+    law have kicked; a law without a low dwell is read within 31.25° of θ = 0. The plot shows the
+    last speed. By default 200, 250, 300 and 350 rpm, below every jump speed of the paper's laws.
+
+    Examples
+    --------
+    cam-rig vibration --plot out/vibration.png
+
+    cam-rig vibration poly345 poly4567 --rig tm21 --rpm 300 --json -
+    """
+    with user_errors():
+        from cam_rig.cli import vibration_tables
+        from cam_rig.experiment.lineup import open_lineup
+        from cam_rig.experiment.vibration_table import vibration_table
+        from cam_rig.schema import load_tables
+
+        check_outputs(json_target, plot)
+        names = cams or list(load_tables(tables_path()).table_2_jump)
+        lineup = open_lineup(map(cam_path, names), rig_path(rig))
+        with progress_bar() as bar:
+            task = bar.add_task("", total=len(lineup.cams), completed=-1)
+            speeds = tuple(rpm or SPEEDS)
+            found = vibration_table(
+                lineup, speeds, lambda cam: bar.update(task, advance=1, description=cam)
+            )
+        vibration_tables.show(found, lineup)
+        if plot is not None:
+            from cam_rig.view.vibration_plot import draw
+
+            with writing(plot) as part:
+                draw(lineup, speeds[-1], part)
+            console.print(f"plot: {plot}", soft_wrap=True)
+        if json_target is not None:
+            write_json(vibration_tables.to_json(found), json_target)

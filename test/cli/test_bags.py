@@ -1,0 +1,102 @@
+"""Bags of others and bags that are broken: recover, replay, analyze."""
+
+import json
+import shutil
+
+import pytest
+from mcap.records import Attachment
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+from typer.testing import CliRunner
+
+from cam_rig.bag.reader import mcap_file, read_counts
+from cam_rig.bag.recover import OURS
+from cam_rig.bag.salvage import Salvage
+from cam_rig.bag.writer import BagWriter
+from cam_rig.cli.main import app
+from cam_rig.schema.load import config_root
+
+GOLDEN = config_root().parent / "bags" / "golden"
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+def as_ros2_records(target, plugin):
+    """The golden run as `ros2 bag record` writes it: wall times, no attachments."""
+    types, wall = get_typestore(Stores.ROS2_KILTED), 1_767_225_600_000_000_000
+    with AnyReader([GOLDEN]) as reader, Writer(target, version=9, storage_plugin=plugin) as writer:
+        made = {
+            c.topic: writer.add_connection(c.topic, c.msgtype, typestore=types)
+            for c in reader.connections
+        }
+        for number, (connection, _, data) in enumerate(reader.messages()):
+            writer.write(made[connection.topic], wall + 1_000_003 * number, data)
+
+
+@pytest.mark.parametrize("plugin", list(StoragePlugin), ids=lambda p: p.name)
+def test_analyze_takes_a_bag_of_ros2_bag_record(tmp_path, plugin):
+    """MCAP or SQLite, with the wall's time: the same levels, when the scene is named."""
+    as_ros2_records(tmp_path / "theirs", plugin)
+    expected = json.loads(call("analyze", GOLDEN, "--json", "-").stdout)
+    result = call("analyze", tmp_path / "theirs", "--scene", "quick", "--json", "-")
+    assert result.exit_code == 0, result.stderr
+    assert json.loads(result.stdout)["cams"] == expected["cams"]
+    nameless = call("analyze", tmp_path / "theirs")
+    assert nameless.exit_code == 1
+    assert "--scene" in nameless.stderr or "holds 0 .mcap files" in nameless.stderr
+
+
+def test_recover_of_a_cut_bag(tmp_path):
+    """A cut copy of a bag: mended beside it, the damaged one is as it was."""
+    torn = tmp_path / "torn"
+    shutil.copytree(GOLDEN, torn)
+    file = mcap_file(torn)
+    file.write_bytes(file.read_bytes()[:-5_000])
+    before = file.read_bytes()
+    refused = call("analyze", torn)
+    assert refused.exit_code == 1 and "cam-rig recover" in refused.stderr
+    result = call("recover", torn)
+    assert result.exit_code == 0, result.stderr
+    assert "saved" in result.stderr
+    assert file.read_bytes() == before
+    assert read_counts(tmp_path / "torn_recovered")
+    again = call("recover", torn)
+    assert again.exit_code == 1 and "exists already, not overwriting" in again.stderr
+
+
+@pytest.mark.ros
+def test_replay_gives_the_recorded_numbers(ros_domain, tmp_path):
+    """Recorded cam states and laws through the live follower and microphone."""
+    kept = tmp_path / "again"
+    result = call("replay", GOLDEN, "--tolerance", "1e-10", "--output", kept)
+    assert result.exit_code == 0, result.stderr
+    assert "/microphone/pressure" in result.stderr
+    assert read_counts(kept)["/follower/samples"] == 16
+    assert call("replay", GOLDEN, "--output", kept).exit_code == 1
+
+
+@pytest.mark.ros
+def test_replay_finds_a_changed_number(ros_domain, tmp_path):
+    """One level in the bag is off by 1e-9: the command says where, and ends with code 1."""
+    types = get_typestore(Stores.ROS2_KILTED)
+    with AnyReader([GOLDEN]) as reader:
+        one = next(c for c in reader.connections if c.topic == "/microphone/level")
+        _, _, data = next(iter(reader.messages([one])))
+        level = types.deserialize_cdr(data, one.msgtype)
+    level.data *= 1.0 + 1e-9
+    wrong = bytes(types.serialize_cdr(level, one.msgtype))
+    bag = tmp_path / "bag"
+    with BagWriter(bag) as writer:
+        for record in Salvage(mcap_file(GOLDEN)).records():
+            if isinstance(record, Attachment):
+                writer.attach(record.name, record.data)
+                continue
+            _, channel, message = record
+            changed = wrong if message.data == bytes(data) else message.data
+            writer.write(OURS[channel.topic], message.log_time, changed)
+    result = call("replay", bag, "--tolerance", "1e-10")
+    assert result.exit_code == 1
+    assert "/microphone/level value differs by" in result.stderr

@@ -1,0 +1,74 @@
+"""cam-rig jump: the promised JSON, a table, a plot, and refusals in a line."""
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from cam_rig.cli.main import app
+from cam_rig.schema.load import config_root
+
+FIVE = {"bezier15": 570, "poly345": 415, "poly4567": 390, "cycloidal": 410, "bezier_segments": 400}
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, ["jump", *(str(a) for a in arguments)])
+
+
+def test_the_promised_json():
+    """Each cam of Table 2 with its speed, the published one, angle and time."""
+    result = call("--json", "-")
+    assert result.exit_code == 0
+    data = json.loads(result.stdout)
+    assert {cam: row["published_rpm"] for cam, row in data.items()} == FIVE
+    for row in data.values():
+        assert {"rpm", "published_rpm", "angle_deg", "time_s"} <= set(row)
+        assert row["rpm"] == pytest.approx(row["published_rpm"], rel=0.01)
+        assert 0.0 <= row["angle_deg"] < 360.0
+        assert 0.0 < row["time_s"] < 1.7
+    assert "ranking as published" in " ".join(result.stderr.split())
+
+
+def test_other_cams_and_ways(tmp_path):
+    """A cam the paper does not have has nothing beside it; steady state and ramp go as well."""
+    result = call("modified_sine", "--steady", "--json", "-", "--plot", tmp_path / "a.png")
+    assert result.exit_code == 0
+    row = json.loads(result.stdout)["modified_sine"]
+    assert row["published_rpm"] is None
+    assert "nothing is published" in result.stderr
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    ramped = call("modified_sine", "--ramp", 400, "--json", "-")
+    assert json.loads(ramped.stdout)["modified_sine"]["rpm"] > row["rpm"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["no_such_cam"], 2, "no_such_cam.yaml: no such file"),
+        (["poly345", "poly345"], 2, "is named twice"),
+        (["oscillating_roller"], 2, "follower.type is 'oscillating_roller'; allowed on a rig"),
+        (["worked_example_constant_velocity"], 1, "velocity jumps by"),
+        (["--rig", "tm21"], 2, "has no roller_share or no stem_damping"),
+        (["--from-rest", "-1"], 1, "the run from rest lasts -1 s; allowed: above 0"),
+        (["--steady", "--ramp", "100"], 2, "allowed: one of them"),
+        (["poly345", "--refit"], 2, "needed: bezier15, poly345, poly4567, cycloidal"),
+        (["poly345", "--plot", "{tmp}/a.xyz"], 1, "unknown kind of picture"),
+    ],
+)
+def test_refusals(tmp_path, arguments, code, words):
+    """A mistake gives a line and a code, and writes nothing."""
+    result = call(*(a.replace("{tmp}", str(tmp_path)) for a in arguments))
+    assert result.exit_code == code
+    assert words in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_stem_that_rings_for_ever(tmp_path):
+    """No damping: no steady state, and the remedy is named."""
+    text = (config_root() / "rigs" / "paper_table2.yaml").read_text(encoding="utf-8")
+    rig = tmp_path / "paper_table2.yaml"
+    rig.write_text(text.replace("given: 8.642", "given: 0").replace("assumed: 8.642", "assumed: 0"))
+    result = call("poly345", "--rig", rig, "--steady", "--json", tmp_path / "out.json")
+    assert result.exit_code == 1
+    assert "no steady state" in result.stderr
+    assert list(tmp_path.iterdir()) == [rig]

@@ -1,0 +1,99 @@
+"""cam-rig noise and cam-rig listen: files that programs can read, and errors in one line."""
+
+import json
+import wave
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+from typer.testing import CliRunner
+
+from cam_rig.acoustics import level_db
+from cam_rig.cli.main import app
+from cam_rig.schema.load import config_root
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    """The shipped sweep with every 25 rpm only."""
+    folder = tmp_path_factory.mktemp("study") / "scenes"
+    folder.mkdir()
+    data = YAML(typ="safe").load(config_root() / "scenes" / "tm21_sweep.yaml")
+    data["program"]["speeds"]["given"] = list(range(200, 401, 25))
+    path = folder / "tm21_sweep.yaml"
+    with path.open("w", encoding="utf-8") as file:
+        YAML(typ="safe").dump(data, file)
+    return path
+
+
+def test_noise_json_and_plot(scene, tmp_path):
+    """Every part is in the JSON, nothing of it NaN, and the plot is a picture."""
+    result = call("noise", scene, "--json", tmp_path / "a.json", "--plot", tmp_path / "a.png")
+    assert result.exit_code == 0, result.stderr
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    text = (tmp_path / "a.json").read_text()
+    assert "NaN" not in text
+    data = json.loads(text)
+    assert set(data) == {"rpm", "parts", "structures", "methods", "left_out", "one_rig"}
+    assert list(data["methods"]) == [
+        "two constants",
+        "two constants, arc cam refitted",
+        "by substitution",
+    ]
+    for method in data["methods"].values():
+        assert set(method["cams"]) == {"tm21", "poly345", "bezier15"}
+        for cam in method["cams"].values():
+            assert len(cam["level_db"]) == len(cam["expected_db"]["low"]) == 9
+    assert [row["cam"] for row in data["left_out"]] == ["tm21", "poly345", "bezier15"]
+    assert [rig["name"] for rig in data["one_rig"]] == ["paper_table2, rigid stem", "paper_table2"]
+
+
+def test_listen_writes_a_sound_file(tmp_path):
+    """48 kHz, 16 bit, whole turns; full scale and peak as told; the level is in the samples."""
+    out = tmp_path / "new" / "cam.wav"
+    arguments = ("--cam", "tm21", "--rpm", "300", "--seconds", "1", "--json", "-")
+    result = call("listen", "quick", *arguments, "--out", out)
+    assert result.exit_code == 0, result.stderr
+    told = json.loads(result.stdout)
+    with wave.open(str(out)) as file:
+        assert (file.getframerate(), file.getsampwidth(), file.getnchannels()) == (48_000, 2, 1)
+        samples = np.frombuffer(file.readframes(file.getnframes()), dtype="<i2")
+    assert samples.size == 48_000
+    pressure = samples * told["full_scale_pa"] / 32767
+    assert np.abs(pressure).max() == pytest.approx(told["peak_pa"], rel=1e-3)
+    level = float(level_db(np.sqrt(np.mean(pressure**2))))
+    assert level == pytest.approx(told["levels_db"]["LZeq"], abs=0.01)
+    assert not told["overload"]
+
+
+def test_listen_repeats(tmp_path):
+    """The background is seeded: the same file twice."""
+    files = [tmp_path / name for name in ("a.wav", "b.wav")]
+    for out in files:
+        call("listen", "quick", "--rpm", "200", "--cam", "tm21", "--seconds", "0.5", "--out", out)
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["noise", "quick"], 2, "a noise study needs at least 9"),
+        (["noise", "--rig", "none"], 2, "none.yaml: no such file; there are: paper_table2"),
+        (["noise", "--rig", "tm21"], 2, "follower has no roller_share"),
+        (["listen", "quick", "--out", "{tmp}/a.mp3"], 1, "unknown kind of sound file; allowed"),
+        (["listen", "quick", "--out", "{tmp}/a.wav", "--cam", "no"], 2, "has no cam 'no'"),
+        (["listen", "quick", "--out", "/proc/none/a.wav"], 1, "/proc/none/a.wav: cannot be"),
+        (["listen", "quick", "--out", "{tmp}/a.wav", "--rpm", "0"], 2, ""),
+    ],
+)
+def test_errors(tmp_path, arguments, code, words):
+    """A line and a code, no traceback, and nothing written."""
+    result = call(*(a.replace("{tmp}", str(tmp_path)) for a in arguments))
+    assert result.exit_code == code
+    assert words in result.stderr
+    assert "Traceback" not in result.stderr
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,149 @@
+"""cam-rig profile: checks with a code, drawings whole or not at all, contours measured."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+from typer.testing import CliRunner
+
+from cam_rig.cli.console import cam_path
+from cam_rig.cli.main import app
+from cam_rig.laws import build_law
+from cam_rig.profile import turn_angles
+from cam_rig.schema import load_cam
+from cam_rig.schema.load import config_root
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, ["profile", *(str(a) for a in arguments)])
+
+
+@pytest.fixture
+def undercut(tmp_path):
+    """The flat cam on too small a base circle."""
+    yaml = YAML()
+    data = yaml.load(config_root() / "cams" / "flat.yaml")
+    data["follower"]["base_radius"]["assumed"] = 5
+    del data["follower"]["least_curvature_radius"]
+    yaml.dump(data, tmp_path / "flat.yaml")
+    return tmp_path / "flat.yaml"
+
+
+def test_all_shipped_cams_pass():
+    """Each cam of the folder is in the table and in the JSON, and all but one can be made.
+
+    The constant velocity of the worked example has corners, which no contour follows: code 1.
+    """
+    result = call("--all", "--json", "-")
+    assert result.exit_code == 1
+    data = json.loads(result.stdout)
+    names = {path.stem for path in (config_root() / "cams").glob("*.yaml")}
+    assert set(data) == names
+    refused = {name for name, cam in data.items() if not cam["passed"]}
+    assert refused == {"worked_example_constant_velocity"}
+    assert all(name in result.stderr for name in names)
+    pressure = next(c for c in data["tm21"]["checks"] if c["check"] == "pressure angle")
+    assert pressure["value"] == pytest.approx(19.094, abs=1e-3)
+    assert pressure["angle_deg"] == pytest.approx(140.7, abs=0.01)
+    assert (pressure["limit"], pressure["unit"]) == (pytest.approx(30.0), "°")
+
+
+def test_a_failing_check_is_code_1(undercut):
+    """The table says which; the line below says why and what to do."""
+    result = call(undercut)
+    assert result.exit_code == 1
+    words = "convex radius of curvature is -1.3984 mm at 127.6°; allowed: more than 0 mm; let base"
+    assert words in result.stderr
+    assert "Traceback" not in result.stderr
+    assert call("flat", undercut).exit_code == 1
+
+
+def test_what_cannot_exist_is_drawn_by_force_alone(undercut, tmp_path):
+    """Refused and nothing written; with --force written, and the warning stays."""
+    out, plot = tmp_path / "a.dxf", tmp_path / "a.png"
+    result = call(undercut, "--out", out, "--plot", plot)
+    assert result.exit_code == 1
+    assert "or draw it with --force" in result.stderr
+    assert not out.exists()
+    assert not plot.exists()
+    result = call(undercut, "--out", out, "--plot", plot, "--force")
+    assert result.exit_code == 0
+    assert "warning: flat: convex radius" in result.stderr
+    assert out.exists()
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("suffix", ["dxf", "csv"])
+def test_there_and_back(tmp_path, suffix):
+    """The contour written, measured by its own follower, and its law written."""
+    out, law = tmp_path / f"a.{suffix}", tmp_path / "law.csv"
+    assert call("conjugate", "--out", out, "--tolerance", "0.5").exit_code == 0
+    result = call("conjugate", "--from", out, "--out", law)
+    assert result.exit_code == 0
+    assert "first cam: " in result.stderr
+    assert "lift 18 mm; from the law of conjugate: " in result.stderr
+    header, *rows = law.read_text().splitlines()
+    assert header == "angle_deg,lift_mm"
+    assert len(rows) == 720
+    assert float(rows[360].split(",")[1]) == pytest.approx(18.0, abs=1e-6)
+
+
+def test_another_cams_contour_is_measured_too(tmp_path):
+    """The follower reads what the contour gives, and says how far that is from the law."""
+    call("poly4567", "--out", tmp_path / "a.csv")
+    result = call("poly345", "--from", tmp_path / "a.csv")
+    assert result.exit_code == 0
+    off = float(re.search(r"from the law of poly345: ([-+\d.e]+) µm at", result.stderr)[1])
+    angle = turn_angles(720)
+    laws = [build_law(load_cam(cam_path(name))) for name in ("poly4567", "poly345")]
+    difference = 1e6 * (laws[0](angle) - laws[1](angle))
+    assert abs(off) == pytest.approx(np.abs(difference).max(), rel=1e-2)
+
+
+def test_pitch_curve_is_the_path_of_such_a_cutter(tmp_path):
+    """Roller and cutter of one radius: byte for byte (§2.2.3)."""
+    assert call("tm21", "--pitch", "--out", tmp_path / "p.csv").exit_code == 0
+    assert call("tm21", "--cutter", "10", "--out", tmp_path / "c.csv").exit_code == 0
+    assert (tmp_path / "p.csv").read_bytes() == (tmp_path / "c.csv").read_bytes()
+    assert call("tm21", "--cutter", "8", "--out", tmp_path / "d.svg").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        ([], 2, "no cam is named; allowed: "),
+        (["no_such_cam"], 2, "no_such_cam.yaml: no such file; there are: arcs_centres"),
+        (["flat", "--out", "{tmp}/a.step"], 1, "unknown kind of file; allowed: .dxf, .svg, .csv"),
+        (["flat", "--out", "{tmp}"], 1, "unknown kind of file"),
+        (["flat", "tm21", "--out", "{tmp}/a.dxf"], 1, "2 cams for one file"),
+        (["--all", "--plot", "{tmp}/a.png"], 1, "cams for one file"),
+        (["flat", "--plot", "{tmp}/a.xyz"], 1, "unknown kind of picture"),
+        (["flat", "--pitch"], 1, "--pitch and --cutter need --out"),
+        (["flat", "--pitch", "--out", "{tmp}/a.dxf"], 1, "a flat follower has no pitch curve"),
+        (["tm21", "--pitch", "--cutter", "3", "--out", "{tmp}/a.dxf"], 1, "are two paths"),
+        (["tm21", "--cutter", "-3", "--out", "{tmp}/a.dxf"], 1, "is -3 mm; allowed: more than 0"),
+        (["tm21", "--cutter", "600", "--out", "{tmp}/a.dxf"], 1, "concave radius of curvature 507"),
+        (["tm21", "--tolerance", "0", "--out", "{tmp}/a.dxf"], 1, "tolerance is 0 µm; allowed: "),
+        (["tm21", "--from", "{tmp}/none.csv"], 1, "none.csv: cannot be read"),
+        (["tm21", "--from", "a.csv", "--plot", "{tmp}/a.png"], 1, "--from measures; allowed with"),
+        (["tm21", "--from", "{tmp}/none.png"], 1, "unknown kind of file; allowed: .dxf, .csv"),
+        (["tm21", "--out", "/proc/none/a.dxf"], 1, "cannot be written"),
+    ],
+)
+def test_mistakes_are_one_line_and_write_nothing(tmp_path, arguments, code, words):
+    """A line and a code, no traceback, no file."""
+    result = call(*(a.replace("{tmp}", str(tmp_path)) for a in arguments))
+    assert result.exit_code == code
+    assert words in result.stderr
+    assert "Traceback" not in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_contour_for_another_follower(tmp_path):
+    """Two conjugate cams are not one."""
+    call("tm21", "--out", tmp_path / "a.dxf")
+    result = call("conjugate", "--from", tmp_path / "a.dxf")
+    assert result.exit_code == 1
+    assert "has 1 closed curves; allowed: 2, one for each contour" in result.stderr

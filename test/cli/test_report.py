@@ -1,0 +1,76 @@
+"""cam-rig report: one whole page with every figure and table, or a line and nothing written."""
+
+import json
+import re
+import shutil
+
+import pytest
+from ruamel.yaml import YAML
+from typer.testing import CliRunner
+
+from cam_rig.cli.main import app
+from cam_rig.schema.load import config_root
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, ["report", *(str(a) for a in arguments)])
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """The shipped sweep beside a factorial study of few levels, found before the shipped one."""
+    scene = tmp_path / "config" / "scenes" / "tm21_sweep.yaml"
+    scene.parent.mkdir(parents=True)
+    shutil.copy(config_root() / "scenes" / "tm21_sweep.yaml", scene)
+    shipped = config_root() / "factorials" / "continuity.yaml"
+    data = YAML(typ="safe").load(shipped.read_text(encoding="utf-8"))
+    data["rises"] = ["poly345", "poly4567"]
+    for key, numbers in {"events": [105, 135], "gentle": [110, 130], "squeezed": [300]}.items():
+        data[key]["assumed"] = numbers
+    small = tmp_path / "config" / "factorials" / "continuity.yaml"
+    small.parent.mkdir()
+    with small.open("w", encoding="utf-8") as file:
+        YAML(typ="safe").dump(data, file)
+    return scene
+
+
+@pytest.mark.slow
+def test_the_page(scene, tmp_path):
+    """Every section with its figures inside, tables 1 to 3, origins, the answer; JSON as well."""
+    out, data = tmp_path / "out" / "report.html", tmp_path / "out" / "report.json"
+    result = call("--out", out, "--scene", scene, "--json", data)
+    assert result.exit_code == 0, result.stderr
+    page = out.read_text(encoding="utf-8")
+    pictures = re.findall(r'<img src="(.{40})', page)
+    assert len(pictures) == 8
+    assert all(p.startswith("data:image/svg+xml;base64,") for p in pictures)
+    for words in ("Table 1.", "Table 2.", "Table 3.", "Given, assumed, identified", "Mostly the"):
+        assert words in page
+    for number in (1, 2, 4, 11, 12, 16):
+        assert re.search(rf"Figs?\. {number}\b", page)
+    assert "<script" not in page
+    assert set(json.loads(data.read_text())) == {"jump", "vibration", "noise", "factorial"}
+    assert sorted(p.name for p in out.parent.iterdir()) == ["report.html", "report.json"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["--out", "{tmp}/a.pdf"], 1, "unknown kind of page; allowed: .html, .md"),
+        (["--out", "{tmp}"], 1, "unknown kind of page"),
+        (["--out", "/dev/null/a.html"], 1, "cannot be written, /dev/null is no writable folder"),
+        (["--out", "{tmp}/a.html", "--bag", "{golden}"], 1, "is a recording of the scene 'quick'"),
+        (["--out", "{tmp}/a.html", "--bag", "{tmp}/none"], 1, "no such bag"),
+        (["--out", "{tmp}/a.html", "--rig", "tm21"], 2, "has no roller_share"),
+        (["--out", "{tmp}/a.html", "--scene", "no_such"], 2, "no such file"),
+        (["--out", "{tmp}/a.html", "--factorial", "no_such"], 2, "no such file"),
+    ],
+)
+def test_refusals(tmp_path, arguments, code, words):
+    """Wrong places, bags and names are told before anything runs, and nothing is written."""
+    golden = str(config_root().parent / "bags" / "golden")
+    texts = (a.replace("{tmp}", str(tmp_path)).replace("{golden}", golden) for a in arguments)
+    result = call(*texts)
+    assert result.exit_code == code
+    assert words in result.stderr
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,37 @@
+"""cam-rig vibration: JSON by cam and speed, a plot, refusals in a line."""
+
+import json
+
+from typer.testing import CliRunner
+
+from cam_rig.cli.main import app
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, ["vibration", *(str(a) for a in arguments)])
+
+
+def test_json_and_plot(tmp_path):
+    """A list over the speeds for each measure of each cam, the paper's words, and a picture."""
+    plot = tmp_path / "a.png"
+    rpm = ("--rpm", 250, "--rpm", 300)
+    result = call("poly345", "bezier15", *rpm, "--json", "-", "--plot", plot)
+    assert result.exit_code == 0
+    data = json.loads(result.stdout)
+    assert data["rpm"] == [250, 300]
+    assert set(data["cams"]) == {"poly345", "bezier15"}
+    assert not data["cams"]["bezier15"]["low_dwell"]
+    for cam in data["cams"].values():
+        assert all(len(v) == 2 for v in cam.values() if isinstance(v, list))
+    assert [claim["verdict"] for claim in data["claims"]] == ["agrees"] * 3
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    assert "read within 31.25° of θ = 0" in " ".join(result.stderr.split())
+
+
+def test_refusals(tmp_path):
+    """A cam that stands still, a cam that is none."""
+    result = call("poly345", "--rpm", 0, "--json", tmp_path / "a.json")
+    assert result.exit_code == 1
+    assert "speed is 0 rpm; allowed: finite and above 0" in result.stderr
+    assert call("no_such").exit_code == 2
+    assert list(tmp_path.iterdir()) == []
