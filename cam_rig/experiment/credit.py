@@ -41,12 +41,12 @@ class Credit:
     def acknowledge(self, consumer: str, stamp_ns: int) -> bool:
         """Note that a consumer has dealt with the tick that ended at a stamp, and all before.
 
-        A stamp that is not in flight is old news, or no answer to this drive: it counts nothing,
-        and False tells so.
+        A stamp that is not in flight, or was told before, is old news or no answer to this drive:
+        it counts nothing, and False tells so.
         """
-        if stamp_ns not in self._sent:
+        if stamp_ns not in self._sent or stamp_ns <= self._done[consumer]:
             return False
-        self._done[consumer] = max(self._done[consumer], stamp_ns)
+        self._done[consumer] = stamp_ns
         slowest = min(self._done.values())
         while len(self._sent) > 1 and self._sent[1] <= slowest:
             self._sent.popleft()

@@ -63,8 +63,8 @@ class FollowerTicks:
             require_same(known, law)
         laws[law.name] = law
 
-    def add_state(self, state: CamState) -> None:
-        """Take a state of the cam.
+    def add_state(self, state: CamState) -> Admission:
+        """Take a state of the cam, and tell what it is to those before.
 
         Raises
         ------
@@ -75,8 +75,9 @@ class FollowerTicks:
                 f"cam state at {state.time_ns} ns: {MOST_WAITING} others wait for the law of "
                 f"{self._waiting[0].cam!r}"
             )
-        if self._gate.admit(state) is not Admission.SEEN:
+        if (admission := self._gate.admit(state)) is not Admission.SEEN:
             self._waiting.append(state)
+        return admission
 
     def complete(self) -> Iterator[tuple[CamState, FollowerState, Block]]:
         """End, follower and block of every tick whose cam is known, in order.

@@ -14,12 +14,14 @@ from cam_rig.bag.codec import array_of, cam_state_of, decode_law, encode_block
 from cam_rig.dynamics import Block, FollowerState
 from cam_rig.errors import DynamicsError
 from cam_rig.experiment.follower_ticks import FollowerTicks
+from cam_rig.experiment.gate import Admission
 from cam_rig.experiment.program import CamState
 from cam_rig.experiment.stage import open_stage
 from cam_rig.experiment.sweep import FollowerBench
 from cam_rig.nodes.app import RigNode, run
 from cam_rig.nodes.convert import to_array, to_header, to_joint_state
 from cam_rig.nodes.diagnostics import OK, WARN
+from cam_rig.nodes.repeats import Repeats
 
 
 class Follower(RigNode):
@@ -32,10 +34,8 @@ class Follower(RigNode):
         bench.laws.clear()  # the law server's word counts, not the file
         memory, self.health.said = self.handover.oldest() or (None, self.health.said)
         self._ticks = FollowerTicks(bench, stage.scene, memory)
-        self._samples, self._contact, self._state = map(
-            self.publisher,
-            (topics.FOLLOWER_SAMPLES, topics.FOLLOWER_CONTACT, topics.FOLLOWER_STATE),
-        )
+        out = (topics.FOLLOWER_SAMPLES, topics.FOLLOWER_CONTACT, topics.FOLLOWER_STATE)
+        self._out, self._repeats = [self.publisher(topic) for topic in out], Repeats()
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
         self.subscribe(topics.CAM_STATE, self._on_state)
 
@@ -44,7 +44,9 @@ class Follower(RigNode):
         self._turn()
 
     def _on_state(self, message: JointState) -> None:
-        self._ticks.add_state(cam_state_of(message))
+        state = cam_state_of(message)
+        if self._ticks.add_state(state) is Admission.SEEN:
+            self._repeats.again(state.time_ns)
         self._turn()
 
     def _turn(self) -> None:
@@ -61,12 +63,15 @@ class Follower(RigNode):
         words = "contact lost" if lost else "in contact"
         self.health.report(end.time_ns, WARN if lost else OK, words, values)
         header = to_header(end.time_ns, "follower")
-        self._samples.publish(to_array(*encode_block(block.rows)))
         contact = WrenchStamped(header=header)
         contact.wrench.force.y = float(state.contact_force)
-        self._contact.publish(contact)
         motion = (state.displacement, state.velocity, state.contact_force)
-        self._state.publish(to_joint_state("follower", header, *motion))
+        said = (
+            to_array(*encode_block(block.rows)),
+            contact,
+            to_joint_state("follower", header, *motion),
+        )
+        self._repeats.publish(end.time_ns, list(zip(self._out, said, strict=True)))
 
 
 def main() -> None:

@@ -19,6 +19,7 @@ from cam_rig.nodes.app import RigNode, run
 from cam_rig.nodes.convert import to_array
 from cam_rig.nodes.diagnostics import OK
 from cam_rig.nodes.law_messages import to_polygon, to_trajectory
+from cam_rig.nodes.repeats import Repeats
 from cam_rig.schema import Library, load_cam, load_scene
 
 
@@ -34,6 +35,7 @@ class LawServer(RigNode):
             self.publisher, (topics.LAW, topics.LAW_COEFFICIENTS, topics.PROFILE)
         )
         self._laws: dict[str, Law] = {}
+        self._repeats, self._told = Repeats(), Repeats()
         self._last: CamState | None = None
         if left := self.handover.oldest():
             _, self._last, self.health.said = left
@@ -45,7 +47,9 @@ class LawServer(RigNode):
 
     def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
         for parameter in parameters:
-            if parameter.name == "cam" and parameter.value != self._mounted:
+            if parameter.name == "cam" and parameter.value == self._mounted:
+                self._told.again(0)  # who asks for what is there did not hear of it
+            elif parameter.name == "cam":
                 try:
                     self._mount(str(parameter.value))
                 except CamRigError as error:
@@ -58,17 +62,21 @@ class LawServer(RigNode):
         self._model.require(law)
         self._laws[name], self._mounted = law, name
         self.handover.keep((name, self._last, self.health.said))
-        self._coefficients.publish(to_array(*encode_law(law)))
-        self._profile.publish(to_polygon(cam, law))
+        coefficients = (self._coefficients, to_array(*encode_law(law)))
+        self._told = Repeats()
+        self._told.publish(0, [coefficients, (self._profile, to_polygon(cam, law))])
 
     def _on_state(self, message: JointState) -> None:
         state = cam_state_of(message)
         if self._gate.admit(state) is Admission.SEEN:
+            self._told.again(0)
+            self._repeats.again(state.time_ns)
             return
         last = self._last
         known = last is not None and (last.cam, last.speed) == (state.cam, state.speed)
         if state.speed > 0.0 and not known:
-            self._sampled.publish(to_trajectory(self._law_of(state.cam), state))
+            sampled = to_trajectory(self._law_of(state.cam), state)
+            self._repeats.publish(state.time_ns, [(self._sampled, sampled)])
         self._last = state
         self.health.report(state.time_ns, OK, f"{state.cam} is mounted")
         self.handover.keep((self._mounted, state, self.health.said))

@@ -18,6 +18,7 @@ from cam_rig.experiment.sweep import MicrophoneBench
 from cam_rig.nodes.app import RigNode, run
 from cam_rig.nodes.convert import to_header
 from cam_rig.nodes.diagnostics import OK, WARN
+from cam_rig.nodes.repeats import Repeats
 
 
 class Microphone(RigNode):
@@ -36,6 +37,7 @@ class Microphone(RigNode):
         self._ticks = TickPairing(self._bench.sample_rate, begun)
         self.add_post_set_parameters_callback(self._on_parameters)
         self._level, self._pressure = map(self.publisher, (topics.LEVEL, topics.PRESSURE))
+        self._repeats = Repeats()
         self.subscribe(topics.FOLLOWER_SAMPLES, self._on_samples)
         self.subscribe(topics.CAM_STATE, self._on_state)
 
@@ -47,7 +49,9 @@ class Microphone(RigNode):
 
     def _on_state(self, message: JointState) -> None:
         state = cam_state_of(message)
-        if self._gate.admit(state) is not Admission.SEEN:
+        if self._gate.admit(state) is Admission.SEEN:
+            self._repeats.again(state.time_ns)
+        else:
             self._ticks.add_state(state)
         self._listen()
 
@@ -61,10 +65,10 @@ class Microphone(RigNode):
             pressure, reading = self._bench.listen(rows, speed), self._meter.read(rows, speed)
             health = (WARN, "overload") if reading.overload else (OK, "hears")
             self.health.report(end.time_ns, *health)
-            self._level.publish(Float64(data=reading.level))
             heard = FluidPressure(header=to_header(end.time_ns, "microphone"))
             heard.fluid_pressure = pressure
-            self._pressure.publish(heard)
+            level = Float64(data=reading.level)
+            self._repeats.publish(end.time_ns, [(self._level, level), (self._pressure, heard)])
             if self.handover.kept:
                 mine = (end, self._bench.memory, self.health.said, self._meter.frozen())
                 self.handover.keep(mine)

@@ -34,7 +34,8 @@ class Recorder(RigNode):
         bag = mine or self.given["bag"] or default
         self._bag = BagRecorder(Path(bag), stage, resume=mine is not None)
         self.handover.keep(str(bag))
-        self._written = self.publisher(topics.RECORDED)
+        self._written, self._quiet = self.publisher(topics.RECORDED), True
+        self._newest: int | None = None
         self._tell(self._bag.resumed)
         for topic in topics.RECORDING:
             kind, take = message_class(topic), self._on(topic)
@@ -59,9 +60,13 @@ class Recorder(RigNode):
             if said := self.health.report(stamp, OK, "recording"):  # needs no way round by DDS
                 self._bag.take(topics.DIAGNOSTICS, serialize_message(said))
         if stamps:
-            self._written.publish(to_header(stamps[-1], "recorder"))
+            self._newest, self._quiet = stamps[-1], False
+            self._written.publish(to_header(self._newest, "recorder"))
 
     def _idle(self) -> None:
+        if self._quiet and self._newest is not None:  # the drive may not have got it
+            self._written.publish(to_header(self._newest, "recorder"))
+        self._quiet = True
         try:
             self._bag.idle()
         except CamRigError as error:

@@ -8,6 +8,7 @@ from typing import Protocol
 
 from cam_rig.dynamics import FloatArray
 from cam_rig.errors import BagError
+from cam_rig.experiment.gate import REMEMBERED
 from cam_rig.experiment.pairing import TickPairing
 from cam_rig.experiment.program import CamState
 
@@ -42,6 +43,7 @@ class RunFeed:
         self._levels: deque[float] = deque()
         self._pressures: deque[tuple[int, float]] = deque()
         self._heard: deque[tuple[int, float, float]] = deque()
+        self._said: deque[CamState | tuple[int, float]] = deque(maxlen=2 * REMEMBERED)
         self._drawn = -1
 
     def profile(self, cam: str, points: FloatArray) -> None:
@@ -50,7 +52,8 @@ class RunFeed:
 
     def state(self, state: CamState) -> None:
         """Take the next state of the cam."""
-        self._pairing.add_state(state)
+        if self._is_news(state):
+            self._pairing.add_state(state)
 
     def block(self, rows: FloatArray) -> None:
         """Take the next block of samples, ``(6, n)``."""
@@ -68,8 +71,9 @@ class RunFeed:
         """Draw all that is complete; gives each tick that was."""
         self._ticks.extend(self._pairing.complete())
         while self._levels and self._pressures:
-            end_ns, pressure = self._pressures.popleft()
-            self._heard.append((end_ns, self._levels.popleft(), pressure))
+            reading, level = self._pressures.popleft(), self._levels.popleft()
+            if self._is_news(reading):
+                self._heard.append((reading[0], level, reading[1]))
         while self._ticks and self._ticks[0][0].cam in self._drawing.profiles:
             tick = self._ticks.popleft()
             self._drawing.tick(*tick)
@@ -91,6 +95,13 @@ class RunFeed:
         if self._ticks:
             cam = self._ticks[0][0].cam
             raise BagError(f"cam {cam!r} turns, but its /cam/profile is not in the bag")
+
+    def _is_news(self, said: CamState | tuple[int, float]) -> bool:
+        """Nodes say again what somebody may not have got."""
+        if said in self._said:
+            return False
+        self._said.append(said)
+        return True
 
     def _hear(self) -> None:
         while self._heard and self._heard[0][0] <= self._drawn:

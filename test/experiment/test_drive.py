@@ -164,3 +164,14 @@ def test_a_state_waits_for_its_time(program):
     assert program.take(50.1) is None
     assert program.wait(50.1) == pytest.approx(0.2)
     assert program.take(50.3).time_ns == 300_000_000
+
+
+def test_an_answer_told_twice_is_no_news():
+    """Else a consumer that only repeats itself would look alive for ever."""
+    credit = Credit(["recorder"], 4)
+    for stamp in (0, 10, 20):
+        credit.sent(stamp)
+    assert credit.acknowledge("recorder", 10)
+    assert not credit.acknowledge("recorder", 10)
+    assert not credit.acknowledge("recorder", 0)
+    assert credit.acknowledge("recorder", 20)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -37,9 +38,18 @@ class Notes:
         self.said.append(("close", 0))
 
 
+def echoed(calls: list[Callable[[], None]]) -> list[Callable[[], None]]:
+    """After every third call, the last three once more."""
+    return [call for i in range(0, len(calls), 3) for call in 2 * calls[i : i + 3]]
+
+
+@pytest.mark.parametrize("say_again", [False, True])
 @pytest.mark.parametrize("seed", range(8))
-def test_any_order_of_topics_gives_the_ticks_in_order(bag: SmallBag, seed: int) -> None:
-    """Each topic keeps its own order; every tick is drawn once and heard after it is drawn."""
+def test_any_order_of_topics_gives_the_ticks_in_order(
+    bag: SmallBag, seed: int, say_again: bool
+) -> None:
+    """Each topic keeps its own order; every tick is drawn once and heard after it is drawn, also
+    when nodes say again what somebody may not have got."""
     notes = Notes()
     feed = RunFeed(notes)
     queues = [
@@ -52,6 +62,7 @@ def test_any_order_of_topics_gives_the_ticks_in_order(bag: SmallBag, seed: int) 
             for (t, _), p in zip(bag.levels, bag.pressures, strict=True)
         ],
     ]
+    queues = [echoed(queue) if say_again else queue for queue in queues]
     chance = random.Random(seed)
     while any(queues):
         chance.choice([queue for queue in queues if queue]).pop(0)()
