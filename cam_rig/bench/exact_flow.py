@@ -18,6 +18,8 @@ from cam_rig.errors import CamRigError
 #: Scanned points in a period of the fastest mode, and at least in a piece.
 SCAN = 24
 FEWEST = 32
+#: A rate with an imaginary part smaller than this share is real but for rounding at 60 digits.
+REAL = 1e-40
 #: A guard that rises from zero is positive after this time, s.
 LEAST_BRACKET = 1e-30
 
@@ -81,6 +83,7 @@ def flow(phase: Phase, piece: ExactPiece, begin: Number, start: Vector) -> Flow:
     rates, vectors = mp.eig(matrix)
     rest = mp.matrix([x - polynomial(p, begin) for x, p in zip(start, forced, strict=True)])
     weights = mp.lu_solve(vectors, rest)
+    rates = [mp.re(r) if abs(mp.im(r)) < REAL * abs(r) else r for r in rates]
     kept = [i for i in range(size) if mp.im(rates[i]) >= 0]  # of a conjugate pair one, twice
     twice = {i: 1 if mp.im(rates[i]) == 0 else 2 for i in kept}
     modes = [[twice[i] * vectors[j, i] * weights[i] for i in kept] for j in range(size)]

@@ -82,18 +82,22 @@ def test_residual(law, speed, mass, damping, spring, stem):
     assert rig.solve(problem).error(exact.solve(problem)) < 1e-12
 
 
-def events_agree(got, wanted, tolerance, least):
-    """Each true event is found; what is found besides stands beside a true one."""
+def events_agree(problem, got, wanted, tolerance, least):
+    """Each true event is found; what is found besides stands beside a true one.
+
+    One at the very end of the run may as well be the next turn's first, and does not count.
+    """
+    end = problem.duration - least
+    every = np.array([t for _, t in wanted.events])
     for kind in (LIFT_OFF, LANDING):
-        true = np.array([t for k, t in wanted.events if k == kind])
-        found = np.array([t for k, t in got.events if k == kind])
+        true = np.array([t for k, t in wanted.events if k == kind and t < end])
+        found = np.array([t for k, t in got.events if k == kind and t < end])
         if true.size == 0:
             assert found.size == 0
             continue
         apart = np.abs(true[:, None] - found[None, :])
         assert apart.min(axis=1).max() < tolerance
-        invented = np.abs(found[:, None] - np.array([t for _, t in wanted.events])).min(axis=1)
-        assert invented.max() < least
+        assert np.abs(found[:, None] - every).min(axis=1).max() < least
 
 
 @EXAMPLES
@@ -116,7 +120,7 @@ def test_one_mass(law, speed, mass, damping, spring, preload, restitution):
     got, wanted = rig.solve(problem), exact.solve(problem)
     assert got.error(wanted) < (1e-11 if restitution == 0.0 else 1e-9)
     tolerance = (1e-11 if restitution == 0.0 else 1e-6) * TURN / speed
-    events_agree(got, wanted, tolerance, tolerance)
+    events_agree(problem, got, wanted, tolerance, tolerance)
 
 
 @EXAMPLES
@@ -139,7 +143,7 @@ def test_two_masses(law, speed, mass, share, stem, spring, dampings, preload):
     problem = case(law, model, speed)
     got, wanted = rig.solve(problem), exact.solve(problem)
     assert got.error(wanted) < 1e-10
-    events_agree(got, wanted, 1e-8, 1e-8)
+    events_agree(problem, got, wanted, 1e-8, 1e-8)
 
 
 @settings(EXAMPLES, max_examples=10)
