@@ -141,7 +141,8 @@ class Graph:
     def _mourn(self, name: str) -> None:
         """Start a killed node again, where that is asked for; else the run is over."""
         words = f"{self.processes[name].obituary()} {self._last}"
-        again = self._respawn and self.processes[name].was_killed
+        # A spectator must not cost the measurement.
+        again = (self._respawn or name == VIEWER) and self.processes[name].was_killed
         if not again or self._respawned[name] >= MOST_RESPAWNS:
             said = "" if self.processes[name].was_killed else self.processes[name].last_words()
             raise RunError(f"node {words}{said and f': {said}'}")

@@ -49,6 +49,24 @@ def test_the_live_picture_is_the_bags(ros_domain, tmp_path):
         np.testing.assert_array_equal(seen[name], recorded[name], err_msg=name)
 
 
+def test_a_killed_viewer_is_started_again(ros_domain, tmp_path):
+    """A spectator does not cost the measurement: the bag is whole, and the new one sees the end."""
+    bag, seen_file, port = tmp_path / "bag", tmp_path / "live.rrd", free_port()
+    said = []
+    with listening("--serve-grpc", "--port", str(port), "--save", str(seen_file), ports=(port,)):
+        with Graph(live(QUICK, bag, stream_address(port), pacing="1x"), say=said.append) as graph:
+            for report in graph.progress():
+                if report["tick"] == 2:
+                    graph.processes["viewer"].process.kill()
+        time.sleep(0.5)
+    require_complete(bag, load_scene(QUICK))
+    assert ["viewer" in line and "started again" in line for line in said] == [True]
+    save_recording(bag, tmp_path / "bag.rrd")
+    seen, recorded = curves(seen_file), curves(tmp_path / "bag.rrd")
+    for name in CURVES:
+        np.testing.assert_array_equal(seen[name][-1], recorded[name][-1], err_msg=name)
+
+
 def test_without_a_viewer_the_run_goes_on(ros_domain, tmp_path):
     """Nobody listens at the address: the bag is whole all the same."""
     bag = tmp_path / "bag"
