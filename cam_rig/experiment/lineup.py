@@ -49,13 +49,12 @@ def require_sprung(path: Path, cam: CamConfig) -> None:
 
     Raises
     ------
-    ConfigError : it has an arm, or two contacts
+    ConfigError : the cam moves it both ways
     """
     if not cam.follower.sprung:
         raise ConfigError(
-            f"{path}: follower.type is {cam.follower.type!r}; allowed on a rig: one that "
-            "translates against a closing spring, point, roller, flat or inclined_flat "
-            "(the dynamic models know no arm and no second contact)"
+            f"{path}: follower.type is {cam.follower.type!r}; allowed on a rig: one that a closing "
+            "spring alone holds on the cam (the dynamic models know no second contact)"
         )
 
 

@@ -41,7 +41,7 @@ class _Follower(Strict):
 
     @property
     def sprung(self) -> bool:
-        """Whether it translates and a spring alone holds it on the cam, as the models take it."""
+        """Whether a spring alone holds it on the cam, as the dynamic models take it."""
         return True
 
     def numbers(self) -> dict[str, Quantity]:
@@ -66,15 +66,14 @@ class _Guided(_Follower):
 
 
 class _Pivoted(_Follower):
-    """Swings about a pivot at ``pivot_distance`` from the cam's axis; the law is at ``arm``."""
+    """Swings about a pivot at ``pivot_distance`` from the cam's axis; the law is at ``arm``.
+
+    A rig's numbers are those at the arm's end, along its arc: mass J/arm², stiffness and damping
+    of the arm over arm², moments over arm. Then J φ'' = M is m s'' = F with s = arm φ, exactly.
+    """
 
     pivot_distance: Length
     arm: Length
-
-    @property
-    def sprung(self) -> bool:
-        """No: the models' masses move along a line."""
-        return False
 
 
 class _Positive(_Follower):
