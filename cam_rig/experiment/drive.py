@@ -112,6 +112,14 @@ class DriveProgram:
         self.pacing.sent(state.time_ns, now)
         return self._out(state)
 
+    def mounted(self, cam: str) -> None:
+        """Note what the law server says is mounted: what it was asked for, or another by hand.
+
+        Its word may come when the drive has sent that cam's last state and looks at the next cam's.
+        """
+        if cam != self._asked or self.table.by_hand:
+            self.table.mount(cam)
+
     def wait(self, now: float) -> float:
         """Wall time (s) until the next state is due; zero when it waits for somebody instead."""
         state = self.table.state

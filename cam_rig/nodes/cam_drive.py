@@ -89,7 +89,7 @@ class CamDrive(Pacemaker):
         """Somebody mounted a cam by hand, or the law server did as asked."""
         if event.node == "/law_server":
             for changed in (p for p in event.changed_parameters if p.name == "cam"):
-                self._program.table.mount(str(parameter_value_to_python(changed.value)))
+                self._program.mounted(str(parameter_value_to_python(changed.value)))
 
     def _on_parameters(self, parameters: list[Parameter]) -> None:
         for parameter in parameters:

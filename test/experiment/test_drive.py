@@ -166,6 +166,23 @@ def test_a_state_waits_for_its_time(program):
     assert program.take(50.3).time_ns == 300_000_000
 
 
+def test_the_law_servers_word_is_no_cam_by_hand_however_late(stage):
+    """A cam of few ticks is sent before the law server's word of it comes; the next cam turns."""
+    scene = stage.scene
+    first = [state for state in cam_states(scene) if state.cam == scene.cams[0]]
+    program = DriveProgram(scene, [], 2 * len(first), lambda cam: True)
+    for law in stage.laws.values():
+        program.add_law(law)
+    sent = [program.take(float(i)) for i in range(len(first))]
+    program.mounted(scene.cams[0])
+    assert sent == first
+    assert program.table.state.cam == scene.cams[1]
+    program.mounted("cycloidal")
+    assert program.table.state.cam == "cycloidal"
+    program.mounted(scene.cams[1])
+    assert program.table.state.cam == scene.cams[1]
+
+
 def test_an_answer_told_twice_is_no_news():
     """Else a consumer that only repeats itself would look alive for ever."""
     credit = Credit(["recorder"], 4)

@@ -39,11 +39,25 @@ def test_the_graph_gives_the_numbers_of_the_core(ros_domain, rig, tmp_path):
 
 def test_ramps_give_the_numbers_of_the_core_too(ros_domain, tmp_path):
     """From rest along ramps, two cams: every tick from the first is in the bag, as simulated."""
-    text = QUICK.read_text(encoding="utf-8")
     ramp = '  ramp: {assumed: 0.4, unit: s, source: "a test"}\n  ticks_per_turn: 3\n'
-    scene, bag = tmp_path / "scenes" / "quick.yaml", tmp_path / "bag"
+    require_as_simulated(tmp_path, "published:", ramp + "published:")
+
+
+def test_cams_of_fewer_ticks_than_are_in_flight(ros_domain, tmp_path):
+    """Each turns in its turn: what the law server says of one is not taken for the next."""
+    cams = "cams: [tm21, cycloidal, poly345, bezier15]"
+    require_as_simulated(tmp_path, "cams: [tm21, bezier15]", cams, "[200, 300, 350, 400]", "[300]")
+
+
+def require_as_simulated(folder, *changes):
+    """Run the quick scene with some of its text changed; the bag is what `simulate` gives."""
+    text = QUICK.read_text(encoding="utf-8")
+    for old, new in zip(changes[::2], changes[1::2], strict=True):
+        assert old in text
+        text = text.replace(old, new)
+    scene, bag = folder / "scenes" / "quick.yaml", folder / "bag"
     scene.parent.mkdir()
-    scene.write_text(text.replace("published:", ramp + "published:"), encoding="utf-8")
+    scene.write_text(text, encoding="utf-8")
     with Graph(live(scene, bag)) as graph:
         for _ in graph.progress():
             pass
