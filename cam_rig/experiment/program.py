@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import groupby, pairwise
+from itertools import pairwise
 
 from cam_rig.dynamics import NS, Interval
 from cam_rig.schema import SceneConfig
@@ -96,9 +96,3 @@ def tick_count(scene: SceneConfig) -> int:
     speeds = scene.program.speeds.si_list
     ramps = sum(len(_ramp(scene, *step)) for step in pairwise([0.0, *speeds]))
     return len(scene.cams) * (len(speeds) * ticks_a_step(scene) + ramps)
-
-
-def speed_count(scene: SceneConfig) -> int:
-    """How often a state of a turning cam has another speed, or another cam, than the one before."""
-    turning = ((state.cam, state.speed) for state in cam_states(scene) if state.speed > 0.0)
-    return sum(1 for _ in groupby(turning))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import NS
-from cam_rig.experiment.program import CamState, cam_states, speed_count, tick_count
+from cam_rig.experiment.program import CamState, cam_states, tick_count
 
 TURN = 2.0 * np.pi
 
@@ -135,17 +135,6 @@ def test_ticks_of_a_ramp_are_no_longer_than_of_its_faster_end(ramped):
             fastest = max(part.speed, part.speed_at(part.duration))
             assert part.duration * fastest <= turn * (1.0 + 1e-6) or part.mean_speed < 1.0
     assert max(part.mean_speed * part.duration for part in intervals(ramped)) <= turn * 1.000001
-
-
-def test_speeds_are_counted_as_the_law_server_tells_them(ramped, scene):
-    """One law for each state of a turning cam with another speed or cam than the last told."""
-    for program in (ramped, scene):
-        told, last = 0, None
-        for state in cam_states(program):
-            if state.speed > 0.0 and (state.cam, state.speed) != last:
-                told, last = told + 1, (state.cam, state.speed)
-        assert speed_count(program) == told
-    assert speed_count(scene) == 2 * 4
 
 
 def test_a_program_without_a_ramp_steps(make_scene):
