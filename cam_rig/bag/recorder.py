@@ -9,18 +9,15 @@ from pathlib import Path
 
 from mcap.records import Attachment
 
-from cam_rig.bag import topics
 from cam_rig.bag.recover import OURS, is_torn, set_aside
 from cam_rig.bag.salvage import Salvage
 from cam_rig.bag.session import RecordingSession
 from cam_rig.bag.topics import Topic
 from cam_rig.bag.writer import FLUSH_EVERY, BagWriter, bag_file
 from cam_rig.experiment.gate import StateGate
+from cam_rig.experiment.handover import STATES_UNFLUSHED
 from cam_rig.experiment.stage import Stage
 
-#: States written between flushes, at most: what a killed recorder loses must still be in the
-#: histories of those who published it, beside what is in flight.
-STATES_UNFLUSHED = topics.TICK_DEPTH // 2
 PACKAGES = ("cam_rig", "numpy", "scipy", "pydantic", "mcap", "rosbags", "ros-kilted-rclpy")
 
 

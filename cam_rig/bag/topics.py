@@ -11,8 +11,6 @@ from typing import Literal
 #: A tick's messages are few and bounded by the drive, so a history this deep cannot overflow,
 #: and a node that is discovered late still gets the first ticks.
 TICK_DEPTH = 32
-#: The drive keeps at most this many ticks in flight.
-TICKS_IN_FLIGHT = 4
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from cam_rig.errors import RefusedError
@@ -23,10 +23,10 @@ ASK_AGAIN = 1.0
 
 @dataclass(frozen=True)
 class DriveMemory:
-    """What a drive's successor must know: where it is, and the states that may be on their way."""
+    """What a drive's successor must know: where it is, and the state that may be on its way."""
 
     place: Place
-    recent: tuple[CamState, ...]
+    state: CamState
     sent: int
     running: bool
 
@@ -43,7 +43,7 @@ class DriveProgram:
     scene : what to run
     consumers, limit : see `Credit`
     mount : asks the law server for a cam; False when it cannot be asked yet
-    memory : of the predecessor, whose last states are sent again
+    memories : of the predecessor, the oldest first, whose states are sent again
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class DriveProgram:
         consumers: list[str],
         limit: int,
         mount: Callable[[str], bool],
-        memory: DriveMemory | None = None,
+        memories: Sequence[DriveMemory] = (),
     ) -> None:
         self.laws: dict[str, Law] = {}
         self.credit = Credit(consumers, limit)
@@ -60,20 +60,20 @@ class DriveProgram:
         self.ticks = tick_count(scene)
         self.running = True
         self.sent = 0
-        self.table = Turntable(scene, memory.place if memory else None)
-        self._recent: deque[CamState] = deque(maxlen=max(TICKS_KEPT, limit) + 2)
+        self.table = Turntable(scene, memories[-1].place if memories else None)
+        self._recent: deque[CamState] = deque(maxlen=max(TICKS_KEPT["cam_drive"], limit + 1))
         self._again: deque[CamState] = deque()
         self._mount = mount
         self._asked, self._asked_at = "", -ASK_AGAIN
-        if memory is not None:
-            self._follow(memory)
+        if memories:
+            self._follow(memories)
 
-    def _follow(self, memory: DriveMemory) -> None:
-        self.running = memory.running
-        self.sent = memory.sent - len(memory.recent)
-        self._again.extend(memory.recent)
-        for state in memory.recent:
-            self.credit.sent(state.time_ns)
+    def _follow(self, memories: Sequence[DriveMemory]) -> None:
+        self.running = memories[-1].running
+        self.sent = memories[0].sent - 1
+        for memory in memories:
+            self._again.append(memory.state)
+            self.credit.sent(memory.state.time_ns)
 
     def add_law(self, law: Law) -> None:
         """Take a law.
@@ -97,7 +97,7 @@ class DriveProgram:
     @property
     def memory(self) -> DriveMemory:
         """To hand over before the state that was taken last goes out."""
-        return DriveMemory(self.table.place, tuple(self._recent), self.sent, self.running)
+        return DriveMemory(self.table.place, self._recent[-1], self.sent, self.running)
 
     def take(self, now: float) -> CamState | None:
         """The next state, when it may go out at wall time ``now`` (s)."""

@@ -39,22 +39,27 @@ class StateGate:
     sample_rate : Hz, to bound the length of a tick
     last : the state to go on from; None at the beginning
     tick_angle : rad that the cam turns in a tick at most; more, and a state was lost
+    since : rig time (ns); states up to it were here already, whatever follows may come after a gap
     """
 
     def __init__(
-        self, sample_rate: float, last: CamState | None = None, tick_angle: float = math.inf
+        self,
+        sample_rate: float,
+        last: CamState | None = None,
+        tick_angle: float = math.inf,
+        since: int = -1,
     ) -> None:
         self._longest = MOST_SAMPLES / sample_rate
         self._tick_angle = tick_angle
-        self._floor = -1 if last is None else last.time_ns
+        self._floor = since if last is None else last.time_ns
         self._recent: deque[CamState] = deque(maxlen=REMEMBERED)
         self.last = last
 
     @classmethod
-    def of(cls, scene: SceneConfig, last: CamState | None = None) -> StateGate:
+    def of(cls, scene: SceneConfig, last: CamState | None = None, since: int = -1) -> StateGate:
         """The gate for the states of a scene."""
         angle = 2.0 * math.pi / scene.program.ticks_per_turn
-        return cls(scene.sample_rate.si, last, angle)
+        return cls(scene.sample_rate.si, last, angle, since)
 
     def admit(self, state: CamState) -> Admission:
         """What a state is.

@@ -18,9 +18,21 @@ import numpy as np
 
 from cam_rig.errors import CamRigError, RunError
 
-#: Ticks that a successor goes back: more than are in flight, so that whatever its predecessor had
-#: published, and somebody may not have got, is published again.
-TICKS_KEPT = 8
+#: The drive keeps at most this many ticks in flight.
+TICKS_IN_FLIGHT = 4
+#: States that the recorder writes between flushes, at most: what a kill can take from it.
+STATES_UNFLUSHED = 8
+_LOST = STATES_UNFLUSHED + TICKS_IN_FLIGHT + 1
+_AHEAD = TICKS_IN_FLIGHT + 1
+#: Ticks that a successor goes back, by node: it says again what a recorder that died as well may
+#: have lost, and what the successor of whoever hears it needs to go back as far. The last node of
+#: a chain must still fit into the history of a topic.
+TICKS_KEPT = {
+    "microphone": _LOST,
+    "law_server": _LOST,
+    "follower": _LOST + _AHEAD,
+    "cam_drive": _LOST + 2 * _AHEAD,
+}
 
 
 class Handover:
@@ -30,12 +42,12 @@ class Handover:
     ----------
     folder : the run's folder; empty keeps nothing
     node : the node's name
-    depth : how many records are kept
     """
 
-    def __init__(self, folder: str, node: str, depth: int = TICKS_KEPT) -> None:
+    def __init__(self, folder: str, node: str) -> None:
         self._file = Path(folder) / f"{node}.json" if folder else None
-        self._kept: deque[str] = deque(maxlen=depth)
+        self._kept: deque[str] = deque(maxlen=TICKS_KEPT.get(node, 1))
+        self._known = 0
 
     @property
     def kept(self) -> bool:
@@ -45,11 +57,17 @@ class Handover:
     def keep(self, memory: Any) -> None:
         """Keep one more record, and let go of the oldest.
 
+        While a successor does again what its predecessor did, the records are here already: so
+        it may die as well.
+
         Raises
         ------
         RunError : the folder cannot be written
         """
         if self._file is None:
+            return
+        if self._known > 0:
+            self._known -= 1
             return
         self._kept.append(json.dumps(to_plain(memory)))
         part = self._file.with_suffix(".part")
@@ -60,25 +78,38 @@ class Handover:
             raise RunError(f"{self._file}: cannot be written ({error.strerror})") from None
 
     def oldest(self) -> Any:
-        """The oldest record that the predecessor kept; None without a predecessor.
+        """The oldest record that the predecessor kept, to go on from; None without a predecessor.
 
         Raises
         ------
         RunError : the file is no handover
         """
-        return self._read(0)
+        records = self._read()
+        self._known = max(0, len(records) - 1)
+        return next(iter(records), None)
 
     def newest(self) -> Any:
         """The newest record that the predecessor kept; None without a predecessor."""
-        return self._read(-1)
+        return next(reversed(self._read()), None)
 
-    def _read(self, index: int) -> Any:
+    def all(self) -> list[Any]:
+        """Every record that the predecessor kept, the oldest first, to do them all again."""
+        records = self._read()
+        self._known = len(records)
+        return records
+
+    def _read(self) -> list[Any]:
         if self._file is None or not self._file.is_file():
-            return None
+            return []
         try:
-            return from_plain(json.loads(self._file.read_text(encoding="utf-8"))[index])
+            found = json.loads(self._file.read_text(encoding="utf-8"))
+            records = [from_plain(kept) for kept in found]
+            records[0]
         except (OSError, ValueError, KeyError, IndexError, TypeError, CamRigError) as error:
             raise RunError(f"{self._file}: is no handover of a node ({error})") from None
+        self._kept.clear()
+        self._kept.extend(json.dumps(kept) for kept in found)
+        return records
 
 
 def to_plain(value: Any) -> Any:

@@ -17,6 +17,7 @@ from cam_rig.bag.codec import array_of, decode_law
 from cam_rig.dynamics.torque import shaft_torque
 from cam_rig.errors import RefusedError, RunError
 from cam_rig.experiment.drive import DriveProgram
+from cam_rig.experiment.handover import TICKS_IN_FLIGHT
 from cam_rig.experiment.program import CamState
 from cam_rig.experiment.stage import open_stage
 from cam_rig.nodes.app import run
@@ -34,15 +35,14 @@ class CamDrive(Pacemaker):
         stage = open_stage(Path(self.given["scene"]))
         self._mechanics = stage.follower
         self._law_server = AsyncParameterClient(self, "law_server")
-        memory, _ = self.handover.newest() or (None, None)
-        # A diagnosis may have died with its speaker: the last states' are said again.
-        _, self.health.said = self.handover.oldest() or (None, self.health.said)
+        left = self.handover.all()
+        memories = [memory for memory, _ in left]
+        if left:  # a diagnosis may have died with its speaker: the last states' are said again
+            _, self.health.said = left[0]
         waits = list(self.given["consumers"])
-        self._program = DriveProgram(
-            stage.scene, waits, topics.TICKS_IN_FLIGHT, self._ask_for, memory
-        )
+        self._program = DriveProgram(stage.scene, waits, TICKS_IN_FLIGHT, self._ask_for, memories)
         self._program.pacing.set(self.given["pacing"])
-        if memory is None:
+        if not memories:
             self._program.running = self.given["autostart"]
             self._program.command(self.given["rpm"] * RPM)
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
@@ -52,7 +52,7 @@ class CamDrive(Pacemaker):
         self.add_post_set_parameters_callback(self._on_parameters)
         for service in (self.start, self.stop, self.reset, self.emergency_stop):
             self.serve(service.__name__, service)
-        self.set_going(waits, self._program.credit, alone=memory is None)
+        self.set_going(waits, self._program.credit, alone=not memories)
 
     def start(self) -> str:
         """Turn, or go on turning."""

@@ -40,7 +40,8 @@ class LawServer(RigNode):
         if left := self.handover.oldest():
             _, self._last, self.health.said = left
         newest = self.handover.newest()
-        self._gate = StateGate.of(scene, self._last)
+        # Nobody waits for the law server, so the drive may have gone far while it was away.
+        self._gate = StateGate.of(scene, since=self._last.time_ns if self._last else -1)
         self._mount(newest[0] if newest else self.given["cam"] or scene.cams[0])
         self.add_on_set_parameters_callback(self._on_parameters)
         self.subscribe(topics.CAM_STATE, self._on_state)

@@ -7,6 +7,7 @@ from pathlib import Path
 from cam_rig.bag import topics
 from cam_rig.bag.play import PLAYED, Played, played
 from cam_rig.experiment.credit import Credit
+from cam_rig.experiment.handover import TICKS_IN_FLIGHT
 from cam_rig.nodes.app import run
 from cam_rig.nodes.pacemaker import Pacemaker
 from cam_rig.nodes.parameters import CONSUMERS
@@ -23,7 +24,7 @@ class Player(Pacemaker):
         known = {topics.CLOCK: self._clock_out, topics.CAM_STATE: self._state_out}
         self._out = {t: known.get(t) or self.publisher(t) for t in PLAYED}
         consumers = list(CONSUMERS)
-        self._waits = Credit(consumers, topics.TICKS_IN_FLIGHT)
+        self._waits = Credit(consumers, TICKS_IN_FLIGHT)
         self.set_going(consumers, self._waits)
 
     def send_next(self) -> bool:

@@ -7,7 +7,7 @@ from typing import Any
 
 from rclpy.publisher import Publisher
 
-from cam_rig.bag.topics import TICKS_IN_FLIGHT
+from cam_rig.experiment.handover import TICKS_IN_FLIGHT
 
 Said = tuple[Publisher, Any]
 

@@ -79,3 +79,12 @@ def test_a_linear_ramp_is_no_jump():
     gate = StateGate(1000.0)
     gate.admit(LAST)
     assert gate.admit(CamState(1_100_000_000, 12.5, 30.0, "tm21")) is Admission.NEXT
+
+
+def test_who_is_not_waited_for_may_miss_states():
+    """Histories begin later than where the predecessor ended: what is left is admitted."""
+    gate = StateGate(1000.0, tick_angle=1e-3, since=STATES[5].time_ns)
+    assert {gate.admit(state) for state in STATES[:6]} == {Admission.SEEN}
+    assert gate.admit(STATES[9]) is Admission.ANEW
+    with pytest.raises(RefusedError, match="one was lost"):
+        gate.admit(STATES[12])

@@ -8,9 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cam_rig.acoustics import MicrophoneState
+from cam_rig.bag.topics import TICK_DEPTH
 from cam_rig.dynamics import FollowerState
 from cam_rig.errors import RunError
-from cam_rig.experiment.handover import Handover, from_plain, to_plain
+from cam_rig.experiment.handover import (
+    STATES_UNFLUSHED,
+    TICKS_IN_FLIGHT,
+    TICKS_KEPT,
+    Handover,
+    from_plain,
+    to_plain,
+)
 from cam_rig.experiment.program import CamState
 from cam_rig.experiment.stage import open_stage
 from cam_rig.experiment.sweep import FollowerBench, FollowerMemory, MicrophoneBench
@@ -49,13 +57,37 @@ def test_the_benches_memories_can_be_handed_over():
 
 def test_the_last_records_are_kept(tmp_path):
     """A successor goes back by as many ticks as may not have arrived."""
-    keeper = Handover(str(tmp_path), "follower", depth=3)
+    keeper, depth = Handover(str(tmp_path), "follower"), TICKS_KEPT["follower"]
     assert keeper.oldest() is None
-    for i in range(10):
+    for i in range(40):
         keeper.keep((i, "x"))
-    successor = Handover(str(tmp_path), "follower", depth=3)
-    assert (successor.oldest(), successor.newest()) == ((7, "x"), (9, "x"))
+    successor = Handover(str(tmp_path), "follower")
+    assert (successor.oldest(), successor.newest()) == ((40 - depth, "x"), (39, "x"))
+    assert [i for i, _ in successor.all()] == list(range(40 - depth, 40))
     assert Handover(str(tmp_path), "microphone").newest() is None
+
+
+@pytest.mark.parametrize("done", [0, 1, 5, 30])
+def test_a_successor_may_die_as_well(tmp_path, done):
+    """While it does again what was done, and after: the next one finds the last ticks in a row."""
+    keeper, depth = Handover(str(tmp_path), "follower"), TICKS_KEPT["follower"]
+    for i in range(40):
+        keeper.keep(i)
+    second = Handover(str(tmp_path), "follower")
+    begin = second.oldest()
+    for i in range(begin + 1, begin + 1 + done):
+        second.keep(i)
+    newest = max(39, begin + done)
+    assert Handover(str(tmp_path), "follower").all() == list(range(newest - depth + 1, newest + 1))
+
+
+def test_what_a_chain_of_the_dead_needs_fits_into_a_history():
+    """The recorder loses some states; who speaks goes back as far, who is heard by it further."""
+    depth = TICKS_KEPT
+    assert depth["microphone"] > STATES_UNFLUSHED + TICKS_IN_FLIGHT
+    assert depth["follower"] > depth["microphone"] + TICKS_IN_FLIGHT
+    assert depth["cam_drive"] > depth["follower"] + TICKS_IN_FLIGHT
+    assert depth["cam_drive"] + TICKS_IN_FLIGHT < TICK_DEPTH
 
 
 def test_without_a_folder_nothing_is_kept(tmp_path, monkeypatch):

@@ -1,6 +1,7 @@
 """One scene gives one bag: undisturbed, killed and started again, stalled, or stopped."""
 
 import signal
+import threading
 import time
 
 import pytest
@@ -44,6 +45,28 @@ def test_killed_nodes_are_started_again_and_leave_no_trace(
     assert_same(rig.payloads(tmp_path / "bag"), undisturbed)
     assert len(names) > 10
     assert (rig.unused() - before) & names == set()
+
+
+@pytest.mark.parametrize(
+    "victims",
+    [("microphone", "follower"), ("follower", "cam_drive"), ("recorder", "follower", "microphone")],
+)
+def test_a_second_node_dies_while_the_first_returns(
+    ros_domain, rig, short_scene, undisturbed, tmp_path, victims
+):
+    """0.7 s apart, so that nobody lives who has heard all: the bag is the undisturbed one."""
+    said, once = [], [70]
+
+    def kill(graph, tick):
+        if tick in once:  # a drive that returns says it again
+            once.clear()
+            for i, name in enumerate(victims):
+                process = graph.processes[name].process
+                threading.Timer(0.7 * i, process.kill).start()
+
+    rig.run(short_scene, tmp_path / "bag", kill, respawn=True, said=said)
+    assert sorted(line.split()[1] for line in said) == sorted(victims)
+    assert_same(rig.payloads(tmp_path / "bag"), undisturbed)
 
 
 def resident_mb(process):
