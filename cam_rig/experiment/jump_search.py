@@ -9,6 +9,7 @@ radian over as long as it is remembered: half of a resonance's half-width in ste
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
@@ -30,8 +31,22 @@ PHASE_STEP = 0.5
 TOGETHER, CLOSER = 64, 33
 #: A damping ratio below this is none: a search in steady state would have no end.
 UNDAMPED = 1e-7
-#: A zero is polished to this part of the speed.
-POLISHED = 5e-7
+#: A zero is polished to this part of the speed, and of the bracket it was found in.
+POLISHED, POLISHED_IN = 5e-7, 1e-3
+#: Finer than this rounding decides.
+MOST_POLISHED = 1e-13
+
+
+@dataclass(frozen=True)
+class Sought:
+    """A zero of the least force and its bracket (rad/s): above zero at ``low``, below at ``high``.
+
+    The bracket is narrower than a resonance, however little it is damped.
+    """
+
+    low: float
+    speed: float
+    high: float
 
 
 def force_run(law: Law, parameters: TwoMassParameters, duration: float | None) -> Run:
@@ -44,6 +59,18 @@ def sought_speed(
     law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = SLOWEST
 ) -> float:
     """The jump speed (rad/s) without its proof; ``slowest`` (rpm) is where the search begins."""
+    return sought(law, parameters, duration, slowest).speed
+
+
+def sought(
+    law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = SLOWEST
+) -> Sought:
+    """The same with the bracket it was found in.
+
+    Raises
+    ------
+    DynamicsError : it leaves at ``slowest`` or at no speed; or there is no steady state
+    """
     run = force_run(law, parameters, duration)
     if duration is None and run.model.rates.real.max() > -UNDAMPED * np.abs(run.model.rates).max():
         raise DynamicsError(
@@ -51,7 +78,8 @@ def sought_speed(
             "speed louder turn after turn; allowed: damping, or a run from rest"
         )
     low, high = _bracket(run, law, slowest)
-    return float(brentq(run.lowest, low, high, rtol=POLISHED))
+    fine = max(MOST_POLISHED, min(POLISHED, POLISHED_IN * (high / low - 1.0)))
+    return Sought(low, float(brentq(run.lowest, low, high, rtol=fine)), high)
 
 
 def step(run: Run) -> float:

@@ -1,6 +1,7 @@
 """Jump speeds: the lowest, proved on both sides, and what they must not depend on."""
 
 from dataclasses import asdict, replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from cam_rig.dynamics.contact import loss_intervals
 from cam_rig.dynamics.two_mass import contact_response
 from cam_rig.dynamics.two_mass_guards import lift_off
 from cam_rig.errors import DynamicsError
-from cam_rig.experiment import jump_refit
+from cam_rig.experiment import jump, jump_refit
 from cam_rig.experiment.events import with_event
 from cam_rig.experiment.jump import jump_speed
 from cam_rig.experiment.jump_ramp import jump_along_ramp
@@ -103,6 +104,27 @@ def test_stiff_stem_is_the_rigid_follower(laws, two_mass):
 
     expected = brentq(pulls, 300.0 * RPM, 900.0 * RPM, xtol=1e-6)
     assert jump_speed(law, stiff, None).speed == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_resonance_narrower_than_the_tolerance(laws, two_mass, monkeypatch):
+    """With next to no damping the jump speed is still that of the first resonance that throws off.
+
+    The follower leaves in a band of a millionth of the speed, and next only far above it.
+    """
+    law, slack = laws["poly345"], replace(two_mass, stem_damping=0.003, damping=0.003)
+    near = partial(jump.sought, slowest=52.5)  # seconds rather than a quarter of a minute
+    monkeypatch.setattr(jump, "sought", near)
+    found = jump_speed(law, slack, None)
+    assert found.speed == pytest.approx(near(law, slack, None).speed, rel=1e-5)
+    assert not leaves(law, slack, found.speed * 1.0001, None)
+
+
+def test_a_jump_that_cannot_be_proved(laws, two_mass, monkeypatch):
+    """A zero that the exact model does not have is an error, not a speed from elsewhere."""
+    wrong = jump.Sought(*(rpm * RPM for rpm in (300.0, 300.001, 300.002)))
+    monkeypatch.setattr(jump, "sought", lambda *_: wrong)
+    with pytest.raises(DynamicsError, match=r"sought 300\.001 rpm, but .* allowed: a resonance"):
+        jump_speed(laws["poly345"], two_mass, None)
 
 
 def test_forces_in_proportion(laws, two_mass):
