@@ -39,6 +39,11 @@ def test_json_and_plot(small):
     assert set(data) == {"answer", "designs", "cams", "squeezed", "advantage"}
     design = data["designs"]["same acceleration"]
     assert design["continuity"] == [2, 3]
+    assert data["designs"].keys() == {"same angles", "same acceleration"}  # all are C2 and above
+    residual = design["effects"]["residual"]
+    assert residual["left_below_rpm"] == pytest.approx(400.0)
+    assert residual["cells_left"] == [[True, False], [False, False]]
+    assert "leave the cam below 400 rpm" in " ".join(result.stderr.split())
     for effect in design["effects"].values():
         assert sum(effect["shares"].values()) == pytest.approx(1.0)
         assert [len(row) for row in effect["values"]] == [2, 2]
