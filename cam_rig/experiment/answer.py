@@ -104,7 +104,7 @@ def _acceleration(found: Factorial) -> str:
     same, gentle = (share_of_law(design, effect) for design in designs)
     return (
         f"Peak acceleration: with equal angles {same}, with equal acceleration of the laws "
-        f"themselves {gentle}.{held(found.same_angles, effect, found.config)}"
+        f"themselves {gentle}.{held(found.same_acceleration, effect, found.config)}"
     )
 
 

@@ -50,7 +50,7 @@ def jump_speed(law: Law, parameters: TwoMassParameters, duration: float | None =
     ------
     DynamicsError : it leaves at any speed, or at none; or there is no steady state
     """
-    require_smooth(law)  # where the velocity jumps down, it is thrown off at any speed
+    require_smooth(law, "; where it falls the follower is thrown off at any speed")
     found = sought(law, parameters, duration)
 
     def leaves(speed: float) -> float | None:

@@ -7,9 +7,10 @@ import math
 from cam_rig.experiment.jump_refit import ROUNDED_TO
 from cam_rig.experiment.jump_search import RPM
 from cam_rig.experiment.jump_table import JumpRow, rms_difference, same_ranking, turn_of
+from cam_rig.experiment.leaving import FROM_REST
 from cam_rig.report.blocks import Block, Grid, Picture, Section, Words
 from cam_rig.report.figures import TAKEOFF_RPM
-from cam_rig.report.results import FROM_REST, Results
+from cam_rig.report.results import Results
 
 
 def section(results: Results) -> Section:

@@ -29,7 +29,8 @@ def section(results: Results) -> Section:
                 "The paper: “…resolve whether the improvement observed is due to the continuity of "
                 "the equation and/or to the gentler slopes.” Laws that join their dwells "
                 f"C{min(classes)} to C{max(classes)} (Ck: k continuous derivatives) are built over "
-                "the same event angles; then over the angles at which all have the same peak acceleration, so that slopes do not tell them apart."
+                "the same event angles; then over the angles at which all have the same peak "
+                "acceleration, so that slopes do not tell them apart."
             ),
             Points(tuple(answer(found))),
             Picture(

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from cam_rig.experiment.answer import answer
+from cam_rig.experiment.claims import jump_claims, vibration_claims
 from cam_rig.experiment.jump_table import rms_difference, same_ranking
-from cam_rig.experiment.vibration_table import jump_claims, vibration_claims
 from cam_rig.report.blocks import Points, Section, Words
 from cam_rig.report.results import Results
 
@@ -60,4 +60,6 @@ def _noise(results: Results) -> str:
 def _claims(results: Results) -> str:
     claims = [*vibration_claims(results.vibration), *jump_claims(results.jumps)]
     agreed = sum(claim.verdict == "agrees" for claim in claims)
-    return f"What the paper says of vibration and jump: {agreed} of {len(claims)} claims agree."
+    either = "; ".join(f"{c.words}: {c.told}" for c in claims if c.otherwise is not None)
+    said = f"What the paper says of vibration and jump: {agreed} of {len(claims)} claims agree"
+    return f"{said}, residual vibration measured by the ringing. {either}."
