@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 from cam_rig.dynamics.ringing import Ringing
 from cam_rig.dynamics.ringing_run import Run
@@ -121,10 +121,9 @@ def _first_below(run: Run, speeds: FloatArray, slowest: float) -> tuple[float, f
     stop = int(below[0]) if below.size else speeds.size
     for i in dips(least):
         if i < stop:
-            closer = np.linspace(speeds[i - 1], speeds[i + 1], CLOSER)
-            found = np.flatnonzero(run.least(closer) <= 0.0)
-            if found.size:
-                speeds, stop = closer, int(found[0])
+            closer = _with_lowest(run, np.linspace(speeds[i - 1], speeds[i + 1], CLOSER))
+            if closer is not None:
+                speeds, stop = closer
                 break
     if stop == speeds.size:
         return None
@@ -132,3 +131,22 @@ def _first_below(run: Run, speeds: FloatArray, slowest: float) -> tuple[float, f
     while run.lowest(low) <= 0.0 and low > slowest:  # it hid between grid points
         low *= 1.0 - step(run)
     return low, float(speeds[stop])
+
+
+def _with_lowest(run: Run, speeds: FloatArray) -> tuple[FloatArray, int] | None:
+    """The speeds, and which is the first below zero; None where none is.
+
+    Where the grid leaves it open the lowest place is sought between its points, and put among the
+    speeds.
+    """
+    least = run.least(speeds)
+    found = np.flatnonzero(least <= 0.0)
+    if found.size:
+        return speeds, int(found[0])
+    at = int(np.clip(np.argmin(least), 1, speeds.size - 2))
+    if least[at] > run.missed(speeds[at : at + 1])[0]:
+        return None
+    near = minimize_scalar(run.lowest, bounds=(speeds[at - 1], speeds[at + 1]), method="bounded")
+    if near.fun > 0.0:
+        return None
+    return np.array([*speeds[:at], near.x]), at

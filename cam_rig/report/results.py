@@ -16,6 +16,7 @@ from cam_rig.experiment.leaving import FROM_REST
 from cam_rig.experiment.lineup import Lineup, open_lineup
 from cam_rig.experiment.measures import Bench
 from cam_rig.experiment.noise_results import NoiseStudy, study_noise
+from cam_rig.experiment.references import references
 from cam_rig.experiment.stage import Stage, open_stage
 from cam_rig.experiment.vibration_table import VibrationTable, vibration_table
 from cam_rig.report.recorded import Recorded, read_recorded
@@ -116,7 +117,7 @@ def find(
     factorial = pool.submit(_factorial, sources)
     lineup = sources.lineup
     parameters = TwoMassParameters.from_rig(lineup.rig)
-    jumps = find_jumps(lineup.laws, parameters, sources.tables, FROM_REST)
+    jumps = find_jumps(lineup.laws, parameters, references(lineup, sources.tables), FROM_REST)
     degrees = jump_by_degree(lineup.cams[BY_SEGMENTS], parameters, FROM_REST)
     on_part(PARTS[0])
     vibration = vibration_table(lineup, VIBRATION_RPM)

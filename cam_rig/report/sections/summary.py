@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cam_rig.experiment.answer import answer
 from cam_rig.experiment.claims import jump_claims, vibration_claims
-from cam_rig.experiment.jump_table import rms_difference, same_ranking
+from cam_rig.experiment.jump_table import rms_words, same_ranking
 from cam_rig.report.blocks import Points, Section, Words
 from cam_rig.report.results import Results
 
@@ -30,16 +30,16 @@ def _question(results: Results) -> str:
 
 
 def _jump(results: Results) -> str:
-    rms = 100.0 * rms_difference(results.jumps)
     tests = [
         f"{row.cam} {100.0 * row.difference:+.2f} %"
         for row in results.jumps
-        if row.difference is not None and not row.defined
+        if row.difference is not None and row.role == "test"
     ]
     ranking = "the paper's ranking" if same_ranking(results.jumps) else "another ranking"
+    untouched = f"; not fitted: {', '.join(tests)}" if tests else ""
     return (
-        f"Jump speed: {rms:.2f} % RMS from Table 2 on the four laws that identified the rig, "
-        f"{ranking}; not fitted: {', '.join(tests)}. The times of Table 2 do not come out."
+        f"Jump speed: {rms_words(results.jumps)}, {ranking}{untouched}. The times of Table 2 do "
+        "not come out."
     )
 
 
