@@ -20,6 +20,8 @@ from cam_rig.experiment.noise import REGRESSION_DEGREE
 BLOCK = 7
 #: Draws, and the seed of them.
 DRAWS, SEED = 2000, 1
+#: A regression's number below this part of its largest is rounding.
+ROUNDING = 1e-12
 #: Percent on either side that a band leaves out.
 TAIL = 2.5
 
@@ -56,7 +58,8 @@ class Crossing:
     """Speed in rpm at which two regressions cross, and how sure it is.
 
     ``low`` and ``high`` hold 95 % of the draws, ``deviation`` is their standard deviation;
-    ``missing`` is the share of draws that do not cross at all within the speeds.
+    ``missing`` is the share of draws that do not cross at all within the speeds. ``points_rpm`` is
+    where the simulated levels themselves cross, without a regression.
     """
 
     rpm: float | None
@@ -64,16 +67,28 @@ class Crossing:
     high: float
     deviation: float
     missing: float
+    points_rpm: float | None = None
 
 
 def crossing(rpm: FloatArray, one: FloatArray, two: FloatArray, near: float) -> float | None:
     """Where two cubics, given by their values ``(n,)``, cross nearest to ``near`` rpm."""
     scale = rpm.mean()
     fit = np.polynomial.polynomial.polyfit(rpm / scale - 1.0, one - two, REGRESSION_DEGREE)
+    # A leading number of mere rounding would drown the roots that count in its own.
+    fit = np.polynomial.polynomial.polytrim(fit, ROUNDING * np.abs(fit).max())
     roots = np.polynomial.polynomial.polyroots(fit)
     real = (roots.real[np.abs(roots.imag) < 1e-9] + 1.0) * scale
     inside = real[(real >= rpm[0]) & (real <= rpm[-1])]
     return float(inside[np.argmin(np.abs(inside - near))]) if inside.size else None
+
+
+def points_crossing(rpm: FloatArray, one: FloatArray, two: FloatArray, near: float) -> float | None:
+    """Where two series of levels ``(n,)``, joined by straight lines, cross nearest to ``near``."""
+    gap = one - two
+    at = np.flatnonzero(np.sign(gap[1:]) != np.sign(gap[:-1]))
+    share = gap[at] / (gap[at] - gap[at + 1])
+    found = rpm[at] + share * (rpm[at + 1] - rpm[at])
+    return float(found[np.argmin(np.abs(found - near))]) if found.size else None
 
 
 def sure_crossing(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from cam_rig.experiment.answer import answer
+from cam_rig.experiment.bootstrap import Crossing
 from cam_rig.experiment.claims import jump_claims, vibration_claims
 from cam_rig.experiment.jump_table import rms_words, same_ranking
 from cam_rig.report.blocks import Points, Section, Words
@@ -44,17 +45,29 @@ def _jump(results: Results) -> str:
 
 
 def _noise(results: Results) -> str:
-    best = results.noise.methods[-1]
+    """The way with the fewest fitted numbers first, for it claims most; then the crossings."""
+    best = results.noise.methods[0]
     curves = ", ".join(
         f"{c.cam} {c.rms_regression_db:.2f} dB ({c.role}, "
         f"{c.numbers or 'no'} number{'' if c.numbers == 1 else 's'} fitted to it)"
         for c in best.curves.values()
     )
-    found = best.crossing
-    crossed = "do not cross"
-    if found.rpm is not None:
-        crossed = f"cross at {found.rpm:.1f} ± {found.deviation:.1f} rpm"
-    return f"Noise, {best.name}: regressions within {curves} RMS; the curves {crossed}."
+    crossed = [f"{m.name} {_crossing(m.crossing)}" for m in results.noise.methods]
+    return (
+        f"Noise, {best.name}: regressions within {curves} RMS. Bézier 15 and TM21 cross at "
+        f"{_crossing(best.crossing)} (± one standard deviation), the published curves at "
+        f"{_published(results)}; by the other ways of calibrating: {'; '.join(crossed[1:])}."
+    )
+
+
+def _crossing(found: Crossing) -> str:
+    return "no speed" if found.rpm is None else f"{found.rpm:.1f} ± {found.deviation:.1f} rpm"
+
+
+def _published(results: Results) -> str:
+    published = results.sources.stage.published
+    assert published is not None  # the study has its levels
+    return f"{published.crossover.rpm:g} rpm"
 
 
 def _claims(results: Results) -> str:
