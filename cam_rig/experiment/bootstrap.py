@@ -14,14 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from cam_rig.dynamics import FloatArray
-from cam_rig.experiment.noise import REGRESSION_DEGREE
+from cam_rig.experiment.noise import REGRESSION_DEGREE, real_roots
 
 #: Neighbouring speeds that are drawn together: a third of the range.
 BLOCK = 7
 #: Draws, and the seed of them.
 DRAWS, SEED = 2000, 1
-#: A regression's number below this part of its largest is rounding.
-ROUNDING = 1e-12
 #: Percent on either side that a band leaves out.
 TAIL = 2.5
 
@@ -74,10 +72,7 @@ def crossing(rpm: FloatArray, one: FloatArray, two: FloatArray, near: float) -> 
     """Where two cubics, given by their values ``(n,)``, cross nearest to ``near`` rpm."""
     scale = rpm.mean()
     fit = np.polynomial.polynomial.polyfit(rpm / scale - 1.0, one - two, REGRESSION_DEGREE)
-    # A leading number of mere rounding would drown the roots that count in its own.
-    fit = np.polynomial.polynomial.polytrim(fit, ROUNDING * np.abs(fit).max())
-    roots = np.polynomial.polynomial.polyroots(fit)
-    real = (roots.real[np.abs(roots.imag) < 1e-9] + 1.0) * scale
+    real = (real_roots(fit) + 1.0) * scale
     inside = real[(real >= rpm[0]) & (real <= rpm[-1])]
     return float(inside[np.argmin(np.abs(inside - near))]) if inside.size else None
 
