@@ -14,7 +14,7 @@ import numpy as np
 
 from cam_rig.acoustics.level import REFERENCE_PRESSURE, pressure_pa
 from cam_rig.dynamics import FloatArray
-from cam_rig.errors import ConfigError
+from cam_rig.errors import ConfigError, RefusedError
 
 #: Frequency weightings of the standard.
 FREQUENCY_WEIGHTINGS = ("A", "C", "Z")
@@ -81,9 +81,15 @@ class SoundLevelMeter:
         self._ballistics = Ballistics(self.rate, TIME_WEIGHTINGS[self.time_weighting])
 
     def read(self, pressure: FloatArray) -> Reading:
-        """The reading for the next samples, ``(n,)`` in Pa."""
+        """The reading for the next samples, ``(n,)`` in Pa.
+
+        Raises
+        ------
+        RefusedError : a sample that is no number; the meter is as it was
+        """
         if pressure.size == 0:
             raise ValueError("a block must hold at least one sample")
+        _require_finite(pressure)
         weighted = self._filter.filter(pressure)
         power = self._ballistics.process(weighted)
         energy = float(weighted @ weighted)
@@ -117,6 +123,17 @@ class SoundLevelMeter:
     def overloaded(self) -> bool:
         """Whether any block so far was an overload: it stays shown, as the standard asks."""
         return self._overload
+
+
+def _require_finite(pressure: FloatArray) -> None:
+    """Refuse a broken signal: it would read as silence, for ever after."""
+    good = np.isfinite(pressure)
+    if not good.all():
+        first = int(np.argmin(good))
+        raise RefusedError(
+            f"sound pressure: sample {first} of {pressure.size} is {pressure[first]} Pa; allowed: "
+            "finite numbers, so look at what the follower or the rig's radiation gives"
+        )
 
 
 def _require(name: str, value: str, allowed: Iterable[str]) -> None:

@@ -50,10 +50,10 @@ def factorial(
     """
     with user_errors():
         from cam_rig.cli import factorial_tables
-        from cam_rig.schema import load_factorial
+        from cam_rig.experiment.factorial_laws import open_factorial
 
         check_outputs(json_target, plot)
-        found = measure(load_factorial(_path(study)))
+        found = measure(open_factorial(_path(study)))
         factorial_tables.show(found)
         if plot is not None:
             from cam_rig.view.factorial_plot import draw

@@ -12,37 +12,47 @@ from cam_rig.cli.console import console
 from cam_rig.experiment.advantage import advantages
 from cam_rig.experiment.answer import answer
 from cam_rig.experiment.factorial import EFFECTS
+from cam_rig.experiment.in_contact import fastest, left, staying
+from cam_rig.experiment.judgement import RPM
 
 if TYPE_CHECKING:
     from cam_rig.experiment.factorial import Design, Effect, Factorial
+    from cam_rig.schema import FactorialConfig
 
 
 def show(found: Factorial) -> None:
     """Shares of variance by design, the advantage split, and the answer."""
-    for design in designs(found):
-        console.print(_shares(design))
+    for design in found.designs:
+        console.print(_shares(design, found.config))
     console.print(_split(found))
     for sentence in answer(found):
         console.print(f"- {sentence}", soft_wrap=False, markup=False)
 
 
-def designs(found: Factorial) -> list[Design]:
-    """Both designs, with all laws and with those of C2 and above."""
-    both = (found.same_angles, found.same_acceleration)
-    return [d for design in both for d in (design, design.from_class(2))]
-
-
-def _shares(design: Design) -> Table:
+def _shares(design: Design, config: FactorialConfig) -> Table:
     out = Table(title=f"Variance, {design.name}", box=SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
     out.add_column("effect", no_wrap=True)
-    for head in ("law\n%", "between\nclasses %", "angle\n%", "inter-\naction %"):
+    for head in ("law\n%", "between\nclasses %", "angle\n%", "inter-\naction %", "cells\nleft"):
         out.add_column(head, justify="right")
     for effect in EFFECTS:
-        found = design.analysis(effect)
-        law, angle, both = found.shares
-        between = found.classes / (found.total or 1.0)
-        out.add_row(effect.name, *(f"{100 * share:.1f}" for share in (law, between, angle, both)))
+        gone = int(left(design, effect, config).sum())
+        out.add_row(effect.name, *_parts(design, effect), str(gone) if effect.speeds else "")
+        stay = staying(design, effect, config)
+        if gone and stay is not None:
+            size = f"{len(stay.rises)} × {stay.angles.size}"
+            out.add_row(f"  {size} that stay", *_parts(stay, effect), "0")
+    out.caption = (
+        "cells left: the follower leaves the cam below the fastest speed of the effect, where the "
+        "model holds it on; below, the laws × angles that all stay"
+    )
     return out
+
+
+def _parts(design: Design, effect: Effect) -> list[str]:
+    found = design.analysis(effect)
+    law, angle, both = found.shares
+    between = found.classes / (found.total or 1.0)
+    return [f"{100 * share:.1f}" for share in (law, between, angle, both)]
 
 
 def _split(found: Factorial) -> Table:
@@ -71,7 +81,7 @@ def to_json(found: Factorial) -> dict[str, Any]:
     """Everything measured and analysed, in the units of the tables, and the answer."""
     return {
         "answer": answer(found),
-        "designs": {design.name: _design(design) for design in designs(found)},
+        "designs": {design.name: _design(design, found.config) for design in found.designs},
         "cams": {cam: vars(measures) for cam, measures in found.cams.items()},
         "squeezed": {
             f"{math.degrees(span):.6g}": vars(measures) for span, measures in found.squeezed.items()
@@ -80,13 +90,33 @@ def to_json(found: Factorial) -> dict[str, Any]:
     }
 
 
-def _design(design: Design) -> dict[str, Any]:
+def _design(design: Design, config: FactorialConfig) -> dict[str, Any]:
     return {
         "laws": list(design.rises),
         "continuity": design.classes,
         "angle_deg": [round(math.degrees(angle), 9) for angle in design.angles.tolist()],
-        "effects": {effect.key: _effect(design, effect) for effect in EFFECTS},
+        "effects": {
+            effect.key: _effect(design, effect)
+            | {
+                "cells_left": left(design, effect, config).tolist(),
+                "left_below_rpm": _rpm(fastest(effect, config)),
+                "in_contact": _in_contact(staying(design, effect, config), effect),
+            }
+            for effect in EFFECTS
+        },
     }
+
+
+def _rpm(speed: float | None) -> float | None:
+    return None if speed is None else round(speed * RPM, 9)
+
+
+def _in_contact(stay: Design | None, effect: Effect) -> dict[str, Any] | None:
+    """The same effect over the laws and angles that stay on the cam; None for too few."""
+    if stay is None or not effect.speeds:
+        return None
+    angles = [round(math.degrees(angle), 9) for angle in stay.angles.tolist()]
+    return {"laws": list(stay.rises), "angle_deg": angles} | _effect(stay, effect)
 
 
 def _effect(design: Design, effect: Effect) -> dict[str, Any]:

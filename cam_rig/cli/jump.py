@@ -11,6 +11,7 @@ from cam_rig.cli.console import (
     cam_path,
     check_outputs,
     console,
+    progress_bar,
     rig_path,
     tables_path,
     user_errors,
@@ -28,11 +29,13 @@ def jump(
     cams: Cams = None,
     rig: Annotated[str, typer.Option(help="Rig file, or a name in config/rigs.")] = "paper_table2",
     from_rest: Annotated[
-        float, typer.Option(metavar="SECONDS", help="Length of the run from rest, at one speed.")
+        float,
+        typer.Option(metavar="SECONDS", help="Length of the run from rest, at one speed, to 60 s."),
     ] = 1.7,
     steady: Annotated[bool, typer.Option("--steady", help="In steady state instead.")] = False,
     ramp: Annotated[
-        float | None, typer.Option(metavar="RPM/S", help="Along a ramp from rest instead.")
+        float | None,
+        typer.Option(metavar="RPM/S", help="Along a ramp instead, 1 to 1e5."),
     ] = None,
     refit: Annotated[
         bool, typer.Option("--refit", help="Fit the rig's unprinted numbers anew (a minute).")
@@ -61,6 +64,7 @@ def jump(
         from cam_rig.errors import ConfigError
         from cam_rig.experiment.jump_table import find_jumps
         from cam_rig.experiment.lineup import open_lineup
+        from cam_rig.experiment.references import references
         from cam_rig.schema import load_tables
 
         check_outputs(json_target, plot)
@@ -73,14 +77,24 @@ def jump(
         if refit:
             jump_tables.show_refit(lineup, published, parameters, from_rest)
             return
-        rows = find_jumps(lineup.laws, parameters, published, None if steady else from_rest, ramp)
-        console.print(jump_tables.table(rows, lineup))
+        known, duration = references(lineup, published), None if steady else from_rest
+        with progress_bar() as bar:
+            task = bar.add_task("", total=len(lineup.cams), completed=-1)
+            rows = find_jumps(
+                lineup.laws,
+                parameters,
+                known,
+                duration,
+                ramp,
+                lambda cam: bar.update(task, advance=1, description=cam),
+            )
+        console.print(jump_tables.table(rows, lineup.rig.name))
         console.print(jump_tables.words(rows), soft_wrap=True)
         if plot is not None:
             from cam_rig.view.jump_plot import draw
 
             with writing(plot) as part:
-                draw(rows, lineup, None if steady else from_rest, part)
+                draw(rows, lineup, duration, part)
             console.print(f"plot: {plot}", soft_wrap=True)
         if json_target is not None:
             write_json(jump_tables.to_json(rows), json_target)

@@ -17,13 +17,15 @@ from cam_rig.cli.console import (
     write_json,
     writing,
 )
-from cam_rig.errors import OutputError
+from cam_rig.errors import ConfigError, OutputError
 
 if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
     from cam_rig.acoustics.recording import Measurement
 
 #: Hz, the rate of audio equipment.
 RATE = 48_000
+#: s, how long one speed is held by default.
+SECONDS = 5.0
 
 
 def listen(
@@ -34,8 +36,9 @@ def listen(
         float | None, typer.Option(min=1.0, max=1e5, help="One speed; by default the program's.")
     ] = None,
     seconds: Annotated[
-        float, typer.Option(min=0.1, max=3600.0, help="How long --rpm is held, in whole turns.")
-    ] = 5.0,
+        float | None,
+        typer.Option(min=0.1, max=3600.0, help="How long --rpm is held, in whole turns; 5."),
+    ] = None,
     json_target: Annotated[
         str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")
     ] = None,
@@ -65,7 +68,13 @@ def listen(
         if out.suffix.lower() != ".wav":
             raise OutputError(f"{out}: unknown kind of sound file; allowed: .wav")
         check_place(out)
-        stage = audition(open_stage(scene_path(scene)), cam, rpm, seconds, RATE)
+        if seconds is not None and rpm is None:
+            raise ConfigError(
+                f"--seconds is {seconds:g} without --rpm, and the scene's program has its own "
+                "times; allowed: both, or neither"
+            )
+        held = SECONDS if seconds is None else seconds
+        stage = audition(open_stage(scene_path(scene)), cam, rpm, held, RATE)
         source = SoundSource(stage.radiation, RATE, least_rate=RATE)
         with progress_bar() as bar:
             ticks = bar.track(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from rich.box import SIMPLE
 from rich.table import Table
 
 from cam_rig.cli.console import console
@@ -30,9 +31,10 @@ def show(study: NoiseStudy, stage: Stage) -> None:
 
 
 def _table(title: str, *columns: str) -> Table:
-    out = Table(title=title)
+    """A table for 80 columns: narrow rules, the first column to the left, nothing cut."""
+    out = Table(title=title, box=SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
     for i, column in enumerate(columns):
-        out.add_column(column, justify="left" if i == 0 else "right")
+        out.add_column(column, justify="left" if i == 0 else "right", overflow="fold")
     return out
 
 
@@ -40,8 +42,8 @@ def _structures(study: NoiseStudy) -> Table:
     out = _table(
         "What stands between force and sound: r.m.s. difference in dB",
         "structure, weighting",
-        "numbers",
-        *(f"{word} {cam}" for cam in study.structures for word in ("fitted to", "predicts from")),
+        "num-\nbers",
+        *(f"{word}\n{cam}" for cam in study.structures for word in ("fitted to", "predicts from")),
     )
     for row in zip(*study.structures.values(), strict=True):
         cells = [f"{v:.2f}" for fit in row for v in (fit.fitted_db, *fit.predicted_db.values())]
@@ -70,10 +72,10 @@ def _method(method: Method, stage: Stage) -> Table:
         f"{method.name}: {constants_words(method.acoustics)}",
         "cam",
         "which is",
-        "numbers\nfitted to it",
-        "points to\npublished",
-        "regression to\npublished",
-        "95 % band,\nhalf width",
+        "numbers fit-\nted (of 4)",
+        "points\ndB RMS",
+        "regression\ndB RMS",
+        "95 % band\n± dB",
         "published\nwithin",
     )
     for curve in method.curves.values():
@@ -81,10 +83,10 @@ def _method(method: Method, stage: Stage) -> Table:
         out.add_row(
             curve.cam,
             curve.role,
-            f"{curve.numbers} (it has 4)" if curve.numbers else "none",
-            f"{curve.rms_db:.2f} dB",
-            f"{curve.rms_regression_db:.2f} dB",
-            f"{half:.1f} dB",
+            str(curve.numbers) if curve.numbers else "none",
+            f"{curve.rms_db:.2f}",
+            f"{curve.rms_regression_db:.2f}",
+            f"{half:.1f}",
             f"{100 * curve.expected.holds(curve.published_db):.0f} %",
         )
     out.caption = f"arc cam: {shape_words(method.shape)}"
@@ -95,9 +97,11 @@ def _crossing_words(found: Crossing, stage: Stage) -> str:
     assert stage.published is not None  # the study has its levels
     names = " and ".join(stage.published.crossover.between)
     where = "nowhere" if found.rpm is None else f"at {found.rpm:.1f} ± {found.deviation:.1f} rpm"
+    points = "nowhere" if found.points_rpm is None else f"at {found.points_rpm:.1f} rpm"
     return (
-        f"regressions of {names} cross {where} (95 %: {found.low:.0f} to {found.high:.0f}; "
-        f"published: {stage.published.crossover.rpm:g})"
+        f"regressions of {names} cross {where} (± one standard deviation of the draws; 95 %: "
+        f"{found.low:.0f} to {found.high:.0f}; published: {stage.published.crossover.rpm:g}); the "
+        f"simulated points themselves {points}"
     )
 
 
@@ -105,11 +109,11 @@ def _left_out(rows: list[LeftOut]) -> Table:
     out = _table(
         "each cam left out: gain and corner from the other two alone",
         "left out",
-        "gain [Pa·s/N]",
-        "corner [Hz]",
+        "gain\nPa·s/N",
+        "corner\nHz",
         "numbers fitted\nto the others",
-        "points to\npublished",
-        "regression to\npublished",
+        "points\ndB RMS",
+        "regression\ndB RMS",
     )
     for row in rows:
         r = row.acoustics.radiation
@@ -118,8 +122,8 @@ def _left_out(rows: list[LeftOut]) -> Table:
             f"{r.gain:.3g}",
             f"{r.corner:.2f}",
             str(row.numbers),
-            f"{row.rms_db:.2f} dB",
-            f"{row.rms_regression_db:.2f} dB",
+            f"{row.rms_db:.2f}",
+            f"{row.rms_regression_db:.2f}",
         )
     return out
 
@@ -128,16 +132,16 @@ def _one_rig(study: NoiseStudy) -> Table:
     """Beside the rigid rig whose preload is the follower's weight."""
     base = study.methods[1]
     out = _table(
-        "one rig for everything: points to published, and what it costs",
+        "one rig for everything: points to published in dB RMS, and what it costs",
         "rig",
         *base.curves,
-        "cross at",
+        "cross at\nrpm",
     )
     own = {cam: curve.rms_db for cam, curve in base.curves.items()}
-    out.add_row(base.name, *(f"{own[cam]:.2f} dB" for cam in own), _rpm(base.crossing.rpm))
+    out.add_row(base.name, *(f"{own[cam]:.2f}" for cam in own), _rpm(base.crossing.rpm))
     for rig in study.one_rig:
         cells = [
-            f"{rig.rms_db[cam]:.2f} dB ({rig.rms_db[cam] - own[cam]:+.2f})"
+            f"{rig.rms_db[cam]:.2f} ({rig.rms_db[cam] - own[cam]:+.2f})"
             if cam in rig.rms_db
             else "--one-rig"
             for cam in own
@@ -147,4 +151,4 @@ def _one_rig(study: NoiseStudy) -> Table:
 
 
 def _rpm(value: float | None) -> str:
-    return "" if value is None else f"{value:.1f} rpm"
+    return "" if value is None else f"{value:.1f}"

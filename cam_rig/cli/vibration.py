@@ -39,7 +39,9 @@ def vibration(
 
     Eq. 5 and eq. 10 of the paper, in steady state. Ringing is free vibration, what the joints of a
     law have kicked; a law without a low dwell is read within 31.25° of θ = 0. The plot shows the
-    last speed. By default 200, 250, 300 and 350 rpm, below every jump speed of the paper's laws.
+    last speed. † marks cams that are left below a speed: the model holds the follower on them, and
+    what the paper says is tried without that speed. By default 200, 250, 300 and 350 rpm,
+    below every jump speed of the paper's laws.
 
     Examples
     --------
@@ -58,7 +60,7 @@ def vibration(
         lineup = open_lineup(map(cam_path, names), rig_path(rig))
         with progress_bar() as bar:
             task = bar.add_task("", total=len(lineup.cams), completed=-1)
-            speeds = tuple(rpm or SPEEDS)
+            speeds = tuple(rpm or SPEEDS)  # a speed given twice is one
             found = vibration_table(
                 lineup, speeds, lambda cam: bar.update(task, advance=1, description=cam)
             )

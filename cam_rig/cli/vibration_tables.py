@@ -9,9 +9,10 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from cam_rig.cli.console import console
-from cam_rig.experiment.vibration_table import vibration_claims
+from cam_rig.experiment.claims import vibration_claims
 
 if TYPE_CHECKING:
+    from cam_rig.experiment.claims import Claim
     from cam_rig.experiment.lineup import Lineup
     from cam_rig.experiment.vibration import Vibration
     from cam_rig.experiment.vibration_table import VibrationTable
@@ -20,13 +21,16 @@ if TYPE_CHECKING:
 def show(table: VibrationTable, lineup: Lineup) -> None:
     """A table for each speed, then the paper's words."""
     for rpm in table.rpm:
-        console.print(_one(table.at(rpm), f"{rpm:g} rpm on {lineup.rig.name}, steady state"))
+        title = f"{rpm:g} rpm on {lineup.rig.name}, steady state"
+        console.print(_one(table.at(rpm), title, table.left(rpm)))
     for claim in vibration_claims(table):
-        said = f"{claim.words} ({claim.source}): {claim.verdict}"
-        console.print(f"{said}, {claim.holds} of {claim.cases} speeds", soft_wrap=True)
+        console.print(f"{claim.words} ({claim.source}): {claim.told}", soft_wrap=True)
+    if left_out := len(table.rpm) - len(table.in_contact):
+        console.print(f"not asked at {left_out} of {len(table.rpm)} speeds: a cam is left there")
 
 
-def _one(measures: dict[str, Vibration], title: str) -> Table:
+def _one(measures: dict[str, Vibration], title: str, left: list[str]) -> Table:
+    """One row a cam; those of ``left`` are marked."""
     out = Table(title=title, box=SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
     out.add_column("cam", no_wrap=True)
     heads = ("ringing\nµm", "swing\nµm", "acceleration\nm/s²", "law's own\nm/s²", "twist\n°")
@@ -34,15 +38,19 @@ def _one(measures: dict[str, Vibration], title: str) -> Table:
         out.add_column(head, justify="right", no_wrap=True)
     for cam, v in measures.items():
         out.add_row(
-            cam if v.window.dwell else f"{cam} *",
+            cam + ("" if v.window.dwell else " *") + (" †" if cam in left else ""),
             f"{1e6 * v.ringing:.3g}",
             f"{1e6 * v.swing:.3g}",
             f"{v.acceleration:.1f}",
             f"{v.rigid_acceleration:.1f}",
             "" if v.twist is None else f"{math.degrees(v.twist):.4f}",
         )
+    notes = []
     if not all(v.window.dwell for v in measures.values()):
-        out.caption = "* no low dwell: read within 31.25° of θ = 0, where it moves"
+        notes.append("* no low dwell: read within 31.25° of θ = 0, where it moves")
+    if left:
+        notes.append("† has left the cam below this speed; the model holds it on")
+    out.caption = "\n".join(notes)
     return out
 
 
@@ -53,6 +61,8 @@ def to_json(table: VibrationTable) -> dict[str, Any]:
         "cams": {
             cam: {
                 "low_dwell": row[0].window.dwell,
+                "leaves_rpm": table.leaves[cam] if math.isfinite(table.leaves[cam]) else None,
+                "left": [table.leaves[cam] < rpm for rpm in table.rpm],
                 "ringing_m": [v.ringing for v in row],
                 "swing_m": [v.swing for v in row],
                 "acceleration": [v.acceleration for v in row],
@@ -61,5 +71,10 @@ def to_json(table: VibrationTable) -> dict[str, Any]:
             }
             for cam, row in table.measures.items()
         },
-        "claims": [vars(claim) | {"verdict": claim.verdict} for claim in vibration_claims(table)],
+        "claims": [_claim(claim) for claim in vibration_claims(table)],
     }
+
+
+def _claim(claim: Claim) -> dict[str, Any]:
+    otherwise = None if claim.otherwise is None else _claim(claim.otherwise)
+    return vars(claim) | {"verdict": claim.verdict, "otherwise": otherwise}

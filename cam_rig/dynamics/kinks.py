@@ -109,8 +109,19 @@ def short_of_kink(law: Law, angle: float) -> float:
     return angle
 
 
-def require_smooth(law: Law) -> None:
+#: What else there is for a law whose velocity jumps, where a model can be chosen.
+OTHER_MODELS = (
+    ", or one of the models residual, one_mass and separation, where it is a blow or throws the "
+    "follower off"
+)
+
+
+def require_smooth(law: Law, otherwise: str = OTHER_MODELS) -> None:
     """Refuse a law whose velocity jumps, for a model that it would need an infinite force in.
+
+    Parameters
+    ----------
+    otherwise : what else is allowed, with the comma or semicolon before it
 
     Raises
     ------
@@ -121,6 +132,5 @@ def require_smooth(law: Law) -> None:
         raise DynamicsError(
             f"law {law.name!r}: velocity jumps by {law.kinks[piece]:.3g} m/rad at "
             f"{math.degrees(law.joints[piece]):.3g}°, an infinite force in this model; allowed: "
-            "segments that join with one slope, or one of the models residual, one_mass and "
-            "separation, where it is a blow or throws the follower off"
+            f"segments that join with one slope{otherwise}"
         )

@@ -192,7 +192,7 @@ class LinearResponse:
         state = self.turn.fixed_point()
         if state is None:
             raise DynamicsError(
-                f"no steady state at {self.speed:g} rad/s: a mode without damping is at a harmonic "
-                "of the speed; allowed: damping, or another speed"
+                f"no steady state at {self.speed * 30.0 / math.pi:.6g} rpm: a mode without "
+                "damping is at a harmonic of the speed; allowed: damping, or another speed"
             )
         return state

@@ -69,15 +69,23 @@ class Run:
 
         The polynomial is seen at points, so this is no proof: it only tells where to look.
         """
-        model = self.model
-        largest = np.max([np.abs(amplitude) for amplitude in self.turns(speeds)], axis=0)
+        model, ringing = self.model, self._ringing(speeds)
         basis = bernstein.basis(model.law.degree, np.linspace(0.0, 1.0, BOUND_POINTS))
-        own = np.abs(model.since_turn(speeds))
         found = np.full(speeds.size, np.inf)
         for i in range(model.law.spans.size):
-            ringing = (largest + own[:, i]) @ np.abs(model.shown)
-            found = np.minimum(found, model.forced(speeds, i, basis).min(axis=1) - ringing)
+            lowest = model.forced(speeds, i, basis).min(axis=1) - ringing[:, i]
+            found = np.minimum(found, lowest)
         return found
+
+    def missed(self, speeds: FloatArray) -> FloatArray:
+        """By how much `least` may lie above the least output between grid points, ``(m,)``."""
+        return np.asarray(GRID_MISSES * self._ringing(speeds).max(axis=1))
+
+    def _ringing(self, speeds: FloatArray) -> FloatArray:
+        """The largest that the output may ring in each piece, ``(m, n)``."""
+        largest = np.max([np.abs(amplitude) for amplitude in self.turns(speeds)], axis=0)
+        own = np.abs(self.model.since_turn(speeds))[:, :-1]
+        return np.asarray((largest[:, None] + own) @ np.abs(self.model.shown))
 
     def least(self, speeds: FloatArray) -> FloatArray:
         """Least output of the run at each speed, ``(m,)``, on a grid finer than the mode."""

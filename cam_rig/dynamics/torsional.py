@@ -197,7 +197,7 @@ def periodic_state(
         slopes += np.outer(gap - last - slopes @ step, step) / (step @ step)
     if not np.abs(gap).max() <= RETURNS * march.peak:
         raise DynamicsError(
-            f"no periodic state at {speed:.6g} rad/s: a turn misses its start by "
+            f"no periodic state at {speed * 30.0 / math.pi:.6g} rpm: a turn misses its start by "
             f"{np.abs(gap).max():.3g} rad of {march.peak:.3g}, allowed {RETURNS:g} of it; "
             f"its slope is {np.linalg.norm(slopes, -2):.3g}. Resonance needs damping"
         )

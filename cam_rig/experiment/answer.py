@@ -1,136 +1,126 @@
-"""The open question answered in words, every number taken from the study."""
+"""The open question answered in words, every number and every judgement taken from the study.
+
+What a study cannot say, for it has one class of continuity only, or too few cells in contact, is
+left out or said to be so.
+"""
 
 from __future__ import annotations
 
-import math
+from collections.abc import Iterable
 
-import numpy as np
-
-from cam_rig.experiment.advantage import advantages
-from cam_rig.experiment.factorial import EFFECTS, Design, Effect, Factorial
-
-BY_KEY = {effect.key: effect for effect in EFFECTS}
-#: A share of at least this much decides an effect.
-DECIDES = 0.6
-RPM = 30.0 / math.pi
+from cam_rig.experiment.advantage import Advantage, advantages
+from cam_rig.experiment.answer_laws import loudness, order_of_jumps, price, squeezed_words
+from cam_rig.experiment.factorial import Factorial
+from cam_rig.experiment.judgement import (
+    BY_KEY,
+    FOLLOWS,
+    class_means,
+    decided_by,
+    falls_with_class,
+    held,
+    percent,
+    share_of_law,
+)
 
 
 def answer(found: Factorial) -> list[str]:
     """Sentences, the verdict first."""
-    return [
+    said = [
         _verdict(found),
-        _jump(found),
-        _noise(found),
+        order_of_jumps(found),
+        _acceleration(found),
+        loudness(found),
         _residual(found),
-        _price(found),
-        _squeezed(found),
+        price(found),
+        squeezed_words(found),
     ]
-
-
-def decided_by(design: Design, effect: Effect) -> str:
-    """What explains most of an effect: continuity (the law), slopes (the angle), or both."""
-    law, angle, _ = design.analysis(effect).shares
-    if law >= DECIDES:
-        return "continuity"
-    return "slopes" if angle >= DECIDES else "both"
-
-
-def _smooth(found: Factorial) -> Design:
-    """Laws as smooth as those the paper compares, all at the same acceleration."""
-    return found.same_acceleration.from_class(2)
+    return [sentence for sentence in said if sentence]
 
 
 def _verdict(found: Factorial) -> str:
-    rows = advantages(found)
-    jump = [row.jump_share for row in rows]
-    acceleration = [row.acceleration_share for row in rows]
-    slopes = float(np.mean(jump))
-    which = "Mostly the gentler slopes" if slopes > 0.5 else "Mostly the continuity"
-    return (
-        f"{which}. Of {found.config.proposed}'s higher jump speed {_percent(min(jump))} to "
-        f"{_percent(max(jump))}, and of its lower acceleration {_percent(min(acceleration))} to "
-        f"{_percent(max(acceleration))}, are there in a follower that cannot ring, and so owed to "
-        "the slopes; the rest is ringing, and so owed to continuity. Residual vibration is another "
-        "matter: there continuity decides."
+    """What the proposed cam's advantage is made of, and what the rest of the study adds to it."""
+    return " ".join(
+        part for part in (_advantage(found), _classes(found), _other_effects(found)) if part
     )
 
 
-def _jump(found: Factorial) -> str:
-    all_laws, smooth = found.same_acceleration, _smooth(found)
-    effect = BY_KEY["jump"]
-    law, angle, _ = all_laws.analysis(effect).shares
-    smooth_law, smooth_angle, _ = smooth.analysis(effect).shares
-    table = effect.values(all_laws.cells)
-    mean = np.exp(np.log(table).mean(axis=1))
-    lines = ", ".join(
-        f"{rise} (C{order}) {speed:.0f}"
-        for rise, order, speed in zip(all_laws.rises, all_laws.classes, mean, strict=True)
-    )
+def _advantage(found: Factorial) -> str:
+    proposed, rows = found.config.proposed, advantages(found)
+    later = [row for row in rows if row.jump > 0.0]
+    if not later:
+        return f"{proposed} is left no later than any other cam: no advantage to explain."
+    gentler = [row for row in rows if row.acceleration > 0.0]
+    over = "" if len(later) == len(rows) else f" over {len(later)} of {len(rows)} cams"
+    told = f"Of {proposed}'s higher jump speed{over} {_range(r.jump_share for r in later)}"
+    if gentler:
+        told += f", and of its lower acceleration {_range(r.acceleration_share for r in gentler)},"
     return (
-        "Jump speed, all laws accelerating alike (geometric mean over the angles, rpm): "
-        f"{lines}. The law explains {_percent(law)} of the variance and the slopes "
-        f"{_percent(angle)}; but that is the first step: among laws of C2 and above it is "
-        f"{_percent(smooth_law)} against {_percent(smooth_angle)}. What is lost below C2 is lost "
-        "to the jump of acceleration that sets the stem ringing."
+        f"{_which(later)}. {told} is there in a follower that cannot ring, and so owed to the "
+        "slopes; the rest is ringing, and so owed to continuity."
     )
 
 
-def _noise(found: Factorial) -> str:
-    same, gentle = found.same_angles, found.same_acceleration
-    noise, contact = BY_KEY["noise"], BY_KEY["noise_in_contact"]
-    spread = float(np.ptp(gentle.analysis(noise).row_effects))
-    heard = float(np.ptp(_smooth(found).analysis(contact).row_effects))
-    _, angle, _ = gentle.analysis(noise).shares
-    loudest = same.rises[int(np.argmax(same.analysis(noise).row_effects))]
+def _which(rows: list[Advantage]) -> str:
+    mostly = [row.jump_share > 0.5 for row in rows]
+    if all(mostly):
+        return "Mostly the gentler slopes"
     return (
-        f"Noise follows the slopes: with equal acceleration they explain {_percent(angle)} of it, "
-        f"and the laws differ by {spread:.2f} dB; with equal angles {loudest} is the loudest, for "
-        f"it is the sharpest. The stem's ringing adds {heard:.2f} dB between laws of C2 and above "
-        f"at {found.config.noise_in_contact.numbers[0]:g} rpm. The noise model hears little above "
-        "some tens of Hz, as it was identified from the published curves; a microphone near the "
-        "stem would hear more of continuity."
+        "The slopes over some cams, continuity over others"
+        if any(mostly)
+        else ("Mostly the continuity")
+    )
+
+
+def _range(shares: Iterable[float]) -> str:
+    values = sorted(shares)
+    return f"{percent(values[0])} to {percent(values[-1])}"
+
+
+def _classes(found: Factorial) -> str:
+    """What the choice of laws keeps the study from saying of continuity."""
+    classes = found.same_acceleration.classes
+    if len(set(classes)) == 1:
+        return f"All rises of the study are C{classes[0]}: of continuity they say nothing."
+    if len(set(classes)) == len(classes):
+        return (
+            "Each class of the study has one law: what belongs to the class and what to the law it "
+            "cannot tell apart."
+        )
+    return ""
+
+
+def _other_effects(found: Factorial) -> str:
+    """Residual vibration and noise, and how far their models reach."""
+    design, effect = found.same_acceleration, BY_KEY["residual"]
+    return (
+        f"Residual vibration {FOLLOWS[decided_by(design, effect)]}: with equal acceleration "
+        f"{share_of_law(design, effect)}.{held(design, effect, found.config)} Noise is measured on "
+        "a rigid follower, which cannot ring: of ringing it says nothing."
+    )
+
+
+def _acceleration(found: Factorial) -> str:
+    effect, designs = BY_KEY["acceleration"], (found.same_angles, found.same_acceleration)
+    same, gentle = (share_of_law(design, effect) for design in designs)
+    return (
+        f"Peak acceleration: with equal angles {same}, with equal acceleration of the laws "
+        f"themselves {gentle}.{held(found.same_acceleration, effect, found.config)}"
     )
 
 
 def _residual(found: Factorial) -> str:
-    effect = BY_KEY["residual"]
-    same, gentle = (d.analysis(effect).shares for d in (found.same_angles, found.same_acceleration))
-    analysis = found.same_acceleration.analysis(effect)
-    factor = 10.0 ** (float(np.ptp(analysis.row_effects)) / 20.0)
+    effect, designs = BY_KEY["residual"], (found.same_angles, found.same_acceleration)
+    same, gentle = (share_of_law(design, effect) for design in designs)
+    means = class_means(found.same_acceleration, effect)
+    told = ""
+    if len(means) > 1:
+        low, high = min(means), max(means)
+        factor = 10.0 ** ((means[low] - means[high]) / 20.0)
+        change = f"falls to 1/{factor:.3g}" if factor > 1.0 else f"grows {1.0 / factor:.3g} times"
+        told = f" From C{low} to C{high}, accelerating alike, it {change}."
+    if falls_with_class(found.same_acceleration, effect):
+        told += " Only joints ring a stem, and the smoother the joint the less."
     return (
-        f"Residual vibration follows continuity: {_percent(same[0])} of its variance with equal "
-        f"angles, {_percent(gentle[0])} with equal acceleration, and a factor of {factor:.0f} from "
-        f"C{min(found.same_angles.classes)} to C{max(found.same_angles.classes)}. Only joints ring "
-        "a stem, and the smoother the joint the less."
+        f"Residual vibration: with equal angles {same}, with equal acceleration {gentle}.{told}"
+        f"{held(found.same_angles, effect, found.config)}"
     )
-
-
-def _price(found: Factorial) -> str:
-    design = found.same_angles.from_class(2)
-    effect = BY_KEY["jump"]
-    rows = np.exp(np.log(effect.values(design.cells)).mean(axis=1))
-    best, worst = int(np.argmax(rows)), int(np.argmin(rows))
-    return (
-        f"With equal angles continuity has its price in slopes: among laws of C2 and above "
-        f"{design.rises[worst]} (C{design.classes[worst]}) is left first, at {rows[worst]:.0f} rpm "
-        f"on average, {design.rises[best]} (C{design.classes[best]}) last, at {rows[best]:.0f}. "
-        "That is the paper's own remark that polynomials of higher degree vibrate less but jump "
-        "sooner."
-    )
-
-
-def _squeezed(found: Factorial) -> str:
-    spans = sorted(found.squeezed, reverse=True)
-    told = ", ".join(
-        f"{math.degrees(span):.4g}° {found.squeezed[span].jump * RPM:.0f} rpm" for span in spans
-    )
-    others = [m.jump * RPM for cam, m in found.cams.items() if cam != found.config.proposed]
-    return (
-        f"Squeezed, with a low dwell for the rest, {found.config.proposed} loses what it had: "
-        f"{told}. "
-        f"The other cams are left between {min(others):.0f} and {max(others):.0f} rpm."
-    )
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.0f} %"

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cam_rig.dynamics import FloatArray
-from cam_rig.experiment.noise import REGRESSION_DEGREE
+from cam_rig.experiment.noise import REGRESSION_DEGREE, real_roots
 
 #: Neighbouring speeds that are drawn together: a third of the range.
 BLOCK = 7
@@ -56,7 +56,8 @@ class Crossing:
     """Speed in rpm at which two regressions cross, and how sure it is.
 
     ``low`` and ``high`` hold 95 % of the draws, ``deviation`` is their standard deviation;
-    ``missing`` is the share of draws that do not cross at all within the speeds.
+    ``missing`` is the share of draws that do not cross at all within the speeds. ``points_rpm`` is
+    where the simulated levels themselves cross, without a regression.
     """
 
     rpm: float | None
@@ -64,16 +65,25 @@ class Crossing:
     high: float
     deviation: float
     missing: float
+    points_rpm: float | None = None
 
 
 def crossing(rpm: FloatArray, one: FloatArray, two: FloatArray, near: float) -> float | None:
     """Where two cubics, given by their values ``(n,)``, cross nearest to ``near`` rpm."""
     scale = rpm.mean()
     fit = np.polynomial.polynomial.polyfit(rpm / scale - 1.0, one - two, REGRESSION_DEGREE)
-    roots = np.polynomial.polynomial.polyroots(fit)
-    real = (roots.real[np.abs(roots.imag) < 1e-9] + 1.0) * scale
+    real = (real_roots(fit) + 1.0) * scale
     inside = real[(real >= rpm[0]) & (real <= rpm[-1])]
     return float(inside[np.argmin(np.abs(inside - near))]) if inside.size else None
+
+
+def points_crossing(rpm: FloatArray, one: FloatArray, two: FloatArray, near: float) -> float | None:
+    """Where two series of levels ``(n,)``, joined by straight lines, cross nearest to ``near``."""
+    gap = one - two
+    at = np.flatnonzero(np.sign(gap[1:]) != np.sign(gap[:-1]))
+    share = gap[at] / (gap[at] - gap[at + 1])
+    found = rpm[at] + share * (rpm[at + 1] - rpm[at])
+    return float(found[np.argmin(np.abs(found - near))]) if found.size else None
 
 
 def sure_crossing(

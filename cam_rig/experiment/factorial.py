@@ -24,13 +24,16 @@ from cam_rig.schema import FactorialConfig
 
 #: A map that may work in several processes: (function, items) -> results in order.
 Each = Callable[[Callable[[Law], Measures], Iterable[Law]], Iterable[Measures]]
+#: Fewer laws have no variance to analyse.
+LEAST_LAWS = 2
 
 
 @dataclass(frozen=True)
 class Effect:
     """An effect that is analysed: its key in `Measures`, name, unit, and factor to that unit.
 
-    ``decibels`` of amplitude: effects multiply, so logarithms of them add.
+    ``decibels`` of amplitude: effects multiply, so logarithms of them add. ``speeds`` is the key
+    of the study's speeds at which a follower in contact is supposed; empty where it may leave.
     """
 
     key: str
@@ -38,6 +41,7 @@ class Effect:
     unit: str
     factor: float = 1.0
     decibels: bool = True
+    speeds: str = ""
 
     def values(self, cells: list[list[Measures]]) -> FloatArray:
         """The table in the unit, ``(a, b)``."""
@@ -51,10 +55,10 @@ class Effect:
 
 EFFECTS = (
     Effect("jump", "jump speed", "rpm", 30.0 / math.pi),
-    Effect("acceleration", "peak acceleration", "m/s²"),
-    Effect("residual", "residual vibration", "µm", 1e6),
-    Effect("noise", "noise, mean over speed", "dB", decibels=False),
-    Effect("noise_in_contact", "noise in contact", "dB", decibels=False),
+    Effect("acceleration", "peak acceleration", "m/s²", speeds="accelerated"),
+    Effect("residual", "residual vibration", "µm", 1e6, speeds="residual"),
+    Effect("noise", "noise, rigid follower", "dB", decibels=False),
+    Effect("noise_in_contact", "noise, elastic", "dB", decibels=False, speeds="noise_in_contact"),
 )
 
 
@@ -76,9 +80,11 @@ class Design:
         """The analysis of variance of one effect."""
         return two_way(effect.analysed(self.cells), self.classes)
 
-    def from_class(self, least: int) -> Design:
-        """The same with the laws of class C^least and above alone."""
+    def from_class(self, least: int) -> Design | None:
+        """The same with the laws of class C^least and above alone; None for fewer than two."""
         keep = [i for i, order in enumerate(self.classes) if order >= least]
+        if len(keep) < LEAST_LAWS:
+            return None
         rises = tuple(self.rises[i] for i in keep)
         name = f"{self.name}, C{least} and above"
         return Design(name, rises, self.angles, [self.cells[i] for i in keep])
@@ -93,6 +99,17 @@ class Factorial:
     same_acceleration: Design
     cams: dict[str, Measures]
     squeezed: dict[float, Measures]
+
+    @property
+    def designs(self) -> list[Design]:
+        """Both designs, each followed by its laws of C2 and above where only some are."""
+        found = []
+        for design in (self.same_angles, self.same_acceleration):
+            smooth = design.from_class(2)
+            found += (
+                [design] if smooth is None or smooth.rises == design.rises else [design, smooth]
+            )
+        return found
 
 
 def run_factorial(

@@ -3,16 +3,39 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 
+from cam_rig.errors import ConfigError
 from cam_rig.laws import TURN, Law
 from cam_rig.laws.catalogue import figures
-from cam_rig.laws.named import unit_rise
+from cam_rig.laws.named import NAMED_RISES, unit_rise
 from cam_rig.laws.pieces import joined
+from cam_rig.schema import FactorialConfig, load_factorial
 
 #: A dwell narrower than this (rad) is none.
 LEAST_DWELL = 1e-9
+
+
+def open_factorial(path: Path) -> FactorialConfig:
+    """Read a study's file, and refuse rises that a follower is thrown off.
+
+    Raises
+    ------
+    ConfigError : the file is wrong, or a rise's velocity jumps where it joins a dwell
+    """
+    config = load_factorial(path)
+    for key, rises in (("rises", config.rises), ("reference", [config.reference])):
+        for rise in rises:
+            if figures(rise).continuity < 1 or any(NAMED_RISES[rise].slopes):
+                good = [n for n in NAMED_RISES if not any(NAMED_RISES[n].slopes)]
+                allowed = ", ".join(n for n in good if figures(n).continuity >= 1)
+                raise ConfigError(
+                    f"{path}: {key}: is {rise!r}, whose velocity jumps where it joins a dwell; "
+                    f"allowed: {allowed}"
+                )
+    return config
 
 
 def up_and_down(rise: str, event: float, lift: float) -> Law:

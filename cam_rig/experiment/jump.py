@@ -14,7 +14,8 @@ import numpy as np
 from cam_rig.dynamics.kinks import require_smooth
 from cam_rig.dynamics.two_mass import TwoMassParameters, contact_response
 from cam_rig.dynamics.two_mass_guards import lift_off
-from cam_rig.experiment.jump_search import RPM, sought_speed
+from cam_rig.errors import DynamicsError
+from cam_rig.experiment.jump_search import RPM, Sought, sought
 from cam_rig.laws import TURN, Law
 
 #: Half of what a speed is known to, relative: 0.002 rpm at 400 rpm.
@@ -49,8 +50,8 @@ def jump_speed(law: Law, parameters: TwoMassParameters, duration: float | None =
     ------
     DynamicsError : it leaves at any speed, or at none; or there is no steady state
     """
-    require_smooth(law)  # where the velocity jumps down, it is thrown off at any speed
-    found = sought_speed(law, parameters, duration)
+    require_smooth(law, "; where it falls the follower is thrown off at any speed")
+    found = sought(law, parameters, duration)
 
     def leaves(speed: float) -> float | None:
         return _leaves(law, parameters, speed, duration)
@@ -59,19 +60,33 @@ def jump_speed(law: Law, parameters: TwoMassParameters, duration: float | None =
     return Jump(0.5 * (low + high), float((high * time) % TURN), time)
 
 
-def _prove(leaves: Callable[[float], float | None], found: float) -> tuple[float, float, float]:
+def _prove(leaves: Callable[[float], float | None], found: Sought) -> tuple[float, float, float]:
     """A speed at which the exact model stays on, one at which it leaves, and when it leaves.
 
-    They are `TOLERANCE` on either side of what was found, or bisected down to that.
+    They are `TOLERANCE` on either side of what was found, or bisected down to that. Upwards they
+    stay in the bracket: a resonance of little damping is narrower than `TOLERANCE`, and beyond it
+    the follower stays on again.
+
+    Raises
+    ------
+    DynamicsError : the exact model leaves nowhere in the bracket, nor `TOLERANCE` above
     """
+    most = found.high / found.speed - 1.0
+    for away in (min(TOLERANCE, 0.5 * most), most, TOLERANCE):
+        high = found.speed * (1.0 + away)
+        if (time := leaves(high)) is not None:
+            break
+    else:
+        raise DynamicsError(
+            f"jump speed: sought {found.speed / RPM:.9g} rpm, but the exact model stays on the cam "
+            f"up to {found.high / RPM:.9g} rpm; allowed: a resonance that can be resolved, so give "
+            "the stem more damping"
+        )
     away = TOLERANCE
-    while (time := leaves(found * (1.0 + away))) is None:
+    while (earlier := leaves(found.speed * (1.0 - away))) is not None:
+        high, time = found.speed * (1.0 - away), earlier
         away *= 4.0
-    high, away = found * (1.0 + away), TOLERANCE
-    while (earlier := leaves(found * (1.0 - away))) is not None:
-        high, time = found * (1.0 - away), earlier
-        away *= 4.0
-    low = found * (1.0 - away)
+    low = found.speed * (1.0 - away)
     while high - low > 4.0 * TOLERANCE * high:
         middle = 0.5 * (low + high)
         at = leaves(middle)

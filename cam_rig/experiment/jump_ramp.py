@@ -11,6 +11,8 @@ from cam_rig.experiment.jump import Jump
 from cam_rig.experiment.jump_search import FASTEST, RPM
 from cam_rig.laws import TURN, Law
 
+#: Slowest and steepest ramp, rpm/s: hours of turns, and a jump within the first turn.
+SLOWEST, STEEPEST = 1.0, 1e5
 #: Events are exact at any rate; samples are not looked at.
 SAMPLE_RATE_HZ = 1000
 
@@ -24,10 +26,12 @@ def jump_along_ramp(law: Law, parameters: TwoMassParameters, rate: float) -> Jum
 
     Raises
     ------
-    DynamicsError : the rate is not above 0, or it does not leave
+    DynamicsError : the rate is out of its limits, or it does not leave
     """
-    if not (math.isfinite(rate) and rate > 0.0):
-        raise DynamicsError(f"the ramp is {rate / RPM:g} rpm/s; allowed: finite and above 0")
+    if not SLOWEST <= rate / RPM * (1.0 + 1e-12) <= STEEPEST * (1.0 + 2e-12):
+        raise DynamicsError(
+            f"the ramp is {rate / RPM:g} rpm/s; allowed: {SLOWEST:g} to {STEEPEST:g} rpm/s"
+        )
     advance = MODELS["separation"].advance
     state: FollowerState | None = None
     start = 0

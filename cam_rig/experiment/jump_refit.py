@@ -18,7 +18,7 @@ from cam_rig.dynamics import FloatArray, TwoMassParameters
 from cam_rig.errors import CamRigError
 from cam_rig.experiment.events import event_of, with_event
 from cam_rig.experiment.jump_search import RPM, sought_speed
-from cam_rig.laws import build_law
+from cam_rig.laws import Law, build_law
 from cam_rig.schema import CamConfig
 
 #: Largest factor on either side of a start, and the step of a numerical derivative.
@@ -55,7 +55,8 @@ class Refit:
     """What the search found, its relative differences by cam, and how sure each number is.
 
     ``sure`` is the relative standard deviation that the rounding of the published speeds alone
-    leaves on event, stem, share and preload; ``rounding`` is that of the speeds.
+    leaves on event, stem, share and preload, about this solution; ``rounding`` is that of the
+    speeds. ``solutions`` are where each start ended, with their r.m.s., the best first.
     """
 
     start: Numbers
@@ -64,6 +65,7 @@ class Refit:
     after: dict[str, float]
     sure: FloatArray
     rounding: float
+    solutions: tuple[tuple[Numbers, float], ...]
 
     @property
     def rms(self) -> tuple[float, float]:
@@ -105,7 +107,8 @@ def refit(
         on_trial(best[0])
         return np.array(found)
 
-    chosen = _best(differences, start)
+    ended = _solutions(differences, start)
+    chosen = ended[0]
     names = list(published)
     rounding = ROUNDED_TO / math.sqrt(12.0) / np.array(list(published.values()))
     spread = np.linalg.pinv(_slopes(differences, chosen.x)) * rounding
@@ -116,11 +119,32 @@ def refit(
         after=dict(zip(names, chosen.fun.tolist(), strict=True)),
         sure=np.sqrt((spread**2).sum(axis=1)),
         rounding=float(np.sqrt(np.mean(rounding**2))),
+        solutions=tuple(
+            (start.times(s.x), float(np.sqrt(np.mean(np.square(s.fun))))) for s in ended
+        ),
     )
 
 
-def _best(differences: Callable[[FloatArray], FloatArray], start: Numbers) -> OptimizeResult:
-    """The best of several starts, the rig's own first."""
+def refitted(
+    cams: dict[str, CamConfig], parameters: TwoMassParameters, numbers: Numbers
+) -> tuple[dict[str, Law], TwoMassParameters]:
+    """The laws and the follower as the numbers make them."""
+    total = parameters.roller_mass + parameters.end_mass
+    follower = replace(
+        parameters,
+        stem_stiffness=numbers.stem_stiffness,
+        roller_mass=numbers.roller_share * total,
+        end_mass=(1.0 - numbers.roller_share) * total,
+        preload=numbers.preload,
+    )
+    laws = {name: build_law(with_event(cam, numbers.event)) for name, cam in cams.items()}
+    return laws, follower
+
+
+def _solutions(
+    differences: Callable[[FloatArray], FloatArray], start: Numbers
+) -> list[OptimizeResult]:
+    """Where several starts end, the rig's own among them; the best first."""
     generator = np.random.default_rng(SEED)
     most = np.log([1.15, REACH, min(REACH, 0.95 / start.roller_share), REACH])
     solutions = []
@@ -136,7 +160,7 @@ def _best(differences: Callable[[FloatArray], FloatArray], start: Numbers) -> Op
                 max_nfev=MOST_STEPS,
             )
         )
-    return min(solutions, key=lambda s: float(s.cost))
+    return sorted(solutions, key=lambda s: float(s.cost))
 
 
 def _slopes(differences: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
@@ -156,16 +180,10 @@ def _relative(
     duration: float,
 ) -> float:
     """Found less published speed, relative; a trial without a jump speed is far off."""
-    total = parameters.roller_mass + parameters.end_mass
-    trial = replace(
-        parameters,
-        stem_stiffness=numbers.stem_stiffness,
-        roller_mass=numbers.roller_share * total,
-        end_mass=(1.0 - numbers.roller_share) * total,
-        preload=numbers.preload,
-    )
-    law = build_law(with_event(cam, numbers.event))
+    laws, trial = refitted({cam.name: cam}, parameters, numbers)
     try:
-        return sought_speed(law, trial, duration, BELOW * published) / RPM / published - 1.0
+        return (
+            sought_speed(laws[cam.name], trial, duration, BELOW * published) / RPM / published - 1.0
+        )
     except CamRigError:
         return -(1.0 - BELOW)

@@ -9,9 +9,10 @@ radian over as long as it is remembered: half of a resonance's half-width in ste
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 from cam_rig.dynamics.ringing import Ringing
 from cam_rig.dynamics.ringing_run import Run
@@ -30,8 +31,22 @@ PHASE_STEP = 0.5
 TOGETHER, CLOSER = 64, 33
 #: A damping ratio below this is none: a search in steady state would have no end.
 UNDAMPED = 1e-7
-#: A zero is polished to this part of the speed.
-POLISHED = 5e-7
+#: A zero is polished to this part of the speed, and of the bracket it was found in.
+POLISHED, POLISHED_IN = 5e-7, 1e-3
+#: Finer than this rounding decides.
+MOST_POLISHED = 1e-13
+
+
+@dataclass(frozen=True)
+class Sought:
+    """A zero of the least force and its bracket (rad/s): above zero at ``low``, below at ``high``.
+
+    The bracket is narrower than a resonance, however little it is damped.
+    """
+
+    low: float
+    speed: float
+    high: float
 
 
 def force_run(law: Law, parameters: TwoMassParameters, duration: float | None) -> Run:
@@ -44,6 +59,18 @@ def sought_speed(
     law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = SLOWEST
 ) -> float:
     """The jump speed (rad/s) without its proof; ``slowest`` (rpm) is where the search begins."""
+    return sought(law, parameters, duration, slowest).speed
+
+
+def sought(
+    law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = SLOWEST
+) -> Sought:
+    """The same with the bracket it was found in.
+
+    Raises
+    ------
+    DynamicsError : it leaves at ``slowest`` or at no speed; or there is no steady state
+    """
     run = force_run(law, parameters, duration)
     if duration is None and run.model.rates.real.max() > -UNDAMPED * np.abs(run.model.rates).max():
         raise DynamicsError(
@@ -51,7 +78,8 @@ def sought_speed(
             "speed louder turn after turn; allowed: damping, or a run from rest"
         )
     low, high = _bracket(run, law, slowest)
-    return float(brentq(run.lowest, low, high, rtol=POLISHED))
+    fine = max(MOST_POLISHED, min(POLISHED, POLISHED_IN * (high / low - 1.0)))
+    return Sought(low, float(brentq(run.lowest, low, high, rtol=fine)), high)
 
 
 def step(run: Run) -> float:
@@ -93,10 +121,9 @@ def _first_below(run: Run, speeds: FloatArray, slowest: float) -> tuple[float, f
     stop = int(below[0]) if below.size else speeds.size
     for i in dips(least):
         if i < stop:
-            closer = np.linspace(speeds[i - 1], speeds[i + 1], CLOSER)
-            found = np.flatnonzero(run.least(closer) <= 0.0)
-            if found.size:
-                speeds, stop = closer, int(found[0])
+            closer = _with_lowest(run, np.linspace(speeds[i - 1], speeds[i + 1], CLOSER))
+            if closer is not None:
+                speeds, stop = closer
                 break
     if stop == speeds.size:
         return None
@@ -104,3 +131,22 @@ def _first_below(run: Run, speeds: FloatArray, slowest: float) -> tuple[float, f
     while run.lowest(low) <= 0.0 and low > slowest:  # it hid between grid points
         low *= 1.0 - step(run)
     return low, float(speeds[stop])
+
+
+def _with_lowest(run: Run, speeds: FloatArray) -> tuple[FloatArray, int] | None:
+    """The speeds, and which is the first below zero; None where none is.
+
+    Where the grid leaves it open the lowest place is sought between its points, and put among the
+    speeds.
+    """
+    least = run.least(speeds)
+    found = np.flatnonzero(least <= 0.0)
+    if found.size:
+        return speeds, int(found[0])
+    at = int(np.clip(np.argmin(least), 1, speeds.size - 2))
+    if least[at] > run.missed(speeds[at : at + 1])[0]:
+        return None
+    near = minimize_scalar(run.lowest, bounds=(speeds[at - 1], speeds[at + 1]), method="bounded")
+    if near.fun > 0.0:
+        return None
+    return np.array([*speeds[:at], near.x]), at

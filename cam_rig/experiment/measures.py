@@ -9,11 +9,12 @@ import numpy as np
 
 from cam_rig.acoustics import RadiationParameters
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
-from cam_rig.errors import ConfigError
+from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.experiment.jump_search import sought_speed
 from cam_rig.experiment.rigid_jump import rigid_jump_speed
 from cam_rig.experiment.turns import Acoustics, settled_turns
 from cam_rig.experiment.vibration import ringing, steady_turn
+from cam_rig.experiment.vibration_speeds import RPM, require_speeds
 from cam_rig.laws import Law
 from cam_rig.schema import FactorialConfig, RigConfig
 
@@ -58,7 +59,8 @@ class Bench:
 
         Raises
         ------
-        ConfigError : the rig has no two masses, or they are not those of the noise's rig
+        ConfigError : the rig has no two masses, or they are not those of the noise's rig; a speed
+            too fast for its stem
         """
         if rig.follower.mass.si != noise_rig.follower.mass.si:
             raise ConfigError(
@@ -66,9 +68,15 @@ class Bench:
                 f"{rig.name} and {noise_rig.follower.mass.si:g} kg on {noise_rig.name}; allowed: "
                 "the same, or the effects are not of one follower"
             )
+        follower = FollowerParameters.from_rig(rig)
+        for key in ("accelerated", "residual"):
+            try:
+                require_speeds(follower, [v / RPM for v in getattr(config, key).si_list])
+            except DynamicsError as error:
+                raise ConfigError(f"factorial {config.name!r}: {key}: {error}") from None
         return cls(
             TwoMassParameters.from_rig(rig),
-            FollowerParameters.from_rig(rig),
+            follower,
             FollowerParameters.from_rig(noise_rig),
             Acoustics(RadiationParameters.from_rig(rig)),
             Acoustics(RadiationParameters.from_rig(noise_rig)),

@@ -15,6 +15,8 @@ from cam_rig.schema import PublishedNoise
 
 #: Regressions are cubic, as the paper's.
 REGRESSION_DEGREE = 3
+#: A number of a polynomial below this part of its largest is rounding; and such an imaginary part.
+ROUNDING, ALMOST_REAL = 1e-12, 1e-9
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,16 @@ def cubic(rpm: FloatArray) -> FloatArray:
     return np.asarray(powers @ np.linalg.pinv(powers))
 
 
+def real_roots(coefficients: FloatArray) -> FloatArray:
+    """Real roots of c0 + c1 x + …, for x of about one.
+
+    A leading number of mere rounding is taken for zero: its own root would drown the others.
+    """
+    kept = np.polynomial.polynomial.polytrim(coefficients, ROUNDING * np.abs(coefficients).max())
+    roots = np.polynomial.polynomial.polyroots(kept)
+    return np.asarray(roots.real[np.abs(roots.imag) < ALMOST_REAL])
+
+
 def _rmse(
     cam: str, rpm: FloatArray, level: FloatArray, published: PublishedNoise | None
 ) -> float | None:
@@ -130,8 +142,8 @@ def _crossover(curves: dict[str, NoiseCurve], published: PublishedNoise | None) 
     if not np.isfinite(difference).all():
         return None
     low, high = max(one.rpm[0], two.rpm[0]), min(one.rpm[-1], two.rpm[-1])
-    roots = np.polynomial.polynomial.polyroots(difference)
-    real = [float(r.real) for r in roots if abs(r.imag) < 1e-9 and low <= r.real <= high]
+    roots = real_roots(difference * high ** np.arange(difference.size)) * high
+    real = [float(root) for root in roots if low <= root <= high]
     return min(real, key=lambda r: abs(r - published.crossover.rpm), default=None)
 
 

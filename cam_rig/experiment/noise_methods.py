@@ -10,7 +10,7 @@ Three ways stand side by side:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -116,7 +116,9 @@ def _method(
     draws = [curves[c].regression_db + (moved[c] + left[c]) @ project for c in (one, two)]
     best = (curves[one].regression_db, curves[two].regression_db)
     found = bootstrap.sure_crossing(study.rpm, best, (draws[0], draws[1]), near)
-    return Method(name, acoustics, fit.shape, curves, found)
+    levels = (curves[one].level_db, curves[two].level_db)
+    points = bootstrap.points_crossing(study.rpm, *levels, near)
+    return Method(name, acoustics, fit.shape, curves, replace(found, points_rpm=points))
 
 
 def _refit(slope: FloatArray, compared: FloatArray) -> FloatArray:

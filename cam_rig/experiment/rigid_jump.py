@@ -19,7 +19,7 @@ def rigid_jump_speed(law: Law, follower: FollowerParameters) -> float:
 
     Infinite for a law that nowhere decelerates.
     """
-    require_smooth(law)
+    require_smooth(law, "")
     best, where = math.inf, (0, 0.0)
     u = np.linspace(0.0, 1.0, POINTS)
     for piece in range(law.spans.size):

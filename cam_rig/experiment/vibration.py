@@ -8,15 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from cam_rig.dynamics import FloatArray, FollowerParameters, residual
+from cam_rig.dynamics.kinks import require_smooth
 from cam_rig.dynamics.ringing import Ringing
 from cam_rig.dynamics.torsional import periodic_state, solve
 from cam_rig.dynamics.torsional_parameters import TorsionalParameters
 from cam_rig.dynamics.uniform import sample
+from cam_rig.errors import DynamicsError
 from cam_rig.experiment.low_dwell import Window, low_dwell
+from cam_rig.experiment.vibration_speeds import RPM, require_speeds
 from cam_rig.laws import TURN, Law
 
 #: Samples of a turn at least, and of a period of the stem.
 LEAST_SAMPLES, PER_PERIOD = 4096, 32
+#: Ringing beyond this many times all of the vibration is no part of it.
+MOST_RINGING = 2.0
 #: Samples of a turn of twist.
 TWIST_SAMPLES = 2048
 
@@ -81,8 +86,11 @@ def vibration(
 
     Raises
     ------
-    DynamicsError : no steady state at this speed (resonance without damping)
+    DynamicsError : no steady state at this speed (resonance without damping); a speed beyond
+        `vibration_speeds.fastest`; a shaft under a law whose velocity jumps
     """
+    if shaft is not None:
+        require_smooth(law, ", or a rig without a shaft")
     turn, window = steady_turn(law, follower, speed), low_dwell(law)
     inside = turn.vibration[window.holds(turn.angle)]
     twist = None if shaft is None else float(np.ptp(steady_twist(law, shaft, speed)[1]))
@@ -101,13 +109,28 @@ def ringing(law: Law, follower: FollowerParameters, speeds: FloatArray) -> Float
 
     Free vibration dies out between joints, so it is largest where the window begins or at a joint
     inside it.
+
+    Raises
+    ------
+    DynamicsError : no steady state; or a speed at which what rings is not told from the rest: one
+        beyond `vibration_speeds.fastest`, or where it is larger than all of the exact vibration
     """
+    require_speeds(follower, speeds / RPM)
     window = low_dwell(law)
     at = [window.start, *law.breaks[:-1][window.holds(law.breaks[:-1])].tolist()]
     model = Ringing.of(
         residual.response(law, follower, float(speeds[0])), residual.outputs(follower)
     )
-    return np.asarray(np.max([model.amplitude_at(speeds, angle) for angle in at], axis=0))
+    found = np.max([model.amplitude_at(speeds, angle) for angle in at], axis=0)
+    last = int(np.argmax(speeds))  # the faster, the less of the vibration follows the law
+    whole = float(np.abs(steady_turn(law, follower, float(speeds[last])).vibration).max())
+    if not found[last] <= MOST_RINGING * whole:
+        raise DynamicsError(
+            f"law {law.name!r}: ringing of {1e6 * found[last]:.3g} µm in a vibration of "
+            f"{1e6 * whole:.3g} µm at {speeds[last] / RPM:g} rpm; allowed: speeds slow enough for "
+            "the stem to follow the law"
+        )
+    return np.asarray(found)
 
 
 def steady_twist(

@@ -11,9 +11,10 @@ import matplotlib as mpl
 
 from cam_rig.experiment.factorial import Factorial
 from cam_rig.experiment.jump_table import JumpRow
+from cam_rig.experiment.leaving import FROM_REST
 from cam_rig.experiment.noise_results import NoiseStudy
 from cam_rig.profile.checks import check_cam
-from cam_rig.report.results import FROM_REST, Sources
+from cam_rig.report.results import Sources
 from cam_rig.view import (
     factorial_plot,
     jump_plot,

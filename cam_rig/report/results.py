@@ -9,11 +9,14 @@ from pathlib import Path
 
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.experiment.factorial import Factorial, run_factorial
+from cam_rig.experiment.factorial_laws import open_factorial
 from cam_rig.experiment.jump_degrees import jump_by_degree
 from cam_rig.experiment.jump_table import JumpRow, find_jumps
+from cam_rig.experiment.leaving import FROM_REST
 from cam_rig.experiment.lineup import Lineup, open_lineup
 from cam_rig.experiment.measures import Bench
 from cam_rig.experiment.noise_results import NoiseStudy, study_noise
+from cam_rig.experiment.references import references
 from cam_rig.experiment.stage import Stage, open_stage
 from cam_rig.experiment.vibration_table import VibrationTable, vibration_table
 from cam_rig.report.recorded import Recorded, read_recorded
@@ -22,13 +25,11 @@ from cam_rig.schema import (
     Library,
     PublishedTables,
     RigConfig,
-    load_factorial,
     load_rig,
     load_tables,
 )
 
-#: Length of the run from rest of the jump speeds, s, and speeds of the vibration tables, rpm.
-FROM_REST = 1.7
+#: Speeds of the vibration tables, rpm.
 VIBRATION_RPM = (200.0, 250.0, 300.0, 350.0)
 #: The paper's fifth law, whose degree it does not print.
 BY_SEGMENTS = "bezier_segments"
@@ -88,7 +89,7 @@ def open_sources(scene: Path, rig: str, factorial: str, bag: Path | None) -> Sou
     cams = [library.path("cams", cam) for cam in tables.table_2_jump]
     lineup = open_lineup(cams, library.path("rigs", rig))
     TwoMassParameters.from_rig(lineup.rig)  # refused now rather than later
-    config = load_factorial(library.path("factorials", factorial))
+    config = open_factorial(library.path("factorials", factorial))
     return Sources(
         lineup=lineup,
         stage=stage,
@@ -116,7 +117,7 @@ def find(
     factorial = pool.submit(_factorial, sources)
     lineup = sources.lineup
     parameters = TwoMassParameters.from_rig(lineup.rig)
-    jumps = find_jumps(lineup.laws, parameters, sources.tables, FROM_REST)
+    jumps = find_jumps(lineup.laws, parameters, references(lineup, sources.tables), FROM_REST)
     degrees = jump_by_degree(lineup.cams[BY_SEGMENTS], parameters, FROM_REST)
     on_part(PARTS[0])
     vibration = vibration_table(lineup, VIBRATION_RPM)

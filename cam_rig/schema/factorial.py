@@ -12,7 +12,9 @@ from cam_rig.schema.scene import Name
 from cam_rig.schema.segments.rise import RiseName
 
 Events = Annotated[Quantity, must_be("angle", many=True, above=0.0, most=math.pi)]
-Speeds = Annotated[Quantity, must_be("speed", many=True, above=0.0)]
+#: Slowest and fastest speed of a measurement, rad/s: 1 and 1e5 rpm.
+SLOWEST, FASTEST = math.pi / 30.0, 1e5 * math.pi / 30.0
+Speeds = Annotated[Quantity, must_be("speed", many=True, least=SLOWEST, most=FASTEST)]
 
 
 class FactorialConfig(Strict):
@@ -38,7 +40,7 @@ class FactorialConfig(Strict):
     accelerated: Speeds
     residual: Speeds
     noise: Speeds
-    noise_in_contact: Annotated[Quantity, must_be("speed", above=0.0)]
+    noise_in_contact: Annotated[Quantity, must_be("speed", least=SLOWEST, most=FASTEST)]
 
     @model_validator(mode="after")
     def _levels(self) -> FactorialConfig:

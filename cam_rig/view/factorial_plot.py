@@ -12,8 +12,10 @@ import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+from numpy.typing import NDArray
 
 from cam_rig.experiment.factorial import EFFECTS, Design, Effect, Factorial
+from cam_rig.experiment.in_contact import left
 from cam_rig.view.styles import MARKERS, line
 
 #: Effects that have a panel.
@@ -56,7 +58,7 @@ def _effects(out: FigureBase, found: Factorial) -> None:
     panels = out.subplots(2, len(SHOWN))
     for row, design in zip(panels, designs, strict=True):
         for axes, effect in zip(row, SHOWN, strict=True):
-            _curves(axes, design, effect)
+            _curves(axes, design, effect, left(design, effect, found.config))
             axes.axhline(
                 effect.factor * getattr(found.cams[found.config.proposed], effect.key),
                 color="0.35",
@@ -78,11 +80,14 @@ def _effects(out: FigureBase, found: Factorial) -> None:
     )
 
 
-def _curves(axes: Axes, design: Design, effect: Effect) -> None:
+def _curves(axes: Axes, design: Design, effect: Effect, gone: NDArray[np.bool_]) -> None:
+    """One curve a law; cells whose follower has left the cam are hollow."""
     degrees, values = np.degrees(design.angles), effect.values(design.cells)
     for i, (rise, order) in enumerate(zip(design.rises, design.classes, strict=True)):
         label = f"{rise.replace('_', ' ')}, C{order}"
         axes.plot(degrees, values[i], marker=MARKERS[i], ms=4, lw=1.4, label=label, **line(i))
+        (hollow,) = axes.plot(degrees[gone[i]], values[i][gone[i]], ls="", marker=MARKERS[i], ms=4)
+        hollow.set(color=line(i)["color"], markerfacecolor="white", zorder=3)
     if effect.decibels:
         axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
@@ -92,8 +97,10 @@ def _curves(axes: Axes, design: Design, effect: Effect) -> None:
 
 
 def _shares(out: FigureBase, found: Factorial) -> None:
-    designs = (found.same_angles, found.same_acceleration, found.same_acceleration.from_class(2))
-    panels = out.subplots(1, 3, sharey=True)
+    smooth = found.designs[-1]
+    designs = [found.same_angles, found.same_acceleration]
+    designs += [] if smooth is found.same_acceleration else [smooth]
+    panels = out.subplots(1, len(designs), sharey=True)
     for axes, design in zip(panels, designs, strict=True):
         _bars(axes, design)
         axes.set(title=design.name, xlim=(0.0, 100.0), xlabel="share of the variance [%]")

@@ -5,7 +5,8 @@ import pytest
 
 from cam_rig.acoustics import SoundLevelMeter, level_db, pressure_pa
 from cam_rig.acoustics.meter import SILENCE
-from cam_rig.errors import ConfigError
+from cam_rig.acoustics.recording import measure
+from cam_rig.errors import ConfigError, RefusedError
 
 RATE = 96_000
 #: Nominal frequency, A and C in dB, class 1 tolerance above and below (table 3 of the standard).
@@ -223,3 +224,17 @@ def test_class_1_at_the_rate_of_sound_files(nominal):
     for curve, wanted in (("A", a), ("C", c)):
         error = steady_level(SoundLevelMeter(48_000, curve), exact, 100.0) - 100.0 - wanted
         assert below < error < above
+
+
+@pytest.mark.parametrize("broken", [float("nan"), float("inf"), -float("inf")])
+def test_a_broken_signal_is_no_silence(broken):
+    """A sample that is no number is refused, and the meter reads on as if it had not come."""
+    good = np.sin(np.arange(4800) * 0.1)
+    bad = good.copy()
+    bad[7] = broken
+    meter, other = SoundLevelMeter(48_000), SoundLevelMeter(48_000)
+    with pytest.raises(RefusedError, match=r"sample 7 of 4800 is -?(nan|inf) Pa; allowed: finite"):
+        meter.read(bad)
+    assert meter.read(good) == other.read(good)
+    with pytest.raises(RefusedError):
+        measure(bad, 48_000)

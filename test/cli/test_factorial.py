@@ -26,7 +26,9 @@ def small(tmp_path):
         data[key]["assumed"] = numbers
     path = tmp_path / "continuity.yaml"
     with path.open("w", encoding="utf-8") as file:
-        YAML(typ="safe").dump(data, file)
+        yaml = YAML(typ="safe")
+        yaml.default_flow_style, yaml.width = None, 1000
+        yaml.dump(data, file)
     return path
 
 
@@ -39,12 +41,38 @@ def test_json_and_plot(small):
     assert set(data) == {"answer", "designs", "cams", "squeezed", "advantage"}
     design = data["designs"]["same acceleration"]
     assert design["continuity"] == [2, 3]
+    assert data["designs"].keys() == {"same angles", "same acceleration"}  # all are C2 and above
+    residual = design["effects"]["residual"]
+    assert residual["left_below_rpm"] == pytest.approx(400.0)
+    assert residual["cells_left"] == [[True, False], [False, False]]
+    assert "leave the cam below 400 rpm" in " ".join(result.stderr.split())
     for effect in design["effects"].values():
         assert sum(effect["shares"].values()) == pytest.approx(1.0)
         assert [len(row) for row in effect["values"]] == [2, 2]
     assert len(data["cams"]) == 5
     assert data["squeezed"].keys() == {"300"}
     assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("key", "old", "new", "words"),
+    [
+        ("rises", "poly4567]", "constant_velocity]", "is 'constant_velocity', whose velocity"),
+        ("reference", "reference: poly345", "reference: bezier4_start", "is 'bezier4_start'"),
+        ("residual", "390, 400]", "390, 4000]", "speed is 4000 rpm; allowed: 1 to 3139 rpm"),
+        ("noise_in_contact", "assumed: 200", "assumed: 0.001", "allowed: at least 1 rpm"),
+    ],
+)
+def test_a_study_that_cannot_be_run(small, key, old, new, words):
+    """A rise that throws the follower off, a speed that means nothing: file or study, and key."""
+    text = small.read_text(encoding="utf-8")
+    assert old in text
+    small.write_text(text.replace(old, new), encoding="utf-8")
+    result = call(small)
+    assert result.exit_code == 2
+    assert "continuity" in result.stderr
+    assert key in result.stderr
+    assert words in result.stderr
 
 
 def test_refusals(small):

@@ -39,6 +39,11 @@ def test_other_cams_and_ways(tmp_path):
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     ramped = call("modified_sine", "--ramp", 400, "--json", "-")
     assert json.loads(ramped.stdout)["modified_sine"]["rpm"] > row["rpm"]
+    known = call("poly345", "--ramp", 400, "--json", "-")
+    row = json.loads(known.stdout)["poly345"]
+    assert (row["published_rpm"], row["difference"]) == (415, None)
+    assert "nothing is compared" in known.stderr
+    assert "fitted" not in known.stderr
 
 
 @pytest.mark.parametrize(
@@ -47,9 +52,15 @@ def test_other_cams_and_ways(tmp_path):
         (["no_such_cam"], 2, "no_such_cam.yaml: no such file"),
         (["poly345", "poly345"], 2, "is named twice"),
         (["conjugate"], 2, "follower.type is 'conjugate'; allowed on a rig"),
-        (["worked_example_constant_velocity"], 1, "velocity jumps by"),
+        (
+            ["worked_example_constant_velocity"],
+            1,
+            "one slope; where it falls the follower is thrown",
+        ),
         (["--rig", "tm21"], 2, "has no roller_share or no stem_damping"),
         (["--from-rest", "-1"], 1, "the run from rest lasts -1 s; allowed: above 0"),
+        (["--from-rest", "1e9"], 1, "lasts 1e+09 s; allowed: above 0, to 60 s"),
+        (["--ramp", "1e9"], 1, "ramp is 1e+09 rpm/s; allowed: 1 to 100000 rpm/s"),
         (["--steady", "--ramp", "100"], 2, "allowed: one of them"),
         (["poly345", "--refit"], 2, "needed: bezier15, poly345, poly4567, cycloidal"),
         (["poly345", "--plot", "{tmp}/a.xyz"], 1, "unknown kind of picture"),

@@ -31,7 +31,10 @@ def scene(tmp_path_factory):
 
 
 def test_noise_json_and_plot(scene, tmp_path):
-    """Every part is in the JSON, nothing of it NaN, and the plot is a picture."""
+    """Every part is in the JSON, nothing of it NaN, and the plot is a picture.
+
+    The tables are whole on a terminal of 80 columns.
+    """
     result = call("noise", scene, "--json", tmp_path / "a.json", "--plot", tmp_path / "a.png")
     assert result.exit_code == 0, result.stderr
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
@@ -50,6 +53,13 @@ def test_noise_json_and_plot(scene, tmp_path):
             assert len(cam["level_db"]) == len(cam["expected_db"]["low"]) == 9
     assert [row["cam"] for row in data["left_out"]] == ["tm21", "poly345", "bezier15"]
     assert [rig["name"] for rig in data["one_rig"]] == ["paper_table2, rigid stem", "paper_table2"]
+    assert "…" not in result.stderr
+    assert max(map(len, result.stderr.splitlines())) <= 80
+    said = " ".join(result.stderr.split())
+    for word in ("identified", "calibrated", "predicted", "± one standard deviation"):
+        assert word in said
+    points = data["methods"]["two constants"]["crossing"]["points_rpm"]
+    assert f"the simulated points themselves at {points:.1f} rpm" in said
 
 
 def test_listen_writes_a_sound_file(tmp_path):
@@ -68,6 +78,16 @@ def test_listen_writes_a_sound_file(tmp_path):
     level = float(level_db(np.sqrt(np.mean(pressure**2))))
     assert level == pytest.approx(told["levels_db"]["LZeq"], abs=0.01)
     assert not told["overload"]
+
+
+def test_seconds_without_a_speed(tmp_path):
+    """A length that would be ignored is an error."""
+    result = CliRunner().invoke(
+        app, ["listen", "quick", "--seconds", "3", "--out", str(tmp_path / "a.wav")]
+    )
+    assert result.exit_code == 2
+    assert "--seconds is 3 without --rpm" in result.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_listen_repeats(tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 
+import pytest
 from typer.testing import CliRunner
 
 from cam_rig.cli.main import app
@@ -28,10 +29,30 @@ def test_json_and_plot(tmp_path):
     assert "read within 31.25° of θ = 0" in " ".join(result.stderr.split())
 
 
+def test_cams_that_are_left_are_marked():
+    """Of two cams one is left below 450 rpm: marked in the table, told in JSON, not asked of."""
+    result = call("poly345", "bezier15", "--rpm", 300, "--rpm", 450, "--rpm", 450, "--json", "-")
+    data = json.loads(result.stdout)
+    assert data["rpm"] == [300, 450]
+    assert data["cams"]["poly345"]["left"] == [False, True]
+    assert data["cams"]["bezier15"]["left"] == [False, False]
+    assert data["cams"]["poly345"]["leaves_rpm"] == pytest.approx(413.44, abs=0.01)
+    assert "poly345 †" in result.stderr
+    assert "bezier15 * †" not in result.stderr
+    assert "not asked at 1 of 2 speeds" in result.stderr
+    residual = data["claims"][1]
+    assert (residual["measure"], residual["verdict"]) == ("by the ringing", "agrees")
+    assert residual["otherwise"]["verdict"] == "disagrees"
+
+
 def test_refusals(tmp_path):
     """A cam that stands still, a cam that is none."""
     result = call("poly345", "--rpm", 0, "--json", tmp_path / "a.json")
     assert result.exit_code == 1
-    assert "speed is 0 rpm; allowed: finite and above 0" in result.stderr
+    assert "speed is 0 rpm; allowed: 1 to 3139 rpm on this stem" in result.stderr
     assert call("no_such").exit_code == 2
+    thrown = call("worked_example_constant_velocity")
+    assert thrown.exit_code == 1
+    assert "or a rig without a shaft" in thrown.stderr
+    assert "model" not in thrown.stderr.replace("in this model", "")
     assert list(tmp_path.iterdir()) == []

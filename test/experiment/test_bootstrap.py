@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cam_rig.experiment import bootstrap
-from cam_rig.experiment.bootstrap import Band, crossing, resample, sure_crossing
+from cam_rig.experiment.bootstrap import Band, crossing, points_crossing, resample, sure_crossing
 
 RPM = np.linspace(200.0, 400.0, 21)
 
@@ -38,6 +38,17 @@ def test_crossing_of_known_lines():
     assert crossing(RPM, bent, flat, 335.0) == pytest.approx(340.0, abs=1e-6)
     assert crossing(RPM, bent, flat, 210.0) == pytest.approx(220.0, abs=1e-6)
     assert crossing(RPM, flat + 1.0, flat, 335.0) is None
+
+
+def test_crossing_of_points():
+    """Levels joined by straight lines cross where the lines do, nearest to the published speed."""
+    flat = np.full(21, 80.0)
+    straight = flat + 0.1 * (RPM - 333.0)
+    assert points_crossing(RPM, straight, flat, 335.0) == pytest.approx(333.0)
+    kinked = flat + np.interp(RPM, [200.0, 300.0, 320.0, 400.0], [1.0, -1.0, -1.0, 1.0])
+    assert points_crossing(RPM, kinked, flat, 335.0) == pytest.approx(360.0)
+    assert points_crossing(RPM, kinked, flat, 240.0) == pytest.approx(250.0)
+    assert points_crossing(RPM, flat + 1.0, flat, 335.0) is None
 
 
 def test_deviation_of_a_crossing():

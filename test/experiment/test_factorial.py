@@ -8,9 +8,11 @@ import pytest
 
 from cam_rig.errors import ConfigError
 from cam_rig.experiment.advantage import advantages
-from cam_rig.experiment.answer import BY_KEY, answer, decided_by
+from cam_rig.experiment.answer import answer
 from cam_rig.experiment.factorial import EFFECTS, run_factorial
 from cam_rig.experiment.factorial_laws import as_gentle, squeezed, up_and_down
+from cam_rig.experiment.in_contact import fastest, left, staying
+from cam_rig.experiment.judgement import BY_KEY, decided_by
 from cam_rig.experiment.measures import Bench
 from cam_rig.laws import TURN
 from cam_rig.laws.continuity import joints
@@ -138,7 +140,7 @@ def test_cells_stand_in_their_places(found, bench):
 def test_answer_has_the_studys_numbers(found):
     """Every sentence stands, and the verdict follows the shares."""
     said = answer(found)
-    assert len(said) == 6
+    assert len(said) == 7
     assert said[0].startswith("Mostly the gentler slopes")
     shares = [row.jump_share for row in advantages(found)]
     assert f"{100 * min(shares):.0f} % to {100 * max(shares):.0f} %" in said[0]
@@ -148,6 +150,89 @@ def test_the_verdict_can_turn(found):
     """Were the rigid follower to jump alike on all cams, it would be continuity."""
     cams = {cam: replace(m, rigid_jump=60.0) for cam, m in found.cams.items()}
     assert answer(replace(found, cams=cams))[0].startswith("Mostly the continuity")
+
+
+def test_cells_that_leave(found):
+    """A cell has left where its jump speed is below the fastest speed its effect was measured at.
+
+    The laws and angles that stay are a full table without any such cell.
+    """
+    design, effect, config = found.same_acceleration, BY_KEY["residual"], found.config
+    speed = fastest(effect, config)
+    assert speed == pytest.approx(400.0 * math.pi / 30.0)
+    jumps = np.array([[m.jump for m in row] for row in design.cells])
+    assert (left(design, effect, config) == (jumps < speed)).all()
+    assert left(design, effect, config)[0].all()  # the one law with a jump of acceleration
+    stay = staying(design, effect, config)
+    assert not left(stay, effect, config).any()
+    assert len(stay.cells) == len(stay.rises) >= 2
+    assert "simple_harmonic" not in stay.rises
+    assert not left(design, BY_KEY["noise"], config).any()  # a rigid follower may fly and land
+    quick = config.model_copy(
+        update={"residual": config.residual.model_copy(update={"assumed": [9e9]})}
+    )
+    assert staying(design, effect, quick) is None
+
+
+def test_the_verdict_counts_the_cells_that_leave(found):
+    """What is measured where the follower has left the cam is not told as if it had not."""
+    gone = int(left(found.same_acceleration, BY_KEY["residual"], found.config).sum())
+    verdict = answer(found)[0]
+    assert f"{gone} leave the cam below 400 rpm" in verdict
+    assert "simple_harmonic 2" in verdict
+    assert "rigid follower, which cannot ring" in verdict
+
+
+def only(found, rises):
+    """A study as it would be with some of its laws."""
+
+    def part(design):
+        rows = [i for i, rise in enumerate(design.rises) if rise in rises]
+        cells = [design.cells[i] for i in rows]
+        return replace(design, rises=tuple(design.rises[i] for i in rows), cells=cells)
+
+    return replace(
+        found,
+        same_angles=part(found.same_angles),
+        same_acceleration=part(found.same_acceleration),
+    )
+
+
+def test_one_class_says_nothing_of_continuity(found):
+    """Laws of one class: no factor from class to class, no second step, no price of continuity."""
+    some = only(found, ("poly345", "cycloidal"))
+    said = " ".join(answer(some))
+    assert "All rises of the study are C2: of continuity they say nothing" in said
+    for words in ("follows continuity", "From C", "between classes", "price", "step to C2"):
+        assert words not in said
+    assert [design.name for design in some.designs] == ["same angles", "same acceleration"]
+
+
+def test_one_law_below_c2_has_no_smooth_design(found):
+    """With a single law of C2 and above there is no table of such laws, and no word of them."""
+    some = only(found, ("simple_harmonic", "poly345"))
+    said = " ".join(answer(some))
+    assert "Each class of the study has one law" in said
+    assert "C2 and above" not in said
+    assert len(some.designs) == 2
+
+
+def test_words_turn_with_the_numbers(found):
+    """Cells of the smoothest law for those of the roughest, and back: every judgement turns."""
+
+    def turned(design):
+        return replace(design, cells=design.cells[::-1])
+
+    other = replace(
+        found,
+        same_angles=turned(found.same_angles),
+        same_acceleration=turned(found.same_acceleration),
+    )
+    said, before = " ".join(answer(other)), " ".join(answer(found))
+    for words in ("the smoother the joint the less", "and it is the sharpest", "step to C2 that"):
+        assert words in before
+        assert words not in said
+    assert "it grows" in said
 
 
 def test_one_follower(config, config_dir):

@@ -6,7 +6,14 @@ import pytest
 from cam_rig.acoustics import level_db
 from cam_rig.dynamics import NS
 from cam_rig.errors import CamRigError
-from cam_rig.experiment.noise import HeardTick, compare, regression, require_ticks, step_levels
+from cam_rig.experiment.noise import (
+    HeardTick,
+    compare,
+    real_roots,
+    regression,
+    require_ticks,
+    step_levels,
+)
 from cam_rig.experiment.program import CamState
 from cam_rig.schema import PublishedNoise
 
@@ -133,3 +140,9 @@ def test_nothing_measured_is_an_error():
     """A run with no settled tick names where it was looked for."""
     with pytest.raises(CamRigError, match="here: no settled tick"):
         require_ticks(step_levels(ticks([1.0, 1.0]), settle_turns=5), "here")
+
+
+def test_a_leading_number_of_rounding_has_no_root():
+    """A straight line that a cubic was fitted to crosses zero where the line does."""
+    assert real_roots(np.array([-1.0, 1.25, 3e-17, -2e-17])) == pytest.approx([0.8], abs=1e-12)
+    assert real_roots(np.array([2.0, 0.0, 1.0, 1e-16])).size == 0

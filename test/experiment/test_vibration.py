@@ -5,15 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.kinetostatic import state_at
 from cam_rig.dynamics.torsional_block import from_rig as shaft_of
 from cam_rig.errors import DynamicsError
+from cam_rig.experiment.claims import Claim, vibration_claims
+from cam_rig.experiment.factorial_laws import squeezed
+from cam_rig.experiment.jump import jump_speed
 from cam_rig.experiment.jump_search import RPM
+from cam_rig.experiment.leaving import leaving_speed
 from cam_rig.experiment.lineup import open_lineup
 from cam_rig.experiment.low_dwell import low_dwell
+from cam_rig.experiment.rigid_jump import rigid_jump_speed
 from cam_rig.experiment.vibration import ringing, steady_turn, steady_twist, vibration
-from cam_rig.experiment.vibration_table import Claim, vibration_claims, vibration_table
+from cam_rig.experiment.vibration_table import vibration_table
 from cam_rig.laws import build_law
 from cam_rig.schema import load_rig
 
@@ -107,7 +112,8 @@ def test_no_steady_state(laws, soft):
     """Without damping a harmonic at the stem's own frequency is no steady state."""
     undamped = replace(soft, damping=0.0)
     rate = np.sqrt((soft.stem_stiffness + soft.spring_stiffness) / soft.mass)
-    with pytest.raises(DynamicsError, match="no steady state at"):
+    rpm = f"{rate / 24.0 / RPM:.6g}"
+    with pytest.raises(DynamicsError, match=rf"no steady state at {rpm} rpm"):
         vibration(laws["poly345"], undamped, None, rate / 24.0)
 
 
@@ -118,6 +124,42 @@ def test_what_the_paper_says(lineup):
     assert len(claims) == 4
     assert {claim.verdict for claim in claims} == {"agrees"}
     assert list(table.at(300.0)) == list(FIVE)
+
+
+def test_residual_vibration_is_told_by_both_measures(lineup):
+    """By what joints have kicked Bézier 15 leaves least, by what moves in the window it does not.
+
+    The verdict says by what, and what the other measure says.
+    """
+    table = vibration_table(lineup, (300.0,))
+    (claim,) = [c for c in vibration_claims(table) if c.source == "fig. 5"]
+    at = table.at(300.0)
+    assert max(at, key=lambda cam: at[cam].swing) == "bezier15"
+    assert claim.told == "by the ringing agrees; by the swing in the window disagrees"
+
+
+def test_a_cam_that_is_left_is_marked_and_not_asked(lineup):
+    """Beyond its jump speed eq. 5 holds on a follower that has left: no case for the paper."""
+    table = vibration_table(lineup, (300.0, 400.0, 500.0))
+    follower = TwoMassParameters.from_rig(lineup.rig)
+    jumps = {cam: jump_speed(law, follower).rpm for cam, law in lineup.laws.items()}
+    assert table.leaves == pytest.approx(jumps, rel=1e-4)
+    assert table.left(300.0) == []
+    assert set(table.left(400.0)) == {"poly4567", "bezier_segments"}
+    assert set(table.left(500.0)) == set(FIVE) - {"bezier15"}
+    assert {claim.cases for claim in vibration_claims(table)} == {1}
+    assert Claim("", "", 0, 0).verdict.startswith("cannot be told")
+
+
+def test_when_a_cam_is_left(config_dir, laws, lineup):
+    """Where its velocity jumps or nothing presses, at any speed; without two masses, as a rigid."""
+    assert leaving_speed(laws["worked_example_constant_velocity"], lineup.rig) == 0.0
+    slack = lineup.rig.follower.preload.model_copy(update={"identified": 0.0})
+    follower = lineup.rig.follower.model_copy(update={"preload": slack})
+    assert leaving_speed(laws["poly345"], lineup.rig.model_copy(update={"follower": follower})) == 0
+    rigid = load_rig(config_dir / "rigs" / "tm21.yaml")
+    expected = rigid_jump_speed(laws["poly345"], FollowerParameters.from_rig(rigid))
+    assert leaving_speed(laws["poly345"], rigid) == expected
 
 
 def test_verdicts():
@@ -134,8 +176,43 @@ def test_a_rig_without_a_shaft(config_dir, lineup):
     assert not any("twist" in claim.words for claim in vibration_claims(table))
 
 
-@pytest.mark.parametrize("rpm", [0.0, -3.0, float("nan")])
-def test_a_cam_must_turn(lineup, rpm):
-    """A speed above zero."""
-    with pytest.raises(DynamicsError, match="allowed: finite and above 0"):
-        vibration_table(lineup, (rpm,))
+@pytest.mark.parametrize("rpm", [0.0, -3.0, 1e-3, 3200.0, 8000.0, float("nan"), float("inf")])
+def test_speeds_that_mean_nothing(lineup, rpm):
+    """Too slow to sample, or so fast that the stem hardly swings in a turn: refused, with limits.
+
+    At 8000 rpm the stem swings 1.2 times a turn: what is not ringing no longer follows the law.
+    """
+    with pytest.raises(DynamicsError, match=r"speed is .* rpm; allowed: 1 to 31\d\d rpm"):
+        vibration_table(lineup, (300.0, rpm))
+
+
+@pytest.mark.parametrize("cam", FIVE)
+@pytest.mark.parametrize("rpm", [200.0, 1000.0, 3000.0])
+def test_steady_turn_is_the_fourier_series(laws, soft, cam, rpm):
+    """Up to the limit the turn is the sum of its harmonics, and ringing no more than all of it."""
+    turn = steady_turn(laws[cam], soft, rpm * RPM)
+    n = np.arange(turn.angle.size // 2 + 1) * rpm * RPM
+    stiffness = soft.stem_stiffness + soft.spring_stiffness
+    passed = soft.stem_stiffness / (stiffness - soft.mass * n**2 + 1j * soft.damping * n)
+    expected = np.fft.irfft(np.fft.rfft(laws[cam](turn.angle)) * passed, turn.angle.size)
+    assert turn.displacement == pytest.approx(expected, abs=1e-9)
+    found = vibration(laws[cam], soft, None, rpm * RPM)
+    assert found.ringing <= 1.1 * np.abs(turn.vibration).max()
+    if found.window.dwell:  # nothing else vibrates there
+        inside = np.abs(turn.vibration[found.window.holds(turn.angle)]).max()
+        assert found.ringing == pytest.approx(inside, rel=0.05)
+
+
+def test_a_law_too_steep_to_split(laws, soft):
+    """Ringing that is larger than all that vibrates is an artefact of the split, and refused.
+
+    So it is where the high derivatives of a fitted law grow faster than the stem can follow.
+    """
+    law = squeezed(laws["cycloidal"], np.radians(60.0))
+    with pytest.raises(DynamicsError, match=r"ringing of .* in a vibration of .*; allowed: speeds"):
+        ringing(law, soft, np.array([3000.0 * RPM]))
+
+
+def test_speeds_given_twice_count_once(lineup):
+    """The same speed again is no second case."""
+    assert vibration_table(lineup, (300.0, 300.0)).rpm == (300.0,)

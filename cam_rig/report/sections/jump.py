@@ -6,10 +6,11 @@ import math
 
 from cam_rig.experiment.jump_refit import ROUNDED_TO
 from cam_rig.experiment.jump_search import RPM
-from cam_rig.experiment.jump_table import JumpRow, rms_difference, same_ranking, turn_of
+from cam_rig.experiment.jump_table import JumpRow, rms_words, same_ranking, turn_of
+from cam_rig.experiment.leaving import FROM_REST
 from cam_rig.report.blocks import Block, Grid, Picture, Section, Words
 from cam_rig.report.figures import TAKEOFF_RPM
-from cam_rig.report.results import FROM_REST, Results
+from cam_rig.report.results import Results
 
 
 def section(results: Results) -> Section:
@@ -54,17 +55,17 @@ def _table(results: Results) -> Grid:
         head,
         tuple(rows),
         left=2,
-        note="Fitted: these four identified event angle, stem, mass split and preload. Test: "
-        "nothing was fitted to it. Rigid: one mass on the same spring, which cannot ring; on the "
-        "stem that the paper prints it is nearly that. Angle and time are of the first lift-off at "
-        "the jump speed itself.",
+        note="Fitted: identified event angle, stem, mass split and preload. Test: nothing was "
+        "fitted to it. No part: neither, on this rig. Rigid: one mass on the same spring, which "
+        "cannot ring; on the stem that the paper prints it is nearly that. Angle and time are of "
+        "the first lift-off at the jump speed itself.",
     )
 
 
 def _row(row: JumpRow, title: str, rigid: float) -> tuple[str, ...]:
     return (
         title,
-        "fitted" if row.defined else "test",
+        row.role,
         "" if row.published_rpm is None else f"{row.published_rpm:g}",
         f"{row.found.rpm:.2f}",
         "" if row.difference is None else f"{100.0 * row.difference:+.2f} %",
@@ -81,21 +82,26 @@ def _worth(results: Results) -> str:
     turns = [turn for turn in map(turn_of, rows) if turn is not None]
     ours, theirs = ([turn[i] for turn in turns] for i in (0, 1))
     ranking = "is the paper's" if same_ranking(rows) else "is not the paper's"
-    printed = [row.published_rpm for row in rows if row.defined and row.published_rpm]
+    printed = [row.published_rpm for row in rows if row.published_rpm]
     rounding = ROUNDED_TO / math.sqrt(12.0) * math.sqrt(sum(x**-2 for x in printed) / len(printed))
     angles = [math.degrees(row.found.angle) for row in rows]
     degrees = ", ".join(f"{d}: {rpm:.0f} rpm" for d, rpm in results.degrees.items())
     return (
-        f"Over the four fitted laws {100.0 * rms_difference(rows):.2f} % RMS; the ranking of all "
+        f"{rms_words(rows)}; the ranking of all "
         f"five {ranking}. Table 2 rounds to {ROUNDED_TO:g} rpm, which alone makes "
-        f"{100.0 * rounding:.2f} %: a better fit would say no more. The fifth law's degree is not "
-        f"printed. By the degree of its half-rises it is left at {degrees}; degree 6 is taken, as "
-        "smooth as Bézier 15's ordinates ask for (C3), so it tests the rig only as far as that "
-        "reading is right. The time column is not reproduced: here the cam is first left after "
-        f"{min(ours):.1f} to {max(ours):.1f} turns, in the paper after {min(theirs):.1f} to "
-        f"{max(theirs):.1f}. At the jump speed itself the force only just touches zero, turn after "
-        "turn by almost the same, so when it does first is a matter of the last digits of the "
-        f"speed. All five are first left between {min(angles):.0f}° and {max(angles):.0f}°, in the "
+        f"{100.0 * rounding:.2f} %: a better fit would say no more. Nor is the rig the "
+        "only one: four numbers to four speeds have a second solution as good, which "
+        "cam-rig jump --refit finds and tells with its fifth law and times; the source of the "
+        "rig's stem, below, has its numbers. The ± of that refit is one standard error from the "
+        "rounding, close about one solution, and does not reach to the other. The fifth law's "
+        f"degree is not printed. By the degree of its half-rises it is left at {degrees}; degree "
+        "6 is taken, as smooth as Bézier 15's ordinates ask for (C3), so it tests the rig only as "
+        "far as that reading is right. The time column is not reproduced: here the cam is "
+        f"first left after {min(ours):.1f} to {max(ours):.1f} turns, in the paper "
+        f"after {min(theirs):.1f} to {max(theirs):.1f}. At the jump speed itself the force "
+        "only just touches zero, turn after turn by almost the same, so when it does first is a "
+        "matter of the last digits of the speed. "
+        f"All five are first left between {min(angles):.0f}° and {max(angles):.0f}°, in the "
         "fall or just behind it, where damping lifts the follower; the paper's fig. 11 shows the "
         "end of the rise, which follows at somewhat higher speeds."
     )

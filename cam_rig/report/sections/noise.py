@@ -55,6 +55,7 @@ def _methods(results: Results) -> Grid:
                     f"{curve.rms_regression_db:.2f}",
                     f"{100.0 * curve.expected.holds(curve.published_db):.0f} %",
                     _crossing(method) if curve.cam == results.noise.cast.predicted else "",
+                    _points(method) if curve.cam == results.noise.cast.predicted else "",
                 )
             )
     head = (
@@ -66,6 +67,7 @@ def _methods(results: Results) -> Grid:
         "regression, dB RMS",
         "published in band",
         "crosses TM21 at [rpm]",
+        "its points at [rpm]",
     )
     published = results.sources.stage.published
     assert published is not None  # the study has its levels
@@ -76,7 +78,8 @@ def _methods(results: Results) -> Grid:
         left=3,
         note="Points and regression: to the published regression. One of those has four numbers: "
         "what is fitted with as many says nothing. "
-        f"Published crossing: {published.crossover.rpm:g} rpm.",
+        "Crossing: of the regressions, ± one standard deviation of the draws; and of the simulated "
+        f"points, joined by lines. Published: {published.crossover.rpm:g} rpm.",
     )
 
 
@@ -85,6 +88,11 @@ def _crossing(method: Method) -> str:
     if found.rpm is None:
         return "nowhere"
     return f"{found.rpm:.1f} ± {found.deviation:.1f}"
+
+
+def _points(method: Method) -> str:
+    found = method.crossing.points_rpm
+    return "nowhere" if found is None else f"{found:.1f}"
 
 
 def _left_out(results: Results) -> Grid:
@@ -115,7 +123,7 @@ def _one_rig(results: Results) -> Grid:
     rows = tuple(
         (
             rig.name,
-            *(f"{rig.rms_db[cam]:.2f}" if cam in rig.rms_db else "not fitted" for cam in cams),
+            *(f"{rig.rms_db[cam]:.2f}" if cam in rig.rms_db else "see below" for cam in cams),
             "" if rig.crossing_rpm is None else f"{rig.crossing_rpm:.1f}",
         )
         for rig in results.noise.one_rig
@@ -125,7 +133,8 @@ def _one_rig(results: Results) -> Grid:
         "One rig for everything: that of the jump speeds, heard",
         head,
         rows,
-        note="With its elastic stem the arc cam is a search of minutes: cam-rig noise --one-rig.",
+        note="Not run here: with its elastic stem the arc cam is a search of minutes. cam-rig "
+        "noise --one-rig runs it; docs/noise.md has what it gave.",
     )
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from cam_rig.experiment.answer import answer
-from cam_rig.experiment.jump_table import rms_difference, same_ranking
-from cam_rig.experiment.vibration_table import jump_claims, vibration_claims
+from cam_rig.experiment.bootstrap import Crossing
+from cam_rig.experiment.claims import jump_claims, vibration_claims
+from cam_rig.experiment.jump_table import rms_words, same_ranking
 from cam_rig.report.blocks import Points, Section, Words
 from cam_rig.report.results import Results
 
@@ -30,34 +31,48 @@ def _question(results: Results) -> str:
 
 
 def _jump(results: Results) -> str:
-    rms = 100.0 * rms_difference(results.jumps)
     tests = [
         f"{row.cam} {100.0 * row.difference:+.2f} %"
         for row in results.jumps
-        if row.difference is not None and not row.defined
+        if row.difference is not None and row.role == "test"
     ]
     ranking = "the paper's ranking" if same_ranking(results.jumps) else "another ranking"
+    untouched = f"; not fitted: {', '.join(tests)}" if tests else ""
     return (
-        f"Jump speed: {rms:.2f} % RMS from Table 2 on the four laws that identified the rig, "
-        f"{ranking}; not fitted: {', '.join(tests)}. The times of Table 2 do not come out."
+        f"Jump speed: {rms_words(results.jumps)}, {ranking}{untouched}. The times of Table 2 do "
+        "not come out."
     )
 
 
 def _noise(results: Results) -> str:
-    best = results.noise.methods[-1]
+    """The way with the fewest fitted numbers first, for it claims most; then the crossings."""
+    best = results.noise.methods[0]
     curves = ", ".join(
         f"{c.cam} {c.rms_regression_db:.2f} dB ({c.role}, "
         f"{c.numbers or 'no'} number{'' if c.numbers == 1 else 's'} fitted to it)"
         for c in best.curves.values()
     )
-    found = best.crossing
-    crossed = "do not cross"
-    if found.rpm is not None:
-        crossed = f"cross at {found.rpm:.1f} ± {found.deviation:.1f} rpm"
-    return f"Noise, {best.name}: regressions within {curves} RMS; the curves {crossed}."
+    crossed = [f"{m.name} {_crossing(m.crossing)}" for m in results.noise.methods]
+    return (
+        f"Noise, {best.name}: regressions within {curves} RMS. Bézier 15 and TM21 cross at "
+        f"{_crossing(best.crossing)} (± one standard deviation), the published curves at "
+        f"{_published(results)}; by the other ways of calibrating: {'; '.join(crossed[1:])}."
+    )
+
+
+def _crossing(found: Crossing) -> str:
+    return "no speed" if found.rpm is None else f"{found.rpm:.1f} ± {found.deviation:.1f} rpm"
+
+
+def _published(results: Results) -> str:
+    published = results.sources.stage.published
+    assert published is not None  # the study has its levels
+    return f"{published.crossover.rpm:g} rpm"
 
 
 def _claims(results: Results) -> str:
     claims = [*vibration_claims(results.vibration), *jump_claims(results.jumps)]
     agreed = sum(claim.verdict == "agrees" for claim in claims)
-    return f"What the paper says of vibration and jump: {agreed} of {len(claims)} claims agree."
+    either = "; ".join(f"{c.words}: {c.told}" for c in claims if c.otherwise is not None)
+    said = f"What the paper says of vibration and jump: {agreed} of {len(claims)} claims agree"
+    return f"{said}, residual vibration measured by the ringing. {either}."
