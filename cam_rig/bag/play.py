@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
@@ -18,14 +20,23 @@ from cam_rig.experiment.program import CamState
 
 #: In the order in which they go out at one rig time.
 PLAYED = (topics.LAW_COEFFICIENTS, topics.PROFILE, topics.LAW, topics.CLOCK, topics.CAM_STATE)
+#: Read, not only passed on.
+READ = (topics.CAM_STATE, topics.DIAGNOSTICS)
+#: A level's letter symbol at the end of the microphone's words.
+QUANTITY = re.compile(r"\bL[ACZ][FS]$")
 
 
 @dataclass(frozen=True)
 class Played:
-    """A state of the cam, and the serialized messages up to it and with it."""
+    """A state of the cam, and the serialized messages up to it and with it.
+
+    ``quantity`` is what the microphone said that it read of the tick that ends here; empty when it
+    said nothing.
+    """
 
     state: CamState
     messages: tuple[tuple[Topic, bytes], ...]
+    quantity: str = ""
 
 
 def played(bag: Path) -> Iterator[Played]:
@@ -36,17 +47,33 @@ def played(bag: Path) -> Iterator[Played]:
     BagError : no such bag, or one that was not closed
     RefusedError : a state in it is none
     """
-    by_name, raw = {topic.name: topic for topic in PLAYED}, RawMessages()
+    by_name, raw = {t.name: t for t in (*PLAYED, topics.DIAGNOSTICS)}, RawMessages()
     waiting: list[tuple[Topic, bytes]] = []
+    last: Played | None = None
     try:
         with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_KILTED)) as reader:
             connections = [c for c in reader.connections if c.topic in by_name]
             for connection, _, data in reader.messages(connections):
                 topic = by_name[connection.topic]
+                message = raw.read(topic, bytes(data))[0] if topic in READ else None
+                if topic is topics.DIAGNOSTICS:
+                    last = last and replace(last, quantity=read_of(message) or last.quantity)
+                    continue
                 waiting.append((topic, bytes(data)))
                 if topic is topics.CAM_STATE:
-                    state = cam_state_of(raw.read(topic, bytes(data))[0])
-                    yield Played(state, tuple(waiting))
+                    if last is not None:
+                        yield last
+                    last = Played(cam_state_of(message), tuple(waiting))
                     waiting.clear()
+            if last is not None:
+                yield last
     except UNREADABLE as error:
         raise damaged(bag, error) from None
+
+
+def read_of(diagnosis: Any) -> str:
+    """What the microphone reads, by its diagnosis; empty by anybody else's."""
+    for status in diagnosis.status:
+        if status.name == "microphone" and (found := QUANTITY.search(status.message)):
+            return found.group()
+    return ""

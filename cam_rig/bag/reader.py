@@ -132,7 +132,10 @@ def read_stage(bag: Path) -> Stage:
     with TemporaryDirectory() as folder:
         scene = unpack(bag, Path(folder))
         try:
-            return open_stage(scene)
+            stage = open_stage(scene)
+            for cam in sorted((scene.parent.parent / "cams").glob("*.yaml")):
+                stage.mount(cam.stem)  # by hand, while it ran
+            return stage
         except CamRigError as error:
             inside = str(error).replace(f"{folder}/config/", "")
             raise BagError(f"{bag}: its attached files do not fit: {inside}") from None

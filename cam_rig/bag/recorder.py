@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -12,8 +13,9 @@ from mcap.records import Attachment
 from cam_rig.bag.recover import OURS, is_torn, set_aside
 from cam_rig.bag.salvage import Salvage
 from cam_rig.bag.session import RecordingSession
-from cam_rig.bag.topics import Topic
+from cam_rig.bag.topics import PROFILE, Topic
 from cam_rig.bag.writer import FLUSH_EVERY, BagWriter, bag_file
+from cam_rig.errors import CamRigError
 from cam_rig.experiment.gate import StateGate
 from cam_rig.experiment.handover import STATES_UNFLUSHED
 from cam_rig.experiment.stage import Stage
@@ -38,8 +40,8 @@ class BagRecorder:
     def __init__(self, bag: Path, stage: Stage, resume: bool = False) -> None:
         torn = set_aside(bag) if resume and is_torn(bag) else None
         self._writer = BagWriter(bag, bag_file(bag) if torn else None)
-        for path in stage.files:
-            self._writer.attach(f"{path.parent.name}/{path.name}", path.read_bytes())
+        self._stage, self._attached = stage, set[Path]()
+        self._attach()
         self._writer.attach("versions.json", versions())
         self._session = RecordingSession(self._writer, StateGate.of(stage.scene))
         self._unflushed = 0
@@ -57,6 +59,8 @@ class BagRecorder:
     def take(self, topic: Topic, cdr: bytes, source: bytes = b"", number: int = 0) -> list[int]:
         """Take one message; see `RecordingSession.take`."""
         stamps = self._session.take(topic, cdr, source, number)
+        if topic is PROFILE:
+            self._know(self._session.cams)
         self._unflushed += len(stamps)
         if self._unflushed >= STATES_UNFLUSHED:
             self._flush()
@@ -71,6 +75,20 @@ class BagRecorder:
         """Write what is left, and close the bag."""
         self._session.close()
         self._writer.close()
+
+    def _know(self, cams: list[str]) -> None:
+        """A cam that was mounted by hand belongs into the bag as well."""
+        for cam in cams:
+            if cam not in self._stage.cams:
+                with suppress(CamRigError):  # somebody else's word, or a file that is gone
+                    self._stage.mount(cam)
+        self._attach()
+
+    def _attach(self) -> None:
+        for path in self._stage.files:
+            if path not in self._attached:
+                self._attached.add(path)
+                self._writer.attach(f"{path.parent.name}/{path.name}", path.read_bytes())
 
     def _flush(self) -> None:
         self._writer.flush()

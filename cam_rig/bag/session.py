@@ -7,8 +7,8 @@ nothing is missing and everything before it is written. So two recordings of one
 
 from __future__ import annotations
 
-from collections import deque
-from typing import Protocol
+from collections import Counter, deque
+from typing import NamedTuple, Protocol
 
 from cam_rig.bag import topics
 from cam_rig.bag.codec import cam_state_of
@@ -30,6 +30,13 @@ TWINS = {
     for stamped in topics.RECORDING
 }
 CAM_TOPICS = (topics.LAW_COEFFICIENTS, topics.PROFILE)
+
+
+class Heard(NamedTuple):
+    """A serialized message and the process that it is from."""
+
+    source: bytes
+    cdr: bytes
 
 
 class Writing(Protocol):
@@ -54,8 +61,9 @@ class RecordingSession:
         self._gate = gate
         self._states: deque[tuple[CamState, bytes]] = deque()
         self._before: CamState | None = None
-        self._waiting: dict[Topic, dict[int, bytes]] = {t: {} for t in topics.RECORDING}
+        self._waiting: dict[Topic, dict[int, Heard]] = {t: {} for t in topics.RECORDING}
         self._twins: dict[tuple[str, bytes, int], int | bytes] = {}
+        self._spoken: Counter[tuple[Topic, bytes]] = Counter()
         self._cams: dict[Topic, dict[str, bytes]] = {topic: {} for topic in CAM_TOPICS}
         self._said: deque[tuple[int, str, bytes]] = deque(maxlen=4 * MOST_WAITING)
 
@@ -85,7 +93,7 @@ class RecordingSession:
             self._pair(topic, source, number, cdr)
         else:
             stamp = stamp_of(cdr)
-            self._keep(topic, stamp, cdr)
+            self._keep(topic, stamp, Heard(source, cdr))
             for other in TWINS.get(topic.name, ()):
                 self._pair(other, source, number, stamp)
         stamps = []
@@ -93,6 +101,11 @@ class RecordingSession:
             self._write_state()
             stamps.append(self.written)
         return stamps
+
+    @property
+    def cams(self) -> list[str]:
+        """The cams that the law server has told of."""
+        return list(self._cams[topics.PROFILE])
 
     def close(self) -> None:
         """Write what came of the states that are not complete."""
@@ -108,7 +121,7 @@ class RecordingSession:
             raise RefusedError(f"{topic.name}: more than {MOST_CAMS} cams")
 
     def _take_diagnosis(self, diagnosis: tuple[int, str, bytes]) -> None:
-        if diagnosis in self._said:
+        if diagnosis in self._said or diagnosis[1] == topics.PACE:
             return
         self._said.append(diagnosis)
         stamp, speaker, cdr = diagnosis
@@ -122,20 +135,25 @@ class RecordingSession:
         key = (topic.name, source, number)
         other = self._twins.pop(key, None)
         if isinstance(half, int) and isinstance(other, bytes):
-            self._keep(topic, half, other)
+            self._keep(topic, half, Heard(source, other))
         elif isinstance(half, bytes) and isinstance(other, int):
-            self._keep(topic, other, half)
+            self._keep(topic, other, Heard(source, half))
         else:
             self._twins[key] = half
             if len(self._twins) > MOST_WAITING:
                 del self._twins[next(iter(self._twins))]
 
-    def _keep(self, topic: Topic, stamp: int, cdr: bytes) -> None:
+    def _keep(self, topic: Topic, stamp: int, heard: Heard) -> None:
+        """Keep a message for its state; of two that differ, that of who has spoken more often."""
         known = self._waiting[topic]
+        self._spoken[topic, heard.source] += 1
         if stamp <= self.written:
             return
-        if known.setdefault(stamp, cdr) != cdr:
-            raise RefusedError(f"{topic.name} at {stamp} ns: another message was here before")
+        before = known.setdefault(stamp, heard)
+        if before.cdr != heard.cdr:
+            if self._spoken[topic, heard.source] > self._spoken[topic, before.source]:
+                known[stamp] = heard
+            raise RefusedError(f"{topic.name} at {stamp} ns: two messages that differ")
         if len(known) > MOST_WAITING:
             del known[max(known)]
             raise RefusedError(f"{topic.name}: more than {MOST_WAITING} messages of no known state")
@@ -166,9 +184,9 @@ class RecordingSession:
                 if state.cam in known:
                     put(topic, stamp, known[state.cam])
         if clock := self._waiting[topics.CLOCK].pop(stamp, None):
-            put(topics.CLOCK, stamp, clock)
+            put(topics.CLOCK, stamp, clock.cdr)
         put(topics.CAM_STATE, stamp, cdr)
         for topic in self._belonging(state):
             if message := self._waiting[topic].pop(stamp, None):
-                put(topic, stamp, message)
+                put(topic, stamp, message.cdr)
         self._before, self.written = state, stamp

@@ -70,6 +70,8 @@ PRESSURE = Topic("/microphone/pressure", "sensor_msgs/msg/FluidPressure", "tick"
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "any")
 #: Who says on /diagnostics how it is, in the order of a bag.
 SPEAKERS = ("cam_drive", "law_server", "follower", "microphone", "recorder")
+#: Who says there how the drive keeps its pace. That depends on the wall clock, so no bag holds it.
+PACE = "cam_drive: pace"
 #: How far the recorder is: the stamp of the newest tick of which it has written every message.
 RECORDED = Topic("/recorder/written", "std_msgs/msg/Header", "tick")
 #: How far the viewer is: the stamp of the newest tick that it has drawn.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from pathlib import Path
 from types import TracebackType
@@ -135,6 +136,24 @@ class BagWriter:
 def bag_file(directory: Path) -> Path:
     """Where a bag's MCAP file is written."""
     return directory / f"{directory.name}_0.mcap"
+
+
+def require_new_bag(directory: Path) -> None:
+    """Refuse, before anything is started, a bag that cannot be made.
+
+    Raises
+    ------
+    BagError : it exists already, or its place cannot be written
+    """
+    try:
+        there = directory.exists()
+        place = next(path for path in directory.absolute().parents if path.exists())
+    except OSError as error:
+        raise BagError(f"{directory}: cannot be made ({error.strerror})") from None
+    if there:
+        raise BagError(f"{directory}: exists already, not overwriting; name another with --bag")
+    if not (place.is_dir() and os.access(place, os.W_OK | os.X_OK)):
+        raise BagError(f"{directory}: cannot be made, {place} cannot be written")
 
 
 def _create(directory: Path) -> BinaryIO:

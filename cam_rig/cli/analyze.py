@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 
 from cam_rig.cli.console import check_outputs, console, scene_path, user_errors
 from cam_rig.cli.results import show
@@ -50,7 +51,8 @@ def analyze_bag(
 
     recording = read_recording(bag, scene)
     stage = recording.stage
-    console.print(f"{bag}: {sum(recording.counts.values())} messages, {len(recording.ticks)} ticks")
+    counted = f"{sum(recording.counts.values())} messages, {len(recording.ticks)} ticks"
+    console.print(f"{escape(str(bag))}: {counted}")
     whole = tick_count(stage.scene)
     if len(recording.ticks) < whole:
         console.print(f"[bold]not complete:[/] {len(recording.ticks)} of {whole} ticks")

@@ -37,26 +37,32 @@ def user_errors() -> Iterator[None]:
 
 def scene_path(scene: str) -> Path:
     """A scene by its path, or by its name in ``config/scenes``."""
-    path = Path(scene)
-    if path.suffix in (".yaml", ".yml") or path.is_file():
-        return path
-    return config_root() / "scenes" / f"{scene}.yaml"
+    return _named("scenes", scene)
 
 
 def cam_path(cam: str) -> Path:
     """A cam by its path, or by its name in ``config/cams``."""
-    path = Path(cam)
-    if path.suffix in (".yaml", ".yml") or path.is_file():
-        return path
-    return config_root() / "cams" / f"{cam}.yaml"
+    return _named("cams", cam)
 
 
 def rig_path(rig: str) -> Path:
     """A rig by its path, or by its name in ``config/rigs``."""
-    path = Path(rig)
-    if path.suffix in (".yaml", ".yml") or path.is_file():
+    return _named("rigs", rig)
+
+
+def _named(folder: str, given: str) -> Path:
+    path = Path(given)
+    if path.suffix in (".yaml", ".yml") or exists(path):
         return path
-    return config_root() / "rigs" / f"{rig}.yaml"
+    return config_root() / folder / f"{given}.yaml"
+
+
+def exists(path: Path) -> bool:
+    """Whether there is something at a path; a name that no file can have is not there."""
+    try:
+        return path.exists()
+    except OSError:
+        return False
 
 
 def tables_path() -> Path:

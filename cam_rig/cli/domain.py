@@ -9,7 +9,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from cam_rig.errors import RunError
+from cam_rig.errors import ConfigError, RunError
+
+#: By the ports of DDS.
+MOST = 232
 
 
 @contextmanager
@@ -18,9 +21,12 @@ def own_domain() -> Iterator[None]:
 
     Raises
     ------
+    ConfigError : it is no domain
     RunError : another run on this machine holds it
     """
     domain = os.environ.get("ROS_DOMAIN_ID") or "0"
+    if not (domain.isascii() and domain.isdigit() and int(domain) <= MOST):
+        raise ConfigError(f"ROS_DOMAIN_ID: is {domain!r}; allowed: 0 to {MOST}")
     path = Path(tempfile.gettempdir()) / f"cam_rig-{os.getuid()}-domain-{domain}.lock"
     with path.open("a") as lock:
         try:

@@ -15,6 +15,8 @@ from cam_rig.schema.load import config_root
 
 #: Wall time (s) a node has to end when asked to, before it is killed.
 GRACE = 10.0
+#: Where Fast DDS looks for its profile.
+PROFILES = "FASTDDS_DEFAULT_PROFILES_FILE"
 #: Lines of its errors that are kept.
 MOST_WORDS = 1000
 
@@ -103,17 +105,22 @@ def stop_all(nodes: list[NodeProcess]) -> None:
 
 
 def environment(network: bool = False) -> dict[str, str]:
-    """The nodes' environment: no socket leaves this machine, unless ``network`` says otherwise."""
+    """The nodes' environment: no socket leaves this machine, unless ``network`` says otherwise.
+
+    Then a profile of the user's own counts, where there is one.
+    """
     own = dict(os.environ)
     # The nodes' matrices are small: threads inside one node only take the cores of the others.
     for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         own.setdefault(threads, "1")
     own["CAM_RIG_RUNNER"] = str(os.getpid())
-    if "FASTDDS_DEFAULT_PROFILES_FILE" not in own:
-        profile = "fastdds_subnet.xml" if network else "fastdds_loopback.xml"
-        own["FASTDDS_DEFAULT_PROFILES_FILE"] = str(config_root() / profile)
-        if not network:  # any other range, LOCALHOST too, would replace the profile's transports
-            own["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"
+    if network:
+        own.setdefault(PROFILES, str(config_root() / "fastdds_subnet.xml"))
+    else:
+        own[PROFILES] = str(config_root() / "fastdds_loopback.xml")
+        own["SKIP_DEFAULT_XML_FILE"] = "1"  # one in the working directory would open the subnet
+        # any other range, LOCALHOST too, would replace the profile's transports
+        own["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"
     return own
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 
 from cam_rig.cli.console import DEFAULT_SCENE, console, progress_bar, scene_path, user_errors
 
@@ -38,8 +39,8 @@ def run(
     """Run a scene through the node graph and record it.
 
     Five nodes, each its own process, run as fast as the slowest of them (or at a set pace) and are
-    all ended, on Ctrl-C too. Exit codes: 0 done, 1 a node failed, 2 the scene is wrong, 130
-    interrupted.
+    all ended, on Ctrl-C too. Exit codes: 0 done, 1 a node failed, 2 the scene is wrong, 128 and
+    the signal's number when a signal ended it (130 for Ctrl-C).
 
     Examples
     --------
@@ -52,15 +53,15 @@ def run(
     cam-rig run quick --pacing real_time
     """
     with user_errors():
+        from cam_rig.bag.writer import require_new_bag
         from cam_rig.cli.screen import open_screen
-        from cam_rig.errors import BagError, RunError
+        from cam_rig.errors import RunError
         from cam_rig.experiment.pacing import factor_of
 
         path = scene_path(scene)
         factor_of(pacing)
         target = bag or Path(time.strftime(f"bags/{path.stem}_%Y-%m-%d_%H-%M-%S"))
-        if target.exists():
-            raise BagError(f"{target}: exists already, not overwriting; name another with --bag")
+        require_new_bag(target)
         with open_screen(view, web) as screen:
             try:
                 _run(path, target, screen.address, pacing, respawn, network)
@@ -99,7 +100,7 @@ def _run(
     took = time.perf_counter() - begun
     console.print(
         f"{counts['/follower/samples']} ticks, {sum(counts.values())} messages, none missing, "
-        f"in {took:.1f} s: {target}"
+        f"in {took:.1f} s: {escape(str(target))}"
     )
 
 
@@ -116,4 +117,4 @@ def _keep(target: Path) -> None:
             words = recover_in_place(target).words
         except BagError as error:
             words = str(error)
-    console.print(f"what was recorded so far is in {target}: {words}")
+    console.print(f"what was recorded so far is in {escape(str(target))}: {escape(words)}")

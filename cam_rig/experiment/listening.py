@@ -34,6 +34,11 @@ class MeterBench:
         """The meter of a scene."""
         return cls(SoundSource(stage.radiation, int(stage.scene.sample_rate.si)))
 
+    @property
+    def quantity(self) -> str:
+        """What is read, as IEC 61672-1 writes it: LZF, LAS."""
+        return f"L{self.meter.frequency_weighting}{self.meter.time_weighting}"
+
     def frozen(self) -> str:
         """All that it remembers, as text for a successor in the same run."""
         return pickle.dumps(self).hex()

@@ -58,6 +58,20 @@ class Stage:
         ]
         return [self.scene_file, self.rig_file, *self.cam_files.values(), *points, *published]
 
+    def mount(self, name: str) -> None:
+        """Know one more cam, mounted by hand, of the library that the scene's are from.
+
+        Raises
+        ------
+        ConfigError, LawError : there is none of that name, or the rig cannot turn it
+        """
+        if name in self.cams:
+            return
+        path = Library.beside(self.scene_file).path("cams", name)
+        cam = load_cam(path)
+        require_sprung(path, cam)
+        self.laws[name], self.cams[name], self.cam_files[name] = law_of(path, cam), cam, path
+
     def law_of(self, cam: str) -> Law:
         """The law of a cam of the scene.
 

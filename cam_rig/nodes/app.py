@@ -61,7 +61,8 @@ class RigNode(Node):
     def subscribe(self, topic: Topic, callback: Callable[..., None], raw: bool = False) -> None:
         """Subscribe with the topic's type and quality of service.
 
-        What the callback refuses (`RefusedError`) is warned of, and the node lives on.
+        What the callback refuses (`RefusedError`) is warned of, and the node lives on; any other
+        of the rig's errors ends it.
         """
 
         def guarded(message: Any) -> None:
@@ -69,6 +70,8 @@ class RigNode(Node):
                 callback(message)
             except RefusedError as error:
                 self.refuse(error)
+            except CamRigError as error:
+                self.fail(error)
 
         self.create_subscription(message_class(topic), topic.name, guarded, qos(topic), raw=raw)
 

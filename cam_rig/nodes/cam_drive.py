@@ -21,10 +21,12 @@ from cam_rig.experiment.handover import TICKS_IN_FLIGHT
 from cam_rig.experiment.program import CamState
 from cam_rig.experiment.stage import open_stage
 from cam_rig.nodes.app import run
-from cam_rig.nodes.diagnostics import ERROR, OK, WARN
+from cam_rig.nodes.diagnostics import ERROR, OK, WARN, Diagnostics
 from cam_rig.nodes.pacemaker import Pacemaker
 
 RPM = math.pi / 30.0
+#: Of the drive's own namespace.
+LAW_SERVER = "law_server"
 
 
 class CamDrive(Pacemaker):
@@ -34,7 +36,8 @@ class CamDrive(Pacemaker):
         super().__init__("cam_drive")
         stage = open_stage(Path(self.given["scene"]))
         self._mechanics = stage.follower
-        self._law_server = AsyncParameterClient(self, "law_server")
+        self._pace = Diagnostics(self.publisher(topics.DIAGNOSTICS), topics.PACE)
+        self._law_server = AsyncParameterClient(self, LAW_SERVER)
         left = self.handover.all()
         memories = [memory for memory, _ in left]
         if left:  # a diagnosis may have died with its speaker: the last states' are said again
@@ -87,7 +90,7 @@ class CamDrive(Pacemaker):
 
     def _on_event(self, event: ParameterEvent) -> None:
         """Somebody mounted a cam by hand, or the law server did as asked."""
-        if event.node == "/law_server":
+        if event.node == f"{self.get_namespace().rstrip('/')}/{LAW_SERVER}":
             for changed in (p for p in event.changed_parameters if p.name == "cam"):
                 self._program.mounted(str(parameter_value_to_python(changed.value)))
 
@@ -120,12 +123,14 @@ class CamDrive(Pacemaker):
 
     def _send(self, state: CamState) -> None:
         self.handover.keep((self._program.memory, self.health.said))
-        late = self._program.pacing.late
-        level, words = (WARN, "lagging") if late else (OK, "turning" if state.speed else "stands")
+        level, words = OK, "turning" if state.speed else "stands"
         if self._program.table.place.halted and state.speed == 0.0:
             level, words = ERROR, "emergency stop"
-        values = {"late_s": f"{late:.3g}"} if late else {}
-        self.health.report(state.time_ns, level, words, values)
+        self.health.report(state.time_ns, level, words)
+        if late := self._program.pacing.late:
+            self._pace.report(state.time_ns, WARN, "lagging", {"late_s": f"{late:.3g}"})
+        elif self._program.pacing.factor is not None:
+            self._pace.report(state.time_ns, OK, "on time")
         self._publish(state)
         self.note_sent(state, self._program.sent - 1)
 

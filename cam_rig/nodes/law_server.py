@@ -13,6 +13,7 @@ from cam_rig.bag.codec import cam_state_of, encode_law
 from cam_rig.dynamics import MODELS
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.experiment.gate import Admission, StateGate
+from cam_rig.experiment.lineup import law_of, require_sprung
 from cam_rig.experiment.program import CamState
 from cam_rig.laws import Law, build_law
 from cam_rig.nodes.app import RigNode, run
@@ -58,8 +59,10 @@ class LawServer(RigNode):
         return SetParametersResult(successful=True)
 
     def _mount(self, name: str) -> None:
-        cam = load_cam(self._library.path("cams", name))
-        law = build_law(cam)
+        path = self._library.path("cams", name)
+        cam = load_cam(path)
+        require_sprung(path, cam)
+        law = law_of(path, cam)
         self._model.require(law)
         self._laws[name], self._mounted = law, name
         self.handover.keep((name, self._last, self.health.said))

@@ -19,6 +19,7 @@ from cam_rig.nodes.app import RigNode, run
 from cam_rig.nodes.convert import to_header
 from cam_rig.nodes.diagnostics import OK, WARN
 from cam_rig.nodes.repeats import Repeats
+from cam_rig.nodes.weightings import weightings
 
 
 class Microphone(RigNode):
@@ -33,6 +34,7 @@ class Microphone(RigNode):
         if left := self.handover.oldest():
             last, self._bench.memory, self.health.said, meter = left
             begun, self._meter = last.time_ns, MeterBench.thawed(meter)
+            self.set_parameters(weightings(self._meter.quantity))
         self._gate = StateGate.of(stage.scene)
         self._ticks = TickPairing(self._bench.sample_rate, begun)
         self.add_post_set_parameters_callback(self._on_parameters)
@@ -63,12 +65,12 @@ class Microphone(RigNode):
         for start, end, rows in self._ticks.complete():
             speed = start.until(end).mean_speed
             pressure, reading = self._bench.listen(rows, speed), self._meter.read(rows, speed)
-            health = (WARN, "overload") if reading.overload else (OK, "hears")
-            self.health.report(end.time_ns, *health)
+            level, words = (WARN, "overload") if reading.overload else (OK, "hears")
+            self.health.report(end.time_ns, level, f"{words} {self._meter.quantity}")
             heard = FluidPressure(header=to_header(end.time_ns, "microphone"))
             heard.fluid_pressure = pressure
-            level = Float64(data=reading.level)
-            self._repeats.publish(end.time_ns, [(self._level, level), (self._pressure, heard)])
+            said = [(self._level, Float64(data=reading.level)), (self._pressure, heard)]
+            self._repeats.publish(end.time_ns, said)
             if self.handover.kept:
                 mine = (end, self._bench.memory, self.health.said, self._meter.frozen())
                 self.handover.keep(mine)

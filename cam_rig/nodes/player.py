@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from rclpy.parameter_client import AsyncParameterClient
+
 from cam_rig.bag import topics
 from cam_rig.bag.play import PLAYED, Played, played
 from cam_rig.experiment.credit import Credit
@@ -11,6 +13,7 @@ from cam_rig.experiment.handover import TICKS_IN_FLIGHT
 from cam_rig.nodes.app import run
 from cam_rig.nodes.pacemaker import Pacemaker
 from cam_rig.nodes.parameters import CONSUMERS
+from cam_rig.nodes.weightings import weightings
 
 
 class Player(Pacemaker):
@@ -20,7 +23,8 @@ class Player(Pacemaker):
         super().__init__("player")
         self._messages = played(Path(self.given["bag"]))
         self._next: Played | None = next(self._messages, None)
-        self._sent = 0
+        self._sent, self._quantity, self._asked = 0, "", ""
+        self._microphone = AsyncParameterClient(self, "microphone")
         known = {topics.CLOCK: self._clock_out, topics.CAM_STATE: self._state_out}
         self._out = {t: known.get(t) or self.publisher(t) for t in PLAYED}
         consumers = list(CONSUMERS)
@@ -29,7 +33,7 @@ class Player(Pacemaker):
 
     def send_next(self) -> bool:
         """Send the next state and what goes with it, if it may go out."""
-        if (now := self._next) is None or not self._waits.may_send():
+        if (now := self._next) is None or not self._waits.may_send() or not self._weighed(now):
             return False
         self._waits.sent(now.state.time_ns)
         for topic, cdr in now.messages:
@@ -38,6 +42,23 @@ class Player(Pacemaker):
         self._sent += 1
         self._next = next(self._messages, None)
         return True
+
+    def _weighed(self, now: Played) -> bool:
+        """Whether the microphone is set as it was for this tick; asks for it between two ticks."""
+        wanted = now.quantity or self._quantity
+        if wanted == self._quantity:
+            return True
+        if self._waits.in_flight or not self._microphone.services_are_ready():
+            return False
+        if wanted != self._asked:
+            self._asked = wanted
+            answer = self._microphone.set_parameters(weightings(wanted))
+            answer.add_done_callback(lambda _: self._set_to(wanted))
+        return False
+
+    def _set_to(self, quantity: str) -> None:
+        self._quantity = quantity
+        self.turn()
 
     def is_done(self) -> bool:
         """Whether every state is sent and every tick dealt with."""

@@ -39,7 +39,8 @@ class Recorder(RigNode):
         self._tell(self._bag.resumed)
         for topic in topics.RECORDING:
             kind, take = message_class(topic), self._on(topic)
-            self.create_subscription(kind, topic.name, take, qos(topic, MOST_NODES), raw=True)
+            depth = qos(topic, MOST_NODES if topic is topics.DIAGNOSTICS else 1)
+            self.create_subscription(kind, topic.name, take, depth, raw=True)
         self.create_timer(0.25, self._idle)
 
     def _on(self, topic: topics.Topic) -> Callable[[Any, Any], None]:

@@ -8,6 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from geometry_msgs.msg import PolygonStamped
+
 from cam_rig.bag import topics
 from cam_rig.bag.codec import array_of, cam_state_of, decode_block, stamp_ns
 from cam_rig.errors import CamRigError, RefusedError
@@ -31,15 +33,15 @@ class Viewer(RigNode):
 
     def __init__(self) -> None:
         super().__init__("viewer")
-        stage, self._windows = open_stage(Path(self.given["scene"])), ExitStack()
+        self._stage, self._windows = open_stage(Path(self.given["scene"])), ExitStack()
         address = self.given["address"]
         if not address:
             require_display()
             _, address = self._windows.enter_context(window())
-        self._picture, self._taken = LivePicture(stage, address), 0
+        self._picture, self._taken = LivePicture(self._stage, address), 0
         self._shown, feed = self.publisher(topics.SHOWN), self._picture.feed
         takes: dict[topics.Topic, Callable[[Any], None]] = {
-            topics.PROFILE: lambda m: feed.profile(m.header.frame_id, polygon(m)),
+            topics.PROFILE: self._on_profile,
             topics.CAM_STATE: lambda m: feed.state(cam_state_of(m)),
             topics.FOLLOWER_SAMPLES: lambda m: feed.block(decode_block(*array_of(m))),
             topics.LEVEL: lambda m: feed.level(m.data),
@@ -48,6 +50,11 @@ class Viewer(RigNode):
         for topic, take in takes.items():
             self.subscribe(replace(topic, depth=DEPTH), self._on(take))
         self.create_timer(SEND_EVERY, self._picture.flush)
+
+    def _on_profile(self, message: PolygonStamped) -> None:
+        cam = message.header.frame_id
+        self._stage.mount(cam)
+        self._picture.feed.profile(cam, polygon(message))
 
     def _on(self, take: Callable[[Any], None]) -> Callable[[Any], None]:
         def draw(message: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sysconfig
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,7 @@ from cam_rig.schema.rig import RigConfig
 from cam_rig.schema.scene import SceneConfig
 
 Config = TypeVar("Config", bound=BaseModel)
+NAME = re.compile(r"[a-z][a-z0-9_]{0,99}")
 
 
 def config_root() -> Path:
@@ -79,7 +81,17 @@ class Library:
         return cls(tuple(dict.fromkeys((own, config_root()))))
 
     def path(self, folder: str, name: str) -> Path:
-        """The file ``folder/name.yaml`` of the first root that has it."""
+        """The file ``folder/name.yaml`` of the first root that has it.
+
+        Raises
+        ------
+        ConfigError : the name is no name, but a path or worse
+        """
+        if not NAME.fullmatch(name):
+            raise ConfigError(
+                f"{folder}: is {name[:40]!r}; allowed: a name of up to 100 small letters, digits "
+                "and _, a letter first"
+            )
         candidates = [root / folder / f"{name}.yaml" for root in self.roots]
         return next((path for path in candidates if path.is_file()), candidates[-1])
 

@@ -105,7 +105,7 @@ def test_a_node_that_was_started_again_changes_nothing(golden, kept, back):
 
 
 def test_what_is_known_is_not_contradicted(golden, kept):
-    """A second publisher's message for a tick that has one is refused, and the first one stays."""
+    """Two publishers differ about a tick: who has spoken more often is believed, first or second."""
     session = RecordingSession(kept, StateGate(RATE))
     clock, state, *_ = (m for m in golden if m[0] in (topics.CLOCK, topics.CAM_STATE))
     contact = next(m for m in golden if m[0] is topics.FOLLOWER_CONTACT)
@@ -113,8 +113,27 @@ def test_what_is_known_is_not_contradicted(golden, kept):
         session.take(topic, cdr, LIVE, number)
     forged = bytearray(contact[2])
     forged[-20] ^= 1
-    with pytest.raises(RefusedError, match="another message was here before"):
+    with pytest.raises(RefusedError, match="two messages that differ"):
         session.take(topics.FOLLOWER_CONTACT, bytes(forged), AGAIN, 1)
+
+
+def test_a_forger_who_is_faster_is_not_believed(golden, kept):
+    """From the second tick on a message that comes before the real one does not stay."""
+    straight = record(golden, kept) or by_topic(kept)
+    kept.messages, session = [], RecordingSession(kept, StateGate(RATE))
+    refused, contacts = 0, 0
+    for topic, number, cdr in golden:
+        if topic is topics.FOLLOWER_CONTACT:
+            contacts += 1
+            if contacts > 1:
+                forged = cdr[:-40] + bytes(40)  # no force
+                session.take(topic, forged, b"forger", number)
+        try:
+            session.take(topic, cdr, LIVE, number)
+        except RefusedError:
+            refused += 1
+    assert refused == contacts - 1 > 3
+    assert by_topic(kept) == straight
 
 
 def test_a_cam_that_jumps_is_no_state(golden, kept):

@@ -1,6 +1,8 @@
 """The rig under a user's hand: standard services, parameters and topics, while it turns."""
 
 import math
+import subprocess
+import sys
 from itertools import pairwise
 
 import pytest
@@ -8,7 +10,7 @@ import pytest
 from cam_rig.bag import topics
 from cam_rig.bag.codec import cam_state_of
 from cam_rig.bag.complete import expected_counts
-from cam_rig.bag.reader import messages, read_counts
+from cam_rig.bag.reader import messages, read_counts, read_recording
 from cam_rig.cli.graph import Graph, live
 from cam_rig.experiment.gate import Admission, StateGate
 
@@ -34,6 +36,8 @@ def test_a_whole_session_by_hand(user, short_scene, tmp_path):
         assert "rpm" in user.refused("cam_drive", "rpm", math.nan)
         assert "allowed: free, real_time" in user.refused("cam_drive", "pacing", "fast")
         assert "no such file" in user.refused("law_server", "cam", "no_such_cam")
+        assert "allowed: a name" in user.refused("law_server", "cam", "../rigs/" + 300 * "a")
+        assert "holds on the cam" in user.refused("law_server", "cam", "conjugate")
         assert "read-only" in user.refused("follower", "scene", "other.yaml").replace("_", "-")
         assert user.get("cam_drive", "rpm") == 0.0
         assert user.get("law_server", "cam") in ("", "tm21")
@@ -42,6 +46,7 @@ def test_a_whole_session_by_hand(user, short_scene, tmp_path):
         next(report for report in reports if report["rpm"] == pytest.approx(222.0))
         user.say_rpm(333.0)
         next(report for report in reports if report["rpm"] == pytest.approx(333.0))
+        user.set("microphone", "frequency_weighting", "A")
         user.set("law_server", "cam", "cycloidal")
         next(report for report in reports if report["cam"] == "cycloidal")
 
@@ -70,6 +75,9 @@ def test_a_whole_session_by_hand(user, short_scene, tmp_path):
     for topic in topics.RECORDING:
         if topic.per in expected:
             assert counts[topic.name] == expected[topic.per], topic.name
+    assert "cycloidal" in read_recording(bag).stage.cams  # the bag can be analysed alone
+    replay = [sys.executable, "-m", "cam_rig.cli.main", "replay", str(bag)]
+    subprocess.run(replay, check=True, timeout=100)  # cam and weighting change where they did
 
 
 def test_every_parameter_says_what_it_is(user, short_scene, tmp_path):
