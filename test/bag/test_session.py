@@ -119,8 +119,9 @@ def test_what_is_known_is_not_contradicted(golden, kept):
 
 def test_a_forger_who_is_faster_is_not_believed(golden, kept):
     """From the second tick on a message that comes before the real one does not stay."""
-    straight = record(golden, kept) or by_topic(kept)
-    kept.messages, session = [], RecordingSession(kept, StateGate(RATE))
+    record([(*message, LIVE) for message in golden], kept)
+    straight, kept.messages = by_topic(kept), []
+    session = RecordingSession(kept, StateGate(RATE))
     refused, contacts = 0, 0
     for topic, number, cdr in golden:
         if topic is topics.FOLLOWER_CONTACT:
