@@ -142,10 +142,7 @@ def _turns(rpm: float) -> list[rrb.TimeSeriesView]:
     axis = rrb.TimeAxis(view_range=rr.TimeRange(start=ends[0], end=ends[1]))
     return [
         _plot(
-            overlay.at_speed(rpm, quantity),
-            f"{title} over a turn at {rpm:g} rpm",
-            axis,
-            legend=quantity == overlay.WITH_LEGEND,
+            overlay.at_speed(rpm, quantity), f"{title} at {rpm:g} rpm, coloured as the cams", axis
         )
         for quantity, (_, _, title) in overlay.QUANTITIES.items()
     ]
@@ -175,9 +172,9 @@ def _chart(
     return rrb.Spatial2DView(origin=view, name=name, visual_bounds=bounds)
 
 
-def _plot(origin: str, name: str, axis: rrb.TimeAxis, legend: bool = False) -> rrb.TimeSeriesView:
-    corner = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend)
-    return rrb.TimeSeriesView(origin=origin, name=name, axis_x=axis, plot_legend=corner)
+def _plot(origin: str, name: str, axis: rrb.TimeAxis) -> rrb.TimeSeriesView:
+    legend = rrb.PlotLegend(visible=False)
+    return rrb.TimeSeriesView(origin=origin, name=name, axis_x=axis, plot_legend=legend)
 
 
 def _near(window: float | None) -> rrb.TimeAxis:

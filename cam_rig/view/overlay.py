@@ -22,8 +22,6 @@ QUANTITIES = {
     "acceleration": (3, 1.0, "Acceleration [m/s²]"),
     "force": (4, 1.0, "Contact force [N]"),
 }
-#: Where the cams' names lie over no curve: all cams begin their turn low.
-WITH_LEGEND = "lift"
 
 
 def at_speed(rpm: float, quantity: str) -> str:

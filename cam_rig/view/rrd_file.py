@@ -22,6 +22,8 @@ def require_free(path: Path, overwrite: bool) -> None:
     ------
     CamRigError : it exists and may not be overwritten, or the viewer would not know its suffix
     """
+    if path.is_dir():
+        raise CamRigError(f"{path}: is a folder; name a file in it, such as {path / 'run.rrd'}")
     if path.suffix != ".rrd":
         raise CamRigError(f"{path}: ends in {path.suffix!r}; allowed: .rrd, or no viewer opens it")
     if path.exists() and not overwrite:
