@@ -41,6 +41,8 @@ PAUSE = 0.3
 NEAR = 14
 #: So many pixels make a curve; a point or a gap is small.
 ENOUGH = 12
+#: A curve has settled when its number of pixels differs by no more than this share.
+STILL = 0.01
 
 Pixels = NDArray[np.uint8]
 
@@ -112,8 +114,12 @@ def photographs(page: Page, deadline: float) -> Iterator[Pixels]:
         time.sleep(PAUSE)
 
 
-def photograph(address: str, colours: Collection[int]) -> Pixels:
+def photograph(address: str, colours: Collection[int], settled: int) -> Pixels:
     """A picture of a page on which all colours 0xRRGGBBAA can be seen at once.
+
+    Parameters
+    ----------
+    settled : the colour of what grows while the page loads, and then no more
 
     Raises
     ------
@@ -122,11 +128,14 @@ def photograph(address: str, colours: Collection[int]) -> Pixels:
     with open_browser() as browser:
         page, deadline = new_page(browser), time.monotonic() + PATIENCE
         page.goto(address)
+        before = 0
         for pixels in photographs(page, deadline):
             missing = [colour for colour in colours if count(pixels, colour) < ENOUGH]
-            if not missing:
+            now = count(pixels, settled)
+            if not missing and abs(now - before) <= STILL * now:
                 return pixels
-    words = ", ".join(f"#{colour >> 8:06x}" for colour in missing)
+            before = now
+    words = ", ".join(f"#{colour >> 8:06x}" for colour in missing) or "the page is not still; none"
     raise CamRigError(f"{address}: {words} not to be seen after {PATIENCE:g} s")
 
 
