@@ -26,12 +26,13 @@ def test_each_bar_stands_around_its_band_and_is_as_high_as_its_level(
     shown, rate = Picture(path), bag.stage.scene.sample_rate.si
     axes, numbers = band_axes(rate), band_numbers(rate)
     for i, cam in enumerate(bag.stage.cams):
-        (boxes,) = shown.column(f"compare/{cam}/bands/bars", STRIPS)
+        ((skyline,),) = shown.column(f"compare/{cam}/bands/bars", STRIPS)
         rows = np.concatenate(bag.rows[8 * i + 6 : 8 * i + 8], axis=1)
         levels = third_octaves(bag.stage.radiation, rows[4], rows[5], rate)
-        middle = np.mean(np.array(boxes)[:, 1:3], axis=1)
+        bars = np.array(skyline).reshape(-1, 4, 2)
+        middle = np.mean(bars[:, 1:3], axis=1)
         np.testing.assert_allclose(middle, axes.place(numbers, levels), atol=1e-4)
-        foot = np.mean(np.array(boxes)[:, [0, 3]], axis=1)
+        foot = np.mean(bars[:, [0, 3]], axis=1)
         np.testing.assert_allclose(
             foot, axes.place(numbers, np.full_like(numbers, LEVELS[0])), atol=1e-4
         )
