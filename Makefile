@@ -12,15 +12,15 @@ unexport PYTHONPATH
 .PHONY: help setup run view pictures test bench lock clean
 
 help: ## list these targets
-	@sed -nE 's/^([a-z]+):[^#]*## (.*)/  make \1\t\2/p' Makefile | expand -t 15
+	@sed -nE 's/^([a-z]+):[^#]*## (.*)/  make \1\t\2/p' Makefile | expand -t 17
 
 setup: $(STAMP) ## make .venv with everything in requirements.lock
 
 run: setup ## run the TM21 noise sweep, then analyse its bag
 	@$(BIN)/cam-rig run --analyze
 
-view: setup ## show the newest bag in Rerun
-	@$(BIN)/cam-rig view
+view: setup ## show the newest bag in Rerun; ARGS=--web for a browser
+	@$(BIN)/cam-rig view $(ARGS)
 
 pictures: setup ## run the sweep, and draw the pictures in docs/ from its bag
 	@rm -rf out/pictures

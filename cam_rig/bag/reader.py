@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -10,6 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from mcap.reader import make_reader
+from mcap.writer import MCAP0_MAGIC
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.rosbag2 import ReaderError
 from rosbags.serde import SerdeError
@@ -34,6 +36,8 @@ UNREADABLE = (
     AttributeError,
     *DAMAGE,
 )
+#: What may be named instead of what is no bag.
+WANTED = "name a folder with metadata.yaml and an .mcap file, or an .mcap file"
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,8 +101,8 @@ def mcap_file(bag: Path) -> Path:
     """The one MCAP file of a bag."""
     if bag.suffix == ".mcap" and bag.is_file():
         return bag
-    if not bag.is_dir():
-        raise BagError(f"{bag}: no such bag; name a directory with metadata.yaml and an .mcap file")
+    if what := no_bag(bag):
+        raise BagError(f"{bag}: {what}; {WANTED}")
     files = sorted(bag.glob("*.mcap"))
     if len(files) != 1:
         raise BagError(f"{bag}: holds {len(files)} .mcap files; allowed: one")
@@ -169,8 +173,30 @@ def unpack(bag: Path, folder: Path) -> Path:
 
 
 def damaged(bag: Path, error: Exception) -> BagError:
-    """What to say of a bag that cannot be read."""
+    """What to say of a bag that cannot be read: what it is instead, or how to mend it."""
+    if what := no_bag(bag):
+        return BagError(f"{bag}: {what}; {WANTED}")
     return BagError(
         f"{bag}: cannot be read as a rosbag2 bag ({reason(error)}); if it was not closed, mend it "
         f"with: cam-rig recover {bag}"
     )
+
+
+def no_bag(path: Path) -> str | None:
+    """Why a path is no bag and never was one, in words; None where it is or was."""
+    if not path.exists():
+        return "no such bag"
+    if path.is_dir():
+        files = sorted(path.glob("*.mcap"))
+        if not files and not (path / "metadata.yaml").exists():  # else of another kind, as SQLite
+            return "has no .mcap file in it, so it is no bag"
+    elif path.suffix == ".mcap":
+        files = [path]
+    else:
+        return "is no bag"
+    with suppress(OSError):
+        for file in files:
+            with file.open("rb") as stream:
+                if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+                    return f"{file.name} does not begin as an MCAP file does, so it is no bag"
+    return None

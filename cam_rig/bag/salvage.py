@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 import zlib
 from collections.abc import Iterator
@@ -33,7 +34,8 @@ DAMAGE = (
 
 def reason(error: Exception) -> str:
     """An error's words in one line, or its kind where it has none."""
-    return " ".join(str(error).split()) or type(error).__name__
+    words = re.sub(r"\[?PosixPath\('([^']*)'\)\]?", r"\1", " ".join(str(error).split()))
+    return words or type(error).__name__
 
 
 @dataclass

@@ -18,7 +18,8 @@ def pictures(
 ) -> None:
     """Draw a run for the documents: an animation, cams side by side, noise against rpm.
 
-    Files of the same names are replaced. A note beside them says what they were drawn from.
+    Files of the same names are replaced. Notes beside them say what they were drawn from. Where
+    Chromium is installed, the Rerun viewer is photographed in it too.
 
     Examples
     --------
@@ -37,10 +38,11 @@ def _draw(bag: Path, to: Path) -> None:
 
     from cam_rig.bag.reader import read_counts, read_recording
     from cam_rig.bag.topics import FOLLOWER_SAMPLES
+    from cam_rig.errors import CamRigError
     from cam_rig.experiment.noise import compare, step_levels
     from cam_rig.view import noise_plot
     from cam_rig.view.album import read_album
-    from cam_rig.view.pictures import draw_pictures
+    from cam_rig.view.pictures import VIEWER, draw_pictures, photograph_run
 
     with progress_bar() as bar:
         task = bar.add_task(bag.name, total=read_counts(bag).get(FOLLOWER_SAMPLES.name, 0))
@@ -52,6 +54,10 @@ def _draw(bag: Path, to: Path) -> None:
         drawn = draw_pictures(
             album, lambda path: noise_plot.draw(result, stage, path), Path(folder)
         )
+        try:
+            drawn += photograph_run(bag, stage, Path(folder))
+        except CamRigError as error:
+            console.print(f"{to / VIEWER}: left as it is ({error})", soft_wrap=True)
         for path in drawn:
             with writing(to / path.name) as part:
                 part.write_bytes(path.read_bytes())

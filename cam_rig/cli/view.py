@@ -59,26 +59,45 @@ def view(
     cam-rig view bags/tm21_sweep_2026-01-31_12-00-00 --save out/sweep.rrd
     """
     with user_errors():
-        from cam_rig.cli.analyze import newest_bag
+        from cam_rig.errors import ConfigError
         from cam_rig.view.recording import Wish
-        from cam_rig.view.viewer import require_display, show
 
-        wish = Wish(layout, rpm, all_samples)
-        try:
-            if save is not None:
-                convert(bag or newest_bag(), save, wish, force)
-                return
-            if not web:
-                require_display()
-            for number in (signal.SIGTERM, signal.SIGHUP):  # end as on Ctrl-C, and tidy up
-                signal.signal(number, signal.default_int_handler)
-            with _converted(bag or newest_bag(), wish) as path:
-                if web:
-                    _serve(path)
-                else:
-                    show(path)
-        except KeyboardInterrupt:
-            raise typer.Exit(130) from None
+        if save is not None and web:
+            raise ConfigError("--save and --web: a file is written or a page served; name one")
+        if save is None and force:
+            raise ConfigError("--force: overwrites the file of --save, and none is named")
+        _view(bag, save, web, Wish(layout, rpm, all_samples), force)
+
+
+def _view(bag: Path | None, save: Path | None, web: bool, wish: Wish, force: bool) -> None:
+    from cam_rig.cli.analyze import newest_bag
+    from cam_rig.view.viewer import require_display, show
+
+    with _tidy_end():
+        if save is not None:
+            convert(bag or newest_bag(), save, wish, force)
+            return
+        if not web:
+            require_display()
+        with _converted(bag or newest_bag(), wish) as path:
+            if web:
+                _serve(path)
+            else:
+                show(path)
+
+
+@contextmanager
+def _tidy_end() -> Iterator[None]:
+    """Any signal to end unwinds as Ctrl-C does, so that no half file and no folder stays."""
+    numbers = signal.SIGTERM, signal.SIGHUP
+    before = [signal.signal(number, signal.default_int_handler) for number in numbers]
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise typer.Exit(130) from None
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
 
 
 def convert(bag: Path, path: Path, wish: Wish, force: bool) -> None:

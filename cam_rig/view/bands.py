@@ -9,7 +9,6 @@ background, whose spectrum nobody gives, is not in it.
 from __future__ import annotations
 
 import numpy as np
-import rerun as rr
 
 from cam_rig.acoustics import RadiationParameters, level_db
 from cam_rig.dynamics import FloatArray
@@ -58,13 +57,6 @@ def band_power(
     numbers = band_numbers(sample_rate)
     band = np.rint(10.0 * np.log10(frequency[1:])).clip(numbers[0], numbers[-1]) - numbers[0]
     return np.bincount(band.astype(np.int64), power[1:], numbers.size).astype(np.float64)
-
-
-def bars(levels: FloatArray, sample_rate: float, colour: int) -> rr.BarChart:
-    """Bars of ``(n,)`` levels in dB, over the bands' numbers."""
-    numbers = band_numbers(sample_rate)
-    widths = np.full(numbers.size, 0.8)
-    return rr.BarChart(levels, abscissa=numbers, widths=widths, color=colour)
 
 
 def _ratio(parameters: RadiationParameters, frequency: FloatArray) -> FloatArray:

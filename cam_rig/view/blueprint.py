@@ -9,6 +9,7 @@ import rerun.blueprint as rrb
 from cam_rig.errors import ConfigError
 from cam_rig.experiment.stage import Stage
 from cam_rig.view import noise_chart, overlay, scene2d, series, twist
+from cam_rig.view.band_chart import band_axes
 from cam_rig.view.course import BANDS, EVENTS
 from cam_rig.view.drawing import ABOUT, RESULTS
 from cam_rig.view.layout import Layout
@@ -19,9 +20,12 @@ from cam_rig.view.timeline import RIG_TIME, TURN_DEGREES
 PLAYBACK_SPEED = 0.1
 #: Degrees of the cam a second of looking, where turns lie over each other.
 DEGREES_A_SECOND = 90.0
-#: Rig time (s) shown on either side of the time cursor.
+#: Rig time (s) of a finished run shown on either side of the time cursor.
 NEAR = 0.5
-BANDS_NAME = "Third-octave bands of the last turn [dB] over 10 lg(f/Hz): 20 is 100 Hz, 30 is 1 kHz"
+BANDS_NAME = "Third-octave bands of the last turn [dB]"
+#: A legend would lie over the curves, so the titles name the colours of `cam_rig.view.colours`.
+LIFT_NAME = "Lift [mm]: follower light blue, law dark blue; lift-offs purple, landings orange"
+FORCE_NAME = "Contact force [N]: orange, dark red line at 0"
 
 
 def blueprint(
@@ -30,7 +34,7 @@ def blueprint(
     duration: float,
     bucket: int,
     compared: float,
-    live: bool = False,
+    window: float | None = None,
 ) -> rrb.Blueprint:
     """The blueprint of a layout.
 
@@ -39,16 +43,17 @@ def blueprint(
     duration : rig time of the whole run, s
     bucket : samples of which the least and the greatest are shown, 1 for all
     compared : speed (rpm) at which the cams are put side by side
-    live : follow the newest data, rather than play from the start
+    window : follow a live run, and show so much rig time (s) before its newest; else play from
+        the start
     """
     if layout is Layout.RUN:
         timeline = rrb.TimePanel(
             state="collapsed",
             timeline=RIG_TIME,
             playback_speed=PLAYBACK_SPEED,
-            play_state="following" if live else "playing",
+            play_state="playing" if window is None else "following",
         )
-        return _blueprint(_run(stage, duration, bucket), timeline)
+        return _blueprint(_run(stage, duration, bucket, window), timeline)
     timeline = rrb.TimePanel(
         state="collapsed",
         timeline=TURN_DEGREES,
@@ -71,7 +76,7 @@ def compared_rpm(stage: Stage, rpm: float | None) -> float:
     if rpm is None:
         return max(speeds)
     nearest = min(speeds, key=lambda speed: abs(speed - rpm))
-    if abs(nearest - rpm) > 1e-6 * rpm:
+    if not abs(nearest - rpm) <= 1e-6 * nearest:  # nor is nan
         known = ", ".join(f"{speed:g}" for speed in speeds)
         raise ConfigError(f"{rpm:g} rpm: the scene has no such speed; allowed: {known}")
     return nearest
@@ -82,39 +87,36 @@ def _blueprint(view: rrb.Container, timeline: rrb.TimePanel) -> rrb.Blueprint:
     return rrb.Blueprint(view, *panels, timeline, auto_views=False, auto_layout=False)
 
 
-def _run(stage: Stage, duration: float, bucket: int) -> rrb.Container:
-    kept = f", min and max of every {bucket} samples" if bucket > 1 else ""
-    near, whole = _near(), _whole(duration)
+def _run(stage: Stage, duration: float, bucket: int, window: float | None) -> rrb.Container:
+    kept = f"; min, max of every {bucket}" if bucket > 1 else ""
+    near, whole = _near(window), _whole(duration)
     words = rrb.Tabs(
         rrb.TextDocumentView(origin=RESULTS, name="Results"),
         rrb.TextDocumentView(origin=ABOUT, name="About"),
         rrb.TextLogView(origin=EVENTS, name="Speeds and landings"),
     )
-    left = rrb.Vertical(_scene(stage, scene2d.VIEW), _noise(), words, row_shares=[5, 4, 3])
-    plots = [
-        _plot("plots/lift", f"Lift [mm]{kept}", near, legend=True),
+    left = rrb.Vertical(_scene(stage, scene2d.VIEW), _noise(stage), words, row_shares=[5, 4, 3])
+    slopes = [
         _plot("plots/velocity", "Velocity [m/s]", near),
         _plot("plots/acceleration", "Acceleration [m/s²]", near),
-        _plot("plots/force", "Contact force [N]", near, legend=True),
     ]
     if stage.scene.model == twist.MODEL:
-        plots.append(_plot(series.TWIST.entity, "Twist of the shaft [°]", near))
-    level = _plot(series.LEVEL.entity, "Sound level [dB], one value a tick", whole)
+        slopes.append(_plot(series.TWIST.entity, "Twist of the shaft [°]", near))
+    level = _plot(series.LEVEL.entity, "Sound level [dB]", whole)
     speed = _plot(series.SPEED.entity, "Cam speed [rpm]", whole)
-    bands = _bars(BANDS, BANDS_NAME)
     right = rrb.Vertical(
-        *plots,
-        rrb.Horizontal(level, speed),
-        bands,
-        row_shares=[*[3, 2, 2, 3, 2][: len(plots)], 2, 2],
+        _plot("plots/lift", LIFT_NAME + kept, near),
+        rrb.Horizontal(*slopes),
+        _plot("plots/force", FORCE_NAME, near),
+        rrb.Horizontal(level, speed, _bands(stage, BANDS), column_shares=[3, 3, 4]),
     )
     return rrb.Horizontal(left, right, column_shares=[2, 3])
 
 
 def _compare(stage: Stage, rpm: float) -> rrb.Container:
-    bars = [_bars(f"{overlay.COMPARE}/{cam}/bands", BANDS_NAME) for cam in stage.cams]
+    bars = [_bands(stage, f"{overlay.COMPARE}/{cam}/bands") for cam in stage.cams]
     rows = rrb.Horizontal(*_cams(stage)), rrb.Horizontal(*_turns(rpm)), rrb.Horizontal(*bars)
-    return rrb.Vertical(*rows, row_shares=[4, 3, 2])
+    return rrb.Vertical(*rows, row_shares=[4, 3, 3])
 
 
 def _report(stage: Stage, rpm: float) -> rrb.Container:
@@ -122,7 +124,7 @@ def _report(stage: Stage, rpm: float) -> rrb.Container:
         rrb.TextDocumentView(origin=RESULTS, name="Results"),
         rrb.TextDocumentView(origin=ABOUT, name="About"),
     )
-    upper = rrb.Horizontal(_noise(), rrb.Horizontal(*_cams(stage)))
+    upper = rrb.Horizontal(_noise(stage), rrb.Horizontal(*_cams(stage)))
     return rrb.Vertical(upper, rrb.Horizontal(*_turns(rpm)), words, row_shares=[4, 3, 3])
 
 
@@ -139,7 +141,9 @@ def _turns(rpm: float) -> list[rrb.TimeSeriesView]:
     ends = [rr.TimeRangeBoundary.absolute(seq=degrees) for degrees in (0, 360)]
     axis = rrb.TimeAxis(view_range=rr.TimeRange(start=ends[0], end=ends[1]))
     return [
-        _plot(overlay.at_speed(rpm, quantity), f"{title} over a turn at {rpm:g} rpm", axis, True)
+        _plot(
+            overlay.at_speed(rpm, quantity), f"{title} at {rpm:g} rpm, coloured as the cams", axis
+        )
         for quantity, (_, _, title) in overlay.QUANTITIES.items()
     ]
 
@@ -147,32 +151,36 @@ def _turns(rpm: float) -> list[rrb.TimeSeriesView]:
 def _scene(stage: Stage, origin: str, name: str = "Cam and follower") -> rrb.Spatial2DView:
     side = scene2d.reach(stage) * MM
     bounds = rrb.VisualBounds2D(
-        x_range=[-1.3 * side, 1.3 * side], y_range=[-1.35 * side, 1.45 * side]
+        x_range=[-1.3 * side, 1.3 * side], y_range=[-1.55 * side, 1.5 * side]
     )
     return rrb.Spatial2DView(origin=origin, name=name, visual_bounds=bounds)
 
 
-def _noise() -> rrb.Spatial2DView:
-    wide, high = noise_chart.WIDTH, noise_chart.HEIGHT
-    bounds = rrb.VisualBounds2D(
-        x_range=[-0.12 * wide, 1.25 * wide], y_range=[-0.08 * high, 1.12 * high]
-    )
+def _noise(stage: Stage) -> rrb.Spatial2DView:
     name = "Sound level against rpm: published - - -, measured •"
-    return rrb.Spatial2DView(origin=noise_chart.VIEW, name=name, visual_bounds=bounds)
+    return _chart(noise_chart.VIEW, name, *noise_chart.noise_axes(stage).bounds(right=0.32))
 
 
-def _bars(origin: str, name: str) -> rrb.BarChartView:
-    return rrb.BarChartView(origin=origin, name=name, plot_legend=rrb.PlotLegend(visible=False))
+def _bands(stage: Stage, view: str) -> rrb.Spatial2DView:
+    return _chart(view, BANDS_NAME, *band_axes(stage.scene.sample_rate.si).bounds())
 
 
-def _plot(origin: str, name: str, axis: rrb.TimeAxis, legend: bool = False) -> rrb.TimeSeriesView:
-    corner = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend)
-    return rrb.TimeSeriesView(origin=origin, name=name, axis_x=axis, plot_legend=corner)
+def _chart(
+    view: str, name: str, x: tuple[float, float], y: tuple[float, float]
+) -> rrb.Spatial2DView:
+    bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
+    return rrb.Spatial2DView(origin=view, name=name, visual_bounds=bounds)
 
 
-def _near() -> rrb.TimeAxis:
-    """A few turns around the time cursor, where single landings can be seen."""
-    ends = [rr.TimeRangeBoundary.cursor_relative(seconds=s) for s in (-NEAR, NEAR)]
+def _plot(origin: str, name: str, axis: rrb.TimeAxis) -> rrb.TimeSeriesView:
+    legend = rrb.PlotLegend(visible=False)
+    return rrb.TimeSeriesView(origin=origin, name=name, axis_x=axis, plot_legend=legend)
+
+
+def _near(window: float | None) -> rrb.TimeAxis:
+    """A few turns around the time cursor, or before it, where single landings can be seen."""
+    around = (-NEAR, NEAR) if window is None else (-window, 0.0)
+    ends = [rr.TimeRangeBoundary.cursor_relative(seconds=s) for s in around]
     return rrb.TimeAxis(view_range=rr.TimeRange(start=ends[0], end=ends[1]))
 
 

@@ -1,4 +1,8 @@
-"""The run as it went: the moving picture, the time series, bars and words, on every timeline."""
+"""The run as it went: the moving picture, the time series, bars and words, on every timeline.
+
+A viewer that follows a run puts its cursor at the newest time it knows of anything. So whatever
+is of a tick waits for the tick's curves, and goes after them.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +15,10 @@ from cam_rig.dynamics import NS, FloatArray
 from cam_rig.experiment.program import CamState
 from cam_rig.experiment.stage import Stage
 from cam_rig.view import colours
-from cam_rig.view.bands import band_numbers, bars, third_octaves
+from cam_rig.view.band_chart import BandChart
+from cam_rig.view.bands import third_octaves
 from cam_rig.view.scene2d import Scene2D, frame_mask
-from cam_rig.view.timeline import set_times, time_columns
+from cam_rig.view.timeline import time_columns
 from cam_rig.view.traces import Traces
 from cam_rig.view.turns import TurnCollector
 
@@ -33,8 +38,8 @@ class Course:
         self._scene, self._traces = Scene2D(stream, stage), Traces(stream, stage, bucket)
         self._turns = TurnCollector(stage.scene.program.ticks_per_turn)
         self._last: CamState | None = None
-        silence = np.zeros(band_numbers(self._rate).size)
-        self._show_bands(CamState(0, 0.0, 0.0, ""), bars(silence, self._rate, colours.BANDS))
+        self._bands = BandChart(stream, BANDS, self._rate, colours.BANDS)
+        self._said: list[tuple[float, float, str, str]] = []
 
     def tick(
         self,
@@ -52,15 +57,15 @@ class Course:
         if frame.any():
             self._scene.frames(time[frame], angle[frame], lift[frame], force[frame])
         landed = impulse > 0.0
-        words = [f"landing, {value:.3g} N·s" for value in impulse[landed]]
-        self._say(time[landed], angle[landed], words, "WARN")
+        for row in zip(time[landed], angle[landed], impulse[landed], strict=True):
+            self._said.append((*row[:2], f"landing, {row[2]:.3g} N·s", "WARN"))
         if not start.holds_until(end):
             return
         self._turns.add(start, angle, rows)
         turn = self._turns.turn()
         if turn is not None:
             bands = third_octaves(self._stage.radiation, turn.rows[4], turn.rows[5], self._rate)
-            self._show_bands(end, rr.BarChart(bands))
+            self._bands.add(end.time_ns / NS, end.angle, bands)
 
     def level(self, end: CamState, level: float) -> None:
         """Draw the level (dB) of the tick that ended with a state."""
@@ -72,27 +77,26 @@ class Course:
             self._traces.stop(end, self._last.speed)
 
     def flush(self) -> None:
-        """Send what was collected so far."""
+        """Send what was collected so far, the curves first."""
         self._traces.flush()
         self._scene.flush()
-
-    def _show_bands(self, at: CamState, chart: rr.BarChart) -> None:
-        """As a row, for Rerun takes no columns of bars; it gathers rows by itself."""
-        set_times(self._stream, at.time_ns, at.angle)
-        self._stream.log(BANDS, chart)
+        self._bands.flush()
+        if self._said:
+            time, angle, words, levels = zip(*self._said, strict=True)
+            columns = rr.TextLog.columns(text=words, level=levels)
+            times = time_columns(np.array(time), np.array(angle))
+            self._stream.send_columns(EVENTS, times, columns)
+        self._said = []
 
     def _change(self, state: CamState, profile: FloatArray) -> None:
         """What changes with the cam or the speed."""
         last, self._last = self._last, state
         if last is not None and (state.cam, state.speed) == (last.cam, last.speed):
             return
+        self.flush()
         if last is None or state.cam != last.cam:
             self._scene.mount(state, profile)
-        words = f"{self._stage.cams[state.cam].title}, {state.speed * 30.0 / math.pi:.0f} rpm"
-        self._scene.label(state, words)
-        self._say(np.array([state.time_ns / NS]), np.array([state.angle]), [words], "INFO")
-
-    def _say(self, time: FloatArray, angle: FloatArray, words: list[str], level: str) -> None:
-        if words:
-            columns = rr.TextLog.columns(text=words, level=[level] * len(words))
-            self._stream.send_columns(EVENTS, time_columns(time, angle), columns)
+        title = f"{self._stage.cams[state.cam].title}, "
+        self._scene.speed(state, title)
+        words = f"{title}{state.speed * 30.0 / math.pi:.0f} rpm"
+        self._said.append((state.time_ns / NS, state.angle, words, "INFO"))

@@ -20,8 +20,8 @@ from cam_rig.view.timeline import time_columns
 from cam_rig.view.turns import TurnCollector, sample_angles
 
 ABOUT, RESULTS = "about", "results"
-#: Ticks sent at once: many enough to be fast, few enough that a reader soon has something to show.
-TICKS_AT_ONCE = 16
+#: Rig time (s) into a file at once: long enough to be fast, short enough to stay small in memory.
+AT_ONCE = 5.0
 
 
 class RunDrawing:
@@ -34,6 +34,8 @@ class RunDrawing:
     bucket : samples of which the least and the greatest are kept, 1 for all
     compared : speed (rpm) at which the cams are laid over each other and put side by side
     whole : draw the run as it went too; else only what its turns and speeds came to
+    window : rig time (s) before the newest that a viewer shows of a live run; None for a finished
+        one, whose results are there at every time
     """
 
     def __init__(
@@ -43,21 +45,26 @@ class RunDrawing:
         bucket: int,
         compared: float,
         whole: bool = True,
+        window: float | None = None,
     ) -> None:
         self._stream, self._stage, self._compared = stream, stage, compared
+        self._grows, self._finished = whole, window is None
+        # No tick of a scene is longer than the other half, so a block fits into the window.
+        self._at_once = AT_ONCE if window is None else 0.5 * window
         self._course = Course(stream, stage, bucket) if whole else None
         self._noise, self._results = NoiseChart(stream, stage), Results(stage)
         self._turns = TurnCollector(stage.scene.program.ticks_per_turn)
         self._unheard: dict[int, tuple[CamState, CamState]] = {}
         self._last: tuple[CamState, CamState] | None = None
         self._told: CamState | None = None
-        self._ticks = 0
+        self._sent = 0
         #: The contour of each cam that has been told, ``(n, 2)`` in its own frame, m.
         self.profiles: dict[str, FloatArray] = {}
         words = rr.TextDocument(about(stage, bucket), media_type="text/markdown")
         stream.log(ABOUT, words, static=True)
-        markdown = rr.TextDocument.from_fields(media_type="text/markdown")
-        stream.log(RESULTS, markdown, static=True)
+        if not self._finished:
+            markdown = rr.TextDocument.from_fields(media_type="text/markdown")
+            stream.log(RESULTS, markdown, static=True)
 
     def tick(self, start: CamState, end: CamState, rows: FloatArray) -> None:
         """Draw one tick; ``rows`` are the ``(6, n)`` samples of its block."""
@@ -73,8 +80,7 @@ class RunDrawing:
             turn = self._turns.turn()
             if turn is not None:
                 self._results.motion(turn)
-        self._ticks += 1
-        if self._ticks % TICKS_AT_ONCE == 0:
+        if (end.time_ns - self._sent) / NS >= self._at_once:
             self.flush()
 
     def heard(self, end_ns: int, level: float, pressure: float) -> None:
@@ -91,11 +97,14 @@ class RunDrawing:
         self._told = end
 
     def flush(self) -> None:
-        """Send what was collected so far."""
+        """Send what was collected so far; the run as it went is first, for nothing may lead it."""
         if self._course is not None:
             self._course.flush()
-        self._noise.flush()
-        if self._told is not None:
+        if self._last is not None:
+            self._sent = self._last[1].time_ns
+        if self._grows:
+            self._noise.flush()
+        if self._told is not None and not self._finished:
             columns = rr.TextDocument.columns(text=[self._results.words()])
             place = np.array([self._told.time_ns / NS]), np.array([self._told.angle])
             self._stream.send_columns(RESULTS, time_columns(*place), columns)
@@ -108,6 +117,10 @@ class RunDrawing:
             if self._course is not None:
                 self._course.close(self._last[1])
         self.flush()
+        if self._finished:
+            self._noise.finish()
+            words = rr.TextDocument(self._results.words(), media_type="text/markdown")
+            self._stream.log(RESULTS, words, static=True)
 
     def _finish_step(self) -> None:
         """Lay the step's last turn over those of the other cams."""

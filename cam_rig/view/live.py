@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import warnings
 
+import numpy as np
 import rerun as rr
 
-from cam_rig.dynamics import NS
+from cam_rig.dynamics import NS, FloatArray
 from cam_rig.errors import CamRigError
 from cam_rig.experiment.program import cam_states
 from cam_rig.experiment.stage import Stage
@@ -18,6 +19,8 @@ from cam_rig.view.recording import APPLICATION, bucket_for, name_recording
 
 #: A live run of more samples is thinned: a viewer draws while it takes in.
 WHOLE_BELOW = 250_000
+#: Rig time (s) before the newest that the curves show at least: a few turns.
+WINDOW = 1.0
 #: Wall time (s) to hand the rest of a picture over at the end.
 PATIENCE = 8.0
 
@@ -31,18 +34,18 @@ class LivePicture:
     """
 
     def __init__(self, stage: Stage, address: str) -> None:
-        *_, last = cam_states(stage.scene)
-        duration = last.time_ns / NS
+        times = np.array([state.time_ns for state in cam_states(stage.scene)]) / NS
+        duration, window = float(times[-1]), live_window(times)
         bucket = bucket_for(round(duration * stage.scene.sample_rate.si), WHOLE_BELOW)
         rpm = compared_rpm(stage, None)
-        plan = blueprint(Layout.RUN, stage, duration, bucket, rpm, live=True)
+        plan = blueprint(Layout.RUN, stage, duration, bucket, rpm, window)
         self._address, self._stream = address, rr.RecordingStream(APPLICATION)
         try:
             self._stream.connect_grpc(address, default_blueprint=plan)
         except (RuntimeError, ValueError) as error:
             raise CamRigError(f"{address}: no viewer can be reached there ({error})") from None
         name_recording(self._stream, stage.scene.title)
-        self._drawing = RunDrawing(self._stream, stage, bucket, rpm)
+        self._drawing = RunDrawing(self._stream, stage, bucket, rpm, window=window)
         self.feed = RunFeed(self._drawing)
 
     def flush(self) -> None:
@@ -64,3 +67,8 @@ class LivePicture:
         finally:
             with warnings.catch_warnings(action="ignore"):
                 self._stream.disconnect()
+
+
+def live_window(times: FloatArray) -> float:
+    """Rig time (s) that the curves of a live run show: two ticks at least, of states at times."""
+    return max(WINDOW, 2.0 * float(np.diff(times).max()))

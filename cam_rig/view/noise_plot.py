@@ -12,18 +12,19 @@ import matplotlib.pyplot as plt
 
 from cam_rig.experiment.noise import NoiseResult
 from cam_rig.experiment.stage import Stage
-
-#: Okabe-Ito colours and distinct markers: readable in print and by the colour-blind.
-STYLES = (("#0072B2", "o"), ("#D55E00", "s"), ("#009E73", "^"), ("#CC79A7", "D"), ("#E69F00", "v"))
+from cam_rig.view import styles
 
 
 def draw(result: NoiseResult, stage: Stage, path: Path) -> None:
     """Write the plot as PNG (or any format matplotlib knows by the suffix)."""
     figure, axes = plt.subplots(figsize=(8.0, 5.2), layout="constrained")
-    for (colour, marker), curve in zip(STYLES * 4, result.curves.values(), strict=False):
+    for index, curve in enumerate(result.curves.values()):
+        style = styles.marker(index)
+        colour = style["color"]
         title = stage.cams[curve.cam].title
         note = "" if curve.rmse_db is None else f", {curve.role}, {curve.rmse_db:.2f} dB RMS"
-        axes.plot(curve.rpm, curve.level_db, marker, color=colour, ms=5, label=f"{title}{note}")
+        label = f"{title}{note}"
+        axes.plot(curve.rpm, curve.level_db, **style, ls="", ms=5, label=label)
         fine = np.linspace(curve.rpm[0], curve.rpm[-1], 200)
         if np.isfinite(curve.coefficients).all():
             fit = np.polynomial.polynomial.polyval(fine, curve.coefficients)

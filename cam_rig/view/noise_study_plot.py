@@ -16,7 +16,7 @@ from matplotlib.patches import Rectangle
 from cam_rig.experiment.noise_methods import Method
 from cam_rig.experiment.noise_results import NoiseStudy
 from cam_rig.experiment.stage import Stage
-from cam_rig.view.noise_plot import STYLES
+from cam_rig.view import styles
 
 
 def draw(study: NoiseStudy, stage: Stage, path: Path) -> None:
@@ -40,11 +40,13 @@ def draw(study: NoiseStudy, stage: Stage, path: Path) -> None:
 
 def _panel(panel: Axes, method: Method, study: NoiseStudy, stage: Stage) -> None:
     rpm = study.rpm
-    for (colour, marker), curve in zip(STYLES, method.curves.values(), strict=False):
+    for index, curve in enumerate(method.curves.values()):
+        style = styles.marker(index)
+        colour = style["color"]
         label = f"{stage.cams[curve.cam].title}: {curve.role}, {curve.rms_db:.2f} dB RMS"
         band = curve.expected
         panel.fill_between(rpm, band.low, band.high, color=colour, alpha=0.16, lw=0)
-        panel.plot(rpm, curve.level_db, marker, color=colour, ms=4, label=label)
+        panel.plot(rpm, curve.level_db, **style, ls="", ms=4, label=label)
         panel.plot(rpm, curve.regression_db, color=colour, lw=1.6)
         panel.plot(rpm, curve.published_db, "--", color=colour, lw=1.2)
     found = method.crossing

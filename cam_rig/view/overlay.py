@@ -8,7 +8,8 @@ from cam_rig.dynamics import FloatArray
 from cam_rig.experiment.program import CamState
 from cam_rig.experiment.stage import Stage
 from cam_rig.view import colours
-from cam_rig.view.bands import bars, third_octaves
+from cam_rig.view.band_chart import BandChart
+from cam_rig.view.bands import third_octaves
 from cam_rig.view.scene2d import Scene2D, frame_mask
 from cam_rig.view.series import Line, SeriesWriter
 from cam_rig.view.timeline import within_turn
@@ -49,11 +50,11 @@ def draw_side_by_side(
     scene = Scene2D(stream, stage, f"{view}/scene", within_turn)
     begin = CamState(0, 0.0, turn.speed, turn.cam)
     scene.mount(begin, profile)
-    scene.label(begin, f"{stage.cams[turn.cam].title}, {turn.rpm:.0f} rpm")
+    scene.speed(begin)
     frame = frame_mask(turn.angle, turn.speed / rate)
     time, lift, _, _, force, impulse = turn.rows
     scene.frames(time[frame], turn.angle[frame], lift[frame], force[frame])
     scene.flush()
     bands = third_octaves(stage.radiation, force, impulse, rate)
-    chart = bars(bands, rate, colours.of_cam(stage, turn.cam))
-    stream.log(f"{view}/bands", chart, static=True)
+    chart = BandChart(stream, f"{view}/bands", rate, colours.of_cam(stage, turn.cam))
+    chart.draw_once(bands)

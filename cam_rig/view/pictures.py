@@ -7,6 +7,7 @@ import json
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import matplotlib as mpl
@@ -21,23 +22,61 @@ import matplotlib.pyplot as plt
 from cam_rig.experiment.stage import Stage
 from cam_rig.view import album as albums
 from cam_rig.view import (
+    axes,
+    band_chart,
+    bands,
     blueprint,
     colours,
     follower_shape,
+    noise_chart,
     noise_plot,
+    results,
+    scene2d,
+    series,
     shapes,
     stills,
+    styles,
     swinging,
     translating,
+    viewer_picture,
 )
 from cam_rig.view.album import Album, gap
 from cam_rig.view.turns import Turn
 
 ANIMATION, STILL, NOTE = "turning.webp", "side_by_side.png", "made_from.json"
+#: The viewer's picture has a note of its own, for it is not made where there is no browser.
+VIEWER, VIEWER_NOTE = "viewer.png", "viewer_made_from.json"
 #: Frames of the animation, one turn, and how long each is shown, ms.
 FRAMES, FRAME_MS = 72, 50
 #: Whose text decides how the pictures look.
-DRAWN_BY = (stills, noise_plot, albums, colours, shapes, follower_shape, translating, swinging)
+DRAWN_BY = (
+    stills,
+    noise_plot,
+    styles,
+    albums,
+    colours,
+    shapes,
+    follower_shape,
+    translating,
+    swinging,
+)
+#: Whose text decides how the viewer looks.
+LAID_OUT_BY = (
+    blueprint,
+    scene2d,
+    series,
+    axes,
+    bands,
+    band_chart,
+    noise_chart,
+    results,
+    colours,
+    shapes,
+    follower_shape,
+    translating,
+    swinging,
+    viewer_picture,
+)
 
 
 def draw_pictures(album: Album, noise: Callable[[Path], None], folder: Path) -> list[Path]:
@@ -63,12 +102,25 @@ def draw_pictures(album: Album, noise: Callable[[Path], None], folder: Path) -> 
     return [folder / ANIMATION, folder / STILL, plot, folder / NOTE]
 
 
-def inputs(stage: Stage) -> dict[str, Any]:
-    """What the pictures depend on: digests of what the config says, and of the code that draws."""
+def photograph_run(bag: Path, stage: Stage, folder: Path) -> list[Path]:
+    """Write a picture of the viewer that shows a bag, and its note; gives their paths.
+
+    Raises
+    ------
+    CamRigError : there is no browser, or it does not show it all
+    """
+    viewer_picture.photograph_viewer(bag, folder / VIEWER)
+    note = json.dumps(inputs(stage, LAID_OUT_BY), indent=2)
+    (folder / VIEWER_NOTE).write_text(note + "\n", encoding="utf-8")
+    return [folder / VIEWER, folder / VIEWER_NOTE]
+
+
+def inputs(stage: Stage, modules: tuple[ModuleType, ...] = DRAWN_BY) -> dict[str, Any]:
+    """What pictures depend on: digests of what the config says, and of the code that draws."""
     config: dict[str, BaseModel] = {"scene": stage.scene, "rig": stage.rig, **stage.cams}
     if stage.published is not None:
         config["published"] = stage.published
-    code = [Path(str(module.__file__)) for module in DRAWN_BY]
+    code = [Path(str(module.__file__)) for module in modules]
     return {
         "config": {name: _digest(c.model_dump_json().encode()) for name, c in config.items()},
         "code": {path.name: _digest(path.read_bytes()) for path in (*code, Path(__file__))},

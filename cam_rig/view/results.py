@@ -36,7 +36,7 @@ class Results:
     def words(self) -> str:
         """Markdown."""
         lines = [self._line(*step) for step in reversed(self._motion)]
-        return "\n".join(["# Results so far", "", *HEAD, *lines]) + "\n"
+        return "\n".join(["# Results", "", *HEAD, *lines]) + "\n"
 
     def _line(self, cam: str, speed: float) -> str:
         level, rpm = self._levels.get((cam, speed)), speed * 30.0 / math.pi

@@ -22,6 +22,8 @@ def require_free(path: Path, overwrite: bool) -> None:
     ------
     CamRigError : it exists and may not be overwritten, or the viewer would not know its suffix
     """
+    if path.is_dir():
+        raise CamRigError(f"{path}: is a folder; name a file in it, such as {path / 'run.rrd'}")
     if path.suffix != ".rrd":
         raise CamRigError(f"{path}: ends in {path.suffix!r}; allowed: .rrd, or no viewer opens it")
     if path.exists() and not overwrite:
@@ -32,27 +34,38 @@ def require_free(path: Path, overwrite: bool) -> None:
 def rrd_stream(
     path: Path, application: str, blueprint: rrb.Blueprint
 ) -> Iterator[rr.RecordingStream]:
-    """A stream into a file beside ``path``, which takes its place at the end.
+    """A stream into a file beside ``path``, which takes its place at the end, in reading order.
 
     Raises
     ------
     CamRigError : the file cannot be written
     """
-    part = path.with_name(f"{path.name}.part")
-    stream = rr.RecordingStream(application)
+    drawn, part = (path.with_name(f"{path.name}{end}") for end in (".drawn.part", ".part"))
+    stream, ordered = (rr.RecordingStream(application) for _ in range(2))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        _save(stream, part, blueprint)
+        _save(stream, drawn, blueprint)
         yield stream
         stream.disconnect()
+        _require_whole(drawn)
+        _save(ordered, part, blueprint)
+        _copy_ordered(drawn, ordered)
+        ordered.disconnect()
         _require_whole(part)
         os.replace(part, path)
     except OSError as error:
         raise CamRigError(f"{path}: cannot be written ({error})") from None
     finally:
-        stream.disconnect()
-        with suppress(OSError):
-            part.unlink()
+        for open_stream, file in ((stream, drawn), (ordered, part)):
+            open_stream.disconnect()
+            with suppress(OSError):
+                file.unlink()
+
+
+def _copy_ordered(drawn: Path, stream: rr.RecordingStream) -> None:
+    """What holds at every time first: a viewer shows a file while it loads, from its beginning."""
+    for static in (True, False):
+        stream.send_chunks(RrdReader(drawn).stream().filter(is_static=static))
 
 
 def _save(stream: rr.RecordingStream, part: Path, blueprint: rrb.Blueprint) -> None:

@@ -23,8 +23,8 @@ VIEW = "scene"
 FRAMES_PER_TURN = 72
 #: Radii on the screen: Rerun takes a negative one as points, not as mm.
 LINE, THIN, THICK, SHAFT, UNSEEN = -1.5, -0.7, -2.5, -3.0, -0.1
-#: The longest arrow of contact force, as a share of the reach.
-ARROW = 0.35
+#: The longest arrow of the contact force at a speed, as a share of the follower's reach.
+ARROW = 0.5
 
 
 def shapes(stage: Stage) -> dict[str, FollowerShape]:
@@ -37,12 +37,11 @@ def reach(stage: Stage) -> float:
     return max(shape.reach for shape in shapes(stage).values())
 
 
-def greatest_force(stage: Stage) -> float:
-    """Greatest contact force (N) of a follower that stays on its cam, over all of the scene."""
+def greatest_force(stage: Stage, cam: str, speed: float) -> float:
+    """Greatest contact force (N) of a follower that stays on this cam at a speed (rad/s)."""
     follower, angle = stage.follower, turn_angles(720)
-    weights = force_weights(follower, max(stage.scene.program.speeds.si_list))
-    motions = [np.stack([law(angle, i) for i in range(3)]) for law in stage.laws.values()]
-    return follower.preload + max(float((weights @ motion).max()) for motion in motions)
+    motion = np.stack([stage.laws[cam](angle, order) for order in range(3)])
+    return follower.preload + float((force_weights(follower, speed) @ motion).max())
 
 
 def frame_mask(angle: FloatArray, step: float) -> NDArray[np.bool_]:
@@ -60,7 +59,8 @@ class Scene2D:
     view : the entity that the view shows
     times : the timelines of its frames
 
-    Every cam is drawn as large as the greatest of the scene, whatever its own size.
+    Every cam is drawn as large as the greatest of the scene, whatever its own size, and its force
+    to a scale of its own at each speed.
     """
 
     def __init__(
@@ -73,19 +73,18 @@ class Scene2D:
         self._stream, self._stage, self._times = stream, stage, times
         self._root = f"{view}/rig"
         self._shapes, self._reach = shapes(stage), reach(stage)
-        self._force, self._waiting = greatest_force(stage), list[FloatArray]()
+        self._waiting = list[FloatArray]()
         shaft = rr.Points2D([[0.0, 0.0]], colors=colours.GREY, radii=SHAFT)
         stream.log(f"{self._root}/shaft", shaft, static=True)
         gap = rr.LineStrips2D.from_fields(colors=colours.GAP, radii=THICK)
         stream.log(f"{self._root}/gap", gap, static=True)
-        force = rr.Arrows2D.from_fields(colors=colours.FORCE, radii=LINE)
+        force = rr.Arrows2D.from_fields(colors=colours.FORCE, radii=THICK)
         stream.log(f"{self._root}/force", force, static=True)
 
     def mount(self, state: CamState, profile: FloatArray) -> None:
         """Put a cam in place of the one before; ``profile`` ``(n, 2)`` in its own frame, m."""
         self.flush()
         self._shape, self._law = self._shapes[state.cam], self._stage.laws[state.cam]
-        self._arrow = ARROW * self._shape.reach / self._force
         zoom = self._reach / self._shape.reach
         # A plane in Rerun has y down.
         flip = rr.Transform3D.columns(mat3x3=np.diag([zoom, -zoom, 1.0])[None])
@@ -101,11 +100,16 @@ class Scene2D:
         follower = [strip * MM for strip in self._shape.outline()]
         self._strips(state, "follower/outline", follower, colours.FOLLOWER, LINE)
 
-    def label(self, state: CamState, words: str) -> None:
-        """Words under the cam from this state on."""
+    def speed(self, state: CamState, title: str = "") -> None:
+        """Scale the force to the speed from this state on, and say so in words under the cam."""
+        self.flush()
+        longest = greatest_force(self._stage, state.cam, state.speed)
+        self._arrow = ARROW * self._shape.reach / longest
+        rpm = state.speed * 30.0 / np.pi
         columns = rr.Points2D.columns(
             positions=[[0.0, -1.2 * self._shape.reach * MM]],
-            labels=[words],
+            labels=[f"{title}{rpm:.0f} rpm, longest arrow {longest:.0f} N"],
+            colors=[colours.of_cam(self._stage, state.cam)],
             radii=[UNSEEN],
             show_labels=[True],
         )

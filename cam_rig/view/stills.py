@@ -44,7 +44,14 @@ def draw_rig(axes: Axes, album: Album, turn: Turn, sample: int) -> list[Artist]:
         line(np.concatenate([point, shape.carried(point, contact, lift)]), colours.GAP, 4.0)
     else:
         along = float(np.sum(normal * shape.upward(contact)))
-        arrow = normal[0] * force / along * ARROW * shape.reach / greatest_force(stage)
+        arrow = (
+            normal[0]
+            * force
+            / along
+            * ARROW
+            * shape.reach
+            / greatest_force(stage, turn.cam, turn.speed)
+        )
         drawn.append(
             axes.annotate(
                 "",
@@ -62,7 +69,7 @@ def frame_rig(axes: Axes, album: Album, turn: Turn) -> None:
     law = album.stage.laws[turn.cam]
     side = follower_shape(album.stage.cams[turn.cam], law).reach * MM
     low = 1.05 * float(np.hypot(*album.profiles[turn.cam].T).max()) * MM
-    axes.set(xlim=(-1.1 * side, 1.1 * side), ylim=(-low, 1.3 * side), aspect="equal")
+    axes.set(xlim=(-1.1 * side, 1.1 * side), ylim=(-low, 1.55 * side), aspect="equal")
     axes.set_axis_off()
 
 

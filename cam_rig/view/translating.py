@@ -11,6 +11,9 @@ from cam_rig.dynamics import FloatArray
 from cam_rig.view.follower_shape import FollowerShape, size
 from cam_rig.view.shapes import bearing, circle, stem, tip
 
+#: Height of the bearing over the reach, and how far a follower may fly, over the greatest lift.
+BEARING, FLIGHT = 0.1, 0.12
+
 
 @dataclass(frozen=True)
 class Translating(FollowerShape):
@@ -62,16 +65,28 @@ class Translating(FollowerShape):
 
     def outline(self) -> list[FloatArray]:
         """Roller, edge or face, and the stem."""
-        top, roller = self.reach, self.config.roller
-        half = 0.03 * top
+        top, roller = self._length, self.config.roller
+        half = 0.03 * self.reach
         if self.face:
             along = np.array([math.cos(self.inclination), math.sin(self.inclination)])
-            return [np.outer([-0.9 * top, 0.9 * top], along), stem(half, 0.0, top)]
+            wide = 0.9 * self.reach
+            return [np.outer([-wide, wide], along), stem(half, 0.0, top)]
         if roller:
             return [circle(roller), stem(half, 0.4 * roller, top)]
         return [tip(half, 2.0 * half), stem(half, 2.0 * half, top)]
 
     def support(self) -> list[FloatArray]:
-        """The bearing of the stem, above the highest place."""
-        top = self.reach
-        return bearing(self.offset, 0.04 * top, 0.16 * top, 1.15 * top, 1.25 * top)
+        """The bearing of the stem, above the highest place of what the stem carries."""
+        top, low = self.reach, self._bearing
+        return bearing(self.offset, 0.04 * top, 0.16 * top, low, low + BEARING * top)
+
+    @property
+    def _bearing(self) -> float:
+        """Height of the bearing's lower edge; a follower in flight still clears it."""
+        carried = max(self.config.roller, 0.06 * self.reach)
+        return self.reach + carried + FLIGHT * self.greatest_lift
+
+    @property
+    def _length(self) -> float:
+        """Of the stem, which is in its bearing at no lift too."""
+        return max(self.reach, self._bearing + 2.0 * BEARING * self.reach - self.lowest)

@@ -2,7 +2,8 @@
 
 The viewer's own page loads a font, asks for a newer version and reports its use. This server
 hands the same page on with a guard before all of its code: a request to another host is answered
-on the spot with nothing, and the browser is told to let none out.
+on the spot with nothing, and the browser is told to let none out. Who asks under another name than
+this machine's own is refused.
 """
 
 from __future__ import annotations
@@ -72,7 +73,9 @@ class _Server(ThreadingHTTPServer):
     def __init__(self, assets: int, port: int, path: Path | None) -> None:
         super().__init__((HOST, 0), _Handler)
         self.assets, self.path = f"http://{HOST}:{assets}", path
-        self.origin = f"http://{HOST}:{self.server_address[1]}"
+        # Another name that a page made the browser resolve to this machine gets nothing.
+        self.hosts = tuple(f"{name}:{self.server_address[1]}" for name in (HOST, "localhost"))
+        self.origin = f"http://{self.hosts[0]}"
         self.data = stream_address(port) if path is None else f"{self.origin}/{quote(path.name)}"
 
 
@@ -82,7 +85,9 @@ class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         """The recording, or the viewer; without a question, the way to what is shown."""
         asked, recording = urlsplit(self.path), self.server.path
-        if asked.path == "/" and not asked.query:
+        if self.headers.get("Host") not in self.server.hosts:
+            self.send_error(403, f"allowed hosts: {', '.join(self.server.hosts)}")
+        elif asked.path == "/" and not asked.query:
             self.send_response(302)
             self.send_header("Location", f"/{QUERY}{quote(self.server.data, safe='')}")
             self.end_headers()

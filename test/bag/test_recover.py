@@ -81,7 +81,7 @@ def test_nothing_is_overwritten_and_nothing_made_of_nothing(tmp_path):
         recover(GOLDEN, tmp_path / "there")
     (tmp_path / "empty").mkdir()
     (tmp_path / "empty" / "empty_0.mcap").write_bytes(b"no mcap at all")
-    with pytest.raises(BagError, match="nothing to recover"):
+    with pytest.raises(BagError, match="does not begin as an MCAP file does"):
         recover(tmp_path / "empty", tmp_path / "new")
     assert not (tmp_path / "new").exists()
 

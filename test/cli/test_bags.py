@@ -100,3 +100,42 @@ def test_replay_finds_a_changed_number(ros_domain, tmp_path):
     result = call("replay", bag, "--tolerance", "1e-10")
     assert result.exit_code == 1
     assert "/microphone/level value differs by" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda path: None, "no such bag"),
+        (lambda path: path.mkdir(), "has no .mcap file in it, so it is no bag"),
+        (lambda path: path.write_text("# Read me"), "is no bag"),
+        (
+            lambda path: path.with_suffix(".mcap").write_bytes(b"garbage" * 99),
+            "does not begin as an MCAP file does",
+        ),
+    ],
+    ids=["missing", "empty folder", "text", "garbage"],
+)
+@pytest.mark.parametrize("verb", ["view", "analyze"])
+def test_what_never_was_a_bag_is_not_to_be_mended(tmp_path, verb, make, words):
+    """Each is told apart, in one line, and none is sent to ``recover``."""
+    path = tmp_path / "thing"
+    make(path)
+    path = path.with_suffix(".mcap") if path.with_suffix(".mcap").exists() else path
+    save = ("--save", tmp_path / "a.rrd") if verb == "view" else ()
+    result = call(verb, path, *save)
+    assert result.exit_code == 1
+    assert f"{path}: " in result.stderr
+    assert words in result.stderr
+    assert "recover" not in result.stderr
+    assert "PosixPath" not in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+
+
+def test_a_torn_bag_is_to_be_mended(tmp_path):
+    """What was a bag once is sent to ``recover``."""
+    bag = shutil.copytree(GOLDEN, tmp_path / "golden")
+    (file,) = bag.glob("*.mcap")
+    file.write_bytes(file.read_bytes()[:60_000])
+    result = call("view", bag, "--save", tmp_path / "a.rrd")
+    assert result.exit_code == 1
+    assert f"cam-rig recover {bag}" in result.stderr

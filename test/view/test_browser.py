@@ -16,7 +16,7 @@ from cam_rig.view.web import serve_file
 from .browser import Look, Visit, browser
 from .conftest import SmallBag
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(200)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(400)]
 
 #: What has to be seen of the small run, by its own colour.
 SHOWN = {

@@ -121,3 +121,18 @@ def test_every_kind_can_be_drawn(shape: FollowerShape) -> None:
     strips: list[FloatArray] = [*shape.outline(), *shape.support()]
     assert all(strip.ndim == 2 and np.isfinite(strip).all() for strip in strips)
     assert BASE < shape.reach < 10.0 * BASE
+
+
+@pytest.mark.parametrize("name", ["tm21", "poly345", "eccentric_roller", "flat"])
+def test_what_the_stem_carries_stays_below_its_bearing(name: str) -> None:
+    """At the highest lift and a tenth more, as in flight; the stem is in it at rest."""
+    cam = load_cam(config_root() / "cams" / f"{name}.yaml")
+    shape = follower_shape(cam, build_law(cam))
+    low = min(strip[:, 1].min() for strip in shape.support())
+    high = max(strip[:, 1].max() for strip in shape.support())
+    head, stem = shape.outline()[0], shape.outline()[-1]
+    highest, rest = (
+        shape.place(np.array([lift]))[0, 1] for lift in (1.1 * shape.greatest_lift, 0.0)
+    )
+    assert head[:, 1].max() + highest < low
+    assert stem[:, 1].max() + rest > high

@@ -10,9 +10,10 @@ import pytest
 from cam_rig.experiment.noise import HeardTick, step_levels
 from cam_rig.experiment.program import cam_states
 from cam_rig.view.layout import Layout
-from cam_rig.view.noise_chart import HEIGHT, WIDTH, Axes
+from cam_rig.view.noise_chart import noise_axes
 from cam_rig.view.overlay import at_speed
 from cam_rig.view.recording import Wish, save_recording
+from cam_rig.view.scene2d import greatest_force
 from cam_rig.view.timeline import TURN, TURN_DEGREES
 
 from .conftest import Picture, SmallBag
@@ -34,7 +35,7 @@ def test_the_last_turn_lies_over_those_of_the_others(
         rows = np.concatenate(bag.rows[step + 2 : step + 4], axis=1)
         angle = np.concatenate(bag.angles[step + 2 : step + 4])
         np.testing.assert_allclose(shown.numbers(entity, SCALARS), rows[1] * 1e3)
-        np.testing.assert_array_equal(degrees, np.floor(np.degrees(angle) + 1e-6) % 360)
+        np.testing.assert_array_equal(degrees, np.floor(np.degrees(angle) + 1e-4) % 360)
         assert (degrees.min(), degrees.max()) == (0, 359)
 
 
@@ -51,19 +52,21 @@ def test_measured_points_are_the_steps_levels(bag: SmallBag, picture: Picture) -
         HeardTick(start, end.time_ns, pressure)
         for start, end, pressure in zip(states[:-1], states[1:], bag.pressures, strict=True)
     ]
-    axes = Axes.of(bag.stage)
+    axes = noise_axes(bag.stage)
     for cam, steps in step_levels(ticks, 1.0).items():
         shown = picture.column(f"noise/measured/{cam}", "Points2D:positions")
         rpm = np.array(list(steps)) * 30.0 / np.pi
         np.testing.assert_allclose(shown[-1], axes.place(rpm, np.array([*steps.values()])), 1e-5)
         assert len(shown[-1]) == 2
+        (final,) = picture.column(f"noise/final/{cam}", "Points2D:positions")
+        np.testing.assert_allclose(final, shown[-1])
 
 
 def test_the_chart_has_speed_to_the_right_and_level_up(bag: SmallBag) -> None:
     """Corners of the axes are corners of the plane, whose y is down."""
-    axes = Axes.of(bag.stage)
-    corners = axes.place(np.array([300.0, 700.0]), np.array(axes.level))
-    np.testing.assert_allclose(corners, [[0.0, HEIGHT], [WIDTH, 0.0]])
+    axes = noise_axes(bag.stage)
+    corners = axes.place(np.array([300.0, 700.0]), np.array(axes.y))
+    np.testing.assert_allclose(corners, [[0.0, axes.height], [axes.width, 0.0]])
 
 
 def test_results_are_those_of_the_turns(bag: SmallBag, picture: Picture) -> None:
@@ -88,6 +91,23 @@ def test_cams_side_by_side_at_one_speed(bag: SmallBag, tmp_path: Path, layout: L
     assert "/plots/lift/follower" not in shown.entities
     for cam in bag.stage.cams:
         label = shown.column(f"compare/{cam}/scene/rig/label", "Points2D:labels")
-        assert label == [[f"{bag.stage.cams[cam].title}, 300 rpm"]]
+        force = greatest_force(bag.stage, cam, 10.0 * np.pi)
+        assert label == [[f"300 rpm, longest arrow {force:.0f} N"]]
         assert len(shown.column(f"compare/{cam}/scene/rig/cam", "Transform3D:quaternion")) == 72
-        assert len(shown.column(f"compare/{cam}/bands", "BarChart:values")) == 1
+        assert len(shown.column(f"compare/{cam}/bands/bars", "LineStrips2D:strips")) == 1
+
+
+@pytest.mark.parametrize("layout", list(Layout))
+def test_a_finished_run_has_its_results_at_every_time(
+    bag: SmallBag, tmp_path: Path, layout: Layout
+) -> None:
+    """On every timeline, also on that of a turn's degrees, all steps are in words and points."""
+    path = tmp_path / "a.rrd"
+    save_recording(bag.path, path, Wish(layout))
+    shown = Picture(path)
+    (words,) = shown.column("results", "TextDocument:text")
+    assert len([line for line in words[0].splitlines() if line.startswith("| ")]) == 1 + 4
+    for cam in bag.stage.cams:
+        assert len(shown.column(f"noise/final/{cam}", "Points2D:positions")[0]) == 2
+        assert shown.column(f"noise/final/{cam}", TURN_DEGREES) == []
+    assert shown.column("results", TURN_DEGREES) == []

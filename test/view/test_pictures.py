@@ -17,8 +17,21 @@ from cam_rig.experiment.stage import Stage, open_stage
 from cam_rig.experiment.sweep import FollowerBench
 from cam_rig.schema.load import config_root
 from cam_rig.schema.quantity import Quantity
+from cam_rig.view import viewer_picture
 from cam_rig.view.album import Album, gap, read_album
-from cam_rig.view.pictures import ANIMATION, NOTE, STILL, draw_pictures, inputs, numbers
+from cam_rig.view.browser import HEIGHT, WIDTH, count, why_no_browser
+from cam_rig.view.pictures import (
+    ANIMATION,
+    LAID_OUT_BY,
+    NOTE,
+    STILL,
+    VIEWER,
+    VIEWER_NOTE,
+    draw_pictures,
+    inputs,
+    numbers,
+    photograph_run,
+)
 
 from .conftest import SmallBag
 
@@ -57,6 +70,33 @@ def test_the_pictures_are_of_todays_config_and_code(sweep: Stage, note: dict[str
     """Digests of the scene's files as read, and of the code that draws."""
     for kind, digests in inputs(sweep).items():
         assert note[kind] == digests, STALE
+
+
+@pytest.mark.skipif(why_no_browser() is not None, reason=f"no browser: {why_no_browser()}")
+def test_the_viewers_picture_is_of_todays_layout(sweep: Stage) -> None:
+    """Asked for only where a browser is, for nowhere else can it be made anew."""
+    note = json.loads((DOCS / VIEWER_NOTE).read_text())
+    assert note == inputs(sweep, LAID_OUT_BY), STALE
+
+
+def test_the_viewers_picture_shows_every_curve() -> None:
+    """Its colours are kept to within what the eye, and a test of the browser, takes for equal."""
+    with Image.open(DOCS / VIEWER) as picture:
+        pixels = np.asarray(picture.convert("RGB"))
+    assert pixels.shape == (HEIGHT, WIDTH, 3)
+    for colour in viewer_picture.SHOWN:
+        assert count(pixels, colour) > 40, f"#{colour >> 8:06x}"
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(400)
+@pytest.mark.skipif(why_no_browser() is not None, reason=f"no browser: {why_no_browser()}")
+def test_the_viewer_is_photographed(bag: SmallBag, tmp_path: Path) -> None:
+    """A bag's own layout in Chromium, when it is loaded, and a note beside it."""
+    files = photograph_run(bag.path, bag.stage, tmp_path)
+    assert [path.name for path in files] == [VIEWER, VIEWER_NOTE]
+    with Image.open(tmp_path / VIEWER) as picture:
+        assert picture.size == (WIDTH, HEIGHT)
 
 
 def test_the_pictures_show_todays_motion(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rerun.chunk import RrdReader
 
 from cam_rig.bag import topics
 from cam_rig.dynamics import NS
@@ -83,6 +84,13 @@ def test_only_a_long_run_is_thinned() -> None:
     """Below a million samples all are shown; above, some half a million a line."""
     assert bucket_for(WHOLE_BELOW - 1, WHOLE_BELOW) == 1
     assert bucket_for(6_314_142, WHOLE_BELOW) == 26
+
+
+def test_what_holds_at_every_time_is_read_first(picture: Picture) -> None:
+    """A viewer shows a file while it loads: colours, axes and results precede the first curve."""
+    static = [chunk.is_static for chunk in RrdReader(picture.path).stream().to_chunks()]
+    assert any(static)
+    assert static == sorted(static, reverse=True)
 
 
 def test_every_tick_is_reported(bag: SmallBag, tmp_path: Path) -> None:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 from cam_rig.dynamics import FloatArray
-from cam_rig.view.scene2d import FRAMES_PER_TURN, frame_mask
+from cam_rig.experiment.stage import open_stage
+from cam_rig.schema.load import config_root
+from cam_rig.view import colours
+from cam_rig.view.scene2d import ARROW, FRAMES_PER_TURN, frame_mask, greatest_force, shapes
 from cam_rig.view.shapes import turned
 
 from .conftest import Picture, SmallBag
@@ -99,7 +104,7 @@ def test_the_gap_is_drawn_in_flight_and_nowhere_else(bag: SmallBag, picture: Pic
 
 
 def test_the_arrow_is_the_contact_force(bag: SmallBag, picture: Picture) -> None:
-    """Its height is the force to one scale, it leans with the pressure angle, none in flight."""
+    """Its height is the force in the speed's scale, it leans as the normal does, none in flight."""
     vectors = picture.column("scene/rig/force", "Arrows2D:vectors")
     origins = picture.column("scene/rig/force", "Arrows2D:origins")
     sample = np.abs(bag.samples[0][:, None] - picture.time("scene/rig/force")).argmin(axis=0)
@@ -109,7 +114,11 @@ def test_the_arrow_is_the_contact_force(bag: SmallBag, picture: Picture) -> None
     touching = [k for k, row in enumerate(vectors) if row and sample[k] < half]
     height = np.array([vectors[k][0][1] for k in touching])
     scale = height / force[sample < half][[k for k in touching]]
-    np.testing.assert_allclose(scale, scale[0], rtol=1e-5)
+    slow = picture.time("scene/rig/force")[touching] < 0.4 - 1e-6
+    for step, rpm in ((slow, 300.0), (~slow, 700.0)):
+        longest = greatest_force(bag.stage, "poly345", rpm * np.pi / 30.0)
+        reach = shapes(bag.stage)["poly345"].reach * 1e3
+        np.testing.assert_allclose(scale[step], ARROW * reach / longest, rtol=1e-5)
     law = bag.stage.laws["poly345"]
     config = bag.stage.cams["poly345"].follower
     for k in touching[::20]:
@@ -121,3 +130,24 @@ def test_the_arrow_is_the_contact_force(bag: SmallBag, picture: Picture) -> None
         lean = np.array([x, y]) / np.hypot(x, y)
         centre = np.array(origins[k][0]) + config.roller * 1e3 * lean
         np.testing.assert_allclose(centre, [0.0, distance * 1e3], atol=1e-3)
+
+
+def test_the_words_under_the_cam_say_speed_and_scale_in_the_cams_colour(
+    bag: SmallBag, picture: Picture
+) -> None:
+    """A label for each step, coloured as the contour above it."""
+    words = [row[0] for row in picture.column("scene/rig/label", "Points2D:labels")]
+    assert len(words) == 4
+    assert re.fullmatch(r"Polynomial 3-4-5, 700 rpm, longest arrow \d+ N", words[1])
+    seen = [row[0] for row in picture.column("scene/rig/label", "Points2D:colors")]
+    assert seen == [colours.CAMS[0], colours.CAMS[0], colours.CAMS[1], colours.CAMS[1]]
+
+
+@pytest.mark.parametrize("scene", ["tm21_sweep", "quick"])
+def test_the_greatest_force_is_seen_at_every_speed(scene: str) -> None:
+    """The preload alone, as in the low dwell, gives an arrow of a few per cent of the reach."""
+    stage = open_stage(config_root() / "scenes" / f"{scene}.yaml")
+    for cam in stage.cams:
+        slowest = min(stage.scene.program.speeds.si_list)
+        share = ARROW * stage.follower.preload / greatest_force(stage, cam, slowest)
+        assert share > 0.025

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -81,11 +83,55 @@ def test_the_viewer_reports_no_usage(monkeypatch: pytest.MonkeyPatch, tmp_path: 
     assert said.read_text() == "1"
 
 
-def test_a_speed_that_was_not_run_cannot_be_compared(bag: SmallBag, tmp_path: Path) -> None:
+@pytest.mark.parametrize("rpm", ["500", "nan", "inf", "-300"])
+def test_a_speed_that_was_not_run_cannot_be_compared(
+    bag: SmallBag, tmp_path: Path, rpm: str
+) -> None:
     """The message names the speeds that can, and nothing is written."""
     path = tmp_path / "a.rrd"
-    command = [str(bag.path), "--save", str(path), "--layout", "compare", "--rpm", "500"]
+    command = [str(bag.path), "--save", str(path), "--layout", "compare", "--rpm", rpm]
     result = CliRunner().invoke(app, command)
     assert result.exit_code == 2
-    assert "500 rpm: the scene has no such speed; allowed: 300, 700" in result.stderr
+    assert f"{rpm} rpm: the scene has no such speed; allowed: 300, 700" in result.stderr
     assert not path.exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "words"),
+    [
+        (["--save", "{tmp}/a.rrd", "--web"], 2, "--save and --web"),
+        (["--force"], 2, "--force: overwrites the file of --save"),
+        (["--save", "{tmp}"], 1, "is a folder; name a file in it, such as"),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(
+    bag: SmallBag, tmp_path: Path, options: list[str], code: int, words: str
+) -> None:
+    """None is left out silently."""
+    command = [str(bag.path), *(option.format(tmp=tmp_path) for option in options)]
+    result = CliRunner().invoke(app, command)
+    assert result.exit_code == code
+    assert words in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_nothing_is_left_of_a_file_that_was_interrupted(
+    bag: SmallBag, tmp_path: Path, number: signal.Signals
+) -> None:
+    """The signal comes in the middle of the drawing: code 130, and no part of the file."""
+    drawn = "import os; from cam_rig.view.drawing import RunDrawing as R"
+    seen = f"print(os.listdir({str(tmp_path)!r}))"
+    stop = f"R.tick = lambda *a: {seen} or os.kill(os.getpid(), {number.value})"
+    go = "from cam_rig.cli.main import main; main()"
+    command = [sys.executable, "-c", f"{drawn}\n{stop}\n{go}"]
+    ended = subprocess.run(
+        [*command, "view", str(bag.path), "--save", str(tmp_path / "a.rrd")],
+        check=False,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert "a.rrd.drawn.part" in ended.stdout
+    assert ended.returncode == 130
+    assert list(tmp_path.iterdir()) == []

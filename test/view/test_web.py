@@ -53,6 +53,18 @@ def test_the_viewers_own_files_are_handed_on(page: str) -> None:
         get(f"{page}../../etc/passwd")
 
 
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:{port}", "127.0.0.1", ""])
+@pytest.mark.parametrize("path", ["", "a%20run.rrd", "re_viewer.js"])
+def test_a_page_of_another_name_gets_nothing(page: str, host: str, path: str) -> None:
+    """A site whose name is made to point to this machine cannot read the run."""
+    port = urllib.request.urlparse(page).port  # type: ignore[attr-defined]
+    asked = urllib.request.Request(f"{page}{path}", headers={"Host": host.format(port=port)})
+    with pytest.raises(urllib.error.HTTPError, match="403"):
+        urllib.request.urlopen(asked, timeout=20)
+    named = urllib.request.Request(f"{page}{path}", headers={"Host": f"localhost:{port}"})
+    assert urllib.request.urlopen(named, timeout=20).status == 200
+
+
 def test_a_live_page_names_the_stream() -> None:
     """The page asks the viewer's own server on this machine for the run."""
     with serve_live() as (page, address):
