@@ -101,6 +101,8 @@ def generate_launch_description() -> LaunchDescription:
             SetEnvironmentVariable(
                 "ROS_AUTOMATIC_DISCOVERY_RANGE", "SYSTEM_DEFAULT", condition=quiet
             ),
+            # One in the working directory would open the subnet.
+            SetEnvironmentVariable("SKIP_DEFAULT_XML_FILE", "1", condition=quiet),
             SetEnvironmentVariable(profile, config("fastdds_subnet.xml"), condition=loud),
             OpaqueFunction(function=handover),
             node("recorder", argument("bag")),

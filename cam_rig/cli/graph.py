@@ -132,7 +132,12 @@ class Graph:
     def _reports(self) -> Iterator[dict[str, float | str]]:
         try:
             while True:
-                report = json.loads(self._lines.get(timeout=0.05))
+                line = self._lines.get(timeout=0.05)
+                try:
+                    report = json.loads(line)
+                except ValueError:  # the middleware's own words
+                    self._say(line.rstrip())
+                    continue
                 self._last = f"after tick {report['tick']} ({report['cam']}, {report['rpm']:g} rpm)"
                 yield report
         except Empty:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from pathlib import Path
 from typing import Annotated
@@ -81,10 +82,15 @@ def _run(
     from cam_rig.bag.complete import require_complete
     from cam_rig.cli.domain import own_domain
     from cam_rig.cli.graph import Graph, live
+    from cam_rig.cli.process import PROFILES
     from cam_rig.experiment.program import tick_count
     from cam_rig.experiment.stage import open_stage
 
     stage = open_stage(path)
+    if PROFILES in os.environ and not network:
+        console.print(
+            f"the profile of {PROFILES} is not used: nobody outside may hear; --network uses it"
+        )
     begun = time.perf_counter()
     nodes = live(path, target, screen, pacing=pacing)
     with (

@@ -111,7 +111,11 @@ class RigNode(Node):
 def run(make: Callable[[], RigNode]) -> None:
     """Run a node until it finishes, fails, or is told to stop (SIGINT, SIGTERM)."""
     _end_with_the_runner()
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # a parameter file that is missing or none
+        print(f"cam_rig: {error}", file=sys.stderr)
+        sys.exit(ConfigError.exit_code)
     try:
         sys.exit(_spin(make))
     finally:

@@ -105,7 +105,7 @@ def test_a_node_that_was_started_again_changes_nothing(golden, kept, back):
 
 
 def test_what_is_known_is_not_contradicted(golden, kept):
-    """Two publishers differ about a tick: who has spoken more often is believed, first or second."""
+    """Two publishers differ about a tick: who has spoken more often is believed."""
     session = RecordingSession(kept, StateGate(RATE))
     clock, state, *_ = (m for m in golden if m[0] in (topics.CLOCK, topics.CAM_STATE))
     contact = next(m for m in golden if m[0] is topics.FOLLOWER_CONTACT)

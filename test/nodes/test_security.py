@@ -1,6 +1,7 @@
 """No socket leaves the machine, and nothing that others say can stop a node or make it lie."""
 
 import math
+import shutil
 import struct
 import time
 from array import array
@@ -15,6 +16,7 @@ from std_msgs.msg import Float64, Float64MultiArray, Header, MultiArrayDimension
 
 from cam_rig.bag.codec import BLOCK_LABEL, PIECE_LABEL
 from cam_rig.cli.graph import Graph, live
+from cam_rig.schema.load import config_root
 
 pytestmark = pytest.mark.ros
 LATCHED = QoSProfile(depth=32, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -39,8 +41,11 @@ def sockets(pid):
 
 def test_every_socket_is_on_the_loopback(ros_domain, short_scene, tmp_path, monkeypatch):
     """Whatever the user's own settings: the loopback, and the multicast group joined on it."""
+    subnet = config_root() / "fastdds_subnet.xml"
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    monkeypatch.delenv("FASTDDS_DEFAULT_PROFILES_FILE")
+    monkeypatch.setenv("FASTDDS_DEFAULT_PROFILES_FILE", str(subnet))
+    shutil.copy(subnet, tmp_path / "DEFAULT_FASTDDS_PROFILES.xml")
+    monkeypatch.chdir(tmp_path)
     with Graph(live(short_scene, tmp_path / "bag", pacing="10x")) as graph:
         for report in graph.progress():
             if report["tick"] == 2:
