@@ -59,6 +59,9 @@ def played(bag: Path) -> Iterator[Played]:
                 if topic is topics.DIAGNOSTICS:
                     last = last and replace(last, quantity=read_of(message) or last.quantity)
                     continue
+                if topic is topics.LAW and last is not None:  # written after its state
+                    last = replace(last, messages=(*last.messages, (topic, bytes(data))))
+                    continue
                 waiting.append((topic, bytes(data)))
                 if topic is topics.CAM_STATE:
                     if last is not None:

@@ -47,15 +47,15 @@ class Handover:
     def __init__(self, folder: str, node: str) -> None:
         self._file = Path(folder) / f"{node}.json" if folder else None
         self._kept: deque[str] = deque(maxlen=TICKS_KEPT.get(node, 1))
-        self._known = 0
+        self._until: int | None = None
 
     @property
     def kept(self) -> bool:
         """Whether anything is kept at all."""
         return self._file is not None
 
-    def keep(self, memory: Any) -> None:
-        """Keep one more record, and let go of the oldest.
+    def keep(self, memory: Any, stamp_ns: int = 0) -> None:
+        """Keep one more record, of a rig time, and let go of the oldest.
 
         While a successor does again what its predecessor did, the records are here already: so
         it may die as well.
@@ -66,10 +66,10 @@ class Handover:
         """
         if self._file is None:
             return
-        if self._known > 0:
-            self._known -= 1
+        if self._until is not None and stamp_ns < self._until:
             return
-        self._kept.append(json.dumps(to_plain(memory)))
+        self._until = None
+        self._kept.append(json.dumps([stamp_ns, to_plain(memory)]))
         part = self._file.with_suffix(".part")
         try:
             part.write_text(f"[{','.join(self._kept)}]", encoding="utf-8")
@@ -84,27 +84,20 @@ class Handover:
         ------
         RunError : the file is no handover
         """
-        records = self._read()
-        self._known = max(0, len(records) - 1)
-        return next(iter(records), None)
+        return next(iter(self.all()), None)
 
     def newest(self) -> Any:
         """The newest record that the predecessor kept; None without a predecessor."""
-        return next(reversed(self._read()), None)
+        return next(reversed(self.all()), None)
 
     def all(self) -> list[Any]:
-        """Every record that the predecessor kept, the oldest first, to do them all again."""
-        records = self._read()
-        self._known = len(records)
-        return records
-
-    def _read(self) -> list[Any]:
+        """Every record that the predecessor kept, the oldest first."""
         if self._file is None or not self._file.is_file():
             return []
         try:
             found = json.loads(self._file.read_text(encoding="utf-8"))
-            records = [from_plain(kept) for kept in found]
-            records[0]
+            records = [from_plain(memory) for _, memory in found]
+            self._until = int(found[-1][0])
         except (OSError, ValueError, KeyError, IndexError, TypeError, CamRigError) as error:
             raise RunError(f"{self._file}: is no handover of a node ({error})") from None
         self._kept.clear()

@@ -122,7 +122,7 @@ class CamDrive(Pacemaker):
         return True
 
     def _send(self, state: CamState) -> None:
-        self.handover.keep((self._program.memory, self.health.said))
+        self.handover.keep((self._program.memory, self.health.said), state.time_ns)
         level, words = OK, "turning" if state.speed else "stands"
         if self._program.table.place.halted and state.speed == 0.0:
             level, words = ERROR, "emergency stop"

@@ -53,7 +53,7 @@ class Follower(RigNode):
         try:
             for end, state, block in self._ticks.complete():
                 self._publish(end, state, block)
-                self.handover.keep((self._ticks.memory, self.health.said))
+                self.handover.keep((self._ticks.memory, self.health.said), end.time_ns)
         except DynamicsError as error:
             self.fail(error)
 

@@ -38,12 +38,12 @@ class LawServer(RigNode):
         self._laws: dict[str, Law] = {}
         self._repeats, self._told = Repeats(), Repeats()
         self._last: CamState | None = None
-        if left := self.handover.oldest():
-            _, self._last, self.health.said = left
-        newest = self.handover.newest()
+        self._left = self.handover.all()
+        begun = next((last.time_ns for _, last, _ in self._left if last), -1)
         # Nobody waits for the law server, so the drive may have gone far while it was away.
-        self._gate = StateGate.of(scene, since=self._last.time_ns if self._last else -1)
-        self._mount(newest[0] if newest else self.given["cam"] or scene.cams[0])
+        self._gate = StateGate.of(scene, since=begun)
+        mounted = self._left[-1][0] if self._left else self.given["cam"]
+        self._mount(mounted or scene.cams[0])
         self.add_on_set_parameters_callback(self._on_parameters)
         self.subscribe(topics.CAM_STATE, self._on_state)
 
@@ -65,7 +65,7 @@ class LawServer(RigNode):
         law = law_of(path, cam)
         self._model.require(law)
         self._laws[name], self._mounted = law, name
-        self.handover.keep((name, self._last, self.health.said))
+        self._keep()
         coefficients = (self._coefficients, to_array(*encode_law(law)))
         self._told = Repeats()
         self._told.publish(0, [coefficients, (self._profile, to_polygon(cam, law))])
@@ -76,6 +76,10 @@ class LawServer(RigNode):
             self._told.again(0)
             self._repeats.again(state.time_ns)
             return
+        while self._left:  # where the predecessor was before this state
+            _, last, said = self._left.pop(0)
+            if last is not None and last.time_ns < state.time_ns:
+                self._last, self.health.said = last, said
         last = self._last
         known = last is not None and (last.cam, last.speed) == (state.cam, state.speed)
         if state.speed > 0.0 and not known:
@@ -83,7 +87,11 @@ class LawServer(RigNode):
             self._repeats.publish(state.time_ns, [(self._sampled, sampled)])
         self._last = state
         self.health.report(state.time_ns, OK, f"{state.cam} is mounted")
-        self.handover.keep((self._mounted, state, self.health.said))
+        self._keep()
+
+    def _keep(self) -> None:
+        stamp = self._last.time_ns if self._last else -1
+        self.handover.keep((self._mounted, self._last, self.health.said), stamp)
 
     def _law_of(self, cam: str) -> Law:
         if cam not in self._laws:

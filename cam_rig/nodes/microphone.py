@@ -73,7 +73,7 @@ class Microphone(RigNode):
             self._repeats.publish(end.time_ns, said)
             if self.handover.kept:
                 mine = (end, self._bench.memory, self.health.said, self._meter.frozen())
-                self.handover.keep(mine)
+                self.handover.keep(mine, end.time_ns)
 
 
 def main() -> None:
