@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 
 DRAWINGS, TABLES = (".dxf", ".svg"), (".csv",)
 READABLE = (".dxf", ".csv")
+#: Share of the tolerance that the digits of an SVG may take; a DXF has them all.
+SVG_ROUNDING = 0.1
+#: A finer tolerance would ask for millions of points, µm.
+FINEST_UM = 1e-4
 #: Cam angles at which a follower is read on the contour of a file.
 READINGS = 720
 
@@ -78,8 +82,12 @@ def write(request: Request, cam: CamConfig, law: Law, force: bool) -> None:
             table.write_contour(part, curves, request.points)
             words = f"{request.points} points"
         else:
-            lines = {curve.name: polyline(curve, tolerance) for curve in curves}
-            (dxf.write_dxf if kind == ".dxf" else dxf.write_svg)(part, lines)
+            rounding = SVG_ROUNDING * tolerance if kind == ".svg" else 0.0
+            lines = {curve.name: polyline(curve, tolerance - rounding) for curve in curves}
+            if kind == ".svg":
+                dxf.write_svg(part, lines, rounding)
+            else:
+                dxf.write_dxf(part, lines)
             counts = " and ".join(str(line.shape[1]) for line in lines.values())
             words = f"{counts} points, chord error at most {request.tolerance:g} µm"
     names = " and ".join(curve.name for curve in curves)

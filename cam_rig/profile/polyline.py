@@ -15,8 +15,8 @@ GUESS, IN_CHORD = 8192, 12
 LONGEST = 1.0 / 90.0
 #: More points at each trial, and how often it is tried.
 MORE, TRIALS = 1.08, 12
-#: A finer tolerance would ask for millions of points, m.
-FINEST = 1e-10
+#: Less is within the rounding of a metre, m.
+FINEST = 1e-11
 
 
 def polyline(path: Path, tolerance: float) -> FloatArray:

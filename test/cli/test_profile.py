@@ -6,12 +6,13 @@ import re
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
+from shapely import LinearRing, distance, points, prepare
 from typer.testing import CliRunner
 
 from cam_rig.cli.console import cam_path
 from cam_rig.cli.main import app
 from cam_rig.laws import build_law
-from cam_rig.profile import turn_angles
+from cam_rig.profile import contours, turn_angles
 from cam_rig.schema import load_cam
 from cam_rig.schema.load import config_root
 
@@ -73,6 +74,32 @@ def test_what_cannot_exist_is_drawn_by_force_alone(undercut, tmp_path):
     assert "warning: flat: convex radius" in result.stderr
     assert out.exists()
     assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("size", [1, 10])
+def test_an_svg_keeps_the_tolerance_it_prints(tmp_path, size):
+    """What a reader adds up is the contour to 0.01 µm, also of a cam ten times as large."""
+    yaml = YAML()
+    data = yaml.load(config_root() / "cams" / "poly345.yaml")
+    for quantity in (data["lift"], *data["follower"].values()):
+        if not isinstance(quantity, str):
+            key = next(key for key in ("given", "assumed") if key in quantity)
+            quantity[key] = size * quantity[key]
+    yaml.dump(data, tmp_path / "cam.yaml")
+    result = call(tmp_path / "cam.yaml", "--out", tmp_path / "a.svg", "--tolerance", "0.01")
+    assert "chord error at most 0.01 µm" in result.stderr
+    text = (tmp_path / "a.svg").read_text()
+    width, units = (float(n) for n in re.search(r'width="(\S+)mm".*?"0 0 (\d+)', text).groups())
+    start, moves = re.search(r' d="M (\S+ \S+) l ([^"Z]+)', text).groups()
+    steps = np.array(f"{start} {moves}".replace("l", "").split(), dtype=float).reshape(-1, 2)
+    read = np.cumsum(steps, axis=0) * (1e-3 * width / units) * [1.0, -1.0]
+    np.testing.assert_array_equal(read[0], read[-1])
+    cam = load_cam(tmp_path / "cam.yaml")
+    contour = contours(cam.follower, build_law(cam), 20_000)[0].points.T
+    corner = [contour[:, 0].min() - 5e-3, contour[:, 1].max() + 5e-3]  # of the page
+    ring = LinearRing(read + corner)
+    prepare(ring)
+    assert distance(ring, points(contour)).max() < 0.02e-6  # m: the polyline has its own corner
 
 
 @pytest.mark.parametrize("suffix", ["dxf", "csv"])

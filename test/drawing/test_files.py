@@ -77,17 +77,39 @@ def test_csv_has_every_digit(cam, tmp_path):
         np.testing.assert_array_equal(table[:, 4], np.degrees(contour.pressure))
 
 
-def test_svg_is_true_to_scale(cam, tmp_path):
-    """Page in mm: the cam's extent and a margin of 5 mm on each side."""
-    lines = lines_of(cam[2])
-    write_svg(tmp_path / "a.svg", lines)
-    text = (tmp_path / "a.svg").read_text()
-    width, height = (
-        float(re.search(rf'{key}="([\d.]+)mm"', text)[1]) for key in ("width", "height")
-    )
+def read_svg(path):
+    """Paths of a drawing ``(2, n)`` in mm from its page's corner, y up, as a reader adds them up.
+
+    Also width and height of the page, mm.
+    """
+    text = path.read_text()
+    page = re.search(r'width="(\S+)mm" height="(\S+)mm" viewBox="0 0 (\d+) (\d+)"', text)
+    width, height, across, down = (float(number) for number in page.groups())
+    assert width / across == pytest.approx(height / down, rel=1e-15)  # one scale
+    found = []
+    for start, moves in re.findall(r' d="M (\S+ \S+) l ([^"Z]+)', text):
+        steps = np.array(f"{start} {moves}".replace("l", "").split(), dtype=float).reshape(-1, 2)
+        found.append(np.cumsum(steps, axis=0).T * (width / across) * [[1.0], [-1.0]])
+    return (width, height), found
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
+def test_svg_is_true_to_scale_and_within_its_tolerance(cam, tmp_path, tolerance):
+    """Read back, each path closes and is the polyline to the rounding asked for, on one page.
+
+    The corner of the page is 5 mm beside the cam; the digits that place it may take one rounding
+    more.
+    """
+    lines, rounding = lines_of(cam[2], tolerance), 0.1 * tolerance
+    write_svg(tmp_path / "a.svg", lines, rounding)
+    page, found = read_svg(tmp_path / "a.svg")
     every = 1e3 * np.concatenate(list(lines.values()), axis=1)
-    np.testing.assert_allclose([width, height], np.ptp(every, axis=1) + 10.0, atol=1.0)
-    assert text.count("<path") == len(lines)
+    np.testing.assert_allclose(page, np.ptp(every, axis=1) + 10.0, atol=1.0)
+    corner = np.array([[every[0].min() - 5.0], [every[1].max() + 5.0]])
+    assert len(found) == len(lines)
+    for read, line in zip(found, lines.values(), strict=True):
+        np.testing.assert_array_equal(read[:, 0], read[:, -1])
+        np.testing.assert_allclose(read[:, :-1] + corner, 1e3 * line, rtol=0, atol=2e3 * rounding)
 
 
 @pytest.mark.parametrize(("unit", "factor"), [(units.M, 1.0), (units.IN, 0.0254), (units.CM, 0.01)])
