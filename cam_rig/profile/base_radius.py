@@ -6,13 +6,11 @@ from scipy.optimize import brentq
 
 from cam_rig.errors import ProfileError
 from cam_rig.laws import Law
-from cam_rig.laws.peaks import extremes
-from cam_rig.profile.centre import GuidedCentre
 from cam_rig.profile.curvature import sharpest_convex
 from cam_rig.profile.disc import Disc, discs
 from cam_rig.profile.extremes import Scan
-from cam_rig.profile.face import GuidedFace
-from cam_rig.schema.follower import Follower
+from cam_rig.profile.reach import least_clearance
+from cam_rig.schema.follower import ConstantBreadth, Flat, Follower, InclinedFlat
 
 #: The search goes from the cam's own base radius by these factors, to these ends of it.
 SMALLER, LARGER = 0.5, 2.0
@@ -24,16 +22,18 @@ PRECISION = 1e-12
 def least_base_radius(follower: Follower, law: Law) -> float | None:
     """The base radius (m) above which no convex part is sharper than the least radius asked for.
 
-    A face in a guide has it in closed form, min over θ of r_c being R_b + min (s + s'') cos β. For
-    the others it is the root, next to the cam's own base radius, of that minimum as a function of
-    R_b; the least one that the follower reaches counts as such. 0 where every base radius
-    down to a hundredth of the own does, None where none does.
+    Nor does the follower cross the cam's axis. A face in a guide has both in closed form: radius
+    R_b + (s + s'') cos β, distance from the axis R_b + s cos β. For the others it is the root, next
+    to the cam's own base radius, of the least radius as a function of R_b; the least one that the
+    follower reaches counts as such. 0 where every base radius down to a hundredth of the own does,
+    None where none does.
     """
     asked, own = follower.least_curvature_radius, follower.base_radius.si
     least = 0.0 if asked is None else asked.si
-    plates = _plates(follower, law, own)
-    if plates and isinstance(plates[0].element, GuidedFace):
-        return max(0.0, least - _sharpest(plates, law) + own)
+    if isinstance(follower, Flat | InclinedFlat | ConstantBreadth):
+        plates = discs(follower, law)
+        nearest = least_clearance(plates[0].element, law).value
+        return max(0.0, own + least - _sharpest(plates, law), own - nearest)
 
     def margin(base: float) -> float:
         found = _plates(follower, law, base)
@@ -61,7 +61,5 @@ def _plates(follower: Follower, law: Law, base: float) -> tuple[Disc, ...]:
         plates = discs(follower, law, base)
     except ProfileError:
         return ()
-    low, high = (extreme.value for extreme in extremes(law, 0))
-    guided = (disc.element for disc in plates if isinstance(disc.element, GuidedCentre))
-    lowest = (one.start + min(one.side * low, one.side * high) for one in guided)
-    return plates if all(height > 0.0 for height in lowest) else ()
+    clear = all(least_clearance(disc.element, law).value > 0.0 for disc in plates)
+    return plates if clear else ()

@@ -78,6 +78,11 @@ class GuidedCentre(Element):
         """How far points are to the right of the centre's path, m."""
         return np.asarray(self.side * points.real - self.eccentricity, dtype=np.float64)
 
+    def clearance(self, s: FloatArray) -> FloatArray:
+        """Distance of roller or point from the cam's axis at s; below the axis it is negative."""
+        distance = np.hypot(self.eccentricity, self.height(s))
+        return np.asarray(np.copysign(distance, self.height(s)) - self.roller)
+
     def stand(self, s: FloatArray) -> ComplexArray:
         """The centre at displacements s."""
         return self.side * (self.eccentricity + 1j * self.height(s))
@@ -151,6 +156,10 @@ class SwungCentre(Element):
     def beside(self, points: ComplexArray) -> FloatArray:
         """How far points are inside the circle that the centre moves on, m."""
         return np.asarray(self.arm - np.abs(self.pivot - points), dtype=np.float64)
+
+    def clearance(self, s: FloatArray) -> FloatArray:
+        """Distance of roller or point from the cam's axis at displacements s."""
+        return np.asarray(np.abs(self.stand(s)) - self.roller)
 
     def stand(self, s: FloatArray) -> ComplexArray:
         """The centre at displacements s."""

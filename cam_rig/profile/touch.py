@@ -78,6 +78,14 @@ class Element(ABC):
         """Displacement s (m) at a place."""
 
     @abstractmethod
+    def clearance(self, s: FloatArray) -> FloatArray:
+        """Distance (m) of the roller, the point or the face's line from the axis, at s (m).
+
+        It grows or falls with s. Where it is not positive, the contour does not go around the
+        axis: there is no cam for a shaft.
+        """
+
+    @abstractmethod
     def stand(self, s: FloatArray) -> ComplexArray:
         """Roller's centre, the point, or where the face meets its guide, at displacements s (m).
 

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from shapely import Point, Polygon
 
 from cam_rig.errors import ProfileError
 from cam_rig.laws import build_law
@@ -78,7 +79,12 @@ def test_greatest_between_finds_an_end():
         ("oscillating_roller", {"pivot_distance": 60}, 40, "largest radius of the cam is"),
         ("oscillating_roller", {"arm": 45}, 140, "angle of the arm is 1"),
         ("oscillating_flat", {}, 100, "largest radius of the cam is"),
-        ("conjugate", {"roller_distance": 120, "eccentricity": 0}, 70, "height over the cam's"),
+        (
+            "conjugate",
+            {"roller_distance": 120, "eccentricity": 0},
+            70,
+            "distance from the axis is -",
+        ),
     ],
 )
 def test_a_cam_that_cannot_exist_is_refused(kind, numbers, lift, words):
@@ -106,6 +112,40 @@ def test_out_of_reach_of_the_base_circle(kind, numbers, words):
     with pytest.raises(ProfileError, match=re.escape(words)) as caught:
         check_cam(made.cam, made.law)
     assert str(caught.value).startswith(f"cam '{kind}': ")
+
+
+@pytest.mark.parametrize(
+    ("kind", "numbers", "depth"),
+    [
+        ("flat", {"base_radius": 12, "eccentricity": 0}, 20),
+        ("inclined_flat", {"base_radius": 12, "eccentricity": 0}, 20),
+        ("oscillating_flat", {"base_radius": 12, "face_offset": 0}, 20),
+        ("roller", {"base_radius": 15, "roller_radius": 8, "eccentricity": 0}, 20),
+        ("oscillating_roller", {"base_radius": 15, "roller_radius": 60, "pivot_distance": 120}, 30),
+        ("point", {"base_radius": 15, "eccentricity": 0}, 20),
+    ],
+)
+def test_a_cam_has_its_shaft_inside(kind, numbers, depth):
+    """Shapely has the axis outside where the check fails, inside on the base radius it names.
+
+    Down from the base circle and up again, gently: the curvature of each is right.
+    """
+    down = [("cycloidal", 180, -1), ("cycloidal", 180, 0)]
+    made = make(kind, down, lift=depth, **numbers)
+    (contour,) = contours(made.cam.follower, made.law, 3600)
+    assert not Polygon(contour.points.T).buffer(0).contains(Point(0.0, 0.0))
+    (check,) = named(made, "distance from the axis")
+    assert not check.passed
+    assert check.vital
+    assert check.degrees == pytest.approx(180.0)
+    with pytest.raises(ProfileError, match=r"axis is -[\d.]+ mm at 180°; allowed: more than 0 mm"):
+        require_profile(made.cam, made.law)
+    least = least_base_radius(made.cam.follower, made.law)
+    assert least is not None
+    above = make(kind, down, lift=depth, **numbers | {"base_radius": 1001 * least})
+    assert named(above, "distance from the axis")[0].passed
+    (contour,) = contours(above.cam.follower, above.law, 3600)
+    assert Polygon(contour.points.T).contains(Point(0.0, 0.0))
 
 
 @pytest.mark.parametrize("kind", ["constant_breadth", "constant_diameter"])
@@ -185,7 +225,7 @@ def test_least_base_radius_is_where_the_cusp_is(made):
     below = make(kind, segments, base_radius=least * 1e3 * 0.999)
     try:
         undercut = [c for c in named(below, "convex radius of curvature") if c.value <= 0.0]
-        low = [c for c in named(below, "height over the cam's axis") if not c.passed]
+        low = [c for c in named(below, "distance from the axis") if not c.passed]
     except ProfileError:
         return
     assert undercut or low
