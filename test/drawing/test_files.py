@@ -11,6 +11,7 @@ from cam_rig.drawing.dxf import read_dxf, write_dxf, write_svg
 from cam_rig.drawing.table import HEADER, read_contour, write_contour, write_law
 from cam_rig.errors import ProfileError
 from cam_rig.profile import contours, discs, turn_angles
+from cam_rig.profile.face import GuidedFace
 from cam_rig.profile.measure import closed_curve, rest
 from cam_rig.profile.path import contour_paths
 from cam_rig.profile.polyline import polyline
@@ -127,6 +128,39 @@ def test_dxf_of_others(tmp_path, unit, factor):
     one, two = read_dxf(tmp_path / "b.dxf")
     np.testing.assert_allclose(one, factor * circle.T, rtol=0, atol=1e-12)
     np.testing.assert_allclose(np.hypot(*two), factor, rtol=2e-3)
+
+
+@pytest.mark.parametrize("kind", ["LWPOLYLINE", "POLYLINE"])
+def test_arcs_of_a_polyline_are_arcs(tmp_path, kind):
+    """A stadium of two straight sides and two half circles (bulge 1), 12 mm round, 30 mm long.
+
+    A face on it stands where the farthest circle's centre puts it: R + |L/2 cos| exactly.
+    """
+    document = ezdxf.new("R2010", units=units.MM)
+    corners = [(-15.0, -12.0, 0.0), (15.0, -12.0, 1.0), (15.0, 12.0, 0.0), (-15.0, 12.0, 1.0)]
+    space = document.modelspace()
+    if kind == "LWPOLYLINE":
+        space.add_lwpolyline(corners, format="xyb", close=True)
+    else:
+        space.add_polyline2d(corners, format="xyb", close=True)
+    document.saveas(tmp_path / "a.dxf")
+    (outline,) = read_dxf(tmp_path / "a.dxf")
+    x, y = outline
+    off = np.hypot(np.maximum(np.abs(x) - 0.015, 0.0), y) - 0.012
+    assert np.abs(off).max() < 2e-9
+    height = rest(GuidedFace(0.0, 0.0, 0.0), closed_curve(outline), ANGLES)
+    np.testing.assert_allclose(height, 0.012 + 0.015 * np.abs(np.sin(ANGLES)), rtol=0, atol=3e-9)
+
+
+def test_a_mirrored_polyline_is_read_where_it_is(tmp_path):
+    """CAD mirrors by turning the plane of a polyline over (extrusion −z): x changes its sign."""
+    document = ezdxf.new("R2010", units=units.MM)
+    corners = [(1.0, 0.0), (2.0, 0.0), (2.0, 1.0)]
+    attributes = {"extrusion": (0.0, 0.0, -1.0)}
+    document.modelspace().add_lwpolyline(corners, close=True, dxfattribs=attributes)
+    document.saveas(tmp_path / "a.dxf")
+    (outline,) = read_dxf(tmp_path / "a.dxf")
+    np.testing.assert_allclose(outline.T, [(-1e-3, 0.0), (-2e-3, 0.0), (-2e-3, 1e-3)], atol=1e-18)
 
 
 def test_law_table(tmp_path):
