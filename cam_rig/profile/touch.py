@@ -19,6 +19,10 @@ from cam_rig.profile.motion import Motion
 
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
 
+#: A curve that bends by less, in rad over its own distance from the axis, is straight: what is
+#: left of a straight flank's curvature is rounding, a thousandth of this.
+STRAIGHT = 1e-10
+
 
 @dataclass(frozen=True, eq=False)
 class Touch:
@@ -103,11 +107,12 @@ def offset_curve(
 
     Returns
     -------
-    contact, outward normal, radius, rate, pitch curvature
+    contact, outward normal, radius, rate, pitch curvature (0 where it is rounding: straight)
     """
     speed = np.abs(tangent)
     normal = 1j * tangent / speed
     curvature = -(tangent.conj() * second).imag / speed**3
+    curvature = np.where(np.abs(curvature * centre) < STRAIGHT, 0.0, curvature)
     shrunk = 1.0 - roller * curvature
     with np.errstate(divide="ignore"):
         radius = np.where(curvature == 0.0, np.inf, shrunk / curvature)

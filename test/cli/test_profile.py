@@ -51,6 +51,22 @@ def test_all_shipped_cams_pass():
     assert (pressure["limit"], pressure["unit"]) == (pytest.approx(30.0), "°")
 
 
+def test_the_table_of_all_fits_80_columns():
+    """Every cam on one line with all its numbers, none cut; a straight flank has no radius.
+
+    TM21's numbers are the theses' cam's; "–" is what a cam has not.
+    """
+    lines = call("--all").stderr.splitlines()
+    names = {path.stem for path in (config_root() / "cams").glob("*.yaml")}
+    rows = {line.split()[0]: line.split() for line in lines if line.split()[:1] != ["–:"] and line}
+    assert names <= set(rows)
+    assert rows["tm21"] == ["tm21", "13.53", "507.7", "19.09", "20", "3.785", "7", "ok"]
+    assert rows["arcs_straight"] == ["arcs_straight", "12", "–", "29.9", "25", "6.288", "6", "ok"]
+    table = lines[: 1 + max(i for i, line in enumerate(lines) if line.startswith("worked"))]
+    assert not any("…" in line for line in table)
+    assert all(len(line) <= 80 for line in lines if "allowed" not in line)
+
+
 def test_a_failing_check_is_code_1(undercut):
     """The table says which; the line below says why and what to do."""
     result = call(undercut)

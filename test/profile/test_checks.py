@@ -64,6 +64,20 @@ def test_concave_radius_is_pitch_radius_and_roller(cams, laws):
     assert 122.73 <= start <= 140.71
 
 
+def test_a_straight_flank_is_not_concave(cams, laws):
+    """A straight line under a roller: what is left of its curvature is rounding, so no radius."""
+    cam, law = cams["arcs_straight"], laws["arcs_straight"]
+    (contour,) = contours(cam.follower, law, 3600)
+    assert sharpest_concave(Scan(law, contour.disc.element)) is None
+    straight = np.isinf(contour.radius)
+    assert 20 < straight.sum() < 720
+    chord = contour.points[:, straight & (contour.angle < np.pi)]
+    (x, y), (dx, dy) = chord - chord[:, :1], chord[:, -1] - chord[:, 0]
+    off = (dx * y - dy * x) / np.hypot(dx, dy)
+    assert np.abs(off).max() < 1e-12
+    assert np.abs(contour.radius[~straight]).max() < 1.0
+
+
 def test_greatest_between_finds_an_end():
     """The greatest value may be at the edge of a piece."""
     found = greatest_between(lambda x: x, np.array([0.0, 1.0, 2.0]))
