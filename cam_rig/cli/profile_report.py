@@ -35,6 +35,9 @@ def show(found: Found) -> None:
         for check in checks:
             if not check.passed:
                 console.print(f"{cam.name}: {check}", markup=False, soft_wrap=True)
+        if cam.cannot_be_made is not None:
+            words = f"{cam.name}: its file says that it cannot be made: {cam.cannot_be_made}"
+            console.print(words, markup=False, soft_wrap=True)
 
 
 def warn(cam: CamConfig, checks: list[Check], force: bool) -> None:
@@ -105,6 +108,7 @@ def to_json(found: Found) -> dict[str, Any]:
         cam.name: {
             "follower": cam.follower.type,
             "passed": all(check.passed for check in checks),
+            "cannot_be_made": cam.cannot_be_made,
             "checks": [_entry(check) for check in checks],
         }
         for cam, _, checks in found
