@@ -14,7 +14,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from cam_rig.errors import CamRigError, OutputError
+from cam_rig.errors import CamRigError, ConfigError, OutputError
 from cam_rig.schema.load import config_root
 
 #: People read stderr, programs read stdout.
@@ -103,7 +103,7 @@ def writing(path: Path) -> Iterator[Path]:
 def check_outputs(json_target: str | None, plot: Path | None) -> None:
     """Refuse, before anything runs, what could not be written afterwards."""
     if plot is not None and plot.suffix.lower() not in PICTURES:
-        raise OutputError(f"{plot}: unknown kind of picture; allowed: {', '.join(PICTURES)}")
+        raise ConfigError(f"{plot}: unknown kind of picture; allowed: {', '.join(PICTURES)}")
     asked = [plot, None if json_target in (None, "-") else Path(str(json_target))]
     for target in (path for path in asked if path is not None):
         check_place(target)

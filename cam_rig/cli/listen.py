@@ -17,7 +17,7 @@ from cam_rig.cli.console import (
     write_json,
     writing,
 )
-from cam_rig.errors import OutputError
+from cam_rig.errors import ConfigError
 
 if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
     from cam_rig.acoustics.recording import Measurement
@@ -63,7 +63,7 @@ def listen(
 
         check_outputs(json_target, None)
         if out.suffix.lower() != ".wav":
-            raise OutputError(f"{out}: unknown kind of sound file; allowed: .wav")
+            raise ConfigError(f"{out}: unknown kind of sound file; allowed: .wav")
         check_place(out)
         stage = audition(open_stage(scene_path(scene)), cam, rpm, seconds, RATE)
         source = SoundSource(stage.radiation, RATE, least_rate=RATE)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cam_rig.cli.console import check_outputs, console, writing
-from cam_rig.errors import OutputError
+from cam_rig.errors import ConfigError, OutputError
 
 if TYPE_CHECKING:
     from cam_rig.laws import Law
@@ -41,20 +41,26 @@ class Request:
 
         Raises
         ------
-        OutputError : several cams for one file, an unknown kind of file, no file at all
+        ConfigError : several cams for one file, an unknown kind of file, no file at all, a radius
+            or a tolerance that is none
+        OutputError : no file can be written there
         """
         files = self.out is not None or self.source is not None or drawing
         if files and cams != 1:
-            raise OutputError(f"{cams} cams for one file; allowed: one cam with --out or --plot")
+            raise ConfigError(f"{cams} cams for one file; allowed: one cam with --out or --plot")
         if (self.pitch or self.cutter is not None) and self.out is None:
-            raise OutputError("--pitch and --cutter need --out FILE: they say what is written")
+            raise ConfigError("--pitch and --cutter need --out FILE: they say what is written")
         if self.pitch and self.cutter is not None:
-            raise OutputError("--pitch and --cutter are two paths; allowed: one of them")
+            raise ConfigError("--pitch and --cutter are two paths; allowed: one of them")
         if self.cutter is not None and not 0.0 < self.cutter < 1e5:
-            raise OutputError(f"--cutter is {self.cutter:g} mm; allowed: more than 0 mm")
+            raise ConfigError(f"--cutter is {self.cutter:g} mm; allowed: more than 0 mm")
+        if not self.tolerance >= FINEST_UM:
+            raise ConfigError(
+                f"--tolerance is {self.tolerance:g} µm; allowed: at least {FINEST_UM:g} µm"
+            )
         if self.source is not None:
             if drawing or self.pitch or self.cutter is not None:
-                raise OutputError("--from measures; allowed with it: --out FILE.csv for the law")
+                raise ConfigError("--from measures; allowed with it: --out FILE.csv for the law")
             _suffix(self.source, READABLE)
         if self.out is not None:
             _suffix(self.out, TABLES if self.source is not None else (*DRAWINGS, *TABLES))
@@ -66,7 +72,7 @@ def _suffix(path: Path, allowed: tuple[str, ...]) -> None:
         hint = ""
         if path.suffix.lower() in (".step", ".stp"):
             hint = " (no STEP: import the DXF into CAD and extrude it)"
-        raise OutputError(f"{path}: unknown kind of file; allowed: {', '.join(allowed)}{hint}")
+        raise ConfigError(f"{path}: unknown kind of file; allowed: {', '.join(allowed)}{hint}")
 
 
 def write(request: Request, cam: CamConfig, law: Law, force: bool) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from scipy.optimize import brentq
 
-from cam_rig.errors import ProfileError
+from cam_rig.errors import ReachError
 from cam_rig.laws import Law
 from cam_rig.profile.curvature import sharpest_convex
 from cam_rig.profile.disc import Disc, discs
@@ -59,7 +59,7 @@ def _plates(follower: Follower, law: Law, base: float) -> tuple[Disc, ...]:
     """The discs on another base radius; none where the follower does not reach."""
     try:
         plates = discs(follower, law, base)
-    except ProfileError:
+    except ReachError:
         return ()
     clear = all(least_clearance(disc.element, law).value > 0.0 for disc in plates)
     return plates if clear else ()

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cam_rig.errors import ProfileError
+from cam_rig.errors import ReachError
 from cam_rig.laws.bernstein import FloatArray
 from cam_rig.profile.motion import Motion
 from cam_rig.profile.touch import ComplexArray, Element, Touch
@@ -103,11 +103,11 @@ class SwungFace(Element):
 
         Raises
         ------
-        ProfileError : the face cannot reach it
+        ReachError : the face cannot reach it
         """
         reach = base_radius - offset
         if abs(reach) >= pivot:
-            raise ProfileError(
+            raise ReachError(
                 f"out of reach at the base circle: its radius less the face's offset is "
                 f"{reach * 1e3:.6g} mm; allowed: less than the pivot's distance, "
                 f"{pivot * 1e3:.6g} mm"

@@ -52,7 +52,7 @@ def test_other_cams_and_ways(tmp_path):
         (["--from-rest", "-1"], 1, "the run from rest lasts -1 s; allowed: above 0"),
         (["--steady", "--ramp", "100"], 2, "allowed: one of them"),
         (["poly345", "--refit"], 2, "needed: bezier15, poly345, poly4567, cycloidal"),
-        (["poly345", "--plot", "{tmp}/a.xyz"], 1, "unknown kind of picture"),
+        (["poly345", "--plot", "{tmp}/a.xyz"], 2, "unknown kind of picture"),
     ],
 )
 def test_refusals(tmp_path, arguments, code, words):

@@ -82,8 +82,8 @@ def test_law_as_csv(laws):
     ("arguments", "code", "words"),
     [
         (["law", "no_such_cam"], 2, "no_such_cam.yaml: no such file; there are: "),
-        (["law", "poly345", "--out", "{tmp}/a.xyz"], 1, "unknown kind of picture; allowed: .png"),
-        (["law", "poly345", "--out", "{tmp}"], 1, "unknown kind of picture"),
+        (["law", "poly345", "--out", "{tmp}/a.xyz"], 2, "unknown kind of picture; allowed: .png"),
+        (["law", "poly345", "--out", "{tmp}"], 2, "unknown kind of picture"),
         (["law"], 2, "Missing argument"),
         (["laws", "--json", "{tmp}"], 1, "cannot be written"),
     ],

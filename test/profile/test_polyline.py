@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from shapely import LinearRing, distance, points, prepare
 
-from cam_rig.errors import ProfileError
+from cam_rig.errors import ConfigError, ProfileError
 from cam_rig.profile.path import contour_paths, cutter_paths, pitch_paths
 from cam_rig.profile.polyline import polyline
 
@@ -81,5 +81,5 @@ def test_cutter_too_large_for_a_hollow(cams, laws):
 def test_a_face_has_no_pitch_curve():
     """It has no centre; its cutter's path is asked for by the cutter's radius."""
     made = make("flat", UNEVEN)
-    with pytest.raises(ProfileError, match="a flat follower has no pitch curve; allowed: "):
+    with pytest.raises(ConfigError, match="a flat follower has no pitch curve; allowed: "):
         pitch_paths(made.cam.follower, made.law)
