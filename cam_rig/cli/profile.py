@@ -84,14 +84,14 @@ def profile(
     cam-rig profile poly345 --from out/cam.dxf --out out/law.csv
     """
     with user_errors():
-        from cam_rig.cli import profile_files, profile_report
+        from cam_rig.cli import profile_files, profile_measure, profile_report
 
         check_outputs(json_target, plot)
         request = profile_files.Request(out, pitch, cutter, tolerance, points, source)
         found = _checked(_paths(cams or [], every))
         request.require(len(found), drawing=plot is not None)
         if source is not None:
-            profile_files.measure(request, found[0][0], found[0][1])
+            profile_measure.run(request, found[0][0], found[0][1], json_target)
             return
         if out is not None or plot is not None:
             _draw(request, found, plot, force)

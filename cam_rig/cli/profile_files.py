@@ -1,4 +1,4 @@
-"""The files of ``cam-rig profile``: contours and paths written, contours measured."""
+"""The files of ``cam-rig profile``: what is asked for, and contours and paths written."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cam_rig.cli.console import check_outputs, console, writing
-from cam_rig.errors import ConfigError, OutputError
+from cam_rig.errors import ConfigError
 
 if TYPE_CHECKING:
     from cam_rig.laws import Law
-    from cam_rig.laws.bernstein import FloatArray
     from cam_rig.profile.path import Path as Curve
     from cam_rig.schema import CamConfig
 
@@ -21,8 +20,6 @@ READABLE = (".dxf", ".csv")
 SVG_ROUNDING = 0.1
 #: A finer tolerance would ask for millions of points, µm.
 FINEST_UM = 1e-4
-#: Cam angles at which a follower is read on the contour of a file.
-READINGS = 720
 
 
 @dataclass(frozen=True)
@@ -112,45 +109,3 @@ def _curves(request: Request, cam: CamConfig, law: Law, force: bool) -> list[Cur
         for curve in curves:
             curve.require_room()
     return curves
-
-
-def measure(request: Request, cam: CamConfig, law: Law) -> None:
-    """Put the cam's follower on the contour of a file, and compare with the cam's law."""
-    import numpy as np
-
-    from cam_rig.drawing import table
-    from cam_rig.profile import turn_angles
-    from cam_rig.profile.disc import discs
-    from cam_rig.profile.measure import closed_curve, rest
-
-    assert request.source is not None
-    contours = _read(request.source)
-    plates = discs(cam.follower, law)
-    if len(contours) != len(plates):
-        raise OutputError(
-            f"{request.source}: has {len(contours)} closed curves; allowed: {len(plates)}, one "
-            f"for each contour of a {cam.follower.type} follower"
-        )
-    angle = turn_angles(READINGS)
-    for disc, points in zip(plates, contours, strict=True):
-        lift = rest(disc.element, closed_curve(points), angle)
-        error = lift - law(angle)
-        worst = int(np.argmax(np.abs(error)))
-        name = f"{disc.name} cam: " if disc.name else ""
-        console.print(
-            f"{name}{points.shape[1]} points, lift {np.ptp(lift) * 1e3:.6g} mm; from the law of "
-            f"{cam.name}: {error[worst] * 1e6:+.3g} µm at {np.degrees(angle[worst]):g}°, "
-            f"{np.sqrt(np.mean(error**2)) * 1e6:.3g} µm RMS",
-            markup=False,
-            soft_wrap=True,
-        )
-        if request.out is not None and disc is plates[0]:
-            with writing(request.out) as part:
-                table.write_law(part, angle, lift)
-            console.print(f"law: {request.out}", soft_wrap=True)
-
-
-def _read(source: Path) -> list[FloatArray]:
-    from cam_rig.drawing import dxf, table
-
-    return dxf.read_dxf(source) if source.suffix.lower() == ".dxf" else table.read_contour(source)

@@ -137,6 +137,34 @@ def test_there_and_back(tmp_path, suffix):
     assert float(rows[360].split(",")[1]) == pytest.approx(18.0, abs=1e-6)
 
 
+def test_a_measurement_as_json(tmp_path):
+    """What the line says, for programs: one entry a contour, the lift of the cam in it."""
+    assert call("conjugate", "--out", tmp_path / "a.csv").exit_code == 0
+    result = call("conjugate", "--from", tmp_path / "a.csv", "--json", "-")
+    assert result.exit_code == 0
+    data = json.loads(result.stdout)["conjugate"]
+    assert data["from"] == str(tmp_path / "a.csv")
+    assert [one["disc"] for one in data["contours"]] == ["first", "second"]
+    for one in data["contours"]:
+        assert one["points"] == 3600
+        assert one["lift_mm"] == pytest.approx(18.0, abs=1e-6)
+        assert 0.0 < one["rms_error_um"] <= abs(one["largest_error_um"]) < 1e-3
+        assert f"{one['largest_error_um']:+.3g} µm at {one['at_deg']:g}°" in result.stderr
+
+
+def test_a_contour_that_is_none_is_measured_with_a_warning(tmp_path):
+    """200 of 360 rows, and rows in no order: measured, and said what is wrong with them."""
+    assert call("flat", "--points", "360", "--out", tmp_path / "a.csv").exit_code == 0
+    header, *rows = (tmp_path / "a.csv").read_text().splitlines()
+    shuffled = [rows[i] for i in np.random.default_rng(1).permutation(360)]
+    for some, words in ((rows, ""), (rows[:200], "points 200 and 1 are"), (shuffled, "crosses")):
+        (tmp_path / "b.csv").write_text("\n".join([header, *some]))
+        result = call("flat", "--from", tmp_path / "b.csv")
+        assert result.exit_code == 0
+        assert ("b.csv: " in result.stderr) == bool(words)
+        assert words in result.stderr
+
+
 def test_another_cams_contour_is_measured_too(tmp_path):
     """The follower reads what the contour gives, and says how far that is from the law."""
     call("poly4567", "--out", tmp_path / "a.csv")
