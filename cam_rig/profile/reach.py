@@ -29,7 +29,7 @@ def reach_checks(scan: Scan) -> Iterator[Check]:
     yield _around_the_axis(element, law)
     if isinstance(element, SwungCentre | SwungFace):
         yield from _arm(element, law)
-        yield _clear_of_the_pivot(scan, element.pivot)
+    yield from pivot_checks(scan)
     if isinstance(element, SwungFace):
         yield _turning(element, law)
 
@@ -65,13 +65,16 @@ def _arm(element: SwungCentre | SwungFace, law: Law) -> Iterator[Check]:
         yield Check("angle of the arm", swing, relation, limit, "°", extreme.angle, remedy)
 
 
-def _clear_of_the_pivot(scan: Scan, pivot: float) -> Check:
+def pivot_checks(scan: Scan) -> Iterator[Check]:
+    """That the cam does not cut the pivot of an arm."""
+    if not isinstance(scan.element, SwungCentre | SwungFace):
+        return
     farthest = scan.greatest(lambda touch: np.abs(touch.contact))
-    return Check(
+    yield Check(
         "largest radius of the cam",
         farthest.value,
         "less than",
-        pivot,
+        scan.element.pivot,
         "mm",
         farthest.angle,
         "the cam would cut the pivot: let pivot_distance be longer",

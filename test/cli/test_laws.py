@@ -104,5 +104,5 @@ def test_a_cam_that_cannot_be_names_its_file(tmp_path, config_dir):
     path.write_text(text.replace("assumed: 80", "assumed: 20"), encoding="utf-8")
     result = call("law", path, "--out", tmp_path / "a.png")
     assert result.exit_code == 2
-    assert result.stderr.startswith(f"cam-rig: {path}: cam 'arcs_convex': arcs[1]: radius 0.02 m")
+    assert result.stderr.startswith(f"cam-rig: {path}: cam 'arcs_convex': arcs[1]: radius 20 mm")
     assert not (tmp_path / "a.png").exists()

@@ -205,6 +205,25 @@ def test_a_neck_narrower_than_the_roller():
         require_profile(made.cam, made.law)
 
 
+def test_no_base_radius_is_named_that_would_cut_the_pivot():
+    """An arm near its cam: free of undercut only where the cam is at the pivot already."""
+    numbers = {"base_radius": 40, "roller_radius": 9, "pivot_distance": 90, "arm": 75}
+    far = [("dwell", 90, None), ("cycloidal", 110, 1), ("dwell", 50, None), ("cycloidal", 110, 0)]
+    made = make("oscillating_roller", far, lift=200, **numbers)
+    (check,) = named(made, "convex radius of curvature")
+    assert not check.passed
+    assert check.remedy.startswith("no base_radius would do: let the spans be longer")
+    assert least_base_radius(made.cam.follower, made.law) is None
+    for base in range(41, 130):
+        other = make("oscillating_roller", far, lift=200, **numbers | {"base_radius": base})
+        try:
+            assert any(
+                check.vital and not check.passed for check in check_cam(other.cam, other.law)
+            )
+        except ProfileError:
+            return
+
+
 def test_pressure_angle_limit_is_the_files():
     """30° for a guide, 45° for a pivot, or what the file says; too steep is bad, not impossible."""
     for kind, usual in (("roller", 30.0), ("oscillating_point", 45.0)):
