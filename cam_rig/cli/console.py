@@ -37,26 +37,25 @@ def user_errors() -> Iterator[None]:
 
 def scene_path(scene: str) -> Path:
     """A scene by its path, or by its name in ``config/scenes``."""
-    path = Path(scene)
-    if path.suffix in (".yaml", ".yml") or path.is_file():
-        return path
-    return config_root() / "scenes" / f"{scene}.yaml"
+    return _named("scenes", scene)
 
 
 def cam_path(cam: str) -> Path:
     """A cam by its path, or by its name in ``config/cams``."""
-    path = Path(cam)
-    if path.suffix in (".yaml", ".yml") or path.is_file():
-        return path
-    return config_root() / "cams" / f"{cam}.yaml"
+    return _named("cams", cam)
 
 
 def rig_path(rig: str) -> Path:
     """A rig by its path, or by its name in ``config/rigs``."""
-    path = Path(rig)
-    if path.suffix in (".yaml", ".yml") or path.is_file():
+    return _named("rigs", rig)
+
+
+def _named(folder: str, name: str) -> Path:
+    """A path is taken as it is; a word without a folder and a suffix is a shipped file's name."""
+    path = Path(name)
+    if path.name != name or path.suffix in (".yaml", ".yml") or path.is_file():
         return path
-    return config_root() / "rigs" / f"{rig}.yaml"
+    return config_root() / folder / f"{name}.yaml"
 
 
 def tables_path() -> Path:
