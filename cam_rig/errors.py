@@ -13,7 +13,7 @@ class CamRigError(Exception):
 
 
 class ConfigError(CamRigError):
-    """A YAML file is wrong: the message names file, key, value and what is allowed."""
+    """A YAML file or an argument is wrong: the message names it, the value and what is allowed."""
 
     exit_code = 2
 
@@ -26,6 +26,12 @@ class LawError(CamRigError):
 
 class ProfileError(CamRigError):
     """A cam cannot have this shape: the message gives the angle, the value and the limit."""
+
+
+class ReachError(ProfileError):
+    """A follower does not even reach the base circle with the numbers of its file."""
+
+    exit_code = 2
 
 
 class DynamicsError(CamRigError):

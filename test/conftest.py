@@ -17,7 +17,7 @@ from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
 _DOMAINS = count()
 CONFIG = Path(__file__).parents[1] / "config"
 CAM_NAMES = sorted(path.stem for path in (CONFIG / "cams").glob("*.yaml"))
-#: Cams whose velocity jumps: no follower can stay on them, so no model takes them.
+#: Cams whose velocity jumps: no follower can stay on them, so few models take them.
 VELOCITY_JUMPS = {"worked_example_constant_velocity"}
 
 

@@ -14,7 +14,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from cam_rig.errors import CamRigError, OutputError
+from cam_rig.errors import CamRigError, ConfigError, OutputError
 from cam_rig.schema.load import config_root
 
 #: People read stderr, programs read stdout.
@@ -50,17 +50,18 @@ def rig_path(rig: str) -> Path:
     return _named("rigs", rig)
 
 
-def _named(folder: str, given: str) -> Path:
-    path = Path(given)
-    if path.suffix in (".yaml", ".yml") or exists(path):
+def _named(folder: str, name: str) -> Path:
+    """A path is taken as it is; a word without a folder and a suffix is a shipped file's name."""
+    path = Path(name)
+    if path.name != name or path.suffix in (".yaml", ".yml") or is_file(path):
         return path
-    return config_root() / folder / f"{given}.yaml"
+    return config_root() / folder / f"{name}.yaml"
 
 
-def exists(path: Path) -> bool:
-    """Whether there is something at a path; a name that no file can have is not there."""
+def is_file(path: Path) -> bool:
+    """Whether there is a file at a path; a name that no file can have is none."""
     try:
-        return path.exists()
+        return path.is_file()
     except OSError:
         return False
 
@@ -109,7 +110,7 @@ def writing(path: Path) -> Iterator[Path]:
 def check_outputs(json_target: str | None, plot: Path | None) -> None:
     """Refuse, before anything runs, what could not be written afterwards."""
     if plot is not None and plot.suffix.lower() not in PICTURES:
-        raise OutputError(f"{plot}: unknown kind of picture; allowed: {', '.join(PICTURES)}")
+        raise ConfigError(f"{plot}: unknown kind of picture; allowed: {', '.join(PICTURES)}")
     asked = [plot, None if json_target in (None, "-") else Path(str(json_target))]
     for target in (path for path in asked if path is not None):
         check_place(target)

@@ -17,7 +17,7 @@ from cam_rig.cli.console import (
     write_json,
     writing,
 )
-from cam_rig.errors import ConfigError, OutputError
+from cam_rig.errors import ConfigError
 
 if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
     from cam_rig.acoustics.recording import Measurement
@@ -66,7 +66,7 @@ def listen(
 
         check_outputs(json_target, None)
         if out.suffix.lower() != ".wav":
-            raise OutputError(f"{out}: unknown kind of sound file; allowed: .wav")
+            raise ConfigError(f"{out}: unknown kind of sound file; allowed: .wav")
         check_place(out)
         if seconds is not None and rpm is None:
             raise ConfigError(

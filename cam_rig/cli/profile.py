@@ -67,7 +67,8 @@ def profile(
 ) -> None:
     """Check a cam's contour: undercut, curvature, pressure angle, reach. Draw it, or measure one.
 
-    The code is 1 when a check fails. With --from the cam's follower is put on the contour of a
+    The code is 1 when a check fails; with --all a cam does not count whose file says that it
+    cannot_be_made, and why. With --from the cam's follower is put on the contour of a
     file and read at every angle; --out then writes that law as CSV.
 
     Examples
@@ -83,14 +84,14 @@ def profile(
     cam-rig profile poly345 --from out/cam.dxf --out out/law.csv
     """
     with user_errors():
-        from cam_rig.cli import profile_files, profile_report
+        from cam_rig.cli import profile_files, profile_measure, profile_report
 
         check_outputs(json_target, plot)
         request = profile_files.Request(out, pitch, cutter, tolerance, points, source)
         found = _checked(_paths(cams or [], every))
         request.require(len(found), drawing=plot is not None)
         if source is not None:
-            profile_files.measure(request, found[0][0], found[0][1])
+            profile_measure.run(request, found[0][0], found[0][1], json_target)
             return
         if out is not None or plot is not None:
             _draw(request, found, plot, force)
@@ -98,8 +99,14 @@ def profile(
             write_json(profile_report.to_json(found), json_target)
         if out is None and plot is None:
             profile_report.show(found)
-            if not all(check.passed for _, _, checks in found for check in checks):
+            if _any_fails(found, every):
                 raise typer.Exit(1)
+
+
+def _any_fails(found: Found, every: bool) -> bool:
+    """Whether a check fails; of all cams, one that is not meant to: see ``cannot_be_made``."""
+    asked = [checks for cam, _, checks in found if not (every and cam.cannot_be_made)]
+    return not all(check.passed for checks in asked for check in checks)
 
 
 def _draw(request: Request, found: Found, plot: Path | None, force: bool) -> None:

@@ -1,4 +1,4 @@
-"""The files of ``cam-rig profile``: contours and paths written, contours measured."""
+"""The files of ``cam-rig profile``: what is asked for, and contours and paths written."""
 
 from __future__ import annotations
 
@@ -7,18 +7,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cam_rig.cli.console import check_outputs, console, writing
-from cam_rig.errors import OutputError
+from cam_rig.errors import ConfigError
 
 if TYPE_CHECKING:
     from cam_rig.laws import Law
-    from cam_rig.laws.bernstein import FloatArray
     from cam_rig.profile.path import Path as Curve
     from cam_rig.schema import CamConfig
 
 DRAWINGS, TABLES = (".dxf", ".svg"), (".csv",)
 READABLE = (".dxf", ".csv")
-#: Cam angles at which a follower is read on the contour of a file.
-READINGS = 720
+#: Share of the tolerance that the digits of an SVG may take; a DXF has them all.
+SVG_ROUNDING = 0.1
+#: A finer tolerance would ask for millions of points, µm.
+FINEST_UM = 1e-4
 
 
 @dataclass(frozen=True)
@@ -37,20 +38,26 @@ class Request:
 
         Raises
         ------
-        OutputError : several cams for one file, an unknown kind of file, no file at all
+        ConfigError : several cams for one file, an unknown kind of file, no file at all, a radius
+            or a tolerance that is none
+        OutputError : no file can be written there
         """
         files = self.out is not None or self.source is not None or drawing
         if files and cams != 1:
-            raise OutputError(f"{cams} cams for one file; allowed: one cam with --out or --plot")
+            raise ConfigError(f"{cams} cams for one file; allowed: one cam with --out or --plot")
         if (self.pitch or self.cutter is not None) and self.out is None:
-            raise OutputError("--pitch and --cutter need --out FILE: they say what is written")
+            raise ConfigError("--pitch and --cutter need --out FILE: they say what is written")
         if self.pitch and self.cutter is not None:
-            raise OutputError("--pitch and --cutter are two paths; allowed: one of them")
+            raise ConfigError("--pitch and --cutter are two paths; allowed: one of them")
         if self.cutter is not None and not 0.0 < self.cutter < 1e5:
-            raise OutputError(f"--cutter is {self.cutter:g} mm; allowed: more than 0 mm")
+            raise ConfigError(f"--cutter is {self.cutter:g} mm; allowed: more than 0 mm")
+        if not self.tolerance >= FINEST_UM:
+            raise ConfigError(
+                f"--tolerance is {self.tolerance:g} µm; allowed: at least {FINEST_UM:g} µm"
+            )
         if self.source is not None:
             if drawing or self.pitch or self.cutter is not None:
-                raise OutputError("--from measures; allowed with it: --out FILE.csv for the law")
+                raise ConfigError("--from measures; allowed with it: --out FILE.csv for the law")
             _suffix(self.source, READABLE)
         if self.out is not None:
             _suffix(self.out, TABLES if self.source is not None else (*DRAWINGS, *TABLES))
@@ -62,7 +69,7 @@ def _suffix(path: Path, allowed: tuple[str, ...]) -> None:
         hint = ""
         if path.suffix.lower() in (".step", ".stp"):
             hint = " (no STEP: import the DXF into CAD and extrude it)"
-        raise OutputError(f"{path}: unknown kind of file; allowed: {', '.join(allowed)}{hint}")
+        raise ConfigError(f"{path}: unknown kind of file; allowed: {', '.join(allowed)}{hint}")
 
 
 def write(request: Request, cam: CamConfig, law: Law, force: bool) -> None:
@@ -78,8 +85,12 @@ def write(request: Request, cam: CamConfig, law: Law, force: bool) -> None:
             table.write_contour(part, curves, request.points)
             words = f"{request.points} points"
         else:
-            lines = {curve.name: polyline(curve, tolerance) for curve in curves}
-            (dxf.write_dxf if kind == ".dxf" else dxf.write_svg)(part, lines)
+            rounding = SVG_ROUNDING * tolerance if kind == ".svg" else 0.0
+            lines = {curve.name: polyline(curve, tolerance - rounding) for curve in curves}
+            if kind == ".svg":
+                dxf.write_svg(part, lines, rounding)
+            else:
+                dxf.write_dxf(part, lines)
             counts = " and ".join(str(line.shape[1]) for line in lines.values())
             words = f"{counts} points, chord error at most {request.tolerance:g} µm"
     names = " and ".join(curve.name for curve in curves)
@@ -98,45 +109,3 @@ def _curves(request: Request, cam: CamConfig, law: Law, force: bool) -> list[Cur
         for curve in curves:
             curve.require_room()
     return curves
-
-
-def measure(request: Request, cam: CamConfig, law: Law) -> None:
-    """Put the cam's follower on the contour of a file, and compare with the cam's law."""
-    import numpy as np
-
-    from cam_rig.drawing import table
-    from cam_rig.profile import turn_angles
-    from cam_rig.profile.disc import discs
-    from cam_rig.profile.measure import closed_curve, rest
-
-    assert request.source is not None
-    contours = _read(request.source)
-    plates = discs(cam.follower, law)
-    if len(contours) != len(plates):
-        raise OutputError(
-            f"{request.source}: has {len(contours)} closed curves; allowed: {len(plates)}, one "
-            f"for each contour of a {cam.follower.type} follower"
-        )
-    angle = turn_angles(READINGS)
-    for disc, points in zip(plates, contours, strict=True):
-        lift = rest(disc.element, closed_curve(points), angle)
-        error = lift - law(angle)
-        worst = int(np.argmax(np.abs(error)))
-        name = f"{disc.name} cam: " if disc.name else ""
-        console.print(
-            f"{name}{points.shape[1]} points, lift {np.ptp(lift) * 1e3:.6g} mm; from the law of "
-            f"{cam.name}: {error[worst] * 1e6:+.3g} µm at {np.degrees(angle[worst]):g}°, "
-            f"{np.sqrt(np.mean(error**2)) * 1e6:.3g} µm RMS",
-            markup=False,
-            soft_wrap=True,
-        )
-        if request.out is not None and disc is plates[0]:
-            with writing(request.out) as part:
-                table.write_law(part, angle, lift)
-            console.print(f"law: {request.out}", soft_wrap=True)
-
-
-def _read(source: Path) -> list[FloatArray]:
-    from cam_rig.drawing import dxf, table
-
-    return dxf.read_dxf(source) if source.suffix.lower() == ".dxf" else table.read_contour(source)

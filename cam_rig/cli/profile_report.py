@@ -20,10 +20,12 @@ if TYPE_CHECKING:
 
 #: Checks that the table of several cams shows, and its headings for them.
 COLUMNS = {
-    "convex radius of curvature": "convex\n\\[mm]",
-    "concave radius of curvature": "concave\n\\[mm]",
-    "pressure angle": "pressure\n\\[°]",
+    "convex radius of curvature": "convex",
+    "concave radius of curvature": "concave",
+    "pressure angle": "pressure",
 }
+#: What stands where a cam has no such number.
+NONE = "–"
 
 
 def show(found: Found) -> None:
@@ -33,6 +35,9 @@ def show(found: Found) -> None:
         for check in checks:
             if not check.passed:
                 console.print(f"{cam.name}: {check}", markup=False, soft_wrap=True)
+        if cam.cannot_be_made is not None:
+            words = f"{cam.name}: its file says that it cannot be made: {cam.cannot_be_made}"
+            console.print(words, markup=False, soft_wrap=True)
 
 
 def warn(cam: CamConfig, checks: list[Check], force: bool) -> None:
@@ -65,36 +70,36 @@ def _one(cam: CamConfig, law: Law, checks: list[Check]) -> Table:
 
 
 def _several(found: Found) -> Table:
-    from rich.box import SIMPLE
+    from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
     out = Table(
-        title="Least radii, greatest pressure angle, base radius and its least",
-        box=SIMPLE,
+        title="Least radii, base radius and its least in mm; greatest pressure angle in °",
+        caption=f"{NONE}: nothing to check, or no least one found; all checks: one cam, or --json",
+        box=SIMPLE_HEAD,
         padding=0,
+        show_edge=False,
     )
     out.add_column("cam", no_wrap=True)
-    for heading in (*COLUMNS.values(), "base\n\\[mm]", "least\n\\[mm]"):
-        out.add_column(heading, justify="right")
-        if heading in COLUMNS.values():
-            out.add_column("at", justify="right", style="dim")
-    out.add_column("")
+    for heading in (*COLUMNS.values(), "base", "least"):
+        out.add_column(heading, justify="right", no_wrap=True)
+    out.add_column("", no_wrap=True)
     for cam, _, checks in found:
-        cells = [cell for name in COLUMNS for cell in _worst([c for c in checks if c.name == name])]
-        least = next((c.limit for c in checks if c.name == "base radius"), 0.0)
+        cells = [_worst([check for check in checks if check.name == name]) for name in COLUMNS]
+        least = next((f"{c.limit * 1e3:.4g}" for c in checks if c.name == "base radius"), NONE)
         base = cam.follower.base_radius.si
         failed = sum(not check.passed for check in checks)
         mark = f"[bold red]{failed} fail[/]" if failed else f"{len(checks)} ok"
-        out.add_row(cam.name, *cells, f"{base * 1e3:.4g}", f"{least * 1e3:.4g}", mark)
+        out.add_row(cam.name, *cells, f"{base * 1e3:.4g}", least, mark)
     return out
 
 
-def _worst(checks: list[Check]) -> tuple[str, str]:
-    """Value and angle of the check nearest to its limit, of two discs."""
+def _worst(checks: list[Check]) -> str:
+    """Value of the check nearest to its limit, of two discs."""
     if not checks:
-        return "", ""
+        return NONE
     worst = min(checks, key=lambda c: c.value * (1.0 if c.relation == "more than" else -1.0))
-    return f"{worst.value * FACTORS[worst.unit]:.4g}", f"{worst.degrees:.0f}°"
+    return f"{worst.value * FACTORS[worst.unit]:.4g}" if isfinite(worst.value) else NONE
 
 
 def to_json(found: Found) -> dict[str, Any]:
@@ -103,6 +108,7 @@ def to_json(found: Found) -> dict[str, Any]:
         cam.name: {
             "follower": cam.follower.type,
             "passed": all(check.passed for check in checks),
+            "cannot_be_made": cam.cannot_be_made,
             "checks": [_entry(check) for check in checks],
         }
         for cam, _, checks in found

@@ -51,13 +51,13 @@ def report(
     """
     with user_errors():
         from cam_rig.cli import report_json
-        from cam_rig.errors import OutputError
+        from cam_rig.errors import ConfigError
         from cam_rig.report import page
         from cam_rig.report.results import open_sources
         from cam_rig.report.sections import sections
 
         if out.suffix.lower() not in (".html", ".md"):
-            raise OutputError(f"{out}: unknown kind of page; allowed: .html, .md")
+            raise ConfigError(f"{out}: unknown kind of page; allowed: .html, .md")
         check_outputs(json_target, None)
         check_place(out)
         sources = open_sources(scene_path(scene), rig, factorial, bag)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import ezdxf
@@ -13,14 +14,23 @@ from ezdxf.addons.drawing.svg import SVGBackend
 from ezdxf.document import Drawing
 from ezdxf.entities import LWPolyline, Polyline, Spline
 from ezdxf.lldxf.const import DXFError
+from ezdxf.path import make_path
+from shapely import LineString, segmentize
 
 from cam_rig.errors import OutputError, ProfileError
 from cam_rig.laws.bernstein import FloatArray
 
 MM = 1e3
 MARGIN_MM = 5.0
+#: Decimals of a millimetre that an SVG has at least: its lines are 0.25 mm wide.
+COARSEST_DIGITS = 2
 #: Units of length that are read, in m.
 METRES = {units.MM: 1e-3, units.CM: 1e-2, units.M: 1.0, units.IN: 0.0254}
+#: Arcs of a polyline (bulges) are read as chords with this error, m, and the whole of such a
+#: polyline at so many points at least.
+ARC_ERROR, ON_ARCS = 1e-9, 20_000
+#: Thirds of the Bézier curves that stand for an arc: with 32 of them it is off by 1e-9 radii.
+IN_ARC = 96
 #: Points that are read of a spline, for each of its control points.
 PER_CONTROL_POINT = 16
 
@@ -49,14 +59,28 @@ def write_dxf(path: Path, curves: dict[str, FloatArray]) -> None:
     to_document(curves).saveas(path)
 
 
-def write_svg(path: Path, curves: dict[str, FloatArray]) -> None:
-    """Write the drawing as SVG at scale 1, black on white; to a millionth of its size."""
+def write_svg(path: Path, curves: dict[str, FloatArray], rounding: float) -> None:
+    """Write the drawing as SVG at scale 1, black on white; points are off by ``rounding`` (m).
+
+    The page's unit is a power of ten of a millimetre, and every point is put on a whole one. So
+    the moves from point to point, which the backend writes, are whole, and do not add up what is
+    rounded.
+    """
+    digits = max(COARSEST_DIGITS, math.ceil(-math.log10(math.sqrt(2.0) * MM * rounding)))
+    whole = {name: np.round(MM * points, digits) / MM for name, points in curves.items()}
     look = Configuration(background_policy=BackgroundPolicy.WHITE, color_policy=ColorPolicy.BLACK)
-    document, backend = to_document(curves), SVGBackend()
+    document, backend = to_document(whole), SVGBackend()
     Frontend(RenderContext(document), backend, config=look).draw_layout(document.modelspace())
-    page = layout.Page(0, 0, layout.Units.mm, layout.Margins.all(MARGIN_MM))
-    text = backend.get_string(page, settings=layout.Settings(fit_page=False, scale=1))
-    path.write_text(text, encoding="utf-8")
+    extent = MM * np.ptp(np.concatenate(list(whole.values()), axis=1), axis=1) + 2.0 * MARGIN_MM
+    width, height = (float(side) for side in np.ceil(extent))  # mm: the backend prints 6 digits
+    settings = layout.Settings(
+        fit_page=False,
+        scale=1,
+        page_alignment=layout.PageAlignment.TOP_LEFT,
+        output_coordinate_space=max(width, height) * 10.0**digits,
+    )
+    page = layout.Page(width, height, layout.Units.mm, layout.Margins.all(MARGIN_MM))
+    path.write_text(backend.get_string(page, settings=settings), encoding="utf-8")
 
 
 def read_dxf(path: Path) -> list[FloatArray]:
@@ -76,7 +100,7 @@ def read_dxf(path: Path) -> list[FloatArray]:
             "millimetres, centimetres, metres or inches"
         )
     factor = METRES[document.units]
-    curves = [_points(entity) for entity in document.modelspace() if _closed(entity)]
+    curves = [_points(entity, 1.0 / factor) for entity in document.modelspace() if _closed(entity)]
     if not curves:
         raise ProfileError(f"{path}: has no closed polyline or spline in its model space")
     return [factor * curve for curve in curves]
@@ -85,16 +109,22 @@ def read_dxf(path: Path) -> list[FloatArray]:
 def _closed(entity: object) -> bool:
     if isinstance(entity, LWPolyline | Spline):
         return bool(entity.closed)
-    return isinstance(entity, Polyline) and bool(entity.is_closed)
+    if isinstance(entity, Polyline) and (entity.is_2d_polyline or entity.is_3d_polyline):
+        return bool(entity.is_closed)
+    return False
 
 
-def _points(entity: object) -> FloatArray:
-    if isinstance(entity, LWPolyline):
-        return np.array(entity.get_points("xy"), dtype=np.float64).T
+def _points(entity: object, metre: float) -> FloatArray:
+    """Points of a closed entity in its own unit; ``metre`` is one metre in it."""
     if isinstance(entity, Spline):
         return _on_spline(entity)
-    assert isinstance(entity, Polyline)
-    return np.array([(p.x, p.y) for p in entity.points()], dtype=np.float64).T
+    assert isinstance(entity, LWPolyline | Polyline)
+    vertices = list(make_path(entity, segments=IN_ARC).flattening(ARC_ERROR * metre))
+    points = np.array([(p.x, p.y) for p in vertices], dtype=np.float64)
+    if entity.has_arc:  # its straight parts are meant as such: a spline through ends would bulge
+        length = float(np.hypot(*np.diff(points, axis=0).T).sum())
+        points = np.array(segmentize(LineString(points), length / ON_ARCS).coords)
+    return points[:-1].T if np.array_equal(points[0], points[-1]) else points.T
 
 
 def _on_spline(entity: Spline) -> FloatArray:

@@ -77,8 +77,8 @@ def _pitch_angles(chain: Chain, roller: float) -> list[float]:
     for i, part in enumerate(chain.parts):
         if isinstance(part, Circle) and part.radius < 0.0 and part.radius + roller >= 0.0:
             raise LawError(
-                f"arcs[{i}]: concave radius {-part.radius:g} m, the roller's is {roller:g} m; "
-                "allowed: a smaller roller"
+                f"arcs[{i}]: concave radius {-part.radius * 1e3:g} mm, the roller's is "
+                f"{roller * 1e3:g} mm; allowed: a smaller roller"
             )
     points = [_pitch_point(chain, i, roller) for i in range(len(chain.parts))]
     angles = _rising([cmath.phase(point) for point in points])

@@ -51,8 +51,8 @@ def arc_follower(cam: CamConfig) -> ArcFollower:
     eccentricity = getattr(cam.follower, "eccentricity", None)
     if kind != "flat" and eccentricity is not None and eccentricity.si != 0.0:
         raise LawError(
-            f"cam {cam.name!r}: arcs under a follower {eccentricity.si:g} m beside the cam's "
-            "centre; allowed: eccentricity 0"
+            f"cam {cam.name!r}: arcs under a follower {eccentricity.si * 1e3:g} mm beside the "
+            "cam's centre; allowed: eccentricity 0"
         )
     return ArcFollower(kind == "flat", cam.follower.roller)
 
@@ -93,7 +93,8 @@ def _parts(segment: ArcsByRadii | ArcsByCentres, cam: CamConfig) -> list[Circle 
     most = base + 0.5 * cam.lift.si
     if nose >= most:
         raise LawError(
-            f"nose_radius: is {nose:g} m; allowed: below {most:g} m, base radius and half the lift"
+            f"nose_radius: is {nose * 1e3:g} mm; allowed: below {most * 1e3:g} mm, base radius "
+            "and half the lift"
         )
     sign = -1.0 if segment.flank == "concave" else 1.0
     flank = Blend(None if segment.flank_radius is None else sign * segment.flank_radius.si)
@@ -115,7 +116,7 @@ def _check_height(pieces: Pieces, cam: CamConfig) -> None:
     lift, limit = cam.lift.si, SAME_LIFT * cam.lift.si
     if abs(low.value) > limit or abs(high.value - lift) > limit:
         raise LawError(
-            f"cam {cam.name!r}: its arcs lift from {low.value:.9g} m to {high.value:.9g} m above "
-            f"the base radius; allowed: from 0 to the lift, {lift:.9g} m, so correct base_radius "
-            "or lift"
+            f"cam {cam.name!r}: its arcs lift from {low.value * 1e3:.9g} mm to "
+            f"{high.value * 1e3:.9g} mm above the base radius; allowed: from 0 to the lift, "
+            f"{lift * 1e3:.9g} mm, so correct base_radius or lift"
         )

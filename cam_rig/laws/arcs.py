@@ -102,9 +102,9 @@ class ConcaveFlankCam:
             if 0.0 < nose < top and self._joins(flank, nose):
                 return flank, nose
         raise LawError(
-            f"tangent arcs: no concave flank joins base radius {base:g} m to lift "
-            f"{self.lift:g} m with event half angle {np.degrees(psi):g}° and nose half angle "
-            f"{np.degrees(alpha):g}°; move the nose half angle"
+            f"tangent arcs: no concave flank joins base radius {base * 1e3:g} mm to lift "
+            f"{self.lift * 1e3:g} mm with event half angle {np.degrees(psi):g}° and nose half "
+            f"angle {np.degrees(alpha):g}°; move the nose half angle"
         )
 
     def _joins(self, flank: float, nose: float) -> bool:

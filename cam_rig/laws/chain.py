@@ -88,7 +88,8 @@ def _line(before: Circle, after: Circle, _: float, name: str) -> Line:
     if abs(apart) <= abs(difference):
         raise LawError(
             f"{name}: no straight line touches both its neighbours, one lies inside the other; "
-            f"allowed: centres more than {abs(difference):g} m apart, they are {abs(apart):g} m"
+            f"allowed: centres more than {abs(difference) * 1e3:g} mm apart, they are "
+            f"{abs(apart) * 1e3:g} mm"
         )
     normal = cmath.rect(1.0, cmath.phase(apart) - math.acos(difference / abs(apart)))
     return Line(normal, (before.centre * normal.conjugate()).real + before.radius)
@@ -101,7 +102,8 @@ def _arc(before: Circle, after: Circle, radius: float, name: str) -> Circle:
     if abs(one - other) >= between:
         raise LawError(
             f"{name}: no arc touches both its neighbours, one lies inside the other; allowed: "
-            f"centres more than {abs(one - other):g} m apart, they are {between:g} m"
+            f"centres more than {abs(one - other) * 1e3:g} mm apart, they are "
+            f"{between * 1e3:g} mm"
         )
     if radius < 0.0:
         least = max(0.0, 0.5 * (between - before.radius - after.radius))
@@ -111,8 +113,8 @@ def _arc(before: Circle, after: Circle, radius: float, name: str) -> Circle:
         possible = radius > least
     if not possible:
         raise LawError(
-            f"{name}: radius {radius:g} m is too small to touch both its neighbours; allowed: "
-            f"more than {least:g} m"
+            f"{name}: radius {radius * 1e3:g} mm is too small to touch both its neighbours; "
+            f"allowed: more than {least * 1e3:g} mm"
         )
     along = 0.5 * (one**2 - other**2 + between**2) / between
     across = math.sqrt(max(0.0, one**2 - along**2))
@@ -139,8 +141,8 @@ def _touch(one: Part, other: Part, i: int) -> complex:
     size = abs(one.radius) + abs(other.radius)
     if needed == 0.0 or abs(apart - needed) > TOUCH * size:
         raise LawError(
-            f"arcs[{i}] and the next do not touch: their centres are {apart:.9g} m apart, their "
-            f"radii need {needed:.9g} m; allowed: arcs that touch, so leave out the centre of "
-            "one and it is placed"
+            f"arcs[{i}] and the next do not touch: their centres are {apart * 1e3:.9g} mm apart, "
+            f"their radii need {needed * 1e3:.9g} mm; allowed: arcs that touch, so leave out the "
+            "centre of one and it is placed"
         )
     return _normal(one, other)

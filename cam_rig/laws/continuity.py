@@ -8,13 +8,12 @@ import numpy as np
 
 from cam_rig.laws.bernstein import FloatArray
 from cam_rig.laws.law import Law
-from cam_rig.laws.peaks import peak
 
 #: Classes are told apart up to this one; what is smoother counts as it.
 SMOOTHEST = 4
-#: A jump below this fraction of the derivative's peak over the turn is none.
+#: A jump below this fraction of the derivative's peak in the pieces that meet is none.
 TOLERANCE = 1e-6
-#: Rounding of a derivative at a piece's end, in units of eps·ordinate·(2p/span)^order.
+#: Rounding of a derivative at a piece's end, in units of eps·level·(2p/span)^order.
 ROUNDINGS = 16.0
 
 
@@ -54,10 +53,14 @@ def continuity(law: Law) -> int:
 def _limits(law: Law, order: int) -> FloatArray:
     """``(n,)`` jump (m/rad^order) at the start of each piece that still is none.
 
-    A fraction of the derivative's peak, or what rounding of the two pieces' ordinates makes of
-    it where that is more: short pieces of high degree.
+    A fraction of the derivative's peak in the two pieces that meet, for another piece may be a
+    thousand times as sharp; of s itself over the turn. Or what the rounding of levels makes of it
+    in those pieces where that is more: short ones of high degree, and dwells.
     """
-    scale = np.abs(law.ordinates).max(axis=0) * (2.0 * law.degree / law.spans) ** order
-    noise = ROUNDINGS * np.finfo(float).eps * np.maximum(scale, np.roll(scale, 1))
-    size = abs(peak(law, order).value) if order else float(np.abs(law.ordinates).max())
-    return np.asarray(np.maximum(TOLERANCE * size, noise))
+    level = float(np.abs(law.ordinates).max())
+    if order == 0:
+        return np.full(law.spans.size, TOLERANCE * level)
+    peaks = np.abs(law.derivative_ordinates(order)).max(axis=0)
+    noise = ROUNDINGS * np.finfo(float).eps * level * (2.0 * law.degree / law.spans) ** order
+    limits = np.maximum(TOLERANCE * peaks, noise)
+    return np.asarray(np.maximum(limits, np.roll(limits, 1)))

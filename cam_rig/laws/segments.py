@@ -79,8 +79,8 @@ def smoothed(segment: Table, cam: CamConfig) -> Smoothed:
     height = max(points.lifts) - min(points.lifts)
     if abs(height - cam.lift.si) > SAME_LIFT * height + 2.0 * segment.tolerance.si:
         raise LawError(
-            f"cam {cam.name!r}: lift is {cam.lift.si:g} m, the points of {points.file} rise by "
-            f"{height:g} m; allowed: the same, so write that"
+            f"cam {cam.name!r}: lift is {cam.lift.si * 1e3:g} mm, the points of {points.file} "
+            f"rise by {height * 1e3:g} mm; allowed: the same, so write that"
         )
     try:
         return smooth(np.array(points.angles), np.array(points.lifts), segment.tolerance.si)

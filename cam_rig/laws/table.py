@@ -59,7 +59,7 @@ def _spline(angles: FloatArray, lifts: FloatArray, tolerance: float) -> BSpline[
             knots = splrep(x, y, k=DEGREE, s=angles.size * tolerance**2, per=True)
         except RuntimeWarning:
             raise LawError(
-                f"no spline comes within {tolerance:g} m r.m.s. of the {angles.size} "
+                f"no spline comes within {tolerance * 1e3:g} mm r.m.s. of the {angles.size} "
                 "points; allowed: a larger tolerance, or 0 to go through every point"
             ) from None
     return BSpline(*knots)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cam_rig.errors import ProfileError
+from cam_rig.errors import ReachError
 from cam_rig.laws.bernstein import FloatArray
 from cam_rig.profile.motion import Motion
 from cam_rig.profile.touch import ComplexArray, Element, Touch, offset_curve
@@ -35,11 +35,11 @@ class GuidedCentre(Element):
 
         Raises
         ------
-        ProfileError : the guide passes the base circle by
+        ReachError : the guide passes the base circle by
         """
         prime = base_radius + roller
         if abs(eccentricity) >= prime:
-            raise ProfileError(
+            raise ReachError(
                 f"eccentricity is {abs(eccentricity) * 1e3:.6g} mm; allowed: less than base and "
                 f"roller radius together, {prime * 1e3:.6g} mm"
             )
@@ -78,6 +78,11 @@ class GuidedCentre(Element):
         """How far points are to the right of the centre's path, m."""
         return np.asarray(self.side * points.real - self.eccentricity, dtype=np.float64)
 
+    def clearance(self, s: FloatArray) -> FloatArray:
+        """Distance of roller or point from the cam's axis at s; below the axis it is negative."""
+        distance = np.hypot(self.eccentricity, self.height(s))
+        return np.asarray(np.copysign(distance, self.height(s)) - self.roller)
+
     def stand(self, s: FloatArray) -> ComplexArray:
         """The centre at displacements s."""
         return self.side * (self.eccentricity + 1j * self.height(s))
@@ -104,11 +109,11 @@ class SwungCentre(Element):
 
         Raises
         ------
-        ProfileError : the arm is too short or too long to reach it
+        ReachError : the arm is too short or too long to reach it
         """
         prime, shortest, longest = base_radius + roller, abs(pivot - arm), pivot + arm
         if not shortest < prime < longest:
-            raise ProfileError(
+            raise ReachError(
                 f"out of reach at the base circle: its centre is {prime * 1e3:.6g} mm from the "
                 f"cam's axis; allowed: between {shortest * 1e3:.6g} and {longest * 1e3:.6g} mm "
                 f"with an arm of {arm * 1e3:.6g} mm on a pivot at {pivot * 1e3:.6g} mm"
@@ -151,6 +156,10 @@ class SwungCentre(Element):
     def beside(self, points: ComplexArray) -> FloatArray:
         """How far points are inside the circle that the centre moves on, m."""
         return np.asarray(self.arm - np.abs(self.pivot - points), dtype=np.float64)
+
+    def clearance(self, s: FloatArray) -> FloatArray:
+        """Distance of roller or point from the cam's axis at displacements s."""
+        return np.asarray(np.abs(self.stand(s)) - self.roller)
 
     def stand(self, s: FloatArray) -> ComplexArray:
         """The centre at displacements s."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from cam_rig.errors import ProfileError
+from cam_rig.errors import ProfileError, ReachError
 from cam_rig.laws import Law
 from cam_rig.laws.law import VELOCITY_JUMP
 from cam_rig.profile.base_radius import least_base_radius
@@ -25,15 +25,15 @@ def check_cam(cam: CamConfig, law: Law) -> list[Check]:
 
     Raises
     ------
-    ProfileError : the follower does not even reach the base circle
+    ReachError : the follower does not even reach the base circle
     """
     follower = cam.follower
     found = [corner_check(law, VELOCITY_JUMP)]
     least_base = least_base_radius(follower, law)
     try:
         plates = discs(follower, law)
-    except ProfileError as error:
-        raise ProfileError(f"cam {cam.name!r}: {error}") from None
+    except ReachError as error:
+        raise ReachError(f"cam {cam.name!r}: {error}") from None
     if any(disc.opposite is not None for disc in plates):
         found.append(breadth_check(law))
     for disc in plates:

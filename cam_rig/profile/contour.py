@@ -71,7 +71,7 @@ def contours(follower: Follower, law: Law, count: int) -> tuple[Contour, ...]:
 
     Raises
     ------
-    ProfileError : the follower does not reach the base circle
+    ReachError : the follower does not reach the base circle
     """
     motion = Motion.uniform(law, count)
     return tuple(Contour.of(disc, motion) for disc in discs(follower, law))

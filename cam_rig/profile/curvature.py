@@ -62,7 +62,7 @@ def curvature_checks(scan: Scan, follower: Follower, least_base: float | None) -
     base, asked = follower.base_radius.si, follower.least_curvature_radius
     convex = sharpest_convex(scan)
     radius = 0.0 if abs(convex.value) <= CUSP * base else convex.value
-    remedy = "let the spans be longer or the roller smaller"
+    remedy = "no base_radius would do: let the spans be longer, the lift less or the roller smaller"
     if least_base is not None:
         remedy = f"let base_radius be more than {least_base * 1e3:.5g} mm"
     yield Check(

@@ -38,7 +38,7 @@ def discs(follower: Follower, law: Law, base_radius: float | None = None) -> tup
 
     Raises
     ------
-    ProfileError : the follower does not reach the base circle
+    ReachError : the follower does not reach the base circle
     """
     base = follower.base_radius.si if base_radius is None else base_radius
     build = _BUILDERS[type(follower)]

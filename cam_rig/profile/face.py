@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cam_rig.errors import ProfileError
+from cam_rig.errors import ReachError
 from cam_rig.laws.bernstein import FloatArray
 from cam_rig.profile.motion import Motion
 from cam_rig.profile.touch import ComplexArray, Element, Touch
@@ -50,7 +50,7 @@ class GuidedFace(Element):
         """The contact that follows the law."""
         cosine = self.side * np.cos(self.inclination)
         along = self.side * np.exp(1j * self.inclination)
-        distance = self.base_radius + cosine * motion.s
+        distance = self.clearance(motion.s)
         radius = distance + cosine * motion.bend
         return Touch(
             contact=along * (cosine * motion.slope + 1j * distance),
@@ -69,6 +69,10 @@ class GuidedFace(Element):
     def lift_at(self, place: FloatArray) -> FloatArray:
         """Displacement at a height."""
         return self.side * (place - self.start)
+
+    def clearance(self, s: FloatArray) -> FloatArray:
+        """Distance of the face from the cam's axis at displacements s."""
+        return np.asarray(self.base_radius + self.side * np.cos(self.inclination) * s)
 
     def stand(self, s: FloatArray) -> ComplexArray:
         """Where the face meets its guide at displacements s."""
@@ -99,11 +103,11 @@ class SwungFace(Element):
 
         Raises
         ------
-        ProfileError : the face cannot reach it
+        ReachError : the face cannot reach it
         """
         reach = base_radius - offset
         if abs(reach) >= pivot:
-            raise ProfileError(
+            raise ReachError(
                 f"out of reach at the base circle: its radius less the face's offset is "
                 f"{reach * 1e3:.6g} mm; allowed: less than the pivot's distance, "
                 f"{pivot * 1e3:.6g} mm"
@@ -124,7 +128,7 @@ class SwungFace(Element):
         slope, bend = turn - 1.0, motion.bend / self.arm
         along = np.exp(-1j * swing)
         high, wide = self.pivot * np.sin(swing), self.pivot * np.cos(swing)
-        distance = high + self.offset
+        distance = self.clearance(motion.s)
         with np.errstate(divide="ignore", invalid="ignore"):
             contact = along * (wide * slope / turn + 1j * distance)
             radius = distance + (wide * bend / turn - high * slope**2) / turn**2
@@ -148,6 +152,10 @@ class SwungFace(Element):
     def lift_at(self, place: FloatArray) -> FloatArray:
         """Displacement at a way along the arc."""
         return place - self.arm * self.start
+
+    def clearance(self, s: FloatArray) -> FloatArray:
+        """Distance of the face from the cam's axis at displacements s."""
+        return np.asarray(self.pivot * np.sin(self.swing(s)) + self.offset)
 
     def stand(self, s: FloatArray) -> ComplexArray:
         """The point of the face at the end of the arm, at displacements s."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cam_rig.errors import ProfileError
+from cam_rig.errors import ConfigError, ProfileError
 from cam_rig.laws import Law
 from cam_rig.laws.bernstein import FloatArray
 from cam_rig.profile.contour import Contour
@@ -69,11 +69,11 @@ def pitch_paths(follower: Follower, law: Law) -> list[Path]:
 
     Raises
     ------
-    ProfileError : a face has none
+    ConfigError : a face has none
     """
     plates = discs(follower, law)
     if Contour.of(plates[0], Motion.uniform(law, 1)).pitch is None:
-        raise ProfileError(
+        raise ConfigError(
             f"a {follower.type} follower has no pitch curve; allowed: a roller or a point, or the "
             "path of a cutter by its radius"
         )

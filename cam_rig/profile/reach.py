@@ -9,14 +9,15 @@ import numpy as np
 from shapely import LinearRing, Polygon, is_valid_reason
 
 from cam_rig.laws import Law
-from cam_rig.laws.peaks import extremes
-from cam_rig.profile.centre import GuidedCentre, SwungCentre
+from cam_rig.laws.peaks import Extreme, extremes
+from cam_rig.profile.centre import SwungCentre
 from cam_rig.profile.check import Check
 from cam_rig.profile.contour import Contour
 from cam_rig.profile.disc import Disc
 from cam_rig.profile.extremes import Scan, greatest_between
 from cam_rig.profile.face import SwungFace
 from cam_rig.profile.motion import Motion
+from cam_rig.profile.touch import Element
 
 #: Points of the contour that is tried for crossing itself.
 OUTLINE = 3600
@@ -25,22 +26,32 @@ OUTLINE = 3600
 def reach_checks(scan: Scan) -> Iterator[Check]:
     """What the kind of follower can reach."""
     element, law = scan.element, scan.law
-    if isinstance(element, GuidedCentre):
-        yield _over_the_axis(element, law)
+    yield _around_the_axis(element, law)
     if isinstance(element, SwungCentre | SwungFace):
         yield from _arm(element, law)
-        yield _clear_of_the_pivot(scan, element.pivot)
+    yield from pivot_checks(scan)
     if isinstance(element, SwungFace):
         yield _turning(element, law)
 
 
-def _over_the_axis(element: GuidedCentre, law: Law) -> Check:
-    extreme = extremes(law, 0)[0 if element.side > 0 else 1]
-    height = float(element.height(np.array(extreme.value)))
-    remedy = "let base_radius be larger"
+def _around_the_axis(element: Element, law: Law) -> Check:
+    nearest = least_clearance(element, law)
     return Check(
-        "height over the cam's axis", height, "more than", 0.0, "mm", extreme.angle, remedy
+        "distance from the axis",
+        nearest.value,
+        "more than",
+        0.0,
+        "mm",
+        nearest.angle,
+        "the cam would not hold its shaft: let base_radius be larger",
     )
+
+
+def least_clearance(element: Element, law: Law) -> Extreme:
+    """How near (m) roller, point or face come to the cam's axis: at one end of the lift."""
+    ends = extremes(law, 0)
+    found = [Extreme(float(element.clearance(np.array(s.value))), s.angle) for s in ends]
+    return min(found, key=lambda extreme: extreme.value)
 
 
 def _arm(element: SwungCentre | SwungFace, law: Law) -> Iterator[Check]:
@@ -54,13 +65,16 @@ def _arm(element: SwungCentre | SwungFace, law: Law) -> Iterator[Check]:
         yield Check("angle of the arm", swing, relation, limit, "°", extreme.angle, remedy)
 
 
-def _clear_of_the_pivot(scan: Scan, pivot: float) -> Check:
+def pivot_checks(scan: Scan) -> Iterator[Check]:
+    """That the cam does not cut the pivot of an arm."""
+    if not isinstance(scan.element, SwungCentre | SwungFace):
+        return
     farthest = scan.greatest(lambda touch: np.abs(touch.contact))
-    return Check(
+    yield Check(
         "largest radius of the cam",
         farthest.value,
         "less than",
-        pivot,
+        scan.element.pivot,
         "mm",
         farthest.angle,
         "the cam would cut the pivot: let pivot_distance be longer",

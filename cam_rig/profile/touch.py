@@ -19,6 +19,10 @@ from cam_rig.profile.motion import Motion
 
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
 
+#: A curve that bends by less, in rad over its own distance from the axis, is straight: what is
+#: left of a straight flank's curvature is rounding, a thousandth of this.
+STRAIGHT = 1e-10
+
 
 @dataclass(frozen=True, eq=False)
 class Touch:
@@ -78,6 +82,14 @@ class Element(ABC):
         """Displacement s (m) at a place."""
 
     @abstractmethod
+    def clearance(self, s: FloatArray) -> FloatArray:
+        """Distance (m) of the roller, the point or the face's line from the axis, at s (m).
+
+        It grows or falls with s. Where it is not positive, the contour does not go around the
+        axis: there is no cam for a shaft.
+        """
+
+    @abstractmethod
     def stand(self, s: FloatArray) -> ComplexArray:
         """Roller's centre, the point, or where the face meets its guide, at displacements s (m).
 
@@ -95,11 +107,12 @@ def offset_curve(
 
     Returns
     -------
-    contact, outward normal, radius, rate, pitch curvature
+    contact, outward normal, radius, rate, pitch curvature (0 where it is rounding: straight)
     """
     speed = np.abs(tangent)
     normal = 1j * tangent / speed
     curvature = -(tangent.conj() * second).imag / speed**3
+    curvature = np.where(np.abs(curvature * centre) < STRAIGHT, 0.0, curvature)
     shrunk = 1.0 - roller * curvature
     with np.errstate(divide="ignore"):
         radius = np.where(curvature == 0.0, np.inf, shrunk / curvature)

@@ -13,11 +13,16 @@ from cam_rig.schema.segments import Segment, Table
 
 
 class CamConfig(Strict):
-    """One file of ``config/cams/``."""
+    """One file of ``config/cams/``.
+
+    ``cannot_be_made`` says why a cam is there to be looked at only: one that fails a check, and is
+    meant to.
+    """
 
     name: str = Field(pattern=r"^[a-z][a-z0-9_]*$")
     title: str
     identified_from: str | None = None
+    cannot_be_made: str | None = Field(default=None, min_length=1)
     lift: Annotated[Quantity, must_be("length", above=0.0, most=100.0)]
     follower: Follower
     segments: list[Segment] = Field(min_length=1)

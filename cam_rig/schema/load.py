@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import re
 import sysconfig
 from dataclasses import dataclass
@@ -40,13 +41,21 @@ def _read(path: Path) -> Any:
     try:
         return YAML(typ="safe").load(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        near = sorted(p.stem for p in path.parent.glob("*.yaml"))
-        known = f"; there are: {', '.join(near)}" if near else ""
-        raise ConfigError(f"{path}: no such file{known}") from None
+        raise ConfigError(f"{path}: no such file{_neighbours(path)}") from None
+    except IsADirectoryError:
+        raise ConfigError(f"{path}: is a folder; allowed: a YAML file") from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read ({error})") from None
     except (YAMLError, ValueError) as error:  # a date or a number that Python cannot hold
         raise ConfigError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
+
+
+def _neighbours(path: Path) -> str:
+    """The YAML files there are beside one that is missing, the likeliest first."""
+    there = sorted(p.stem for p in path.parent.glob("*.yaml"))
+    near = difflib.get_close_matches(path.stem, there, 1)
+    hint = f" (did you mean {near[0]!r}?)" if near else ""
+    return f"{hint}; there are: {', '.join(there)}" if there else ""
 
 
 def load(path: Path, kind: type[Config]) -> Config:

@@ -114,8 +114,9 @@ def _check(
 ) -> Quantity:
     units = UNITS[dimension]
     if quantity.unit not in units:
+        article = "an" if dimension[0] in "aeiou" else "a"
         raise ValueError(
-            f"has unit {quantity.unit!r}, not a {dimension}; allowed: {', '.join(units)}"
+            f"has unit {quantity.unit!r}, not {article} {dimension}; allowed: {', '.join(units)}"
         )
     if isinstance(quantity.raw, list) != many:
         wanted = "a list of numbers" if many else "one number"

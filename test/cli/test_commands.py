@@ -61,7 +61,7 @@ def test_analyze_reads_the_golden_bag():
         (["simulate", "--nonsense"], 2, ""),
         (
             ["simulate", "quick", "--plot", "{tmp}/a.xyz"],
-            1,
+            2,
             "unknown kind of picture; allowed: .png",
         ),
         (["simulate", "quick", "--json", "{tmp}"], 1, "is a folder; allowed: a file"),

@@ -104,7 +104,7 @@ def test_listen_repeats(tmp_path):
         (["noise", "quick"], 2, "a noise study needs at least 9"),
         (["noise", "--rig", "none"], 2, "none.yaml: no such file; there are: paper_table2"),
         (["noise", "--rig", "tm21"], 2, "follower has no roller_share"),
-        (["listen", "quick", "--out", "{tmp}/a.mp3"], 1, "unknown kind of sound file; allowed"),
+        (["listen", "quick", "--out", "{tmp}/a.mp3"], 2, "unknown kind of sound file; allowed"),
         (["listen", "quick", "--out", "{tmp}/a.wav", "--cam", "no"], 2, "has no cam 'no'"),
         (["listen", "quick", "--out", "/proc/none/a.wav"], 1, "/proc/none/a.wav: cannot be"),
         (["listen", "quick", "--out", "{tmp}/a.wav", "--rpm", "0"], 2, ""),

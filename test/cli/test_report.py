@@ -56,8 +56,8 @@ def test_the_page(scene, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        (["--out", "{tmp}/a.pdf"], 1, "unknown kind of page; allowed: .html, .md"),
-        (["--out", "{tmp}"], 1, "unknown kind of page"),
+        (["--out", "{tmp}/a.pdf"], 2, "unknown kind of page; allowed: .html, .md"),
+        (["--out", "{tmp}"], 2, "unknown kind of page"),
         (["--out", "/dev/null/a.html"], 1, "cannot be written, /dev/null is no writable folder"),
         (["--out", "{tmp}/a.html", "--bag", "{golden}"], 1, "is a recording of the scene 'quick'"),
         (["--out", "{tmp}/a.html", "--bag", "{tmp}/none"], 1, "no such bag"),

@@ -11,6 +11,7 @@ from cam_rig.drawing.dxf import read_dxf, write_dxf, write_svg
 from cam_rig.drawing.table import HEADER, read_contour, write_contour, write_law
 from cam_rig.errors import ProfileError
 from cam_rig.profile import contours, discs, turn_angles
+from cam_rig.profile.face import GuidedFace
 from cam_rig.profile.measure import closed_curve, rest
 from cam_rig.profile.path import contour_paths
 from cam_rig.profile.polyline import polyline
@@ -77,17 +78,39 @@ def test_csv_has_every_digit(cam, tmp_path):
         np.testing.assert_array_equal(table[:, 4], np.degrees(contour.pressure))
 
 
-def test_svg_is_true_to_scale(cam, tmp_path):
-    """Page in mm: the cam's extent and a margin of 5 mm on each side."""
-    lines = lines_of(cam[2])
-    write_svg(tmp_path / "a.svg", lines)
-    text = (tmp_path / "a.svg").read_text()
-    width, height = (
-        float(re.search(rf'{key}="([\d.]+)mm"', text)[1]) for key in ("width", "height")
-    )
+def read_svg(path):
+    """Paths of a drawing ``(2, n)`` in mm from its page's corner, y up, as a reader adds them up.
+
+    Also width and height of the page, mm.
+    """
+    text = path.read_text()
+    page = re.search(r'width="(\S+)mm" height="(\S+)mm" viewBox="0 0 (\d+) (\d+)"', text)
+    width, height, across, down = (float(number) for number in page.groups())
+    assert width / across == pytest.approx(height / down, rel=1e-15)  # one scale
+    found = []
+    for start, moves in re.findall(r' d="M (\S+ \S+) l ([^"Z]+)', text):
+        steps = np.array(f"{start} {moves}".replace("l", "").split(), dtype=float).reshape(-1, 2)
+        found.append(np.cumsum(steps, axis=0).T * (width / across) * [[1.0], [-1.0]])
+    return (width, height), found
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
+def test_svg_is_true_to_scale_and_within_its_tolerance(cam, tmp_path, tolerance):
+    """Read back, each path closes and is the polyline to the rounding asked for, on one page.
+
+    The corner of the page is 5 mm beside the cam; the digits that place it may take one rounding
+    more.
+    """
+    lines, rounding = lines_of(cam[2], tolerance), 0.1 * tolerance
+    write_svg(tmp_path / "a.svg", lines, rounding)
+    page, found = read_svg(tmp_path / "a.svg")
     every = 1e3 * np.concatenate(list(lines.values()), axis=1)
-    np.testing.assert_allclose([width, height], np.ptp(every, axis=1) + 10.0, atol=1.0)
-    assert text.count("<path") == len(lines)
+    np.testing.assert_allclose(page, np.ptp(every, axis=1) + 10.0, atol=1.0)
+    corner = np.array([[every[0].min() - 5.0], [every[1].max() + 5.0]])
+    assert len(found) == len(lines)
+    for read, line in zip(found, lines.values(), strict=True):
+        np.testing.assert_array_equal(read[:, 0], read[:, -1])
+        np.testing.assert_allclose(read[:, :-1] + corner, 1e3 * line, rtol=0, atol=2e3 * rounding)
 
 
 @pytest.mark.parametrize(("unit", "factor"), [(units.M, 1.0), (units.IN, 0.0254), (units.CM, 0.01)])
@@ -105,6 +128,39 @@ def test_dxf_of_others(tmp_path, unit, factor):
     one, two = read_dxf(tmp_path / "b.dxf")
     np.testing.assert_allclose(one, factor * circle.T, rtol=0, atol=1e-12)
     np.testing.assert_allclose(np.hypot(*two), factor, rtol=2e-3)
+
+
+@pytest.mark.parametrize("kind", ["LWPOLYLINE", "POLYLINE"])
+def test_arcs_of_a_polyline_are_arcs(tmp_path, kind):
+    """A stadium of two straight sides and two half circles (bulge 1), 12 mm round, 30 mm long.
+
+    A face on it stands where the farthest circle's centre puts it: R + |L/2 cos| exactly.
+    """
+    document = ezdxf.new("R2010", units=units.MM)
+    corners = [(-15.0, -12.0, 0.0), (15.0, -12.0, 1.0), (15.0, 12.0, 0.0), (-15.0, 12.0, 1.0)]
+    space = document.modelspace()
+    if kind == "LWPOLYLINE":
+        space.add_lwpolyline(corners, format="xyb", close=True)
+    else:
+        space.add_polyline2d(corners, format="xyb", close=True)
+    document.saveas(tmp_path / "a.dxf")
+    (outline,) = read_dxf(tmp_path / "a.dxf")
+    x, y = outline
+    off = np.hypot(np.maximum(np.abs(x) - 0.015, 0.0), y) - 0.012
+    assert np.abs(off).max() < 2e-9
+    height = rest(GuidedFace(0.0, 0.0, 0.0), closed_curve(outline), ANGLES)
+    np.testing.assert_allclose(height, 0.012 + 0.015 * np.abs(np.sin(ANGLES)), rtol=0, atol=3e-9)
+
+
+def test_a_mirrored_polyline_is_read_where_it_is(tmp_path):
+    """CAD mirrors by turning the plane of a polyline over (extrusion −z): x changes its sign."""
+    document = ezdxf.new("R2010", units=units.MM)
+    corners = [(1.0, 0.0), (2.0, 0.0), (2.0, 1.0)]
+    attributes = {"extrusion": (0.0, 0.0, -1.0)}
+    document.modelspace().add_lwpolyline(corners, close=True, dxfattribs=attributes)
+    document.saveas(tmp_path / "a.dxf")
+    (outline,) = read_dxf(tmp_path / "a.dxf")
+    np.testing.assert_allclose(outline.T, [(-1e-3, 0.0), (-2e-3, 0.0), (-2e-3, 1e-3)], atol=1e-18)
 
 
 def test_law_table(tmp_path):

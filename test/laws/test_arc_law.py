@@ -141,7 +141,7 @@ def test_a_flat_face_bridges_what_is_not_convex(flank):
 
 def test_a_roller_must_fit_the_concave_flank():
     """A roller as large as the flank's radius touches all of it at once."""
-    with pytest.raises(LawError, match=r"concave radius 0.06 m, the roller's is 0.06 m"):
+    with pytest.raises(LawError, match=r"concave radius 60 mm, the roller's is 60 mm"):
         arc_pieces(chain_of(FLANKS["concave"]), BASE, ArcFollower(False, 0.06))
 
 
@@ -196,9 +196,9 @@ def arcs_of(make_cam, **changes):
 
 def test_radii_that_are_no_cam_are_refused(make_cam):
     """Nose too large, flank too small: named with the limit."""
-    with pytest.raises(LawError, match=r"'made': nose_radius: is 0.05 m; allowed: below 0.045 m"):
+    with pytest.raises(LawError, match=r"'made': nose_radius: is 50 mm; allowed: below 45 mm"):
         build_law(arcs_of(make_cam, nose_radius=0.05))
-    with pytest.raises(LawError, match=r"'made': arcs\[1\]: radius 0.03 m is too small"):
+    with pytest.raises(LawError, match=r"'made': arcs\[1\]: radius 30 mm is too small"):
         build_law(arcs_of(make_cam, flank_radius=0.03))
 
 
@@ -213,7 +213,7 @@ def test_lift_must_be_the_arcs_own(make_cam):
     arcs = [base, {}, nose, {}]
     segment = {"law": "arcs_by_centres", "span": 360, "arcs": arcs}
     assert build_law(make_cam(segment, lift=0.01)).lift == pytest.approx(0.01, rel=1e-12)
-    with pytest.raises(LawError, match=r"lift from 0 m to 0.01\d* m .* the lift, 0.011 m"):
+    with pytest.raises(LawError, match=r"lift from 0 mm to 1\d\.?\d* mm .* the lift, 11 mm"):
         build_law(make_cam(segment, lift=0.011))
 
 
@@ -235,7 +235,7 @@ def test_what_may_ride_on_arcs(follower, expected):
     ("follower", "words"),
     [
         ({"type": "oscillating_roller"}, "'oscillating_roller'; allowed: roller, point, flat"),
-        ({"type": "roller", "eccentricity": SimpleNamespace(si=0.01)}, "0.01 m beside"),
+        ({"type": "roller", "eccentricity": SimpleNamespace(si=0.01)}, "10 mm beside"),
     ],
 )
 def test_what_may_not(follower, words):

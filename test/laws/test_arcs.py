@@ -105,5 +105,5 @@ def test_event_is_symmetric(arc_law):
 @pytest.mark.parametrize("nose_half", [0.01, 5.0])
 def test_impossible_geometry_is_refused(nose_half):
     """No such pair of arcs: the error names all four numbers."""
-    with pytest.raises(LawError, match=r"0\.04 m to lift 0\.01 m with event half angle 58°"):
+    with pytest.raises(LawError, match=r"40 mm to lift 10 mm with event half angle 58°"):
         ConcaveFlankCam(BASE, LIFT, HALF, np.radians(nose_half)).radii()

@@ -73,14 +73,14 @@ def test_event_angle_of_a_convex_flank(radius):
     [
         (
             [BASE, Blend(0.029), NOSE, Blend(None)],
-            r"arcs\[1\]: radius 0.029 m is too small .* 0.03 m",
+            r"arcs\[1\]: radius 29 mm is too small .* 30 mm",
         ),
-        ([BASE, Blend(-0.001), Circle(-0.05 + 0j, 0.001), Blend(None)], "more than 0.012 m"),
+        ([BASE, Blend(-0.001), Circle(-0.05 + 0j, 0.001), Blend(None)], "more than 12 mm"),
         ([BASE, Blend(None), Circle(0.001 + 0j, 0.012), Blend(None)], "one lies inside the other"),
         ([BASE, Blend(0.08), Circle(0.001 + 0j, 0.012), Blend(None)], "one lies inside the other"),
         ([BASE, Blend(0.08), Blend(0.09), NOSE], r"arcs\[1\]: has no centre and stands between"),
         ([BASE, Blend(0.08)], "two different arcs with centres"),
-        ([BASE, NOSE], r"arcs\[0\] and the next do not touch: .* 0.023 m apart, .* need 0.013 m"),
+        ([BASE, NOSE], r"arcs\[0\] and the next do not touch: .* 23 mm apart, .* need 13 mm"),
     ],
 )
 def test_impossible_contours_are_refused(specs, words):

@@ -61,6 +61,40 @@ def test_halves_of_one_curve_do_not_jump(laws):
     assert joints(cut)[1].continuity == SMOOTHEST
 
 
+@pytest.mark.parametrize("law", ["cycloidal", "poly4567"])
+def test_a_sharp_piece_hides_no_joint_of_another(make_cam, law):
+    """A rise over 1°, whose derivatives are a million times the others', changes no class."""
+    segments = [
+        {"law": "dwell", "span": 60},
+        {"law": law, "span": 120, "to": 1},
+        {"law": "dwell", "span": 30},
+        {"law": law, "span": 1, "to": 0.9},
+        {"law": "dwell", "span": 29},
+        {"law": law, "span": 120, "to": 0},
+    ]
+    found = {
+        round(np.degrees(j.angle), 6): j.continuity for j in joints(build_law(make_cam(*segments)))
+    }
+    own = {"cycloidal": 2, "poly4567": 3}[law]
+    assert [found[angle] for angle in (0.0, 60.0, 180.0, 210.0, 211.0, 240.0)] == 6 * [own]
+    inside = set(found) - {0.0, 60.0, 180.0, 210.0, 211.0, 240.0}
+    assert all(found[angle] == SMOOTHEST for angle in inside)
+
+
+def test_dwells_that_meet_are_smooth(make_cam):
+    """Nothing moves on either side, so nothing but rounding could jump."""
+    law = build_law(
+        make_cam(
+            {"law": "poly345", "span": 120, "to": 1},
+            {"law": "dwell", "span": 30},
+            {"law": "dwell", "span": 0.5},
+            {"law": "poly345", "span": 120, "to": 0},
+            {"law": "dwell", "span": 89.5},
+        )
+    )
+    assert [joint.continuity for joint in joints(law)] == [2, 2, SMOOTHEST, 2, 2]
+
+
 def test_the_end_of_the_turn_is_a_joint(make_cam):
     """At θ = 0 the last piece meets the first."""
     law = build_law(make_cam({"law": "bezier", "span": 360, "ordinates": [0, 1, 0]}))

@@ -91,7 +91,7 @@ def test_lift_must_be_the_points(cams):
     """A file whose lift is not that of its points says both."""
     cam = cams["measured"]
     wrong = cam.model_copy(update={"lift": cam.lift.model_copy(update={"assumed": 12})})
-    with pytest.raises(LawError, match=r"lift is 0.012 m, the points of measured.csv rise by 0.01"):
+    with pytest.raises(LawError, match=r"lift is 12 mm, the points of measured.csv rise by 10"):
         build_law(wrong)
 
 

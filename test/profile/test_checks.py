@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from shapely import Point, Polygon
 
 from cam_rig.errors import ProfileError
 from cam_rig.laws import build_law
@@ -63,6 +64,20 @@ def test_concave_radius_is_pitch_radius_and_roller(cams, laws):
     assert 122.73 <= start <= 140.71
 
 
+def test_a_straight_flank_is_not_concave(cams, laws):
+    """A straight line under a roller: what is left of its curvature is rounding, so no radius."""
+    cam, law = cams["arcs_straight"], laws["arcs_straight"]
+    (contour,) = contours(cam.follower, law, 3600)
+    assert sharpest_concave(Scan(law, contour.disc.element)) is None
+    straight = np.isinf(contour.radius)
+    assert 20 < straight.sum() < 720
+    chord = contour.points[:, straight & (contour.angle < np.pi)]
+    (x, y), (dx, dy) = chord - chord[:, :1], chord[:, -1] - chord[:, 0]
+    off = (dx * y - dy * x) / np.hypot(dx, dy)
+    assert np.abs(off).max() < 1e-12
+    assert np.abs(contour.radius[~straight]).max() < 1.0
+
+
 def test_greatest_between_finds_an_end():
     """The greatest value may be at the edge of a piece."""
     found = greatest_between(lambda x: x, np.array([0.0, 1.0, 2.0]))
@@ -78,7 +93,12 @@ def test_greatest_between_finds_an_end():
         ("oscillating_roller", {"pivot_distance": 60}, 40, "largest radius of the cam is"),
         ("oscillating_roller", {"arm": 45}, 140, "angle of the arm is 1"),
         ("oscillating_flat", {}, 100, "largest radius of the cam is"),
-        ("conjugate", {"roller_distance": 120, "eccentricity": 0}, 70, "height over the cam's"),
+        (
+            "conjugate",
+            {"roller_distance": 120, "eccentricity": 0},
+            70,
+            "distance from the axis is -",
+        ),
     ],
 )
 def test_a_cam_that_cannot_exist_is_refused(kind, numbers, lift, words):
@@ -106,6 +126,40 @@ def test_out_of_reach_of_the_base_circle(kind, numbers, words):
     with pytest.raises(ProfileError, match=re.escape(words)) as caught:
         check_cam(made.cam, made.law)
     assert str(caught.value).startswith(f"cam '{kind}': ")
+
+
+@pytest.mark.parametrize(
+    ("kind", "numbers", "depth"),
+    [
+        ("flat", {"base_radius": 12, "eccentricity": 0}, 20),
+        ("inclined_flat", {"base_radius": 12, "eccentricity": 0}, 20),
+        ("oscillating_flat", {"base_radius": 12, "face_offset": 0}, 20),
+        ("roller", {"base_radius": 15, "roller_radius": 8, "eccentricity": 0}, 20),
+        ("oscillating_roller", {"base_radius": 15, "roller_radius": 60, "pivot_distance": 120}, 30),
+        ("point", {"base_radius": 15, "eccentricity": 0}, 20),
+    ],
+)
+def test_a_cam_has_its_shaft_inside(kind, numbers, depth):
+    """Shapely has the axis outside where the check fails, inside on the base radius it names.
+
+    Down from the base circle and up again, gently: the curvature of each is right.
+    """
+    down = [("cycloidal", 180, -1), ("cycloidal", 180, 0)]
+    made = make(kind, down, lift=depth, **numbers)
+    (contour,) = contours(made.cam.follower, made.law, 3600)
+    assert not Polygon(contour.points.T).buffer(0).contains(Point(0.0, 0.0))
+    (check,) = named(made, "distance from the axis")
+    assert not check.passed
+    assert check.vital
+    assert check.degrees == pytest.approx(180.0)
+    with pytest.raises(ProfileError, match=r"axis is -[\d.]+ mm at 180°; allowed: more than 0 mm"):
+        require_profile(made.cam, made.law)
+    least = least_base_radius(made.cam.follower, made.law)
+    assert least is not None
+    above = make(kind, down, lift=depth, **numbers | {"base_radius": 1001 * least})
+    assert named(above, "distance from the axis")[0].passed
+    (contour,) = contours(above.cam.follower, above.law, 3600)
+    assert Polygon(contour.points.T).contains(Point(0.0, 0.0))
 
 
 @pytest.mark.parametrize("kind", ["constant_breadth", "constant_diameter"])
@@ -151,6 +205,25 @@ def test_a_neck_narrower_than_the_roller():
         require_profile(made.cam, made.law)
 
 
+def test_no_base_radius_is_named_that_would_cut_the_pivot():
+    """An arm near its cam: free of undercut only where the cam is at the pivot already."""
+    numbers = {"base_radius": 40, "roller_radius": 9, "pivot_distance": 90, "arm": 75}
+    far = [("dwell", 90, None), ("cycloidal", 110, 1), ("dwell", 50, None), ("cycloidal", 110, 0)]
+    made = make("oscillating_roller", far, lift=200, **numbers)
+    (check,) = named(made, "convex radius of curvature")
+    assert not check.passed
+    assert check.remedy.startswith("no base_radius would do: let the spans be longer")
+    assert least_base_radius(made.cam.follower, made.law) is None
+    for base in range(41, 130):
+        other = make("oscillating_roller", far, lift=200, **numbers | {"base_radius": base})
+        try:
+            assert any(
+                check.vital and not check.passed for check in check_cam(other.cam, other.law)
+            )
+        except ProfileError:
+            return
+
+
 def test_pressure_angle_limit_is_the_files():
     """30° for a guide, 45° for a pivot, or what the file says; too steep is bad, not impossible."""
     for kind, usual in (("roller", 30.0), ("oscillating_point", 45.0)):
@@ -185,7 +258,7 @@ def test_least_base_radius_is_where_the_cusp_is(made):
     below = make(kind, segments, base_radius=least * 1e3 * 0.999)
     try:
         undercut = [c for c in named(below, "convex radius of curvature") if c.value <= 0.0]
-        low = [c for c in named(below, "height over the cam's axis") if not c.passed]
+        low = [c for c in named(below, "distance from the axis") if not c.passed]
     except ProfileError:
         return
     assert undercut or low

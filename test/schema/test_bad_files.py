@@ -56,10 +56,13 @@ def test_scalar_python_cannot_hold(refuse, value):
 
 
 def test_missing_file(tmp_path):
-    """The files there are, are named."""
+    """The files there are, are named, and first the one whose name is nearly it."""
     (tmp_path / "poly345.yaml").touch()
-    with pytest.raises(ConfigError, match=r"poly34\.yaml: no such file; there are: poly345") as e:
+    words = r"poly34\.yaml: no such file \(did you mean 'poly345'\?\); there are: poly345$"
+    with pytest.raises(ConfigError, match=words) as e:
         load_cam(tmp_path / "poly34.yaml")
+    with pytest.raises(ConfigError, match=r"tm21\.yaml: no such file; there are: poly345$"):
+        load_cam(tmp_path / "tm21.yaml")
     assert e.value.exit_code == 2
     with pytest.raises(ConfigError, match=r"no such file$"):
         load_cam(tmp_path / "nowhere" / "poly345.yaml")
@@ -67,7 +70,7 @@ def test_missing_file(tmp_path):
 
 def test_folder_for_a_file(tmp_path):
     """A folder cannot be read as a file."""
-    with pytest.raises(ConfigError, match="cannot be read"):
+    with pytest.raises(ConfigError, match="is a folder; allowed: a YAML file"):
         load_cam(tmp_path)
 
 

@@ -39,7 +39,7 @@ CASES = [
     (polynomial([0, 0], [0, 0], [0, 1]), "at: has 0 deg of order 0 twice; allowed: once"),
     (polynomial([0, 360], [0, 2], [0, 1]), "order: is 2; allowed: at most 1, the degree"),
     (polynomial([0, 360], [0, -1], [0, 1]), "order[1]: is -1; allowed: greater than or equal to 0"),
-    (polynomial([0, 1], [0, 0], [0, 1], "mm"), "at: has unit 'mm', not a angle; allowed: rad, deg"),
+    (polynomial([0, 1], [0, 0], [0, 1], "mm"), "at: has unit 'mm', not an angle; allowed: rad"),
     (polynomial(list(range(22)), [0] * 22, [0] * 22), "22 conditions; allowed: 1 to 21"),
     ("- {law: trigonometric, span: {assumed: 180, unit: deg}, mean: {assumed: 0, unit: '1'}}",
      "span: is 180°; allowed: 360°, this law is a whole turn"),
