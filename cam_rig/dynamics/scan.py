@@ -15,6 +15,9 @@ PER_PERIOD = 24
 #: Points looked at together, first and at most: most events of a chattering stem are near.
 FIRST_WINDOW, WINDOW = 32, 512
 
+#: Shortest time (s) that is told from none.
+SHORTEST = 1e-25
+
 
 class Guard(Protocol):
     """A signed quantity whose fall through zero is an event, at many times (s) or at one."""
@@ -99,4 +102,4 @@ def _polish(guard: Guard, noise: float, low: float, high: float) -> float:
 
     if shifted(low) <= 0.0:
         return low
-    return float(brentq(shifted, low, high, xtol=1e-300, rtol=4 * EPS))
+    return float(brentq(shifted, low, high, xtol=SHORTEST, rtol=4 * EPS))

@@ -172,7 +172,7 @@ class Separation:
         force = self.force_of(vibration, cam)
         rebound = p.restitution * approach
         least = least_bounce(
-            self.law, p.restitution, gap_rounding(self.law, state, abs(self.angle) + self._reach)
+            self.law, p.restitution, gap_rounding(self.law, p, state, abs(self.angle) + self._reach)
         )
         bounces = rises(rebound, force / p.roller_mass, least)
         restitution = p.restitution if bounces else 0.0

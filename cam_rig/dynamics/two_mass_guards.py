@@ -115,10 +115,15 @@ def _force_root(law: Law, p: TwoMassParameters, speed: float, run: Run) -> float
     return first_negative(force, rounding, span, math.sqrt(rate), _least(span, speed))
 
 
-def gap_rounding(law: Law, state: FloatArray, reach: float) -> float:
-    """Bound (m) on the error of a gap in a flight from ``state``, up to angle ``reach`` (rad)."""
+def gap_rounding(law: Law, p: TwoMassParameters, state: FloatArray, reach: float) -> float:
+    """Bound (m) on the error of a gap in a flight from ``state``, up to angle ``reach`` (rad).
+
+    The roller's place is reckoned from where it would rest without the cam, which a weak spring
+    puts far away.
+    """
     largest, steepest, _ = law.bounds
-    size = largest + float(np.abs(state[[0, 2]]).max()) + (reach + TURN) * steepest
+    places = float(np.abs(state[[0, 2]]).max()) + 2.0 * abs(p.roller_rest)
+    size = largest + places + (reach + TURN) * steepest
     return ROUNDING_ERRORS * EPS * size + law.largest_step
 
 
@@ -132,11 +137,13 @@ def landing(
 ) -> tuple[float, FloatArray] | None:
     """Time (s) at which the roller meets the cam, and (z, ż, y, ẏ) then.
 
-    None when not within ``limit``; ``state`` is (z, ż, y, ẏ) at cam angle ``angle`` (rad).
+    None when not within ``limit``; ``state`` is (z, ż, y, ẏ) at cam angle ``angle`` (rad). A roller
+    below the cam meets it at once.
     """
-    rounding = gap_rounding(law, state, abs(angle) + speed * limit)
-
+    rounding = gap_rounding(law, parameters, state, abs(angle) + speed * limit)
     gap = _Gap(law, angle, speed, roller_motion(parameters, state), parameters.roller_rest)
+    if gap.one(0.0) <= -rounding:
+        return 0.0, state
     found = first_negative(gap, rounding, limit, parameters.fastest_rate, _least(limit, speed))
     return None if found is None else (found, fly(parameters, state, np.array([found]))[:, 0])
 
