@@ -78,9 +78,10 @@ def particular(force, kappa, damping):
 @pytest.mark.parametrize("cam", ["poly345", "bezier15", "cycloidal"])
 @pytest.mark.parametrize("stem", [1e5, 3.3e8, 1e10])
 def test_states_against_fifty_digits(laws, cam, stem):
-    """Position to 1e-13 of the lift and velocity to 1e-11 of its peak after two turns.
+    """Position to 1e-13 of the lift and velocity to 5e-12 of its peak after two turns.
 
-    Stiffness costs nothing: the soft and the stiffest stem are equally exact.
+    The phase of 30 000 rad of ringing is known to some of its last digits (2e-13 to 2e-12, by how
+    the processor rounds). Stiffness costs nothing: the soft and the stiffest stem are equally exact.
     """
     parameters = FollowerParameters(1.3, 4030.0, 8.642, 0.0, stem)
     law = laws[cam]
@@ -88,7 +89,7 @@ def test_states_against_fifty_digits(laws, cam, stem):
     expected = by_mpmath(law, parameters, times)
     got = motion(law, parameters, SPEED, 0.0, np.zeros(2), times)
     assert np.abs(got[0] - expected[0]).max() < 1e-13 * 0.05
-    assert np.abs(got[1] - expected[1]).max() < 1e-12 * np.abs(expected[1]).max()
+    assert np.abs(got[1] - expected[1]).max() < 5e-12 * np.abs(expected[1]).max()
 
 
 def test_uniform_samples_are_the_states(law, follower):
