@@ -77,6 +77,11 @@ class NodeProcess:
         how = f"was ended by signal {-code}" if code < 0 else f"ended with code {code}"
         return f"{self.name} {how}"
 
+    @property
+    def warnings(self) -> list[str]:
+        """What it warned of, without time and name."""
+        return [line.split("]: ", 1)[-1].strip() for line in self.words if "[WARN]" in line]
+
     def last_words(self) -> str:
         """The last line it wrote to stderr."""
         time.sleep(0.2)  # let it arrive

@@ -102,6 +102,10 @@ def _run(
         for report in graph.progress():
             words = f"{report['cam']} {report['rpm']:.0f} rpm"
             bar.update(task, completed=int(report["tick"]), description=words)
+    for name, node in graph.processes.items():
+        if node.warnings:
+            words = f"{name} warned {len(node.warnings)} times, last: {node.warnings[-1]}"
+            console.print(escape(words))
     counts = require_complete(target, stage.scene)
     took = time.perf_counter() - begun
     console.print(

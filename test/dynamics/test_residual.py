@@ -81,7 +81,7 @@ def test_states_against_fifty_digits(laws, cam, stem):
     """Position to 1e-13 of the lift and velocity to 5e-12 of its peak after two turns.
 
     The phase of 30 000 rad of ringing is known to some of its last digits (2e-13 to 2e-12, by how
-    the processor rounds). Stiffness costs nothing: the soft and the stiffest stem are equally exact.
+    the processor rounds). Stiffness costs nothing: the stiffest stem is as exact as the soft one.
     """
     parameters = FollowerParameters(1.3, 4030.0, 8.642, 0.0, stem)
     law = laws[cam]
