@@ -82,6 +82,8 @@ def test_unknown_key_of_a_quantity(mass_error):
             "{given: -3.3e8, unit: N/m}",
             "is -3.3e+08 N/m; allowed: greater than 0",
         ),
+        ("mass", "{given: 1e-30, unit: kg}", "is 1e-30 kg; allowed: at least 1e-09 kg"),
+        ("stem_stiffness", "{given: 1e-30, unit: N/m}", "is 1e-30 N/m; allowed: at least 1e-09"),
         ("spring_stiffness", "{given: 0, unit: N/m}", "is 0 N/m; allowed: greater than 0 N/m"),
         ("damping", "{given: -1, unit: N*s/m}", "is -1 N*s/m; allowed: at least 0"),
         ("preload", "{given: -1, unit: N}", "is -1 N; allowed: at least 0"),
