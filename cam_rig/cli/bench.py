@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cam_rig.cli.console import console, progress_bar, user_errors, write_json
+from cam_rig.cli.console import (
+    check_outputs,
+    console,
+    progress_bar,
+    user_errors,
+    write_json,
+    writing,
+)
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -35,6 +42,7 @@ def bench(
     with user_errors():
         from cam_rig.bench.report import notes, to_json
 
+        check_outputs(json_target, plot)
         study = measure(quick)
         console.print(table(study))
         for note in notes(study):
@@ -42,8 +50,9 @@ def bench(
         if plot is not None:
             from cam_rig.bench.plot import draw
 
-            draw(study, plot)
-            console.print(f"plot: {plot}")
+            with writing(plot) as part:
+                draw(study, part)
+            console.print(f"plot: {plot}", soft_wrap=True)
         if json_target is not None:
             write_json(to_json(study), json_target)
 

@@ -8,6 +8,13 @@ from typing import Literal
 
 import numpy as np
 
+from cam_rig.dynamics.numbers import (
+    is_number,
+    require_angle,
+    require_number,
+    require_rate,
+    require_stamp,
+)
 from cam_rig.errors import DynamicsError
 from cam_rig.laws.bernstein import FloatArray
 
@@ -34,7 +41,7 @@ class Interval:
 
     Raises
     ------
-    DynamicsError : stamps that do not rise, or a cam that turns back
+    DynamicsError : stamps that do not rise, a number out of range, or a cam that turns back
     """
 
     start_ns: int
@@ -44,15 +51,17 @@ class Interval:
     acceleration: float = 0.0
 
     def __post_init__(self) -> None:
+        for name in ("start_ns", "stop_ns"):
+            require_stamp(name, getattr(self, name))
         if self.stop_ns <= self.start_ns:
             raise DynamicsError(
                 f"an interval from {self.start_ns} to {self.stop_ns} ns; allowed: stamps that "
                 "rise (is a second drive at work?)"
             )
-        numbers = {key: getattr(self, key) for key in ("angle", "speed", "acceleration")}
-        for name, value in numbers.items():
-            if not math.isfinite(value):
-                raise DynamicsError(f"an interval whose {name} is {value!r}; allowed: finite")
+        require_angle(self.angle, "an interval whose angle")
+        for name in ("speed", "acceleration"):
+            require_number(f"an interval whose {name}", getattr(self, name), "of either sign")
+        require_angle(self.angle_at(self.duration), "an interval whose last angle")
         end = self.speed_at(self.duration)
         if self.acceleration != 0.0 and min(self.speed, end) < -REST * max(self.speed, end):
             raise DynamicsError(
@@ -103,6 +112,7 @@ class Interval:
 
     def grid(self, sample_rate: int) -> SampleGrid:
         """The instants k / ``sample_rate`` (Hz) in [start, stop), k whole: one grid for all."""
+        require_rate(sample_rate)
         first = -(-self.start_ns * sample_rate // NS)
         end = -(-self.stop_ns * sample_rate // NS)
         offset = (first * NS - self.start_ns * sample_rate) / (sample_rate * NS)
@@ -164,7 +174,7 @@ class FollowerState:
         for name, value in vars(self).items():
             numbers = value if isinstance(value, tuple) else (value,)
             for number in numbers:
-                if not math.isfinite(number):
+                if name != "in_contact" and not is_number(number):
                     raise DynamicsError(
                         f"a follower whose {name} is {number!r}; allowed: finite numbers"
                     )

@@ -17,8 +17,14 @@ from numpy.typing import NDArray
 
 from cam_rig.dynamics.exponential import free_motion
 from cam_rig.dynamics.kinks import SLACK
+from cam_rig.dynamics.numbers import (
+    require_angle,
+    require_number,
+    require_turning,
+    state_of,
+    times_of,
+)
 from cam_rig.dynamics.propagator import exponential, piece
-from cam_rig.dynamics.speed import require_turning
 from cam_rig.dynamics.turn_map import TurnMap
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import TURN, Law, bernstein
@@ -109,6 +115,8 @@ class LinearResponse:
 
         A kick at the start is the walk's, one at its end is not (`kinks`).
         """
+        start = state_of(start, self.constant.size)
+        require_angle(angle)
         slack = SLACK / self.speed if self.law.repeats else 0.0
         inside = angle - math.floor(angle / TURN) * TURN
         i = bisect_right(self.parts, inside, key=lambda part: part.low) - 1
@@ -143,7 +151,10 @@ class LinearResponse:
         self, start: FloatArray, angle: float, times: FloatArray
     ) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
         """States less X ``(n, m)``, times in their parts (s) and these parts' numbers, ``(m,)``."""
+        times = times_of(times)
         last = float(times[-1]) if times.size else 0.0
+        require_angle(angle)
+        require_angle(angle + self.speed * last, "angle at the last time")
         runs = list(self.walk(start, angle, np.nextafter(last, np.inf)))
         begins = np.array([run.begin for run in runs])
         run_of = np.searchsorted(begins, times, side="right") - 1
@@ -162,6 +173,8 @@ class LinearResponse:
         self, start: FloatArray, angle: float, duration: float
     ) -> tuple[FloatArray, float, float]:
         """State, angle (rad) and what is left of ``duration`` (s) after all whole turns but one."""
+        require_angle(angle)
+        require_number("duration", duration, "≥ 0")
         first = math.ceil(angle / TURN)
         # Not up to a kick at the very end, which is the next interval's.
         spare = 0.0 if self.parts[0].kick is None else 2.0 * SLACK

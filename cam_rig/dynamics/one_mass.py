@@ -25,9 +25,9 @@ from cam_rig.dynamics.block import (
 )
 from cam_rig.dynamics.course import Course, Phase
 from cam_rig.dynamics.impulses import show_impulses
+from cam_rig.dynamics.numbers import require_turning
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.ramp import with_ramps
-from cam_rig.dynamics.speed import require_turning
 from cam_rig.laws import Law
 from cam_rig.laws.bernstein import FloatArray
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from cam_rig.errors import DynamicsError
+from cam_rig.dynamics.numbers import require_number
 from cam_rig.schema import RigConfig
 
 
@@ -31,20 +31,9 @@ class FollowerParameters:
     restitution: float = 0.0
 
     def __post_init__(self) -> None:
-        limits = {
-            "mass": self.mass > 0.0,
-            "spring_stiffness": self.spring_stiffness > 0.0,
-            "stem_stiffness": self.stem_stiffness > 0.0,
-            "damping": self.damping >= 0.0,
-            "preload": self.preload >= 0.0,
-            "restitution": 0.0 <= self.restitution < 1.0,
-        }
         words = {"damping": "≥ 0", "preload": "≥ 0", "restitution": "in [0, 1)"}
-        for name, good in limits.items():
-            value = getattr(self, name)
-            if not (good and math.isfinite(value)):
-                limit = words.get(name, "> 0")
-                raise DynamicsError(f"{name} is {value!r}; allowed: finite and {limit}")
+        for name, value in vars(self).items():
+            require_number(name, value, words.get(name, "> 0"))
 
     @classmethod
     def from_rig(cls, rig: RigConfig) -> FollowerParameters:

@@ -28,6 +28,8 @@ from cam_rig.laws.bernstein import FloatArray
 
 #: A part of a piece spans at most this |A|T of its slow modes: Picard's terms stay below e⁴.
 PICARD_REACH = 4.0
+#: An overdamped mass has rates far apart where its stiffness is below this times decay squared.
+APART = 0.3
 
 
 @lru_cache(maxsize=64)
@@ -106,7 +108,9 @@ def piece(matrix: FloatArray, forcing: FloatArray, duration: float) -> Piece:
     """
     degree = forcing.shape[1] - 1
     slow, fast, modes = _modes(matrix, duration, max(float(degree), PICARD_REACH))
-    inputs = np.asarray(np.linalg.solve(modes, forcing), dtype=np.float64)
+    # Rows of one size: else the pivot is a velocity, and what drives a slow mode cancels.
+    even = np.exp2(-np.round(np.log2(np.abs(modes).max(axis=1, keepdims=True))))
+    inputs = np.asarray(np.linalg.solve(even * modes, even * forcing), dtype=np.float64)
     k = slow.shape[0]
     settled = np.zeros((fast.shape[0], degree + 1))
     if fast.size:
@@ -129,6 +133,11 @@ def _modes(
     matrix: FloatArray, duration: float, bound: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Slow block, fast block and V with A V = V diag(slow, fast); slow has |λ|T < bound."""
+    creeping = _creeping(matrix)
+    if creeping is not None:
+        rates, shapes = creeping
+        k = int(np.sum(np.abs(rates) * duration < bound))
+        return np.diag(rates[:k]), np.diag(rates[k:]), shapes
     balanced, scale = matrix_balance(matrix)
     triangle, basis, k = schur(
         balanced, output="real", sort=lambda re, im: math.hypot(re, im) * duration < bound
@@ -140,6 +149,22 @@ def _modes(
     if k < matrix.shape[0]:
         decouple[:k, k:] = solve_sylvester(slow, -fast, -triangle[:k, k:])
     return slow, fast, np.asarray(scale @ basis @ decouple)
+
+
+def _creeping(matrix: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    """Rates, slow and fast, and shapes of one overdamped mass whose rates stand far apart.
+
+    The slow rate is the stiffness over the fast one: Schur's form gives it to the rounding of the
+    fast one, which may be the larger by 1e7. None for any other matrix.
+    """
+    if matrix.shape != (2, 2) or tuple(matrix[0]) != (0.0, 1.0):
+        return None
+    stiffness, decay = -float(matrix[1, 0]), -0.5 * float(matrix[1, 1])
+    if not (decay > 0.0 and 0.0 < stiffness < APART * decay**2):
+        return None
+    fast = -decay - math.sqrt(decay**2 - stiffness)
+    rates = np.array([stiffness / fast, fast])
+    return rates, np.stack([np.ones(2), rates])
 
 
 def _picard(matrix: FloatArray, forcing: FloatArray, duration: float) -> FloatArray:

@@ -16,6 +16,7 @@ from cam_rig.dynamics.block import Event, EventKind
 from cam_rig.dynamics.bounce import least_bounce, rises
 from cam_rig.dynamics.kinks import KinksAhead, short_of_kink
 from cam_rig.dynamics.linear import LinearResponse
+from cam_rig.dynamics.numbers import require_angle, require_number, state_of
 from cam_rig.dynamics.two_mass import TwoMassParameters, contact_response, force_output
 from cam_rig.dynamics.two_mass_guards import fly, gap_rounding, landing, lift_off
 from cam_rig.errors import DynamicsError
@@ -54,14 +55,18 @@ class Separation:
     events: list[Event] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        require_angle(self.angle)
         self._response: LinearResponse = contact_response(self.law, self.parameters, self.speed)
         self._contact, self._reach = True, 0.0
         self._force = force_output(self.parameters)
 
     def run(self, duration: float, state: FloatArray | None = None, contact: bool = True) -> None:
         """Find all phases and events up to ``duration`` s, from rest on the cam by default."""
+        require_number("duration", duration, "> 0")
+        require_angle(self.angle + self.speed * duration, "angle at the end")
         if state is None:
             state, contact = np.zeros(2), True
+        state = state_of(state, 2 if contact else 4)
         kinks = KinksAhead(self.law, self.angle, self.speed, duration)
         now, self._reach = 0.0, self.speed * duration
         state, contact = self._cross(now, kinks.take(now), state, contact)

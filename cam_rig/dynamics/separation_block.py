@@ -9,6 +9,7 @@ import numpy as np
 
 from cam_rig.dynamics.block import NS, Block, FollowerState, Interval, SampleGrid
 from cam_rig.dynamics.impulses import show_impulses
+from cam_rig.dynamics.numbers import times_of
 from cam_rig.dynamics.ramp import with_ramps
 from cam_rig.dynamics.separation import Phase, Separation
 from cam_rig.dynamics.two_mass import TwoMassParameters, contact_response, force_output
@@ -19,6 +20,8 @@ from cam_rig.laws.bernstein import FloatArray
 
 def states(course: Separation, times: FloatArray) -> FloatArray:
     """(z, ż, y, ẏ, F) at ascending times in s of a course, ``(5, len(times))``."""
+    end = course.phases[-1].end if course.phases else 0.0
+    times = times_of(times, last=end * (1.0 + 1e-12))
     out = np.empty((5, times.size))
     for phase in course.phases:
         last = phase is course.phases[-1]

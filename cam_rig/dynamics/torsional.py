@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.dynamics.collocation import Path
+from cam_rig.dynamics.numbers import require_number
 from cam_rig.dynamics.torsional_march import March
 from cam_rig.dynamics.torsional_parameters import TorsionalParameters, TorsionalState
 from cam_rig.errors import DynamicsError
@@ -139,9 +140,7 @@ def solve(
     """
     numbers = {"start_time": start_time, "duration": duration, "ramp": ramp, **asdict(state)}
     for name, value in numbers.items():
-        if not math.isfinite(value) or (name == "duration" and value <= 0.0):
-            limit = "finite and > 0" if name == "duration" else "finite"
-            raise DynamicsError(f"{name} is {value!r}; allowed: {limit}")
+        require_number(name, value, "> 0" if name == "duration" else "of either sign")
     end, done = March(law, parameters, ramp).run(state, duration)
     for stretch in done:
         stretch.series[2, 0] += stretch.low
@@ -172,7 +171,9 @@ def periodic_state(
             f"flywheel_inertia is {parameters.flywheel_inertia!r}; allowed for a periodic state: "
             "None, a flywheel that holds its speed"
         )
-    if not (math.isfinite(speed) and speed != 0.0):
+    require_number("flywheel_angle", flywheel_angle, "of either sign")
+    require_number("speed", speed, "of either sign")
+    if speed == 0.0:
         raise DynamicsError(f"speed is {speed!r}; allowed for a periodic state: finite, not 0")
     march = March(law, parameters)
     unit = np.array([1.0, march.rate])  # a twist and its rate in the free vibration

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from cam_rig.dynamics.block import NS, Block, FollowerState, Interval
+from cam_rig.dynamics.numbers import require_turning
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.torsional import TorsionalMotion, solve
 from cam_rig.dynamics.torsional_parameters import TorsionalParameters, TorsionalState
@@ -47,13 +48,15 @@ def advance(
 
     Raises
     ------
-    DynamicsError : a flywheel of finite inertia, which would not turn as the drive says
+    DynamicsError : a cam that stands or turns back, or a flywheel of finite inertia, which would
+        not turn as the drive says
     """
     if parameters.flywheel_inertia is not None:
         raise DynamicsError(
             f"flywheel_inertia is {parameters.flywheel_inertia!r}; allowed where a drive sets the "
             "speed: None, so take cam_rig.dynamics.torsional.solve for a free flywheel"
         )
+    require_turning(interval.mean_speed)
     turns = math.floor(interval.angle / TURN) * TURN
     twist = (0.0, 0.0) if state is None else state.inner
     start = TorsionalState(twist[0], twist[1], interval.angle - turns, interval.speed)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
+from cam_rig.dynamics.numbers import require_number
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.errors import DynamicsError
 
@@ -31,17 +31,12 @@ class TorsionalParameters:
     motor_torque: float = 0.0
 
     def __post_init__(self) -> None:
-        inertia = 1.0 if self.flywheel_inertia is None else self.flywheel_inertia
-        limits = {
-            "cam_inertia": (self.cam_inertia, self.cam_inertia > 0.0, "> 0"),
-            "shaft_stiffness": (self.shaft_stiffness, self.shaft_stiffness > 0.0, "> 0"),
-            "shaft_damping": (self.shaft_damping, self.shaft_damping >= 0.0, "≥ 0"),
-            "flywheel_inertia": (inertia, inertia > 0.0, "> 0"),
-            "motor_torque": (self.motor_torque, True, "real"),
-        }
-        for name, (value, good, limit) in limits.items():
-            if not (good and math.isfinite(value)):
-                raise DynamicsError(f"{name} is {value!r}; allowed: finite and {limit}")
+        require_number("cam_inertia", self.cam_inertia, "> 0")
+        require_number("shaft_stiffness", self.shaft_stiffness, "> 0")
+        require_number("shaft_damping", self.shaft_damping, "≥ 0")
+        if self.flywheel_inertia is not None:
+            require_number("flywheel_inertia", self.flywheel_inertia, "> 0")
+        require_number("motor_torque", self.motor_torque, "of either sign")
         if self.flywheel_inertia is None and self.motor_torque != 0.0:
             raise DynamicsError(
                 f"motor_torque is {self.motor_torque!r}; allowed: 0 where the flywheel holds its "

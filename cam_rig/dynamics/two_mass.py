@@ -13,15 +13,15 @@ names); z and y are measured from where the springs carry no force but the prelo
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
 
 from cam_rig.dynamics.linear import LinearResponse
+from cam_rig.dynamics.numbers import require_number
 from cam_rig.dynamics.uniform import Outputs
-from cam_rig.errors import ConfigError, DynamicsError
+from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.laws.bernstein import FloatArray
 from cam_rig.schema import RigConfig
@@ -53,14 +53,9 @@ class TwoMassParameters:
 
     def __post_init__(self) -> None:
         positive = ("roller_mass", "end_mass", "stem_stiffness", "spring_stiffness")
-        limits = {name: (value > 0.0, "> 0") for name, value in vars(self).items()}
-        for name in vars(self).keys() - set(positive):
-            limits[name] = (getattr(self, name) >= 0.0, "≥ 0")
-        limits["restitution"] = (0.0 <= self.restitution < 1.0, "in [0, 1)")
-        for name, (good, words) in limits.items():
-            value = getattr(self, name)
-            if not (good and math.isfinite(value)):
-                raise DynamicsError(f"{name} is {value!r}; allowed: finite and {words}")
+        words = dict.fromkeys(positive, "> 0") | {"restitution": "in [0, 1)"}
+        for name, value in vars(self).items():
+            require_number(name, value, words.get(name, "≥ 0"))
 
     @classmethod
     def from_rig(cls, rig: RigConfig) -> TwoMassParameters:

@@ -132,9 +132,8 @@ def _check(
         ):
             if broken and limit is not None:
                 shown = limit / units[quantity.unit]
-                raise ValueError(
-                    f"is {value:g} {quantity.unit}; allowed: {words} {shown:g} {quantity.unit}"
-                )
+                unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+                raise ValueError(f"is {value:g}{unit}; allowed: {words} {shown:g}{unit}")
     return quantity
 
 

@@ -8,8 +8,8 @@ from pydantic import Field
 
 from cam_rig.schema.quantity import Quantity, Strict, must_be
 
-Mass = Annotated[Quantity, must_be("mass", above=0.0, most=1e6)]
-Stiffness = Annotated[Quantity, must_be("stiffness", above=0.0, most=1e15)]
+Mass = Annotated[Quantity, must_be("mass", above=0.0, least=1e-9, most=1e6)]
+Stiffness = Annotated[Quantity, must_be("stiffness", above=0.0, least=1e-9, most=1e15)]
 Damping = Annotated[Quantity, must_be("damping", least=0.0, most=1e9)]
 
 
@@ -26,7 +26,9 @@ class FollowerMechanics(Strict):
     stem_stiffness: Stiffness
     damping: Damping
     preload: Annotated[Quantity, must_be("force", least=0.0, most=1e9)]
-    roller_share: Annotated[Quantity, must_be("ratio", above=0.0, most=0.99)] | None = None
+    roller_share: Annotated[Quantity, must_be("ratio", above=0.0, least=1e-6, most=0.99)] | None = (
+        None
+    )
     stem_damping: Damping | None = None
     restitution: Annotated[Quantity, must_be("ratio", least=0.0, most=0.999)]
 
@@ -50,9 +52,9 @@ class Radiation(Strict):
 class Shaft(Strict):
     """The shaft between flywheel and cam, for the model ``torsional``."""
 
-    cam_inertia: Annotated[Quantity, must_be("inertia", above=0.0)]
-    stiffness: Annotated[Quantity, must_be("torsional stiffness", above=0.0)]
-    damping: Annotated[Quantity, must_be("torsional damping", least=0.0)]
+    cam_inertia: Annotated[Quantity, must_be("inertia", above=0.0, least=1e-12, most=1e9)]
+    stiffness: Annotated[Quantity, must_be("torsional stiffness", above=0.0, least=1e-9, most=1e15)]
+    damping: Annotated[Quantity, must_be("torsional damping", least=0.0, most=1e9)]
 
 
 class RigConfig(Strict):

@@ -142,7 +142,7 @@ def test_periodic_state_needs_a_fixed_speed(laws, shaft):
         ("flywheel_inertia", 0.0, "> 0"),
         ("flywheel_inertia", math.inf, "> 0"),
         ("shaft_damping", -1e-9, "≥ 0"),
-        ("motor_torque", math.inf, "real"),
+        ("motor_torque", math.inf, "of either sign"),
     ],
 )
 def test_bad_parameter(shaft, name, value, limit):
@@ -163,7 +163,7 @@ def test_motor_on_a_fixed_speed(shaft):
         (REST, 0.0, "duration is 0.0; allowed: finite and > 0"),
         (REST, math.inf, "duration is inf"),
         (dataclasses.replace(REST, twist=math.nan), 1.0, "twist is nan; allowed: finite"),
-        (dataclasses.replace(REST, twist_rate=1e200), 1.0, "diverges after 40 tries; check"),
+        (dataclasses.replace(REST, twist_rate=1e14), 1.0, "diverges after 40 tries; check"),
     ],
 )
 def test_bad_run(laws, shaft, state, duration, message):
