@@ -5,6 +5,7 @@ import shutil
 import struct
 import time
 from array import array
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -26,9 +27,10 @@ def sockets(pid):
     """Local IPv4 and IPv6 addresses of a process's UDP and TCP sockets."""
     inodes = set()
     for link in Path(f"/proc/{pid}/fd").iterdir():
-        target = str(link.readlink())
-        if target.startswith("socket:["):
-            inodes.add(target[8:-1])
+        with suppress(FileNotFoundError):  # closed since it was listed
+            target = str(link.readlink())
+            if target.startswith("socket:["):
+                inodes.add(target[8:-1])
     found = set()
     for table in ("udp", "udp6", "tcp", "tcp6"):
         for line in Path(f"/proc/{pid}/net/{table}").read_text().splitlines()[1:]:
