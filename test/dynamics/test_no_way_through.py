@@ -29,7 +29,7 @@ def lowest_gap(law, p, speed, acceleration, milliseconds, total=400):
     return min(gaps), events
 
 
-RAMPS = list(itertools.product(("poly345", "tm21"), (0.0, 0.5), (-20.0, 2.0, 30.0), (1, 7, 100)))
+RAMPS = list(itertools.product(("poly345", "tm21"), (0.0, 0.5), (2.0, 30.0), (1, 7)))
 
 
 @pytest.mark.parametrize(("cam", "restitution", "acceleration", "milliseconds"), RAMPS)
