@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -65,6 +65,7 @@ class DriveProgram:
         self._again: deque[CamState] = deque()
         self._mount = mount
         self._asked, self._asked_at = "", -ASK_AGAIN
+        self._requests: Counter[str] = Counter()
         if memories:
             self._follow(memories)
 
@@ -115,9 +116,12 @@ class DriveProgram:
     def mounted(self, cam: str) -> None:
         """Note what the law server says is mounted: what it was asked for, or another by hand.
 
-        Its word may come when the drive has sent that cam's last state and looks at the next cam's.
+        Its word may come when the drive has sent that cam's last state and looks at the next cam's,
+        or later still: each request has one answer.
         """
-        if cam != self._asked or self.table.by_hand:
+        if self._requests[cam] > 0:
+            self._requests[cam] -= 1
+        else:
             self.table.mount(cam)
 
     def wait(self, now: float) -> float:
@@ -185,4 +189,5 @@ class DriveProgram:
             if not self._mount(state.cam):
                 return False
             self._asked, self._asked_at = state.cam, now
+            self._requests[state.cam] += 1
         return state.cam in self.laws

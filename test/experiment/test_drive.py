@@ -173,12 +173,15 @@ def test_the_law_servers_word_is_no_cam_by_hand_however_late(stage):
     """A cam of few ticks is sent before the law server's word of it comes; the next cam turns."""
     scene = stage.scene
     first = [state for state in cam_states(scene) if state.cam == scene.cams[0]]
-    program = DriveProgram(scene, [], 2 * len(first), lambda cam: True)
+    program = DriveProgram(scene, ["all"], 2 * len(first), lambda cam: True)
     for law in stage.laws.values():
         program.add_law(law)
     sent = [program.take(float(i)) for i in range(len(first))]
-    program.mounted(scene.cams[0])
     assert sent == first
+    program.credit.acknowledge("all", first[-1].time_ns)
+    assert program.take(100.0).cam == scene.cams[1]  # asked for as well by now
+    for cam in scene.cams:
+        program.mounted(cam)
     assert program.table.state.cam == scene.cams[1]
     program.mounted("cycloidal")
     assert program.table.state.cam == "cycloidal"
