@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from cam_rig.acoustics.level import REFERENCE_PRESSURE
 from cam_rig.acoustics.radiation import RadiationParameters
@@ -59,11 +59,9 @@ def calibrate(
         return _best_gain(power, background, levels)
 
     low, high = (math.log(c) for c in CORNERS)
-    best = minimize_scalar(
-        lambda x: fitted(x)[1], bounds=(low, high), method="bounded", options={"xatol": 1e-6}
-    )
-    gain, rmse = fitted(float(best.x))
-    radiation = replace(start, gain=gain, corner=math.exp(float(best.x)))
+    log_corner = _least(lambda x: fitted(x)[1], (low, high), 1e-6)[0]
+    gain, rmse = fitted(log_corner)
+    radiation = replace(start, gain=gain, corner=math.exp(log_corner))
     return Calibration(radiation, rmse, speeds.size)
 
 
@@ -77,5 +75,15 @@ def _best_gain(
         difference = 10.0 * np.log10(total / REFERENCE_PRESSURE**2) - levels
         return float(np.sqrt(np.mean(difference**2)))
 
-    best = minimize_scalar(rmse, bounds=(-20.0, 0.0), method="bounded", options={"xatol": 1e-9})
-    return math.exp(float(best.x)), float(best.fun)
+    log_gain, least = _least(rmse, (-20.0, 0.0), 1e-9)
+    return math.exp(log_gain), least
+
+
+def _least(
+    function: Callable[[float], float], bounds: tuple[float, float], tolerance: float
+) -> tuple[float, float]:
+    """Where a function is least between bounds, and how little it is there."""
+    from scipy.optimize import minimize_scalar  # only who calibrates should pay its import
+
+    best = minimize_scalar(function, bounds=bounds, method="bounded", options={"xatol": tolerance})
+    return float(best.x), float(best.fun)

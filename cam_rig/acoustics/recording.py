@@ -35,7 +35,7 @@ def measure(pressure: FloatArray, rate: int) -> Measurement:
             reading = meter.read(pressure)
             levels[f"L{weighting}eq"] = meter.equivalent
             levels[f"L{weighting}{ballistics}max"] = meter.highest
-            overload, lowest = reading.overload, min(lowest, reading.level - meter.span[0])
+            overload, lowest = meter.overloaded, min(lowest, reading.level - meter.span[0])
     peak = float(np.abs(pressure).max())
     return Measurement(levels, third_octaves(pressure, rate), peak, overload, lowest < 0.0)
 

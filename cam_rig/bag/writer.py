@@ -151,7 +151,7 @@ def require_new_bag(directory: Path) -> None:
     except OSError as error:
         raise BagError(f"{directory}: cannot be made ({error.strerror})") from None
     if there:
-        raise BagError(f"{directory}: exists already, not overwriting; name another with --bag")
+        raise BagError(f"{directory}: exists already, not overwriting; name another bag")
     if not (place.is_dir() and os.access(place, os.W_OK | os.X_OK)):
         raise BagError(f"{directory}: cannot be made, {place} cannot be written")
 

@@ -8,7 +8,10 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from cam_rig.cli.console import check_outputs, console, scene_path, user_errors
+from cam_rig.cli.console import console, user_errors
+from cam_rig.cli.names import scene_path
+from cam_rig.cli.options import Json, Plot
+from cam_rig.cli.outputs import check_outputs
 from cam_rig.cli.results import show
 
 
@@ -16,10 +19,8 @@ def analyze(
     bag: Annotated[
         Path | None, typer.Argument(help="Bag to analyse; by default the newest in bags/.")
     ] = None,
-    json_target: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")
-    ] = None,
-    plot: Annotated[Path | None, typer.Option(help="Write the plot (PNG, SVG, PDF).")] = None,
+    json_target: Json = None,
+    plot: Plot = None,
     scene: Annotated[
         str | None,
         typer.Option(help="Scene that was run, for a bag without one (made by `ros2 bag record`)."),

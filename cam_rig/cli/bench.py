@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cam_rig.cli.console import (
-    check_outputs,
-    console,
-    progress_bar,
-    user_errors,
-    write_json,
-    writing,
-)
+from cam_rig.cli.console import console, progress_bar, user_errors
+from cam_rig.cli.options import Json, Plot
+from cam_rig.cli.outputs import check_outputs, write_json, write_plot
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -24,10 +18,8 @@ if TYPE_CHECKING:
 
 def bench(
     quick: Annotated[bool, typer.Option("--quick", help="Fewer settings, under 50 s.")] = False,
-    json_target: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")
-    ] = None,
-    plot: Annotated[Path | None, typer.Option(help="Write the plot (PNG, SVG, PDF).")] = None,
+    json_target: Json = None,
+    plot: Plot = None,
 ) -> None:
     """Measure error against time for the rig, scipy's solvers and SUNDIALS CVODE.
 
@@ -50,11 +42,8 @@ def bench(
         if plot is not None:
             from cam_rig.bench.plot import draw
 
-            with writing(plot) as part:
-                draw(study, part)
-            console.print(f"plot: {plot}", soft_wrap=True)
-        if json_target is not None:
-            write_json(to_json(study), json_target)
+            write_plot(plot, lambda part: draw(study, part))
+        write_json(to_json(study), json_target)
 
 
 def measure(quick: bool) -> Study:

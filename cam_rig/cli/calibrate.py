@@ -6,13 +6,13 @@ from typing import Annotated
 
 import typer
 
-from cam_rig.cli.console import DEFAULT_SCENE, console, scene_path, user_errors
+from cam_rig.cli.console import console, user_errors
+from cam_rig.cli.names import DEFAULT_SCENE, scene_path
+from cam_rig.cli.options import Scene
 
 
 def calibrate(
-    scene: Annotated[str, typer.Argument(help="Scene file, or a name in config/scenes.")] = (
-        DEFAULT_SCENE
-    ),
+    scene: Scene = DEFAULT_SCENE,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show, write nothing.")] = False,
 ) -> None:
     """Fit gain and corner of the rig's structure to the published noise of one cam.

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cam_rig.cli.console import (
-    cam_path,
-    check_outputs,
-    console,
-    progress_bar,
-    rig_path,
-    tables_path,
-    user_errors,
-    write_json,
-    writing,
-)
+from cam_rig.cli.console import progress_bar, user_errors
+from cam_rig.cli.names import cam_path, rig_path, study_path, tables_path
+from cam_rig.cli.options import Json, Plot
+from cam_rig.cli.outputs import check_outputs, write_json, write_plot
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -32,10 +24,8 @@ def factorial(
     study: Annotated[
         str, typer.Argument(help="Study file, or a name in config/factorials.")
     ] = "continuity",
-    json_target: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")
-    ] = None,
-    plot: Annotated[Path | None, typer.Option(help="Write the plot (PNG, SVG, PDF).")] = None,
+    json_target: Json = None,
+    plot: Plot = None,
 ) -> None:
     """Give laws of every continuity the same angles, then the same acceleration; analyse variance.
 
@@ -53,16 +43,13 @@ def factorial(
         from cam_rig.experiment.factorial_laws import open_factorial
 
         check_outputs(json_target, plot)
-        found = measure(open_factorial(_path(study)))
+        found = measure(open_factorial(study_path(study)))
         factorial_tables.show(found)
         if plot is not None:
             from cam_rig.view.factorial_plot import draw
 
-            with writing(plot) as part:
-                draw(found, part)
-            console.print(f"plot: {plot}", soft_wrap=True)
-        if json_target is not None:
-            write_json(factorial_tables.to_json(found), json_target)
+            write_plot(plot, lambda part: draw(found, part))
+        write_json(factorial_tables.to_json(found), json_target)
 
 
 def measure(config: FactorialConfig) -> Factorial:
@@ -88,12 +75,3 @@ def measure(config: FactorialConfig) -> Factorial:
             return bar.track(pool.map(function, todo), total=len(todo), description=config.name)
 
         return run_factorial(config, bench, lineup.laws, each)
-
-
-def _path(study: str) -> Path:
-    from cam_rig.schema.load import config_root
-
-    path = Path(study)
-    if path.suffix in (".yaml", ".yml") or path.is_file():
-        return path
-    return config_root() / "factorials" / f"{study}.yaml"

@@ -6,14 +6,14 @@ from typing import Annotated
 
 import typer
 
-from cam_rig.cli.console import DEFAULT_SCENE, console, scene_path, user_errors
+from cam_rig.cli.console import console, user_errors
+from cam_rig.cli.names import DEFAULT_SCENE, scene_path
+from cam_rig.cli.options import SceneOption
 
 
 def identify(
     cam: Annotated[str, typer.Argument(help="The cam to identify.")] = "tm21",
-    scene: Annotated[str, typer.Option(help="Scene file, or a name in config/scenes.")] = (
-        DEFAULT_SCENE
-    ),
+    scene: SceneOption = DEFAULT_SCENE,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the global search.")] = 1,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show, write nothing.")] = False,
 ) -> None:

@@ -2,32 +2,24 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cam_rig.cli.console import (
-    cam_path,
-    check_outputs,
-    console,
-    progress_bar,
-    rig_path,
-    tables_path,
-    user_errors,
-    write_json,
-    writing,
-)
+from cam_rig.cli.console import console, progress_bar, user_errors
+from cam_rig.cli.names import cam_path, rig_path, tables_path
+from cam_rig.cli.options import Json, Plot, Rig, TableCams
+from cam_rig.cli.outputs import check_outputs, write_json, write_plot
 
-Cams = Annotated[
-    list[str] | None,
-    typer.Argument(help="Cam files, or names in config/cams; by default those of Table 2."),
-]
+if TYPE_CHECKING:
+    from cam_rig.experiment.jump_table import JumpRow
+    from cam_rig.experiment.lineup import Lineup
+    from cam_rig.experiment.references import Reference
 
 
 def jump(
-    cams: Cams = None,
-    rig: Annotated[str, typer.Option(help="Rig file, or a name in config/rigs.")] = "paper_table2",
+    cams: TableCams = None,
+    rig: Rig = "paper_table2",
     from_rest: Annotated[
         float,
         typer.Option(metavar="SECONDS", help="Length of the run from rest, at one speed, to 60 s."),
@@ -40,10 +32,8 @@ def jump(
     refit: Annotated[
         bool, typer.Option("--refit", help="Fit the rig's unprinted numbers anew (a minute).")
     ] = False,
-    json_target: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")
-    ] = None,
-    plot: Annotated[Path | None, typer.Option(help="Write the plot (PNG, SVG, PDF).")] = None,
+    json_target: Json = None,
+    plot: Plot = None,
 ) -> None:
     """Find the jump speed of cams to 0.01 rpm, beside the paper's Table 2.
 
@@ -60,9 +50,7 @@ def jump(
     """
     with user_errors():
         from cam_rig.cli import jump_tables
-        from cam_rig.dynamics import TwoMassParameters
         from cam_rig.errors import ConfigError
-        from cam_rig.experiment.jump_table import find_jumps
         from cam_rig.experiment.lineup import open_lineup
         from cam_rig.experiment.references import references
         from cam_rig.schema import load_tables
@@ -70,31 +58,37 @@ def jump(
         check_outputs(json_target, plot)
         if steady and ramp is not None:
             raise ConfigError("--steady and --ramp; allowed: one of them")
+        if refit and (steady or ramp is not None or plot or json_target):
+            raise ConfigError("--refit is of runs from rest, and prints; allowed: --refit alone")
         published = load_tables(tables_path())
         names = cams or list(published.table_2_jump)
         lineup = open_lineup(map(cam_path, names), rig_path(rig))
-        parameters = TwoMassParameters.from_rig(lineup.rig)
         if refit:
-            jump_tables.show_refit(lineup, published, parameters, from_rest)
+            jump_tables.show_refit(lineup, published, from_rest)
             return
         known, duration = references(lineup, published), None if steady else from_rest
-        with progress_bar() as bar:
-            task = bar.add_task("", total=len(lineup.cams), completed=-1)
-            rows = find_jumps(
-                lineup.laws,
-                parameters,
-                known,
-                duration,
-                ramp,
-                lambda cam: bar.update(task, advance=1, description=cam),
-            )
+        rows = _find(lineup, known, duration, ramp)
         console.print(jump_tables.table(rows, lineup.rig.name))
         console.print(jump_tables.words(rows), soft_wrap=True)
         if plot is not None:
             from cam_rig.view.jump_plot import draw
 
-            with writing(plot) as part:
-                draw(rows, lineup, duration, part)
-            console.print(f"plot: {plot}", soft_wrap=True)
-        if json_target is not None:
-            write_json(jump_tables.to_json(rows), json_target)
+            write_plot(plot, lambda part: draw(rows, lineup, duration, part))
+        write_json(jump_tables.to_json(rows), json_target)
+
+
+def _find(
+    lineup: Lineup, known: dict[str, Reference], duration: float | None, ramp: float | None
+) -> list[JumpRow]:
+    """Every cam's jump, behind a bar."""
+    from cam_rig.dynamics import TwoMassParameters
+    from cam_rig.experiment.jump_table import find_jumps
+
+    follower = TwoMassParameters.from_rig(lineup.rig)
+    with progress_bar() as bar:
+        task = bar.add_task("", total=len(lineup.cams), completed=-1)
+
+        def done(cam: str) -> None:
+            bar.update(task, advance=1, description=cam)
+
+        return find_jumps(lineup.laws, follower, known, duration, ramp, done)

@@ -14,7 +14,6 @@ from cam_rig.experiment.jump_table import find_jumps, require_run, rms_words, sa
 from cam_rig.experiment.references import Reference
 
 if TYPE_CHECKING:
-    from cam_rig.dynamics import TwoMassParameters
     from cam_rig.experiment.jump_refit import Refit
     from cam_rig.experiment.jump_table import JumpRow
     from cam_rig.experiment.lineup import Lineup
@@ -79,9 +78,7 @@ def words(rows: list[JumpRow]) -> str:
     return "; ".join(said)
 
 
-def show_refit(
-    lineup: Lineup, published: PublishedTables, parameters: TwoMassParameters, duration: float
-) -> None:
+def show_refit(lineup: Lineup, published: PublishedTables, duration: float) -> None:
     """Fit event angle, stem, split and preload anew, and print them beside the rig's.
 
     Then what the refitted rig makes of all cams, those that were not fitted among them.
@@ -90,9 +87,11 @@ def show_refit(
     ------
     ConfigError, DynamicsError : the cams are not those of the table; the run is too long
     """
+    from cam_rig.dynamics import TwoMassParameters
     from cam_rig.experiment.jump_refit import refit, refitted
 
     require_run(duration)
+    parameters = TwoMassParameters.from_rig(lineup.rig)
     fitted = {cam: published.table_2_jump[cam].rpm for cam in published.table_2_defined}
     if not set(fitted) <= set(lineup.cams):
         raise ConfigError(

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cam_rig.cli.console import cam_path, check_outputs, console, user_errors, writing
+from cam_rig.cli.console import console, user_errors
+from cam_rig.cli.names import cam_path
+from cam_rig.cli.outputs import check_outputs, write_plot
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -66,9 +68,7 @@ def law(
             from cam_rig.view.law_plot import draw
 
             target = out or Path("out") / f"law_{config.name}.png"
-            with writing(target) as part:
-                draw(config, built, part)
-            console.print(f"plot: {target}")
+            write_plot(target, lambda part: draw(config, built, part))
 
 
 def _peaks(law: Law, unit: str, factor: float) -> Table:

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from cam_rig.cli.console import console, user_errors, write_json
+from cam_rig.cli.console import console, user_errors
+from cam_rig.cli.options import Json
+from cam_rig.cli.outputs import write_json
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 
 def laws(
-    json_target: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")
-    ] = None,
+    json_target: Json = None,
 ) -> None:
     """List the laws with their peaks per unit rise and unit span, and how smoothly they join.
 
@@ -34,8 +32,7 @@ def laws(
         from cam_rig.laws.named import NAMED_RISES
 
         console.print(_table())
-        if json_target is not None:
-            write_json({name: asdict(figures(name)) for name in NAMED_RISES}, json_target)
+        write_json({name: asdict(figures(name)) for name in NAMED_RISES}, json_target)
 
 
 def _table() -> Table:

@@ -7,16 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cam_rig.cli.console import (
-    check_outputs,
-    check_place,
-    console,
-    progress_bar,
-    scene_path,
-    user_errors,
-    write_json,
-    writing,
-)
+from cam_rig.cli.console import console, progress_bar, user_errors
+from cam_rig.cli.names import scene_path
+from cam_rig.cli.options import Json, Scene
+from cam_rig.cli.outputs import check_outputs, check_place, write_json, writing
 from cam_rig.errors import ConfigError
 
 if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
@@ -29,7 +23,7 @@ SECONDS = 5.0
 
 
 def listen(
-    scene: Annotated[str, typer.Argument(help="Scene file, or a name in config/scenes.")],
+    scene: Scene,
     out: Annotated[Path, typer.Option(help="Sound file to write (WAV).")],
     cam: Annotated[str | None, typer.Option(help="One cam of the scene; by default all.")] = None,
     rpm: Annotated[
@@ -39,9 +33,7 @@ def listen(
         float | None,
         typer.Option(min=0.1, max=3600.0, help="How long --rpm is held, in whole turns; 5."),
     ] = None,
-    json_target: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")
-    ] = None,
+    json_target: Json = None,
 ) -> None:
     """Write what the microphone hears: 48 kHz, 16 bit, sound pressure in proportion.
 
@@ -86,8 +78,7 @@ def listen(
         with writing(out) as part:
             _write(part, pcm(pressure, scale))
         _show(heard, out, scale, pressure.size / RATE)
-        if json_target is not None:
-            write_json(_to_json(heard, scale, pressure.size / RATE), json_target)
+        write_json(_to_json(heard, scale, pressure.size / RATE), json_target)
 
 
 def _write(path: Path, samples: bytes) -> None:

@@ -2,37 +2,26 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from cam_rig.cli.console import (
-    DEFAULT_SCENE,
-    check_outputs,
-    console,
-    progress_bar,
-    scene_path,
-    user_errors,
-    write_json,
-    writing,
-)
+from cam_rig.cli.console import progress_bar, user_errors
+from cam_rig.cli.names import DEFAULT_SCENE, scene_path
+from cam_rig.cli.options import Json, Plot, Scene
+from cam_rig.cli.outputs import check_outputs, write_json, write_plot
 
 
 def noise(
-    scene: Annotated[str, typer.Argument(help="Scene file, or a name in config/scenes.")] = (
-        DEFAULT_SCENE
-    ),
+    scene: Scene = DEFAULT_SCENE,
     rig: Annotated[
         str, typer.Option(help="The rig identified from the jump speeds, a name in config/rigs.")
     ] = "paper_table2",
     one_rig: Annotated[
         bool, typer.Option("--one-rig", help="Fit the arc cam on that rig too: takes minutes.")
     ] = False,
-    json_target: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")
-    ] = None,
-    plot: Annotated[Path | None, typer.Option(help="Write the plot (PNG, SVG, PDF).")] = None,
+    json_target: Json = None,
+    plot: Plot = None,
 ) -> None:
     """Calibrate on one cam, predict another, identify the third, and say how sure all that is.
 
@@ -69,8 +58,5 @@ def noise(
         if plot is not None:
             from cam_rig.view.noise_study_plot import draw
 
-            with writing(plot) as part:
-                draw(found, stage, part)
-            console.print(f"plot: {plot}")
-        if json_target is not None:
-            write_json(to_json(found), json_target)
+            write_plot(plot, lambda part: draw(found, stage, part))
+        write_json(to_json(found), json_target)

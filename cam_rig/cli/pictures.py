@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from cam_rig.cli.console import console, progress_bar, user_errors, writing
+from cam_rig.cli.console import console, progress_bar, user_errors
+from cam_rig.cli.outputs import writing
 
 
 def pictures(

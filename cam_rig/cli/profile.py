@@ -7,14 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cam_rig.cli.console import (
-    cam_path,
-    check_outputs,
-    console,
-    user_errors,
-    write_json,
-    writing,
-)
+from cam_rig.cli.console import user_errors
+from cam_rig.cli.names import cam_path
+from cam_rig.cli.options import Json
+from cam_rig.cli.outputs import check_outputs, write_json, write_plot
 
 if TYPE_CHECKING:
     from cam_rig.cli.profile_files import Request
@@ -47,9 +43,6 @@ Source = Annotated[
     typer.Option("--from", help="Measure this contour (.csv, .dxf) with the cam's follower."),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Draw a cam even though it cannot exist.")]
-Json = Annotated[
-    str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")
-]
 
 
 def profile(
@@ -95,8 +88,7 @@ def profile(
             return
         if out is not None or plot is not None:
             _draw(request, found, plot, force)
-        if json_target is not None:
-            write_json(profile_report.to_json(found), json_target)
+        write_json(profile_report.to_json(found), json_target)
         if out is None and plot is None:
             profile_report.show(found)
             if _any_fails(found, every):
@@ -119,9 +111,7 @@ def _draw(request: Request, found: Found, plot: Path | None, force: bool) -> Non
     if plot is not None:
         from cam_rig.view.profile_plot import draw
 
-        with writing(plot) as part:
-            draw(cam, law, checks, part)
-        console.print(f"plot: {plot}", soft_wrap=True)
+        write_plot(plot, lambda part: draw(cam, law, checks, part))
 
 
 def _paths(cams: list[str], every: bool) -> list[Path]:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cam_rig.cli.console import check_outputs, console, writing
+from cam_rig.cli.console import console
+from cam_rig.cli.outputs import check_outputs, writing
 from cam_rig.errors import ConfigError
 
 if TYPE_CHECKING:

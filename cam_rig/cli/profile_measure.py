@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cam_rig.cli.console import console, write_json, writing
+from cam_rig.cli.console import console
+from cam_rig.cli.outputs import write_json, writing
 from cam_rig.errors import OutputError
 
 if TYPE_CHECKING:

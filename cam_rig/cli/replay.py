@@ -11,7 +11,8 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from cam_rig.cli.console import console, progress_bar, scene_path, user_errors
+from cam_rig.cli.console import console, progress_bar, user_errors
+from cam_rig.cli.names import scene_path
 
 if TYPE_CHECKING:
     from cam_rig.bag.compare import Difference
@@ -40,10 +41,11 @@ def replay(
     cam-rig replay bags/mine --tolerance 1e-9 --output bags/mine_again
     """
     with user_errors():
+        from cam_rig.bag.writer import require_new_bag
         from cam_rig.errors import BagError
 
-        if output is not None and output.exists():
-            raise BagError(f"{output}: exists already, not overwriting; name another bag")
+        if output is not None:
+            require_new_bag(output)
         with TemporaryDirectory(prefix="cam_rig-replay-") as folder:
             found = _replay(bag, Path(folder), scene, output)
         console.print(_table(found))

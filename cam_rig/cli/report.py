@@ -7,17 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cam_rig.cli.console import (
-    DEFAULT_SCENE,
-    check_outputs,
-    check_place,
-    console,
-    progress_bar,
-    scene_path,
-    user_errors,
-    write_json,
-    writing,
-)
+from cam_rig.cli.console import console, progress_bar, user_errors
+from cam_rig.cli.names import DEFAULT_SCENE, scene_path
+from cam_rig.cli.options import Json
+from cam_rig.cli.outputs import check_outputs, check_place, write_json, writing
 
 if TYPE_CHECKING:
     from cam_rig.experiment.jump_table import JumpRow
@@ -34,9 +27,7 @@ def report(
     bag: Annotated[
         Path | None, typer.Option(help="A recording of the scene, to stand beside the run.")
     ] = None,
-    json_target: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help="Write JSON too; - for stdout.")
-    ] = None,
+    json_target: Json = None,
 ) -> None:
     """Redo the paper's experiments and write them as one self-contained page.
 
@@ -68,8 +59,7 @@ def report(
         with writing(out) as part:
             part.write_text(text, encoding="utf-8")
         console.print(f"report: {out} ({len(text) / 1e6:.1f} MB)", soft_wrap=True)
-        if json_target is not None:
-            write_json(report_json.to_json(found), json_target)
+        write_json(report_json.to_json(found), json_target)
 
 
 def _find(sources: Sources, with_figures: bool) -> tuple[Results, dict[str, str]]:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from cam_rig.cli.console import console, write_json, writing
+from cam_rig.cli.console import console
+from cam_rig.cli.outputs import write_json, write_plot
 
 if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
     from cam_rig.experiment.noise import NoiseResult
@@ -74,8 +75,5 @@ def show(
     if plot is not None:
         from cam_rig.view.noise_plot import draw
 
-        with writing(plot) as part:
-            draw(result, stage, part)
-        console.print(f"plot: {plot}")
-    if json_target is not None:
-        write_json(to_json(result, counts), json_target)
+        write_plot(plot, lambda part: draw(result, stage, part))
+    write_json(to_json(result, counts), json_target)

@@ -10,13 +10,13 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from cam_rig.cli.console import DEFAULT_SCENE, console, progress_bar, scene_path, user_errors
+from cam_rig.cli.console import console, progress_bar, user_errors
+from cam_rig.cli.names import DEFAULT_SCENE, scene_path
+from cam_rig.cli.options import Scene
 
 
 def run(
-    scene: Annotated[str, typer.Argument(help="Scene file, or a name in config/scenes.")] = (
-        DEFAULT_SCENE
-    ),
+    scene: Scene = DEFAULT_SCENE,
     bag: Annotated[
         Path | None, typer.Option(help="Folder to record into; must not exist yet.")
     ] = None,

@@ -2,30 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
-
-from cam_rig.cli.console import (
-    DEFAULT_SCENE,
-    check_outputs,
-    console,
-    progress_bar,
-    scene_path,
-    user_errors,
-)
+from cam_rig.cli.console import console, progress_bar, user_errors
+from cam_rig.cli.names import DEFAULT_SCENE, scene_path
+from cam_rig.cli.options import Json, Plot, Scene
+from cam_rig.cli.outputs import check_outputs
 from cam_rig.cli.results import show
 
 
 def simulate(
-    scene: Annotated[str, typer.Argument(help="Scene file, or a name in config/scenes.")] = (
-        DEFAULT_SCENE
-    ),
-    json_target: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")
-    ] = None,
-    plot: Annotated[Path | None, typer.Option(help="Write the plot (PNG, SVG, PDF).")] = None,
+    scene: Scene = DEFAULT_SCENE,
+    json_target: Json = None,
+    plot: Plot = None,
 ) -> None:
     """Run a scene without ROS, on the same core, and compare its noise.
 

@@ -2,38 +2,25 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from cam_rig.cli.console import (
-    cam_path,
-    check_outputs,
-    console,
-    progress_bar,
-    rig_path,
-    tables_path,
-    user_errors,
-    write_json,
-    writing,
-)
+from cam_rig.cli.console import progress_bar, user_errors
+from cam_rig.cli.names import cam_path, rig_path, tables_path
+from cam_rig.cli.options import Json, Plot, Rig, TableCams
+from cam_rig.cli.outputs import check_outputs, write_json, write_plot
 
 #: The jump speed of the first of the paper's laws is 389 rpm.
 SPEEDS = [200.0, 250.0, 300.0, 350.0]
 
 
 def vibration(
-    cams: Annotated[
-        list[str] | None,
-        typer.Argument(help="Cam files, or names in config/cams; by default those of Table 2."),
-    ] = None,
-    rig: Annotated[str, typer.Option(help="Rig file, or a name in config/rigs.")] = "paper_table2",
+    cams: TableCams = None,
+    rig: Rig = "paper_table2",
     rpm: Annotated[list[float] | None, typer.Option(help="Speed; may be given often.")] = None,
-    json_target: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")
-    ] = None,
-    plot: Annotated[Path | None, typer.Option(help="Write the plot (PNG, SVG, PDF).")] = None,
+    json_target: Json = None,
+    plot: Plot = None,
 ) -> None:
     """Measure what vibrates: the stem in the low dwell, the follower's acceleration, the shaft.
 
@@ -68,8 +55,5 @@ def vibration(
         if plot is not None:
             from cam_rig.view.vibration_plot import draw
 
-            with writing(plot) as part:
-                draw(lineup, speeds[-1], part)
-            console.print(f"plot: {plot}", soft_wrap=True)
-        if json_target is not None:
-            write_json(vibration_tables.to_json(found), json_target)
+            write_plot(plot, lambda part: draw(lineup, speeds[-1], part))
+        write_json(vibration_tables.to_json(found), json_target)

@@ -6,7 +6,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from cam_rig.laws.bernstein import EPS, FloatArray
 
@@ -95,6 +94,8 @@ def dips(values: FloatArray) -> NDArray[np.intp]:
 
 def _polish(guard: Guard, noise: float, low: float, high: float) -> float:
     """The zero itself where the function was clearly above it before, else where it left it."""
+    from scipy.optimize import brentq  # a third of a node's imports, which few scenes need
+
     shift = 0.0 if guard.one(low) > 0.0 else noise
 
     def shifted(time: float) -> float:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from scipy.interpolate import BSpline
 
 from cam_rig.laws.bernstein import FloatArray
 from cam_rig.laws.pieces import Pieces
+
+if TYPE_CHECKING:  # a quarter of a node's imports, which few cams need
+    from scipy.interpolate import BSpline
 
 
 def greville(knots: FloatArray, degree: int) -> FloatArray:
@@ -20,6 +24,8 @@ def greville(knots: FloatArray, degree: int) -> FloatArray:
 
 def pieces(knots: FloatArray, ordinates: FloatArray, degree: int) -> Pieces:
     """Bézier pieces of the B-spline with the thesis's knots, the ends ``degree`` times."""
+    from scipy.interpolate import BSpline
+
     outer = np.concatenate([knots[:1], knots, knots[-1:]])  # scipy counts one more at each end
     return bezier_pieces(BSpline(outer, ordinates, degree))
 

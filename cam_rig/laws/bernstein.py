@@ -12,7 +12,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 from scipy.special import comb
 
 FloatArray = NDArray[np.float64]
@@ -182,6 +181,8 @@ def _opposite(one: float, other: float) -> bool:
 
 
 def _bracketed_root(ordinates: FloatArray) -> float:
+    from scipy.optimize import brentq  # a third of a node's imports, which few scenes need
+
     return float(brentq(scalar(ordinates), 0.0, 1.0, xtol=1e-300, rtol=4 * EPS))
 
 

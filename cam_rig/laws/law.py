@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import BPoly
 
 from cam_rig.errors import LawError
 from cam_rig.laws import bernstein
@@ -73,11 +72,6 @@ class Law:
     def spans(self) -> FloatArray:
         """``(n,)`` span of each piece, rad."""
         return np.diff(self.breaks)
-
-    @cached_property
-    def bpoly(self) -> BPoly:
-        """The law as scipy sees it, periodic."""
-        return BPoly(self.ordinates, self.breaks, extrapolate="periodic")
 
     def __call__(self, angle: FloatArray | float, order: int = 0) -> FloatArray:
         """Displacement s (m) or d^order s/dθ^order (m/rad^order) at cam angles in rad.

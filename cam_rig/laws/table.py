@@ -9,15 +9,18 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline, splrep
 
 from cam_rig.errors import LawError
 from cam_rig.laws.b_spline import bezier_pieces
 from cam_rig.laws.bernstein import FloatArray
 from cam_rig.laws.law import TURN
 from cam_rig.laws.pieces import Pieces, turned_to_zero
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 DEGREE = 5
 
@@ -50,6 +53,8 @@ def smooth(angles: FloatArray, lifts: FloatArray, tolerance: float) -> Smoothed:
 
 
 def _spline(angles: FloatArray, lifts: FloatArray, tolerance: float) -> BSpline[np.float64]:
+    from scipy.interpolate import BSpline, make_interp_spline, splrep
+
     x, y = np.append(angles, angles[0] + TURN), np.append(lifts, lifts[0])
     if tolerance == 0.0:
         return make_interp_spline(x, y, k=DEGREE, bc_type="periodic")

@@ -42,7 +42,3 @@ class Diagnostics:
         message = DiagnosticArray(header=to_header(time_ns, ""), status=[status])
         self._publisher.publish(message)
         return message
-
-    def begin_anew(self) -> None:
-        """Rig time may begin again: a new run."""
-        self.said = (-1, "", -1, -1)

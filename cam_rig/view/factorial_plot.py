@@ -10,7 +10,7 @@ import numpy as np
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure, FigureBase
+from matplotlib.figure import FigureBase
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
@@ -37,20 +37,6 @@ def draw(found: Factorial, path: Path) -> None:
     _shares(parts[1, 0], found)
     out.savefig(path, dpi=110)
     plt.close(out)
-
-
-def effects_figure(found: Factorial) -> Figure:
-    """Every effect against the angle, same angles above, same acceleration below."""
-    out = plt.figure(figsize=(13.0, 7.0), layout="constrained")
-    _effects(out, found)
-    return out
-
-
-def shares_figure(found: Factorial) -> Figure:
-    """What explains the variance of each effect."""
-    out = plt.figure(figsize=(13.0, 3.6), layout="constrained")
-    _shares(out, found)
-    return out
 
 
 def _effects(out: FigureBase, found: Factorial) -> None:

@@ -8,6 +8,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import BPoly
 
 from cam_rig.dynamics.propagator import piece
 from cam_rig.dynamics.torsional import TorsionalParameters, TorsionalState, solve
@@ -33,7 +34,8 @@ def acceleration(p, s, twist, twist_rate, speed):
 
 def integrate(law, p, state, duration, times, method="DOP853", rtol=2.3e-14):
     """The same by scipy, joint by joint (cam turning forwards), with BPoly for the law."""
-    laws = [law.bpoly, law.bpoly.derivative(), law.bpoly.derivative(2)]
+    lift = BPoly(law.ordinates, law.breaks)
+    laws = [lift, lift.derivative(), lift.derivative(2)]
     k, c, steady = p.flywheel_acceleration
     y = np.array(dataclasses.astuple(state))
     out, time = np.empty((4, times.size)), 0.0

@@ -19,9 +19,10 @@ CURVES = ("lift/follower", "lift/law", "velocity/follower", "force/contact", "le
 
 
 def curves(path):
-    """Every curve's values in order of rig time."""
-    found = {name: [] for name in CURVES}
-    for chunk in RrdReader(path).stream().to_chunks():
+    """Every curve's values in order of rig time, of all recordings: each viewer begins its own."""
+    found, reader = {name: [] for name in CURVES}, RrdReader(path)
+    streams = [reader.stream(store=recording) for recording in reader.recordings()]
+    for chunk in (chunk for stream in streams for chunk in stream.to_chunks()):
         name = chunk.entity_path.removeprefix("/plots/")
         batch = chunk.to_record_batch()
         if name in found and "Scalars:scalars" in batch.schema.names:

@@ -1,0 +1,18 @@
+"""Arguments and options that several commands have, each with one meaning and one help text."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Scene = Annotated[str, typer.Argument(help="Scene file, or a name in config/scenes.")]
+SceneOption = Annotated[str, typer.Option(help="Scene file, or a name in config/scenes.")]
+TableCams = Annotated[
+    list[str] | None,
+    typer.Argument(help="Cam files, or names in config/cams; by default those of Table 2."),
+]
+Rig = Annotated[str, typer.Option(help="Rig file, or a name in config/rigs.")]
+Plot = Annotated[Path | None, typer.Option(help="Write the plot (PNG, SVG, PDF).")]
+Json = Annotated[
+    str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")
+]
