@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
@@ -24,6 +25,8 @@ from cam_rig.view.viewer import require_display, window
 DEPTH = 256
 #: Looks for a message before the end is believed, one a subscription and some.
 DRAIN = 10
+#: Wall time (s) that the level of the last tick is waited for: no drive waits until it is drawn.
+LEVEL_PATIENCE = 2.0
 #: Wall time (s) between blocks of columns.
 SEND_EVERY = 0.1
 
@@ -70,8 +73,10 @@ class Viewer(RigNode):
 
     def drain(self, spin_once: Callable[..., None]) -> None:
         """Draw what has arrived but was not taken yet."""
-        before = -1
-        while before < self._taken:
+        before, deadline = -1, time.monotonic() + LEVEL_PATIENCE
+        while before < self._taken or (
+            self._picture.feed.is_behind and time.monotonic() < deadline
+        ):
             before = self._taken
             for _ in range(DRAIN):
                 spin_once(timeout_sec=0.02)

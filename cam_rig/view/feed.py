@@ -44,7 +44,12 @@ class RunFeed:
         self._pressures: deque[tuple[int, float]] = deque()
         self._heard: deque[tuple[int, float, float]] = deque()
         self._said: deque[CamState | tuple[int, float]] = deque(maxlen=2 * REMEMBERED)
-        self._drawn = -1
+        self._drawn = self._heard_to = -1
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether a tick is drawn whose level has not come yet."""
+        return self._heard_to < self._drawn
 
     def profile(self, cam: str, points: FloatArray) -> None:
         """Take the contour of a cam, ``(n, 2)`` in its own frame, m."""
@@ -105,4 +110,6 @@ class RunFeed:
 
     def _hear(self) -> None:
         while self._heard and self._heard[0][0] <= self._drawn:
-            self._drawing.heard(*self._heard.popleft())
+            heard = self._heard.popleft()
+            self._drawing.heard(*heard)
+            self._heard_to = heard[0]

@@ -32,6 +32,16 @@ def curves(path):
     return {name: np.array(sorted(rows)) for name, rows in found.items()}
 
 
+def settle(file):
+    """Wait until the server has written what it took: the file stays as long as it is for 1 s."""
+    sizes = [-1] * 10
+    for _ in range(200):
+        sizes = [*sizes[1:], file.stat().st_size]
+        if sizes[0] == sizes[-1]:
+            return
+        time.sleep(0.1)
+
+
 def test_the_live_picture_is_the_bags(ros_domain, tmp_path):
     """All six nodes run, no tick is missing in bag or picture, and the numbers are the same."""
     bag, seen_file, port = tmp_path / "bag", tmp_path / "live.rrd", free_port()
@@ -41,7 +51,7 @@ def test_the_live_picture_is_the_bags(ros_domain, tmp_path):
             for _ in graph.progress():
                 pass
         assert graph.processes["viewer"].code == 0
-        time.sleep(0.5)  # the server writes what it took
+        settle(seen_file)
     require_complete(bag, load_scene(QUICK))
     save_recording(bag, tmp_path / "bag.rrd")
     seen, recorded = curves(seen_file), curves(tmp_path / "bag.rrd")
@@ -59,7 +69,7 @@ def test_a_killed_viewer_is_started_again(ros_domain, tmp_path):
             for report in graph.progress():
                 if report["tick"] == 2:
                     graph.processes["viewer"].process.kill()
-        time.sleep(0.5)
+        settle(seen_file)
     require_complete(bag, load_scene(QUICK))
     assert ["viewer" in line and "started again" in line for line in said] == [True]
     save_recording(bag, tmp_path / "bag.rrd")
