@@ -2,31 +2,22 @@
 
 from __future__ import annotations
 
-import math
 import time
 from pathlib import Path
 from typing import Any
 
-from rcl_interfaces.msg import ParameterEvent
-from rclpy.parameter import Parameter, parameter_value_to_python
-from rclpy.parameter_client import AsyncParameterClient
-from rclpy.qos import qos_profile_parameter_events
-
 from cam_rig.bag import topics
 from cam_rig.bag.codec import array_of, decode_law
 from cam_rig.dynamics.torque import shaft_torque
-from cam_rig.errors import RefusedError, RunError
 from cam_rig.experiment.drive import DriveProgram
 from cam_rig.experiment.handover import TICKS_IN_FLIGHT
 from cam_rig.experiment.program import CamState
 from cam_rig.experiment.stage import open_stage
 from cam_rig.nodes.app import run
+from cam_rig.nodes.controls import RPM, Controls
 from cam_rig.nodes.diagnostics import ERROR, OK, WARN, Diagnostics
+from cam_rig.nodes.law_server_client import LawServerClient
 from cam_rig.nodes.pacemaker import Pacemaker
-
-RPM = math.pi / 30.0
-#: Of the drive's own namespace.
-LAW_SERVER = "law_server"
 
 
 class CamDrive(Pacemaker):
@@ -37,74 +28,21 @@ class CamDrive(Pacemaker):
         stage = open_stage(Path(self.given["scene"]))
         self._mechanics = stage.follower
         self._pace = Diagnostics(self.publisher(topics.DIAGNOSTICS), topics.PACE)
-        self._law_server = AsyncParameterClient(self, LAW_SERVER)
         left = self.handover.all()
         memories = [memory for memory, _ in left]
         if left:  # a diagnosis may have died with its speaker: the last states' are said again
             _, self.health.said = left[0]
         waits = list(self.given["consumers"])
-        self._program = DriveProgram(stage.scene, waits, TICKS_IN_FLIGHT, self._ask_for, memories)
+        server = LawServerClient(self)
+        self._program = DriveProgram(stage.scene, waits, TICKS_IN_FLIGHT, server.ask_for, memories)
         self._program.pacing.set(self.given["pacing"])
         if not memories:
             self._program.running = self.given["autostart"]
             self._program.command(self.given["rpm"] * RPM)
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
-        self.subscribe(topics.RPM, self._on_rpm)
-        events = qos_profile_parameter_events
-        self.create_subscription(ParameterEvent, "/parameter_events", self._on_event, events)
-        self.add_post_set_parameters_callback(self._on_parameters)
-        for service in (self.start, self.stop, self.reset, self.emergency_stop):
-            self.serve(service.__name__, service)
+        server.tell(self._program.mounted)
+        Controls(self, self._program, self._send)
         self.set_going(waits, self._program.credit, alone=not memories)
-
-    def start(self) -> str:
-        """Turn, or go on turning."""
-        if self._program.table.place.halted:
-            raise RunError("emergency stop: allowed: reset, then start")
-        self._program.run(True)
-        self.turn()
-        return "the cam turns"
-
-    def stop(self) -> str:
-        """Hold after the present tick; rig time stands with the cam."""
-        self._program.run(False)
-        return f"stopped after {self._program.sent} states"
-
-    def reset(self) -> str:
-        """Back to the beginning of the scene, stopped; rig time and θ go on."""
-        self._program.reset()
-        self.set_parameters([Parameter("rpm", value=0.0)])
-        return "at the beginning of the scene"
-
-    def emergency_stop(self) -> str:
-        """Stand still at the end of the present tick, until a reset."""
-        if (state := self._program.halt()) is not None:
-            self._send(state)
-        return "the cam stands; reset, then start, to go on"
-
-    def _ask_for(self, cam: str) -> bool:
-        if not self._law_server.services_are_ready():
-            return False
-        self._law_server.set_parameters([Parameter("cam", value=cam)])
-        return True
-
-    def _on_event(self, event: ParameterEvent) -> None:
-        """Somebody mounted a cam by hand, or the law server did as asked."""
-        if event.node == f"{self.get_namespace().rstrip('/')}/{LAW_SERVER}":
-            for changed in (p for p in event.changed_parameters if p.name == "cam"):
-                self._program.mounted(str(parameter_value_to_python(changed.value)))
-
-    def _on_parameters(self, parameters: list[Parameter]) -> None:
-        for parameter in parameters:
-            if parameter.name == "rpm":
-                self._program.command(parameter.value * RPM)
-            elif parameter.name == "pacing":
-                self._program.pacing.set(parameter.value)
-
-    def _on_rpm(self, message: Any) -> None:
-        result = self.set_parameters([Parameter("rpm", value=float(message.data))])[0]
-        if not result.successful:
-            raise RefusedError(f"{topics.RPM.name}: is {message.data:g}: {result.reason}")
 
     def _on_law(self, message: Any) -> None:
         self._program.add_law(decode_law(*array_of(message)))

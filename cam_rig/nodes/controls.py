@@ -1,0 +1,74 @@
+"""What steers the drive by hand: its services, its parameters, /cam/rpm."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.parameter import Parameter
+
+from cam_rig.bag import topics
+from cam_rig.errors import RefusedError, RunError
+from cam_rig.experiment.drive import DriveProgram
+from cam_rig.experiment.program import CamState
+from cam_rig.nodes.pacemaker import Pacemaker
+
+RPM = math.pi / 30.0
+
+
+class Controls:
+    """Takes what a hand asks for to the drive's program.
+
+    Parameters
+    ----------
+    node : the drive's, which offers the services and hears the parameters
+    send : sends a state that cannot wait
+    """
+
+    def __init__(
+        self, node: Pacemaker, program: DriveProgram, send: Callable[[CamState], None]
+    ) -> None:
+        self._node, self._program, self._send = node, program, send
+        node.subscribe(topics.RPM, self._on_rpm)
+        node.add_post_set_parameters_callback(self._on_parameters)
+        for service in (self.start, self.stop, self.reset, self.emergency_stop):
+            node.serve(service.__name__, service)
+
+    def start(self) -> str:
+        """Turn, or go on turning."""
+        if self._program.table.place.halted:
+            raise RunError("emergency stop: allowed: reset, then start")
+        self._program.run(True)
+        self._node.turn()
+        return "the cam turns"
+
+    def stop(self) -> str:
+        """Hold after the present tick; rig time stands with the cam."""
+        self._program.run(False)
+        return f"stopped after {self._program.sent} states"
+
+    def reset(self) -> str:
+        """Back to the beginning of the scene, stopped; rig time and θ go on."""
+        self._program.reset()
+        self._node.set_parameters([Parameter("rpm", value=0.0)])
+        return "at the beginning of the scene"
+
+    def emergency_stop(self) -> str:
+        """Stand still at the end of the present tick, until a reset."""
+        if (state := self._program.halt()) is not None:
+            self._send(state)
+        return "the cam stands; reset, then start, to go on"
+
+    def _on_parameters(self, parameters: list[Parameter]) -> None:
+        for parameter in parameters:
+            if parameter.name == "rpm":
+                self._program.command(parameter.value * RPM)
+            elif parameter.name == "pacing":
+                self._program.pacing.set(parameter.value)
+
+    def _on_rpm(self, message: Any) -> None:
+        asked = [Parameter("rpm", value=float(message.data))]
+        result = self._node.set_parameters(asked)[0]
+        if not result.successful:
+            raise RefusedError(f"{topics.RPM.name}: is {message.data:g}: {result.reason}")
