@@ -145,7 +145,12 @@ class Law:
         step = float(nodes[1])
         kink = float(np.abs(self.jumps(1)).sum())  # a step of the table may hold them all
         error = self.bounds[2] * step**2 / 8.0 + kink * step / 4.0 + self.largest_step
-        return nodes, self(nodes), error
+        table = self(nodes)
+        if not self.repeats:  # the last piece stands for the end alone: the cam goes on as it goes
+            end = self.joints[-2]
+            s, slope, _ = self.at(end)
+            table = np.where(nodes > end, s + slope * (nodes - end), table)
+        return nodes, table, error
 
     def derivative_ordinates(self, order: int) -> FloatArray:
         """``(p + 1, n)`` ordinates of the derivative in θ, written with the law's degree."""

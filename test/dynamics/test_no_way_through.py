@@ -6,15 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import MODELS, NS, Interval, TwoMassParameters
+from cam_rig.dynamics import MODELS, NS, FollowerParameters, Interval, TwoMassParameters
 from cam_rig.dynamics.separation import Separation
 from cam_rig.dynamics.two_mass_guards import landing
+from cam_rig.laws import Law
 
 MS = NS // 1000
 PAPER = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6, 0.0, 0.5)
+MASS = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8, 0.0)
 
 
-def lowest_gap(law, p, speed, acceleration, milliseconds, total=400):
+def lowest_gap(law, p, speed, acceleration, milliseconds, total=400, model="separation"):
     """The lowest gap (m) and the number of events of a ramp from ``speed`` (rad/s) on."""
     whole = Interval(0, total * MS, 0.0, speed, acceleration)
     state, gaps, events = None, [], 0
@@ -22,7 +24,7 @@ def lowest_gap(law, p, speed, acceleration, milliseconds, total=400):
         b = min(a + milliseconds, total) * MS
         at = a / 1000.0
         part = Interval(a * MS, b, whole.angle_at(at), whole.speed_at(at), acceleration)
-        state, block = MODELS["separation"].advance(law, p, state, part, 8000)
+        state, block = MODELS[model].advance(law, p, state, part, 8000)
         angle = whole.speed * block.rows[0] + 0.5 * acceleration * block.rows[0] ** 2
         gaps.append((block.rows[1] - law(angle)).min())
         events += len(block.events)
@@ -40,6 +42,24 @@ def test_no_tick_of_a_ramp_loses_a_landing(laws, cam, restitution, acceleration,
     lowest, events = lowest_gap(laws[cam], p, 52.0, acceleration, milliseconds)
     assert lowest > -1e-12
     assert events > 0
+
+
+def ramp_of_one_slope():
+    """A dwell, a rise of 40 mm at constant velocity, a dwell, a 3-4-5 fall, a dwell."""
+    high, rise = np.full(6, 0.04), np.linspace(0.0, 0.04, 6)
+    fall = np.array([0.04, 0.04, 0.04, 0.0, 0.0, 0.0])
+    breaks = np.radians([0.0, 50.0, 160.0, 220.0, 320.0, 360.0])
+    return Law("slope", breaks, np.column_stack([0.0 * high, rise, high, fall, 0.0 * high]))
+
+
+@pytest.mark.parametrize("milliseconds", [20, 3, 1])
+def test_one_mass_lands_on_the_slope_where_a_tick_ends(milliseconds):
+    """A ramp's law ends with the tick, on a slope: a quick look at the gap must see the cam go on,
+    and not a plateau under which the follower sinks (20 µm) until the tick is over."""
+    law, p = ramp_of_one_slope(), replace(MASS, restitution=0.7)
+    lowest, events = lowest_gap(law, p, 0.0, 150.0 * np.pi / 30.0, milliseconds, model="one_mass")
+    assert lowest > -1e-12
+    assert events == 33  # as in one tick of 400 ms
 
 
 @pytest.mark.parametrize("spring", [4030.0, 1.0, 0.1])
