@@ -23,6 +23,9 @@ MOST_WAITING = 4 * topics.TICK_DEPTH
 #: Cams whose law is kept.
 MOST_CAMS = 256
 
+#: A state begins with its stamp; the clock's message is that and no more.
+CLOCK_BYTES = 12
+
 TICK_TOPICS = tuple(topic for topic in topics.RECORDING if topic.per == "tick")
 #: The unstamped topics of each stamped one.
 TWINS = {
@@ -160,13 +163,22 @@ class RecordingSession:
 
     def _complete(self) -> bool:
         state = self._states[0][0]
-        return all(state.time_ns in self._waiting[topic] for topic in self._belonging(state)) and (
-            not self._is_new_cam(state) or all(state.cam in known for known in self._cams.values())
+        return (
+            self._is_past(state.time_ns)
+            and all(state.time_ns in self._waiting[topic] for topic in self._belonging(state))
+            and (
+                not self._is_new_cam(state)
+                or all(state.cam in known for known in self._cams.values())
+            )
         )
+
+    def _is_past(self, stamp: int) -> bool:
+        """Whether /clock has come to a time; it never goes back, so a lost one is lost."""
+        return any(clock >= stamp for clock in self._waiting[topics.CLOCK])
 
     def _belonging(self, state: CamState) -> list[Topic]:
         """Topics that have a message for a state, by its stamp."""
-        before, found = self._before, [topics.CLOCK]
+        before, found = self._before, list[Topic]()
         if before is None or (before.cam, before.speed) != (state.cam, state.speed):
             found += [topics.LAW] if state.speed > 0.0 else []
         if before is not None and before.turns_until(state):
@@ -183,8 +195,9 @@ class RecordingSession:
             for topic, known in self._cams.items():
                 if state.cam in known:
                     put(topic, stamp, known[state.cam])
-        if clock := self._waiting[topics.CLOCK].pop(stamp, None):
-            put(topics.CLOCK, stamp, clock.cdr)
+        if self._is_past(stamp):
+            clock = self._waiting[topics.CLOCK].pop(stamp, None)
+            put(topics.CLOCK, stamp, clock.cdr if clock else cdr[:CLOCK_BYTES])
         put(topics.CAM_STATE, stamp, cdr)
         for topic in self._belonging(state):
             if message := self._waiting[topic].pop(stamp, None):

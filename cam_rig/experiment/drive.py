@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from dataclasses import dataclass
 from cam_rig.errors import RefusedError
 from cam_rig.experiment.credit import Credit
 from cam_rig.experiment.follower_ticks import MOST_LAWS, require_same
-from cam_rig.experiment.gate import FASTEST
+from cam_rig.experiment.gate import speeds
 from cam_rig.experiment.handover import TICKS_KEPT
 from cam_rig.experiment.pacing import Pacing
 from cam_rig.experiment.program import CamState, tick_count
@@ -19,6 +20,7 @@ from cam_rig.schema import SceneConfig
 
 #: Wall time (s) after which an unanswered request for a cam is made again.
 ASK_AGAIN = 1.0
+RPM = math.pi / 30.0
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,16 @@ class DriveMemory:
     state: CamState
     sent: int
     running: bool
+
+
+@dataclass(frozen=True)
+class Orders:
+    """What hands have asked of a drive, and where it was then: its successor must know at once."""
+
+    place: Place
+    running: bool
+    rpm: float
+    pacing: str
 
 
 class DriveProgram:
@@ -44,6 +56,7 @@ class DriveProgram:
     consumers, limit : see `Credit`
     mount : asks the law server for a cam; False when it cannot be asked yet
     memories : of the predecessor, the oldest first, whose states are sent again
+    orders : the last that the predecessor was given; they hold where no state came after them
     """
 
     def __init__(
@@ -53,14 +66,17 @@ class DriveProgram:
         limit: int,
         mount: Callable[[str], bool],
         memories: Sequence[DriveMemory] = (),
+        orders: Orders | None = None,
     ) -> None:
         self.laws: dict[str, Law] = {}
         self.credit = Credit(consumers, limit)
         self.pacing = Pacing()
         self.ticks = tick_count(scene)
-        self.running = True
-        self.sent = 0
-        self.table = Turntable(scene, memories[-1].place if memories else None)
+        self.sent, self._speeds = 0, speeds(scene)
+        left = _newest(memories, orders)
+        self.running = left.running if left else True
+        self.table = Turntable(scene, left.place if left else None)
+        self._halting = False
         self._recent: deque[CamState] = deque(maxlen=max(TICKS_KEPT["cam_drive"], limit + 1))
         self._again: deque[CamState] = deque()
         self._mount = mount
@@ -70,7 +86,6 @@ class DriveProgram:
             self._follow(memories)
 
     def _follow(self, memories: Sequence[DriveMemory]) -> None:
-        self.running = memories[-1].running
         self.sent = memories[0].sent - 1
         for memory in memories:
             self._again.append(memory.state)
@@ -92,8 +107,13 @@ class DriveProgram:
     @property
     def done(self) -> bool:
         """Whether every state is sent and every tick dealt with; a halted drive is not done."""
-        at_end = self.table.state is None and not self.table.place.halted
+        at_end = self.table.state is None and not self.halted
         return at_end and not self._again and self.credit.in_flight == 0
+
+    @property
+    def halted(self) -> bool:
+        """Whether an emergency stop holds, until a reset."""
+        return self._halting or self.table.place.halted
 
     @property
     def memory(self) -> DriveMemory:
@@ -104,6 +124,8 @@ class DriveProgram:
         """The next state, when it may go out at wall time ``now`` (s)."""
         if self._again:
             return self._repeat()
+        if self._halting:
+            return self.halt()
         state = self.table.state
         if state is None or not self.running or not self.credit.may_send():
             return None
@@ -124,6 +146,12 @@ class DriveProgram:
         else:
             self.table.mount(cam)
 
+    def refused(self, cam: str) -> None:
+        """Note that the law server has no such cam: whoever said that it is mounted was wrong."""
+        self._requests[cam] = 0
+        if self.table.state is not None and self.table.state.cam == cam:
+            self.table.mount("")
+
     def wait(self, now: float) -> float:
         """Wall time (s) until the next state is due; zero when it waits for somebody instead."""
         state = self.table.state
@@ -136,9 +164,22 @@ class DriveProgram:
         ------
         RefusedError : no cam can turn so fast
         """
-        if not 0.0 <= speed <= FASTEST:
-            raise RefusedError(f"speed: is {speed:g} rad/s; allowed: 0 to {FASTEST:.6g} rad/s")
+        self.require_speed(speed)
         self.table.command(speed or None)
+
+    def require_speed(self, speed: float) -> None:
+        """Refuse a speed (rad/s) that no cam, or no tick, can have.
+
+        Raises
+        ------
+        RefusedError : with the limits
+        """
+        low, high = self._speeds
+        if speed != 0.0 and not low <= speed <= high:
+            raise RefusedError(
+                f"speed: is {speed:g} rad/s ({speed / RPM:g} rpm); allowed: 0, or {low:.3g} to "
+                f"{high:.6g} rad/s ({low / RPM:.3g} to {high / RPM:.6g} rpm) at this sample rate"
+            )
 
     def run(self, running: bool) -> None:
         """Go on, or stop with the present tick; rig time stands with the cam."""
@@ -153,12 +194,14 @@ class DriveProgram:
     def halt(self) -> CamState | None:
         """Emergency stop: the state that makes the cam stand, to be sent at once."""
         self.run(False)
-        state = None if self._again else self.table.halt()
+        self._halting = bool(self._again)  # a successor says its predecessor's states first
+        state = None if self._halting else self.table.halt()
         return None if state is None else self._out(state)
 
     def reset(self) -> None:
         """Back to the scene's beginning, stopped; rig time and θ go on."""
         self.run(False)
+        self._halting = False
         self.table.rewind()
 
     def waits_for(self) -> list[str]:
@@ -180,9 +223,11 @@ class DriveProgram:
         return state
 
     def _ready(self, state: CamState, now: float) -> bool:
-        known = state.cam in self.laws
-        if self.table.by_hand or (known and state.cam == self._asked):
-            return known
+        known, by_hand = state.cam in self.laws, self.table.by_hand
+        if known and (by_hand or state.cam == self._asked):
+            return True
+        if by_hand and state.cam != self._asked:  # its law is on its way, if there is one
+            self._asked, self._asked_at = state.cam, now
         if state.cam != self._asked and self.credit.in_flight:
             return False
         if state.cam != self._asked or now - self._asked_at > ASK_AGAIN:
@@ -191,3 +236,12 @@ class DriveProgram:
             self._asked, self._asked_at = state.cam, now
             self._requests[state.cam] += 1
         return state.cam in self.laws
+
+
+def _newest(memories: Sequence[DriveMemory], orders: Orders | None) -> DriveMemory | Orders | None:
+    """The last state's memory, or the orders where no state was sent after them."""
+    if not memories or orders is None:
+        return orders or (memories[-1] if memories else None)
+    last = orders.place.last
+    obeyed = last is None or last.time_ns < memories[-1].state.time_ns
+    return memories[-1] if obeyed else orders

@@ -15,6 +15,17 @@ from cam_rig.schema import SceneConfig
 FASTEST = 1e5 * math.pi / 30.0
 #: Samples in one tick that nobody can mean: 480 MB.
 MOST_SAMPLES = 10_000_000
+
+
+def speeds(scene: SceneConfig) -> tuple[float, float]:
+    """Least and greatest speed (rad/s) whose ticks have samples, and no more than a message may.
+
+    Two at least, as the scene's own; a tick that starts from rest takes twice the time.
+    """
+    turned = 2.0 * math.pi / scene.program.ticks_per_turn * scene.sample_rate.si
+    return 2.0 * turned / MOST_SAMPLES, min(FASTEST, 0.5 * turned)
+
+
 #: States remembered, to know one that is sent again.
 REMEMBERED = 64
 
@@ -49,7 +60,7 @@ class StateGate:
         tick_angle: float = math.inf,
         since: int = -1,
     ) -> None:
-        self._longest = MOST_SAMPLES / sample_rate
+        self._longest, self._rate = MOST_SAMPLES / sample_rate, int(sample_rate)
         self._tick_angle = tick_angle
         self._floor = since if last is None else last.time_ns
         self._recent: deque[CamState] = deque(maxlen=REMEMBERED)
@@ -87,6 +98,12 @@ class StateGate:
             raise RefusedError(
                 f"cam state at {state.time_ns} ns after the one at {last.time_ns} ns; allowed: "
                 f"stamps that rise, by at most {self._longest:g} s (is a second drive at work?)"
+            )
+        first, end = (-(-time * self._rate // NS) for time in (last.time_ns, state.time_ns))
+        if end <= first:
+            raise RefusedError(
+                f"cam state at {state.time_ns} ns: no sample at {self._rate} Hz since the one at "
+                f"{last.time_ns} ns; allowed: one in every tick"
             )
         turned = state.angle - last.angle
         if turned > 1.5 * self._tick_angle:  # a state that was lost makes it twice

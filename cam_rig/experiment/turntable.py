@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -39,6 +40,8 @@ class Turntable:
 
     def __init__(self, scene: SceneConfig, place: Place | None = None) -> None:
         self._scene = scene
+        #: A tick (ns) holds a sample at least: a short one of a ramp, sped up, would hold none.
+        self._least = math.ceil(NS / scene.sample_rate.si)
         self.place = place or Place()
         self._begin(self.place.index)
 
@@ -72,7 +75,7 @@ class Turntable:
         self._at, self._next = self._next, next(self._plan, None)
         if self._at is not None and commanded is not None:
             turn = self._at.angle - at.angle
-            length = round(turn / commanded * NS)
+            length = max(self._least, round(turn / commanded * NS))
             self._shift(length - (self._at.time_ns - at.time_ns), commanded * length / NS - turn)
 
     def command(self, speed: float | None) -> None:
@@ -80,17 +83,27 @@ class Turntable:
         self.place = replace(self.place, speed=speed)
 
     def mount(self, cam: str) -> None:
-        """Turn another cam from the next state on, until the scene mounts its next one."""
+        """Turn another cam from the next state on, until the scene mounts its next one.
+
+        An empty name is the scene's own.
+        """
         planned = None if self._at is None else self._at.cam
-        cams = None if planned is None or cam == planned else (planned, cam)
+        cams = None if planned is None or cam in (planned, "") else (planned, cam)
         self.place = replace(self.place, cam=cams)
 
     def halt(self) -> CamState | None:
-        """Stand still: the closing state, where the last tick ends; None when it stands already."""
-        if self._at is None or self.place.halted or self.place.index == 0:
+        """Stand still: the closing state, where the last tick ends; None when it stands already.
+
+        It is the state of the cam that turned, which need not be the next.
+        """
+        last = self.place.last
+        if self._at is None or self.place.halted:
             return None
-        standing = self._as(self._moved(self._at), 0.0)
-        self.place = replace(self.place, halted=True, last=standing)
+        self.place = replace(self.place, halted=True)
+        if last is None or not last.turns_until(self._moved(self._at)):
+            return None
+        standing = replace(self._as(self._moved(self._at), 0.0), cam=last.cam)
+        self.place = replace(self.place, last=standing)
         return standing
 
     def rewind(self) -> None:
@@ -129,7 +142,7 @@ class Turntable:
             return replace(planned, speed=speed)
         if mean == 0.0:  # at rest, and told to stay so
             return replace(planned, speed=speed, angle=last.angle)
-        length = max(1, round((planned.angle - last.angle) / mean * NS))
+        length = max(self._least, round((planned.angle - last.angle) / mean * NS))
         time_ns, angle = last.time_ns + length, last.angle + mean * length / NS
         return replace(planned, time_ns=time_ns, angle=angle, speed=speed)
 

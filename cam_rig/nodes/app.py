@@ -11,12 +11,15 @@ from types import FrameType
 from typing import Any
 
 import rclpy
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.exceptions import ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+from rclpy.timer import Timer
 from std_srvs.srv import Trigger
 
 from cam_rig.bag.topics import DIAGNOSTICS, Topic
@@ -47,6 +50,7 @@ class RigNode(Node):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.done: Future = Future()
         self.failure: CamRigError | None = None
         self.given = declare(self, PARAMETERS[name])
@@ -57,6 +61,13 @@ class RigNode(Node):
     def publisher(self, topic: Topic) -> Publisher:
         """A publisher with the topic's type and quality of service."""
         return self.create_publisher(message_class(topic), topic.name, qos(topic))
+
+    def every(self, period: float, act: Callable[[], None]) -> Timer:
+        """Call ``act`` every so often (s) of wall time, under use_sim_time too.
+
+        The rig makes rig time: who waited for it to go on would wait for itself.
+        """
+        return self.create_timer(period, act, clock=self._steady)
 
     def subscribe(self, topic: Topic, callback: Callable[..., None], raw: bool = False) -> None:
         """Subscribe with the topic's type and quality of service.

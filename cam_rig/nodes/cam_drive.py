@@ -6,15 +6,18 @@ import time
 from pathlib import Path
 from typing import Any
 
+from rclpy.parameter import Parameter
+
 from cam_rig.bag import topics
 from cam_rig.bag.codec import array_of, decode_law
 from cam_rig.dynamics.torque import shaft_torque
-from cam_rig.experiment.drive import DriveProgram
-from cam_rig.experiment.handover import TICKS_IN_FLIGHT
+from cam_rig.errors import RefusedError
+from cam_rig.experiment.drive import RPM, DriveProgram
+from cam_rig.experiment.handover import TICKS_IN_FLIGHT, Handover
 from cam_rig.experiment.program import CamState
 from cam_rig.experiment.stage import open_stage
 from cam_rig.nodes.app import run
-from cam_rig.nodes.controls import RPM, Controls
+from cam_rig.nodes.controls import Controls
 from cam_rig.nodes.diagnostics import ERROR, OK, WARN, Diagnostics
 from cam_rig.nodes.law_server_client import LawServerClient
 from cam_rig.nodes.pacemaker import Pacemaker
@@ -30,19 +33,31 @@ class CamDrive(Pacemaker):
         self._pace = Diagnostics(self.publisher(topics.DIAGNOSTICS), topics.PACE)
         left = self.handover.all()
         memories = [memory for memory, _ in left]
+        self.clock_ns = memories[-1].state.time_ns if memories else -1
         if left:  # a diagnosis may have died with its speaker: the last states' are said again
             _, self.health.said = left[0]
         waits = list(self.given["consumers"])
-        server = LawServerClient(self)
-        self._program = DriveProgram(stage.scene, waits, TICKS_IN_FLIGHT, server.ask_for, memories)
-        self._program.pacing.set(self.given["pacing"])
-        if not memories:
+        server = LawServerClient(self, self._on_refused)
+        given = Handover(self.given["handover"], "orders")
+        orders = given.newest()
+        self._program = DriveProgram(
+            stage.scene, waits, TICKS_IN_FLIGHT, server.ask_for, memories, orders
+        )
+        if orders is not None:
+            asked = {"rpm": orders.rpm, "pacing": orders.pacing}
+            self.set_parameters([Parameter(name, value=value) for name, value in asked.items()])
+        self._program.pacing.set(self.get_parameter("pacing").value)
+        if not memories and orders is None:
             self._program.running = self.given["autostart"]
             self._program.command(self.given["rpm"] * RPM)
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
-        server.tell(self._program.mounted)
-        Controls(self, self._program, self._send)
+        controls = Controls(self, self._program, self._send, given)
+        server.tell(controls.mounted)
         self.set_going(waits, self._program.credit, alone=not memories)
+
+    def _on_refused(self, cam: str, reason: str) -> None:
+        self._program.refused(cam)
+        self.refuse(RefusedError(f"cam {cam!r}: the law server has none ({reason})"))
 
     def _on_law(self, message: Any) -> None:
         self._program.add_law(decode_law(*array_of(message)))
@@ -62,7 +77,7 @@ class CamDrive(Pacemaker):
     def _send(self, state: CamState) -> None:
         self.handover.keep((self._program.memory, self.health.said), state.time_ns)
         level, words = OK, "turning" if state.speed else "stands"
-        if self._program.table.place.halted and state.speed == 0.0:
+        if self._program.halted and state.speed == 0.0:
             level, words = ERROR, "emergency stop"
         self.health.report(state.time_ns, level, words)
         if late := self._program.pacing.late:

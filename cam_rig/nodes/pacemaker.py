@@ -35,6 +35,8 @@ class Pacemaker(RigNode):
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self._moved = self._repeated = time.monotonic()
+        #: Rig time (ns) that /clock has come to.
+        self.clock_ns = -1
         self._clock_out, self._state_out = map(self.publisher, (topics.CLOCK, topics.CAM_STATE))
 
     def set_going(self, consumers: list[str], credit: Credit, alone: bool = True) -> None:
@@ -45,9 +47,9 @@ class Pacemaker(RigNode):
         self._credit, self._begun = credit, not alone
         for name in consumers:
             self.subscribe(ACKNOWLEDGES[name], self._on_acknowledge(name))
-        self._alarm = self.create_timer(1.0, self._on_alarm)
+        self._alarm = self.every(1.0, self._on_alarm)
         self._alarm.cancel()
-        self.create_timer(0.1, self._on_timer)
+        self.every(0.1, self._on_timer)
 
     def send_next(self) -> bool:
         """Send the next state, if it may go out; False when it may not."""
@@ -92,9 +94,11 @@ class Pacemaker(RigNode):
             self._alarm.reset()
 
     def publish_state(self, state: CamState, torque: float) -> None:
-        """Send a state of the cam, and its time."""
+        """Send a state of the cam, and its time, unless /clock would go back: it is said again."""
         header = to_header(state.time_ns, state.cam)
-        self._clock_out.publish(Clock(clock=to_time(state.time_ns)))
+        if state.time_ns >= self.clock_ns:
+            self.clock_ns = state.time_ns
+            self._clock_out.publish(Clock(clock=to_time(state.time_ns)))
         self._state_out.publish(to_joint_state("cam", header, state.angle, state.speed, torque))
 
     def note_sent(self, state: CamState, tick: int) -> None:

@@ -79,7 +79,8 @@ PARAMETERS: dict[str, tuple[Spec, ...]] = {
     "law_server": (
         SCENE,
         HANDOVER,
-        Spec("cam", "", "mounted cam, a file of config/cams; empty: the scene's first", live=True),
+        Spec("cam", "", "a file of config/cams, mounted until the drive asks for another; "
+             "empty: the scene's first", live=True),
     ),
     "cam_drive": (
         SCENE,

@@ -41,7 +41,7 @@ class Recorder(RigNode):
             kind, take = message_class(topic), self._on(topic)
             depth = qos(topic, MOST_NODES if topic is topics.DIAGNOSTICS else 1)
             self.create_subscription(kind, topic.name, take, depth, raw=True)
-        self.create_timer(0.25, self._idle)
+        self.every(0.25, self._idle)
 
     def _on(self, topic: topics.Topic) -> Callable[[Any, Any], None]:
         def take(cdr: bytes, about: dict[str, Any]) -> None:

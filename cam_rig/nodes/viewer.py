@@ -52,7 +52,7 @@ class Viewer(RigNode):
         }
         for topic, take in takes.items():
             self.subscribe(replace(topic, depth=DEPTH), self._on(take))
-        self.create_timer(SEND_EVERY, self._picture.flush)
+        self.every(SEND_EVERY, self._picture.flush)
 
     def _on_profile(self, message: PolygonStamped) -> None:
         cam = message.header.frame_id

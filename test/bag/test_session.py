@@ -69,6 +69,17 @@ def test_any_order_of_topics_gives_one_bag(golden, kept, seed):
     assert by_topic(kept) == straight
 
 
+def test_a_clock_that_was_lost_is_known_from_the_next(golden, kept, states):
+    """/clock never goes back, so nobody says it again; a state's stamp holds the same bytes."""
+    record(golden, kept)
+    whole, kept.messages = by_topic(kept), []
+    lost = {n for topic, n, _ in golden if topic is topics.CLOCK}
+    lost -= {max(lost)}
+    told = record([m for m in golden if m[0] is not topics.CLOCK or m[1] not in lost], kept)
+    assert told == states
+    assert by_topic(kept) == whole
+
+
 @pytest.mark.parametrize("missing", [t for t in topics.RECORDING if t.per in ("tick", "state")])
 def test_a_state_waits_for_every_message_of_its_tick(golden, kept, states, missing):
     """Nobody is told of a state while a message is missing; what came is written at the end."""

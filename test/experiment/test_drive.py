@@ -6,9 +6,10 @@ import pytest
 
 from cam_rig.errors import RefusedError
 from cam_rig.experiment.credit import Credit
-from cam_rig.experiment.drive import DriveProgram
+from cam_rig.experiment.drive import DriveProgram, Orders
 from cam_rig.experiment.program import cam_states
 from cam_rig.experiment.stage import open_stage
+from cam_rig.experiment.turntable import Turntable
 from cam_rig.schema.load import config_root
 
 
@@ -153,10 +154,62 @@ def test_a_drive_that_died_is_followed_without_a_gap(stage):
 
 
 def test_a_speed_no_cam_can_have_is_refused(program):
-    """With the limit."""
-    for speed in (-1.0, 1e6, float("nan")):
-        with pytest.raises(RefusedError, match="allowed: 0 to 10472"):
+    """With the limits; so slow a tick of it would hold more samples than a message may."""
+    limits = r"allowed: 0, or 0\.00126 to 3141\.59 rad/s \(0\.012 to 30000 rpm\)"
+    for speed in (-1.0, 1e6, 1e-3, float("nan")):
+        with pytest.raises(RefusedError, match=limits):
             program.command(speed)
+
+
+@pytest.mark.parametrize("sent", [0, 5])
+def test_what_a_hand_asked_for_outlives_the_drive(stage, program, sent):
+    """Stopped, or reset and stopped, a successor stands as well: nothing starts by itself."""
+    memories = [(follow(program, 1), program.memory)[1] for _ in range(sent)]
+    for ask in (lambda: program.run(False), program.reset, program.halt):
+        ask()
+        orders = Orders(program.table.place, program.running, 0.0, "free")
+        second = DriveProgram(stage.scene, ["all"], 4, lambda cam: True, memories, orders)
+        second.laws.update(stage.laws)
+        assert len(follow(second, 20)) == sent  # what its predecessor had said
+        assert second.table.place == program.table.place
+    orders = Orders(Turntable(stage.scene).place, False, 0.0, "free")
+    if sent:  # orders that states came after are obeyed already
+        second = DriveProgram(stage.scene, ["all"], 4, lambda cam: True, memories, orders)
+        assert second.running and second.table.place == memories[-1].place
+
+
+def test_an_emergency_stop_holds_before_the_first_state_and_while_states_are_said_again(stage):
+    """Whenever it comes, only a reset lets the cam turn."""
+    first = DriveProgram(stage.scene, ["all"], 4, lambda cam: True)
+    first.laws.update(stage.laws)
+    assert first.halt() is None and first.halted
+    first.run(True)
+    assert follow(first, 3) == []
+    first.reset()
+    first.run(True)
+    memories = [(follow(first, 1), first.memory)[1] for _ in range(3)]
+    second = DriveProgram(stage.scene, ["all"], 4, lambda cam: True, memories)
+    second.laws.update(stage.laws)
+    assert second.halt() is None and second.halted
+    second.run(True)
+    said = follow(second, 20)
+    assert said[:3] == [memory.state for memory in memories]
+    assert [state.speed for state in said[3:]] == [0.0]
+    assert said[3].cam == said[2].cam and not second.done
+
+
+def test_a_cam_that_the_law_server_does_not_have_is_let_go(stage):
+    """Who claims that it is mounted cannot hold the drive for ever."""
+    asked = []
+    program = DriveProgram(stage.scene, ["all"], 4, lambda cam: asked.append(cam) is None)
+    program.laws.update(stage.laws)
+    assert len(follow(program, 2)) == 2
+    program.mounted(asked[0])
+    program.mounted("nonsense")
+    assert follow(program, 5) == []
+    assert asked[-1] == "nonsense"
+    program.refused("nonsense")
+    assert program.take(10.0).cam == stage.scene.cams[0]
 
 
 def test_a_state_waits_for_its_time(program):

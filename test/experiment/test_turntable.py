@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cam_rig.experiment.gate import Admission, StateGate
+from cam_rig.experiment.gate import Admission, StateGate, speeds
 from cam_rig.experiment.program import cam_states
 from cam_rig.experiment.stage import open_stage
 from cam_rig.experiment.turntable import STANDS, Turntable
@@ -75,7 +75,7 @@ COMMANDS = st.lists(
     st.tuples(
         st.integers(0, 16),
         st.one_of(
-            st.floats(0.01, 1e5).map(lambda rpm: ("command", rpm * RPM)),
+            st.floats(speeds(SCENE)[0], speeds(RAMPED)[1]).map(lambda speed: ("command", speed)),
             st.sampled_from(["tm21", "poly345", "bezier15"]).map(lambda cam: ("mount", cam)),
             st.just(("command", None)),
             st.just(("rewind",)),
