@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
     from cam_rig.bench.result import Study
 
+#: Columns of the table, which is not cut where a terminal has fewer.
+WIDTH = 110
+
 
 def bench(
     quick: Annotated[bool, typer.Option("--quick", help="Fewer settings, under 50 s.")] = False,
@@ -36,7 +39,7 @@ def bench(
 
         check_outputs(json_target, plot)
         study = measure(quick)
-        console.print(table(study))
+        console.print(table(study), width=max(console.width, WIDTH), crop=False)
         for note in notes(study):
             console.print(f"  {note}", markup=False)
         if plot is not None:

@@ -16,14 +16,19 @@ if TYPE_CHECKING:
     from cam_rig.experiment.lineup import Lineup
     from cam_rig.experiment.references import Reference
 
+#: s, of the paper's runs from rest.
+FROM_REST = 1.7
+
 
 def jump(
     cams: TableCams = None,
     rig: Rig = "paper_table2",
     from_rest: Annotated[
-        float,
-        typer.Option(metavar="SECONDS", help="Length of the run from rest, at one speed, to 60 s."),
-    ] = 1.7,
+        float | None,
+        typer.Option(
+            metavar="SECONDS", help="Length of the run from rest, at one speed: 1.7, to 60 s."
+        ),
+    ] = None,
     steady: Annotated[bool, typer.Option("--steady", help="In steady state instead.")] = False,
     ramp: Annotated[
         float | None,
@@ -50,23 +55,20 @@ def jump(
     """
     with user_errors():
         from cam_rig.cli import jump_tables
-        from cam_rig.errors import ConfigError
         from cam_rig.experiment.lineup import open_lineup
         from cam_rig.experiment.references import references
         from cam_rig.schema import load_tables
 
         check_outputs(json_target, plot)
-        if steady and ramp is not None:
-            raise ConfigError("--steady and --ramp; allowed: one of them")
-        if refit and (steady or ramp is not None or plot or json_target):
-            raise ConfigError("--refit is of runs from rest, and prints; allowed: --refit alone")
+        _require_apart(steady, ramp, from_rest, refit, bool(plot), bool(json_target))
         published = load_tables(tables_path())
         names = cams or list(published.table_2_jump)
         lineup = open_lineup(map(cam_path, names), rig_path(rig))
         if refit:
-            jump_tables.show_refit(lineup, published, from_rest)
+            jump_tables.show_refit(lineup, published, FROM_REST if from_rest is None else from_rest)
             return
-        known, duration = references(lineup, published), None if steady else from_rest
+        duration = None if steady else FROM_REST if from_rest is None else from_rest
+        known = references(lineup, published)
         rows = _find(lineup, known, duration, ramp)
         console.print(jump_tables.table(rows, lineup.rig.name))
         console.print(jump_tables.words(rows), soft_wrap=True)
@@ -75,6 +77,23 @@ def jump(
 
             write_plot(plot, lambda part: draw(rows, lineup, duration, part))
         write_json(jump_tables.to_json(rows), json_target)
+
+
+def _require_apart(
+    steady: bool, ramp: float | None, from_rest: float | None, refit: bool, plot: bool, json: bool
+) -> None:
+    """Refuse options that do not go together, rather than pass one over."""
+    from cam_rig.errors import ConfigError
+
+    if sum((steady, ramp is not None, from_rest is not None)) > 1:
+        raise ConfigError("--steady, --ramp and --from-rest; allowed: one of them")
+    if ramp is not None and plot:
+        raise ConfigError(
+            "--plot shows the least force of speeds that are held, and --ramp holds none; "
+            "allowed: one of them"
+        )
+    if refit and (steady or ramp is not None or plot or json):
+        raise ConfigError("--refit is of runs from rest, and prints; allowed: --refit alone")
 
 
 def _find(

@@ -99,9 +99,11 @@ def show(request: Request, cam: CamConfig, found: list[Measured]) -> None:
 
 def _doubts(source: Path, points: FloatArray) -> list[str]:
     """What a contour should not be; the edges of a drawing are meant, of a table they are gaps."""
-    from cam_rig.profile.outline import crossing, gap
+    from cam_rig.profile.outline import crossing, gap, sparse
 
-    found = [crossing(points), gap(points) if source.suffix.lower() == ".csv" else None]
+    found = [crossing(points)]
+    if source.suffix.lower() == ".csv":
+        found += [gap(points), sparse(points)]
     return [doubt for doubt in found if doubt is not None]
 
 

@@ -25,10 +25,10 @@ def vibration(
     """Measure what vibrates: the stem in the low dwell, the follower's acceleration, the shaft.
 
     Eq. 5 and eq. 10 of the paper, in steady state. Ringing is free vibration, what the joints of a
-    law have kicked; a law without a low dwell is read within 31.25° of θ = 0. The plot shows the
-    last speed. † marks cams that are left below a speed: the model holds the follower on them, and
-    what the paper says is tried without that speed. By default 200, 250, 300 and 350 rpm,
-    below every jump speed of the paper's laws.
+    law have kicked; a law without a low dwell is read within 31.25° of its lowest lift. The plot
+    shows the last speed. † marks cams that are left below a speed: the model holds the follower on
+    them, and what the paper says is tried without that speed. By default 200, 250, 300 and
+    350 rpm, below every jump speed of the paper's laws.
 
     Examples
     --------

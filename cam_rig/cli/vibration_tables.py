@@ -47,7 +47,7 @@ def _one(measures: dict[str, Vibration], title: str, left: list[str]) -> Table:
         )
     notes = []
     if not all(v.window.dwell for v in measures.values()):
-        notes.append("* no low dwell: read within 31.25° of θ = 0, where it moves")
+        notes.append("* no low dwell: read within 31.25° of the lowest lift, where it moves")
     if left:
         notes.append("† has left the cam below this speed; the model holds it on")
     out.caption = "\n".join(notes)

@@ -62,10 +62,19 @@ def read_contour(path: Path) -> list[FloatArray]:
         )
     wanted = [names.index(f"x_{unit}"), names.index(f"y_{unit}")]
     points = np.array([_numbers(path, row, wanted) for row in rows[1:]]).reshape(-1, 2)
-    discs = [row[names.index("disc")] if "disc" in names else "" for row in rows[1:]]
+    discs = [_disc(path, row, names) for row in rows[1:]]
     labels = np.array(discs, dtype=str)
     factor = UNITS["length"][unit]
     return [factor * points[labels == name].T for name in dict.fromkeys(discs)]
+
+
+def _disc(path: Path, row: list[str], names: list[str]) -> str:
+    """Which disc a row is of."""
+    if "disc" not in names:
+        return ""
+    if len(row) <= names.index("disc"):
+        raise ProfileError(f"{path}: has the row {','.join(row)!r}; allowed: {','.join(names)}")
+    return row[names.index("disc")]
 
 
 def _numbers(path: Path, row: list[str], columns: list[int]) -> list[float]:

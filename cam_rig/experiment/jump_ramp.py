@@ -35,6 +35,8 @@ def jump_along_ramp(law: Law, parameters: TwoMassParameters, rate: float) -> Jum
     advance = MODELS["separation"].advance
     state: FollowerState | None = None
     start = 0
+    if law.lift == 0.0:  # a disc: it would be turned to the fastest speed for nothing
+        raise _stays(law)
     for turn in range(1, math.ceil((FASTEST * RPM) ** 2 / (2.0 * rate) / TURN) + 1):
         stop, begun = round(math.sqrt(2.0 * TURN * turn / rate) * NS), start / NS
         tick = Interval(start, stop, 0.5 * rate * begun**2, rate * begun, rate)
@@ -43,7 +45,11 @@ def jump_along_ramp(law: Law, parameters: TwoMassParameters, rate: float) -> Jum
             first = block.events[0]
             return Jump(rate * first.time, first.angle % TURN, first.time)
         start = stop
-    raise DynamicsError(
+    raise _stays(law)
+
+
+def _stays(law: Law) -> DynamicsError:
+    return DynamicsError(
         f"cam {law.name!r}: the follower does not leave it up to {FASTEST:g} rpm; allowed for a "
         "jump speed: a cam that throws it off"
     )

@@ -12,8 +12,9 @@ from cam_rig.laws.bernstein import FloatArray
 
 #: A piece no higher above the lowest lift than this fraction of the lift is flat.
 FLAT = 1e-12
-#: What stands for the low dwell of a law that has none: this much (rad) about θ = 0, as wide as
-#: the low dwell of the paper's other laws here.
+#: What stands for the low dwell of a law that has none: this much (rad) about its lowest lift, as
+#: wide as the low dwell of the paper's other laws here.
+GRID = 3600
 STAND_IN = float(np.radians(62.5))
 
 
@@ -24,6 +25,11 @@ class Window:
     start: float
     span: float
     dwell: bool
+
+    @property
+    def middle(self) -> float:
+        """Cam angle (rad) of its middle, in the turn."""
+        return (self.start + 0.5 * self.span) % TURN
 
     def holds(self, angle: FloatArray) -> NDArray[np.bool_]:
         """Which cam angles (rad) lie inside, the end not among them."""
@@ -44,4 +50,8 @@ def low_dwell(law: Law) -> Window:
         span = float(sum(law.spans[(i + k) % count] for k in range(run)))
         if span > best.span:
             best = Window(float(law.breaks[i]), span, True)
-    return best if best.span > 0.0 else Window(TURN - 0.5 * STAND_IN, STAND_IN, False)
+    if best.span > 0.0:
+        return best
+    angles = np.concatenate([law.breaks[:-1], np.linspace(0.0, TURN, GRID, endpoint=False)])
+    middle = float(angles[np.argmin(law(angles))])
+    return Window((middle - 0.5 * STAND_IN) % TURN, STAND_IN, False)

@@ -10,6 +10,8 @@ from cam_rig.laws.bernstein import FloatArray
 #: A step from point to point beyond so many of the usual one is a gap. Contours written at equal
 #: steps of the cam angle stay below 2.
 WIDE = 10.0
+#: A contour of fewer points is a guess.
+FEWEST = 36
 
 
 def crossing(points: FloatArray) -> str | None:
@@ -17,6 +19,16 @@ def crossing(points: FloatArray) -> str | None:
     if LinearRing(points.T).is_simple:
         return None
     return "the contour crosses itself; allowed: points in their order around the cam"
+
+
+def sparse(points: FloatArray) -> str | None:
+    """Whether ``(2, n)`` points are too few to tell a cam's shape between them."""
+    if points.shape[1] >= FEWEST:
+        return None
+    return (
+        f"{points.shape[1]} points; between them the contour is guessed, to a part of the lift; "
+        f"allowed: {FEWEST} or more"
+    )
 
 
 def gap(points: FloatArray) -> str | None:

@@ -46,6 +46,8 @@ def _read(path: Path) -> Any:
         raise ConfigError(f"{path}: is a folder; allowed: a YAML file") from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read ({error})") from None
+    except RecursionError:
+        raise ConfigError(f"{path}: is nested too deeply; allowed: a few levels") from None
     except (YAMLError, ValueError) as error:  # a date or a number that Python cannot hold
         raise ConfigError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
 

@@ -50,7 +50,8 @@ def figure(rows: list[JumpRow], lineup: Lineup, duration: float | None) -> Figur
         ylim=(-0.55 * parameters.preload, 1.15 * parameters.preload),
         xlim=(rpm[0], rpm[-1]),
     )
-    axes.plot([], [], "v", color="0.3", ms=7, mfc="none", label="published, Table 2")
+    if any(row.published_rpm is not None for row in rows):
+        axes.plot([], [], "v", color="0.3", ms=7, mfc="none", label="published, Table 2")
     axes.grid(alpha=0.25)
     axes.legend(
         title="leaves at [rpm]",

@@ -16,7 +16,7 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.torsional_block import from_rig as shaft_of
 from cam_rig.experiment.jump_search import RPM
 from cam_rig.experiment.lineup import Lineup
-from cam_rig.experiment.low_dwell import low_dwell
+from cam_rig.experiment.low_dwell import Window, low_dwell
 from cam_rig.experiment.vibration import SteadyTurn, steady_turn, steady_twist
 from cam_rig.view.styles import line
 
@@ -36,7 +36,7 @@ def figure(lineup: Lineup, rpm: float) -> Figure:
         turn, title = steady_turn(law, follower, rpm * RPM), lineup.titles[cam]
         degrees = np.degrees(turn.angle)
         panels[0, 0].plot(degrees, 1e3 * turn.displacement, lw=1.5, label=title, **line(i))
-        _residual(panels[0, 1], turn, low_dwell(law).dwell, i)
+        _residual(panels[0, 1], turn, low_dwell(law), i)
         panels[1, 0].plot(degrees, turn.acceleration, lw=1.2, **line(i))
         if lineup.rig.shaft is not None:
             angle, twist = steady_twist(law, shaft_of(lineup.rig), rpm * RPM)
@@ -49,16 +49,17 @@ def figure(lineup: Lineup, rpm: float) -> Figure:
     return out
 
 
-def _residual(axes: Axes, turn: SteadyTurn, dwell: bool, index: int) -> None:
-    """About the low dwell, which lies around θ = 0: what is left of the vibration there."""
-    degrees = (np.degrees(turn.angle) + 180.0) % 360.0 - 180.0
+def _residual(axes: Axes, turn: SteadyTurn, window: Window, index: int) -> None:
+    """About the low dwell: what is left of the vibration there."""
+    degrees = (np.degrees(turn.angle - window.middle) + 180.0) % 360.0 - 180.0
     order = np.argsort(degrees)
     inside = order[np.abs(degrees[order]) <= 60.0]
-    style = line(index) if dwell else line(index) | {"alpha": 0.9}
+    style = line(index) if window.dwell else line(index) | {"alpha": 0.9}
     axes.plot(degrees[inside], 1e6 * turn.vibration[inside], lw=1.2, **style)
 
 
 def _label(panels: np.ndarray, lineup: Lineup, rpm: float) -> None:
+    laws = lineup.laws.values()
     titles = (
         ("Displacement (fig. 4)", "x [mm]"),
         ("Vibration about the low dwell (fig. 5)", "x less static share of lift [µm]"),
@@ -70,7 +71,9 @@ def _label(panels: np.ndarray, lineup: Lineup, rpm: float) -> None:
         axes.grid(alpha=0.25)
         if "low dwell" in title:
             axes.set(xlim=(-60.0, 60.0), xticks=range(-60, 61, 20))
-            axes.axvspan(-31.25, 31.25, color="0.5", alpha=0.10, lw=0)
+            axes.set(xlabel="cam angle from the middle of the low dwell [°]")
+            for half in {round(0.5 * np.degrees(low_dwell(law).span), 9) for law in laws}:
+                axes.axvspan(-half, half, color="0.5", alpha=0.10, lw=0)
         else:
             axes.set(xlim=(0.0, 360.0), xticks=range(0, 361, 60))
     if lineup.rig.shaft is None:

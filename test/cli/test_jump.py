@@ -62,6 +62,8 @@ def test_other_cams_and_ways(tmp_path):
         (["--from-rest", "1e9"], 1, "lasts 1e+09 s; allowed: above 0, to 60 s"),
         (["--ramp", "1e9"], 1, "ramp is 1e+09 rpm/s; allowed: 1 to 100000 rpm/s"),
         (["--steady", "--ramp", "100"], 2, "allowed: one of them"),
+        (["--steady", "--from-rest", "3"], 2, "allowed: one of them"),
+        (["--ramp", "350", "--plot", "{tmp}/a.png"], 2, "--ramp holds none"),
         (["poly345", "--refit"], 2, "needed: bezier15, poly345, poly4567, cycloidal"),
         (["--refit", "--json", "{tmp}/a.json"], 2, "allowed: --refit alone"),
         (["poly345", "--plot", "{tmp}/a.xyz"], 2, "unknown kind of picture"),

@@ -177,6 +177,7 @@ def test_law_table(tmp_path):
         ("a.csv", "x_mm,y_mm\n1,2\n3,no\n", "has the row '3,no'; allowed: finite numbers"),
         ("a.csv", "x_mm,y_mm\n1\n", "has the row '1'; allowed: finite numbers"),
         ("a.csv", "x_mm,y_mm\n1,nan\n", "has the row '1,nan'"),
+        ("a.csv", "x_mm,y_mm,disc\n1,2\n", "has the row '1,2'; allowed: x_mm,y_mm,disc"),
         ("a.dxf", "no drawing", "cannot be read as DXF"),
         ("b.dxf", None, "cannot be read as DXF"),
         ("b.csv", None, "cannot be read"),

@@ -66,6 +66,17 @@ def test_a_law_that_never_rests(laws):
     assert np.degrees([found.start, found.span]) == pytest.approx([328.75, 62.5])
 
 
+def test_a_law_that_never_rests_is_read_at_its_lowest(make_cam):
+    """Wherever that is: at θ = 0 this cam is at its top."""
+    cam = make_cam(
+        {"law": "poly345", "to": 0, "span": 200},
+        {"law": "poly345", "to": 1, "span": 160},
+    )
+    found = low_dwell(build_law(cam))
+    assert not found.dwell
+    assert np.degrees(found.middle) == pytest.approx(200.0)
+
+
 @pytest.mark.parametrize("cam", ["poly345", "poly4567", "cycloidal", "bezier_segments"])
 def test_in_a_dwell_all_vibration_is_ringing(laws, soft, cam):
     """Where the cam rests nothing drives the stem: it swings by twice the ringing, dying out."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cam_rig.profile import contours
-from cam_rig.profile.outline import crossing, gap
+from cam_rig.profile.outline import crossing, gap, sparse
 
 
 def test_contours_are_in_order_and_whole(law, cams):
@@ -15,6 +15,7 @@ def test_contours_are_in_order_and_whole(law, cams):
             for points in (contour.points, closed, contour.points[:, ::-1]):
                 assert crossing(points) is None
                 assert gap(points) is None
+                assert sparse(points) is None
 
 
 @pytest.fixture
@@ -28,6 +29,11 @@ def test_shuffled_points_cross(points):
     """The line through them crosses itself."""
     shuffled = np.random.default_rng(1).permutation(points, axis=1)
     assert "crosses itself" in str(crossing(shuffled))
+
+
+def test_a_dozen_points_are_a_guess():
+    """A closed curve through them is off by a part of the lift."""
+    assert "12 points" in str(sparse(np.zeros((2, 12))))
 
 
 def test_a_part_of_a_contour_has_a_gap(points):

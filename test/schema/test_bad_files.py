@@ -44,6 +44,11 @@ def test_broken_yaml(error_of, text):
     assert "line" in message or "position" in message
 
 
+def test_nested_without_end(error_of):
+    """The parser gives up; the user gets a line all the same."""
+    assert error_of("rig", "[" * 5000).startswith("is nested too deeply")
+
+
 def test_not_text(error_of):
     """A file that is not UTF-8 cannot be read, and says so."""
     assert error_of("rig", b"\xff\xfe\x00\x01").startswith("cannot be read (")
