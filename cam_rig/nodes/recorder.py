@@ -10,7 +10,7 @@ from typing import Any
 from rclpy.serialization import serialize_message
 
 from cam_rig.bag import topics
-from cam_rig.bag.recorder import BagRecorder
+from cam_rig.bag.recorder import open_bag
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.experiment.stage import open_stage
 from cam_rig.nodes.app import RigNode, run
@@ -32,10 +32,8 @@ class Recorder(RigNode):
         super().__init__("recorder")
         stage = open_stage(Path(self.given["scene"]))
         default = time.strftime(f"bags/{stage.scene.name}_%Y-%m-%d_%H-%M-%S")
-        mine = self.handover.newest()
-        bag = mine or self.given["bag"] or default
-        self._bag = BagRecorder(Path(bag), stage, resume=mine is not None)
-        self.handover.keep(str(bag))
+        bag = Path(self.given["bag"] or default)
+        self._bag = open_bag(self.handover, bag, stage)
         self._written, self._quiet = self.publisher(topics.RECORDED), True
         self._newest: int | None = None
         self._tell(self._bag.resumed)
