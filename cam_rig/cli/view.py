@@ -124,8 +124,8 @@ def _converted(bag: Path, wish: Wish) -> Iterator[Path]:
 
 def _serve(path: Path) -> None:
     from cam_rig.cli.screen import stay_until_interrupted
-    from cam_rig.view.web import serve_file
+    from cam_rig.view.web import serve
 
-    with serve_file(path) as address:
-        print(address, flush=True)
-        stay_until_interrupted()
+    with serve(path) as pages:
+        print(pages.address, flush=True)
+        stay_until_interrupted(pages.viewer)
