@@ -68,7 +68,7 @@ def _replay(bag: Path, folder: Path, scene: str | None, output: Path | None) -> 
     if total < 2:
         raise BagError(f"{bag}: has {total} states of the cam; allowed: two at least")
     path = scene_path(scene) if scene else unpack(bag, folder)
-    again = folder / (output.name if output else "again")
+    again = folder / "again" / (output.name if output else "bag")  # not among the bag's own files
     with own_domain(), progress_bar() as bar, Graph(replayed(path, again, bag)) as graph:
         task = bar.add_task("replaying", total=total - 1)
         for report in graph.progress():

@@ -67,10 +67,19 @@ def test_recover_of_a_cut_bag(tmp_path):
     assert again.exit_code == 1 and "exists already, not overwriting" in again.stderr
 
 
+def test_recover_from_inside_the_bag(tmp_path, monkeypatch):
+    """Named by a dot, it is mended beside itself all the same."""
+    monkeypatch.chdir(shutil.copytree(GOLDEN, tmp_path / "mine"))
+    result = call("recover", ".")
+    assert result.exit_code == 0, result.stderr
+    assert read_counts(tmp_path / "mine_recovered")
+    assert call("recover", "/").exit_code == 1
+
+
 @pytest.mark.ros
 def test_replay_gives_the_recorded_numbers(ros_domain, tmp_path):
     """Recorded cam states and laws through the live follower and microphone."""
-    kept = tmp_path / "again"
+    kept = tmp_path / "config"  # as the folder of a bag's attached files is called
     result = call("replay", GOLDEN, "--tolerance", "1e-10", "--output", kept)
     assert result.exit_code == 0, result.stderr
     assert "/microphone/pressure" in result.stderr
