@@ -13,6 +13,7 @@ from rich.table import Table
 
 from cam_rig.cli.console import console, progress_bar, user_errors
 from cam_rig.cli.names import scene_path
+from cam_rig.cli.options import SceneOfBag
 
 if TYPE_CHECKING:
     from cam_rig.bag.compare import Difference
@@ -26,9 +27,7 @@ def replay(
     output: Annotated[
         Path | None, typer.Option(help="Keep the new recording here; must not exist yet.")
     ] = None,
-    scene: Annotated[
-        str | None, typer.Option(help="Scene that was run, for a bag without one attached.")
-    ] = None,
+    scene: SceneOfBag = None,
 ) -> None:
     """Feed recorded cam states and laws to live nodes, and compare what they say with the bag.
 

@@ -49,6 +49,18 @@ def test_analyze_takes_a_bag_of_ros2_bag_record(tmp_path, plugin):
     assert "--scene" in nameless.stderr or "holds 0 .mcap files" in nameless.stderr
 
 
+def test_view_takes_a_bag_of_ros2_bag_record(tmp_path):
+    """As its error says: with the scene named, it is drawn."""
+    bag, picture = tmp_path / "theirs", tmp_path / "a.rrd"
+    as_ros2_records(bag, StoragePlugin.MCAP)
+    nameless = call("view", bag, "--save", picture)
+    assert nameless.exit_code == 1 and "--scene" in nameless.stderr
+    result = call("view", bag, "--scene", "quick", "--save", picture)
+    assert result.exit_code == 0, result.stderr
+    call("view", GOLDEN, "--save", tmp_path / "b.rrd")
+    assert picture.stat().st_size == pytest.approx((tmp_path / "b.rrd").stat().st_size, rel=0.01)
+
+
 def test_recover_of_a_cut_bag(tmp_path):
     """A cut copy of a bag: mended beside it, the damaged one is as it was."""
     torn = tmp_path / "torn"
