@@ -14,10 +14,10 @@ from cam_rig.bag.recover import OURS, is_torn, set_aside
 from cam_rig.bag.salvage import Salvage
 from cam_rig.bag.session import RecordingSession
 from cam_rig.bag.topics import PROFILE, Topic
-from cam_rig.bag.writer import FLUSH_EVERY, BagWriter, bag_file
+from cam_rig.bag.writer import FLUSH_EVERY, BagWriter, bag_file, require_new_bag
 from cam_rig.errors import CamRigError
 from cam_rig.experiment.gate import StateGate
-from cam_rig.experiment.handover import STATES_UNFLUSHED
+from cam_rig.experiment.handover import STATES_UNFLUSHED, Handover
 from cam_rig.experiment.stage import Stage
 
 PACKAGES = ("cam_rig", "numpy", "scipy", "pydantic", "mcap", "rosbags", "ros-kilted-rclpy")
@@ -39,7 +39,8 @@ class BagRecorder:
 
     def __init__(self, bag: Path, stage: Stage, resume: bool = False) -> None:
         torn = set_aside(bag) if resume and is_torn(bag) else None
-        self._writer = BagWriter(bag, bag_file(bag) if torn else None)
+        mine = resume and bag.is_dir()  # killed as soon as it was made, there is no file in it
+        self._writer = BagWriter(bag, bag_file(bag) if mine else None)
         self._stage, self._attached = stage, set[Path]()
         self._attach()
         self._writer.attach("versions.json", versions())
@@ -103,6 +104,24 @@ class BagRecorder:
                     topic = OURS[channel.topic]
                     self.resumed += self.take(topic, message.data, b"", message.sequence)
         self._writer.flush()
+
+
+def open_bag(handover: Handover, wanted: Path, stage: Stage) -> BagRecorder:
+    """Begin a bag, or go on with the one that a killed predecessor was recording.
+
+    That a bag is ours is written down before it is made, so that no moment is left in which a kill
+    would leave one that nobody knows; and only where there is none, so that one of before is never
+    taken for ours.
+
+    Raises
+    ------
+    BagError : another's bag is there, or it cannot be made
+    """
+    if mine := handover.newest():
+        return BagRecorder(Path(mine), stage, resume=True)
+    require_new_bag(wanted)
+    handover.keep(str(wanted))
+    return BagRecorder(wanted, stage)
 
 
 def versions() -> bytes:

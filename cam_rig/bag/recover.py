@@ -102,7 +102,9 @@ def set_aside(bag: Path) -> Path:
 
 def is_torn(bag: Path) -> bool:
     """Whether a recording was begun here and not closed."""
-    return bag_file(bag).exists() and not (bag / "metadata.yaml").exists()
+    file = bag_file(bag)
+    begun = file.exists() or file.with_suffix(TORN).exists()
+    return begun and not (bag / "metadata.yaml").exists()
 
 
 def _copy(file: Path, bag: Path, make: Callable[[], BagWriter]) -> Recovered:

@@ -10,7 +10,7 @@ from rich.markup import escape
 
 from cam_rig.cli.console import console, user_errors
 from cam_rig.cli.names import scene_path
-from cam_rig.cli.options import Json, Plot
+from cam_rig.cli.options import Json, Plot, SceneOfBag
 from cam_rig.cli.outputs import check_outputs
 from cam_rig.cli.results import show
 
@@ -21,10 +21,7 @@ def analyze(
     ] = None,
     json_target: Json = None,
     plot: Plot = None,
-    scene: Annotated[
-        str | None,
-        typer.Option(help="Scene that was run, for a bag without one (made by `ros2 bag record`)."),
-    ] = None,
+    scene: SceneOfBag = None,
 ) -> None:
     """Read a recorded sweep back and compare its noise with the published regressions.
 

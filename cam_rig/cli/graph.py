@@ -70,6 +70,7 @@ class Graph:
     ) -> None:
         self._nodes, self._respawn, self._network = nodes, respawn, network
         self._say, self._last = say, "before the first tick"
+        self._drive = list(nodes)[-1]
         self.processes: dict[str, NodeProcess] = {}
         self._respawned = dict.fromkeys(nodes, 0)
         self._lines: Queue[str] = Queue()
@@ -120,14 +121,48 @@ class Graph:
         ------
         RunError : a node ended before its time, with what it said
         """
-        drive = list(self._nodes)[-1]
         while True:
             dead = [name for name, process in self.processes.items() if process.has_ended]
             yield from self._reports()
-            if dead == [drive] and self.processes[drive].code == 0:
-                return
+            if self._drive in dead and self.processes[self._drive].code == 0:
+                dead.remove(self._drive)
+                if not self._last_ticks_are_lost(dead):
+                    return
+                self._start_again(self._drive)  # to say them to the recorder's successor
             for name in dead:
                 self._mourn(name)
+
+    def require_closed(self, bag: Path) -> None:
+        """To be asked when all have ended, for then the recorder closes the bag.
+
+        Raises
+        ------
+        RunError : it did not; how it ended instead
+        """
+        from cam_rig.bag.recover import is_torn
+
+        recorder = self.processes["recorder"]
+        if is_torn(bag):
+            raise RunError(f"node {recorder.obituary()} {self._last}{_last_words(recorder)}")
+
+    def _last_ticks_are_lost(self, dead: list[str]) -> bool:
+        """Whether the drive, which has ended as it should, must say its last ticks once more.
+
+        A recorder may die with what it has not flushed, though it has answered for it. What else
+        dies now has said all it had to say.
+
+        Raises
+        ------
+        RunError : a node ended before its time, and is not to be started again
+        """
+        for name in dead:
+            if name != VIEWER and not self._returns(name):
+                self._mourn(name)
+        if "recorder" in dead:
+            return True
+        for name in dead:
+            self._say(f"node {self.processes[name].obituary()} {self._last}, when all was said")
+        return False
 
     def _reports(self) -> Iterator[dict[str, float | str]]:
         try:
@@ -145,24 +180,35 @@ class Graph:
 
     def _mourn(self, name: str) -> None:
         """Start a killed node again, where that is asked for; else the run is over."""
-        words = f"{self.processes[name].obituary()} {self._last}"
+        process = self.processes[name]
+        words = f"node {process.obituary()} {self._last}"
+        if not self._returns(name):
+            raise RunError(words + _last_words(process))
+        self._say(f"{words}: started again")
+        self._respawned[name] += 1
+        self._start_again(name)
+
+    def _returns(self, name: str) -> bool:
+        """Whether a dead node is to be started again."""
         # A spectator must not cost the measurement.
         again = (self._respawn or name == VIEWER) and self.processes[name].was_killed
-        if not again or self._respawned[name] >= MOST_RESPAWNS:
-            said = "" if self.processes[name].was_killed else self.processes[name].last_words()
-            raise RunError(f"node {words}{said and f': {said}'}")
-        self._say(f"node {words}: started again")
-        self._respawned[name] += 1
+        return again and self._respawned[name] < MOST_RESPAWNS
+
+    def _start_again(self, name: str) -> None:
         clean(self._begun)
         self._start(name)
 
     def _start(self, name: str) -> None:
-        drive = name == list(self._nodes)[-1]
         arguments = self._nodes[name]
         if self._handover is not None:
             arguments = arguments | {"handover": self._handover.name}
-        hear = self._lines.put if drive else (lambda _line: None)
+        hear = self._lines.put if name == self._drive else (lambda _line: None)
         self.processes[name] = NodeProcess(name, arguments, self._network, hear)
+
+
+def _last_words(process: NodeProcess) -> str:
+    """What a node said that was not killed."""
+    return "" if process.was_killed else f": {process.last_words()}"
 
 
 def _memory_folder() -> tempfile.TemporaryDirectory[str]:

@@ -12,6 +12,10 @@ TableCams = Annotated[
     typer.Argument(help="Cam files, or names in config/cams; by default those of Table 2."),
 ]
 Rig = Annotated[str, typer.Option(help="Rig file, or a name in config/rigs.")]
+SceneOfBag = Annotated[
+    str | None,
+    typer.Option(help="Scene that was run, for a bag without one (made by `ros2 bag record`)."),
+]
 Plot = Annotated[Path | None, typer.Option(help="Write the plot (PNG, SVG, PDF).")]
 Json = Annotated[
     str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")

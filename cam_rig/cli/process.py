@@ -41,6 +41,8 @@ class NodeProcess:
     ) -> None:
         self.name = name
         self.words: list[str] = []
+        #: Whether it did not end when it was asked to, so that it had to be killed.
+        self.overdue = False
         # as JSON, which is YAML too: a folder called yes or 1e3 stays a text
         pairs = (f"{key}:={json.dumps(value)}" for key, value in arguments.items())
         ros = [part for pair in pairs for part in ("-p", pair)]
@@ -73,6 +75,8 @@ class NodeProcess:
 
     def obituary(self) -> str:
         """How it ended."""
+        if self.overdue:
+            return f"{self.name} did not end within {GRACE:g} s and was killed"
         code = self.code or 0
         how = f"was ended by signal {-code}" if code < 0 else f"ended with code {code}"
         return f"{self.name} {how}"
@@ -105,6 +109,7 @@ def stop_all(nodes: list[NodeProcess]) -> None:
         try:
             node.process.wait(max(0.1, deadline - time.monotonic()))
         except subprocess.TimeoutExpired:
+            node.overdue = True
             os.killpg(node.process.pid, signal.SIGKILL)
             node.process.wait()
 

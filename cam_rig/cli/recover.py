@@ -30,8 +30,14 @@ def recover(
         from cam_rig.bag.recover import missing_words
         from cam_rig.bag.recover import recover as recover_bag
 
-        target = output or bag.with_name(f"{bag.stem if bag.is_file() else bag.name}_recovered")
+        target = output or _beside(bag)
         saved = recover_bag(bag, target)
         console.print(f"{target}: {saved.words}")
         if words := missing_words(target):
             console.print(words)
+
+
+def _beside(bag: Path) -> Path:
+    """Where a bag is mended to by default; one may stand in the bag, and name it ``.``."""
+    place = bag if bag.name not in ("", "..") else bag.resolve()
+    return place.parent / f"{place.stem if place.is_file() else place.name}_recovered"

@@ -13,6 +13,7 @@ from rich.table import Table
 
 from cam_rig.cli.console import console, progress_bar, user_errors
 from cam_rig.cli.names import scene_path
+from cam_rig.cli.options import SceneOfBag
 
 if TYPE_CHECKING:
     from cam_rig.bag.compare import Difference
@@ -26,9 +27,7 @@ def replay(
     output: Annotated[
         Path | None, typer.Option(help="Keep the new recording here; must not exist yet.")
     ] = None,
-    scene: Annotated[
-        str | None, typer.Option(help="Scene that was run, for a bag without one attached.")
-    ] = None,
+    scene: SceneOfBag = None,
 ) -> None:
     """Feed recorded cam states and laws to live nodes, and compare what they say with the bag.
 
@@ -68,11 +67,12 @@ def _replay(bag: Path, folder: Path, scene: str | None, output: Path | None) -> 
     if total < 2:
         raise BagError(f"{bag}: has {total} states of the cam; allowed: two at least")
     path = scene_path(scene) if scene else unpack(bag, folder)
-    again = folder / (output.name if output else "again")
+    again = folder / "again" / (output.name if output else "bag")  # not among the bag's own files
     with own_domain(), progress_bar() as bar, Graph(replayed(path, again, bag)) as graph:
         task = bar.add_task("replaying", total=total - 1)
         for report in graph.progress():
             bar.update(task, completed=int(report["tick"]))
+    graph.require_closed(again)
     found = compare(bag, again)
     if output is not None:
         shutil.move(again, output)

@@ -106,6 +106,7 @@ def _run(
         if node.warnings:
             words = f"{name} warned {len(node.warnings)} times, last: {node.warnings[-1]}"
             console.print(escape(words))
+    graph.require_closed(target)
     counts = require_complete(target, stage.scene)
     took = time.perf_counter() - begun
     console.print(
@@ -121,7 +122,7 @@ def _keep(target: Path) -> None:
 
     if not target.is_dir():
         return
-    words = "closed"
+    words = "closed" if (target / "metadata.yaml").exists() else "nothing yet"
     if is_torn(target):
         try:
             words = recover_in_place(target).words

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from subprocess import Popen
 
 from cam_rig.cli.console import console
+from cam_rig.errors import CamRigError
 
 
 @dataclass(frozen=True)
@@ -26,12 +28,12 @@ def open_screen(view: bool, web: bool) -> Iterator[Screen]:
     CamRigError : no window can be opened here, or the viewer does not start
     """
     if web:
-        from cam_rig.view.web import serve_live
+        from cam_rig.view.web import serve
 
-        with serve_live() as (page, address):
-            print(page, flush=True)
+        with serve() as pages:
+            print(pages.address, flush=True)
             console.print("open this address in a browser, now or after the run")
-            yield Screen(address, stay_until_interrupted)
+            yield Screen(pages.stream, lambda: stay_until_interrupted(pages.viewer))
     elif view:
         from cam_rig.view.viewer import require_display, wait, window
 
@@ -42,10 +44,16 @@ def open_screen(view: bool, web: bool) -> Iterator[Screen]:
         yield Screen()
 
 
-def stay_until_interrupted() -> None:
-    """Serve until Ctrl-C, which is how it is meant to end."""
-    from threading import Event
+def stay_until_interrupted(viewer: Popen[bytes]) -> None:
+    """Serve until Ctrl-C, which is how it is meant to end.
 
+    Raises
+    ------
+    CamRigError : the viewer that serves ended before, or while the run was on
+    """
     console.print("Ctrl-C ends the viewer")
     with suppress(KeyboardInterrupt):
-        Event().wait()
+        raise CamRigError(
+            f"the viewer's server ended with code {viewer.wait()}; show the bag again with: "
+            "cam-rig view BAG --web"
+        )

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cam_rig.cli.console import console, progress_bar, user_errors
+from cam_rig.cli.names import scene_path
+from cam_rig.cli.options import SceneOfBag
 from cam_rig.view.layout import Layout
 
 if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
@@ -35,6 +37,7 @@ def view(
         float | None,
         typer.Option(help="Speed at which cams are compared; by default the highest."),
     ] = None,
+    scene: SceneOfBag = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file.")] = False,
     all_samples: Annotated[
         bool,
@@ -66,20 +69,23 @@ def view(
             raise ConfigError("--save and --web: a file is written or a page served; name one")
         if save is None and force:
             raise ConfigError("--force: overwrites the file of --save, and none is named")
-        _view(bag, save, web, Wish(layout, rpm, all_samples), force)
+        wish = Wish(layout, rpm, all_samples)
+        _view(bag, scene_path(scene) if scene else None, save, web, wish, force)
 
 
-def _view(bag: Path | None, save: Path | None, web: bool, wish: Wish, force: bool) -> None:
+def _view(
+    bag: Path | None, scene: Path | None, save: Path | None, web: bool, wish: Wish, force: bool
+) -> None:
     from cam_rig.cli.analyze import newest_bag
     from cam_rig.view.viewer import require_display, show
 
     with _tidy_end():
         if save is not None:
-            convert(bag or newest_bag(), save, wish, force)
+            convert(bag or newest_bag(), scene, save, wish, force)
             return
         if not web:
             require_display()
-        with _converted(bag or newest_bag(), wish) as path:
+        with _converted(bag or newest_bag(), scene, wish) as path:
             if web:
                 _serve(path)
             else:
@@ -100,32 +106,36 @@ def _tidy_end() -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def convert(bag: Path, path: Path, wish: Wish, force: bool) -> None:
-    """Write the picture of a bag to a file."""
+def convert(bag: Path, scene: Path | None, path: Path, wish: Wish, force: bool) -> None:
+    """Write the picture of a bag to a file, with the scene attached to it unless one is named."""
     from cam_rig.bag.reader import read_counts
     from cam_rig.bag.topics import FOLLOWER_SAMPLES
+    from cam_rig.experiment.stage import open_stage
     from cam_rig.view.recording import save_recording
 
+    stage = open_stage(scene) if scene else None
     with progress_bar() as bar:
         task = bar.add_task(bag.name, total=read_counts(bag).get(FOLLOWER_SAMPLES.name, 0))
-        save_recording(bag, path, wish, overwrite=force, on_tick=lambda: bar.advance(task))
+        save_recording(
+            bag, path, wish, stage=stage, overwrite=force, on_tick=lambda: bar.advance(task)
+        )
     console.print(f"{path}: {path.stat().st_size / 1e6:.1f} MB", soft_wrap=True)
 
 
 @contextmanager
-def _converted(bag: Path, wish: Wish) -> Iterator[Path]:
+def _converted(bag: Path, scene: Path | None, wish: Wish) -> Iterator[Path]:
     from tempfile import TemporaryDirectory
 
     with TemporaryDirectory(prefix="cam_rig_") as folder:
         path = Path(folder) / f"{bag.resolve().name}.rrd"
-        convert(bag, path, wish, force=False)
+        convert(bag, scene, path, wish, force=False)
         yield path
 
 
 def _serve(path: Path) -> None:
     from cam_rig.cli.screen import stay_until_interrupted
-    from cam_rig.view.web import serve_file
+    from cam_rig.view.web import serve
 
-    with serve_file(path) as address:
-        print(address, flush=True)
-        stay_until_interrupted()
+    with serve(path) as pages:
+        print(pages.address, flush=True)
+        stay_until_interrupted(pages.viewer)

@@ -20,14 +20,16 @@ from cam_rig.schema import SceneConfig
 class MeterBench:
     """The sound of a scene at a sound-level meter. Used by the node too.
 
-    Another weighting begins a new measurement; the sound goes on.
+    Another weighting begins a new measurement with the next block; the sound goes on. One that was
+    changed and changed back between two blocks leaves no trace, as nobody could repeat it.
     """
 
     source: SoundSource
     meter: SoundLevelMeter = field(init=False)
+    _next: SoundLevelMeter = field(init=False)
 
     def __post_init__(self) -> None:
-        self.meter = SoundLevelMeter(self.source.rate)
+        self.meter = self._next = SoundLevelMeter(self.source.rate)
 
     @classmethod
     def of(cls, stage: Stage) -> MeterBench:
@@ -36,8 +38,8 @@ class MeterBench:
 
     @property
     def quantity(self) -> str:
-        """What is read, as IEC 61672-1 writes it: LZF, LAS."""
-        return f"L{self.meter.frequency_weighting}{self.meter.time_weighting}"
+        """What is read next, as IEC 61672-1 writes it: LZF, LAS."""
+        return _quantity(self._next)
 
     def frozen(self) -> str:
         """All that it remembers, as text for a successor in the same run."""
@@ -52,17 +54,23 @@ class MeterBench:
         return found
 
     def weigh(self, frequency: str, time: str) -> None:
-        """Set the weightings.
+        """Set the weightings; those that are set already change nothing.
 
         Raises
         ------
         ConfigError : a weighting that the standard does not have
         """
-        self.meter = SoundLevelMeter(self.source.rate, frequency, time)
+        wanted = SoundLevelMeter(self.source.rate, frequency, time)
+        self._next = self.meter if _quantity(wanted) == _quantity(self.meter) else wanted
 
     def read(self, block_rows: FloatArray, speed: float) -> Reading:
         """The reading over a block, ``(6, n)`` rows, at cam speed ``speed`` (rad/s)."""
+        self.meter = self._next
         return self.meter.read(self.source.pressure(block_rows[4], block_rows[5], speed))
+
+
+def _quantity(meter: SoundLevelMeter) -> str:
+    return f"L{meter.frequency_weighting}{meter.time_weighting}"
 
 
 def audition(stage: Stage, cam: str | None, rpm: float | None, seconds: float, rate: int) -> Stage:

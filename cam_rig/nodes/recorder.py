@@ -10,7 +10,7 @@ from typing import Any
 from rclpy.serialization import serialize_message
 
 from cam_rig.bag import topics
-from cam_rig.bag.recorder import BagRecorder
+from cam_rig.bag.recorder import open_bag
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.experiment.stage import open_stage
 from cam_rig.nodes.app import RigNode, run
@@ -19,6 +19,8 @@ from cam_rig.nodes.diagnostics import OK
 
 #: Nodes that may speak on one topic (/diagnostics) and all have something to tell at once.
 MOST_NODES = 16
+#: Wall time (s) for what is still on its way at the end; the runner kills who takes 10 s to end.
+LONGEST_REST = 3.0
 
 
 class Recorder(RigNode):
@@ -30,10 +32,8 @@ class Recorder(RigNode):
         super().__init__("recorder")
         stage = open_stage(Path(self.given["scene"]))
         default = time.strftime(f"bags/{stage.scene.name}_%Y-%m-%d_%H-%M-%S")
-        mine = self.handover.newest()
-        bag = mine or self.given["bag"] or default
-        self._bag = BagRecorder(Path(bag), stage, resume=mine is not None)
-        self.handover.keep(str(bag))
+        bag = Path(self.given["bag"] or default)
+        self._bag = open_bag(self.handover, bag, stage)
         self._written, self._quiet = self.publisher(topics.RECORDED), True
         self._newest: int | None = None
         self._tell(self._bag.resumed)
@@ -75,15 +75,24 @@ class Recorder(RigNode):
 
     def drain(self, spin_once: Callable[..., None]) -> None:
         """Record what has arrived but was not taken yet."""
-        quiet = 0
-        while quiet < 5:
-            before = self._bag.count
-            spin_once(timeout_sec=0.02)
-            quiet = quiet + 1 if self._bag.count == before else 0
+        take_rest(spin_once, lambda: self._bag.count)
 
     def close(self) -> None:
         """Close the bag."""
         self._bag.close()
+
+
+def take_rest(
+    spin_once: Callable[..., None],
+    written: Callable[[], int],
+    now: Callable[[], float] = time.monotonic,
+) -> None:
+    """Spin until nothing more is written for a while; others who never end are not waited for."""
+    quiet, deadline = 0, now() + LONGEST_REST
+    while quiet < 5 and now() < deadline:
+        before = written()
+        spin_once(timeout_sec=0.02)
+        quiet = quiet + 1 if written() == before else 0
 
 
 def process_of(about: dict[str, Any]) -> bytes:

@@ -60,6 +60,7 @@ def save_recording(
     path: Path,
     wish: Wish | None = None,
     *,
+    stage: Stage | None = None,
     overwrite: bool = False,
     on_tick: Callable[[], None] = lambda: None,
 ) -> None:
@@ -68,6 +69,7 @@ def save_recording(
     Parameters
     ----------
     wish : how it is wanted
+    stage : the scene that was run, for a bag without one attached
     overwrite : replace the file when it exists
     on_tick : called after each tick
 
@@ -77,7 +79,7 @@ def save_recording(
     CamRigError : the file exists already, or cannot be written; or no such speed
     """
     require_free(path, overwrite)
-    stage, wish = read_stage(bag), wish or Wish()
+    stage, wish = stage or read_stage(bag), wish or Wish()
     duration, rpm = run_duration(bag, stage), compared_rpm(stage, wish.rpm)
     samples = round(duration * stage.scene.sample_rate.si)
     whole, bucket = (
@@ -99,13 +101,13 @@ def name_recording(stream: rr.RecordingStream, name: str) -> None:
 
 def draw(bag: Path, stage: Stage, feed: RunFeed, on_tick: Callable[[], None]) -> None:
     """Draw every tick of a bag."""
-    for topic, time_ns, message in messages(bag, TOPICS):
+    for topic, _, message in messages(bag, TOPICS):
         if topic is topics.PROFILE:
             feed.profile(str(message.header.frame_id), polygon(message))
         elif topic is topics.LEVEL:
             feed.level(float(message.data))
         elif topic is topics.PRESSURE:
-            feed.pressure(time_ns, float(message.fluid_pressure))
+            feed.pressure(stamp_ns(message.header.stamp), float(message.fluid_pressure))
         elif topic is topics.CAM_STATE:
             feed.state(cam_state(message, stage))
         else:

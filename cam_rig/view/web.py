@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 import shutil
+import subprocess
 import threading
 import urllib.error
 import urllib.request
@@ -17,6 +18,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import NamedTuple
 from urllib.parse import quote, urlsplit
 
 from cam_rig.view.viewer import HOST, free_port, listening, stream_address
@@ -38,30 +40,31 @@ POLICY = (
 OUTSIDE = re.compile(rb'<link[^>]*"https://[^>]*>')
 
 
+class Pages(NamedTuple):
+    """The address for a browser, the one to which a live run sends its picture, and who serves."""
+
+    address: str
+    stream: str
+    viewer: subprocess.Popen[bytes]
+
+
 @contextmanager
 def serve_file(path: Path) -> Iterator[str]:
     """The address at which a browser shows a recording, as long as the context lasts."""
-    with _pages(free_port(), path) as address:
-        yield address
+    with serve(path) as pages:
+        yield pages.address
 
 
 @contextmanager
-def serve_live() -> Iterator[tuple[str, str]]:
-    """The address for a browser, and the one to which a live run sends its picture."""
-    port = free_port()
-    with _pages(port, None) as address:
-        yield address, stream_address(port)
-
-
-@contextmanager
-def _pages(port: int, path: Path | None) -> Iterator[str]:
-    assets = free_port()
+def serve(path: Path | None = None) -> Iterator[Pages]:
+    """Serve a recording to a browser, or what a live run sends, as long as the context lasts."""
+    port, assets = free_port(), free_port()
     arguments = ("--serve-web", "--port", str(port), "--web-viewer-port", str(assets))
-    with listening(*arguments, ports=(port, assets)):
+    with listening(*arguments, ports=(port, assets)) as viewer:
         server = _Server(assets, port, path)
         threading.Thread(target=server.serve_forever, daemon=True).start()
         try:
-            yield f"{server.origin}/"
+            yield Pages(f"{server.origin}/", stream_address(port), viewer)
         finally:
             server.shutdown()
             server.server_close()

@@ -6,11 +6,12 @@ from pathlib import Path
 import pytest
 
 from cam_rig.bag.reader import mcap_file, messages, read_counts, read_recording
-from cam_rig.bag.recorder import BagRecorder
+from cam_rig.bag.recorder import BagRecorder, open_bag
 from cam_rig.bag.recover import is_torn, recover, recover_in_place
 from cam_rig.bag.topics import CAM_STATE, LEVEL
 from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError
+from cam_rig.experiment.handover import Handover
 from cam_rig.experiment.stage import open_stage
 from cam_rig.schema.load import config_root
 
@@ -123,6 +124,53 @@ def test_a_recorder_takes_over_from_a_killed_one(tmp_path, stage, golden, part):
     record(bag, stage, golden, resume=True).close()
     assert contents(bag) == contents(tmp_path / "straight")
     assert [p.suffix for p in sorted(bag.iterdir())] == [".mcap", ".yaml"]
+
+
+def make_folder(bag):
+    bag.mkdir()
+
+
+def make_empty_file(bag):
+    bag.mkdir()
+    (bag / "bag_0.mcap").touch()
+
+
+def begin_to_mend(bag):
+    bag.mkdir()
+    shutil.copy(mcap_file(GOLDEN), bag / "bag_0.torn")
+
+
+@pytest.mark.parametrize("killed", [lambda bag: None, make_folder, make_empty_file, begin_to_mend])
+def test_a_recorder_that_was_killed_at_once_has_a_successor(
+    tmp_path, stage, golden, monkeypatch, killed
+):
+    """Before its folder was there, before the file, before the first byte, while it was mended."""
+    record(tmp_path / "straight", stage, golden).close()
+    bag, handover = tmp_path / "bag", Handover(str(tmp_path), "recorder")
+
+    def die(*_):
+        killed(bag)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr("cam_rig.bag.recorder.BagWriter", die)
+        open_bag(handover, bag, stage)
+    successor = open_bag(Handover(str(tmp_path), "recorder"), tmp_path / "other", stage)
+    for topic, number, cdr in golden:
+        successor.take(topic, cdr, b"live", number)
+    successor.close()
+    assert contents(bag) == contents(tmp_path / "straight")
+    assert not (tmp_path / "other").exists()
+
+
+def test_a_folder_that_was_there_is_nobodys_to_take_over(tmp_path, stage):
+    """It is refused, and by a successor as well."""
+    theirs = tmp_path / "theirs"
+    theirs.mkdir()
+    for _ in range(2):
+        with pytest.raises(BagError, match="exists already, not overwriting"):
+            open_bag(Handover(str(tmp_path), "recorder"), theirs, stage)
+    assert list(theirs.iterdir()) == []
 
 
 def test_a_torn_bag_is_mended_where_it_is(tmp_path, stage, golden):

@@ -1,6 +1,7 @@
 """The recorder's bookkeeping: every message finds its state, and one run gives one bag."""
 
 import random
+import struct
 from itertools import pairwise
 
 import pytest
@@ -38,8 +39,9 @@ def record(messages, kept):
 
 
 def by_topic(kept):
+    """In the order of log times, as bags are read."""
     found = {}
-    for topic, time, cdr in kept.messages:
+    for topic, time, cdr in sorted(kept.messages, key=lambda message: message[1]):
         found.setdefault(topic, []).append((time, cdr))
     return found
 
@@ -168,6 +170,107 @@ def test_messages_of_no_known_state_are_bounded(golden, kept):
             pressure.header.stamp.sec = second
             cdr = bytes(types.serialize_cdr(pressure, topics.PRESSURE.type))
             session.take(topics.PRESSURE, cdr, AGAIN, second)
+
+
+STAMPED = [t for t in topics.RECORDING if t.per in ("tick", "state", "speed")]
+STAMPED = [t for t in STAMPED if t.name != "/cam/state"]
+
+
+def stamped(cdr, stamp):
+    """A message with another stamp."""
+    return cdr[:4] + struct.pack("<iI", stamp // 10**9, stamp % 10**9) + cdr[12:]
+
+
+def with_junk(golden, topic, tick):
+    """The run, with 150 messages of one foreign process after a state, each with its own stamp."""
+    example = next(cdr for other, _, cdr in golden if other is topic)
+    number = 0
+    for message in golden:
+        yield (*message, LIVE)
+        number += message[0] is topics.CAM_STATE
+        if message[0] is topics.CAM_STATE and number == tick:
+            for i in range(1, 151):
+                junk = example if topic.twin else stamped(example, stamp_of(message[2]) + i)
+                yield topic, i, junk, b"foreign"
+
+
+def record_all(messages, kept):
+    """Record what is not refused; the words of what is."""
+    session, refused = RecordingSession(kept, StateGate(RATE)), []
+    for topic, number, cdr, source in messages:
+        try:
+            session.take(topic, cdr, source, number)
+        except RefusedError as error:
+            refused.append(str(error))
+    session.close()
+    return refused
+
+
+@pytest.mark.parametrize("mixed", [False, True], ids=["in order", "mixed"])
+@pytest.mark.parametrize("topic", STAMPED, ids=lambda t: t.name)
+def test_a_flood_of_foreign_stamps_sweeps_out_itself_alone(golden, kept, topic, mixed):
+    """150 stamps just after a state, before the next messages come: the bag is the undisturbed."""
+    record(golden, kept)
+    straight, kept.messages = by_topic(kept), []
+    refused = record_all(with_junk(shuffled(golden, 1) if mixed else golden, topic, 4), kept)
+    assert by_topic(kept) == straight
+    assert all("messages of no known state" in words for words in refused)
+    assert bool(refused) == (not topic.twin)
+
+
+def test_what_states_have_overtaken_is_let_go(golden, kept):
+    """Foreign stamps between two states take no room once the second is written."""
+    pressure = next(cdr for topic, _, cdr in golden if topic is topics.PRESSURE)
+    session, number = RecordingSession(kept, StateGate(RATE)), 0
+    for topic, n, cdr in golden:
+        session.take(topic, cdr, LIVE, n)
+        for i in range(9 if topic is topics.CAM_STATE else 0):  # 17 x 9 in all, more than are kept
+            number += 1
+            junk = stamped(pressure, stamp_of(cdr) + 1 + i)
+            session.take(topics.PRESSURE, junk, b"foreign", number)
+
+
+def test_a_forged_pressure_does_not_cost_the_level_its_stamp(golden, kept):
+    """A level belongs to the tick of the pressure beside it, though a forger's came before."""
+    record(golden, kept)
+    levels = by_topic(kept)[topics.LEVEL.name]
+    kept.messages = []
+
+    def messages():
+        number = 0
+        for message in golden:
+            if message[0] is topics.PRESSURE:
+                number += 1
+                yield topics.PRESSURE, number, message[2][:-16] + bytes(16), b"foreign"
+            yield (*message, LIVE)
+
+    assert record_all(messages(), kept)
+    assert by_topic(kept)[topics.LEVEL.name] == levels
+
+
+def of_speaker(speaker, stamp):
+    """A diagnosis."""
+    types = RawMessages()._types
+    kinds = ("diagnostic_msgs/msg/DiagnosticStatus", "std_msgs/msg/Header", topics.DIAGNOSTICS.type)
+    status, header, array = (types.types[kind] for kind in kinds)
+    time = types.types["builtin_interfaces/msg/Time"](stamp // 10**9, stamp % 10**9)
+    said = status(level=0, name=speaker, message="all is well", hardware_id="", values=[])
+    message = array(header=header(time, ""), status=[said])
+    return bytes(types.serialize_cdr(message, topics.DIAGNOSTICS.type))
+
+
+def test_only_the_rig_is_diagnosed_in_its_own_time(golden, kept):
+    """Another robot's node on /diagnostics is refused; a stamp of the wall clock is no rig time."""
+    record(golden, kept)
+    straight, kept.messages = by_topic(kept), []
+    wall = 1_767_225_600 * 10**9
+    first = [
+        (topics.DIAGNOSTICS, 1, of_speaker("laser", 0), b"foreign"),
+        (topics.DIAGNOSTICS, 2, of_speaker("microphone", wall), b"foreign"),
+    ]
+    refused = record_all([*first, *((*message, LIVE) for message in golden)], kept)
+    assert len(refused) == 1 and "of 'laser'; recorded: cam_drive, law_server" in refused[0]
+    assert by_topic(kept) == straight
 
 
 @pytest.mark.parametrize("topic", topics.RECORDING, ids=lambda t: t.name)

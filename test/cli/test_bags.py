@@ -49,6 +49,18 @@ def test_analyze_takes_a_bag_of_ros2_bag_record(tmp_path, plugin):
     assert "--scene" in nameless.stderr or "holds 0 .mcap files" in nameless.stderr
 
 
+def test_view_takes_a_bag_of_ros2_bag_record(tmp_path):
+    """As its error says: with the scene named, it is drawn."""
+    bag, picture = tmp_path / "theirs", tmp_path / "a.rrd"
+    as_ros2_records(bag, StoragePlugin.MCAP)
+    nameless = call("view", bag, "--save", picture)
+    assert nameless.exit_code == 1 and "--scene" in nameless.stderr
+    result = call("view", bag, "--scene", "quick", "--save", picture)
+    assert result.exit_code == 0, result.stderr
+    call("view", GOLDEN, "--save", tmp_path / "b.rrd")
+    assert picture.stat().st_size == pytest.approx((tmp_path / "b.rrd").stat().st_size, rel=0.01)
+
+
 def test_recover_of_a_cut_bag(tmp_path):
     """A cut copy of a bag: mended beside it, the damaged one is as it was."""
     torn = tmp_path / "torn"
@@ -67,10 +79,19 @@ def test_recover_of_a_cut_bag(tmp_path):
     assert again.exit_code == 1 and "exists already, not overwriting" in again.stderr
 
 
+def test_recover_from_inside_the_bag(tmp_path, monkeypatch):
+    """Named by a dot, it is mended beside itself all the same."""
+    monkeypatch.chdir(shutil.copytree(GOLDEN, tmp_path / "mine"))
+    result = call("recover", ".")
+    assert result.exit_code == 0, result.stderr
+    assert read_counts(tmp_path / "mine_recovered")
+    assert call("recover", "/").exit_code == 1
+
+
 @pytest.mark.ros
 def test_replay_gives_the_recorded_numbers(ros_domain, tmp_path):
     """Recorded cam states and laws through the live follower and microphone."""
-    kept = tmp_path / "again"
+    kept = tmp_path / "config"  # as the folder of a bag's attached files is called
     result = call("replay", GOLDEN, "--tolerance", "1e-10", "--output", kept)
     assert result.exit_code == 0, result.stderr
     assert "/microphone/pressure" in result.stderr

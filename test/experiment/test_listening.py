@@ -44,6 +44,28 @@ def test_the_meter_reads_the_account(make_stage, cam):
         assert not reading.under_range
 
 
+def levels(stage, *settings):
+    """Each tick's level; before tick 2 the meter is set to each of these, one after the other."""
+    follower = FollowerBench.of(stage)
+    meter = MeterBench.of(stage)
+    blocks = (turned[1] for state in cam_states(stage.scene) if (turned := follower.turn_to(state)))
+    found = []
+    for number, block in enumerate(blocks):
+        for setting in settings if number == 2 else ():
+            meter.weigh(*setting)
+        found.append(meter.read(block.rows, block.interval.mean_speed).level)
+    return found
+
+
+def test_a_weighting_that_is_set_already_changes_nothing(make_stage):
+    """The measurement goes on, else a recording of it could not be repeated."""
+    stage = make_stage(cams=["poly345"], speeds=[300], turns=5)
+    assert levels(stage, ("Z", "F")) == levels(stage)
+    assert levels(stage, ("A", "S"), ("Z", "F")) == levels(stage), "changed back in between"
+    other = levels(stage, ("A", "F"))
+    assert other[:2] == levels(stage)[:2] and other[2:] != levels(stage)[2:]
+
+
 def test_background_adds_its_energy(make_stage):
     """With background too, on the mean over many ticks: it is noise, a tick is short."""
     stage = make_stage(cams=["tm21"], speeds=[200], turns=20)
@@ -77,4 +99,4 @@ def test_weighting_begins_anew(make_stage):
         bench.weigh("A", "I")
     assert bench.meter is before
     bench.weigh("C", "S")
-    assert (bench.meter.frequency_weighting, bench.meter.time_weighting) == ("C", "S")
+    assert bench.quantity == "LCS"

@@ -5,8 +5,11 @@ import subprocess
 import sys
 
 import pytest
+from typer.testing import CliRunner
 
 from cam_rig.bag.reader import read_recording
+from cam_rig.cli.main import app
+from cam_rig.cli.process import stop_all
 
 pytestmark = pytest.mark.ros
 NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
@@ -35,6 +38,27 @@ def test_a_killed_node_ends_the_run(ros_domain, rig, short_scene, tmp_path, wait
     assert 0 < len(read_recording(bag).ticks) < rig.ticks
     assert rig.processes(bag) == []
     assert (rig.unused() - before) & names == set()
+
+
+def test_a_recorder_killed_while_all_are_ended_is_named(
+    ros_domain, rig, short_scene, tmp_path, monkeypatch
+):
+    """After the drive's end, before the bag is closed: code 1, its name, the bag mended."""
+
+    def kill_recorder(nodes):
+        for node in nodes:
+            if node.name == "recorder":
+                node.process.kill()
+                node.process.wait()
+        stop_all(nodes)
+
+    monkeypatch.setattr("cam_rig.cli.graph.stop_all", kill_recorder)
+    bag = tmp_path / "bag"
+    result = CliRunner().invoke(app, ["run", str(short_scene), "--bag", str(bag)])
+    assert result.exit_code == 1
+    assert f"node recorder was ended by signal 9 after tick {rig.ticks}" in result.stderr
+    assert "what was recorded so far is in" in result.stderr and "saved" in result.stderr
+    assert 0 < len(read_recording(bag).ticks) <= rig.ticks
 
 
 def test_a_full_disk_ends_the_run_with_its_name(ros_domain, rig, short_scene, tmp_path):

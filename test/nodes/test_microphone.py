@@ -24,9 +24,8 @@ def test_weightings_change_live(microphone):
     assert microphone.get_parameter("time_weighting").value == "F"
     wanted = [Parameter("frequency_weighting", value="A"), Parameter("time_weighting", value="S")]
     assert microphone.set_parameters_atomically(wanted).successful
-    assert microphone._meter.meter.frequency_weighting == "A"
-    assert microphone._meter.meter.time_weighting == "S"
+    assert microphone._meter.quantity == "LAS"
     refused = microphone.set_parameters([Parameter("frequency_weighting", value="B")])[0]
     assert not refused.successful
     assert refused.reason == "frequency_weighting: has B; allowed: A, C, Z"
-    assert microphone._meter.meter.frequency_weighting == "A"
+    assert microphone._meter.quantity == "LAS"

@@ -47,6 +47,24 @@ def test_killed_nodes_are_started_again_and_leave_no_trace(
     assert (rig.unused() - before) & names == set()
 
 
+def test_a_recorder_that_dies_after_the_drives_end_leaves_no_trace(
+    ros_domain, rig, short_scene, undisturbed, tmp_path
+):
+    """It had answered for what it had not flushed: the bag is the undisturbed one all the same."""
+    said, once = [], [rig.ticks]
+
+    def kill(graph, tick):
+        if tick in once:
+            once.clear()
+            assert graph.processes["cam_drive"].process.wait(30) == 0
+            graph.processes["recorder"].process.kill()
+            graph.processes["recorder"].process.wait()
+
+    rig.run(short_scene, tmp_path / "bag", kill, respawn=True, said=said)
+    assert [line.split()[1] for line in said] == ["recorder"]
+    assert_same(rig.payloads(tmp_path / "bag"), undisturbed)
+
+
 @pytest.mark.parametrize(
     "victims",
     [("follower", "cam_drive"), ("recorder", "follower", "microphone")],

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from cam_rig.view.viewer import HOST
-from cam_rig.view.web import serve_file, serve_live
+from cam_rig.view.web import serve, serve_file
 
 
 @pytest.fixture(scope="module")
@@ -67,9 +67,9 @@ def test_a_page_of_another_name_gets_nothing(page: str, host: str, path: str) ->
 
 def test_a_live_page_names_the_stream() -> None:
     """The page asks the viewer's own server on this machine for the run."""
-    with serve_live() as (page, address):
-        assert address.startswith(f"rerun+http://{HOST}:")
-        assert urllib.request.quote(address, safe="") in get(page)[0]  # type: ignore[attr-defined]
+    with serve() as pages:
+        assert pages.stream.startswith(f"rerun+http://{HOST}:")
+        assert urllib.request.quote(pages.stream, safe="") in get(pages.address)[0]  # type: ignore[attr-defined]
 
 
 def test_the_viewer_ends_with_a_killed_server(tmp_path: Path) -> None:

@@ -1,0 +1,89 @@
+"""The runner's judgement: whose end is the run's, who is started again, who is named."""
+
+import signal
+
+import pytest
+
+from cam_rig.cli.graph import Graph, live
+from cam_rig.errors import RunError
+
+KILLED = -signal.SIGKILL
+
+
+class Process:
+    """Stands in for a node's process: it has ended with a code, or runs."""
+
+    codes: dict
+
+    def __init__(self, name, *_):
+        self.name = name
+        self.code = self.codes[name].pop(0) if self.codes.get(name) else None
+
+    @property
+    def has_ended(self):
+        return self.code is not None
+
+    @property
+    def was_killed(self):
+        return self.has_ended and self.code < 0
+
+    def obituary(self):
+        return f"{self.name} ended with {self.code}"
+
+    def last_words(self):
+        return "no space"
+
+
+@pytest.fixture
+def progress(monkeypatch, tmp_path):
+    """Start nodes of which some end at once, with these codes; what was started, what was said."""
+    started, said = [], []
+
+    def make(respawn, **codes):
+        class Made(Process):
+            def __init__(self, name, *rest):
+                super().__init__(name, *rest)
+                started.append(name)
+
+        Made.codes = {name: [code] for name, code in codes.items() if name != "again"}
+        for name, code in codes.get("again", {}).items():
+            Made.codes[name].append(code)
+        monkeypatch.setattr("cam_rig.cli.graph.NodeProcess", Made)
+        monkeypatch.setattr("cam_rig.cli.graph.clean", lambda _: [])
+        graph = Graph(live(tmp_path, tmp_path / "bag"), respawn, say=said.append)
+        for name in graph._nodes:
+            graph._start(name)
+        started.clear()
+        list(graph.progress())
+        return started, said
+
+    return make
+
+
+@pytest.mark.parametrize("other", ["follower", "microphone", "law_server"])
+def test_who_dies_when_the_drive_has_ended_costs_nothing(progress, other):
+    """With --respawn: the drive's end is the run's, and nobody is started for nothing."""
+    started, said = progress(True, cam_drive=0, **{other: KILLED})
+    assert started == []
+    assert said == [f"node {other} ended with -9 before the first tick, when all was said"]
+
+
+def test_a_recorder_that_dies_when_the_drive_has_ended_is_told_again(progress):
+    """It had answered for ticks that it had not flushed: the drive says its last ones again."""
+    codes = {"cam_drive": 0, "recorder": KILLED, "follower": KILLED, "again": {"cam_drive": 0}}
+    started, said = progress(True, **codes)
+    assert sorted(started) == ["cam_drive", "follower", "recorder"]
+    assert [line.split()[1] for line in said] == ["recorder", "follower"]
+
+
+@pytest.mark.parametrize("other", ["recorder", "follower", "microphone", "law_server"])
+def test_without_respawn_who_died_beside_the_drive_is_named(progress, other):
+    """Not the drive, which has ended as it should."""
+    with pytest.raises(RunError, match=f"node {other} ended with -9"):
+        progress(False, cam_drive=0, **{other: KILLED})
+
+
+def test_who_fails_beside_the_drive_is_named_with_its_words(progress):
+    """A full disk is none that goes away by starting again."""
+    with pytest.raises(RunError, match=r"node recorder ended with 1 before .*: no space"):
+        progress(True, cam_drive=0, recorder=1)
