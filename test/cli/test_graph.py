@@ -38,6 +38,7 @@ class Process:
 def progress(monkeypatch, tmp_path):
     """Start nodes of which some end at once, with these codes; what was started, what was said."""
     started, said = [], []
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
 
     def make(respawn, **codes):
         class Made(Process):
