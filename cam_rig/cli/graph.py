@@ -105,10 +105,9 @@ class Graph:
         stop_all(recorder)  # last, so that it hears the others to the end
         if self._handover is not None:
             self._handover.remove()
-        if any(process.was_killed for process in speakers) or any(self._respawned.values()):
-            time.sleep(
-                YOUNG
-            )  # a port that was made anew at the end must not be taken for a new one
+        # who was killed leaves segments behind, and who could not write them whole
+        if any(process.code for process in speakers) or any(self._respawned.values()):
+            time.sleep(YOUNG)  # a port that was made anew at the end is none of a new run
             clean(self._begun)
         for stopping, handler in self._handlers.items():
             signal.signal(stopping, handler)
