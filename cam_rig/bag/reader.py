@@ -7,7 +7,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from mcap.reader import make_reader
@@ -20,6 +19,7 @@ from rosbags.typesys import Stores, get_typestore
 from cam_rig.bag import topics
 from cam_rig.bag.codec import cam_state_of, stamp_ns
 from cam_rig.bag.salvage import DAMAGE, reason
+from cam_rig.bag.temporary import no_room, temporary_folder
 from cam_rig.bag.topics import Topic
 from cam_rig.errors import BagError, CamRigError, RefusedError
 from cam_rig.experiment.noise import HeardTick
@@ -133,8 +133,8 @@ def read_stage(bag: Path) -> Stage:
     ------
     BagError : nothing is attached, or it does not fit together
     """
-    with TemporaryDirectory() as folder:
-        scene = unpack(bag, Path(folder))
+    with temporary_folder() as folder:
+        scene = unpack(bag, folder)
         try:
             stage = open_stage(scene)
             for cam in sorted((scene.parent.parent / "cams").glob("*.yaml")):
@@ -151,6 +151,7 @@ def unpack(bag: Path, folder: Path) -> Path:
     Raises
     ------
     BagError : no scene is attached, or a name points out of the folder
+    OutputError : the folder has no room
     """
     scene = None
     try:
@@ -159,8 +160,7 @@ def unpack(bag: Path, folder: Path) -> Path:
                 path = folder / "config" / Path(attachment.name)
                 if not path.resolve().is_relative_to(folder.resolve()):
                     raise BagError(f"{bag}: attachment {attachment.name!r} points elsewhere")
-                path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_bytes(attachment.data)
+                _write(path, attachment.data)
                 scene = path if path.parent.name == "scenes" else scene
     except UNREADABLE as error:
         raise damaged(bag, error) from None
@@ -170,6 +170,14 @@ def unpack(bag: Path, folder: Path) -> Path:
             "--scene"
         )
     return scene
+
+
+def _write(path: Path, data: bytes) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+    except OSError as error:
+        raise no_room(path.parent, error) from None
 
 
 def damaged(bag: Path, error: Exception) -> BagError:

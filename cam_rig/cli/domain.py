@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import fcntl
 import os
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
+from cam_rig.bag.temporary import no_room, temporary_place
 from cam_rig.errors import ConfigError, RunError
 
 #: By the ports of DDS.
@@ -23,12 +22,17 @@ def own_domain() -> Iterator[None]:
     ------
     ConfigError : it is no domain
     RunError : another run on this machine holds it
+    OutputError : there is nowhere to note that it is held
     """
     domain = os.environ.get("ROS_DOMAIN_ID") or "0"
     if not (domain.isascii() and domain.isdigit() and int(domain) <= MOST):
         raise ConfigError(f"ROS_DOMAIN_ID: is {domain!r}; allowed: 0 to {MOST}")
-    path = Path(tempfile.gettempdir()) / f"cam_rig-{os.getuid()}-domain-{domain}.lock"
-    with path.open("a") as lock:
+    place = temporary_place()
+    try:
+        lock = (place / f"cam_rig-{os.getuid()}-domain-{domain}.lock").open("a")
+    except OSError as error:
+        raise no_room(place, error) from None
+    with lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,6 +11,7 @@ from queue import Empty, Queue
 from types import FrameType, TracebackType
 from typing import Any
 
+from cam_rig.cli.memory_folder import MemoryFolder
 from cam_rig.cli.process import NodeProcess, stop_all
 from cam_rig.cli.shared_memory import YOUNG, clean
 from cam_rig.errors import RunError
@@ -75,7 +74,7 @@ class Graph:
         self._respawned = dict.fromkeys(nodes, 0)
         self._lines: Queue[str] = Queue()
         self._handlers: dict[int, Any] = {}
-        self._handover = _memory_folder() if respawn else None
+        self._handover = MemoryFolder() if respawn else None
         self._begun = time.time()
 
     def __enter__(self) -> Graph:
@@ -105,11 +104,10 @@ class Graph:
         stop_all([process for process in speakers if process not in recorder])
         stop_all(recorder)  # last, so that it hears the others to the end
         if self._handover is not None:
-            self._handover.cleanup()
-        if any(process.was_killed for process in speakers) or any(self._respawned.values()):
-            time.sleep(
-                YOUNG
-            )  # a port that was made anew at the end must not be taken for a new one
+            self._handover.remove()
+        # who was killed leaves segments behind, and who could not write them whole
+        if any(process.code for process in speakers) or any(self._respawned.values()):
+            time.sleep(YOUNG)  # a port that was made anew at the end is none of a new run
             clean(self._begun)
         for stopping, handler in self._handlers.items():
             signal.signal(stopping, handler)
@@ -201,7 +199,7 @@ class Graph:
     def _start(self, name: str) -> None:
         arguments = self._nodes[name]
         if self._handover is not None:
-            arguments = arguments | {"handover": self._handover.name}
+            arguments = arguments | {"handover": str(self._handover.path)}
         hear = self._lines.put if name == self._drive else (lambda _line: None)
         self.processes[name] = NodeProcess(name, arguments, self._network, hear)
 
@@ -209,13 +207,6 @@ class Graph:
 def _last_words(process: NodeProcess) -> str:
     """What a node said that was not killed."""
     return "" if process.was_killed else f": {process.last_words()}"
-
-
-def _memory_folder() -> tempfile.TemporaryDirectory[str]:
-    """A folder for handovers, of this user alone, in memory: nodes write to it every tick."""
-    places = [os.environ.get("XDG_RUNTIME_DIR", ""), "/dev/shm"]
-    place = next((p for p in places if p and os.access(p, os.W_OK)), None)
-    return tempfile.TemporaryDirectory(prefix="cam_rig-", dir=place, ignore_cleanup_errors=True)
 
 
 class InterruptError(RunError):

@@ -35,9 +35,8 @@ def pictures(
 
 
 def _draw(bag: Path, to: Path) -> None:
-    from tempfile import TemporaryDirectory
-
     from cam_rig.bag.reader import read_counts, read_recording
+    from cam_rig.bag.temporary import temporary_folder
     from cam_rig.bag.topics import FOLLOWER_SAMPLES
     from cam_rig.errors import CamRigError
     from cam_rig.experiment.noise import compare, step_levels
@@ -51,12 +50,10 @@ def _draw(bag: Path, to: Path) -> None:
     stage = album.stage
     levels = step_levels(read_recording(bag).ticks, stage.scene.program.settle_turns.si)
     result = compare(levels, {cam: stage.role(cam) for cam in levels}, stage.published)
-    with TemporaryDirectory(prefix="cam_rig_") as folder:
-        drawn = draw_pictures(
-            album, lambda path: noise_plot.draw(result, stage, path), Path(folder)
-        )
+    with temporary_folder() as folder:
+        drawn = draw_pictures(album, lambda path: noise_plot.draw(result, stage, path), folder)
         try:
-            drawn += photograph_run(bag, stage, Path(folder))
+            drawn += photograph_run(bag, stage, folder)
         except CamRigError as error:
             console.print(f"{to / VIEWER}: left as it is ({error})", soft_wrap=True)
         for path in drawn:

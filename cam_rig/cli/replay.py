@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -40,13 +39,14 @@ def replay(
     cam-rig replay bags/mine --tolerance 1e-9 --output bags/mine_again
     """
     with user_errors():
+        from cam_rig.bag.temporary import temporary_folder
         from cam_rig.bag.writer import require_new_bag
         from cam_rig.errors import BagError
 
         if output is not None:
             require_new_bag(output)
-        with TemporaryDirectory(prefix="cam_rig-replay-") as folder:
-            found = _replay(bag, Path(folder), scene, output)
+        with temporary_folder("cam_rig-replay-") as folder:
+            found = _replay(bag, folder, scene, output)
         console.print(_table(found))
         worst = max(found, key=lambda entry: entry.relative)
         if not worst.relative <= tolerance:

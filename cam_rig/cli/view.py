@@ -124,10 +124,10 @@ def convert(bag: Path, scene: Path | None, path: Path, wish: Wish, force: bool) 
 
 @contextmanager
 def _converted(bag: Path, scene: Path | None, wish: Wish) -> Iterator[Path]:
-    from tempfile import TemporaryDirectory
+    from cam_rig.bag.temporary import temporary_folder
 
-    with TemporaryDirectory(prefix="cam_rig_") as folder:
-        path = Path(folder) / f"{bag.resolve().name}.rrd"
+    with temporary_folder() as folder:
+        path = folder / f"{bag.resolve().name}.rrd"
         convert(bag, scene, path, wish, force=False)
         yield path
 

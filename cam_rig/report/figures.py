@@ -5,10 +5,10 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import matplotlib as mpl
 
+from cam_rig.bag.temporary import temporary_folder
 from cam_rig.experiment.factorial import Factorial
 from cam_rig.experiment.jump_table import JumpRow
 from cam_rig.experiment.leaving import FROM_REST
@@ -32,8 +32,8 @@ PROPOSED = "bezier15"
 
 def uri(draw: Callable[[Path], None]) -> str:
     """What ``draw`` writes to an SVG file, as a data URI that repeats bit for bit."""
-    with TemporaryDirectory() as folder, mpl.rc_context({"svg.hashsalt": "cam_rig"}):
-        path = Path(folder) / "figure.svg"
+    with temporary_folder() as folder, mpl.rc_context({"svg.hashsalt": "cam_rig"}):
+        path = folder / "figure.svg"
         draw(path)
         text = path.read_text(encoding="utf-8")
     kept = [line for line in text.splitlines() if "<dc:date>" not in line]

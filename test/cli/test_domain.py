@@ -3,7 +3,7 @@
 import pytest
 
 from cam_rig.cli.domain import own_domain
-from cam_rig.errors import RunError
+from cam_rig.errors import OutputError, RunError
 
 
 def test_a_domain_is_held_once(monkeypatch, tmp_path):
@@ -19,4 +19,12 @@ def test_a_domain_is_held_once(monkeypatch, tmp_path):
             pass
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
     with own_domain():
+        pass
+
+
+def test_without_room_for_a_lock_the_way_out_is_named(monkeypatch, tmp_path):
+    """A disk that is full: one line, no traceback."""
+    (tmp_path / "file").touch()
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "file"))
+    with pytest.raises(OutputError, match="name a folder with room in TMPDIR"), own_domain():
         pass

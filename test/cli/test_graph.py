@@ -1,6 +1,7 @@
 """The runner's judgement: whose end is the run's, who is started again, who is named."""
 
 import signal
+from typing import ClassVar
 
 import pytest
 
@@ -38,6 +39,7 @@ class Process:
 def progress(monkeypatch, tmp_path):
     """Start nodes of which some end at once, with these codes; what was started, what was said."""
     started, said = [], []
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
 
     def make(respawn, **codes):
         class Made(Process):
@@ -87,3 +89,20 @@ def test_who_fails_beside_the_drive_is_named_with_its_words(progress):
     """A full disk is none that goes away by starting again."""
     with pytest.raises(RunError, match=r"node recorder ended with 1 before .*: no space"):
         progress(True, cam_drive=0, recorder=1)
+
+
+@pytest.mark.parametrize(("code", "cleans"), [(1, True), (KILLED, True), (0, False), (None, False)])
+def test_shared_memory_is_cleaned_after_a_run_that_failed(monkeypatch, tmp_path, code, cleans):
+    """A node that could not write, on a full disk, leaves pieces as a killed one does."""
+    cleaned = []
+
+    class Made(Process):
+        codes: ClassVar = {"microphone": [code]}
+
+    monkeypatch.setattr("cam_rig.cli.graph.NodeProcess", Made)
+    monkeypatch.setattr("cam_rig.cli.graph.stop_all", lambda _: None)
+    monkeypatch.setattr("cam_rig.cli.graph.clean", cleaned.append)
+    monkeypatch.setattr("cam_rig.cli.graph.YOUNG", 0.0)
+    with Graph(live(tmp_path, tmp_path / "bag")):
+        pass
+    assert bool(cleaned) == cleans
