@@ -12,6 +12,8 @@ from cam_rig.errors import RefusedError
 
 #: Messages kept of states that are not known yet; more than are ever in flight.
 MOST_WAITING = 4 * topics.TICK_DEPTH
+#: Messages dropped at once when there are more: a flood shall not cost a search for each.
+DROPPED = MOST_WAITING // 8
 #: The unstamped topics of each stamped one.
 TWINS = {
     stamped.name: [topic for topic in topics.RECORDING if topic.twin == stamped.name]
@@ -33,7 +35,7 @@ def make_room(
     source_of: Callable[[Key], bytes],
     is_awaited: Callable[[Key], bool] = lambda _: False,
 ) -> bytes | None:
-    """Drop one of too many: the oldest of the process that sent most of what nobody awaits.
+    """Drop some of too many: the oldest of the process that sent most of what nobody awaits.
 
     So a flood sweeps out its own alone. The process it was from; None when nothing had to go.
     """
@@ -43,7 +45,8 @@ def make_room(
     if not spare:
         return None
     loudest = Counter(source for _, source in spare).most_common(1)[0][0]
-    del held[next(key for key, source in spare if source == loudest)]
+    for key in [key for key, source in spare if source == loudest][:DROPPED]:
+        del held[key]
     return loudest
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from geometry_msgs.msg import WrenchStamped
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Float64, Float64MultiArray, Header, MultiArrayDimension
@@ -137,7 +138,8 @@ def test_a_hostile_publisher_changes_nothing(user, rig, short_scene, undisturbed
         end = time.monotonic() + 1.0
         while time.monotonic() < end:  # 10 kHz, as far as it goes
             for publisher, message in flood.items():
-                publisher.publish(message)
+                with suppress(RCLError):  # a busy machine: the flood is as high as it can be
+                    publisher.publish(message)
             time.sleep(1e-4)
         for _ in reports:
             pass
