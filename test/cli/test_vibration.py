@@ -26,7 +26,7 @@ def test_json_and_plot(tmp_path):
         assert all(len(v) == 2 for v in cam.values() if isinstance(v, list))
     assert [claim["verdict"] for claim in data["claims"]] == ["agrees"] * 3
     assert plot.read_bytes().startswith(b"\x89PNG")
-    assert "read within 31.25° of θ = 0" in " ".join(result.stderr.split())
+    assert "read within 31.25° of the lowest lift" in " ".join(result.stderr.split())
 
 
 def test_cams_that_are_left_are_marked():
