@@ -7,6 +7,7 @@ import pytest
 from cam_rig.errors import RefusedError
 from cam_rig.experiment.credit import Credit
 from cam_rig.experiment.drive import DriveProgram, Orders
+from cam_rig.experiment.handover import Handover
 from cam_rig.experiment.program import cam_states
 from cam_rig.experiment.stage import open_stage
 from cam_rig.experiment.turntable import Turntable
@@ -162,12 +163,16 @@ def test_a_speed_no_cam_can_have_is_refused(program):
 
 
 @pytest.mark.parametrize("sent", [0, 5])
-def test_what_a_hand_asked_for_outlives_the_drive(stage, program, sent):
+def test_what_a_hand_asked_for_outlives_the_drive(stage, program, sent, tmp_path):
     """Stopped, or reset and stopped, a successor stands as well: nothing starts by itself."""
     memories = [(follow(program, 1), program.memory)[1] for _ in range(sent)]
     for ask in (lambda: program.run(False), program.reset, program.halt):
         ask()
-        orders = Orders(program.table.place, program.running, 0.0, "free")
+        Handover(str(tmp_path), "orders").keep(
+            Orders(program.table.place, program.running, 222.0, "20x")
+        )
+        orders = Handover(str(tmp_path), "orders").newest()
+        assert (orders.rpm, orders.pacing) == (222.0, "20x")
         second = DriveProgram(stage.scene, ["all"], 4, lambda cam: True, memories, orders)
         second.laws.update(stage.laws)
         assert len(follow(second, 20)) == sent  # what its predecessor had said
