@@ -3,22 +3,47 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.laws import Law, build_law
 from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
 
-_DOMAINS = count()
+#: Domains that tests take: below the ports that Linux hands out by itself, beside a user's own.
+DOMAINS = range(40, 101)
+_TURNS = count(os.getpid())
 CONFIG = Path(__file__).parents[1] / "config"
 CAM_NAMES = sorted(path.stem for path in (CONFIG / "cams").glob("*.yaml"))
 #: Cams whose velocity jumps: no follower can stay on them, so few models take them.
 VELOCITY_JUMPS = {"worked_example_constant_velocity"}
+
+
+# What Hypothesis tries: the same examples in every ordinary run, more and others in a long one.
+settings.register_profile(
+    "ordinary",
+    max_examples=40,
+    derandomize=True,
+    database=None,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+settings.register_profile(
+    "long",
+    settings.get_profile("ordinary"),
+    max_examples=400,
+    derandomize=False,
+    print_blob=True,
+)
+settings.load_profile("ordinary")
 
 
 @pytest.fixture(scope="session")
@@ -93,11 +118,28 @@ def make_cam() -> Callable[..., CamConfig]:
     return make
 
 
+@contextmanager
+def hold_domain() -> Iterator[int]:
+    """A ROS domain that nobody else on this machine tests in; waits where all are taken.
+
+    It is held by a port of the domain's own block that no participant uses: whoever shares the
+    network shares the lock, and the kernel lets go of it with the process.
+    """
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as lock:
+        while True:
+            domain = DOMAINS[next(_TURNS) % len(DOMAINS)]
+            with suppress(OSError):
+                lock.bind(("127.0.0.1", 7400 + 250 * domain + 9))
+                break
+            time.sleep(0.02)
+        yield domain
+
+
 @pytest.fixture
-def ros_domain(monkeypatch: pytest.MonkeyPatch) -> int:
+def ros_domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """A ROS domain of its own for a test, on this machine only."""
-    domain = 1 + (os.getpid() + next(_DOMAINS)) % 200
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SYSTEM_DEFAULT")
-    monkeypatch.setenv("FASTDDS_DEFAULT_PROFILES_FILE", str(CONFIG / "fastdds_loopback.xml"))
-    return domain
+    with hold_domain() as domain:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SYSTEM_DEFAULT")
+        monkeypatch.setenv("FASTDDS_DEFAULT_PROFILES_FILE", str(CONFIG / "fastdds_loopback.xml"))
+        yield domain
