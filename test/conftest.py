@@ -6,7 +6,7 @@ import os
 import socket
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -21,10 +21,36 @@ from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
 #: Domains that tests take: below the ports that Linux hands out by itself, beside a user's own.
 DOMAINS = range(40, 101)
 _TURNS = count(os.getpid())
-CONFIG = Path(__file__).parents[1] / "config"
+TEST = Path(__file__).parent
+CONFIG = TEST.parent / "config"
 CAM_NAMES = sorted(path.stem for path in (CONFIG / "cams").glob("*.yaml"))
 #: Cams whose velocity jumps: no follower can stay on them, so few models take them.
 VELOCITY_JUMPS = {"worked_example_constant_velocity"}
+
+
+#: More workers than this only take memory.
+MOST_WORKERS = 8
+
+
+def pytest_xdist_auto_num_workers() -> int:
+    """As many workers as cores that may be used."""
+    usable = getattr(os, "sched_getaffinity", lambda _: range(os.cpu_count() or 1))
+    return min(len(usable(0)), MOST_WORKERS)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give each file's tests to one worker, which makes the file's fixtures once; longest first.
+
+    Tests that share more than their file does, or want to be spread, say so by `xdist_group`.
+    """
+    items.sort(key=lambda item: (item.get_closest_marker("ros") is None, _is_quick(item)))
+    for item in items:
+        if item.get_closest_marker("xdist_group") is None:
+            item.add_marker(pytest.mark.xdist_group(item.path.relative_to(TEST).as_posix()))
+
+
+def _is_quick(item: pytest.Item) -> bool:
+    return item.get_closest_marker("slow") is None
 
 
 # What Hypothesis tries: the same examples in every ordinary run, more and others in a long one.
@@ -118,8 +144,14 @@ def make_cam() -> Callable[..., CamConfig]:
     return make
 
 
+@pytest.fixture(scope="session")
+def hold_domain() -> Callable[[], AbstractContextManager[int]]:
+    """Hold a ROS domain for as long as a context lasts."""
+    return _hold_domain
+
+
 @contextmanager
-def hold_domain() -> Iterator[int]:
+def _hold_domain() -> Iterator[int]:
     """A ROS domain that nobody else on this machine tests in; waits where all are taken.
 
     It is held by a port of the domain's own block that no participant uses: whoever shares the
@@ -138,7 +170,7 @@ def hold_domain() -> Iterator[int]:
 @pytest.fixture
 def ros_domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """A ROS domain of its own for a test, on this machine only."""
-    with hold_domain() as domain:
+    with _hold_domain() as domain:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
         monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SYSTEM_DEFAULT")
         monkeypatch.setenv("FASTDDS_DEFAULT_PROFILES_FILE", str(CONFIG / "fastdds_loopback.xml"))
