@@ -42,8 +42,7 @@ def test_a_whole_session_by_hand(user, rig, short_scene, tmp_path):
         assert "read-only" in user.refused("follower", "scene", "other.yaml").replace("_", "-")
         assert user.get("cam_drive", "rpm") == 0.0
         assert user.get("law_server", "cam") in ("", "tm21")
-        about = user.describe("cam_drive", "rpm")
-        assert "rpm" in about.description and not about.read_only
+        assert "rpm" in user.describe("cam_drive", "rpm").description
 
         user.set("cam_drive", "rpm", 222.0)
         next(report for report in reports if report["rpm"] == pytest.approx(222.0))
@@ -79,5 +78,5 @@ def test_a_whole_session_by_hand(user, rig, short_scene, tmp_path):
         if topic.per in expected:
             assert counts[topic.name] == expected[topic.per], topic.name
     assert "cycloidal" in read_recording(bag).stage.cams  # the bag can be analysed alone
-    replayed = CliRunner().invoke(app, ["replay", str(bag)])
-    assert replayed.exit_code == 0, replayed.stderr  # cam and weighting change where they did
+    # cam and weighting change where they did
+    assert CliRunner().invoke(app, ["replay", str(bag)]).exit_code == 0
