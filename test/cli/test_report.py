@@ -3,6 +3,8 @@
 import json
 import re
 import shutil
+from concurrent.futures import Future
+from contextlib import nullcontext
 
 import pytest
 from ruamel.yaml import YAML
@@ -34,7 +36,21 @@ def scene(tmp_path):
     return scene
 
 
+@pytest.fixture
+def in_this_process(monkeypatch):
+    """What the command would do in processes of its own."""
+
+    class Here:
+        def submit(self, function, *given):
+            done = Future()
+            done.set_result(function(*given))
+            return done
+
+    monkeypatch.setattr("cam_rig.cli.workers.workers", lambda _count: nullcontext(Here()))
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("in_this_process")
 def test_the_page(scene, tmp_path):
     """Every section with its figures inside, tables 1 to 3, origins, the answer; JSON as well."""
     out, data = tmp_path / "out" / "report.html", tmp_path / "out" / "report.json"
