@@ -36,10 +36,10 @@ test: setup ## lint, types, import rules, tests
 	$(BIN)/python -m pytest $(WORKERS)
 
 test-long: setup ## all tests, with many more random cases (most of an hour)
-	$(BIN)/python -m pytest $(WORKERS) -m "" --hypothesis-profile=long
+	$(BIN)/python -m pytest $(WORKERS) -m "" --hypothesis-profile=long --references=compute
 
 references: setup ## compute the tests' many-digit references anew
-	$(BIN)/python test/make_references.py
+	$(BIN)/python -m pytest --references=write -m ""
 
 bench: setup ## speed against error, against other solvers: writes docs/speed.md (5 minutes)
 	@OMP_NUM_THREADS=1 $(BIN)/python benchmark/work_precision.py

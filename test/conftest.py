@@ -18,6 +18,10 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.laws import Law, build_law
 from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
 
+from .references import many_digits
+
+__all__ = ["many_digits"]
+
 #: Domains that tests take: below the ports that Linux hands out by itself, beside a user's own.
 DOMAINS = range(40, 101)
 _TURNS = count(os.getpid())
@@ -38,11 +42,19 @@ def pytest_xdist_auto_num_workers() -> int:
     return min(len(usable(0)), MOST_WORKERS)
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """``--references``: where those of many digits come from."""
+    choices = ("stored", "compute", "write")
+    parser.addoption("--references", choices=choices, default="stored", help="of many digits")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Give each file's tests to one worker, which makes the file's fixtures once; longest first.
 
     Tests that share more than their file does, or want to be spread, say so by `xdist_group`.
     """
+    if config.getoption("references") == "write":
+        items[:] = [item for item in items if "many_digits" in getattr(item, "fixturenames", ())]
     items.sort(key=lambda item: (item.get_closest_marker("ros") is None, _is_quick(item)))
     for item in items:
         if item.get_closest_marker("xdist_group") is None:
