@@ -18,7 +18,7 @@ from cam_rig.experiment.stage import Stage, open_stage
 from cam_rig.experiment.sweep import FollowerBench
 from cam_rig.schema.load import config_root
 from cam_rig.schema.quantity import Quantity
-from cam_rig.view import viewer_picture
+from cam_rig.view import pictures, viewer_picture
 from cam_rig.view.album import Album, gap, read_album
 from cam_rig.view.browser import HEIGHT, WIDTH, Pixels, count, why_no_browser
 from cam_rig.view.pictures import (
@@ -153,9 +153,10 @@ def test_the_animation_is_short_and_small() -> None:
     assert min(changes) > 60
 
 
-def test_pictures_of_a_bag(bag: SmallBag, tmp_path: Path) -> None:
+def test_pictures_of_a_bag(bag: SmallBag, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All files are there; the cam that jumps highest is the one that is animated."""
     album = read_album(bag.path)
+    monkeypatch.setattr(pictures, "FRAMES", 6)
     files = draw_pictures(album, lambda path: path.write_bytes(b"noise"), tmp_path)  # type: ignore[arg-type, return-value]
     assert [path.name for path in files] == [ANIMATION, STILL, "small.png", NOTE]
     found = json.loads((tmp_path / NOTE).read_text())["numbers"]
