@@ -17,7 +17,6 @@ NODES = [
 
 # package.xml declares the same dependencies by their rosdep keys.
 RUNTIME = [
-    "PyOctaveBand>=2",
     "ezdxf",
     "jinja2",
     "matplotlib",
@@ -25,6 +24,7 @@ RUNTIME = [
     "numpy",
     "pillow",
     "pydantic>=2",
+    "pyyaml",
     "ruamel.yaml",
     "rerun-sdk",
     "rich",

@@ -33,7 +33,7 @@ class Microphone(RigNode):
         begun = 0
         if left := self.handover.oldest():
             last, self._bench.memory, self.health.said, meter = left
-            begun, self._meter = last.time_ns, MeterBench.thawed(meter)
+            begun, self._meter.memory = last.time_ns, meter
             self.set_parameters(weightings(self._meter.quantity))
         self._gate = StateGate.of(stage.scene)
         self._ticks = TickPairing(self._bench.sample_rate, begun)
@@ -72,7 +72,7 @@ class Microphone(RigNode):
             said = [(self._level, Float64(data=reading.level)), (self._pressure, heard)]
             self._repeats.publish(end.time_ns, said)
             if self.handover.kept:
-                mine = (end, self._bench.memory, self.health.said, self._meter.frozen())
+                mine = (end, self._bench.memory, self.health.said, self._meter.memory)
                 self.handover.keep(mine, end.time_ns)
 
 
