@@ -13,7 +13,7 @@ from typing import Any
 
 from cam_rig.cli.memory_folder import MemoryFolder
 from cam_rig.cli.process import NodeProcess, stop_all
-from cam_rig.cli.shared_memory import YOUNG, clean
+from cam_rig.cli.shared_memory import YOUNG, clean, require_room
 from cam_rig.errors import RunError
 
 #: Started right after the recorder when a run is to be seen, and then waited for.
@@ -78,6 +78,7 @@ class Graph:
         self._begun = time.time()
 
     def __enter__(self) -> Graph:
+        require_room()
         for number in STOPPING:
             self._handlers[int(number)] = signal.signal(number, _interrupt)
         try:

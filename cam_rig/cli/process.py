@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 
+from cam_rig.cli.shared_memory import why_killed
 from cam_rig.schema.load import config_root
 
 #: Wall time (s) a node has to end when asked to, before it is killed.
@@ -79,7 +80,7 @@ class NodeProcess:
             return f"{self.name} did not end within {GRACE:g} s and was killed"
         code = self.code or 0
         how = f"was ended by signal {-code}" if code < 0 else f"ended with code {code}"
-        return f"{self.name} {how}"
+        return f"{self.name} {how}{why_killed(code)}"
 
     @property
     def warnings(self) -> list[str]:
