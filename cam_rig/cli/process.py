@@ -9,7 +9,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 
 from cam_rig.schema.load import config_root
 
@@ -46,15 +47,16 @@ class NodeProcess:
         # as JSON, which is YAML too: a folder called yes or 1e3 stays a text
         pairs = (f"{key}:={json.dumps(value)}" for key, value in arguments.items())
         ros = [part for pair in pairs for part in ("-p", pair)]
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", f"cam_rig.nodes.{name}", "--ros-args", *ros],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            env=environment(network),
-            start_new_session=True,  # Ctrl-C reaches the runner alone, which ends nodes in order
-        )
+        with _signals_held_back():
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "cam_rig.nodes", name, "--ros-args", *ros],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+                env=environment(network),
+                start_new_session=True,  # Ctrl-C reaches the runner alone, which ends all in order
+            )
         for stream, take in ((self.process.stdout, hear), (self.process.stderr, self._hear_words)):
             threading.Thread(target=_drain, args=(stream, take), daemon=True).start()
 
@@ -97,6 +99,16 @@ class NodeProcess:
             self.words.append(line)
         else:
             self.words[-1] = line
+
+
+@contextmanager
+def _signals_held_back() -> Iterator[None]:
+    """What is started here has no signal that ends it until it lets them through itself."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def stop_all(nodes: list[NodeProcess]) -> None:
