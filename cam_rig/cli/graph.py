@@ -82,6 +82,8 @@ class Graph:
         self._begun = time.time()
         self._bag = Path(str(nodes["recorder"]["bag"]))
         self._unclosed, self._kept = False, ""
+        self._suspended: dict[str, float] = {}
+        self._patience = float(str(nodes[self._drive].get("patience", PATIENCE)))
 
     def __enter__(self) -> Graph:
         for number in STOPPING:
@@ -131,6 +133,7 @@ class Graph:
         while True:
             dead = [name for name, process in self.processes.items() if process.has_ended]
             yield from self._reports()
+            self._require_moving()
             if self._drive in dead and self.processes[self._drive].code == 0:
                 dead.remove(self._drive)
                 if not self._last_ticks_are_lost(dead):
@@ -181,6 +184,21 @@ class Graph:
         recorder = self.processes["recorder"]
         stop_all([recorder])
         return recorder.overdue or not (self._returns("recorder") and is_torn(self._bag))
+
+    def _require_moving(self) -> None:
+        """Suspended processes are waited for as the drive waits for an answer, no longer.
+
+        Raises
+        ------
+        RunError : one that has stood still for that long
+        """
+        now = time.monotonic()
+        for name, process in self.processes.items():
+            since = self._suspended.setdefault(name, now) if process.is_suspended else None
+            if since is None:
+                self._suspended.pop(name, None)
+            elif now - since > self._patience:
+                raise RunError(f"node {name} stands suspended (SIGSTOP) {self._last}")
 
     def _reports(self) -> Iterator[dict[str, float | str]]:
         try:

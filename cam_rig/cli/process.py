@@ -75,6 +75,15 @@ class NodeProcess:
         """Whether a signal ended it."""
         return (self.code or 0) < 0
 
+    @property
+    def is_suspended(self) -> bool:
+        """Whether a signal made it stand still (SIGSTOP)."""
+        try:
+            with open(f"/proc/{self.process.pid}/stat", encoding="ascii", errors="replace") as line:
+                return line.read(4096).rpartition(")")[2].split()[:1] == ["T"]
+        except OSError:  # it has ended, or this is no Linux
+            return False
+
     def obituary(self) -> str:
         """How it ended."""
         if self.overdue:
@@ -116,6 +125,7 @@ def stop_all(nodes: list[NodeProcess]) -> None:
     for node in nodes:
         if not node.has_ended:
             node.process.send_signal(signal.SIGINT)
+            node.process.send_signal(signal.SIGCONT)  # one that was suspended ends in order too
     deadline = time.monotonic() + GRACE
     for node in nodes:
         try:

@@ -16,7 +16,7 @@ class Process:
     """Stands in for a node's process: it has ended with a code, or runs."""
 
     codes: dict
-    overdue = False
+    overdue = is_suspended = False
 
     def __init__(self, name, *_):
         self.name = name
