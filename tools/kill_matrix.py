@@ -55,7 +55,7 @@ program:
   ticks_per_turn: 2
 """
 #: Wall time (s) that a run waits for a node that stands, and that a case may take beside it.
-PATIENCE, LONGEST = 5.0, 120.0
+PATIENCE, LONGEST = 20.0, 180.0
 
 
 @dataclass
