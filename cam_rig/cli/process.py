@@ -9,7 +9,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 
 from cam_rig.cli.shared_memory import why_killed
 from cam_rig.schema.load import config_root
@@ -47,15 +48,16 @@ class NodeProcess:
         # as JSON, which is YAML too: a folder called yes or 1e3 stays a text
         pairs = (f"{key}:={json.dumps(value)}" for key, value in arguments.items())
         ros = [part for pair in pairs for part in ("-p", pair)]
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", f"cam_rig.nodes.{name}", "--ros-args", *ros],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            env=environment(network),
-            start_new_session=True,  # Ctrl-C reaches the runner alone, which ends nodes in order
-        )
+        with _signals_held_back():
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "cam_rig.nodes", name, "--ros-args", *ros],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+                env=environment(network),
+                start_new_session=True,  # Ctrl-C reaches the runner alone, which ends all in order
+            )
         for stream, take in ((self.process.stdout, hear), (self.process.stderr, self._hear_words)):
             threading.Thread(target=_drain, args=(stream, take), daemon=True).start()
 
@@ -73,6 +75,15 @@ class NodeProcess:
     def was_killed(self) -> bool:
         """Whether a signal ended it."""
         return (self.code or 0) < 0
+
+    @property
+    def is_suspended(self) -> bool:
+        """Whether a signal made it stand still (SIGSTOP)."""
+        try:
+            with open(f"/proc/{self.process.pid}/stat", encoding="ascii", errors="replace") as line:
+                return line.read(4096).rpartition(")")[2].split()[:1] == ["T"]
+        except OSError:  # it has ended, or this is no Linux
+            return False
 
     def obituary(self) -> str:
         """How it ended."""
@@ -100,11 +111,22 @@ class NodeProcess:
             self.words[-1] = line
 
 
+@contextmanager
+def _signals_held_back() -> Iterator[None]:
+    """What is started here has no signal that ends it until it lets them through itself."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def stop_all(nodes: list[NodeProcess]) -> None:
     """Ask all to end, wait for them, and kill who does not."""
     for node in nodes:
         if not node.has_ended:
             node.process.send_signal(signal.SIGINT)
+            node.process.send_signal(signal.SIGCONT)  # one that was suspended ends in order too
     deadline = time.monotonic() + GRACE
     for node in nodes:
         try:

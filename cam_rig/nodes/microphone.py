@@ -15,7 +15,7 @@ from cam_rig.experiment.listening import MeterBench
 from cam_rig.experiment.pairing import TickPairing
 from cam_rig.experiment.stage import open_stage
 from cam_rig.experiment.sweep import MicrophoneBench
-from cam_rig.nodes.app import RigNode, run
+from cam_rig.nodes.app import RigNode
 from cam_rig.nodes.convert import to_header
 from cam_rig.nodes.diagnostics import OK, WARN
 from cam_rig.nodes.repeats import Repeats
@@ -74,12 +74,3 @@ class Microphone(RigNode):
             if self.handover.kept:
                 mine = (end, self._bench.memory, self.health.said, self._meter.memory)
                 self.handover.keep(mine, end.time_ns)
-
-
-def main() -> None:
-    """Entry point of the executable."""
-    run(Microphone)
-
-
-if __name__ == "__main__":
-    main()
