@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 from cam_rig.cli.shared_memory import why_killed
+from cam_rig.errors import RunError
 from cam_rig.schema.load import config_root
 
 #: Wall time (s) a node has to end when asked to, before it is killed.
@@ -32,6 +33,10 @@ class NodeProcess:
     arguments : its parameters
     network : see `environment`
     hear : told each line of its stdout
+
+    Raises
+    ------
+    RunError : the system has no process, no memory or no thread left for it
     """
 
     def __init__(
@@ -48,18 +53,17 @@ class NodeProcess:
         # as JSON, which is YAML too: a folder called yes or 1e3 stays a text
         pairs = (f"{key}:={json.dumps(value)}" for key, value in arguments.items())
         ros = [part for pair in pairs for part in ("-p", pair)]
-        with _signals_held_back():
-            self.process = subprocess.Popen(
-                [sys.executable, "-m", "cam_rig.nodes", name, "--ros-args", *ros],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                text=True,
-                env=environment(network),
-                start_new_session=True,  # Ctrl-C reaches the runner alone, which ends all in order
-            )
-        for stream, take in ((self.process.stdout, hear), (self.process.stderr, self._hear_words)):
-            threading.Thread(target=_drain, args=(stream, take), daemon=True).start()
+        command = [sys.executable, "-m", "cam_rig.nodes", name, "--ros-args", *ros]
+        try:
+            self.process = _started(command, network)
+        except (OSError, MemoryError) as error:
+            raise _none_left(name, getattr(error, "strerror", None) or "no memory") from None
+        try:
+            self._listen(hear)
+        except RuntimeError as error:  # of a thread: it cannot be heard, so it must not run
+            os.killpg(self.process.pid, signal.SIGKILL)
+            self.process.wait()
+            raise _none_left(name, str(error)) from None
 
     @property
     def code(self) -> int | None:
@@ -104,11 +108,35 @@ class NodeProcess:
         words = [line.strip() for line in self.words if line.strip()]
         return words[-1] if words else "it said nothing"
 
+    def _listen(self, hear: Callable[[str], None]) -> None:
+        for stream, take in ((self.process.stdout, hear), (self.process.stderr, self._hear_words)):
+            threading.Thread(target=_drain, args=(stream, take), daemon=True).start()
+
     def _hear_words(self, line: str) -> None:
         if len(self.words) < MOST_WORDS:
             self.words.append(line)
         else:
             self.words[-1] = line
+
+
+def _started(command: list[str], network: bool) -> subprocess.Popen[str]:
+    with _signals_held_back():
+        return subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=environment(network),
+            start_new_session=True,  # Ctrl-C reaches the runner alone, which ends all in order
+        )
+
+
+def _none_left(name: str, why: str) -> RunError:
+    return RunError(
+        f"node {name} cannot be started ({why}); end other programs, or raise what a process or "
+        "a user may have (ulimit -v, ulimit -u)"
+    )
 
 
 @contextmanager
