@@ -17,7 +17,6 @@ NODES = [
 
 # package.xml declares the same dependencies by their rosdep keys.
 RUNTIME = [
-    "PyOctaveBand>=2",
     "ezdxf",
     "jinja2",
     "matplotlib",
@@ -25,6 +24,7 @@ RUNTIME = [
     "numpy",
     "pillow",
     "pydantic>=2",
+    "pyyaml",
     "ruamel.yaml",
     "rerun-sdk",
     "rich",
@@ -96,7 +96,7 @@ setup(
     entry_points={
         "console_scripts": [
             f"cam-rig = {NAME}.cli.main:main",
-            *(f"{node} = {NAME}.nodes.{node}:main" for node in NODES),
+            *(f"{node} = {NAME}.nodes.__main__:{node}" for node in NODES),
         ],
     },
 )

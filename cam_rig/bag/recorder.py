@@ -7,15 +7,21 @@ import platform
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from mcap.records import Attachment
 
+from cam_rig.bag.codec import array_of, decode_law
+from cam_rig.bag.publishers import Publishers
+from cam_rig.bag.raw import cam_of
 from cam_rig.bag.recover import OURS, is_torn, set_aside
 from cam_rig.bag.salvage import Salvage
 from cam_rig.bag.session import RecordingSession
-from cam_rig.bag.topics import PROFILE, Topic
+from cam_rig.bag.topics import LAW_COEFFICIENTS, PROFILE, Topic
 from cam_rig.bag.writer import FLUSH_EVERY, BagWriter, bag_file, require_new_bag
 from cam_rig.errors import CamRigError
+from cam_rig.experiment.cam_check import require_own_contour, require_own_law
 from cam_rig.experiment.gate import StateGate
 from cam_rig.experiment.handover import STATES_UNFLUSHED, Handover
 from cam_rig.experiment.stage import Stage
@@ -30,6 +36,7 @@ class BagRecorder:
     ----------
     bag : folder to record into
     stage : the scene, attached with its files
+    publishers : who may publish what
     resume : go on with a bag that a killed recorder left, instead of refusing it
 
     Raises
@@ -37,14 +44,17 @@ class BagRecorder:
     BagError : the bag exists and is not to be resumed, or cannot be made
     """
 
-    def __init__(self, bag: Path, stage: Stage, resume: bool = False) -> None:
+    def __init__(
+        self, bag: Path, stage: Stage, publishers: Publishers | None = None, resume: bool = False
+    ) -> None:
         torn = set_aside(bag) if resume and is_torn(bag) else None
         mine = resume and bag.is_dir()  # killed as soon as it was made, there is no file in it
         self._writer = BagWriter(bag, bag_file(bag) if mine else None)
         self._stage, self._attached = stage, set[Path]()
         self._attach()
         self._writer.attach("versions.json", versions())
-        self._session = RecordingSession(self._writer, StateGate.of(stage.scene))
+        gate = StateGate.of(stage.scene)
+        self._session = RecordingSession(self._writer, gate, publishers, self._check)
         self._unflushed = 0
         #: Stamps (ns) of the states that a predecessor had written.
         self.resumed: list[int] = []
@@ -77,6 +87,14 @@ class BagRecorder:
         self._session.close()
         self._writer.close()
 
+    def _check(self, topic: Topic, message: Any) -> None:
+        """Refuse a law or a contour that is not the one of the cam's file."""
+        if topic is LAW_COEFFICIENTS:
+            require_own_law(self._stage, decode_law(*array_of(message)))
+        else:
+            points = [(point.x, point.y) for point in message.polygon.points]
+            require_own_contour(self._stage, cam_of(message), np.array(points).T)
+
     def _know(self, cams: list[str]) -> None:
         """A cam that was mounted by hand belongs into the bag as well."""
         for cam in cams:
@@ -106,7 +124,7 @@ class BagRecorder:
         self._writer.flush()
 
 
-def open_bag(handover: Handover, wanted: Path, stage: Stage) -> BagRecorder:
+def open_bag(handover: Handover, wanted: Path, stage: Stage, publishers: Publishers) -> BagRecorder:
     """Begin a bag, or go on with the one that a killed predecessor was recording.
 
     That a bag is ours is written down before it is made, so that no moment is left in which a kill
@@ -118,10 +136,10 @@ def open_bag(handover: Handover, wanted: Path, stage: Stage) -> BagRecorder:
     BagError : another's bag is there, or it cannot be made
     """
     if mine := handover.newest():
-        return BagRecorder(Path(mine), stage, resume=True)
+        return BagRecorder(Path(mine), stage, publishers, resume=True)
     require_new_bag(wanted)
     handover.keep(str(wanted))
-    return BagRecorder(wanted, stage)
+    return BagRecorder(wanted, stage, publishers)
 
 
 def versions() -> bytes:

@@ -126,6 +126,12 @@ def undisturbed(undisturbed_bag):
     return payloads(undisturbed_bag)
 
 
+@pytest.fixture(scope="session")
+def wait_for():
+    """Poll until something is true, however busy the machine is."""
+    return wait_until
+
+
 class User:
     """A node in a context and domain of its own."""
 
@@ -212,7 +218,6 @@ def rig():
         processes=node_processes,
         mapped=mapped,
         unused=unused,
-        wait=wait_until,
         size=size,
         ticks=TICKS,
     )

@@ -3,11 +3,13 @@
 import signal
 import subprocess
 import sys
-from importlib import import_module
 
 import pytest
 
+from cam_rig.nodes.__main__ import start
+
 pytestmark = pytest.mark.ros
+MISSING = "follower, law_server, microphone, recorder"
 
 
 def arguments(*parameters):
@@ -19,10 +21,9 @@ def run_here(monkeypatch, capfd):
     """Run a node's entry point in this process; its code and what it wrote to stderr."""
 
     def run(name, *parameters):
-        main = import_module(f"cam_rig.nodes.{name}").main
         monkeypatch.setattr(sys, "argv", [name, *arguments(*parameters)])
         with pytest.raises(SystemExit) as ended:
-            main()
+            start(name)
         return ended.value.code, capfd.readouterr().err
 
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
@@ -38,7 +39,12 @@ def run_here(monkeypatch, capfd):
         ("law_server", "scene:=5", 2, "parameter: "),
         ("follower", "scene:=none.yaml", 2, "none.yaml: no such file"),
         ("microphone", "frequency_weighting:=B", 2, "frequency_weighting: has B; allowed: A, C, Z"),
-        ("cam_drive", "patience:=1.0", 1, "cam_drive: no answer for 1 s after 0 of 631 states"),
+        (
+            "cam_drive",
+            "patience:=1.0",
+            1,
+            "not ready after 1 s: follower, law_server, microphone, recorder; is it",
+        ),
     ],
 )
 def test_a_node_says_why_it_ends(ros_domain, run_here, node, parameter, code, words):
@@ -51,7 +57,7 @@ def test_a_node_says_why_it_ends(ros_domain, run_here, node, parameter, code, wo
 
 def test_the_code_is_the_processs(ros_domain):
     """As any shell sees it."""
-    command = [sys.executable, "-m", "cam_rig.nodes.microphone", *arguments("time_weighting:=X")]
+    command = [sys.executable, "-m", "cam_rig.nodes", "microphone", *arguments("time_weighting:=X")]
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
     assert ended.returncode == 2
     assert ended.stderr == "cam_rig: time_weighting: has X; allowed: F, S\n"

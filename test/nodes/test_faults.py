@@ -18,13 +18,13 @@ LONG = ("microphone", "follower", "law_server", "cam_drive")
 @pytest.mark.parametrize(
     "victim", ["recorder", *(pytest.param(name, marks=pytest.mark.long) for name in LONG)]
 )
-def test_a_killed_node_ends_the_run(ros_domain, rig, short_scene, tmp_path, victim):
+def test_a_killed_node_ends_the_run(ros_domain, wait_for, rig, short_scene, tmp_path, victim):
     """Code 1, the node and the last tick named, the bag readable, nothing left behind."""
     bag, before = tmp_path / "bag", rig.unused()
     command = [sys.executable, "-m", "cam_rig.cli.main", "run", str(short_scene)]
     command += ["--bag", str(bag), "--pacing", "real_time"]
     run = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=dict(os.environ))
-    rig.wait(lambda: rig.size(bag) > 200_000)
+    wait_for(lambda: rig.size(bag) > 200_000)
     found = subprocess.run(
         ["pgrep", "-f", f"cam_rig.nodes.{victim} .*{short_scene}"],
         capture_output=True, text=True, check=True,

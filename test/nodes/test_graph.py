@@ -81,7 +81,7 @@ def test_a_dead_node_ends_the_run_and_is_named(ros_domain, rig, tmp_path):
     assert (bag / "metadata.yaml").exists()
 
 
-def start_run(rig, tmp_path):
+def start_run(rig, wait_for, tmp_path):
     """A sweep under way, of a scene file of its own, by which its nodes are found."""
     scene = tmp_path / "scenes" / "tm21_sweep.yaml"
     scene.parent.mkdir()
@@ -90,7 +90,7 @@ def start_run(rig, tmp_path):
     command = [sys.executable, "-m", "cam_rig.cli.main", "run", str(scene), "--bag", str(bag)]
     command += ["--pacing", "real_time"]  # no end before the test's
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=dict(os.environ))
-    rig.wait(lambda: rig.size(bag) > 1_000_000)
+    wait_for(lambda: rig.size(bag) > 1_000_000)
     assert len(rig.processes(scene)) > 5  # the runner and its five nodes
     return process, scene, bag
 
@@ -99,9 +99,9 @@ def start_run(rig, tmp_path):
     "name",
     [pytest.param("SIGINT", marks=LONG), "SIGTERM", pytest.param("SIGHUP", marks=LONG)],
 )
-def test_a_signal_ends_all_and_closes_the_bag(ros_domain, rig, tmp_path, name):
+def test_a_signal_ends_all_and_closes_the_bag(ros_domain, rig, wait_for, tmp_path, name):
     """Ctrl-C, kill, a closed terminal: code 128 + signal, a closed bag, no process left."""
-    process, scene, bag = start_run(rig, tmp_path)
+    process, scene, bag = start_run(rig, wait_for, tmp_path)
     number = getattr(signal, name)
     process.send_signal(number)
     _, words = process.communicate()
@@ -111,9 +111,9 @@ def test_a_signal_ends_all_and_closes_the_bag(ros_domain, rig, tmp_path, name):
     assert rig.processes(scene) == []
 
 
-def test_a_killed_runner_leaves_no_node(ros_domain, rig, tmp_path):
+def test_a_killed_runner_leaves_no_node(ros_domain, wait_for, rig, tmp_path):
     """kill -9 of the runner: the nodes end by themselves."""
-    process, scene, _ = start_run(rig, tmp_path)
+    process, scene, _ = start_run(rig, wait_for, tmp_path)
     process.kill()
     process.communicate()
-    rig.wait(lambda: not rig.processes(scene))
+    wait_for(lambda: not rig.processes(scene))

@@ -74,7 +74,7 @@ def test_a_recorder_that_dies_after_the_drives_end_leaves_no_trace(
     ],
 )
 def test_a_second_node_dies_while_the_first_returns(
-    ros_domain, rig, short_scene, undisturbed, tmp_path, victims
+    ros_domain, wait_for, rig, short_scene, undisturbed, tmp_path, victims
 ):
     """Each when the one before has been started again, so that nobody lives who has heard all: the
     bag is the undisturbed one."""
@@ -82,7 +82,7 @@ def test_a_second_node_dies_while_the_first_returns(
 
     def in_turn(processes):
         for dead, process in enumerate(processes):
-            rig.wait(lambda dead=dead: len(said) >= dead)
+            wait_for(lambda dead=dead: len(said) >= dead)
             process.kill()
 
     def kill(graph, tick):

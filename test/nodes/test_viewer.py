@@ -49,7 +49,7 @@ def as_recorded(bag, folder):
     return recorded
 
 
-def test_the_live_picture_is_the_bags(ros_domain, rig, tmp_path):
+def test_the_live_picture_is_the_bags(ros_domain, wait_for, rig, tmp_path):
     """All six nodes run, no tick is missing in bag or picture, and the numbers are the same."""
     bag, seen_file, port = tmp_path / "bag", tmp_path / "live.rrd", free_port()
     arguments = ("--serve-grpc", "--port", str(port), "--save", str(seen_file))
@@ -59,12 +59,12 @@ def test_the_live_picture_is_the_bags(ros_domain, rig, tmp_path):
                 pass
         assert graph.processes["viewer"].code == 0
         recorded = as_recorded(bag, tmp_path)
-        seen = rig.wait(lambda: arrived(seen_file, recorded))
+        seen = wait_for(lambda: arrived(seen_file, recorded))
     for name in CURVES:
         np.testing.assert_array_equal(seen[name], recorded[name], err_msg=name)
 
 
-def test_a_killed_viewer_is_started_again(ros_domain, rig, tmp_path):
+def test_a_killed_viewer_is_started_again(ros_domain, wait_for, rig, tmp_path):
     """A spectator does not cost the measurement: the bag is whole, and the new one sees the end."""
     bag, seen_file, port = tmp_path / "bag", tmp_path / "live.rrd", free_port()
     said, address = [], stream_address(port)
@@ -74,7 +74,7 @@ def test_a_killed_viewer_is_started_again(ros_domain, rig, tmp_path):
                 if report["tick"] == 2:
                     graph.processes["viewer"].process.kill()
         recorded = as_recorded(bag, tmp_path)
-        seen = rig.wait(lambda: arrived(seen_file, recorded))
+        seen = wait_for(lambda: arrived(seen_file, recorded))
     assert ["viewer" in line and "started again" in line for line in said] == [True]
     for name in CURVES:
         np.testing.assert_array_equal(seen[name][-1], recorded[name][-1], err_msg=name)

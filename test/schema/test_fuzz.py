@@ -1,6 +1,10 @@
 """Whatever is in a YAML file, the loader gives a checked config or one line of error."""
 
 import copy
+import json
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -91,3 +95,30 @@ def test_a_scene_may_name_anything(tmp_path, text):
         open_stage(folder / "quick.yaml")
     except CamRigError as error:
         assert "\n" not in str(error)
+
+
+def require_bounded(kind, cases, seed):
+    """Each case is read or refused by one line, in 10 s of CPU, and all of them in 1 GB."""
+    script = Path(__file__).with_name("fuzz_files.py")
+    command = [sys.executable, str(script), kind, str(cases), str(seed)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["wrong"] == []
+    assert found["refused"] > cases // 2  # else they are not hostile
+    assert found["most_cpu_s"] < 10.0
+    assert found["memory_mb"] < 1000.0
+
+
+@pytest.mark.parametrize("kind", ["yaml", "csv"])
+def test_hostile_files(kind):
+    """Too long, too deep, too many, of another kind, or a shipped one with something else in it."""
+    require_bounded(kind, 40, 1)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [2, 3, 4])
+@pytest.mark.parametrize("kind", ["yaml", "csv"])
+def test_many_hostile_files(kind, seed):
+    """The same, many times over."""
+    require_bounded(kind, 400, seed)
