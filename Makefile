@@ -33,10 +33,10 @@ test: setup ## lint, types, import rules, tests
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest $(WORKERS)
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest $(WORKERS)
 
 test-long: setup ## all tests, with many more random cases (most of an hour)
-	$(BIN)/python -m pytest $(WORKERS) -m "" --hypothesis-profile=long --references=compute
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest $(WORKERS) -m "" --hypothesis-profile=long --references=compute
 
 references: setup ## compute the tests' many-digit references anew
 	$(BIN)/python -m pytest --references=write -m ""

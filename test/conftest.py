@@ -18,6 +18,7 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.laws import Law, build_law
 from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
 
+from .preloaded import Preloaded
 from .references import many_digits
 
 __all__ = ["many_digits"]
@@ -180,9 +181,23 @@ def _hold_domain() -> Iterator[int]:
         yield domain
 
 
+@pytest.fixture(scope="session")
+def preloaded() -> Iterator[Preloaded]:
+    """Where nodes are forked whose start is not the test's subject."""
+    made = Preloaded()
+    yield made
+    made.close()
+
+
 @pytest.fixture
-def ros_domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
-    """A ROS domain of its own for a test, on this machine only."""
+def ros_domain(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """A ROS domain of its own for a test, on this machine only.
+
+    Nodes of a graph in this process are forked, unless the test is marked ``starts``.
+    """
+    if request.node.get_closest_marker("starts") is None:
+        start = request.getfixturevalue("preloaded").start
+        monkeypatch.setattr("cam_rig.cli.process._started", start)
     with _hold_domain() as domain:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
         monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SYSTEM_DEFAULT")

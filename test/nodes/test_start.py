@@ -12,7 +12,7 @@ from cam_rig.bag.reader import read_counts
 from cam_rig.cli.graph import Graph, InterruptError
 from cam_rig.cli.process import NodeProcess
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.starts]
 NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
 
 
