@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
+from xdist.scheduler import LoadFileScheduling
 
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.laws import Law, build_law
@@ -26,13 +27,19 @@ __all__ = ["many_digits"]
 #: Domains that tests take: below the ports that Linux hands out by itself, beside a user's own.
 DOMAINS = range(40, 101)
 _TURNS = count(os.getpid())
-TEST = Path(__file__).parent
-CONFIG = TEST.parent / "config"
+CONFIG = Path(__file__).parents[1] / "config"
 CAM_NAMES = sorted(path.stem for path in (CONFIG / "cams").glob("*.yaml"))
 #: Cams whose velocity jumps: no follower can stay on them, so few models take them.
 VELOCITY_JUMPS = {"worked_example_constant_velocity"}
 
 
+#: Tests that share a run or a study with another file's: they go to that file's worker.
+SHORT = "test/nodes/test_repeat.py"
+GROUPS = {
+    "test/cli/test_noise.py::test_noise_json_and_plot": "test/cli/test_report.py",
+    "test/nodes/test_graph.py::test_the_graph_gives_the_numbers_of_the_core": SHORT,
+    "test/nodes/test_security.py::test_what_anybody_may_say_changes_nothing": SHORT,
+}
 #: More workers than this only take memory.
 MOST_WORKERS = 8
 
@@ -49,18 +56,24 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--references", choices=choices, default="stored", help="of many digits")
 
 
-@pytest.hookimpl(tryfirst=True)  # xdist reads the groups
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Give each file's tests to one worker, which makes the file's fixtures once; longest first.
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> LoadFileScheduling:
+    """Give each file's tests to one worker, which makes the file's fixtures once."""
+    return ByGroup(config, log)
 
-    Tests that share more than their file does, or want to be spread, say so by `xdist_group`.
-    """
+
+class ByGroup(LoadFileScheduling):
+    """A file's tests stay together, and so do `GROUPS`."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        file, _, name = nodeid.partition("::")
+        return GROUPS.get(f"{file}::{name.partition('[')[0]}", file)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Begin with what takes longest."""
     if config.getoption("references") == "write":
         items[:] = [item for item in items if "many_digits" in getattr(item, "fixturenames", ())]
     items.sort(key=lambda item: (item.get_closest_marker("ros") is None, _is_quick(item)))
-    for item in items:
-        if item.get_closest_marker("xdist_group") is None:
-            item.add_marker(pytest.mark.xdist_group(item.path.relative_to(TEST).as_posix()))
 
 
 def _is_quick(item: pytest.Item) -> bool:

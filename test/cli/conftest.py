@@ -38,7 +38,7 @@ def found():
 
 @pytest.fixture
 def one_study(found, monkeypatch):
-    """The commands compute a study that was not computed before; the group is "noise study"."""
+    """The commands compute a study that was not computed before; see `GROUPS`."""
 
     def study(stage, rig, arcs=False, *told):
         key = (stage.scene.model_dump_json(), rig.model_dump_json(), arcs)

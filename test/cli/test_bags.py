@@ -114,8 +114,8 @@ class Replayed:
     def progress(self):
         return iter(())
 
-    def require_closed(self, bag):
-        assert read_counts(bag)
+    def require_closed(self):
+        pass
 
 
 def test_replay_finds_a_changed_number(tmp_path, monkeypatch):

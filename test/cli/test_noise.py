@@ -15,7 +15,6 @@ def call(*arguments):
     return CliRunner().invoke(app, [str(a) for a in arguments])
 
 
-@pytest.mark.xdist_group("noise study")
 @pytest.mark.usefixtures("one_study")
 def test_noise_json_and_plot(sweep, tmp_path):
     """Every part is in the JSON, nothing of it NaN, and the plot is a picture.

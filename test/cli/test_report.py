@@ -30,7 +30,6 @@ def in_this_process(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("noise study")
 @pytest.mark.usefixtures("in_this_process", "one_study")
 def test_the_page(sweep, tmp_path):
     """Every section with its figures inside, tables 1 to 3, origins, the answer; JSON as well."""

@@ -112,7 +112,7 @@ def short_scene(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def undisturbed_bag(hold_domain, short_scene, tmp_path_factory):
-    """A run of the short scene that nobody disturbed; who uses it is in the group "short"."""
+    """A run of the short scene that nobody disturbed; who uses it is in one of `GROUPS`."""
     bag = tmp_path_factory.mktemp("undisturbed") / "bag"
     with hold_domain() as domain, pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_DOMAIN_ID", str(domain))

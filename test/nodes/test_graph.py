@@ -21,7 +21,6 @@ LONG = pytest.mark.long
 QUICK = config_root() / "scenes" / "quick.yaml"
 
 
-@pytest.mark.xdist_group("short")
 def test_the_graph_gives_the_numbers_of_the_core(rig, undisturbed_bag):
     """Levels from the live graph's bag and from simulate agree to 1e-9 dB; no tick is missing."""
     recording = read_recording(undisturbed_bag)

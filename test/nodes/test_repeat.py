@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-pytestmark = [pytest.mark.ros, pytest.mark.xdist_group("short")]
+pytestmark = pytest.mark.ros
 
 
 def assert_same(found, expected):

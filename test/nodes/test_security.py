@@ -191,7 +191,6 @@ def open_to_all():
     yield "/rig/ready", Header(frame_id="nobody")
 
 
-@pytest.mark.xdist_group("short")
 def test_what_anybody_may_say_changes_nothing(user, rig, short_scene, undisturbed, tmp_path):
     """Impossible speeds, parameter events that the law server denies, other robots' diagnoses, a
     flood of each: the bag is the undisturbed one, byte by byte."""
