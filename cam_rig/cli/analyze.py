@@ -61,15 +61,18 @@ def analyze_bag(
 
 
 def newest_bag() -> Path:
-    """The bag under ``bags/`` that was written last.
+    """The bag under ``bags/`` that was written last, of those that were closed.
 
     Raises
     ------
     BagError : there is none
     """
+    from cam_rig.bag.files import METADATA, is_torn
     from cam_rig.errors import BagError
 
-    found = sorted(Path("bags").glob("*/metadata.yaml"), key=lambda p: p.stat().st_mtime)
-    if not found:
-        raise BagError("no bag in bags/; make one with: cam-rig run")
-    return found[-1].parent
+    found = sorted(Path("bags").glob(f"*/{METADATA}"), key=lambda p: p.stat().st_mtime)
+    for bag in (file.parent for file in reversed(found)):
+        if not is_torn(bag):
+            return bag
+        console.print(escape(f"{bag}: was not closed, an older one is taken; see: cam-rig recover"))
+    raise BagError("no bag in bags/; make one with: cam-rig run")

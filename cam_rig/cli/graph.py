@@ -137,7 +137,7 @@ class Graph:
         ------
         RunError : it did not; how it ended instead
         """
-        from cam_rig.bag.recover import is_torn
+        from cam_rig.bag.files import is_torn
 
         recorder = self.processes["recorder"]
         if is_torn(bag):

@@ -117,15 +117,8 @@ def _run(
 
 def _keep(target: Path) -> None:
     """What there is of a bag is left readable, even when the recorder was killed."""
-    from cam_rig.bag.recover import is_torn, recover_in_place
-    from cam_rig.errors import BagError
+    from cam_rig.bag.recover import state_words
 
-    if not target.is_dir():
-        return
-    words = "closed" if (target / "metadata.yaml").exists() else "nothing yet"
-    if is_torn(target):
-        try:
-            words = recover_in_place(target).words
-        except BagError as error:
-            words = str(error)
-    console.print(f"what was recorded so far is in {escape(str(target))}: {escape(words)}")
+    if target.is_dir():
+        words = f"what was recorded so far is in {target}: {state_words(target)}"
+        console.print(escape(words))

@@ -20,7 +20,7 @@ from cam_rig.bag.codec import (
     encode_block,
 )
 from cam_rig.bag.complete import require_complete
-from cam_rig.bag.reader import mcap_file, read_counts, read_recording, read_stage
+from cam_rig.bag.reader import read_counts, read_recording, read_stage, recorded_file
 from cam_rig.bag.recover import recover
 from cam_rig.bag.session import RecordingSession
 from cam_rig.errors import BagError, DynamicsError, RefusedError
@@ -36,7 +36,7 @@ BOUNDED = settings(
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 STAGE = open_stage(config_root() / "scenes" / "quick.yaml")
-GOLDEN = mcap_file(config_root().parent / "bags" / "golden").read_bytes()
+GOLDEN = recorded_file(config_root().parent / "bags" / "golden").read_bytes()
 
 
 @BOUNDED

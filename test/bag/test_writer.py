@@ -5,7 +5,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from cam_rig.bag import topics
-from cam_rig.bag.reader import mcap_file, messages, read_counts, read_stage
+from cam_rig.bag.reader import messages, read_counts, read_stage, recorded_file
 from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError
 
@@ -68,14 +68,14 @@ def test_an_attachment_cannot_leave_its_folder(tmp_path):
 def test_missing_and_truncated_bags_are_named(tmp_path):
     """No bag, an empty folder, half a file: one line each, no traceback."""
     with pytest.raises(BagError, match="no such bag"):
-        mcap_file(tmp_path / "none")
+        recorded_file(tmp_path / "none")
     (tmp_path / "empty").mkdir()
     with pytest.raises(BagError, match=r"has no \.mcap file in it"):
-        mcap_file(tmp_path / "empty")
+        recorded_file(tmp_path / "empty")
     with BagWriter(tmp_path / "bag") as bag:
         for i in range(50):
             bag.write(topics.LEVEL, i, level(70.0))
-    whole = mcap_file(tmp_path / "bag")
+    whole = recorded_file(tmp_path / "bag")
     whole.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
     with pytest.raises(BagError, match="bag"):
         read_counts(tmp_path / "bag")

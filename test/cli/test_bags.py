@@ -10,9 +10,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from typer.testing import CliRunner
 
-from cam_rig.bag.reader import mcap_file, read_counts
-from cam_rig.bag.recover import OURS
-from cam_rig.bag.salvage import Salvage
+from cam_rig.bag.reader import read_counts, recorded_file
+from cam_rig.bag.salvage import OURS, Salvage
 from cam_rig.bag.writer import BagWriter
 from cam_rig.cli.main import app
 from cam_rig.schema.load import config_root
@@ -65,7 +64,7 @@ def test_recover_of_a_cut_bag(tmp_path):
     """A cut copy of a bag: mended beside it, the damaged one is as it was."""
     torn = tmp_path / "torn"
     shutil.copytree(GOLDEN, torn)
-    file = mcap_file(torn)
+    file = recorded_file(torn)
     file.write_bytes(file.read_bytes()[:-5_000])
     before = file.read_bytes()
     refused = call("analyze", torn)
@@ -111,7 +110,7 @@ def test_replay_finds_a_changed_number(ros_domain, tmp_path):
     wrong = bytes(types.serialize_cdr(level, one.msgtype))
     bag = tmp_path / "bag"
     with BagWriter(bag) as writer:
-        for record in Salvage(mcap_file(GOLDEN)).records():
+        for record in Salvage(recorded_file(GOLDEN)).records():
             if isinstance(record, Attachment):
                 writer.attach(record.name, record.data)
                 continue
