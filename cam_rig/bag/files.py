@@ -103,7 +103,8 @@ def no_bag(path: Path) -> str | None:
 
 def _no_bag_folder(path: Path) -> str | None:
     if files := _mcap_files(path):
-        return next(filter(None, map(_no_mcap, files)), None)
+        wrong = [_no_mcap(file) for file in files]
+        return wrong[0] if all(wrong) else None
     if any(path.glob(f"*.mcap{PART}")):
         return "was begun by a mending that was cut off; mend the bag it is of once more"
     if not (path / METADATA).exists():  # else of another kind, as SQLite

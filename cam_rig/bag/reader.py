@@ -105,21 +105,21 @@ def open_readers(bag: Path) -> Iterator[list[Reader]]:
 
 def _sources(bag: Path) -> list[Path]:
     """The files of a bag that can be read, in their order."""
-    files = [bag]
+    found = [bag]
     if bag.is_dir():
-        found = [*bag.glob("*.mcap"), *bag.glob("*.db3")]
-        files = sorted(found, key=lambda file: (len(file.name), file.name))
         require_plain(bag)
-    if not files:
-        raise ValueError("has neither an .mcap nor a .db3 file")
-    for file in files:
+        files = [*bag.glob("*.mcap"), *bag.glob("*.db3"), *bag.glob(f"*{TORN}")]
+        found = sorted(files, key=lambda file: (len(file.name), file.name))
+    for file in found:
+        if (torn := file.with_suffix(TORN)).exists():
+            raise ValueError(f"{torn.name} is left by a mending that was cut off, and holds all")
         if file.suffix == ".mcap":
-            if file.with_suffix(TORN).exists():
-                raise ValueError(f"{file.with_suffix(TORN).name} holds more than {file.name}")
             if not is_closed(file):
                 raise ValueError(f"{file.name} was not closed")
             require_bounded(file)
-    return files
+    if not found:
+        raise ValueError("has neither an .mcap nor a .db3 file")
+    return found
 
 
 def read_recording(bag: Path, scene: Path | None = None) -> Recording:
