@@ -41,6 +41,14 @@ DAMAGE = (
 #: Who wrote a file of ours.
 LIBRARY = "cam_rig"
 OURS = {topic.name: topic for topic in topics.RECORDING}
+INDEXES = {
+    Opcode.MESSAGE_INDEX,
+    Opcode.CHUNK_INDEX,
+    Opcode.ATTACHMENT_INDEX,
+    Opcode.METADATA_INDEX,
+    Opcode.STATISTICS,
+    Opcode.SUMMARY_OFFSET,
+}
 #: More topics than any rig has.
 MOST_CHANNELS = 1000
 #: How to read what may stand at the top of a file; a message needs its length too.
@@ -115,8 +123,8 @@ class Salvage:
             for piece in pieces(stream):
                 if piece.opcode == Opcode.CHUNK:
                     yield from self._of_chunk(stream, piece)
-                elif not piece.whole:
-                    self.unread += piece.there
+                elif not piece.whole:  # what indexes is made anew
+                    self.unread += 0 if piece.opcode in INDEXES else piece.there
                 elif piece.opcode == Opcode.DATA_END:
                     self.whole = True
                 else:

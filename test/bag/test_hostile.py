@@ -237,7 +237,7 @@ def test_attachments_are_few_and_small(tmp_path, frugal):
     names = [f"cams/c{i}.yaml" for i in range(MOST_ATTACHED + 1)]
     with pytest.raises(BagError, match=f"{MOST_ATTACHED + 1} attachments .* allowed: 1000"):
         read_stage(attached(tmp_path / "many", *names))
-    with pytest.raises(BagError, match="1 attachments of .* allowed: 1000 of 67108864"):
+    with pytest.raises(BagError, match=r"1 attachments of .* allowed: 1000 of 67108864"):
         read_stage(attached(tmp_path / "big", "scenes/a.yaml", data=bytes(65 * 2**20)))
 
 
@@ -275,8 +275,8 @@ def test_ten_thousand_topics_are_bounded(tmp_path, frugal):
 @pytest.mark.parametrize("kind", [CompressionType.ZSTD, CompressionType.LZ4], ids=lambda k: k.name)
 def test_an_honest_compressed_bag_is_read(tmp_path, kind):
     """As rosbag2 writes them; cut off, it is read as far as it can be unpacked."""
-    bag, size = tmp_path / "a.mcap", 100
-    noise = [b"\0\1\0\0" + os.urandom(8) for _ in range(50_000)]
+    bag = tmp_path / "a.mcap"
+    noise = [b"\0\1\0\0" + os.urandom(8) for _ in range(20_000)]
     with bag.open("wb") as stream:
         writer = Writer(stream, compression=kind, chunk_size=2**19)
         writer.start("ros2", "other")
@@ -288,9 +288,9 @@ def test_an_honest_compressed_bag_is_read(tmp_path, kind):
     found = [bytes(data) for _, _, data in raw_messages(bag, {topics.LEVEL.name})]
     assert found == noise
     assert recover(bag, tmp_path / "all").counts == {topics.LEVEL.name: len(noise)}
-    bag.write_bytes(bag.read_bytes()[: 2**18])
+    bag.write_bytes(bag.read_bytes()[:100_000])
     saved = recover(bag, tmp_path / "part")
-    assert saved.salvage.cut > size
+    assert saved.salvage.cut == saved.counts[topics.LEVEL.name] > 2000
     part = [bytes(data) for _, _, data in raw_messages(tmp_path / "part", {topics.LEVEL.name})]
     assert part == noise[: len(part)]
 
@@ -324,8 +324,9 @@ def test_a_name_too_long_for_the_bags_file_is_refused_at_once(tmp_path, letters)
     for name in (letters * (most + 1), letters * (250 // size), letters * 300):
         with pytest.raises(BagError, match="too long"):
             require_new_bag(tmp_path / name)
-    with pytest.raises(BagError, match="too long"):
-        require_new_bag(tmp_path / "/".join(400 * ["abcdefghi"]))
+    deep = str(tmp_path) + "/abcdefghi" * 500
+    with pytest.raises(BagError, match="path is 1 bytes too long"):
+        require_new_bag(Path(deep[: 4096 - len("/ten/ten_0.mcap.part")] + "/ten"))
 
 
 @pytest.mark.parametrize("name", ["a\nb", "a\x1bb", "a\udcffb"])
@@ -347,3 +348,5 @@ def test_an_unsound_crc_is_not_hidden(tmp_path):
     assert saved.counts == {
         "/x": 1
     } and "1 messages from 5e-09 s to 5e-09 s are of a damaged part" in (saved.words)
+    assert saved.counts == {"/x": 1}
+    assert "1 messages from 5e-09 s to 5e-09 s are of a damaged part" in saved.words
