@@ -3,6 +3,7 @@
 import io
 import os
 import signal
+import time
 import traceback
 from itertools import count
 from pathlib import Path
@@ -41,6 +42,37 @@ class Kept:
 @pytest.fixture
 def kept():
     return Kept()
+
+
+class Frugal:
+    """What is done inside takes no more than 500 MB and 10 s of the processor."""
+
+    def __enter__(self):
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")  # the peak begins anew
+        self._before, self._begun = peak_mb(), time.process_time()
+
+    def __exit__(self, kind, *_):
+        if kind is None:
+            assert peak_mb() - self._before < 500
+            assert time.process_time() - self._begun < 10
+
+
+def peak_mb():
+    lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024
+
+
+@pytest.fixture
+def bounded():
+    """A context in which memory and time are bounded."""
+    return Frugal()
+
+
+@pytest.fixture
+def frugal(bounded):
+    """The whole test is bounded in memory and time."""
+    with bounded:
+        yield
 
 
 class Dying(io.RawIOBase):

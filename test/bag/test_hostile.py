@@ -3,7 +3,6 @@
 import io
 import os
 import struct
-import time
 import zlib
 from pathlib import Path
 
@@ -81,22 +80,6 @@ FIRST = len(MCAP0_MAGIC) + 9 + 4 + 4 + 4 + 5  # where the first record after the
 
 def chunk(data, compression, claimed, begin=0, end=10):
     return Chunk(compression, data, end, begin, 0, claimed)
-
-
-@pytest.fixture
-def frugal():
-    """Fails when memory rises by more than 500 MB, or more than 10 s pass."""
-    reset = Path("/proc/self/clear_refs")
-    reset.write_text("5", encoding="ascii")
-    before, begun = peak_mb(), time.process_time()
-    yield
-    assert peak_mb() - before < 500
-    assert time.process_time() - begun < 10
-
-
-def peak_mb():
-    lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
-    return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024
 
 
 def read_all(file):
