@@ -38,6 +38,8 @@ UNREADABLE = (
     AttributeError,
     *DAMAGE,
 )
+#: Attached to a bag that was recovered and lacks something: what.
+RECOVERED = "recovered.txt"
 #: Files attached to a bag, and their bytes; a scene with a hundred cams and their tables has less.
 MOST_ATTACHED, MOST_ATTACHED_BYTES = 1000, 64 * MIB
 #: Bytes of a path of an attached file, and of one name in it.
@@ -195,7 +197,7 @@ def unpack(bag: Path, folder: Path) -> Path:
     """
     scene = None
     try:
-        for attachment in attachments(bag):
+        for attachment in attachments(recorded_file(bag)):
             path = folder / "config" / _safe(bag, attachment.name)
             _write(bag, path, attachment.data)
             scene = path if path.parent.name == "scenes" else scene
@@ -209,23 +211,42 @@ def unpack(bag: Path, folder: Path) -> Path:
     return scene
 
 
-def attachments(bag: Path) -> Iterator[Attachment]:
-    """The files attached to a bag, of one that was not closed too.
+def recovered_words(bag: Path) -> list[str]:
+    """What was said of a bag each time it was recovered: what it lacks, what may be wrong in it.
 
     Raises
     ------
-    BagError : no such bag, or too much is attached
+    BagError : no such bag, or it is damaged
+    """
+    found = bag.glob("*.mcap") if bag.is_dir() else [bag] if bag.suffix == ".mcap" else []
+    try:
+        return [
+            " ".join(one.data.decode(errors="replace").split())
+            for file in sorted(found)
+            for one in attachments(file)
+            if one.name == RECOVERED
+        ]
+    except UNREADABLE as error:
+        raise damaged(bag, error) from None
+
+
+def attachments(file: Path) -> Iterator[Attachment]:
+    """What is attached to an MCAP file, of one that was not closed too.
+
+    Raises
+    ------
+    BagError : too much is attached
     ValueError, McapError, struct.error : one is not what was written
     """
     number = size = 0
-    with recorded_file(bag).open("rb") as stream:
+    with file.open("rb") as stream:
         for piece in pieces(stream):
             if piece.opcode != Opcode.ATTACHMENT or not piece.whole:
                 continue
             number, size = number + 1, size + piece.length
             if number > MOST_ATTACHED or size > MOST_ATTACHED_BYTES:
                 raise BagError(
-                    f"{bag}: {number} attachments of {size} bytes; allowed: {MOST_ATTACHED} of "
+                    f"{file}: {number} attachments of {size} bytes; allowed: {MOST_ATTACHED} of "
                     f"{MOST_ATTACHED_BYTES}"
                 )
             yield attachment_of(content(stream, piece))

@@ -20,7 +20,7 @@ from cam_rig.bag.files import (
     remove,
 )
 from cam_rig.bag.loss import Holdings, Loss, loss_of
-from cam_rig.bag.reader import read_stage
+from cam_rig.bag.reader import RECOVERED, read_stage
 from cam_rig.bag.salvage import OURS, Salvage
 from cam_rig.bag.topics import Topic
 from cam_rig.bag.writer import BagWriter
@@ -46,6 +46,11 @@ class Recovered:
         return self.salvage.whole
 
     @property
+    def sound(self) -> bool:
+        """Whether all is there that was ever recorded."""
+        return self.whole and not (self.salvage.damaged or self.loss.gaps)
+
+    @property
     def words(self) -> str:
         """Saved and missing, in words."""
         messages = f"{sum(self.counts.values())} messages to {self.last_ns / 1e9:.6g} s saved"
@@ -61,7 +66,7 @@ class Recovered:
             gaps.append(last)
         if gaps:
             return f"missing: {', and '.join(gaps)}"
-        if self.whole and not self.salvage.damaged:
+        if self.sound:
             return "nothing lost"
         return "no tick is missing"
 
@@ -175,8 +180,11 @@ def _copy(file: Path, bag: Path, target: Path | None) -> Recovered:
                 topic = OURS.get(channel.topic) or Topic(channel.topic, schema.name, "any")
                 number = message.sequence if salvage.ours else 0
                 writer.write(topic, message.log_time, message.data, schema.data, number)
-    loss = loss_of(holdings, _scene(bag), salvage.whole, salvage.ours)
-    return Recovered(counts, last, salvage, loss)
+        loss = loss_of(holdings, _scene(bag), salvage.whole, salvage.ours)
+        saved = Recovered(counts, last, salvage, loss)
+        if writer is not None and not saved.sound:
+            writer.attach(RECOVERED, saved.words.encode())
+    return saved
 
 
 def _scene(bag: Path) -> SceneConfig | None:

@@ -123,8 +123,9 @@ class Salvage:
             for piece in pieces(stream):
                 if piece.opcode == Opcode.CHUNK:
                     yield from self._of_chunk(stream, piece)
-                elif not piece.whole:  # what indexes is made anew
-                    self.unread += 0 if piece.opcode in INDEXES else piece.there
+                elif not piece.whole:
+                    if not self.whole and piece.opcode not in INDEXES:  # which are made anew
+                        self.unread += piece.there
                 elif piece.opcode == Opcode.DATA_END:
                     self.whole = True
                 else:

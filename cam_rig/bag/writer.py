@@ -8,6 +8,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
+from typing import BinaryIO
 
 from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_typestore
@@ -50,21 +51,17 @@ class BagWriter:
         self._types = get_typestore(Stores.ROS2_KILTED)
         self._first = self._last = 0
         self._dirty = self._unsynced = True
+        self._failed: BagError | None = None
         self._make_folder(anew)
+        self._file = self._open()
+        self._writer = Writer(self._file, compression=CompressionType.NONE)
         try:
-            self._file = files.create(self._part or self.file)
-            self._writer = Writer(self._file, compression=CompressionType.NONE)
             self._writer.start(profile="ros2", library=LIBRARY)
             self._file.flush()
             if not anew:
                 self._write_metadata(list(RECORDING))
-        except BlockingIOError:
-            raise BagError(f"{self._part}: is being written by another process") from None
-        except FileExistsError:
-            raise BagError(
-                f"{self.file}: exists already, not overwriting; name another bag"
-            ) from None
         except OSError as error:
+            self.abandon()
             raise BagError(f"{directory}: cannot be made ({error.strerror})") from None
         self._flushed = self._synced = time.monotonic()
 
@@ -88,8 +85,9 @@ class BagWriter:
 
     def attach(self, name: str, data: bytes) -> None:
         """Put a file into the bag, so that it can be analysed alone."""
-        kinds = {".csv": "text/csv", ".json": "application/json"}
+        kinds = {".csv": "text/csv", ".txt": "text/plain", ".json": "application/json"}
         kind = kinds.get(Path(name).suffix, "application/yaml")
+        self._require_sound()
         self._dirty = True
         try:
             self._writer.add_attachment(0, 0, name, kind, data)
@@ -115,6 +113,7 @@ class BagWriter:
         ------
         BagError : the disk is full, or gone
         """
+        self._require_sound()
         try:
             if topic.name not in self._channels:
                 self._channels[topic.name] = (topic, self._register(topic, definition))
@@ -143,6 +142,7 @@ class BagWriter:
 
         Every half second, wait until it is on the disk, where a power cut cannot take it either.
         """
+        self._require_sound()
         try:
             self._writer.flush()
             self._file.flush()
@@ -154,6 +154,7 @@ class BagWriter:
 
     def sync(self) -> None:
         """Put everything onto the disk, if it was not there already."""
+        self._require_sound()
         try:
             self._writer.flush()
             self._sync()
@@ -220,6 +221,18 @@ class BagWriter:
         except OSError as error:
             raise BagError(f"{self.directory}: cannot be made ({error.strerror})") from None
 
+    def _open(self) -> BinaryIO:
+        try:
+            return files.create(self._part or self.file)
+        except BlockingIOError:
+            raise BagError(f"{self._part}: is being written by another process") from None
+        except FileExistsError:
+            raise BagError(
+                f"{self.file}: exists already, not overwriting; name another bag"
+            ) from None
+        except OSError as error:
+            raise BagError(f"{self.directory}: cannot be made ({error.strerror})") from None
+
     def _write_metadata(self, topics: list[Topic]) -> None:
         span = range(self._first, self._last)
         data = metadata(self.file.name, topics, self.counts, span)
@@ -230,9 +243,14 @@ class BagWriter:
         with suppress(OSError):
             self._file.close()
         written = sum(self.counts.values())
-        return BagError(
+        self._failed = BagError(
             f"{self.directory}: cannot be written ({error.strerror}) after {written} messages"
         )
+        return self._failed
+
+    def _require_sound(self) -> None:
+        if self._failed is not None:
+            raise self._failed
 
     def _register(self, topic: Topic, definition: bytes | None) -> int:
         if definition is None:

@@ -43,7 +43,7 @@ def analyze_bag(
     bag: Path, json_target: str | None, plot: Path | None, scene: Path | None = None
 ) -> None:
     """Analyse one bag, with the scene attached to it unless another is named."""
-    from cam_rig.bag.reader import read_recording
+    from cam_rig.bag.reader import read_recording, recovered_words
     from cam_rig.experiment.noise import compare, require_ticks, step_levels
     from cam_rig.experiment.program import tick_count
 
@@ -51,6 +51,8 @@ def analyze_bag(
     stage = recording.stage
     counted = f"{sum(recording.counts.values())} messages, {len(recording.ticks)} ticks"
     console.print(f"{escape(str(bag))}: {counted}")
+    for words in recovered_words(bag):
+        console.print(f"[bold]recovered:[/] {escape(words)}")
     whole = tick_count(stage.scene)
     if len(recording.ticks) < whole:
         console.print(f"[bold]not complete:[/] {len(recording.ticks)} of {whole} ticks")
