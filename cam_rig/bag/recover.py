@@ -75,12 +75,12 @@ class Recovered:
         if found.cut:
             words.append(f"{found.cut} of them from a chunk that was cut off")
         if found.damaged:
-            words.append(f"{found.damaged} parts of the file are damaged")
+            words.append(f"damaged records: {found.damaged}, first: {found.why}")
         if found.doubt is not None:
             begin, end = found.doubt
             words.append(
-                f"{found.doubtful} messages from {begin / 1e9:.6g} s to {end / 1e9:.6g} s are of "
-                "a damaged part, and their numbers may be wrong"
+                f"messages of them, whose numbers may be wrong: {found.doubtful}, from "
+                f"{begin / 1e9:.6g} s to {end / 1e9:.6g} s"
             )
         if found.unread:
             words.append(f"{found.unread} bytes could not be read")
@@ -162,7 +162,8 @@ def _copy(file: Path, bag: Path, target: Path | None) -> Recovered:
     records = salvage.records()
     first = next(records, None)
     if first is None:
-        raise BagError(f"{bag}: no readable record in {file.name}; nothing to recover")
+        why = f" ({salvage.why})" if salvage.why else ""
+        raise BagError(f"{bag}: no readable record in {file.name}{why}; nothing to recover")
     counts: dict[str, int] = {}
     last = 0
     writer = None if target is None else BagWriter(target, anew=True)

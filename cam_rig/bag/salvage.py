@@ -86,16 +86,17 @@ class Salvage:
     """The attachments and messages of a file, in its order; what was lost is known afterwards.
 
     ``whole`` says that the file was closed and ``ours`` that this package wrote it; ``damaged`` is
-    how many of its records were unreadable or not what was written, ``doubtful`` how many messages
-    were read out of them all the same, between the times ``doubt`` (ns). ``cut`` is how many
-    messages were read out of a chunk that was cut off, and ``unread`` how many bytes at the file's
-    end nothing could be made of.
+    how many of its records were unreadable or not what was written, and ``why`` the first of them
+    was; ``doubtful`` is how many messages were read out of them all the same, between the times
+    ``doubt`` (ns). ``cut`` is how many messages were read out of chunks that were cut off, and
+    ``unread`` how many bytes nothing could be made of.
     """
 
     file: Path
     whole: bool = False
     ours: bool = False
     damaged: int = 0
+    why: str = ""
     doubtful: int = 0
     doubt: tuple[int, int] | None = None
     cut: int = 0
@@ -139,12 +140,12 @@ class Salvage:
                 read, part = AT_THE_TOP[piece.opcode], fields(content(stream, piece))
                 message = piece.opcode == Opcode.MESSAGE
                 yield from self._known(read(part, piece.length) if message else read(part))
-        except DAMAGE:
-            self.damaged += 1
+        except DAMAGE as error:
+            self._note(error)
 
     def _of_chunk(self, stream: BinaryIO, piece: Piece) -> Iterator[Found]:
         """What a chunk holds, as far as it goes."""
-        count, sound, read = 0, False, 0
+        count, sound, read, wrong = 0, False, 0, None
         try:
             head = chunk_head(stream, piece)
             data = unpack(stream, piece, head)
@@ -155,14 +156,20 @@ class Salvage:
                     if sound or not piece.whole or self._believable(found, head.begin, head.end):
                         count += 1
                         yield found
-        except DAMAGE:
-            sound = False
+            if not sound:
+                raise ValueError("a chunk's checksum is wrong")
+        except DAMAGE as error:
+            sound, wrong = False, error
         if not piece.whole:
             self.cut += count
             self.unread += 0 if read else piece.there
         elif not sound:
-            self.damaged += 1
+            self._note(wrong)
             self.doubtful += count
+
+    def _note(self, error: Exception | None) -> None:
+        self.damaged += 1
+        self.why = self.why or ("" if error is None else reason(error))
 
     def _known(self, record: Any) -> Iterator[tuple[Schema, Channel, Message]]:
         """A message with what it is; of anything else, what it says is kept."""

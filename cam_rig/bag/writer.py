@@ -284,8 +284,8 @@ def require_new_bag(directory: Path) -> None:
     for what, letters, most in zip(("name", "path"), (file.name, str(file)), longest, strict=True):
         if (over := len(os.fsencode(letters)) - most) > 0:
             raise BagError(
-                f"{directory}: its {what} is {over} bytes too long for the bag's file; allowed: "
-                f"{most} bytes with {file.name.removeprefix(directory.name)} at its end"
+                f"{str(directory)[:80]}...: its {what} is {over} bytes too long; allowed: {most} "
+                f"bytes with {file.name.removeprefix(directory.name)} at its end"
             )
     if not file.name.isprintable():
         raise BagError(f"{directory!r}: allowed: a name of letters that can be written")

@@ -110,8 +110,8 @@ def test_a_few_bytes_that_unpack_to_a_gigabyte_are_refused(tmp_path, frugal, com
     one = chunk(data, compression, GIB if honest else 1000)
     file = file_of(tmp_path / "a.mcap", one, summary=[index_of(one, FIRST)])
     said = read_all(file)
-    for words in (said[0], said[3]):
-        assert ("allowed: 67108864" in words) if honest else ("1000 bytes unpacked" in words)
+    for words in (said[0], said[3], said[5]) if honest else (said[0], said[3]):
+        assert ("allowed: 67108864" if honest else "1000 bytes unpacked") in words
 
 
 def test_many_chunks_that_are_modest_one_by_one_are_refused(tmp_path, frugal):
@@ -328,8 +328,8 @@ def test_an_unsound_crc_is_not_hidden(tmp_path):
     with pytest.raises(BagError, match="checksum"):
         list(raw_messages(file, {"/x"}))
     saved = recover(file, tmp_path / "mended")
-    assert saved.counts == {
-        "/x": 1
-    } and "1 messages from 5e-09 s to 5e-09 s are of a damaged part" in (saved.words)
+    assert saved.counts == {"/x": 1} and "numbers may be wrong: 1, from 5e-09 s to 5e-09 s" in (
+        saved.words
+    )
     assert saved.counts == {"/x": 1}
-    assert "1 messages from 5e-09 s to 5e-09 s are of a damaged part" in saved.words
+    assert "numbers may be wrong: 1, from 5e-09 s to 5e-09 s" in saved.words

@@ -75,7 +75,7 @@ def test_a_damaged_chunk_is_read_as_far_as_it_goes(tmp_path):
     assert saved.salvage.damaged == 1
     assert 59 <= sum(saved.counts.values()) <= 60
     assert 9 <= saved.salvage.doubtful <= 10
-    assert "are of a damaged part, and their numbers may be wrong" in saved.words
+    assert "whose numbers may be wrong: " in saved.words
 
 
 def test_nothing_is_overwritten_and_nothing_made_of_nothing(tmp_path):
