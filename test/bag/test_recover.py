@@ -5,9 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from cam_rig.bag.reader import mcap_file, messages, read_counts, read_recording
+from cam_rig.bag.files import is_torn
+from cam_rig.bag.reader import messages, read_counts, read_recording, recorded_file
 from cam_rig.bag.recorder import BagRecorder, open_bag
-from cam_rig.bag.recover import is_torn, recover, recover_in_place
+from cam_rig.bag.recover import recover, recover_in_place
 from cam_rig.bag.topics import CAM_STATE, LEVEL
 from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError
@@ -22,7 +23,7 @@ def cut(bag, folder, part):
     """A copy of a bag of which only a part was written."""
     torn = folder / "torn"
     torn.mkdir()
-    data = mcap_file(bag).read_bytes()
+    data = recorded_file(bag).read_bytes()
     (torn / "torn_0.mcap").write_bytes(data[: int(len(data) * part)])
     return torn
 
@@ -41,7 +42,7 @@ STATES = [(LEVEL, 0, time, b"\0\1\0\0" + bytes(8)) for time in range(60)]
 
 @pytest.mark.parametrize("part", [0.3, 0.5, 0.7])
 def test_a_cut_bag_is_saved_up_to_the_cut(tmp_path, part):
-    """Every chunk that is whole comes back, and the result is an ordinary bag."""
+    """Every message that is whole comes back, and the result is an ordinary bag."""
     write(tmp_path / "whole", 10)
     torn = cut(tmp_path / "whole", tmp_path, part)
     with pytest.raises(BagError, match="mend it with: cam-rig recover"):
@@ -49,8 +50,8 @@ def test_a_cut_bag_is_saved_up_to_the_cut(tmp_path, part):
     saved = recover(torn, tmp_path / "mended")
     count = read_counts(tmp_path / "mended").get("/microphone/level", 0)
     assert count == sum(saved.counts.values())
-    assert 0 < count <= 60 and not saved.whole
-    assert "lost: what was not flushed" in saved.words
+    assert 0 < count < 60 and not saved.whole
+    assert f"missing: whatever came after {(count - 1) * 1e-9:g} s" in saved.words
     times = [time for _, time, _ in messages(tmp_path / "mended", (LEVEL,))]
     assert times == list(range(count))
 
@@ -63,21 +64,24 @@ def test_the_golden_bag_comes_back_whole(tmp_path):
     assert len(read_recording(tmp_path / "copy").ticks) == 16
 
 
-def test_a_damaged_chunk_is_left_out(tmp_path):
-    """A flipped byte costs its own chunk, not what follows."""
+def test_a_damaged_chunk_is_read_as_far_as_it_goes(tmp_path):
+    """A flipped byte costs one message at most, and all of its chunk are told of as doubtful."""
     write(tmp_path / "bag", 10)
-    file = mcap_file(tmp_path / "bag")
+    file = recorded_file(tmp_path / "bag")
     data = bytearray(file.read_bytes())
     data[len(data) // 4] ^= 0xFF
     file.write_bytes(data)
     saved = recover(tmp_path / "bag", tmp_path / "mended")
-    assert saved.damaged_chunks == 1
-    assert 40 <= sum(saved.counts.values()) < 60
+    assert saved.salvage.damaged == 1
+    assert 59 <= sum(saved.counts.values()) <= 60
+    assert 9 <= saved.salvage.doubtful <= 10
+    assert "whose numbers may be wrong: " in saved.words
 
 
 def test_nothing_is_overwritten_and_nothing_made_of_nothing(tmp_path):
     """An existing target and a file without records are refused by name."""
     (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "mine").touch()
     with pytest.raises(BagError, match="exists already, not overwriting"):
         recover(GOLDEN, tmp_path / "there")
     (tmp_path / "empty").mkdir()
@@ -115,7 +119,7 @@ def test_a_recorder_takes_over_from_a_killed_one(tmp_path, stage, golden, part):
     bag = tmp_path / "bag"
     killed = record(bag, stage, golden[: len(golden) // 2])
     killed._flush()
-    file = mcap_file(bag)
+    file = recorded_file(bag)
     data = file.read_bytes()
     shutil.rmtree(bag)
     bag.mkdir()
@@ -137,7 +141,7 @@ def make_empty_file(bag):
 
 def begin_to_mend(bag):
     bag.mkdir()
-    shutil.copy(mcap_file(GOLDEN), bag / "bag_0.torn")
+    shutil.copy(recorded_file(GOLDEN), bag / "bag_0.torn")
 
 
 @pytest.mark.parametrize("killed", [lambda bag: None, make_folder, make_empty_file, begin_to_mend])
@@ -148,7 +152,7 @@ def test_a_recorder_that_was_killed_at_once_has_a_successor(
     record(tmp_path / "straight", stage, golden).close()
     bag, handover = tmp_path / "bag", Handover(str(tmp_path), "recorder")
 
-    def die(*_):
+    def die(*_, **__):
         killed(bag)
         raise KeyboardInterrupt
 
@@ -182,5 +186,7 @@ def test_a_torn_bag_is_mended_where_it_is(tmp_path, stage, golden):
     saved = recover_in_place(bag)
     assert not is_torn(bag) and not saved.whole
     assert len(read_recording(bag).ticks) == 16
-    versions = [line for line in mcap_file(bag).read_bytes().split(b"\n") if b'"cam_rig"' in line]
+    versions = [
+        line for line in recorded_file(bag).read_bytes().split(b"\n") if b'"cam_rig"' in line
+    ]
     assert versions, "the versions it was made with are attached"

@@ -10,6 +10,7 @@ import time
 import pytest
 
 from cam_rig.bag.complete import require_complete
+from cam_rig.bag.files import is_torn
 from cam_rig.bag.reader import read_recording
 from cam_rig.cli.graph import Graph, live
 from cam_rig.errors import RunError
@@ -78,7 +79,7 @@ def test_a_dead_node_ends_the_run_and_is_named(ros_domain, tmp_path):
                     graph.processes["follower"].process.kill()
         started = list(graph.processes.values())
     assert all(node.has_ended for node in started)
-    assert (bag / "metadata.yaml").exists()
+    assert not is_torn(bag)
 
 
 def start_run(rig, tmp_path):
