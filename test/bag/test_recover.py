@@ -97,7 +97,7 @@ def stage():
 
 
 def record(bag, stage, golden, resume=False):
-    recorder = BagRecorder(bag, stage, resume)
+    recorder = BagRecorder(bag, stage, resume=resume)
     for topic, number, cdr in golden:
         recorder.take(topic, cdr, b"live", number)
     return recorder
