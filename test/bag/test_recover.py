@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from cam_rig.bag.files import is_torn
+from cam_rig.bag.publishers import Publishers
 from cam_rig.bag.reader import messages, read_counts, read_recording, recorded_file
 from cam_rig.bag.recorder import BagRecorder, open_bag
 from cam_rig.bag.recover import recover, recover_in_place
@@ -158,8 +159,10 @@ def test_a_recorder_that_was_killed_at_once_has_a_successor(
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr("cam_rig.bag.recorder.BagWriter", die)
-        open_bag(handover, bag, stage)
-    successor = open_bag(Handover(str(tmp_path), "recorder"), tmp_path / "other", stage)
+        open_bag(handover, bag, stage, Publishers())
+    successor = open_bag(
+        Handover(str(tmp_path), "recorder"), tmp_path / "other", stage, Publishers()
+    )
     for topic, number, cdr in golden:
         successor.take(topic, cdr, b"live", number)
     successor.close()
@@ -173,7 +176,7 @@ def test_a_folder_that_was_there_is_nobodys_to_take_over(tmp_path, stage):
     theirs.mkdir()
     for _ in range(2):
         with pytest.raises(BagError, match="exists already, not overwriting"):
-            open_bag(Handover(str(tmp_path), "recorder"), theirs, stage)
+            open_bag(Handover(str(tmp_path), "recorder"), theirs, stage, Publishers())
     assert list(theirs.iterdir()) == []
 
 
