@@ -57,6 +57,7 @@ TEST = [
     "playwright",
     "pytest",
     "pytest-timeout",
+    "pytest-xdist",
     "ruff",
     "scipy-stubs",
     "setuptools>=77",  # builds the editable install from the lock, without build isolation

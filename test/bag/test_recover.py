@@ -92,7 +92,7 @@ def test_nothing_is_overwritten_and_nothing_made_of_nothing(tmp_path):
     assert not (tmp_path / "new").exists()
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def stage():
     return open_stage(config_root() / "scenes" / "quick.yaml")
 
@@ -113,10 +113,17 @@ def contents(bag):
     return found
 
 
+@pytest.fixture(scope="module")
+def straight(tmp_path_factory, stage, golden):
+    """What is in a bag whose recorder lived to its end."""
+    bag = tmp_path_factory.mktemp("straight") / "bag"
+    record(bag, stage, golden).close()
+    return contents(bag)
+
+
 @pytest.mark.parametrize("part", [0.02, 0.4, 0.9])
-def test_a_recorder_takes_over_from_a_killed_one(tmp_path, stage, golden, part):
+def test_a_recorder_takes_over_from_a_killed_one(tmp_path, stage, golden, straight, part):
     """What the torn file lacks comes again from the histories; the bag is the undisturbed one."""
-    record(tmp_path / "straight", stage, golden).close()
     bag = tmp_path / "bag"
     killed = record(bag, stage, golden[: len(golden) // 2])
     killed._flush()
@@ -127,7 +134,7 @@ def test_a_recorder_takes_over_from_a_killed_one(tmp_path, stage, golden, part):
     file.write_bytes(data[: int(len(data) * part)])
     assert is_torn(bag)
     record(bag, stage, golden, resume=True).close()
-    assert contents(bag) == contents(tmp_path / "straight")
+    assert contents(bag) == straight
     assert [p.suffix for p in sorted(bag.iterdir())] == [".mcap", ".yaml"]
 
 
@@ -147,10 +154,9 @@ def begin_to_mend(bag):
 
 @pytest.mark.parametrize("killed", [lambda bag: None, make_folder, make_empty_file, begin_to_mend])
 def test_a_recorder_that_was_killed_at_once_has_a_successor(
-    tmp_path, stage, golden, monkeypatch, killed
+    tmp_path, stage, golden, straight, monkeypatch, killed
 ):
     """Before its folder was there, before the file, before the first byte, while it was mended."""
-    record(tmp_path / "straight", stage, golden).close()
     bag, handover = tmp_path / "bag", Handover(str(tmp_path), "recorder")
 
     def die(*_, **__):
@@ -166,7 +172,7 @@ def test_a_recorder_that_was_killed_at_once_has_a_successor(
     for topic, number, cdr in golden:
         successor.take(topic, cdr, b"live", number)
     successor.close()
-    assert contents(bag) == contents(tmp_path / "straight")
+    assert contents(bag) == straight
     assert not (tmp_path / "other").exists()
 
 

@@ -1,12 +1,13 @@
 """The runner's judgement: whose end is the run's, who is started again, who is named."""
 
+import os
 import signal
 from typing import ClassVar
 
 import pytest
 
 from cam_rig.bag.writer import BagWriter
-from cam_rig.cli.graph import Graph, live
+from cam_rig.cli.graph import STOPPING, Graph, InterruptError, live
 from cam_rig.errors import RunError
 
 KILLED = -signal.SIGKILL
@@ -135,3 +136,25 @@ def test_shared_memory_is_cleaned_after_a_run_that_failed(monkeypatch, tmp_path,
     with Graph(live(tmp_path, tmp_path / "bag")):
         pass
     assert bool(cleaned) == cleans
+
+
+@pytest.mark.parametrize("number", STOPPING)
+def test_a_signal_ends_the_run_with_its_code(monkeypatch, tmp_path, number):
+    """128 + signal, also where it was ignored before, as behind `nohup`; then all is as it was."""
+    stopped = []
+
+    class Made(Process):
+        codes: ClassVar = {}
+
+    monkeypatch.setattr("cam_rig.cli.graph.NodeProcess", Made)
+    monkeypatch.setattr("cam_rig.cli.graph.stop_all", stopped.extend)
+    own = signal.signal(number, signal.SIG_IGN)
+    try:
+        with pytest.raises(InterruptError) as ended, Graph(live(tmp_path, tmp_path / "bag")):
+            os.kill(os.getpid(), number)
+        assert signal.getsignal(number) is signal.SIG_IGN
+    finally:
+        signal.signal(number, own)
+    assert ended.value.exit_code == 128 + number
+    assert [node.name for node in stopped][-1] == "recorder"
+    assert len(stopped) == 5

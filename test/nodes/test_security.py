@@ -22,7 +22,7 @@ from std_msgs.msg import Float64, Float64MultiArray, Header, MultiArrayDimension
 
 from cam_rig.bag import topics
 from cam_rig.bag.codec import BLOCK_LABEL, PIECE_LABEL
-from cam_rig.cli.graph import Graph, live
+from cam_rig.cli.graph import Graph
 from cam_rig.cli.process import NodeProcess, stop_all
 from cam_rig.errors import RefusedError, RunError
 from cam_rig.nodes.app import require_length
@@ -50,21 +50,24 @@ def sockets(pid):
     return found
 
 
-def test_every_socket_is_on_the_loopback(ros_domain, short_scene, tmp_path, monkeypatch):
+def sockets_of_all(processes):
+    """Every node's addresses, when each has one."""
+    found = {name: sockets(node.process.pid) for name, node in processes.items()}
+    return found if all(found.values()) else None
+
+
+def test_every_socket_is_on_the_loopback(
+    ros_domain, rig, short_scene, tmp_path, wait_for, monkeypatch
+):
     """Whatever the user's own settings: the loopback, and the multicast group joined on it."""
     subnet = config_root() / "fastdds_subnet.xml"
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     monkeypatch.setenv("FASTDDS_DEFAULT_PROFILES_FILE", str(subnet))
     shutil.copy(subnet, tmp_path / "DEFAULT_FASTDDS_PROFILES.xml")
     monkeypatch.chdir(tmp_path)
-    with Graph(live(short_scene, tmp_path / "bag", pacing="10x")) as graph:
-        for report in graph.progress():
-            if report["tick"] == 2:
-                for _ in range(10):  # a socket may come and go while it is listed
-                    found = {name: sockets(p.process.pid) for name, p in graph.processes.items()}
-                    if all(found.values()):
-                        break
-                break
+    with Graph(rig.live(short_scene, tmp_path / "bag", pacing="real_time")) as graph:
+        next(graph.progress())
+        found = wait_for(lambda: sockets_of_all(graph.processes))
     assert found.keys() == {"recorder", "microphone", "follower", "law_server", "cam_drive"}
     assert all("127.0.0.1" in addresses for addresses in found.values())
     assert set.union(*found.values()) <= {"127.0.0.1", "239.255.0.1"}
@@ -188,11 +191,12 @@ def open_to_all():
     yield "/rig/ready", Header(frame_id="nobody")
 
 
+@pytest.mark.xdist_group("short")
 def test_what_anybody_may_say_changes_nothing(user, rig, short_scene, undisturbed, tmp_path):
     """Impossible speeds, parameter events that the law server denies, other robots' diagnoses, a
     flood of each: the bag is the undisturbed one, byte by byte."""
     bag, publishers = tmp_path / "bag", {}
-    with Graph(live(short_scene, bag, pacing="2x")) as graph:
+    with Graph(rig.live(short_scene, bag, pacing="2x")) as graph:
         reports = graph.progress()
         next(report for report in reports if report["tick"] == 10)
         for topic, message in open_to_all():
@@ -224,9 +228,9 @@ def test_what_anybody_may_say_changes_nothing(user, rig, short_scene, undisturbe
         pytest.param("/recorder/written", Header(), marks=pytest.mark.long),
     ],
 )
-def test_a_second_publisher_ends_the_run(user, short_scene, tmp_path, topic, message):
+def test_a_second_publisher_ends_the_run(user, rig, short_scene, tmp_path, topic, message):
     """Not one number of it is called a result: code 1, the topic and who it is."""
-    graph = Graph(live(short_scene, tmp_path / "bag", pacing="2x"))
+    graph = Graph(rig.live(short_scene, tmp_path / "bag", pacing="2x"))
     words = rf"{topic}: has a second publisher, /user; allowed: one, this rig's "
     with pytest.raises(RunError, match=words), graph:
         reports = graph.progress()
@@ -236,13 +240,13 @@ def test_a_second_publisher_ends_the_run(user, short_scene, tmp_path, topic, mes
             pass
 
 
-def test_a_law_that_was_forged_first_is_not_believed(user, short_scene, tmp_path):
+def test_a_law_that_was_forged_first_is_not_believed(user, rig, short_scene, tmp_path):
     """Latched before the law server lives: the run ends, and names who it was."""
     law = [("tm21", 2), (PIECE_LABEL, 4)]
     forged = array_message(law, [0.0, 0.0, 1e-3, 0.0, 3.0, 0.0, 1e-3, 0.0])
     publisher = user.node.create_publisher(type(forged), "/cam/law_coefficients", LATCHED)
     publisher.publish(forged)
-    graph = Graph(live(short_scene, tmp_path / "bag"))
+    graph = Graph(rig.live(short_scene, tmp_path / "bag"))
     with pytest.raises(RunError, match="/cam/law_coefficients: has a second publisher"), graph:
         for _ in graph.progress():
             pass

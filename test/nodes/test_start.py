@@ -9,24 +9,27 @@ import time
 import pytest
 
 from cam_rig.bag.reader import read_counts
-from cam_rig.cli.graph import Graph, InterruptError, live
+from cam_rig.cli.graph import Graph, InterruptError
 from cam_rig.cli.process import NodeProcess
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.starts]
 NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
 
 
+@pytest.mark.parametrize("nodes", [3, pytest.param(15, marks=pytest.mark.long)])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_that_comes_early_ends_a_node_in_order(ros_domain, short_scene, tmp_path, number):
+def test_a_signal_that_comes_early_ends_a_node_in_order(
+    ros_domain, short_scene, tmp_path, number, nodes
+):
     """Before the interpreter runs, in the imports, while the node is made: code 0, no traceback."""
     chance = random.Random(int(number))
-    for i in range(8):
+    for i in range(nodes):
         name = NODES[i % len(NODES)]
         more = {"bag": str(tmp_path / f"bag_{i}")} if name == "recorder" else {}
         node = NodeProcess(name, {"scene": str(short_scene), **more}, False, lambda _line: None)
         time.sleep(chance.choice([0.0, 2.0]) * chance.random())  # any moment at all is right
         node.process.send_signal(number)
-        assert node.process.wait(60) == 0, (name, node.words)
+        assert node.process.wait() == 0, (name, node.words)
         assert "Traceback" not in "".join(node.words)
 
 
@@ -48,9 +51,9 @@ def test_a_node_ends_by_a_signal_that_its_shell_ignores(ros_domain, short_scene)
             continue
 
 
-def test_nothing_is_sent_before_everybody_is_ready(ros_domain, short_scene, tmp_path):
+def test_nothing_is_sent_before_everybody_is_ready(ros_domain, rig, short_scene, tmp_path):
     """The recorder stands while it starts: no state goes out; then it goes on, and all goes out."""
-    with Graph(live(short_scene, tmp_path / "bag")) as graph:
+    with Graph(rig.live(short_scene, tmp_path / "bag")) as graph:
         recorder = graph.processes["recorder"]
         recorder.process.send_signal(signal.SIGSTOP)
         reports = graph._lines
@@ -64,11 +67,11 @@ def test_nothing_is_sent_before_everybody_is_ready(ros_domain, short_scene, tmp_
 
 
 def test_a_run_that_is_interrupted_before_it_began_has_recorded_nothing(
-    ros_domain, short_scene, tmp_path
+    ros_domain, rig, short_scene, tmp_path
 ):
     """And says so, not that something was closed."""
     said = []
-    graph = Graph(live(short_scene, tmp_path / "bag"), say=said.append)
+    graph = Graph(rig.live(short_scene, tmp_path / "bag"), say=said.append)
     with pytest.raises(InterruptError), graph:
         raise InterruptError(signal.SIGINT)
     assert said == [f"what was recorded so far is in {tmp_path / 'bag'}: nothing was recorded"]

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
@@ -23,11 +23,6 @@ LOADERS = {
     "scenes/quick.yaml": load_scene,
     "published/tm21_noise.yaml": load_published,
 }
-BOUNDED = settings(
-    max_examples=60,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
 ANYTHING = st.recursive(
     st.none()
     | st.booleans()
@@ -49,7 +44,6 @@ def check(load, path):
         assert path.name in str(error)
 
 
-@BOUNDED
 @given(data=st.binary(max_size=200) | st.text(max_size=200).map(str.encode))
 @pytest.mark.parametrize("name", LOADERS)
 def test_any_bytes(tmp_path, name, data):
@@ -69,7 +63,6 @@ def paths_in(data, here=()):
             yield (*here, key)
 
 
-@BOUNDED
 @given(choice=st.data())
 @pytest.mark.parametrize("name", LOADERS)
 def test_a_shipped_file_with_one_thing_changed(tmp_path, name, choice):
@@ -89,7 +82,6 @@ def test_a_shipped_file_with_one_thing_changed(tmp_path, name, choice):
     check(LOADERS[name], path)
 
 
-@BOUNDED
 @given(text=st.text(max_size=30))
 def test_a_scene_may_name_anything(tmp_path, text):
     """A cam's or rig's name cannot lead out of the folders."""
