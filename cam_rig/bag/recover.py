@@ -15,8 +15,8 @@ from cam_rig.bag.files import (
     TORN,
     bag_file,
     is_torn,
+    mcap_file,
     part_of,
-    recorded_file,
     remove,
 )
 from cam_rig.bag.loss import Holdings, Loss, loss_of
@@ -96,7 +96,7 @@ def recover(bag: Path, target: Path) -> Recovered:
     ------
     BagError : nothing in it is readable, or the target exists
     """
-    file = recorded_file(bag)
+    file = mcap_file(bag)
     if target.exists() and not _is_half_made(target):
         raise BagError(f"{target}: exists already, not overwriting; name another bag")
     return _copy(file, bag, target)
@@ -111,7 +111,7 @@ def recover_in_place(bag: Path) -> Recovered:
     ------
     BagError : nothing in it is readable, or there is no room
     """
-    torn = recorded_file(bag)
+    torn = mcap_file(bag)
     try:
         saved = _copy(torn, bag, bag)
     except BagError as error:
@@ -132,7 +132,7 @@ def examine(bag: Path) -> Recovered:
     ------
     BagError : nothing in it is readable
     """
-    return _copy(recorded_file(bag), bag, None)
+    return _copy(mcap_file(bag), bag, None)
 
 
 def state_words(bag: Path) -> str:
