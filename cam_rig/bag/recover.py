@@ -23,7 +23,7 @@ from cam_rig.bag.loss import Holdings, Loss, loss_of
 from cam_rig.bag.reader import RECOVERED, read_stage
 from cam_rig.bag.salvage import OURS, Salvage
 from cam_rig.bag.topics import Topic
-from cam_rig.bag.writer import BagWriter
+from cam_rig.bag.writer import BagWriter, require_new_bag
 from cam_rig.errors import BagError, CamRigError
 from cam_rig.schema import SceneConfig
 
@@ -97,8 +97,8 @@ def recover(bag: Path, target: Path) -> Recovered:
     BagError : nothing in it is readable, or the target exists
     """
     file = mcap_file(bag)
-    if target.exists() and not _is_half_made(target):
-        raise BagError(f"{target}: exists already, not overwriting; name another bag")
+    if not _is_half_made(target):
+        require_new_bag(target)
     return _copy(file, bag, target)
 
 
@@ -117,7 +117,8 @@ def recover_in_place(bag: Path) -> Recovered:
     except BagError as error:
         there = examine(bag)
         raise BagError(
-            f"{error}; left as it is, and readable: {there.words}; mend it with: cam-rig recover "
+            f"{bag}: cannot be mended where it is, {str(error).removeprefix(f'{bag}: ')}; left as "
+            f"it is, and readable: {there.words}; mend it with: cam-rig recover "
             f"{shlex.quote(str(bag))} --output A_FOLDER_WITH_ROOM"
         ) from None
     if torn.suffix == TORN:
@@ -143,13 +144,16 @@ def state_words(bag: Path) -> str:
         try:
             return recover_in_place(bag).words
         except BagError as error:
-            return str(error)
+            return str(error).removeprefix(f"{bag}: ")
     return "closed" if bag_file(bag).exists() else "nothing was recorded"
 
 
 def _is_half_made(target: Path) -> bool:
     """Whether a folder holds nothing but what a mending left that was killed."""
-    if not target.is_dir():
+    try:
+        if not target.is_dir():
+            return False
+    except OSError:  # nobody can have made what has such a name
         return False
     part, names = part_of(bag_file(target)).name, {entry.name for entry in target.iterdir()}
     metadata = {METADATA, part_of(target / METADATA).name}

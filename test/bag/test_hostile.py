@@ -312,6 +312,14 @@ def test_a_name_too_long_for_the_bags_file_is_refused_at_once(tmp_path, letters)
         require_new_bag(Path(deep[: 4096 - len("/ten/ten_0.mcap.part")] + "/ten"))
 
 
+@pytest.mark.parametrize("letters", [244, 250, 300])
+def test_names_that_no_disk_can_have_are_one_line_everywhere(tmp_path, letters):
+    """As the target of a mending, and as a bag to be read."""
+    with pytest.raises(BagError, match="too long"):
+        recover(GOLDEN, tmp_path / ("a" * letters))
+    assert all(read_all(tmp_path / ("a" * letters)))
+
+
 @pytest.mark.parametrize("name", ["a\nb", "a\x1bb", "a\udcffb"])
 def test_a_name_that_cannot_be_written_is_refused(tmp_path, name):
     """It would stand in metadata.yaml and on terminals."""
