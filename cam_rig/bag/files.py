@@ -67,7 +67,7 @@ def is_torn(bag: Path) -> bool:
     return file.exists() and not (is_closed(file) and (bag / METADATA).exists())
 
 
-def recorded_file(bag: Path) -> Path:
+def mcap_file(bag: Path) -> Path:
     """The one file of a bag that holds all that there is of its recording.
 
     Parameters

@@ -102,7 +102,8 @@ def loss_of(holdings: Holdings, scene: SceneConfig | None, whole: bool, ours: bo
         open_end = False
     else:
         states = sorted((number - 1, state) for number, state in holdings.states) if ours else []
-        lacking = _lacking(holdings, [m for m in _moves(states) if m[0] == 0 or m[1] is not None])
+        known = [move for move in _moves(states) if move[0] == 0 or move[1] is not None]
+        lacking = _lacking(holdings, known, only_last=True)  # the rest is told by the numbers
         gaps = [_gap_words(run, 0) for run in _runs(lacking)]
         ends, open_end, numbered = "", not whole, list(RECORDING)
     count = sum(len(names) for _, names in lacking)
@@ -124,15 +125,25 @@ def _moves(
         yield n, before if n == k + 1 else None, state
 
 
-def _lacking(holdings: Holdings, moves: list[tuple[int, CamState | None, CamState]]) -> Lacking:
-    """The numbers of states at which topics have no message, and which; all, where none has."""
+def _lacking(
+    holdings: Holdings,
+    moves: list[tuple[int, CamState | None, CamState]],
+    only_last: bool = False,
+) -> Lacking:
+    """The numbers of states at which topics have no message, and which.
+
+    Parameters
+    ----------
+    only_last : none that has a message later on
+    """
+    newest = {name: max(times) for name, times in holdings.times.items()} if only_last else {}
     found: Lacking = []
     for k, before, state in moves:
-        wanted = belonging(before, state)
         names = frozenset(
             topic.name
-            for topic in wanted
+            for topic in belonging(before, state)
             if state.time_ns not in holdings.times.get(topic.name, ())
+            and state.time_ns > newest.get(topic.name, -1)
         )
         if names:
             found.append((k, names))

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from io import BytesIO
 from typing import Any, BinaryIO, NamedTuple
@@ -27,6 +27,8 @@ MIB = 2**20
 MOST_UNPACKED = 64 * MIB
 #: Bytes unpacked at once.
 STEP = 256 * 1024
+#: Bytes read at once of a row of small records.
+BLOCK = 4096
 #: Opcode and length of every record.
 HEAD = struct.Struct("<BQ")
 #: First and last log time, unpacked bytes, their CRC, letters of the compression's name.
@@ -36,12 +38,8 @@ SEARCHED = 16 * MIB
 CHUNK_LIKE = re.compile(
     rb"\x06.{5}\0{3}.{16}.{5}\0{3}.{4}(?:\0{4}|\x04\0{3}zstd|\x03\0{3}lz4).{5}\0{3}", re.DOTALL
 )
-#: What an unpacked chunk has in it, and how to read it.
-INSIDE: dict[int, Any] = {
-    Opcode.SCHEMA: Schema.read,
-    Opcode.CHANNEL: Channel.read,
-    Opcode.MESSAGE: None,
-}
+#: A message's channel, number, log time and publish time; its data follow.
+MESSAGE_HEAD = struct.Struct("<HIQQ")
 
 
 class Piece(NamedTuple):
@@ -74,9 +72,11 @@ def pieces(stream: BinaryIO) -> Iterator[Piece]:
     number, size = stream.fileno(), os.fstat(stream.fileno()).st_size
     if not MCAP0_MAGIC.startswith(os.pread(number, len(MCAP0_MAGIC), 0)):
         raise BagError(f"{stream.name}: does not begin as an MCAP file does")
-    place = len(MCAP0_MAGIC)
+    place, block, begin = len(MCAP0_MAGIC), b"", 0
     while place + HEAD.size <= size:
-        opcode, length = HEAD.unpack(os.pread(number, HEAD.size, place))
+        if not begin <= place <= begin + len(block) - HEAD.size:
+            block, begin = os.pread(number, BLOCK, place), place
+        opcode, length = HEAD.unpack_from(block, place - begin)
         start = place + HEAD.size
         if not opcode:  # of no record: a power cut may leave zeros
             length = size
@@ -112,6 +112,25 @@ def content(stream: BinaryIO, piece: Piece) -> bytes:
 def fields(data: bytes) -> ReadDataStream:
     """A record's content for the readers of the mcap package, which cannot read on behind it."""
     return ReadDataStream(BytesIO(data))
+
+
+def message(data: bytes) -> Message:
+    """A message of a record's bytes.
+
+    Raises
+    ------
+    struct.error : they are too few
+    """
+    channel, number, logged, published = MESSAGE_HEAD.unpack_from(data)
+    return Message(channel, logged, data[MESSAGE_HEAD.size :], published, number)
+
+
+#: What may be in a chunk, and at the top of a file as well: how to read it.
+INSIDE: dict[int, Callable[[bytes], Any]] = {
+    Opcode.SCHEMA: lambda data: Schema.read(fields(data)),
+    Opcode.CHANNEL: lambda data: Channel.read(fields(data)),
+    Opcode.MESSAGE: message,
+}
 
 
 @dataclass(frozen=True)
@@ -208,10 +227,9 @@ def inside(data: bytes) -> Iterator[Schema | Channel | Message]:
             raise ValueError(f"a record of kind {opcode} in a chunk")
         if place + length > len(data):
             raise ValueError(f"a record of {length} bytes where {len(data) - place} are left")
-        part = fields(data[place : place + length])
+        part = data[place : place + length]
         place += length
-        read = INSIDE[opcode]
-        yield Message.read(part, length) if read is None else read(part)
+        yield INSIDE[opcode](part)
     if place != len(data):
         raise ValueError(f"{len(data) - place} bytes of no record")
 

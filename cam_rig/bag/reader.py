@@ -19,7 +19,7 @@ from rosbags.typesys import Stores, get_typestore
 from cam_rig.bag import topics
 from cam_rig.bag.bounds import require_bounded, require_plain
 from cam_rig.bag.codec import cam_state_of, stamp_ns
-from cam_rig.bag.files import TORN, WANTED, is_closed, no_bag, recorded_file
+from cam_rig.bag.files import TORN, WANTED, is_closed, mcap_file, no_bag
 from cam_rig.bag.pieces import MIB, content, pieces
 from cam_rig.bag.salvage import DAMAGE, attachment_of, reason
 from cam_rig.bag.temporary import no_room, temporary_folder
@@ -197,7 +197,7 @@ def unpack(bag: Path, folder: Path) -> Path:
     """
     scene = None
     try:
-        for attachment in attachments(recorded_file(bag)):
+        for attachment in attachments(mcap_file(bag)):
             path = folder / "config" / _safe(bag, attachment.name)
             _write(bag, path, attachment.data)
             scene = path if path.parent.name == "scenes" else scene

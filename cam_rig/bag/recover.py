@@ -15,15 +15,15 @@ from cam_rig.bag.files import (
     TORN,
     bag_file,
     is_torn,
+    mcap_file,
     part_of,
-    recorded_file,
     remove,
 )
 from cam_rig.bag.loss import Holdings, Loss, loss_of
 from cam_rig.bag.reader import RECOVERED, read_counts, read_stage
 from cam_rig.bag.salvage import OURS, Salvage
 from cam_rig.bag.topics import Topic
-from cam_rig.bag.writer import BagWriter
+from cam_rig.bag.writer import BagWriter, require_new_bag
 from cam_rig.errors import BagError, CamRigError
 from cam_rig.schema import SceneConfig
 
@@ -96,9 +96,9 @@ def recover(bag: Path, target: Path) -> Recovered:
     ------
     BagError : nothing in it is readable, or the target exists
     """
-    file = recorded_file(bag)
-    if target.exists() and not _is_half_made(target):
-        raise BagError(f"{target}: exists already, not overwriting; name another bag")
+    file = mcap_file(bag)
+    if not _is_half_made(target):
+        require_new_bag(target)
     return _copy(file, bag, target)
 
 
@@ -111,13 +111,14 @@ def recover_in_place(bag: Path) -> Recovered:
     ------
     BagError : nothing in it is readable, or there is no room
     """
-    torn = recorded_file(bag)
+    torn = mcap_file(bag)
     try:
         saved = _copy(torn, bag, bag)
     except BagError as error:
         there = examine(bag)
         raise BagError(
-            f"{error}; left as it is, and readable: {there.words}; mend it with: cam-rig recover "
+            f"{bag}: cannot be mended where it is, {str(error).removeprefix(f'{bag}: ')}; left as "
+            f"it is, and readable: {there.words}; mend it with: cam-rig recover "
             f"{shlex.quote(str(bag))} --output A_FOLDER_WITH_ROOM"
         ) from None
     if torn.suffix == TORN:
@@ -132,7 +133,7 @@ def examine(bag: Path) -> Recovered:
     ------
     BagError : nothing in it is readable
     """
-    return _copy(recorded_file(bag), bag, None)
+    return _copy(mcap_file(bag), bag, None)
 
 
 def state_words(bag: Path) -> str:
@@ -144,13 +145,16 @@ def state_words(bag: Path) -> str:
         words = recover_in_place(bag).words if is_torn(bag) else ""
         count = sum(read_counts(bag).values())
     except (BagError, OSError) as error:
-        return str(error)
+        return str(error).removeprefix(f"{bag}: ")
     return (words or f"closed, {count} messages") if count else "nothing was recorded"
 
 
 def _is_half_made(target: Path) -> bool:
     """Whether a folder holds nothing but what a mending left that was killed."""
-    if not target.is_dir():
+    try:
+        if not target.is_dir():
+            return False
+    except OSError:  # nobody can have made what has such a name
         return False
     part, names = part_of(bag_file(target)).name, {entry.name for entry in target.iterdir()}
     metadata = {METADATA, part_of(target / METADATA).name}

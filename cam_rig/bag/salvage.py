@@ -18,7 +18,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Message, Schema
 
 from cam_rig.bag import topics
-from cam_rig.bag.pieces import Piece, chunk_head, content, fields, inside, pieces, unpack
+from cam_rig.bag.pieces import INSIDE, Piece, chunk_head, content, fields, inside, pieces, unpack
 from cam_rig.bag.raw import RawMessages, stamp_of
 from cam_rig.errors import BagError, RefusedError
 
@@ -51,13 +51,6 @@ INDEXES = {
 }
 #: More topics than any rig has.
 MOST_CHANNELS = 1000
-#: How to read what may stand at the top of a file; a message needs its length too.
-AT_THE_TOP: dict[int, Any] = {
-    Opcode.HEADER: Header.read,
-    Opcode.SCHEMA: Schema.read,
-    Opcode.CHANNEL: Channel.read,
-    Opcode.MESSAGE: Message.read,
-}
 Found = tuple[Schema, Channel, Message] | Attachment
 
 
@@ -120,7 +113,7 @@ class Salvage:
             for piece in pieces(stream):  # the summary knows channels that a damaged chunk began
                 if piece.whole and piece.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                     with suppress(*DAMAGE):
-                        list(self._known(AT_THE_TOP[piece.opcode](fields(content(stream, piece)))))
+                        list(self._known(INSIDE[piece.opcode](content(stream, piece))))
             for piece in pieces(stream):
                 if piece.opcode == Opcode.CHUNK:
                     yield from self._of_chunk(stream, piece)
@@ -136,10 +129,10 @@ class Salvage:
         try:
             if piece.opcode == Opcode.ATTACHMENT:
                 yield attachment_of(content(stream, piece))
-            elif piece.opcode in AT_THE_TOP:
-                read, part = AT_THE_TOP[piece.opcode], fields(content(stream, piece))
-                message = piece.opcode == Opcode.MESSAGE
-                yield from self._known(read(part, piece.length) if message else read(part))
+            elif piece.opcode == Opcode.HEADER:
+                self.ours = Header.read(fields(content(stream, piece))).library == LIBRARY
+            elif piece.opcode in INSIDE:
+                yield from self._known(INSIDE[piece.opcode](content(stream, piece)))
         except DAMAGE as error:
             self._note(error)
 
@@ -173,9 +166,7 @@ class Salvage:
 
     def _known(self, record: Any) -> Iterator[tuple[Schema, Channel, Message]]:
         """A message with what it is; of anything else, what it says is kept."""
-        if isinstance(record, Header):
-            self.ours = record.library == LIBRARY
-        elif isinstance(record, Schema):
+        if isinstance(record, Schema):
             self._schemas[record.id] = record
         elif isinstance(record, Channel):
             if record.id not in self._channels and len(self._channels) >= MOST_CHANNELS:

@@ -12,7 +12,7 @@ import pytest
 from mcap.reader import make_reader
 
 from cam_rig.bag import files, topics
-from cam_rig.bag.reader import recorded_file
+from cam_rig.bag.reader import mcap_file
 
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 BY_NAME = {topic.name: topic for topic in topics.RECORDING}
@@ -22,7 +22,7 @@ BY_NAME = {topic.name: topic for topic in topics.RECORDING}
 def golden():
     """(topic, number of the message in its topic, bytes) in the order of the bag."""
     found, numbers = [], dict.fromkeys(BY_NAME, 0)
-    with recorded_file(GOLDEN).open("rb") as stream:
+    with mcap_file(GOLDEN).open("rb") as stream:
         for _, channel, message in make_reader(stream).iter_messages(log_time_order=False):
             numbers[channel.topic] += 1
             found.append((BY_NAME[channel.topic], numbers[channel.topic], message.data))

@@ -12,7 +12,7 @@ from cam_rig.bag.compare import compare
 from cam_rig.bag.complete import require_complete
 from cam_rig.bag.pieces import pieces
 from cam_rig.bag.play import played
-from cam_rig.bag.reader import read_counts, read_recording, read_stage, recorded_file
+from cam_rig.bag.reader import mcap_file, read_counts, read_recording, read_stage
 from cam_rig.bag.recorder import BagRecorder
 from cam_rig.bag.recover import examine, recover, state_words
 from cam_rig.cli.main import app
@@ -27,7 +27,7 @@ LENGTHS = (0, 1, 8, 22, 255, 2**16, 2**20, 2**31, 2**32 - 1, 2**40, 2**63, 2**64
 
 def compressed(path, kind):
     """The golden bag as another writer compresses it."""
-    with recorded_file(BAG).open("rb") as source, path.open("wb") as target:
+    with mcap_file(BAG).open("rb") as source, path.open("wb") as target:
         reader, writer = make_reader(source), Writer(target, compression=kind, chunk_size=20_000)
         writer.start("ros2", "other")
         for one in reader.iter_attachments():
@@ -49,7 +49,7 @@ def compressed(path, kind):
 def originals(tmp_path_factory):
     """Bytes, and where a record's length stands, of one bag three ways."""
     folder, found = tmp_path_factory.mktemp("originals"), []
-    files = [recorded_file(BAG)]
+    files = [mcap_file(BAG)]
     files += [
         compressed(folder / f"{k.name}.mcap", k)
         for k in (CompressionType.ZSTD, CompressionType.LZ4)
@@ -163,7 +163,7 @@ def test_what_is_saved_was_recorded(tmp_path, originals, seed):
     except CamRigError as error:
         assert "nothing to recover" in str(error) or "does not begin" in str(error)
         return
-    found = contents(recorded_file(tmp_path / "mended"))
+    found = contents(mcap_file(tmp_path / "mended"))
     wrong = 0
     for topic, part in found.items():
         true = [one for one in part if one in whole[topic]]

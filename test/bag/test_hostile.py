@@ -16,12 +16,12 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from cam_rig.bag import topics
 from cam_rig.bag.reader import (
     MOST_ATTACHED,
+    mcap_file,
     messages,
     raw_messages,
     read_counts,
     read_recording,
     read_stage,
-    recorded_file,
 )
 from cam_rig.bag.recover import recover
 from cam_rig.bag.writer import BagWriter, require_new_bag
@@ -157,7 +157,7 @@ def test_what_cannot_be_unpacked_is_refused(tmp_path, compression, data):
 @pytest.mark.parametrize("opcode", [1, 3, 4, 5, 6, 7, 8, 9, 11, 12, 200])
 def test_a_record_longer_than_its_file_is_not_read(tmp_path, frugal, opcode, length):
     """What a record claims is compared with what is there."""
-    file = recorded_file(GOLDEN)
+    file = mcap_file(GOLDEN)
     data = file.read_bytes()
     made = tmp_path / "a.mcap"
     made.write_bytes(data[:FIRST] + struct.pack("<BQ", opcode, length) + data[FIRST:])
@@ -169,7 +169,7 @@ def test_a_record_longer_than_its_file_is_not_read(tmp_path, frugal, opcode, len
 @pytest.mark.parametrize("field", [0, 8, 16, 20, 30, 40])
 def test_lengths_inside_an_attachment_are_bounded(tmp_path, frugal, field):
     """Of its name, its kind, its data."""
-    data = bytearray(recorded_file(GOLDEN).read_bytes())
+    data = bytearray(mcap_file(GOLDEN).read_bytes())
     at = data.index(b"scenes/") - 4 + field
     data[at : at + 4] = b"\xff\xff\xff\x7f"
     made = tmp_path / "a.mcap"
@@ -226,7 +226,7 @@ def test_attachments_are_few_and_small(tmp_path, frugal):
 
 def test_an_attachment_that_was_changed_is_not_read(tmp_path):
     """A flipped bit in the rig's numbers would make every level wrong, in silence."""
-    data = bytearray(recorded_file(GOLDEN).read_bytes())
+    data = bytearray(mcap_file(GOLDEN).read_bytes())
     data[data.index(b"mass")] ^= 1
     (tmp_path / "a.mcap").write_bytes(data)
     with pytest.raises(BagError, match="has a wrong checksum"):
@@ -310,6 +310,14 @@ def test_a_name_too_long_for_the_bags_file_is_refused_at_once(tmp_path, letters)
     deep = str(tmp_path) + "/abcdefghi" * 500
     with pytest.raises(BagError, match="path is 1 bytes too long"):
         require_new_bag(Path(deep[: 4096 - len("/ten/ten_0.mcap.part")] + "/ten"))
+
+
+@pytest.mark.parametrize("letters", [244, 250, 300])
+def test_names_that_no_disk_can_have_are_one_line_everywhere(tmp_path, letters):
+    """As the target of a mending, and as a bag to be read."""
+    with pytest.raises(BagError, match="too long"):
+        recover(GOLDEN, tmp_path / ("a" * letters))
+    assert all(read_all(tmp_path / ("a" * letters)))
 
 
 @pytest.mark.parametrize("name", ["a\nb", "a\x1bb", "a\udcffb"])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cam_rig.bag.files import is_torn, no_bag, recorded_file
+from cam_rig.bag.files import is_torn, mcap_file, no_bag
 from cam_rig.bag.reader import messages, raw_messages, read_counts, read_recording
 from cam_rig.bag.recorder import BagRecorder
 from cam_rig.bag.recover import examine, recover, recover_in_place, state_words
@@ -32,7 +32,7 @@ def payloads(bag):
 def torn_at(bag, size):
     """A bag of which so many bytes were written."""
     bag.mkdir()
-    (bag / f"{bag.name}_0.mcap").write_bytes(recorded_file(GOLDEN).read_bytes()[:size])
+    (bag / f"{bag.name}_0.mcap").write_bytes(mcap_file(GOLDEN).read_bytes()[:size])
     shutil.copy(GOLDEN / "metadata.yaml", bag)
     return bag
 
@@ -90,7 +90,7 @@ def stage():
 def test_a_successor_may_be_killed_at_any_step(tmp_path, killed_at, stage, golden, stride, part):
     """While it takes over: what the first recorder had written, the next successor still has."""
     record(tmp_path / "straight", stage, golden).close()
-    whole = recorded_file(tmp_path / "straight").read_bytes()
+    whole = mcap_file(tmp_path / "straight").read_bytes()
     expected = payloads(tmp_path / "straight")
     for at in count(0, stride):
         bag = tmp_path / f"bag{at}"
@@ -133,7 +133,7 @@ def test_a_recorder_may_be_killed_while_it_closes(tmp_path, killed_at, stage, go
 @pytest.mark.parametrize("listed", [True, False])
 def test_what_older_versions_left_of_a_mending_is_understood(tmp_path, partial, listed):
     """They set the torn file aside as ``.torn``: all is in it, whatever the new file has."""
-    bag, whole = tmp_path / "B", recorded_file(GOLDEN).read_bytes()
+    bag, whole = tmp_path / "B", mcap_file(GOLDEN).read_bytes()
     bag.mkdir()
     (bag / "B_0.torn").write_bytes(whole[:200_000])
     if partial is not None:
@@ -156,7 +156,7 @@ def test_what_older_versions_left_of_a_mending_is_understood(tmp_path, partial, 
 def test_a_file_beside_its_torn_one_is_not_taken_for_all(tmp_path):
     """Named by its file, a bag whose mending was cut off is read as when named by its folder."""
     torn_at(tmp_path / "B", 20_000)
-    (tmp_path / "B" / "B_0.torn").write_bytes(recorded_file(GOLDEN).read_bytes())
+    (tmp_path / "B" / "B_0.torn").write_bytes(mcap_file(GOLDEN).read_bytes())
     for name in ("B_0.mcap", "B_0.torn"):
         saved = recover(tmp_path / "B" / name, tmp_path / name.replace(".", "_"))
         assert sum(saved.counts.values()) == 150

@@ -16,7 +16,7 @@ from cam_rig.bag.complete import belonging, expected_counts
 from cam_rig.bag.files import is_torn
 from cam_rig.bag.loss import Holdings, loss_of
 from cam_rig.bag.pieces import pieces
-from cam_rig.bag.reader import read_counts, read_stage, recorded_file
+from cam_rig.bag.reader import mcap_file, read_counts, read_stage
 from cam_rig.bag.recorder import BagRecorder
 from cam_rig.bag.recover import examine, recover, recover_in_place, state_words
 from cam_rig.bag.salvage import Salvage
@@ -33,7 +33,7 @@ SCENE = read_stage(GOLDEN).scene
 def held(keep=lambda topic, message: True):
     """What the golden bag holds, of the messages that are kept."""
     found = Holdings()
-    for record in Salvage(recorded_file(GOLDEN)).records():
+    for record in Salvage(mcap_file(GOLDEN)).records():
         if not isinstance(record, Attachment) and keep(record[1].topic, record[2]):
             _, channel, message = record
             found.add(channel.topic, message.log_time, message.sequence, message.data)
@@ -94,7 +94,10 @@ def test_without_its_scene_the_numbers_of_the_messages_tell():
     loss = loss_of(kept, None, False, True)
     assert "messages 6 to 9 of /cam/state" in loss.gaps
     assert "messages 5 to 8 of /follower/samples" in loss.gaps
-    assert loss.open_end
+    assert loss.open_end and not any("tick" in gap for gap in loss.gaps)
+    all_gone = [topic for move in moves()[5:9] for topic in belonging(*move)]
+    last_of_theirs = [topic for topic in all_gone if topic.per == "cam"]  # no number follows them
+    assert loss.messages == len(all_gone) - len(last_of_theirs)
     of_others = loss_of(kept, None, True, ours=False)
     assert of_others.gaps == () and not of_others.open_end
 
@@ -110,7 +113,7 @@ def test_a_run_that_was_interrupted_has_lost_nothing(tmp_path):
     stage = open_stage(config_root() / "scenes" / "quick.yaml")
     bag = tmp_path / "bag"
     recorder = BagRecorder(bag, stage)
-    for record in Salvage(recorded_file(GOLDEN)).records():
+    for record in Salvage(mcap_file(GOLDEN)).records():
         if not isinstance(record, Attachment) and record[2].log_time <= TIMES[6] + 10:
             _, channel, message = record
             topic = next(t for t in RECORDING if t.name == channel.topic)
@@ -135,7 +138,7 @@ def test_the_words_agree_with_the_bag(tmp_path, part):
     """Whatever was cut off: the ticks that are named are those that are not in the mended bag."""
     bag = tmp_path / "bag"
     bag.mkdir()
-    data = recorded_file(GOLDEN).read_bytes()
+    data = mcap_file(GOLDEN).read_bytes()
     (bag / "bag_0.mcap").write_bytes(data[: len(data) * part // 100])
     words = recover(bag, tmp_path / "mended").words
     assert "flushed" not in words
@@ -192,7 +195,7 @@ def test_on_a_full_disk_a_torn_bag_stays_as_it_is(tmp_path, monkeypatch, room):
     """It cannot be mended beside itself; what it holds and lacks is said, and how to get it."""
     bag = tmp_path / "my bag"
     bag.mkdir()
-    data = recorded_file(GOLDEN).read_bytes()[:200_000]
+    data = mcap_file(GOLDEN).read_bytes()[:200_000]
     file = bag / "my bag_0.mcap"
     file.write_bytes(data)
     with monkeypatch.context() as patch:
@@ -229,11 +232,11 @@ def test_a_recorder_on_a_full_disk_keeps_what_was_written(tmp_path, monkeypatch,
             for topic, number, cdr in golden:
                 recorder.take(topic, cdr, b"live", number)
                 recorder._writer.flush()
-        size = recorded_file(bag).stat().st_size
+        size = mcap_file(bag).stat().st_size
         with pytest.raises(BagError, match="No space left on device"):
             recorder._writer.flush()
         recorder.close()
-    assert recorded_file(bag).stat().st_size == size
+    assert mcap_file(bag).stat().st_size == size
     assert is_torn(bag)
     saved = recover_in_place(bag)
     assert sum(saved.counts.values()) >= 5 and "missing: " in saved.words
@@ -241,7 +244,7 @@ def test_a_recorder_on_a_full_disk_keeps_what_was_written(tmp_path, monkeypatch,
 
 def test_a_damaged_length_costs_no_more_than_its_chunk(tmp_path):
     """Behind a record whose length is wrong, the next chunk is found by what it looks like."""
-    file = recorded_file(GOLDEN)
+    file = mcap_file(GOLDEN)
     with file.open("rb") as stream:
         chunks = [piece for piece in pieces(stream) if piece.opcode == 6]
     data = bytearray(file.read_bytes())

@@ -7,7 +7,7 @@ import pytest
 
 from cam_rig.bag.files import is_torn
 from cam_rig.bag.publishers import Publishers
-from cam_rig.bag.reader import messages, read_counts, read_recording, recorded_file
+from cam_rig.bag.reader import mcap_file, messages, read_counts, read_recording
 from cam_rig.bag.recorder import BagRecorder, open_bag
 from cam_rig.bag.recover import recover, recover_in_place
 from cam_rig.bag.topics import CAM_STATE, LEVEL
@@ -24,7 +24,7 @@ def cut(bag, folder, part):
     """A copy of a bag of which only a part was written."""
     torn = folder / "torn"
     torn.mkdir()
-    data = recorded_file(bag).read_bytes()
+    data = mcap_file(bag).read_bytes()
     (torn / "torn_0.mcap").write_bytes(data[: int(len(data) * part)])
     return torn
 
@@ -68,7 +68,7 @@ def test_the_golden_bag_comes_back_whole(tmp_path):
 def test_a_damaged_chunk_is_read_as_far_as_it_goes(tmp_path):
     """A flipped byte costs one message at most, and all of its chunk are told of as doubtful."""
     write(tmp_path / "bag", 10)
-    file = recorded_file(tmp_path / "bag")
+    file = mcap_file(tmp_path / "bag")
     data = bytearray(file.read_bytes())
     data[len(data) // 4] ^= 0xFF
     file.write_bytes(data)
@@ -127,7 +127,7 @@ def test_a_recorder_takes_over_from_a_killed_one(tmp_path, stage, golden, straig
     bag = tmp_path / "bag"
     killed = record(bag, stage, golden[: len(golden) // 2])
     killed._flush()
-    file = recorded_file(bag)
+    file = mcap_file(bag)
     data = file.read_bytes()
     shutil.rmtree(bag)
     bag.mkdir()
@@ -149,7 +149,7 @@ def make_empty_file(bag):
 
 def begin_to_mend(bag):
     bag.mkdir()
-    shutil.copy(recorded_file(GOLDEN), bag / "bag_0.torn")
+    shutil.copy(mcap_file(GOLDEN), bag / "bag_0.torn")
 
 
 @pytest.mark.parametrize("killed", [lambda bag: None, make_folder, make_empty_file, begin_to_mend])
@@ -195,7 +195,5 @@ def test_a_torn_bag_is_mended_where_it_is(tmp_path, stage, golden):
     saved = recover_in_place(bag)
     assert not is_torn(bag) and not saved.whole
     assert len(read_recording(bag).ticks) == 16
-    versions = [
-        line for line in recorded_file(bag).read_bytes().split(b"\n") if b'"cam_rig"' in line
-    ]
+    versions = [line for line in mcap_file(bag).read_bytes().split(b"\n") if b'"cam_rig"' in line]
     assert versions, "the versions it was made with are attached"

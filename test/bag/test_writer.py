@@ -10,7 +10,7 @@ from ruamel.yaml import YAML
 
 from cam_rig.bag import topics
 from cam_rig.bag.files import is_closed, is_torn
-from cam_rig.bag.reader import messages, read_counts, read_stage, recorded_file
+from cam_rig.bag.reader import mcap_file, messages, read_counts, read_stage
 from cam_rig.bag.recorder import BagRecorder
 from cam_rig.bag.salvage import Salvage
 from cam_rig.bag.writer import BagWriter
@@ -77,14 +77,14 @@ def test_an_attachment_cannot_leave_its_folder(tmp_path):
 def test_missing_and_truncated_bags_are_named(tmp_path):
     """No bag, an empty folder, half a file: one line each, no traceback."""
     with pytest.raises(BagError, match="no such bag"):
-        recorded_file(tmp_path / "none")
+        mcap_file(tmp_path / "none")
     (tmp_path / "empty").mkdir()
     with pytest.raises(BagError, match=r"has no \.mcap file in it"):
-        recorded_file(tmp_path / "empty")
+        mcap_file(tmp_path / "empty")
     with BagWriter(tmp_path / "bag") as bag:
         for i in range(50):
             bag.write(topics.LEVEL, i, level(70.0))
-    whole = recorded_file(tmp_path / "bag")
+    whole = mcap_file(tmp_path / "bag")
     whole.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
     with pytest.raises(BagError, match="bag"):
         read_counts(tmp_path / "bag")
@@ -119,7 +119,7 @@ def test_what_counts_as_closed_is_written_last(tmp_path, monkeypatch):
 
     def noted(number):
         name = Path(os.readlink(f"/proc/self/fd/{number}")).name
-        steps.append((name, is_closed(recorded_file(tmp_path / "bag"))))
+        steps.append((name, is_closed(mcap_file(tmp_path / "bag"))))
         real(number)
 
     monkeypatch.setattr(os, "fsync", noted)
@@ -155,9 +155,9 @@ def test_a_message_alone_is_flushed(tmp_path, monkeypatch):
     stage = open_stage(config_root() / "scenes" / "quick.yaml")
     recorder = BagRecorder(tmp_path / "bag", stage)
     recorder._writer.write(topics.DIAGNOSTICS, 1, b"\0\1\0\0" + bytes(20))
-    assert b"/diagnostics" not in recorded_file(tmp_path / "bag").read_bytes()
+    assert b"/diagnostics" not in mcap_file(tmp_path / "bag").read_bytes()
     now[0] += 0.6
     recorder.idle()
-    saved = Salvage(recorded_file(tmp_path / "bag"))
+    saved = Salvage(mcap_file(tmp_path / "bag"))
     assert [r[1].topic for r in saved.records() if isinstance(r, tuple)] == ["/diagnostics"]
     recorder.close()

@@ -11,7 +11,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from typer.testing import CliRunner
 
-from cam_rig.bag.reader import read_counts, recorded_file
+from cam_rig.bag.reader import mcap_file, read_counts
 from cam_rig.bag.salvage import OURS, Salvage
 from cam_rig.bag.writer import BagWriter
 from cam_rig.cli.main import app
@@ -65,7 +65,7 @@ def test_recover_of_a_cut_bag(tmp_path):
     """A cut copy of a bag: mended beside it, the damaged one is as it was."""
     torn = tmp_path / "torn"
     shutil.copytree(GOLDEN, torn)
-    file = recorded_file(torn)
+    file = mcap_file(torn)
     file.write_bytes(file.read_bytes()[:-5_000])
     before = file.read_bytes()
     refused = call("analyze", torn)
@@ -84,7 +84,7 @@ def test_analyze_says_what_a_recovered_bag_lacks(tmp_path):
     """A mended bag looks like any other: what is missing is attached to it, and told of."""
     torn = tmp_path / "torn"
     torn.mkdir()
-    data = recorded_file(GOLDEN).read_bytes()
+    data = mcap_file(GOLDEN).read_bytes()
     (torn / "torn_0.mcap").write_bytes(data[: len(data) * 8 // 10])
     words = call("recover", torn).stderr.replace("\n", " ")
     assert "ticks 13 to 16 of 16" in words
@@ -162,7 +162,7 @@ def test_replay_finds_a_changed_number(tmp_path, monkeypatch):
     wrong = bytes(types.serialize_cdr(level, one.msgtype))
     bag = tmp_path / "bag"
     with BagWriter(bag) as writer:
-        for record in Salvage(recorded_file(GOLDEN)).records():
+        for record in Salvage(mcap_file(GOLDEN)).records():
             if isinstance(record, Attachment):
                 writer.attach(record.name, record.data)
                 continue

@@ -15,7 +15,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
-from cam_rig.bag.reader import recorded_file
+from cam_rig.bag.reader import mcap_file
 from cam_rig.cli.graph import Graph, live
 
 #: Wall time (s) after which something that has not come true never will, however busy the machine.
@@ -40,7 +40,7 @@ TICKS = 160
 def payloads(bag):
     """Every message's bytes by topic, in the order of rig time."""
     found = {}
-    with recorded_file(bag).open("rb") as stream:
+    with mcap_file(bag).open("rb") as stream:
         for _, channel, message in make_reader(stream).iter_messages():
             found.setdefault(channel.topic, []).append(message.data)
     return found

@@ -11,7 +11,7 @@ import pytest
 from mcap.reader import make_reader
 
 from cam_rig.bag import topics
-from cam_rig.bag.reader import messages, recorded_file
+from cam_rig.bag.reader import mcap_file, messages
 from cam_rig.schema.load import config_root
 from cam_rig.view.viewer import COMMAND, SILENT
 
@@ -32,7 +32,7 @@ GOLDEN = config_root().parent / "bags" / "golden"
 @pytest.fixture(scope="module")
 def imported(tmp_path_factory: pytest.TempPathFactory) -> Picture:
     path = tmp_path_factory.mktemp("imported") / "golden.rrd"
-    command = [sys.executable, "-c", COMMAND, "mcap", "convert", str(recorded_file(GOLDEN))]
+    command = [sys.executable, "-c", COMMAND, "mcap", "convert", str(mcap_file(GOLDEN))]
     subprocess.run([*command, "-o", str(path)], check=True, env=os.environ | SILENT, timeout=60)
     return Picture(path)
 
@@ -65,7 +65,7 @@ def test_the_pressure_plots_by_itself(imported: Picture) -> None:
 
 def test_every_message_explains_itself() -> None:
     """Schemas are in the file, in the encoding that Foxglove and PlotJuggler read."""
-    with recorded_file(GOLDEN).open("rb") as stream:
+    with mcap_file(GOLDEN).open("rb") as stream:
         reader = make_reader(stream)
         assert reader.get_header().profile == "ros2"
         summary = reader.get_summary()
