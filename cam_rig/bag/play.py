@@ -8,13 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
-
 from cam_rig.bag import topics
 from cam_rig.bag.codec import cam_state_of
 from cam_rig.bag.raw import RawMessages
-from cam_rig.bag.reader import UNREADABLE, damaged
+from cam_rig.bag.reader import raw_messages
 from cam_rig.bag.topics import Topic
 from cam_rig.experiment.program import CamState
 
@@ -50,28 +47,23 @@ def played(bag: Path) -> Iterator[Played]:
     by_name, raw = {t.name: t for t in (*PLAYED, topics.DIAGNOSTICS)}, RawMessages()
     waiting: list[tuple[Topic, bytes]] = []
     last: Played | None = None
-    try:
-        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_KILTED)) as reader:
-            connections = [c for c in reader.connections if c.topic in by_name]
-            for connection, _, data in reader.messages(connections):
-                topic = by_name[connection.topic]
-                message = raw.read(topic, bytes(data))[0] if topic in READ else None
-                if topic is topics.DIAGNOSTICS:
-                    last = last and replace(last, quantity=read_of(message) or last.quantity)
-                    continue
-                if topic is topics.LAW and last is not None:  # written after its state
-                    last = replace(last, messages=(*last.messages, (topic, bytes(data))))
-                    continue
-                waiting.append((topic, bytes(data)))
-                if topic is topics.CAM_STATE:
-                    if last is not None:
-                        yield last
-                    last = Played(cam_state_of(message), tuple(waiting))
-                    waiting.clear()
+    for connection, _, data in raw_messages(bag, set(by_name)):
+        topic = by_name[connection.topic]
+        message = raw.read(topic, bytes(data))[0] if topic in READ else None
+        if topic is topics.DIAGNOSTICS:
+            last = last and replace(last, quantity=read_of(message) or last.quantity)
+            continue
+        if topic is topics.LAW and last is not None:  # written after its state
+            last = replace(last, messages=(*last.messages, (topic, bytes(data))))
+            continue
+        waiting.append((topic, bytes(data)))
+        if topic is topics.CAM_STATE:
             if last is not None:
                 yield last
-    except UNREADABLE as error:
-        raise damaged(bag, error) from None
+            last = Played(cam_state_of(message), tuple(waiting))
+            waiting.clear()
+    if last is not None:
+        yield last
 
 
 def read_of(diagnosis: Any) -> str:

@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any
 
-from mcap.reader import make_reader
-from mcap.writer import MCAP0_MAGIC
-from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.rosbag2 import ReaderError
+from mcap.opcode import Opcode
+from mcap.records import Attachment
+from rosbags.interfaces import Connection
+from rosbags.rosbag2 import Reader, ReaderError
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
 from cam_rig.bag import topics
+from cam_rig.bag.bounds import require_bounded, require_plain
 from cam_rig.bag.codec import cam_state_of, stamp_ns
-from cam_rig.bag.salvage import DAMAGE, reason
+from cam_rig.bag.files import TORN, WANTED, is_closed, mcap_file, no_bag
+from cam_rig.bag.pieces import MIB, content, pieces
+from cam_rig.bag.salvage import DAMAGE, attachment_of, reason
 from cam_rig.bag.temporary import no_room, temporary_folder
 from cam_rig.bag.topics import Topic
 from cam_rig.errors import BagError, CamRigError, RefusedError
@@ -28,7 +31,6 @@ from cam_rig.experiment.stage import Stage, open_stage
 
 #: What rosbags raises on a bag that is none.
 UNREADABLE = (
-    AnyReaderError,
     ReaderError,
     SerdeError,
     AssertionError,
@@ -36,8 +38,12 @@ UNREADABLE = (
     AttributeError,
     *DAMAGE,
 )
-#: What may be named instead of what is no bag.
-WANTED = "name a folder with metadata.yaml and an .mcap file, or an .mcap file"
+#: Attached to a bag that was recovered and lacks something: what.
+RECOVERED = "recovered.txt"
+#: Files attached to a bag, and their bytes; a scene with a hundred cams and their tables has less.
+MOST_ATTACHED, MOST_ATTACHED_BYTES = 1000, 64 * MIB
+#: Bytes of a path of an attached file, and of one name in it.
+MOST_PATH, MOST_NAME = 1000, 255
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,14 +63,65 @@ def messages(bag: Path, wanted: tuple[Topic, ...]) -> Iterator[tuple[Topic, int,
     BagError : no such bag, or one that was not closed
     """
     by_name = {topic.name: topic for topic in wanted}
+    types = get_typestore(Stores.ROS2_KILTED)
+    for connection, log_time, data in raw_messages(bag, set(by_name)):
+        topic = by_name[connection.topic]
+        if connection.msgtype != topic.type:
+            raise BagError(f"{bag}: {topic.name} is {connection.msgtype}; wanted: {topic.type}")
+        try:
+            message = types.deserialize_cdr(data, topic.type)
+        except UNREADABLE as error:
+            raise damaged(bag, error) from None
+        yield topic, log_time, message
+
+
+def raw_messages(bag: Path, names: set[str]) -> Iterator[tuple[Connection, int, bytes]]:
+    """The serialized messages of some topics with their rig time in ns, in the order of the bag.
+
+    Raises
+    ------
+    BagError : no such bag, one that was not closed, or one that claims too much
+    """
+    with open_readers(bag) as readers:
+        for reader in readers:
+            wanted = [c for c in reader.connections if c.topic in names]
+            yield from reader.messages(wanted) if wanted else ()
+
+
+@contextmanager
+def open_readers(bag: Path) -> Iterator[list[Reader]]:
+    """A reader of each file of a bag, none of which asks for more memory than its size warrants.
+
+    What metadata.yaml says is in the files too, so that it is not asked.
+
+    Raises
+    ------
+    BagError : no such bag, one that was not closed, or one that claims too much
+    """
     try:
-        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_KILTED)) as reader:
-            connections = [c for c in reader.connections if c.topic in by_name]
-            for connection, log_time, data in reader.messages(connections):
-                topic = by_name[connection.topic]
-                yield topic, log_time, reader.deserialize(data, connection.msgtype)
+        with ExitStack() as stack:
+            yield [stack.enter_context(Reader(file)) for file in _sources(bag)]
     except UNREADABLE as error:
         raise damaged(bag, error) from None
+
+
+def _sources(bag: Path) -> list[Path]:
+    """The files of a bag that can be read, in their order."""
+    found = [bag]
+    if bag.is_dir():
+        require_plain(bag)
+        files = [*bag.glob("*.mcap"), *bag.glob("*.db3"), *bag.glob(f"*{TORN}")]
+        found = sorted(files, key=lambda file: (len(file.name), file.name))
+    for file in found:
+        if (torn := file.with_suffix(TORN)).exists():
+            raise ValueError(f"{torn.name} is left by a mending that was cut off, and holds all")
+        if file.suffix == ".mcap":
+            if not is_closed(file):
+                raise ValueError(f"{file.name} was not closed")
+            require_bounded(file)
+    if not found:
+        raise ValueError("has neither an .mcap nor a .db3 file")
+    return found
 
 
 def read_recording(bag: Path, scene: Path | None = None) -> Recording:
@@ -97,18 +154,6 @@ def read_recording(bag: Path, scene: Path | None = None) -> Recording:
     return Recording(stage, ticks, read_counts(bag))
 
 
-def mcap_file(bag: Path) -> Path:
-    """The one MCAP file of a bag."""
-    if bag.suffix == ".mcap" and bag.is_file():
-        return bag
-    if what := no_bag(bag):
-        raise BagError(f"{bag}: {what}; {WANTED}")
-    files = sorted(bag.glob("*.mcap"))
-    if len(files) != 1:
-        raise BagError(f"{bag}: holds {len(files)} .mcap files; allowed: one")
-    return files[0]
-
-
 def read_counts(bag: Path) -> dict[str, int]:
     """Messages a topic, from the bag's own statistics; of every file of a bag that was split.
 
@@ -116,13 +161,10 @@ def read_counts(bag: Path) -> dict[str, int]:
     ------
     BagError : no such bag, or one that was not closed
     """
-    try:
-        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_KILTED)) as reader:
-            counts: dict[str, int] = {}
-            for connection in reader.connections:
-                counts[connection.topic] = counts.get(connection.topic, 0) + connection.msgcount
-    except UNREADABLE as error:
-        raise damaged(bag, error) from None
+    counts: dict[str, int] = {}
+    with open_readers(bag) as readers:
+        for connection in chain.from_iterable(reader.connections for reader in readers):
+            counts[connection.topic] = counts.get(connection.topic, 0) + connection.msgcount
     return dict(sorted(counts.items()))
 
 
@@ -155,13 +197,10 @@ def unpack(bag: Path, folder: Path) -> Path:
     """
     scene = None
     try:
-        with mcap_file(bag).open("rb") as stream:
-            for attachment in make_reader(stream).iter_attachments():
-                path = folder / "config" / Path(attachment.name)
-                if not path.resolve().is_relative_to(folder.resolve()):
-                    raise BagError(f"{bag}: attachment {attachment.name!r} points elsewhere")
-                _write(path, attachment.data)
-                scene = path if path.parent.name == "scenes" else scene
+        for attachment in attachments(mcap_file(bag)):
+            path = folder / "config" / _safe(bag, attachment.name)
+            _write(bag, path, attachment.data)
+            scene = path if path.parent.name == "scenes" else scene
     except UNREADABLE as error:
         raise damaged(bag, error) from None
     if scene is None:
@@ -172,10 +211,74 @@ def unpack(bag: Path, folder: Path) -> Path:
     return scene
 
 
-def _write(path: Path, data: bytes) -> None:
+def recovered_words(bag: Path) -> list[str]:
+    """What was said of a bag each time it was recovered: what it lacks, what may be wrong in it.
+
+    Raises
+    ------
+    BagError : no such bag, or it is damaged
+    """
+    found = bag.glob("*.mcap") if bag.is_dir() else [bag] if bag.suffix == ".mcap" else []
+    try:
+        return [
+            " ".join(one.data.decode(errors="replace").split())
+            for file in sorted(found)
+            for one in attachments(file)
+            if one.name == RECOVERED
+        ]
+    except UNREADABLE as error:
+        raise damaged(bag, error) from None
+
+
+def attachments(file: Path) -> Iterator[Attachment]:
+    """What is attached to an MCAP file, of one that was not closed too.
+
+    Raises
+    ------
+    BagError : too much is attached
+    ValueError, McapError, struct.error : one is not what was written
+    """
+    number = size = 0
+    with file.open("rb") as stream:
+        for piece in pieces(stream):
+            if piece.opcode != Opcode.ATTACHMENT or not piece.whole:
+                continue
+            number, size = number + 1, size + piece.length
+            if number > MOST_ATTACHED or size > MOST_ATTACHED_BYTES:
+                raise BagError(
+                    f"{file}: {number} attachments of {size} bytes; allowed: {MOST_ATTACHED} of "
+                    f"{MOST_ATTACHED_BYTES}"
+                )
+            yield attachment_of(content(stream, piece))
+
+
+def _safe(bag: Path, name: str) -> Path:
+    """The path of an attached file in its folder.
+
+    Raises
+    ------
+    BagError : it points out of the folder, or no file can have this name
+    """
+    parts = name.split("/")
+    if name.startswith("/") or ".." in parts or "\0" in name:
+        raise BagError(f"{bag}: attachment {name[:80]!r} points elsewhere")
+    longest = max(len(part.encode()) for part in parts)
+    if longest > MOST_NAME or len(name.encode()) > MOST_PATH or not Path(name).name:
+        raise BagError(
+            f"{bag}: attachment {name[:80]!r} has a name of {longest} bytes; allowed: 1 to "
+            f"{MOST_NAME}, and {MOST_PATH} with its folders"
+        )
+    return Path(name)
+
+
+def _write(bag: Path, path: Path, data: bytes) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
+    except (FileExistsError, IsADirectoryError, NotADirectoryError):
+        raise BagError(
+            f"{bag}: attachment {path.name[:80]!r} is a file here and a folder there"
+        ) from None
     except OSError as error:
         raise no_room(path.parent, error) from None
 
@@ -188,23 +291,3 @@ def damaged(bag: Path, error: Exception) -> BagError:
         f"{bag}: cannot be read as a rosbag2 bag ({reason(error)}); if it was not closed, mend it "
         f"with: cam-rig recover {bag}"
     )
-
-
-def no_bag(path: Path) -> str | None:
-    """Why a path is no bag and never was one, in words; None where it is or was."""
-    if not path.exists():
-        return "no such bag"
-    if path.is_dir():
-        files = sorted(path.glob("*.mcap"))
-        if not files and not (path / "metadata.yaml").exists():  # else of another kind, as SQLite
-            return "has no .mcap file in it, so it is no bag"
-    elif path.suffix == ".mcap":
-        files = [path]
-    else:
-        return "is no bag"
-    with suppress(OSError):
-        for file in files:
-            with file.open("rb") as stream:
-                if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
-                    return f"{file.name} does not begin as an MCAP file does, so it is no bag"
-    return None

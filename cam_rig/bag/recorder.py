@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
+from collections import Counter
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -13,14 +14,14 @@ import numpy as np
 from mcap.records import Attachment
 
 from cam_rig.bag.codec import array_of, decode_law
+from cam_rig.bag.files import TORN, bag_file, remove
 from cam_rig.bag.publishers import Publishers
-from cam_rig.bag.raw import cam_of
-from cam_rig.bag.recover import OURS, is_torn, set_aside
-from cam_rig.bag.salvage import Salvage
+from cam_rig.bag.raw import cam_of, stamp_of
+from cam_rig.bag.salvage import OURS, Salvage
 from cam_rig.bag.session import RecordingSession
-from cam_rig.bag.topics import LAW_COEFFICIENTS, PROFILE, Topic
-from cam_rig.bag.writer import FLUSH_EVERY, BagWriter, bag_file, require_new_bag
-from cam_rig.errors import CamRigError
+from cam_rig.bag.topics import DIAGNOSTICS, LAW_COEFFICIENTS, PROFILE, Topic
+from cam_rig.bag.writer import BagWriter, require_new_bag
+from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.experiment.cam_check import require_own_contour, require_own_law
 from cam_rig.experiment.gate import StateGate
 from cam_rig.experiment.handover import STATES_UNFLUSHED, Handover
@@ -31,6 +32,9 @@ PACKAGES = ("cam_rig", "numpy", "scipy", "pydantic", "mcap", "rosbags", "ros-kil
 
 class BagRecorder:
     """Records messages into a bag that holds everything to analyse it alone.
+
+    A successor writes a new file, which takes the old one's place when it holds all that the old
+    one held. Until then nothing is written that the old one lacks; so it may be killed as well.
 
     Parameters
     ----------
@@ -47,9 +51,8 @@ class BagRecorder:
     def __init__(
         self, bag: Path, stage: Stage, publishers: Publishers | None = None, resume: bool = False
     ) -> None:
-        torn = set_aside(bag) if resume and is_torn(bag) else None
-        mine = resume and bag.is_dir()  # killed as soon as it was made, there is no file in it
-        self._writer = BagWriter(bag, bag_file(bag) if mine else None)
+        self._left = _left(bag) if resume else None
+        self._writer = BagWriter(bag, anew=resume)
         self._stage, self._attached = stage, set[Path]()
         self._attach()
         self._writer.attach("versions.json", versions())
@@ -58,9 +61,8 @@ class BagRecorder:
         self._unflushed = 0
         #: Stamps (ns) of the states that a predecessor had written.
         self.resumed: list[int] = []
-        if torn:
-            self._replay(torn)
-            torn.unlink()
+        if resume:
+            self._replay()
 
     @property
     def count(self) -> int:
@@ -69,22 +71,22 @@ class BagRecorder:
 
     def take(self, topic: Topic, cdr: bytes, source: bytes = b"", number: int = 0) -> list[int]:
         """Take one message; see `RecordingSession.take`."""
-        stamps = self._session.take(topic, cdr, source, number)
-        if topic is PROFILE:
-            self._know(self._session.cams)
+        stamps = self._take(topic, cdr, source, number)
         self._unflushed += len(stamps)
+        if stamps:  # the first one is what the predecessor had begun to write
+            self._adopt()
         if self._unflushed >= STATES_UNFLUSHED:
             self._flush()
         return stamps
 
     def idle(self) -> None:
         """Flush what has lain for a while; to be called now and then."""
-        if self._unflushed and self._writer.unflushed > FLUSH_EVERY:
-            self._flush()
+        self._writer.tend()
 
     def close(self) -> None:
         """Write what is left, and close the bag."""
         self._session.close()
+        self._adopt()
         self._writer.close()
 
     def _check(self, topic: Topic, message: Any) -> None:
@@ -113,15 +115,39 @@ class BagRecorder:
         self._writer.flush()
         self._unflushed = 0
 
-    def _replay(self, torn: Path) -> None:
+    def _take(self, topic: Topic, cdr: bytes, source: bytes, number: int) -> list[int]:
+        stamps = self._session.take(topic, cdr, source, number)
+        if topic is PROFILE:
+            self._know(self._session.cams)
+        return stamps
+
+    def _replay(self) -> None:
         """Take again what the predecessor wrote; what it lost comes again from the publishers."""
-        for record in Salvage(torn).records():
-            if not isinstance(record, Attachment):
-                _, channel, message = record
-                if channel.topic in OURS:
-                    topic = OURS[channel.topic]
-                    self.resumed += self.take(topic, message.data, b"", message.sequence)
-        self._writer.flush()
+        replayed: Counter[str] = Counter()
+        for record in Salvage(self._left).records() if self._left else ():
+            if isinstance(record, Attachment) or record[1].topic not in OURS:
+                continue
+            topic, message = OURS[record[1].topic], record[2]
+            with suppress(RefusedError):  # of a damaged part
+                if topic is DIAGNOSTICS:  # the predecessor believed it
+                    self._session.believe(stamp_of(message.data))
+                self.resumed += self._take(topic, message.data, b"", message.sequence)
+                replayed[topic.name] += 1
+        if replayed == self._writer.counts:
+            self._adopt()
+
+    def _adopt(self) -> None:
+        """Let a new file take the old one's place, for it holds all that the old one held."""
+        self._writer.adopt()
+        if self._left is not None and self._left != self._writer.file:
+            remove(self._left)
+        self._left = None
+
+
+def _left(bag: Path) -> Path | None:
+    """The file that a predecessor left; None where it was killed before it had made one."""
+    file = bag_file(bag)
+    return next((path for path in (file.with_suffix(TORN), file) if path.exists()), None)
 
 
 def open_bag(handover: Handover, wanted: Path, stage: Stage, publishers: Publishers) -> BagRecorder:

@@ -110,6 +110,10 @@ class RecordingSession:
         """The cams that the law server has told of."""
         return list(self._cams[topics.PROFILE])
 
+    def believe(self, stamp: int) -> None:
+        """Take it that a state of a rig time (ns) was there, for a predecessor knew it."""
+        self._newest = max(self._newest, stamp)
+
     def close(self) -> None:
         """Write what came of the states that are not complete."""
         while self._states:

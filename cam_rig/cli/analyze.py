@@ -43,7 +43,7 @@ def analyze_bag(
     bag: Path, json_target: str | None, plot: Path | None, scene: Path | None = None
 ) -> None:
     """Analyse one bag, with the scene attached to it unless another is named."""
-    from cam_rig.bag.reader import read_recording
+    from cam_rig.bag.reader import read_recording, recovered_words
     from cam_rig.experiment.noise import compare, require_ticks, step_levels
     from cam_rig.experiment.program import tick_count
 
@@ -51,6 +51,8 @@ def analyze_bag(
     stage = recording.stage
     counted = f"{sum(recording.counts.values())} messages, {len(recording.ticks)} ticks"
     console.print(f"{escape(str(bag))}: {counted}")
+    for words in recovered_words(bag):
+        console.print(f"[bold]recovered:[/] {escape(words)}")
     whole = tick_count(stage.scene)
     if len(recording.ticks) < whole:
         console.print(f"[bold]not complete:[/] {len(recording.ticks)} of {whole} ticks")
@@ -61,15 +63,18 @@ def analyze_bag(
 
 
 def newest_bag() -> Path:
-    """The bag under ``bags/`` that was written last.
+    """The bag under ``bags/`` that was written last, of those that were closed.
 
     Raises
     ------
     BagError : there is none
     """
+    from cam_rig.bag.files import METADATA, is_torn
     from cam_rig.errors import BagError
 
-    found = sorted(Path("bags").glob("*/metadata.yaml"), key=lambda p: p.stat().st_mtime)
-    if not found:
-        raise BagError("no bag in bags/; make one with: cam-rig run")
-    return found[-1].parent
+    found = sorted(Path("bags").glob(f"*/{METADATA}"), key=lambda p: p.stat().st_mtime)
+    for bag in (file.parent for file in reversed(found)):
+        if not is_torn(bag):
+            return bag
+        console.print(escape(f"{bag}: was not closed, an older one is taken; see: cam-rig recover"))
+    raise BagError("no bag in bags/; make one with: cam-rig run")

@@ -108,13 +108,17 @@ class Graph:
             self._say(f"what was recorded so far is in {self._bag}: {self._kept}")
 
     def _end(self) -> None:
+        from cam_rig.bag.files import is_torn
+        from cam_rig.bag.recover import state_words
+
         for number in STOPPING:  # a second Ctrl-C must not leave nodes behind
             signal.signal(number, signal.SIG_IGN)
         speakers = [self.processes[n] for n in reversed(self._nodes) if n in self.processes]
         recorder = [process for process in speakers if process.name == "recorder"]
         stop_all([process for process in speakers if process not in recorder])
         stop_all(recorder)  # last, so that it hears the others to the end
-        self._unclosed, self._kept = close_torn(self._bag)
+        self._unclosed = self._bag.is_dir() and is_torn(self._bag)
+        self._kept = state_words(self._bag)
         if self._handover is not None:
             self._handover.remove()
         # who was killed leaves segments behind, and who could not write them whole
@@ -180,7 +184,7 @@ class Graph:
 
         False when it was killed instead, and is to be started again.
         """
-        from cam_rig.bag.recover import is_torn
+        from cam_rig.bag.files import is_torn
 
         recorder = self.processes["recorder"]
         stop_all([recorder])
@@ -246,24 +250,6 @@ class Graph:
 def _last_words(process: NodeProcess) -> str:
     """What a node said that was not killed."""
     return "" if process.was_killed else f": {process.last_words()}"
-
-
-def close_torn(bag: Path) -> tuple[bool, str]:
-    """Whether a bag was left unclosed, which is mended here; and what is in it now, in words."""
-    from cam_rig.bag.reader import read_counts
-    from cam_rig.bag.recover import is_torn, recover_in_place
-    from cam_rig.errors import BagError
-
-    torn, words = bag.is_dir() and is_torn(bag), ""
-    try:
-        if torn:
-            words = recover_in_place(bag).words
-        elif bag.is_dir():
-            words = f"closed, {sum(read_counts(bag).values())} messages"
-        empty = not bag.is_dir() or sum(read_counts(bag).values()) == 0
-    except BagError as error:
-        return torn, str(error)
-    return torn, "nothing was recorded" if empty else words
 
 
 class InterruptError(RunError):

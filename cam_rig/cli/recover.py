@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 
 from cam_rig.cli.console import console, user_errors
 
@@ -18,7 +19,8 @@ def recover(
 ) -> None:
     """Copy everything readable of a damaged or unfinished bag into a new, valid one.
 
-    The damaged bag is left as it is. What was lost is printed.
+    The damaged bag is left as it is. What is missing is printed: ticks of the scene, or messages.
+    When it was interrupted, do it again.
 
     Examples
     --------
@@ -27,14 +29,11 @@ def recover(
     cam-rig recover broken.mcap --output bags/mended
     """
     with user_errors():
-        from cam_rig.bag.recover import missing_words
         from cam_rig.bag.recover import recover as recover_bag
 
         target = output or _beside(bag)
         saved = recover_bag(bag, target)
-        console.print(f"{target}: {saved.words}")
-        if words := missing_words(target):
-            console.print(words)
+        console.print(escape(f"{target}: {saved.words}"))
 
 
 def _beside(bag: Path) -> Path:

@@ -5,9 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from cam_rig.bag.files import is_torn
+from cam_rig.bag.publishers import Publishers
 from cam_rig.bag.reader import mcap_file, messages, read_counts, read_recording
 from cam_rig.bag.recorder import BagRecorder, open_bag
-from cam_rig.bag.recover import is_torn, recover, recover_in_place
+from cam_rig.bag.recover import recover, recover_in_place
 from cam_rig.bag.topics import CAM_STATE, LEVEL
 from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError
@@ -41,7 +43,7 @@ STATES = [(LEVEL, 0, time, b"\0\1\0\0" + bytes(8)) for time in range(60)]
 
 @pytest.mark.parametrize("part", [0.3, 0.5, 0.7])
 def test_a_cut_bag_is_saved_up_to_the_cut(tmp_path, part):
-    """Every chunk that is whole comes back, and the result is an ordinary bag."""
+    """Every message that is whole comes back, and the result is an ordinary bag."""
     write(tmp_path / "whole", 10)
     torn = cut(tmp_path / "whole", tmp_path, part)
     with pytest.raises(BagError, match="mend it with: cam-rig recover"):
@@ -49,8 +51,8 @@ def test_a_cut_bag_is_saved_up_to_the_cut(tmp_path, part):
     saved = recover(torn, tmp_path / "mended")
     count = read_counts(tmp_path / "mended").get("/microphone/level", 0)
     assert count == sum(saved.counts.values())
-    assert 0 < count <= 60 and not saved.whole
-    assert "lost: what was not flushed" in saved.words
+    assert 0 < count < 60 and not saved.whole
+    assert f"missing: whatever came after {(count - 1) * 1e-9:g} s" in saved.words
     times = [time for _, time, _ in messages(tmp_path / "mended", (LEVEL,))]
     assert times == list(range(count))
 
@@ -63,21 +65,24 @@ def test_the_golden_bag_comes_back_whole(tmp_path):
     assert len(read_recording(tmp_path / "copy").ticks) == 16
 
 
-def test_a_damaged_chunk_is_left_out(tmp_path):
-    """A flipped byte costs its own chunk, not what follows."""
+def test_a_damaged_chunk_is_read_as_far_as_it_goes(tmp_path):
+    """A flipped byte costs one message at most, and all of its chunk are told of as doubtful."""
     write(tmp_path / "bag", 10)
     file = mcap_file(tmp_path / "bag")
     data = bytearray(file.read_bytes())
     data[len(data) // 4] ^= 0xFF
     file.write_bytes(data)
     saved = recover(tmp_path / "bag", tmp_path / "mended")
-    assert saved.damaged_chunks == 1
-    assert 40 <= sum(saved.counts.values()) < 60
+    assert saved.salvage.damaged == 1
+    assert 59 <= sum(saved.counts.values()) <= 60
+    assert 9 <= saved.salvage.doubtful <= 10
+    assert "whose numbers may be wrong: " in saved.words
 
 
 def test_nothing_is_overwritten_and_nothing_made_of_nothing(tmp_path):
     """An existing target and a file without records are refused by name."""
     (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "mine").touch()
     with pytest.raises(BagError, match="exists already, not overwriting"):
         recover(GOLDEN, tmp_path / "there")
     (tmp_path / "empty").mkdir()
@@ -93,7 +98,7 @@ def stage():
 
 
 def record(bag, stage, golden, resume=False):
-    recorder = BagRecorder(bag, stage, resume)
+    recorder = BagRecorder(bag, stage, resume=resume)
     for topic, number, cdr in golden:
         recorder.take(topic, cdr, b"live", number)
     return recorder
@@ -154,14 +159,16 @@ def test_a_recorder_that_was_killed_at_once_has_a_successor(
     """Before its folder was there, before the file, before the first byte, while it was mended."""
     bag, handover = tmp_path / "bag", Handover(str(tmp_path), "recorder")
 
-    def die(*_):
+    def die(*_, **__):
         killed(bag)
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr("cam_rig.bag.recorder.BagWriter", die)
-        open_bag(handover, bag, stage)
-    successor = open_bag(Handover(str(tmp_path), "recorder"), tmp_path / "other", stage)
+        open_bag(handover, bag, stage, Publishers())
+    successor = open_bag(
+        Handover(str(tmp_path), "recorder"), tmp_path / "other", stage, Publishers()
+    )
     for topic, number, cdr in golden:
         successor.take(topic, cdr, b"live", number)
     successor.close()
@@ -175,7 +182,7 @@ def test_a_folder_that_was_there_is_nobodys_to_take_over(tmp_path, stage):
     theirs.mkdir()
     for _ in range(2):
         with pytest.raises(BagError, match="exists already, not overwriting"):
-            open_bag(Handover(str(tmp_path), "recorder"), theirs, stage)
+            open_bag(Handover(str(tmp_path), "recorder"), theirs, stage, Publishers())
     assert list(theirs.iterdir()) == []
 
 

@@ -1,6 +1,7 @@
 """Bags of others and bags that are broken: recover, replay, analyze."""
 
 import json
+import os
 import shutil
 
 import pytest
@@ -11,8 +12,7 @@ from rosbags.typesys import Stores, get_typestore
 from typer.testing import CliRunner
 
 from cam_rig.bag.reader import mcap_file, read_counts
-from cam_rig.bag.recover import OURS
-from cam_rig.bag.salvage import Salvage
+from cam_rig.bag.salvage import OURS, Salvage
 from cam_rig.bag.writer import BagWriter
 from cam_rig.cli.main import app
 from cam_rig.schema.load import config_root
@@ -75,8 +75,40 @@ def test_recover_of_a_cut_bag(tmp_path):
     assert "saved" in result.stderr
     assert file.read_bytes() == before
     assert read_counts(tmp_path / "torn_recovered")
+    assert "nothing lost" in result.stderr and "bytes" not in result.stderr
     again = call("recover", torn)
     assert again.exit_code == 1 and "exists already, not overwriting" in again.stderr
+
+
+def test_analyze_says_what_a_recovered_bag_lacks(tmp_path):
+    """A mended bag looks like any other: what is missing is attached to it, and told of."""
+    torn = tmp_path / "torn"
+    torn.mkdir()
+    data = mcap_file(GOLDEN).read_bytes()
+    (torn / "torn_0.mcap").write_bytes(data[: len(data) * 8 // 10])
+    words = call("recover", torn).stderr.replace("\n", " ")
+    assert "ticks 13 to 16 of 16" in words
+    said = call("analyze", tmp_path / "torn_recovered").stderr.replace("\n", " ")
+    assert "recovered: " in said and "ticks 13 to 16 of 16" in said
+    assert "recovered: " not in call("analyze", GOLDEN).stderr
+
+
+def test_the_newest_bag_is_one_that_was_closed(tmp_path, monkeypatch):
+    """A recording that still runs, or was cut off, is named and passed over."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(GOLDEN, tmp_path / "bags" / "golden")
+    torn = shutil.copytree(GOLDEN, tmp_path / "bags" / "torn")
+    file = (torn / "golden_0.mcap").rename(torn / "torn_0.mcap")
+    file.write_bytes(file.read_bytes()[:-5_000])
+    os.utime(torn / "metadata.yaml", (2e9, 2e9))
+    result = call("analyze")
+    assert result.exit_code == 0, result.stderr
+    words = " ".join(result.stderr.split())
+    assert "bags/torn: was not closed, an older one is taken" in words
+    assert "bags/golden: 150 messages, 16 ticks" in words
+    shutil.rmtree(tmp_path / "bags" / "golden")
+    result = call("analyze")
+    assert result.exit_code == 1 and "no bag in bags/" in result.stderr
 
 
 def test_recover_from_inside_the_bag(tmp_path, monkeypatch):

@@ -34,7 +34,7 @@ def test_a_whole_session_by_hand(user, rig, short_scene, tmp_path):
 
         assert "rpm" in user.refused("cam_drive", "rpm", 1e9)
         assert "rpm" in user.refused("cam_drive", "rpm", math.nan)
-        assert "rpm" in user.refused("cam_drive", "rpm", 1e-3)  # ten million samples a tick
+        assert "rpm" in user.refused("cam_drive", "rpm", 1e-3)  # too many samples a tick
         assert "allowed: free, real_time" in user.refused("cam_drive", "pacing", "fast")
         assert "no such file" in user.refused("law_server", "cam", "no_such_cam")
         assert "allowed: a name" in user.refused("law_server", "cam", "../rigs/" + 300 * "a")

@@ -9,6 +9,7 @@ import sys
 import pytest
 
 from cam_rig.bag.complete import require_complete
+from cam_rig.bag.files import is_torn
 from cam_rig.bag.reader import read_recording
 from cam_rig.cli.graph import Graph
 from cam_rig.errors import RunError
@@ -77,7 +78,7 @@ def test_a_dead_node_ends_the_run_and_is_named(ros_domain, rig, tmp_path):
                     graph.processes["follower"].process.kill()
         started = list(graph.processes.values())
     assert all(node.has_ended for node in started)
-    assert (bag / "metadata.yaml").exists()
+    assert not is_torn(bag)
 
 
 def start_run(rig, wait_for, tmp_path):

@@ -1,0 +1,193 @@
+"""What a recording lacks, in numbers: by its scene, by its states, by the numbers of its messages.
+
+A tick has its place in the scene, counted from 1; the messages of a topic are counted from 1 too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import groupby, pairwise
+
+from cam_rig.bag import topics
+from cam_rig.bag.codec import cam_state_of
+from cam_rig.bag.complete import belonging
+from cam_rig.bag.raw import RawMessages
+from cam_rig.bag.salvage import OURS
+from cam_rig.bag.topics import RECORDING
+from cam_rig.errors import RefusedError
+from cam_rig.experiment.program import CamState, cam_states, tick_count
+from cam_rig.schema import SceneConfig
+
+#: Gaps that are named one by one; of more, the number is said.
+MOST_NAMED = 6
+
+Lacking = list[tuple[int, frozenset[str]]]
+
+
+@dataclass
+class Holdings:
+    """The times (ns) of the messages that a recording has, their numbers, and its states."""
+
+    times: dict[str, set[int]] = field(default_factory=dict)
+    numbers: dict[str, set[int]] = field(default_factory=dict)
+    states: list[tuple[int, CamState]] = field(default_factory=list)
+    _raw: RawMessages = field(default_factory=RawMessages)
+
+    def add(self, name: str, log_time: int, number: int, cdr: bytes) -> None:
+        """Note a message, if it is of a topic of the rig."""
+        if name not in OURS:
+            return
+        self.times.setdefault(name, set()).add(log_time)
+        self.numbers.setdefault(name, set()).add(number)
+        if name == topics.CAM_STATE.name:
+            try:
+                message = self._raw.read(topics.CAM_STATE, cdr)[0]
+                self.states.append((number, cam_state_of(message)))
+            except RefusedError:  # of a damaged part; it is counted where that is told of
+                pass
+
+    def follows(self, scene: SceneConfig) -> bool:
+        """Whether every state is one of the scene's; not where a hand changed speed or cam."""
+        known = {state.time_ns: state for state in cam_states(scene)}
+        return bool(self.states) and all(
+            (there := known.get(state.time_ns)) is not None and there.cam == state.cam
+            for _, state in self.states
+        )
+
+
+@dataclass(frozen=True)
+class Loss:
+    """What is missing: each gap in words, how many messages, and where the recording ends.
+
+    ``gaps`` are those that are known; ``open_end`` says that what came after the last message is
+    missing too, and nobody knows how much; ``ends`` is how far a recording went that was closed
+    before its scene was at its end, empty for others.
+    """
+
+    gaps: tuple[str, ...] = ()
+    messages: int = 0
+    open_end: bool = False
+    ends: str = ""
+
+    @property
+    def words(self) -> str:
+        """The gaps in words; empty where there is none."""
+        if not self.gaps:
+            return ""
+        more = len(self.gaps) - MOST_NAMED
+        named = [*self.gaps[:MOST_NAMED], *([f"{more} gaps more"] if more > 0 else [])]
+        return f"{'; '.join(named)} ({self.messages} messages)"
+
+
+def loss_of(holdings: Holdings, scene: SceneConfig | None, whole: bool, ours: bool) -> Loss:
+    """What a recording lacks.
+
+    Parameters
+    ----------
+    scene : that was run; None where it is not known
+    whole : whether the recording was closed, so that nothing was to come after its end
+    ours : whether each topic's messages were numbered from 1 when they were written
+    """
+    if scene is not None and holdings.follows(scene):
+        states = list(enumerate(cam_states(scene)))
+        total, newest = tick_count(scene), max(state.time_ns for _, state in holdings.states)
+        ends, numbered = "", [topic for topic in RECORDING if topic.per == "any"]
+        if whole:  # what was never recorded is not lost
+            states = [(k, state) for k, state in states if state.time_ns <= newest]
+            if states[-1][0] < total:
+                ends = f"it was closed after tick {states[-1][0]} of {total}"
+        lacking = _lacking(holdings, list(_moves(states)))
+        gaps = [_gap_words(run, total) for run in _runs(lacking)]
+        open_end = False
+    else:
+        states = sorted((number - 1, state) for number, state in holdings.states) if ours else []
+        known = [move for move in _moves(states) if move[0] == 0 or move[1] is not None]
+        lacking = _lacking(holdings, known, only_last=True)  # the rest is told by the numbers
+        gaps = [_gap_words(run, 0) for run in _runs(lacking)]
+        ends, open_end, numbered = "", not whole, list(RECORDING)
+    count = sum(len(names) for _, names in lacking)
+    if ours:
+        for topic in numbered:
+            absent = _absent(holdings.numbers.get(topic.name, set()))
+            count += sum(len(run) for run in absent)
+            gaps += [f"{_range_words('message', run)} of {topic.name}" for run in absent]
+    return Loss(tuple(gaps), count, open_end, ends)
+
+
+def _moves(
+    states: list[tuple[int, CamState]],
+) -> Iterator[tuple[int, CamState | None, CamState]]:
+    """Each state with its number and the one before it, None where that is not there."""
+    if states:
+        yield states[0][0], None, states[0][1]
+    for (k, before), (n, state) in pairwise(states):
+        yield n, before if n == k + 1 else None, state
+
+
+def _lacking(
+    holdings: Holdings,
+    moves: list[tuple[int, CamState | None, CamState]],
+    only_last: bool = False,
+) -> Lacking:
+    """The numbers of states at which topics have no message, and which.
+
+    Parameters
+    ----------
+    only_last : none that has a message later on
+    """
+    newest = {name: max(times) for name, times in holdings.times.items()} if only_last else {}
+    found: Lacking = []
+    for k, before, state in moves:
+        names = frozenset(
+            topic.name
+            for topic in belonging(before, state)
+            if state.time_ns not in holdings.times.get(topic.name, ())
+            and state.time_ns > newest.get(topic.name, -1)
+        )
+        if names:
+            found.append((k, names))
+    return found
+
+
+def _runs(lacking: Lacking) -> Iterator[Lacking]:
+    """Neighbours that lack the same; a new speed's or cam's messages make no difference."""
+
+    def alike(item: tuple[int, tuple[int, frozenset[str]]]) -> tuple[int, frozenset[str] | bool]:
+        place, (k, names) = item
+        return k - place, _is_all(names) or names
+
+    for _, run in groupby(enumerate(lacking), key=alike):
+        yield [entry for _, entry in run]
+
+
+def _is_all(names: Iterable[str]) -> bool:
+    """Whether nothing of a tick is there, or nothing of the state that a run begins with."""
+    return topics.CAM_STATE.name in names
+
+
+def _gap_words(run: Lacking, total: int) -> str:
+    numbers = range(run[0][0], run[-1][0] + 1)
+    names = run[0][1]
+    of = f" of {total}" if total else ""
+    if numbers.start == 0:
+        first = "the first state" if _is_all(names) else f"{', '.join(sorted(names))} at the start"
+        rest = run[1:]
+        return f"{first}, {_gap_words(rest, total)}" if rest else first
+    ticks = _range_words("tick", numbers) + of
+    return ticks if _is_all(names) else f"{', '.join(sorted(names))} of {ticks}"
+
+
+def _range_words(what: str, numbers: range) -> str:
+    if len(numbers) == 1:
+        return f"{what} {numbers.start}"
+    return f"{what}s {numbers.start} to {numbers.stop - 1}"
+
+
+def _absent(numbers: set[int]) -> list[range]:
+    """The gaps in what is numbered from 1."""
+    return [
+        range(a + 1, b)
+        for a, b in pairwise(sorted({0, *(n for n in numbers if n > 0)}))
+        if b > a + 1
+    ]

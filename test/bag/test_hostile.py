@@ -1,0 +1,343 @@
+"""Bags made to do harm: refused by what they claim, in one line, before memory or time is spent."""
+
+import io
+import os
+import struct
+import zlib
+from pathlib import Path
+
+import lz4.frame
+import pytest
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.records import Channel, Chunk, ChunkIndex, DataEnd, Footer, Header, Schema
+from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
+
+from cam_rig.bag import topics
+from cam_rig.bag.reader import (
+    MOST_ATTACHED,
+    mcap_file,
+    messages,
+    raw_messages,
+    read_counts,
+    read_recording,
+    read_stage,
+)
+from cam_rig.bag.recover import recover
+from cam_rig.bag.writer import BagWriter, require_new_bag
+from cam_rig.errors import BagError, CamRigError
+
+GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
+GIB = 2**30
+
+
+def packed_zeros(size, compression):
+    """Zeros of some length, compressed piece by piece."""
+    out, zeros = io.BytesIO(), bytes(2**20)
+    if compression == "zstd":
+        with zstandard.ZstdCompressor().stream_writer(out, closefd=False) as stream:
+            for _ in range(size // len(zeros)):
+                stream.write(zeros)
+    else:
+        with lz4.frame.LZ4FrameFile(out, "wb") as stream:
+            for _ in range(size // len(zeros)):
+                stream.write(zeros)
+    return out.getvalue()
+
+
+def file_of(path, *records, summary=()):
+    """An MCAP file of records, closed; the summary is what a reader is led by."""
+    out = RecordBuilder()
+    Header("ros2", "other").write(out)
+    for record in (*records, DataEnd(0)):
+        record.write(out)
+    start = len(MCAP0_MAGIC) + out.count
+    for record in summary:
+        record.write(out)
+    Footer(start if summary else 0, 0, 0).write(out)
+    path.write_bytes(MCAP0_MAGIC + out.end() + MCAP0_MAGIC)
+    return path
+
+
+def index_of(chunk, offset, **changes):
+    """What the summary says of a chunk."""
+    said = {
+        "chunk_length": 9 + 40 + len(chunk.compression) + len(chunk.data),
+        "chunk_start_offset": offset,
+        "compression": chunk.compression,
+        "compressed_size": len(chunk.data),
+        "message_end_time": chunk.message_end_time,
+        "message_index_length": 0,
+        "message_index_offsets": {},
+        "message_start_time": chunk.message_start_time,
+        "uncompressed_size": chunk.uncompressed_size,
+    }
+    return ChunkIndex(**{**said, **changes})
+
+
+FIRST = len(MCAP0_MAGIC) + 9 + 4 + 4 + 4 + 5  # where the first record after the header begins
+
+
+def chunk(data, compression, claimed, begin=0, end=10):
+    return Chunk(compression, data, end, begin, 0, claimed)
+
+
+def read_all(file):
+    """Every reader on it: what each says, where it refuses."""
+    said = []
+    for read in (
+        read_counts,
+        read_stage,
+        read_recording,
+        lambda bag: list(messages(bag, topics.RECORDING)),
+        lambda bag: list(raw_messages(bag, {"/x"})),
+        lambda bag: recover(bag, bag.parent / f"mended{len(said)}"),
+    ):
+        try:
+            read(file)
+            said.append("")
+        except CamRigError as error:
+            said.append(str(error))
+            assert "\n" not in said[-1] and len(said[-1]) < 1000
+    return said
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4"])
+@pytest.mark.parametrize("honest", [True, False])
+def test_a_few_bytes_that_unpack_to_a_gigabyte_are_refused(tmp_path, frugal, compression, honest):
+    """Whether the chunk says so or not: neither a reader nor a mending unpacks it."""
+    data = packed_zeros(GIB, compression)
+    one = chunk(data, compression, GIB if honest else 1000)
+    file = file_of(tmp_path / "a.mcap", one, summary=[index_of(one, FIRST)])
+    said = read_all(file)
+    for words in (said[0], said[3], said[5]) if honest else (said[0], said[3]):
+        assert ("allowed: 67108864" if honest else "1000 bytes unpacked") in words
+
+
+def test_many_chunks_that_are_modest_one_by_one_are_refused(tmp_path, frugal):
+    """Their sum is bounded by the file's size."""
+    one = chunk(packed_zeros(2**20, "zstd"), "zstd", 2**20)
+    length = 9 + 40 + 4 + len(one.data)
+    index = [index_of(one, FIRST + i * length) for i in range(2000)]
+    said = read_all(file_of(tmp_path / "a.mcap", *[one] * 2000, summary=index))
+    assert "that unpack to" in said[0] and "100 times" in said[0]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"compression": "zstd"},
+        {"chunk_start_offset": FIRST + 3},
+        {"compressed_size": GIB},
+        {"uncompressed_size": GIB},
+        {"chunk_length": 2**60},
+        {"message_start_time": 2**60},
+    ],
+    ids=str,
+)
+def test_an_index_leads_to_no_chunk_that_the_file_has_not(tmp_path, changes):
+    """What the summary says of a chunk is what the chunk says itself, or the bag is refused."""
+    one = chunk(packed_zeros(2**20, "zstd"), "", 0)
+    one.uncompressed_size = len(one.data)
+    file = file_of(tmp_path / "a.mcap", one, summary=[index_of(one, FIRST, **changes)])
+    assert "index" in read_all(file)[0]
+    twice = [index_of(one, FIRST)] * 2
+    assert "index" in read_all(file_of(tmp_path / "b.mcap", one, summary=twice))[0]
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4", "x"])
+@pytest.mark.parametrize("data", [b"", b"garbage", zstandard.compress(b"")[:5]], ids=str)
+def test_what_cannot_be_unpacked_is_refused(tmp_path, compression, data):
+    """Garbage, nothing, and a way of compressing that nobody knows."""
+    said = read_all(file_of(tmp_path / "a.mcap", chunk(data, compression, 100)))
+    assert all(said[:4])
+
+
+@pytest.mark.parametrize("length", [2**20, 2**32, 2**62, 2**64 - 1])
+@pytest.mark.parametrize("opcode", [1, 3, 4, 5, 6, 7, 8, 9, 11, 12, 200])
+def test_a_record_longer_than_its_file_is_not_read(tmp_path, frugal, opcode, length):
+    """What a record claims is compared with what is there."""
+    file = mcap_file(GOLDEN)
+    data = file.read_bytes()
+    made = tmp_path / "a.mcap"
+    made.write_bytes(data[:FIRST] + struct.pack("<BQ", opcode, length) + data[FIRST:])
+    said = read_all(made)
+    assert said[0] and said[3]
+    assert recover(made, tmp_path / "all").counts == recover(file, tmp_path / "golden").counts
+
+
+@pytest.mark.parametrize("field", [0, 8, 16, 20, 30, 40])
+def test_lengths_inside_an_attachment_are_bounded(tmp_path, frugal, field):
+    """Of its name, its kind, its data."""
+    data = bytearray(mcap_file(GOLDEN).read_bytes())
+    at = data.index(b"scenes/") - 4 + field
+    data[at : at + 4] = b"\xff\xff\xff\x7f"
+    made = tmp_path / "a.mcap"
+    made.write_bytes(data)
+    assert all(words for words in read_all(made)[1:2])
+
+
+def attached(path, *names, data=b"x: 1"):
+    with BagWriter(path) as bag:
+        for name in names:
+            bag.attach(name, data)
+        bag.write(topics.LEVEL, 0, b"\0\1\0\0" + bytes(8))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("scenes/" + 300 * "a" + ".yaml", "has a name of 305 bytes; allowed: 1 to 255"),
+        ("scenes/" + 200 * "ä" + ".yaml", "has a name of 405 bytes"),
+        ("/".join(300 * ["scenes"]), "allowed: 1 to 255, and 1000 with its folders"),
+        ("../../evil.yaml", "points elsewhere"),
+        ("/etc/evil.yaml", "points elsewhere"),
+        ("scenes/../../../evil.yaml", "points elsewhere"),
+        ("scenes/a\0b.yaml", "points elsewhere"),
+        ("", "has a name of 0 bytes"),
+        (".", "has a name of"),
+    ],
+    ids=lambda value: repr(value)[:25],
+)
+def test_the_name_of_an_attachment_is_checked(tmp_path, name, words):
+    """It is a file's path below its folder, and one that a disk can have."""
+    with pytest.raises(BagError, match="attachment") as refused:
+        read_stage(attached(tmp_path / "bag", name))
+    assert words in str(refused.value)
+    assert list(tmp_path.rglob("evil*")) == []
+
+
+def test_a_file_that_is_a_folder_as_well_is_refused(tmp_path):
+    """Of two attachments, the one stands where the other's folder would be."""
+    for number, names in enumerate([("a", "a/b"), ("a/b", "a")]):
+        with pytest.raises(BagError, match="is a file here and a folder there"):
+            read_stage(attached(tmp_path / f"bag{number}", *names))
+
+
+def test_attachments_are_few_and_small(tmp_path, frugal):
+    """Nobody makes a million files of a bag."""
+    names = [f"cams/c{i}.yaml" for i in range(MOST_ATTACHED + 1)]
+    with pytest.raises(BagError, match=f"{MOST_ATTACHED + 1} attachments .* allowed: 1000"):
+        read_stage(attached(tmp_path / "many", *names))
+    with pytest.raises(BagError, match=r"1 attachments of .* allowed: 1000 of 67108864"):
+        read_stage(attached(tmp_path / "big", "scenes/a.yaml", data=bytes(65 * 2**20)))
+
+
+def test_an_attachment_that_was_changed_is_not_read(tmp_path):
+    """A flipped bit in the rig's numbers would make every level wrong, in silence."""
+    data = bytearray(mcap_file(GOLDEN).read_bytes())
+    data[data.index(b"mass")] ^= 1
+    (tmp_path / "a.mcap").write_bytes(data)
+    with pytest.raises(BagError, match="has a wrong checksum"):
+        read_stage(tmp_path / "a.mcap")
+    assert recover(tmp_path / "a.mcap", tmp_path / "mended").salvage.damaged == 1
+
+
+def test_a_type_that_is_another_is_refused(tmp_path):
+    """A topic of ours with a message of another type is not read as if it were."""
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.write(topics.Topic("/microphone/level", topics.RPM.type[:-2] + "32", "any"), 0, b"x")
+    with pytest.raises(BagError, match="is std_msgs/msg/Float32; wanted: std_msgs/msg/Float64"):
+        list(messages(tmp_path / "bag", (topics.LEVEL,)))
+
+
+def test_ten_thousand_topics_are_bounded(tmp_path, frugal):
+    """A mending writes what a rig may have, and says that there was more."""
+    records = [Schema(1, b"", "ros2msg", "a/msg/B")]
+    records += [Channel(i + 1, f"/t{i}", "cdr", {}, 1) for i in range(10_000)]
+    out = RecordBuilder()
+    for i in range(10_000):
+        out.write(struct.pack("<BQHIQQ", 5, 22, i + 1, 0, i, i))
+    data = out.end()
+    records.append(chunk(data, "", len(data), 0, 10_000))
+    saved = recover(file_of(tmp_path / "a.mcap", *records), tmp_path / "mended")
+    assert len(saved.counts) == 1000 and "damaged" in saved.words
+
+
+@pytest.mark.parametrize("kind", [CompressionType.ZSTD, CompressionType.LZ4], ids=lambda k: k.name)
+def test_an_honest_compressed_bag_is_read(tmp_path, kind):
+    """As rosbag2 writes them; cut off, it is read as far as it can be unpacked."""
+    bag = tmp_path / "a.mcap"
+    noise = [b"\0\1\0\0" + os.urandom(8) for _ in range(20_000)]
+    with bag.open("wb") as stream:
+        writer = Writer(stream, compression=kind, chunk_size=2**19)
+        writer.start("ros2", "other")
+        schema = writer.register_schema(topics.LEVEL.type, "ros2msg", b"float64 data")
+        channel = writer.register_channel(topics.LEVEL.name, "cdr", schema)
+        for time_ns, cdr in enumerate(noise):
+            writer.add_message(channel, time_ns, cdr, time_ns)
+        writer.finish()
+    found = [bytes(data) for _, _, data in raw_messages(bag, {topics.LEVEL.name})]
+    assert found == noise
+    assert recover(bag, tmp_path / "all").counts == {topics.LEVEL.name: len(noise)}
+    bag.write_bytes(bag.read_bytes()[:100_000])
+    saved = recover(bag, tmp_path / "part")
+    assert saved.salvage.cut == saved.counts[topics.LEVEL.name] > 2000
+    part = [bytes(data) for _, _, data in raw_messages(tmp_path / "part", {topics.LEVEL.name})]
+    assert part == noise[: len(part)]
+
+
+@pytest.mark.parametrize("mode", ["FILE", "message"])
+def test_a_bag_compressed_message_by_message_is_refused(tmp_path, mode):
+    """Nothing bounds what each of them unpacks to; the way out is named."""
+    bag = attached(tmp_path / "bag")
+    file = bag / "metadata.yaml"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("compression_mode: ''", f"compression_mode: {mode}"), "utf-8")
+    with pytest.raises(BagError, match=f"is compressed by {mode.lower()}; .*ros2 bag convert"):
+        read_counts(bag)
+
+
+def test_an_sqlite_file_that_is_none_is_refused(tmp_path):
+    """rosbag2's other format."""
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "bag_0.db3").write_bytes(b"SQLite format 3\0" + os.urandom(5000))
+    (tmp_path / "bag" / "metadata.yaml").write_text("x", encoding="utf-8")
+    assert all(read_all(tmp_path / "bag"))
+
+
+@pytest.mark.parametrize("letters", ["a", "ä", "日"])
+def test_a_name_too_long_for_the_bags_file_is_refused_at_once(tmp_path, letters):
+    """By the bytes that the disk allows, before anything is started."""
+    size = len(letters.encode())
+    most = (255 - len("_0.mcap.part")) // size
+    require_new_bag(tmp_path / (letters * most))
+    BagWriter(tmp_path / (letters * most)).close()
+    for name in (letters * (most + 1), letters * (250 // size), letters * 300):
+        with pytest.raises(BagError, match="too long"):
+            require_new_bag(tmp_path / name)
+    deep = str(tmp_path) + "/abcdefghi" * 500
+    with pytest.raises(BagError, match="path is 1 bytes too long"):
+        require_new_bag(Path(deep[: 4096 - len("/ten/ten_0.mcap.part")] + "/ten"))
+
+
+@pytest.mark.parametrize("letters", [244, 250, 300])
+def test_names_that_no_disk_can_have_are_one_line_everywhere(tmp_path, letters):
+    """As the target of a mending, and as a bag to be read."""
+    with pytest.raises(BagError, match="too long"):
+        recover(GOLDEN, tmp_path / ("a" * letters))
+    assert all(read_all(tmp_path / ("a" * letters)))
+
+
+@pytest.mark.parametrize("name", ["a\nb", "a\x1bb", "a\udcffb"])
+def test_a_name_that_cannot_be_written_is_refused(tmp_path, name):
+    """It would stand in metadata.yaml and on terminals."""
+    with pytest.raises(BagError, match="allowed: a name of letters"):
+        require_new_bag(tmp_path / name)
+
+
+def test_an_unsound_crc_is_not_hidden(tmp_path):
+    """A chunk whose checksum is wrong is refused by the readers, and read by a mending."""
+    body = struct.pack("<BQHIQQ", 5, 30, 1, 1, 5, 5) + bytes(8)
+    wrong = Chunk("", body, 5, 5, zlib.crc32(body) ^ 1, len(body))
+    records = [Schema(1, b"x", "ros2msg", "a/msg/B"), Channel(1, "/x", "cdr", {}, 1)]
+    file = file_of(tmp_path / "a.mcap", *records, wrong)
+    with pytest.raises(BagError, match="checksum"):
+        list(raw_messages(file, {"/x"}))
+    saved = recover(file, tmp_path / "mended")
+    assert saved.counts == {"/x": 1} and "numbers may be wrong: 1, from 5e-09 s to 5e-09 s" in (
+        saved.words
+    )
+    assert saved.counts == {"/x": 1}
+    assert "numbers may be wrong: 1, from 5e-09 s to 5e-09 s" in saved.words

@@ -1,0 +1,260 @@
+"""What is missing is said in numbers, and no half of a message contradicts the other."""
+
+import errno
+import io
+import os
+import re
+import shutil
+import struct
+from pathlib import Path
+
+import pytest
+from mcap.records import Attachment
+
+from cam_rig.bag import files
+from cam_rig.bag.complete import belonging, expected_counts
+from cam_rig.bag.files import is_torn
+from cam_rig.bag.loss import Holdings, loss_of
+from cam_rig.bag.pieces import pieces
+from cam_rig.bag.reader import mcap_file, read_counts, read_stage
+from cam_rig.bag.recorder import BagRecorder
+from cam_rig.bag.recover import examine, recover, recover_in_place, state_words
+from cam_rig.bag.salvage import Salvage
+from cam_rig.bag.topics import RECORDING
+from cam_rig.errors import BagError
+from cam_rig.experiment.program import cam_states
+from cam_rig.experiment.stage import open_stage
+from cam_rig.schema.load import config_root
+
+GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
+SCENE = read_stage(GOLDEN).scene
+
+
+def held(keep=lambda topic, message: True):
+    """What the golden bag holds, of the messages that are kept."""
+    found = Holdings()
+    for record in Salvage(mcap_file(GOLDEN)).records():
+        if not isinstance(record, Attachment) and keep(record[1].topic, record[2]):
+            _, channel, message = record
+            found.add(channel.topic, message.log_time, message.sequence, message.data)
+    return found
+
+
+TIMES = [state.time_ns for state in cam_states(SCENE)]
+
+
+def test_every_tick_of_the_golden_bag_is_there():
+    """By its scene, and by its own states and numbers alone."""
+    for scene in (SCENE, None):
+        loss = loss_of(held(), scene, whole=True, ours=True)
+        assert loss.gaps == () and loss.messages == 0 and not loss.open_end and not loss.ends
+
+
+@pytest.mark.parametrize(("first", "last"), [(3, 5), (1, 4), (7, 7), (9, 16), (1, 16), (0, 16)])
+def test_ticks_that_are_gone_are_numbered(first, last):
+    """Each tick by its place in the scene, whichever part of the file is gone."""
+    gone = set(TIMES[first : last + 1])
+    loss = loss_of(
+        held(lambda topic, m: topic == "/diagnostics" or m.log_time not in gone), SCENE, False, True
+    )
+    if (first, last) == (0, 16):
+        assert loss_of(Holdings(), SCENE, False, True).open_end
+        return
+    ticks = f"tick {first}" if first == last else f"ticks {first} to {last}"
+    expected = [belonging(*move) for move in moves()][first : last + 1]
+    assert loss.gaps == (f"{ticks} of 16",)
+    assert loss.messages == sum(len(topics) for topics in expected)
+
+
+def moves():
+    states = list(cam_states(SCENE))
+    return list(zip([None, *states[:-1]], states, strict=True))
+
+
+@pytest.mark.parametrize("topic", [t.name for t in RECORDING if t.per == "tick"])
+def test_what_is_gone_of_a_tick_is_named(topic):
+    """One topic, at one tick or at several."""
+    for first, last in ((4, 4), (11, 13)):
+        gone = set(TIMES[first : last + 1])
+        loss = loss_of(
+            held(lambda name, m, gone=gone: name != topic or m.log_time not in gone),
+            SCENE,
+            False,
+            True,
+        )
+        ticks = f"tick {first}" if first == last else f"ticks {first} to {last}"
+        assert loss.gaps == (f"{topic} of {ticks} of 16",)
+        assert loss.messages == last - first + 1
+
+
+def test_without_its_scene_the_numbers_of_the_messages_tell():
+    """A run by hand: gaps between messages are counted; of its end, nothing is known."""
+    gone = set(TIMES[5:9])
+    kept = held(lambda _, m: m.log_time not in gone)
+    loss = loss_of(kept, None, False, True)
+    assert "messages 6 to 9 of /cam/state" in loss.gaps
+    assert "messages 5 to 8 of /follower/samples" in loss.gaps
+    assert loss.open_end and not any("tick" in gap for gap in loss.gaps)
+    all_gone = [topic for move in moves()[5:9] for topic in belonging(*move)]
+    last_of_theirs = [topic for topic in all_gone if topic.per == "cam"]  # no number follows them
+    assert loss.messages == len(all_gone) - len(last_of_theirs)
+    of_others = loss_of(kept, None, True, ours=False)
+    assert of_others.gaps == () and not of_others.open_end
+
+
+def test_a_diagnosis_that_is_gone_is_counted():
+    """They come when there is something to say; their numbers tell which are missing."""
+    loss = loss_of(held(lambda t, m: t != "/diagnostics" or m.sequence not in (2, 3)), SCENE, 1, 1)
+    assert loss.words == "messages 2 to 3 of /diagnostics (2 messages)"
+
+
+def test_a_run_that_was_interrupted_has_lost_nothing(tmp_path):
+    """Closed after tick 6 of 16: what was never recorded is not lost."""
+    stage = open_stage(config_root() / "scenes" / "quick.yaml")
+    bag = tmp_path / "bag"
+    recorder = BagRecorder(bag, stage)
+    for record in Salvage(mcap_file(GOLDEN)).records():
+        if not isinstance(record, Attachment) and record[2].log_time <= TIMES[6] + 10:
+            _, channel, message = record
+            topic = next(t for t in RECORDING if t.name == channel.topic)
+            recorder.take(topic, message.data, b"x", message.sequence)
+    recorder.close()
+    words = recover(bag, tmp_path / "copy").words
+    assert "nothing lost; it was closed after tick 6 of 16" in words
+    assert "missing" not in words and "not complete" not in words
+    assert state_words(bag) == "closed, 61 messages"
+
+
+def test_expected_counts_are_those_of_the_golden_bag():
+    """The same rule tells how many messages there must be, and at which times."""
+    counts, expected = read_counts(GOLDEN), expected_counts(list(cam_states(SCENE)))
+    for topic in RECORDING:
+        if topic.per != "any":
+            assert counts[topic.name] == expected[topic.per]
+
+
+@pytest.mark.parametrize("part", range(5, 100, 9))
+def test_the_words_agree_with_the_bag(tmp_path, part):
+    """Whatever was cut off: the ticks that are named are those that are not in the mended bag."""
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    data = mcap_file(GOLDEN).read_bytes()
+    (bag / "bag_0.mcap").write_bytes(data[: len(data) * part // 100])
+    words = recover(bag, tmp_path / "mended").words
+    assert "flushed" not in words
+    ticks = read_counts(tmp_path / "mended").get("/microphone/level", 0)
+    if ticks == 16:
+        assert "no tick is missing" in words or "nothing lost" in words
+        return
+    assert "nothing lost" not in words and "no tick" not in words
+    named = re.search(r"ticks? (\d+)(?: to (\d+))? of 16 ?\(|ticks? (\d+) (?:to 16 )?of 16", words)
+    assert named, words
+    missing = [int(n) for n in re.findall(r"ticks? (\d+)", words)]
+    assert ticks + 1 == min(missing)
+    assert examine(bag).words == words
+
+
+def full_after(monkeypatch, size):
+    """A disk that takes so many bytes and no more."""
+    left = [size]
+
+    class Raw(io.RawIOBase):
+        def __init__(self, raw):
+            self._raw = raw
+            self.name = raw.name
+
+        def write(self, data):
+            if left[0] == 0:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            written = self._raw.write(bytes(data)[: left[0]])
+            left[0] -= written
+            return written
+
+        def writable(self):
+            return True
+
+        def seekable(self):
+            return True
+
+        def fileno(self):
+            return self._raw.fileno()
+
+        def tell(self):
+            return self._raw.tell()
+
+        def close(self):
+            self._raw.close()
+            super().close()
+
+    create = files.create
+    monkeypatch.setattr(files, "create", lambda file: io.BufferedWriter(Raw(create(file).detach())))
+
+
+@pytest.mark.parametrize("room", [0, 5_000, 100_000, 199_000])
+def test_on_a_full_disk_a_torn_bag_stays_as_it_is(tmp_path, monkeypatch, room):
+    """It cannot be mended beside itself; what it holds and lacks is said, and how to get it."""
+    bag = tmp_path / "my bag"
+    bag.mkdir()
+    data = mcap_file(GOLDEN).read_bytes()[:200_000]
+    file = bag / "my bag_0.mcap"
+    file.write_bytes(data)
+    with monkeypatch.context() as patch:
+        full_after(patch, room)
+        words = state_words(bag)
+    assert "No space left on device" in words
+    assert "left as it is, and readable: 95 messages to" in words
+    assert "ticks 11 to 16 of 16" in words
+    assert f"cam-rig recover '{bag}' --output" in words
+    assert file.read_bytes() == data
+    assert {path.name for path in bag.iterdir()} <= {file.name, "metadata.yaml"}
+    assert sum(recover(bag, tmp_path / "elsewhere").counts.values()) == 95
+    assert "saved" in state_words(bag) and not is_torn(bag)
+
+
+def test_a_copy_that_finds_no_room_leaves_nothing(tmp_path, monkeypatch):
+    """The folder that was made for it goes as well, so that the command can be given again."""
+    with monkeypatch.context() as patch:
+        full_after(patch, 100_000)
+        with pytest.raises(BagError, match=r"cannot be written \(No space left on device\)"):
+            recover(GOLDEN, tmp_path / "copy")
+    assert not (tmp_path / "copy").exists()
+    assert recover(GOLDEN, tmp_path / "copy").whole
+
+
+@pytest.mark.parametrize("room", [30_000, 150_000])
+def test_a_recorder_on_a_full_disk_keeps_what_was_written(tmp_path, monkeypatch, golden, room):
+    """It says so once and for all, writes no more, and every byte that found room counts."""
+    stage, bag = open_stage(config_root() / "scenes" / "quick.yaml"), tmp_path / "bag"
+    with monkeypatch.context() as patch:
+        full_after(patch, room)
+        recorder = BagRecorder(bag, stage)
+        with pytest.raises(BagError, match=r"cannot be written \(No space left on device\)"):
+            for topic, number, cdr in golden:
+                recorder.take(topic, cdr, b"live", number)
+                recorder._writer.flush()
+        size = mcap_file(bag).stat().st_size
+        with pytest.raises(BagError, match="No space left on device"):
+            recorder._writer.flush()
+        recorder.close()
+    assert mcap_file(bag).stat().st_size == size
+    assert is_torn(bag)
+    saved = recover_in_place(bag)
+    assert sum(saved.counts.values()) >= 5 and "missing: " in saved.words
+
+
+def test_a_damaged_length_costs_no_more_than_its_chunk(tmp_path):
+    """Behind a record whose length is wrong, the next chunk is found by what it looks like."""
+    file = mcap_file(GOLDEN)
+    with file.open("rb") as stream:
+        chunks = [piece for piece in pieces(stream) if piece.opcode == 6]
+    data = bytearray(file.read_bytes())
+    struct.pack_into("<Q", data, chunks[2].start - 8, 2**40)
+    (tmp_path / "a.mcap").write_bytes(data)
+    saved = recover(tmp_path / "a.mcap", tmp_path / "mended")
+    assert sum(saved.counts.values()) == 150
+    shutil.rmtree(tmp_path / "mended")
+    data[chunks[2].start : chunks[2].start + 100_000] = bytes(100_000)
+    (tmp_path / "a.mcap").write_bytes(data)
+    saved = recover(tmp_path / "a.mcap", tmp_path / "mended")
+    assert "missing: ticks 1 to 8 of 16" in saved.words or "ticks 1" in saved.words
+    assert saved.counts["/microphone/level"] == 8
