@@ -1,0 +1,49 @@
+"""What the tests themselves lean on: stored references, domains of their own, forked nodes."""
+
+import json
+import os
+import signal
+
+import numpy as np
+import pytest
+
+from .references import References
+
+
+def test_a_reference_is_of_its_numbers_alone(tmp_path):
+    """Stored and read back to the last bit; other inputs, other values and a missing one fail."""
+    path, values = tmp_path / "references" / "a.json", [np.pi, 1e-300]
+    assert References("write", path, "t")(lambda: values, [3.0, [1e8, 1e-3]]).tolist() == values
+    assert References("stored", path, "t")(pytest.fail, [3.0, [1e8, 1e-3]]).tolist() == values
+    with pytest.raises(AssertionError, match="is of other numbers; run `make references`"):
+        References("stored", path, "t")(pytest.fail, [3.0, [1e8, 1.0001e-3]])
+    with pytest.raises(AssertionError, match="has no u:0"):
+        References("stored", path, "u")(pytest.fail, [3.0])
+    found = References("compute", path, "t")(lambda: values, [3.0, [1e8, 1e-3]])
+    assert found.tolist() == values
+    with pytest.raises(AssertionError, match="run `make references`"):
+        References("compute", path, "t")(lambda: [3.1415926535897, 0.0], [3.0, [1e8, 1e-3]])
+    assert list(json.loads(path.read_text(encoding="utf-8"))) == ["t:0"]
+
+
+def test_no_two_hold_one_domain(hold_domain):
+    """Whoever asks while one is held gets another."""
+    with hold_domain() as one, hold_domain() as two:
+        assert one != two
+        assert {one, two} <= set(range(40, 101))
+
+
+@pytest.mark.ros
+def test_a_forked_node_is_a_child_like_any(ros_domain, preloaded, tmp_path):
+    """It ends by a signal in order, its code is told, and so is what it writes."""
+    command = ["python", "-m", "cam_rig.nodes", "follower", "--ros-args"]
+    node = preloaded.start([*command, "-p", f"scene:={tmp_path}/none.yaml"], False)
+    assert node.wait() == 2
+    assert "none.yaml: no such file" in node.stderr.read()
+    node = preloaded.start(command, False)
+    assert os.getpgid(node.pid) == node.pid
+    node.send_signal(signal.SIGINT)
+    assert node.wait() == 0
+    node = preloaded.start(command, False)
+    node.kill()
+    assert node.wait() == -signal.SIGKILL
