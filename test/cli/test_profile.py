@@ -115,7 +115,7 @@ def test_an_svg_keeps_the_tolerance_it_prints(tmp_path, size):
     read = np.cumsum(steps, axis=0) * (1e-3 * width / units) * [1.0, -1.0]
     np.testing.assert_array_equal(read[0], read[-1])
     cam = load_cam(tmp_path / "cam.yaml")
-    contour = contours(cam.follower, build_law(cam), 5_000)[0].points.T
+    contour = contours(cam.follower, build_law(cam), 20_000)[0].points.T
     corner = [contour[:, 0].min() - 5e-3, contour[:, 1].max() + 5e-3]  # of the page
     ring = LinearRing(read + corner)
     prepare(ring)
