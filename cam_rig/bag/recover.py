@@ -10,6 +10,7 @@ from pathlib import Path
 
 from mcap.records import Attachment
 
+from cam_rig.bag.attached import RECOVERED
 from cam_rig.bag.files import (
     METADATA,
     TORN,
@@ -20,7 +21,7 @@ from cam_rig.bag.files import (
     remove,
 )
 from cam_rig.bag.loss import Holdings, Loss, loss_of
-from cam_rig.bag.reader import RECOVERED, read_stage
+from cam_rig.bag.reader import read_stage
 from cam_rig.bag.salvage import OURS, Salvage
 from cam_rig.bag.topics import Topic
 from cam_rig.bag.writer import BagWriter, require_new_bag

@@ -13,10 +13,10 @@ from mcap.records import Attachment
 
 from cam_rig.bag import files
 from cam_rig.bag.complete import belonging, expected_counts
-from cam_rig.bag.files import is_torn
+from cam_rig.bag.files import is_torn, mcap_file
 from cam_rig.bag.loss import Holdings, loss_of
 from cam_rig.bag.pieces import pieces
-from cam_rig.bag.reader import mcap_file, read_counts, read_stage
+from cam_rig.bag.reader import read_counts, read_stage
 from cam_rig.bag.recorder import BagRecorder
 from cam_rig.bag.recover import examine, recover, recover_in_place, state_words
 from cam_rig.bag.salvage import Salvage

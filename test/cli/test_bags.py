@@ -11,7 +11,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from typer.testing import CliRunner
 
-from cam_rig.bag.reader import mcap_file, read_counts
+from cam_rig.bag.files import mcap_file
+from cam_rig.bag.reader import read_counts
 from cam_rig.bag.salvage import OURS, Salvage
 from cam_rig.bag.writer import BagWriter
 from cam_rig.cli.main import app

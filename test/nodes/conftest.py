@@ -15,7 +15,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
-from cam_rig.bag.reader import mcap_file
+from cam_rig.bag.files import mcap_file
 from cam_rig.cli.graph import Graph, live
 
 _DOMAINS = count(70)
