@@ -92,7 +92,7 @@ def start_run(rig, tmp_path):
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=dict(os.environ))
     for _ in range(400):
         time.sleep(0.05)
-        if bag.exists() and sum(f.stat().st_size for f in bag.iterdir()) > 1_000_000:
+        if bag.exists() and sum(f.stat().st_size for f in bag.glob("*.mcap")) > 1_000_000:
             break
     assert len(rig.processes(scene)) > 5  # the runner and its five nodes
     return process, scene, bag
