@@ -95,7 +95,7 @@ def _sources(bag: Path) -> list[Path]:
         found = sorted(files, key=lambda file: (len(file.name), file.name))
     for file in found:
         if (torn := file.with_suffix(TORN)).exists():
-            raise ValueError(f"{torn.name} is left by a mending that was cut off, and holds all")
+            raise ValueError(f"{torn.name} is left by an interrupted recovery, and holds all")
         if file.suffix == ".mcap":
             if not is_closed(file):
                 raise ValueError(f"{file.name} was not closed")

@@ -42,7 +42,7 @@ class Salvage:
     ``whole`` says that the file was closed and ``ours`` that this package wrote it; ``damaged`` is
     how many of its records were unreadable or not what was written, and ``why`` the first of them
     was; ``doubtful`` is how many messages were read out of them all the same, between the times
-    ``doubt`` (ns). ``cut`` is how many messages were read out of chunks that were cut off, and
+    ``doubt`` (ns). ``cut`` is how many messages were read out of truncated chunks, and
     ``unread`` how many bytes nothing could be made of.
     """
 

@@ -95,7 +95,7 @@ def test_every_command_knows_of_a_mending_that_was_cut_off(tmp_path, verb, parti
     result = call(verb, bag, *save)
     words = " ".join(result.stderr.split())
     assert result.exit_code == 1
-    assert "B_0.torn is left by a mending that was cut off" in words
+    assert "B_0.torn is left by an interrupted recovery" in words
     assert f"cam-rig recover {bag}" in words
     assert "150 messages" in " ".join(call("recover", bag).stderr.split())
     assert call("analyze", tmp_path / "B_recovered").exit_code == 0
