@@ -4,15 +4,16 @@
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
+WORKERS := --numprocesses auto --dist loadgroup --no-loadscope-reorder
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 # A sourced ROS installation must not leak into .venv.
 unexport PYTHONPATH
 
-.PHONY: help setup run view pictures test bench lock clean
+.PHONY: help setup run view pictures test test-long references bench lock clean
 
 help: ## list these targets
-	@sed -nE 's/^([a-z]+):[^#]*## (.*)/  make \1\t\2/p' Makefile | expand -t 17
+	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/  make \1\t\2/p' Makefile | expand -t 18
 
 setup: $(STAMP) ## make .venv with everything in requirements.lock
 
@@ -32,7 +33,13 @@ test: setup ## lint, types, import rules, tests
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest $(WORKERS)
+
+test-long: setup ## all tests, with many more random cases (most of an hour)
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest $(WORKERS) -m "" --hypothesis-profile=long --references=compute
+
+references: setup ## compute the tests' many-digit references anew
+	$(BIN)/python -m pytest --references=write -m ""
 
 bench: setup ## speed against error, against other solvers: writes docs/speed.md (5 minutes)
 	@OMP_NUM_THREADS=1 $(BIN)/python benchmark/work_precision.py

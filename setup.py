@@ -17,7 +17,6 @@ NODES = [
 
 # package.xml declares the same dependencies by their rosdep keys.
 RUNTIME = [
-    "PyOctaveBand>=2",
     "ezdxf",
     "jinja2",
     "lz4",
@@ -26,6 +25,7 @@ RUNTIME = [
     "numpy",
     "pillow",
     "pydantic>=2",
+    "pyyaml",
     "ruamel.yaml",
     "rerun-sdk",
     "rich",
@@ -57,6 +57,7 @@ TEST = [
     "playwright",
     "pytest",
     "pytest-timeout",
+    "pytest-xdist",
     "ruff",
     "scipy-stubs",
     "setuptools>=77",  # builds the editable install from the lock, without build isolation
@@ -97,7 +98,7 @@ setup(
     entry_points={
         "console_scripts": [
             f"cam-rig = {NAME}.cli.main:main",
-            *(f"{node} = {NAME}.nodes.{node}:main" for node in NODES),
+            *(f"{node} = {NAME}.nodes.__main__:{node}" for node in NODES),
         ],
     },
 )

@@ -91,6 +91,11 @@ def generate_launch_description() -> LaunchDescription:
                 "autostart", default_value="true", description="false: wait for /cam_drive/start"
             ),
             DeclareLaunchArgument(
+                "patience",
+                default_value="120.0",
+                description="wall time without an answer after which the drive gives up, s",
+            ),
+            DeclareLaunchArgument(
                 "respawn", default_value="false", description="start a node again that died"
             ),
             DeclareLaunchArgument(
@@ -110,6 +115,11 @@ def generate_launch_description() -> LaunchDescription:
             node("microphone"),
             node("follower"),
             node("law_server"),
-            node("cam_drive", argument("pacing"), argument("autostart", bool)),
+            node(
+                "cam_drive",
+                argument("pacing"),
+                argument("autostart", bool),
+                argument("patience", float),
+            ),
         ]
     )

@@ -3,22 +3,87 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
 from itertools import count
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.laws import Law, build_law
 from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
 
-_DOMAINS = count()
-CONFIG = Path(__file__).parents[1] / "config"
+from .preloaded import Preloaded
+from .references import many_digits
+
+__all__ = ["many_digits"]
+
+#: Domains that tests take: below the ports that Linux hands out by itself, beside a user's own.
+DOMAINS = range(40, 101)
+_TURNS = count(os.getpid())
+TEST = Path(__file__).parent
+CONFIG = TEST.parent / "config"
 CAM_NAMES = sorted(path.stem for path in (CONFIG / "cams").glob("*.yaml"))
 #: Cams whose velocity jumps: no follower can stay on them, so few models take them.
 VELOCITY_JUMPS = {"worked_example_constant_velocity"}
+
+
+#: More workers than this only take memory.
+MOST_WORKERS = 8
+
+
+def pytest_xdist_auto_num_workers() -> int:
+    """As many workers as cores that may be used."""
+    usable = getattr(os, "sched_getaffinity", lambda _: range(os.cpu_count() or 1))
+    return min(len(usable(0)), MOST_WORKERS)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """``--references``: where those of many digits come from."""
+    choices = ("stored", "compute", "write")
+    parser.addoption("--references", choices=choices, default="stored", help="of many digits")
+
+
+@pytest.hookimpl(tryfirst=True)  # xdist reads the groups
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Give each file's tests to one worker, which makes the file's fixtures once; longest first.
+
+    Tests that share more than their file does, or want to be spread, say so by `xdist_group`.
+    """
+    if config.getoption("references") == "write":
+        items[:] = [item for item in items if "many_digits" in getattr(item, "fixturenames", ())]
+    items.sort(key=lambda item: (item.get_closest_marker("ros") is None, _is_quick(item)))
+    for item in items:
+        if item.get_closest_marker("xdist_group") is None:
+            item.add_marker(pytest.mark.xdist_group(item.path.relative_to(TEST).as_posix()))
+
+
+def _is_quick(item: pytest.Item) -> bool:
+    return item.get_closest_marker("slow") is None
+
+
+# What Hypothesis tries: the same examples in every ordinary run, more and others in a long one.
+settings.register_profile(
+    "ordinary",
+    max_examples=40,
+    derandomize=True,
+    database=None,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+settings.register_profile(
+    "long",
+    settings.get_profile("ordinary"),
+    max_examples=400,
+    derandomize=False,
+    print_blob=True,
+)
+settings.load_profile("ordinary")
 
 
 @pytest.fixture(scope="session")
@@ -93,11 +158,48 @@ def make_cam() -> Callable[..., CamConfig]:
     return make
 
 
+@pytest.fixture(scope="session")
+def hold_domain() -> Callable[[], AbstractContextManager[int]]:
+    """Hold a ROS domain for as long as a context lasts."""
+    return _hold_domain
+
+
+@contextmanager
+def _hold_domain() -> Iterator[int]:
+    """A ROS domain that nobody else on this machine tests in; waits where all are taken.
+
+    It is held by a port of the domain's own block that no participant uses: whoever shares the
+    network shares the lock, and the kernel lets go of it with the process.
+    """
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as lock:
+        while True:
+            domain = DOMAINS[next(_TURNS) % len(DOMAINS)]
+            with suppress(OSError):
+                lock.bind(("127.0.0.1", 7400 + 250 * domain + 9))
+                break
+            time.sleep(0.02)
+        yield domain
+
+
+@pytest.fixture(scope="session")
+def preloaded() -> Iterator[Preloaded]:
+    """Where nodes are forked whose start is not the test's subject."""
+    made = Preloaded()
+    yield made
+    made.close()
+
+
 @pytest.fixture
-def ros_domain(monkeypatch: pytest.MonkeyPatch) -> int:
-    """A ROS domain of its own for a test, on this machine only."""
-    domain = 1 + (os.getpid() + next(_DOMAINS)) % 200
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SYSTEM_DEFAULT")
-    monkeypatch.setenv("FASTDDS_DEFAULT_PROFILES_FILE", str(CONFIG / "fastdds_loopback.xml"))
-    return domain
+def ros_domain(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """A ROS domain of its own for a test, on this machine only.
+
+    Nodes of a graph in this process are forked, unless the test is marked ``starts``.
+    """
+    if request.node.get_closest_marker("starts") is None:
+        start = request.getfixturevalue("preloaded").start
+        monkeypatch.setattr("cam_rig.cli.process._started", start)
+    with _hold_domain() as domain:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SYSTEM_DEFAULT")
+        monkeypatch.setenv("FASTDDS_DEFAULT_PROFILES_FILE", str(CONFIG / "fastdds_loopback.xml"))
+        yield domain

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -31,6 +32,15 @@ class Background:
     def __post_init__(self) -> None:
         self._generator = np.random.default_rng(self.seed)
         self._last = float(self._generator.standard_normal())
+
+    @property
+    def memory(self) -> tuple[float, dict[str, Any]]:
+        """The last sample and the generator's state."""
+        return self._last, dict(self._generator.bit_generator.state)
+
+    @memory.setter
+    def memory(self, memory: tuple[float, dict[str, Any]]) -> None:
+        self._last, self._generator.bit_generator.state = memory
 
     def samples(self, count: int) -> FloatArray:
         """The next samples, ``(count,)``."""

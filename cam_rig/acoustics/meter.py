@@ -1,25 +1,27 @@
 """A sound-level meter to IEC 61672-1, class 1: weightings A, C, Z and F, S, and its range.
 
-The filters are PyOctaveBand's; they carry their state, so a signal reads the same however it is
-cut into blocks. Class 1 holds up to 20 kHz from a sample rate of 96 kHz on.
+It carries its state, so a signal reads the same however it is cut into blocks. A sample rate of
+more than 40 kHz is needed for all of class 1, which ends at 20 kHz; a lower one says how far it
+reaches (`SoundLevelMeter.class_1_up_to_hz`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cam_rig.acoustics.level import REFERENCE_PRESSURE, pressure_pa
+from cam_rig.acoustics.weighting import class_1_up_to_hz, weighting_filter
 from cam_rig.dynamics import FloatArray
-from cam_rig.errors import ConfigError, RefusedError
+from cam_rig.errors import ConfigError, RefusedError, RunError
 
 #: Frequency weightings of the standard.
 FREQUENCY_WEIGHTINGS = ("A", "C", "Z")
-#: Time weightings, and what the library calls them: time constants of 125 ms and 1 s.
-TIME_WEIGHTINGS = {"F": "fast", "S": "slow"}
+#: Time weightings and their time constants, s.
+TIME_WEIGHTINGS = {"F": 0.125, "S": 1.0}
 #: Range in dB of the paper's meter, a JTS-1357.
 RANGE = (30.0, 130.0)
 #: Silence reads as this level, dB.
@@ -45,6 +47,24 @@ class Reading:
     under_range: bool
 
 
+@dataclass(frozen=True, eq=False)
+class MeterMemory:
+    """All that a meter remembers.
+
+    ``filter`` ``(n, 2)`` and ``power`` (Pa²) are of the frequency and the time weighting; the
+    energy (Pa²), samples, highest level (dB) and overload are since it began.
+    """
+
+    frequency_weighting: str
+    time_weighting: str
+    filter: FloatArray
+    power: float
+    energy: float
+    samples: int
+    highest: float
+    overload: bool
+
+
 @dataclass
 class SoundLevelMeter:
     """Blocks of sound pressure in, readings out.
@@ -65,20 +85,44 @@ class SoundLevelMeter:
     frequency_weighting: str = "Z"
     time_weighting: str = "F"
     span: tuple[float, float] = RANGE
-    _energy: float = field(default=0.0, init=False)
-    _samples: int = field(default=0, init=False)
-    _highest: float = field(default=SILENCE, init=False)
-    _overload: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
         _require("frequency_weighting", self.frequency_weighting, FREQUENCY_WEIGHTINGS)
         _require("time_weighting", self.time_weighting, TIME_WEIGHTINGS)
-        # scipy.signal comes with it: a second of imports, which only who listens should pay
-        from pyoctaveband import TimeWeighting as Ballistics
-        from pyoctaveband import WeightingFilter
+        self._sections = weighting_filter(self.frequency_weighting, self.rate)
+        self._keep = math.exp(-1.0 / (self.rate * TIME_WEIGHTINGS[self.time_weighting]))
+        at_rest = np.zeros((len(self._sections), 2))
+        self.memory = MeterMemory(
+            self.frequency_weighting, self.time_weighting, at_rest, 0.0, 0.0, 0, SILENCE, False
+        )
 
-        self._filter = WeightingFilter(self.rate, self.frequency_weighting, stateful=True)
-        self._ballistics = Ballistics(self.rate, TIME_WEIGHTINGS[self.time_weighting])
+    @classmethod
+    def remembering(cls, rate: int, memory: MeterMemory) -> SoundLevelMeter:
+        """The meter that had this memory.
+
+        Raises
+        ------
+        ConfigError : the memory has a weighting that the standard does not have
+        RunError : or a filter of another kind
+        """
+        meter = cls(rate, memory.frequency_weighting, memory.time_weighting)
+        if memory.filter.shape != meter.memory.filter.shape:
+            raise RunError(
+                f"a meter's memory has a filter of {memory.filter.shape}; "
+                f"allowed: {meter.memory.filter.shape}"
+            )
+        meter.memory = memory
+        return meter
+
+    @property
+    def quantity(self) -> str:
+        """What is read, as IEC 61672-1 writes it: LZF, LAS."""
+        return f"L{self.frequency_weighting}{self.time_weighting}"
+
+    @property
+    def class_1_up_to_hz(self) -> float:
+        """Nominal frequency (Hz) up to which readings are class 1; the standard ends at 20 kHz."""
+        return class_1_up_to_hz(self.rate)
 
     def read(self, pressure: FloatArray) -> Reading:
         """The reading for the next samples, ``(n,)`` in Pa.
@@ -90,16 +134,22 @@ class SoundLevelMeter:
         if pressure.size == 0:
             raise ValueError("a block must hold at least one sample")
         _require_finite(pressure)
-        weighted = self._filter.filter(pressure)
-        power = self._ballistics.process(weighted)
+        weighted, filter_ = self._weighted(pressure)
+        power = self._averaged(np.square(weighted))
         energy = float(weighted @ weighted)
         highest = _level(float(power.max()))
         overload = float(np.abs(pressure).max()) > math.sqrt(2.0) * float(pressure_pa(self.span[1]))
         level = _level(float(power.mean()))
-        self._energy += energy
-        self._samples += pressure.size
-        self._highest = max(self._highest, highest)
-        self._overload = self._overload or overload
+        before = self.memory
+        self.memory = replace(
+            before,
+            filter=filter_,
+            power=float(power[-1]),
+            energy=before.energy + energy,
+            samples=before.samples + pressure.size,
+            highest=max(before.highest, highest),
+            overload=before.overload or overload,
+        )
         return Reading(
             level=level,
             at_end=_level(float(power[-1])),
@@ -112,17 +162,34 @@ class SoundLevelMeter:
     @property
     def equivalent(self) -> float:
         """Leq over all samples so far (LAeq, LCeq, LZeq), dB."""
-        return _level(self._energy / max(self._samples, 1))
+        return _level(self.memory.energy / max(self.memory.samples, 1))
 
     @property
     def highest(self) -> float:
         """Highest time-weighted level so far (LAFmax and its like), dB."""
-        return self._highest
+        return self.memory.highest
 
     @property
     def overloaded(self) -> bool:
         """Whether any block so far was an overload: it stays shown, as the standard asks."""
-        return self._overload
+        return self.memory.overload
+
+    def _weighted(self, pressure: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The samples through the frequency weighting, and what the filter then remembers."""
+        if self._sections.size == 0:
+            return pressure, self.memory.filter
+        from scipy.signal import sosfilt  # a second of imports, which only who weighs should pay
+
+        weighted, filter_ = sosfilt(self._sections, pressure, zi=self.memory.filter)
+        return np.asarray(weighted), np.asarray(filter_)
+
+    def _averaged(self, square: FloatArray) -> FloatArray:
+        """The time weighting of squares, Pa²: y ← keep y + (1 − keep) x."""
+        from scipy.signal import lfilter
+
+        keep = self._keep
+        power, _ = lfilter([1.0 - keep], [1.0, -keep], square, zi=[keep * self.memory.power])
+        return np.asarray(power)
 
 
 def _require_finite(pressure: FloatArray) -> None:
@@ -137,6 +204,7 @@ def _require_finite(pressure: FloatArray) -> None:
 
 
 def _require(name: str, value: str, allowed: Iterable[str]) -> None:
+    """Refuse a weighting that the standard does not have."""
     if value not in allowed:
         raise ConfigError(f"{name} is {value!r}; allowed: {', '.join(allowed)}")
 

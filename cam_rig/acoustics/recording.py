@@ -8,6 +8,7 @@ import numpy as np
 
 from cam_rig.acoustics.bands import Spectrum, third_octaves
 from cam_rig.acoustics.meter import FREQUENCY_WEIGHTINGS, TIME_WEIGHTINGS, SoundLevelMeter
+from cam_rig.acoustics.weighting import class_1_up_to_hz
 from cam_rig.dynamics import FloatArray
 
 #: The 16-bit samples of a sound file reach to this.
@@ -16,13 +17,17 @@ FULL_SCALE = 32767
 
 @dataclass(frozen=True)
 class Measurement:
-    """Levels in dB re 20 µPa by the standard's names, as LAeq and LAFmax, and the flags."""
+    """Levels in dB re 20 µPa by the standard's names, as LAeq and LAFmax, and the flags.
+
+    ``class_1_up_to_hz`` is the nominal frequency up to which the levels are of class 1.
+    """
 
     levels: dict[str, float]
     bands: Spectrum
     peak_pa: float
     overload: bool
     under_range: bool
+    class_1_up_to_hz: float
 
 
 def measure(pressure: FloatArray, rate: int) -> Measurement:
@@ -37,7 +42,8 @@ def measure(pressure: FloatArray, rate: int) -> Measurement:
             levels[f"L{weighting}{ballistics}max"] = meter.highest
             overload, lowest = meter.overloaded, min(lowest, reading.level - meter.span[0])
     peak = float(np.abs(pressure).max())
-    return Measurement(levels, third_octaves(pressure, rate), peak, overload, lowest < 0.0)
+    spectrum, class_1 = third_octaves(pressure, rate), class_1_up_to_hz(rate)
+    return Measurement(levels, spectrum, peak, overload, lowest < 0.0, class_1)
 
 
 def full_scale(peak: float) -> float:

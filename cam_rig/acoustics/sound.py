@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -17,11 +18,26 @@ from cam_rig.acoustics.background import Background
 from cam_rig.acoustics.radiation import RadiationParameters
 from cam_rig.acoustics.structure import structure_response
 from cam_rig.dynamics import FloatArray
+from cam_rig.errors import RunError
 
-#: Hz. At this rate the digital A and C weightings are within class 1 up to 20 kHz.
+#: Hz, well above what a meter needs for class 1 up to 20 kHz.
 LEAST_RATE = 96_000
 #: Seed of the background noise: a run repeats sample by sample.
 SEED = 1
+
+
+@dataclass(frozen=True, eq=False)
+class SourceMemory:
+    """What a source remembers.
+
+    ``structure`` (None before the first block) and the last ``force`` in N, ``tail`` ``(k,)`` of
+    the pulses of landings (N), and the background's last sample and generator.
+    """
+
+    structure: float | None
+    force: float
+    tail: FloatArray
+    background: tuple[float, dict[str, Any]]
 
 
 @dataclass
@@ -49,6 +65,20 @@ class SoundSource:
         self._background = Background(self.parameters.background_corner, self.rate, self.seed)
         self._pulse = _pulse(self.parameters.contact_time, self.rate)
         self._tail = np.zeros(self._pulse.size - 1)
+
+    @property
+    def memory(self) -> SourceMemory:
+        """All that it remembers between two blocks."""
+        return SourceMemory(self._structure, self._force, self._tail, self._background.memory)
+
+    @memory.setter
+    def memory(self, memory: SourceMemory) -> None:
+        if memory.tail.shape != self._tail.shape:
+            raise RunError(
+                f"a sound's memory has pulses of {memory.tail.shape}; allowed: {self._tail.shape}"
+            )
+        self._structure, self._force, self._tail = memory.structure, memory.force, memory.tail
+        self._background.memory = memory.background
 
     @property
     def rate(self) -> int:

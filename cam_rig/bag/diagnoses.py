@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from cam_rig.bag import topics
-from cam_rig.bag.waiting import MOST_WAITING, Heard, make_room
+from cam_rig.bag.waiting import MOST_WAITING, make_room
 from cam_rig.errors import RefusedError
 
 
@@ -26,10 +26,10 @@ class Diagnoses:
     """
 
     def __init__(self) -> None:
-        self._waiting: dict[Diagnosis, bytes] = {}
+        self._waiting: dict[Diagnosis, None] = {}
         self._said: deque[Diagnosis] = deque(maxlen=4 * MOST_WAITING)
 
-    def take(self, stamp: int, speaker: str, heard: Heard) -> None:
+    def take(self, stamp: int, speaker: str, cdr: bytes) -> None:
         """Keep a diagnosis that was not here before.
 
         Raises
@@ -43,11 +43,11 @@ class Diagnoses:
                 f"{topics.DIAGNOSTICS.name}: of {speaker[:80]!r}; recorded: "
                 f"{', '.join(topics.SPEAKERS)}"
             )
-        diagnosis = Diagnosis(stamp, speaker, heard.cdr)
+        diagnosis = Diagnosis(stamp, speaker, cdr)
         if diagnosis in self._said or diagnosis in self._waiting:
             return
-        self._waiting[diagnosis] = heard.source
-        if make_room(self._waiting, self._waiting.__getitem__) == heard.source:
+        self._waiting[diagnosis] = None
+        if make_room(self._waiting):
             raise RefusedError(
                 f"{topics.DIAGNOSTICS.name}: more than {MOST_WAITING} of no known time"
             )

@@ -8,16 +8,21 @@ from collections import Counter
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from mcap.records import Attachment
 
+from cam_rig.bag.codec import array_of, decode_law
 from cam_rig.bag.files import TORN, bag_file, remove
-from cam_rig.bag.raw import stamp_of
+from cam_rig.bag.publishers import Publishers
+from cam_rig.bag.raw import cam_of, stamp_of
 from cam_rig.bag.salvage import OURS, Salvage
 from cam_rig.bag.session import RecordingSession
-from cam_rig.bag.topics import DIAGNOSTICS, PROFILE, Topic
+from cam_rig.bag.topics import DIAGNOSTICS, LAW_COEFFICIENTS, PROFILE, Topic
 from cam_rig.bag.writer import BagWriter, require_new_bag
 from cam_rig.errors import CamRigError, RefusedError
+from cam_rig.experiment.cam_check import require_own_contour, require_own_law
 from cam_rig.experiment.gate import StateGate
 from cam_rig.experiment.handover import STATES_UNFLUSHED, Handover
 from cam_rig.experiment.stage import Stage
@@ -35,6 +40,7 @@ class BagRecorder:
     ----------
     bag : folder to record into
     stage : the scene, attached with its files
+    publishers : who may publish what
     resume : go on with a bag that a killed recorder left, instead of refusing it
 
     Raises
@@ -42,13 +48,16 @@ class BagRecorder:
     BagError : the bag exists and is not to be resumed, or cannot be made
     """
 
-    def __init__(self, bag: Path, stage: Stage, resume: bool = False) -> None:
+    def __init__(
+        self, bag: Path, stage: Stage, publishers: Publishers | None = None, resume: bool = False
+    ) -> None:
         self._left = _left(bag) if resume else None
         self._writer = BagWriter(bag, anew=resume)
         self._stage, self._attached = stage, set[Path]()
         self._attach()
         self._writer.attach("versions.json", versions())
-        self._session = RecordingSession(self._writer, StateGate.of(stage.scene))
+        gate = StateGate.of(stage.scene)
+        self._session = RecordingSession(self._writer, gate, publishers, self._check)
         self._unflushed = 0
         #: Stamps (ns) of the states that a predecessor had written.
         self.resumed: list[int] = []
@@ -79,6 +88,14 @@ class BagRecorder:
         self._session.close()
         self._adopt()
         self._writer.close()
+
+    def _check(self, topic: Topic, message: Any) -> None:
+        """Refuse a law or a contour that is not the one of the cam's file."""
+        if topic is LAW_COEFFICIENTS:
+            require_own_law(self._stage, decode_law(*array_of(message)))
+        else:
+            points = [(point.x, point.y) for point in message.polygon.points]
+            require_own_contour(self._stage, cam_of(message), np.array(points).T)
 
     def _know(self, cams: list[str]) -> None:
         """A cam that was mounted by hand belongs into the bag as well."""
@@ -133,7 +150,7 @@ def _left(bag: Path) -> Path | None:
     return next((path for path in (file.with_suffix(TORN), file) if path.exists()), None)
 
 
-def open_bag(handover: Handover, wanted: Path, stage: Stage) -> BagRecorder:
+def open_bag(handover: Handover, wanted: Path, stage: Stage, publishers: Publishers) -> BagRecorder:
     """Begin a bag, or go on with the one that a killed predecessor was recording.
 
     That a bag is ours is written down before it is made, so that no moment is left in which a kill
@@ -145,10 +162,10 @@ def open_bag(handover: Handover, wanted: Path, stage: Stage) -> BagRecorder:
     BagError : another's bag is there, or it cannot be made
     """
     if mine := handover.newest():
-        return BagRecorder(Path(mine), stage, resume=True)
+        return BagRecorder(Path(mine), stage, publishers, resume=True)
     require_new_bag(wanted)
     handover.keep(str(wanted))
-    return BagRecorder(wanted, stage)
+    return BagRecorder(wanted, stage, publishers)
 
 
 def versions() -> bytes:

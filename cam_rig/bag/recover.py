@@ -21,7 +21,7 @@ from cam_rig.bag.files import (
     remove,
 )
 from cam_rig.bag.loss import Holdings, Loss, loss_of
-from cam_rig.bag.reader import read_stage
+from cam_rig.bag.reader import read_counts, read_stage
 from cam_rig.bag.salvage import OURS, Salvage
 from cam_rig.bag.topics import Topic
 from cam_rig.bag.writer import BagWriter, require_new_bag
@@ -139,15 +139,15 @@ def examine(bag: Path) -> Recovered:
 
 def state_words(bag: Path) -> str:
     """What there is of a recording whose run failed, in words; it is recovered if need be."""
-    if is_torn(bag):
-        there = [path for path in (bag_file(bag), bag_file(bag).with_suffix(TORN)) if path.exists()]
-        if not any(path.stat().st_size for path in there):
+    file = bag_file(bag)
+    try:
+        if not any(f.exists() and f.stat().st_size for f in (file, file.with_suffix(TORN))):
             return "nothing was recorded"
-        try:
-            return recover_in_place(bag).words
-        except BagError as error:
-            return str(error).removeprefix(f"{bag}: ")
-    return "closed" if bag_file(bag).exists() else "nothing was recorded"
+        words = recover_in_place(bag).words if is_torn(bag) else ""
+        count = sum(read_counts(bag).values())
+    except (BagError, OSError) as error:
+        return str(error).removeprefix(f"{bag}: ")
+    return (words or f"closed, {count} messages") if count else "nothing was recorded"
 
 
 def _is_half_made(target: Path) -> bool:

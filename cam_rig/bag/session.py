@@ -8,11 +8,13 @@ nothing is missing and everything before it is written. So two recordings of one
 from __future__ import annotations
 
 from collections import deque
-from typing import Protocol
+from collections.abc import Callable
+from typing import Any, Protocol
 
 from cam_rig.bag import topics
 from cam_rig.bag.codec import cam_state_of
 from cam_rig.bag.diagnoses import Diagnoses
+from cam_rig.bag.publishers import Publishers
 from cam_rig.bag.raw import RawMessages, cam_of, speaker_of, stamp_of
 from cam_rig.bag.topics import Topic
 from cam_rig.bag.waiting import Heard, Waiting
@@ -44,12 +46,21 @@ class RecordingSession:
     ----------
     writer : where they go
     gate : which states of the cam can be true
+    publishers : who may publish what
+    check : refuses a law or a contour (topic, message) that is not the cam's own
     """
 
-    def __init__(self, writer: Writing, gate: StateGate) -> None:
+    def __init__(
+        self,
+        writer: Writing,
+        gate: StateGate,
+        publishers: Publishers | None = None,
+        check: Callable[[Topic, Any], None] = lambda _topic, _message: None,
+    ) -> None:
         self.written = -1
         self._writer, self._raw = writer, RawMessages()
-        self._gate = gate
+        self._gate, self._check = gate, check
+        self._publishers = publishers or Publishers()
         self._states: deque[tuple[CamState, bytes]] = deque()
         self._known: set[int] = set()
         self._before: CamState | None = None
@@ -68,16 +79,20 @@ class RecordingSession:
         Raises
         ------
         RefusedError : the message is malformed, or contradicts one that was here before
+        RunError : it is from another process than the one that publishes on this topic
         BagError : it cannot be written
         """
+        if topic.owner:
+            self._publishers.require(topic.owner, topic, source)
         message, cdr = self._raw.read(topic, cdr)
         heard = Heard(source, cdr)
         if topic is topics.CAM_STATE:
             self._take_state(cam_state_of(message), cdr)
         elif topic in self._cams:
+            self._check(topic, message)
             self._take_cam(topic, cam_of(message), cdr)
         elif topic is topics.DIAGNOSTICS:
-            self._diagnoses.take(stamp_of(cdr), speaker_of(message), heard)
+            self._take_diagnosis(speaker_of(message), heard)
         elif topic.twin:
             self._waiting.keep_twin(topic, heard, number)
         else:
@@ -109,6 +124,11 @@ class RecordingSession:
             self._states.append((state, cdr))
             self._known.add(state.time_ns)
             self._newest = max(self._newest, state.time_ns)
+
+    def _take_diagnosis(self, speaker: str, heard: Heard) -> None:
+        if speaker in topics.SPEAKERS:
+            self._publishers.require(speaker, topics.DIAGNOSTICS, heard.source)
+        self._diagnoses.take(stamp_of(heard.cdr), speaker, heard.cdr)
 
     def _take_cam(self, topic: Topic, name: str, cdr: bytes) -> None:
         known = self._cams[topic]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Hashable, Set
 from typing import Any, NamedTuple, TypeVar
 
@@ -30,24 +29,13 @@ class Heard(NamedTuple):
     cdr: bytes
 
 
-def make_room(
-    held: dict[Key, Any],
-    source_of: Callable[[Key], bytes],
-    is_awaited: Callable[[Key], bool] = lambda _: False,
-) -> bytes | None:
-    """Drop some of too many: the oldest of the process that sent most of what nobody awaits.
-
-    So a flood sweeps out its own alone. The process it was from; None when nothing had to go.
-    """
+def make_room(held: dict[Key, Any], is_awaited: Callable[[Key], bool] = lambda _: False) -> bool:
+    """Drop the oldest of too many that nobody awaits; whether there were too many."""
     if len(held) <= MOST_WAITING:
-        return None
-    spare = [(key, source_of(key)) for key in held if not is_awaited(key)]
-    if not spare:
-        return None
-    loudest = Counter(source for _, source in spare).most_common(1)[0][0]
-    for key in [key for key, source in spare if source == loudest][:DROPPED]:
+        return False
+    for key in [key for key in held if not is_awaited(key)][:DROPPED]:
         del held[key]
-    return loudest
+    return True
 
 
 class Waiting:
@@ -60,9 +48,8 @@ class Waiting:
 
     def __init__(self, known: Set[int]) -> None:
         self._known, self._until = known, -1
-        self._held: dict[Topic, dict[int, Heard]] = {topic: {} for topic in topics.RECORDING}
+        self._held: dict[Topic, dict[int, bytes]] = {topic: {} for topic in topics.RECORDING}
         self._halves: dict[tuple[str, bytes, int], int | bytes] = {}
-        self._spoken: Counter[tuple[Topic, bytes]] = Counter()
 
     def has(self, topic: Topic, stamp: int) -> bool:
         """Whether a topic's message of a stamp is here."""
@@ -74,8 +61,7 @@ class Waiting:
 
     def pop(self, topic: Topic, stamp: int) -> bytes | None:
         """A topic's message of a stamp, which is not kept any longer; None where there is none."""
-        heard = self._held[topic].pop(stamp, None)
-        return None if heard is None else heard.cdr
+        return self._held[topic].pop(stamp, None)
 
     def forget(self, until: int) -> None:
         """Let go of all up to a stamp: those states are written, and what remains is of none."""
@@ -96,8 +82,8 @@ class Waiting:
         RefusedError : it differs from one that is here, or there are too many
         """
         try:
-            self._keep(topic, stamp, heard)
-        finally:  # a forgery of the one must not cost the other
+            self._keep(topic, stamp, heard.cdr)
+        finally:  # what is wrong with the one must not cost the other
             for twin in TWINS.get(topic.name, ()):
                 self._pair(twin, heard.source, number, stamp)
 
@@ -110,24 +96,19 @@ class Waiting:
         key = (topic.name, source, number)
         other = self._halves.pop(key, None)
         if isinstance(half, int) and isinstance(other, bytes):
-            self._keep(topic, half, Heard(source, other))
+            self._keep(topic, half, other)
         elif isinstance(half, bytes) and isinstance(other, int):
-            self._keep(topic, other, Heard(source, half))
+            self._keep(topic, other, half)
         else:
             self._halves[key] = half
-            make_room(self._halves, lambda key: key[1])
+            make_room(self._halves)
 
-    def _keep(self, topic: Topic, stamp: int, heard: Heard) -> None:
-        """Keep a message for its state; of two that differ, that of who has spoken more often."""
-        held = self._held[topic]
-        self._spoken[topic, heard.source] += 1
+    def _keep(self, topic: Topic, stamp: int, cdr: bytes) -> None:
+        """Keep a message for its state."""
         if stamp <= self._until:
             return
-        before = held.setdefault(stamp, heard)
-        if before.cdr != heard.cdr:
-            if self._spoken[topic, heard.source] > self._spoken[topic, before.source]:
-                held[stamp] = heard
+        held = self._held[topic]
+        if held.setdefault(stamp, cdr) != cdr:
             raise RefusedError(f"{topic.name} at {stamp} ns: two messages that differ")
-        dropped = make_room(held, lambda key: held[key].source, self._known.__contains__)
-        if dropped == heard.source and stamp not in self._known:
+        if make_room(held, self._known.__contains__) and stamp not in self._known:
             raise RefusedError(f"{topic.name}: more than {MOST_WAITING} messages of no known state")

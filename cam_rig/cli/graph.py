@@ -13,13 +13,15 @@ from typing import Any
 
 from cam_rig.cli.memory_folder import MemoryFolder
 from cam_rig.cli.process import NodeProcess, stop_all
-from cam_rig.cli.shared_memory import YOUNG, clean
+from cam_rig.cli.shared_memory import YOUNG, clean, require_room
 from cam_rig.errors import RunError
 
 #: Started right after the recorder when a run is to be seen, and then waited for.
 VIEWER = "viewer"
 #: Signals that end a run; a closed terminal is one of them.
 STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+#: Wall time (s) without an answer after which the drive of a run gives up.
+PATIENCE = 120.0
 #: A node that was killed this often is not started again.
 MOST_RESPAWNS = 20
 
@@ -38,7 +40,8 @@ def live(
     if screen is not None:
         nodes[VIEWER] = {**named, "address": screen}
     nodes |= {"microphone": named, "follower": named}
-    waited: Arguments = {"report_progress": True, "consumers": list(nodes)}
+    # who has ended is seen here at once, so a busy machine may take its time to answer
+    waited: Arguments = {"report_progress": True, "consumers": list(nodes), "patience": PATIENCE}
     return nodes | {"law_server": named, "cam_drive": {**named, **waited, **drive}}
 
 
@@ -46,7 +49,8 @@ def replayed(scene: Path, bag: Path, recorded: Path) -> dict[str, Arguments]:
     """The nodes that hear a recorded drive and law server."""
     nodes = live(scene, bag)
     heard = {name: nodes[name] for name in ("recorder", "microphone", "follower")}
-    return heard | {"player": {"bag": str(recorded), "report_progress": True}}
+    player: Arguments = {"bag": str(recorded), "report_progress": True, "patience": PATIENCE}
+    return heard | {"player": player}
 
 
 class Graph:
@@ -76,8 +80,13 @@ class Graph:
         self._handlers: dict[int, Any] = {}
         self._handover = MemoryFolder() if respawn else None
         self._begun = time.time()
+        self._bag = Path(str(nodes["recorder"]["bag"]))
+        self._unclosed, self._kept = False, ""
+        self._suspended: dict[str, float] = {}
+        self._patience = float(str(nodes[self._drive].get("patience", PATIENCE)))
 
     def __enter__(self) -> Graph:
+        require_room()
         for number in STOPPING:
             self._handlers[int(number)] = signal.signal(number, _interrupt)
         try:
@@ -95,14 +104,21 @@ class Graph:
         trace: TracebackType | None,
     ) -> None:
         self._end()
+        if error is not None or self._unclosed:
+            self._say(f"what was recorded so far is in {self._bag}: {self._kept}")
 
     def _end(self) -> None:
+        from cam_rig.bag.files import is_torn
+        from cam_rig.bag.recover import state_words
+
         for number in STOPPING:  # a second Ctrl-C must not leave nodes behind
             signal.signal(number, signal.SIG_IGN)
         speakers = [self.processes[n] for n in reversed(self._nodes) if n in self.processes]
         recorder = [process for process in speakers if process.name == "recorder"]
         stop_all([process for process in speakers if process not in recorder])
         stop_all(recorder)  # last, so that it hears the others to the end
+        self._unclosed = self._bag.is_dir() and is_torn(self._bag)
+        self._kept = state_words(self._bag)
         if self._handover is not None:
             self._handover.remove()
         # who was killed leaves segments behind, and who could not write them whole
@@ -122,25 +138,26 @@ class Graph:
         while True:
             dead = [name for name, process in self.processes.items() if process.has_ended]
             yield from self._reports()
+            self._require_moving()
             if self._drive in dead and self.processes[self._drive].code == 0:
                 dead.remove(self._drive)
                 if not self._last_ticks_are_lost(dead):
-                    return
+                    if self._recorder_closes():
+                        return
+                    dead = ["recorder"]
                 self._start_again(self._drive)  # to say them to the recorder's successor
             for name in dead:
                 self._mourn(name)
 
-    def require_closed(self, bag: Path) -> None:
-        """To be asked when all have ended, for then the recorder closes the bag.
+    def require_closed(self) -> None:
+        """To be asked when all have ended, for then the recorder has closed the bag.
 
         Raises
         ------
         RunError : it did not; how it ended instead
         """
-        from cam_rig.bag.files import is_torn
-
         recorder = self.processes["recorder"]
-        if is_torn(bag):
+        if self._unclosed:
             raise RunError(f"node {recorder.obituary()} {self._last}{_last_words(recorder)}")
 
     def _last_ticks_are_lost(self, dead: list[str]) -> bool:
@@ -161,6 +178,32 @@ class Graph:
         for name in dead:
             self._say(f"node {self.processes[name].obituary()} {self._last}, when all was said")
         return False
+
+    def _recorder_closes(self) -> bool:
+        """Ask the recorder to close the bag while all it has heard can still be said again.
+
+        False when it was killed instead, and is to be started again.
+        """
+        from cam_rig.bag.files import is_torn
+
+        recorder = self.processes["recorder"]
+        stop_all([recorder])
+        return recorder.overdue or not (self._returns("recorder") and is_torn(self._bag))
+
+    def _require_moving(self) -> None:
+        """Suspended processes are waited for as the drive waits for an answer, no longer.
+
+        Raises
+        ------
+        RunError : one that has stood still for that long
+        """
+        now = time.monotonic()
+        for name, process in self.processes.items():
+            since = self._suspended.setdefault(name, now) if process.is_suspended else None
+            if since is None:
+                self._suspended.pop(name, None)
+            elif now - since > self._patience:
+                raise RunError(f"node {name} stands suspended (SIGSTOP) {self._last}")
 
     def _reports(self) -> Iterator[dict[str, float | str]]:
         try:

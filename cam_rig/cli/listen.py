@@ -96,7 +96,7 @@ def _show(heard: Measurement, out: Path, scale: float, seconds: float) -> None:
     console.print(
         f"{out}: {seconds:.1f} s; full scale is {scale:g} Pa, peak {heard.peak_pa:.3g} Pa"
     )
-    console.print(f"{levels} dB")
+    console.print(f"{levels} dB, class 1 up to {heard.class_1_up_to_hz / 1000.0:g} kHz")
     if heard.overload:
         console.print("[bold]overload:[/] beyond the meter's 130 dB")
     if heard.under_range:
@@ -109,6 +109,7 @@ def _to_json(heard: Measurement, scale: float, seconds: float) -> dict[str, Any]
         "full_scale_pa": scale,
         "peak_pa": heard.peak_pa,
         "levels_db": heard.levels,
+        "class_1_up_to_hz": heard.class_1_up_to_hz,
         "third_octaves_db": dict(
             zip(heard.bands.names, heard.bands.level_db.tolist(), strict=True)
         ),

@@ -10,8 +10,9 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from cam_rig.bag.temporary import no_room, temporary_place
-from cam_rig.cli.shared_memory import YOUNG
+from cam_rig.bag.temporary import no_room
+from cam_rig.cli.shared_memory import FOLDER, YOUNG
+from cam_rig.cli.user_folder import runtime_folder, user_folder
 
 PREFIX = "cam_rig-handover-"
 
@@ -44,9 +45,9 @@ class MemoryFolder:
 
 
 def _place() -> Path:
-    places = [os.environ.get("XDG_RUNTIME_DIR", ""), "/dev/shm"]
-    found = next((p for p in places if p and os.access(p, os.W_OK)), None)
-    return Path(found) if found else temporary_place()
+    """In memory where there is such a place; a folder made there is this user's alone."""
+    shared = FOLDER if os.access(FOLDER, os.W_OK) else None
+    return runtime_folder() or shared or user_folder()
 
 
 def _clear(place: Path) -> None:

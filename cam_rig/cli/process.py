@@ -9,8 +9,11 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 
+from cam_rig.cli.shared_memory import why_killed
+from cam_rig.errors import RunError
 from cam_rig.schema.load import config_root
 
 #: Wall time (s) a node has to end when asked to, before it is killed.
@@ -30,6 +33,10 @@ class NodeProcess:
     arguments : its parameters
     network : see `environment`
     hear : told each line of its stdout
+
+    Raises
+    ------
+    RunError : the system has no process, no memory or no thread left for it
     """
 
     def __init__(
@@ -46,17 +53,17 @@ class NodeProcess:
         # as JSON, which is YAML too: a folder called yes or 1e3 stays a text
         pairs = (f"{key}:={json.dumps(value)}" for key, value in arguments.items())
         ros = [part for pair in pairs for part in ("-p", pair)]
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", f"cam_rig.nodes.{name}", "--ros-args", *ros],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            env=environment(network),
-            start_new_session=True,  # Ctrl-C reaches the runner alone, which ends nodes in order
-        )
-        for stream, take in ((self.process.stdout, hear), (self.process.stderr, self._hear_words)):
-            threading.Thread(target=_drain, args=(stream, take), daemon=True).start()
+        command = [sys.executable, "-m", "cam_rig.nodes", name, "--ros-args", *ros]
+        try:
+            self.process = _started(command, network)
+        except (OSError, MemoryError) as error:
+            raise _none_left(name, getattr(error, "strerror", None) or "no memory") from None
+        try:
+            self._listen(hear)
+        except RuntimeError as error:  # of a thread: it cannot be heard, so it must not run
+            os.killpg(self.process.pid, signal.SIGKILL)
+            self.process.wait()
+            raise _none_left(name, str(error)) from None
 
     @property
     def code(self) -> int | None:
@@ -73,13 +80,22 @@ class NodeProcess:
         """Whether a signal ended it."""
         return (self.code or 0) < 0
 
+    @property
+    def is_suspended(self) -> bool:
+        """Whether a signal made it stand still (SIGSTOP)."""
+        try:
+            with open(f"/proc/{self.process.pid}/stat", encoding="ascii", errors="replace") as line:
+                return line.read(4096).rpartition(")")[2].split()[:1] == ["T"]
+        except OSError:  # it has ended, or this is no Linux
+            return False
+
     def obituary(self) -> str:
         """How it ended."""
         if self.overdue:
             return f"{self.name} did not end within {GRACE:g} s and was killed"
         code = self.code or 0
         how = f"was ended by signal {-code}" if code < 0 else f"ended with code {code}"
-        return f"{self.name} {how}"
+        return f"{self.name} {how}{why_killed(code)}"
 
     @property
     def warnings(self) -> list[str]:
@@ -92,6 +108,10 @@ class NodeProcess:
         words = [line.strip() for line in self.words if line.strip()]
         return words[-1] if words else "it said nothing"
 
+    def _listen(self, hear: Callable[[str], None]) -> None:
+        for stream, take in ((self.process.stdout, hear), (self.process.stderr, self._hear_words)):
+            threading.Thread(target=_drain, args=(stream, take), daemon=True).start()
+
     def _hear_words(self, line: str) -> None:
         if len(self.words) < MOST_WORDS:
             self.words.append(line)
@@ -99,11 +119,42 @@ class NodeProcess:
             self.words[-1] = line
 
 
+def _started(command: list[str], network: bool) -> subprocess.Popen[str]:
+    with _signals_held_back():
+        return subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=environment(network),
+            start_new_session=True,  # Ctrl-C reaches the runner alone, which ends all in order
+        )
+
+
+def _none_left(name: str, why: str) -> RunError:
+    return RunError(
+        f"node {name} cannot be started ({why}); end other programs, or raise what a process or "
+        "a user may have (ulimit -v, ulimit -u)"
+    )
+
+
+@contextmanager
+def _signals_held_back() -> Iterator[None]:
+    """What is started here has no signal that ends it until it lets them through itself."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def stop_all(nodes: list[NodeProcess]) -> None:
     """Ask all to end, wait for them, and kill who does not."""
     for node in nodes:
         if not node.has_ended:
             node.process.send_signal(signal.SIGINT)
+            node.process.send_signal(signal.SIGCONT)  # one that was suspended ends in order too
     deadline = time.monotonic() + GRACE
     for node in nodes:
         try:

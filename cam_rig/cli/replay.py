@@ -73,7 +73,7 @@ def _replay(bag: Path, folder: Path, scene: str | None, output: Path | None) -> 
         task = bar.add_task("replaying", total=total - 1)
         for report in graph.progress():
             bar.update(task, completed=int(report["tick"]))
-    graph.require_closed(again)
+    graph.require_closed()
     found = compare(bag, again)
     if output is not None:
         shutil.move(again, output)

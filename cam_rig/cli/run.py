@@ -56,7 +56,6 @@ def run(
     with user_errors():
         from cam_rig.bag.writer import require_new_bag
         from cam_rig.cli.screen import open_screen
-        from cam_rig.errors import RunError
         from cam_rig.experiment.pacing import factor_of
 
         path = scene_path(scene)
@@ -64,16 +63,16 @@ def run(
         target = bag or Path(time.strftime(f"bags/{path.stem}_%Y-%m-%d_%H-%M-%S"))
         require_new_bag(target)
         with open_screen(view, web) as screen:
-            try:
-                _run(path, target, screen.address, pacing, respawn, network)
-            except RunError:
-                _keep(target)
-                raise
+            _run(path, target, screen.address, pacing, respawn, network)
             if analyze:
                 from cam_rig.cli.analyze import analyze_bag
 
                 analyze_bag(target, None, target / "noise.png")
             screen.stay()
+
+
+def _say(line: str) -> None:
+    console.print(escape(line))
 
 
 def _run(
@@ -96,7 +95,7 @@ def _run(
     with (
         own_domain(),
         progress_bar() as bar,
-        Graph(nodes, respawn, network, console.print) as graph,
+        Graph(nodes, respawn, network, _say) as graph,
     ):
         task = bar.add_task("starting the nodes", total=tick_count(stage.scene))
         for report in graph.progress():
@@ -106,19 +105,10 @@ def _run(
         if node.warnings:
             words = f"{name} warned {len(node.warnings)} times, last: {node.warnings[-1]}"
             console.print(escape(words))
-    graph.require_closed(target)
+    graph.require_closed()
     counts = require_complete(target, stage.scene)
     took = time.perf_counter() - begun
     console.print(
         f"{counts['/follower/samples']} ticks, {sum(counts.values())} messages, none missing, "
         f"in {took:.1f} s: {escape(str(target))}"
     )
-
-
-def _keep(target: Path) -> None:
-    """What there is of a bag is left readable, even when the recorder was killed."""
-    from cam_rig.bag.recover import state_words
-
-    if target.is_dir():
-        words = f"what was recorded so far is in {target}: {state_words(target)}"
-        console.print(escape(words))

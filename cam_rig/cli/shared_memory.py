@@ -1,20 +1,63 @@
-"""Fast DDS leaves files in /dev/shm when a node is killed outright: taken away here."""
+"""/dev/shm, where Fast DDS keeps its segments: room in it, and what killed nodes leave there.
+
+A node that finds no room for its segment speaks through the loopback alone, and the run is as good;
+where not even a page is left for a lock, the kernel ends it with SIGBUS.
+"""
 
 from __future__ import annotations
 
 import fcntl
 import os
 import re
+import signal
 import time
 from contextlib import suppress
 from pathlib import Path
 
+from cam_rig.errors import OutputError
+from cam_rig.files import MIB
+
+#: Bytes that must be free: a page for each lock of seven nodes, several times over.
+LEAST_ROOM = MIB
+REMEDY = "remove what fills it, or give a container more (docker run --shm-size=256m)"
 FOLDER = Path("/dev/shm")
 #: A segment or a port has a lock file beside it, which its owner holds while it lives.
 KEPT = re.compile(r"fastdds_(?:[0-9a-f]{16}|port\d{1,5})")
 LOCKS = ("_el", "_sl")
 #: Younger than this (s), a file may yet get its lock.
 YOUNG = 1.0
+
+
+def require_room(folder: Path = FOLDER) -> None:
+    """To be asked before nodes are started; other systems keep shared memory elsewhere.
+
+    Raises
+    ------
+    OutputError : there is less than `LEAST_ROOM`
+    """
+    free = _free(folder)
+    if free is not None and free < LEAST_ROOM:
+        raise OutputError(
+            f"{folder}: has {free / 1024:.0f} KiB free; allowed: at least "
+            f"{LEAST_ROOM // 1024} KiB, so {REMEDY}"
+        )
+
+
+def why_killed(code: int, folder: Path = FOLDER) -> str:
+    """What a signal that ended a node means, to be put behind its number; empty where unknown."""
+    free = _free(folder)
+    if code != -signal.SIGBUS or free is None:
+        return ""
+    return f" (SIGBUS: {folder} was full, {free / 1024:.0f} KiB are free now; {REMEDY})"
+
+
+def _free(folder: Path) -> int | None:
+    """Bytes that this user may still write there; None where there is no such folder."""
+    try:
+        about = os.statvfs(folder)
+    except OSError:
+        return None
+    return about.f_bavail * about.f_frsize
 
 
 def clean(since: float, folder: Path = FOLDER) -> list[str]:

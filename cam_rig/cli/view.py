@@ -95,7 +95,7 @@ def _view(
 @contextmanager
 def _tidy_end() -> Iterator[None]:
     """Any signal to end unwinds as Ctrl-C does, so that no half file and no folder stays."""
-    numbers = signal.SIGTERM, signal.SIGHUP
+    numbers = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
     before = [signal.signal(number, signal.default_int_handler) for number in numbers]
     try:
         yield

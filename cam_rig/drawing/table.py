@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import csv
+import io
 from pathlib import Path
 
 import numpy as np
 
-from cam_rig.errors import ProfileError
+from cam_rig.errors import ConfigError, ProfileError
+from cam_rig.files import MIB, read_bytes, shown
 from cam_rig.laws import TURN
 from cam_rig.laws.bernstein import FloatArray
 from cam_rig.profile.path import Path as Curve
 from cam_rig.schema.quantity import UNITS
 
 MM = 1e3
+#: Bytes of a file of contours that is read: 80 000 points as `write_contour` writes them.
+MOST_BYTES = 8 * MIB
 HEADER = ("angle_deg", "x_mm", "y_mm", "curvature_radius_mm", "pressure_angle_deg")
 
 
@@ -49,16 +53,18 @@ def read_contour(path: Path) -> list[FloatArray]:
     ProfileError : no such columns, or something else than numbers in them
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            rows = [row for row in csv.reader(stream) if row and not row[0].startswith("#")]
+        text = io.StringIO(read_bytes(path, MOST_BYTES).decode("utf-8-sig"), newline="")
+        rows = [row for row in csv.reader(text) if row and not row[0].startswith("#")]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ProfileError(f"{path}: cannot be read ({error})") from None
+    except ConfigError as error:
+        raise ProfileError(f"{path}: {error}") from None
     names = [name.strip() for name in rows[0]] if rows else []
     unit = next((u for u in UNITS["length"] if {f"x_{u}", f"y_{u}"} <= set(names)), None)
     if unit is None:
+        there = shown(", ".join(names), False) or "none"
         raise ProfileError(
-            f"{path}: its columns are {', '.join(names) or 'none'}; allowed: among them x_mm and "
-            "y_mm (or m, cm, in)"
+            f"{path}: its columns are {there}; allowed: among them x_mm and y_mm (or m, cm, in)"
         )
     wanted = [names.index(f"x_{unit}"), names.index(f"y_{unit}")]
     points = np.array([_numbers(path, row, wanted) for row in rows[1:]]).reshape(-1, 2)
@@ -73,7 +79,9 @@ def _disc(path: Path, row: list[str], names: list[str]) -> str:
     if "disc" not in names:
         return ""
     if len(row) <= names.index("disc"):
-        raise ProfileError(f"{path}: has the row {','.join(row)!r}; allowed: {','.join(names)}")
+        raise ProfileError(
+            f"{path}: has the row {shown(','.join(row))}; allowed: {shown(','.join(names), False)}"
+        )
     return row[names.index("disc")]
 
 
@@ -83,5 +91,5 @@ def _numbers(path: Path, row: list[str], columns: list[int]) -> list[float]:
     except (ValueError, IndexError):
         values = [np.nan]
     if not np.isfinite(values).all():
-        raise ProfileError(f"{path}: has the row {','.join(row)!r}; allowed: finite numbers")
+        raise ProfileError(f"{path}: has the row {shown(','.join(row))}; allowed: finite numbers")
     return values

@@ -135,13 +135,17 @@ class DriveProgram:
         self.pacing.sent(state.time_ns, now)
         return self._out(state)
 
+    def expects(self, cam: str) -> bool:
+        """Whether the law server was asked for a cam and has not said yet that it is mounted."""
+        return self._requests[cam] > 0
+
     def mounted(self, cam: str) -> None:
         """Note what the law server says is mounted: what it was asked for, or another by hand.
 
         Its word may come when the drive has sent that cam's last state and looks at the next cam's,
         or later still: each request has one answer.
         """
-        if self._requests[cam] > 0:
+        if self.expects(cam):
             self._requests[cam] -= 1
         else:
             self.table.mount(cam)

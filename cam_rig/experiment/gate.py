@@ -13,8 +13,8 @@ from cam_rig.schema import SceneConfig
 
 #: The fastest cam, rad/s; a scene is bound by the same.
 FASTEST = 1e5 * math.pi / 30.0
-#: Samples in one tick that nobody can mean: 480 MB.
-MOST_SAMPLES = 10_000_000
+#: Samples in one tick at most: a message of 48 MB.
+MOST_SAMPLES = 1_000_000
 
 
 def speeds(scene: SceneConfig) -> tuple[float, float]:

@@ -1,22 +1,24 @@
 """What a node knows, kept outside of it, so that its successor can go on where it ended.
 
-Records are written as JSON: floats come back bit for bit, and only the rig's own immutable records
-are made from it, so a foreign file can do no more than be refused.
+Records are written as JSON: floats come back bit for bit, and only numbers, texts, arrays of
+numbers and the rig's own immutable records are made from it, so a foreign file can do no more than
+be refused.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import sys
 from collections import deque
 from dataclasses import fields, is_dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cam_rig.errors import CamRigError, RunError
+from cam_rig.files import MIB, read_bytes
 
 #: The drive keeps at most this many ticks in flight.
 TICKS_IN_FLIGHT = 4
@@ -33,6 +35,24 @@ TICKS_KEPT = {
     "follower": _LOST + _AHEAD,
     "cam_drive": _LOST + 2 * _AHEAD,
 }
+#: Bytes of a file, at most; those of the shipped scenes have less than a thousandth of it.
+MOST_BYTES = 64 * MIB
+#: Kinds of numbers that an array may hold: bool, int, unsigned, float, complex.
+NUMBERS = "biufc"
+
+
+#: What a file that is no handover raises.
+UNREADABLE = (
+    OSError,
+    ValueError,
+    KeyError,
+    IndexError,
+    TypeError,
+    AttributeError,
+    OverflowError,
+    RecursionError,
+    CamRigError,
+)
 
 
 class Handover:
@@ -62,7 +82,7 @@ class Handover:
 
         Raises
         ------
-        RunError : the folder cannot be written
+        RunError : the folder cannot be written, or the records are too long for a file
         """
         if self._file is None:
             return
@@ -70,9 +90,13 @@ class Handover:
             return
         self._until = None
         self._kept.append(json.dumps([stamp_ns, to_plain(memory)]))
+        text = f"[{','.join(self._kept)}]"
+        if len(text) > MOST_BYTES:  # JSON here is ASCII
+            size = len(text) / MIB
+            raise RunError(f"{self._file}: has {size:.3g} MiB; allowed: {MOST_BYTES / MIB:g} MiB")
         part = self._file.with_suffix(".part")
         try:
-            part.write_text(f"[{','.join(self._kept)}]", encoding="utf-8")
+            part.write_text(text, encoding="ascii")
             os.replace(part, self._file)
         except OSError as error:
             raise RunError(f"{self._file}: cannot be written ({error.strerror})") from None
@@ -95,10 +119,10 @@ class Handover:
         if self._file is None or not self._file.is_file():
             return []
         try:
-            found = json.loads(self._file.read_text(encoding="utf-8"))
+            found = json.loads(read_bytes(self._file, MOST_BYTES, follow=False))
             records = [from_plain(memory) for _, memory in found]
             self._until = int(found[-1][0])
-        except (OSError, ValueError, KeyError, IndexError, TypeError, CamRigError) as error:
+        except UNREADABLE as error:
             raise RunError(f"{self._file}: is no handover of a node ({error})") from None
         self._kept.clear()
         self._kept.extend(json.dumps(kept) for kept in found)
@@ -126,24 +150,41 @@ def to_plain(value: Any) -> Any:
 
 
 def from_plain(data: Any) -> Any:
-    """The value that `to_plain` was given."""
+    """The value that `to_plain` was given.
+
+    Raises
+    ------
+    UNREADABLE : it was given none such
+    """
     if not isinstance(data, dict):
         return data
     if "record" in data:
         inside = {name: from_plain(value) for name, value in data["fields"].items()}
         return _record(data["record"])(**inside)
     if "array" in data:
-        flat = np.frombuffer(bytes.fromhex(data["array"]), dtype=np.dtype(data["type"]))
-        return flat.reshape(data["shape"])
+        return _array(data["array"], data["type"], data["shape"])
     if "dict" in data:
         return {from_plain(key): from_plain(value) for key, value in data["dict"]}
     (name, items), *_ = data.items()
     return {"tuple": tuple, "list": list}[name](from_plain(item) for item in items)
 
 
+def _array(digits: str, kind: str, shape: list[int]) -> Any:
+    dtype = np.dtype(kind)
+    if dtype.kind not in NUMBERS or dtype.fields is not None:
+        raise RunError(f"an array holds {kind!r}; allowed: numbers")
+    return np.frombuffer(bytes.fromhex(digits), dtype=dtype).reshape(shape)
+
+
 def _record(path: str) -> type[Any]:
+    """The immutable record of that name; who hands it over has imported it, so nothing is."""
     module, _, name = path.partition(":")
-    kind = getattr(import_module(module), name) if module.startswith("cam_rig.") else None
-    if not (isinstance(kind, type) and is_dataclass(kind)):
+    found = sys.modules.get(module) if module.startswith("cam_rig.") else None
+    kind = getattr(found, name, None)
+    if not (isinstance(kind, type) and is_dataclass(kind) and _is_frozen(kind)):
         raise RunError(f"{path} is no record of the rig")
     return kind
+
+
+def _is_frozen(kind: Any) -> bool:
+    return bool(kind.__dataclass_params__.frozen)

@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 import math
-import pickle
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 from cam_rig.acoustics import Reading, SoundLevelMeter, SoundSource
+from cam_rig.acoustics.meter import MeterMemory
+from cam_rig.acoustics.sound import SourceMemory
 from cam_rig.dynamics import FloatArray
-from cam_rig.errors import RunError
 from cam_rig.experiment.program import cam_states
 from cam_rig.experiment.stage import Stage
 from cam_rig.experiment.sweep import FollowerBench
 from cam_rig.schema import SceneConfig
+
+
+@dataclass(frozen=True, eq=False)
+class MeterBenchMemory:
+    """What a bench remembers: the sound's memory, the meter's, and what is read next, as LZF."""
+
+    source: SourceMemory
+    meter: MeterMemory
+    next: str
 
 
 @dataclass
@@ -39,19 +48,18 @@ class MeterBench:
     @property
     def quantity(self) -> str:
         """What is read next, as IEC 61672-1 writes it: LZF, LAS."""
-        return _quantity(self._next)
+        return self._next.quantity
 
-    def frozen(self) -> str:
-        """All that it remembers, as text for a successor in the same run."""
-        return pickle.dumps(self).hex()
+    @property
+    def memory(self) -> MeterBenchMemory:
+        """All that it remembers, for a successor in the same run."""
+        return MeterBenchMemory(self.source.memory, self.meter.memory, self.quantity)
 
-    @classmethod
-    def thawed(cls, text: str) -> MeterBench:
-        """The bench that was `frozen`; the text must be this user's own, for it is code."""
-        found = pickle.loads(bytes.fromhex(text))
-        if not isinstance(found, cls):
-            raise RunError(f"a {type(found).__name__} was handed over; allowed: a meter's bench")
-        return found
+    @memory.setter
+    def memory(self, memory: MeterBenchMemory) -> None:
+        self.source.memory = memory.source
+        self.meter = self._next = SoundLevelMeter.remembering(self.source.rate, memory.meter)
+        self.weigh(*memory.next.removeprefix("L"))
 
     def weigh(self, frequency: str, time: str) -> None:
         """Set the weightings; those that are set already change nothing.
@@ -61,16 +69,12 @@ class MeterBench:
         ConfigError : a weighting that the standard does not have
         """
         wanted = SoundLevelMeter(self.source.rate, frequency, time)
-        self._next = self.meter if _quantity(wanted) == _quantity(self.meter) else wanted
+        self._next = self.meter if wanted.quantity == self.meter.quantity else wanted
 
     def read(self, block_rows: FloatArray, speed: float) -> Reading:
         """The reading over a block, ``(6, n)`` rows, at cam speed ``speed`` (rad/s)."""
         self.meter = self._next
         return self.meter.read(self.source.pressure(block_rows[4], block_rows[5], speed))
-
-
-def _quantity(meter: SoundLevelMeter) -> str:
-    return f"L{meter.frequency_weighting}{meter.time_weighting}"
 
 
 def audition(stage: Stage, cam: str | None, rpm: float | None, seconds: float, rate: int) -> Stage:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from cam_rig.acoustics import RadiationParameters, level_db
-from cam_rig.acoustics.sound import LEAST_RATE
+from cam_rig.acoustics.weighting import weighting_power
 from cam_rig.dynamics import FloatArray, FollowerParameters
 from cam_rig.dynamics.contact import force_weights
 from cam_rig.experiment.acoustic_fit import rms
@@ -139,15 +139,3 @@ def harmonic_power(law: Law, follower: FollowerParameters, speeds: FloatArray) -
     forces = np.stack([force_weights(follower, float(speed)) @ motion for speed in speeds])
     ordinates = np.fft.rfft(forces, axis=1)[:, 1 : HARMONICS + 1] / SAMPLES
     return np.asarray(2.0 * np.abs(ordinates) ** 2)
-
-
-def weighting_power(curve: str, frequency: FloatArray) -> FloatArray:
-    """|W|² of a frequency weighting, of the meter's own filter."""
-    if curve == "Z":
-        return np.ones_like(frequency)
-    from pyoctaveband import WeightingFilter
-    from scipy.signal import sosfreqz
-
-    filter_ = WeightingFilter(LEAST_RATE, curve, stateful=True)
-    _, response = sosfreqz(filter_.sos, frequency.ravel(), fs=LEAST_RATE)
-    return np.asarray(np.abs(response.reshape(frequency.shape)) ** 2)

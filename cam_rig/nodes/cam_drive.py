@@ -12,14 +12,14 @@ from cam_rig.bag import topics
 from cam_rig.bag.codec import array_of, decode_law
 from cam_rig.dynamics.torque import shaft_torque
 from cam_rig.errors import RefusedError
+from cam_rig.experiment.cam_check import require_own_law
 from cam_rig.experiment.drive import RPM, DriveProgram
 from cam_rig.experiment.handover import TICKS_IN_FLIGHT, Handover
 from cam_rig.experiment.program import CamState
 from cam_rig.experiment.stage import open_stage
-from cam_rig.nodes.app import run
 from cam_rig.nodes.controls import Controls
 from cam_rig.nodes.diagnostics import ERROR, OK, WARN, Diagnostics
-from cam_rig.nodes.law_server_client import LawServerClient
+from cam_rig.nodes.law_server_client import LAW_SERVER, LawServerClient
 from cam_rig.nodes.pacemaker import Pacemaker
 
 
@@ -28,20 +28,20 @@ class CamDrive(Pacemaker):
 
     def __init__(self) -> None:
         super().__init__("cam_drive")
-        stage = open_stage(Path(self.given["scene"]))
-        self._mechanics = stage.follower
+        self._stage = open_stage(Path(self.given["scene"]))
+        self._mechanics = self._stage.follower
         self._pace = Diagnostics(self.publisher(topics.DIAGNOSTICS), topics.PACE)
         left = self.handover.all()
         memories = [memory for memory, _ in left]
         self.clock_ns = memories[-1].state.time_ns if memories else -1
         if left:  # a diagnosis may have died with its speaker: the last states' are said again
             _, self.health.said = left[0]
-        waits = list(self.given["consumers"])
+        waits = [*self.given["consumers"], LAW_SERVER]
         server = LawServerClient(self, self._on_refused)
         given = Handover(self.given["handover"], "orders")
         orders = given.newest()
         self._program = DriveProgram(
-            stage.scene, waits, TICKS_IN_FLIGHT, server.ask_for, memories, orders
+            self._stage.scene, waits, TICKS_IN_FLIGHT, server.ask_for, memories, orders
         )
         if orders is not None:
             asked = {"rpm": orders.rpm, "pacing": orders.pacing}
@@ -52,15 +52,17 @@ class CamDrive(Pacemaker):
             self._program.command(self.given["rpm"] * RPM)
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
         controls = Controls(self, self._program, self._send, given)
-        server.tell(controls.mounted)
-        self.set_going(waits, self._program.credit, alone=not memories)
+        server.tell(self._program.expects, controls.mounted)
+        self.set_going(waits, self._program.credit)
 
     def _on_refused(self, cam: str, reason: str) -> None:
         self._program.refused(cam)
         self.refuse(RefusedError(f"cam {cam!r}: the law server has none ({reason})"))
 
     def _on_law(self, message: Any) -> None:
-        self._program.add_law(decode_law(*array_of(message)))
+        law = decode_law(*array_of(message))
+        require_own_law(self._stage, law)
+        self._program.add_law(law)
         self.turn()
 
     def next_due(self) -> float:
@@ -112,12 +114,3 @@ class CamDrive(Pacemaker):
         return (
             f"{program.sent} of {program.ticks + 1} states from: {', '.join(program.waits_for())}"
         )
-
-
-def main() -> None:
-    """Entry point of the executable."""
-    run(CamDrive)
-
-
-if __name__ == "__main__":
-    main()

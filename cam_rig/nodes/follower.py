@@ -13,12 +13,13 @@ from cam_rig.bag import topics
 from cam_rig.bag.codec import array_of, cam_state_of, decode_law, encode_block
 from cam_rig.dynamics import Block, FollowerState
 from cam_rig.errors import DynamicsError
+from cam_rig.experiment.cam_check import require_own_law
 from cam_rig.experiment.follower_ticks import FollowerTicks
 from cam_rig.experiment.gate import Admission
 from cam_rig.experiment.program import CamState
 from cam_rig.experiment.stage import open_stage
 from cam_rig.experiment.sweep import FollowerBench
-from cam_rig.nodes.app import RigNode, run
+from cam_rig.nodes.app import RigNode
 from cam_rig.nodes.convert import to_array, to_header, to_joint_state
 from cam_rig.nodes.diagnostics import OK, WARN
 from cam_rig.nodes.repeats import Repeats
@@ -29,18 +30,20 @@ class Follower(RigNode):
 
     def __init__(self) -> None:
         super().__init__("follower")
-        stage = open_stage(Path(self.given["scene"]))
-        bench = FollowerBench.of(stage)
+        self._stage = open_stage(Path(self.given["scene"]))
+        bench = FollowerBench.of(self._stage)
         bench.laws.clear()  # the law server's word counts, not the file
         memory, self.health.said = self.handover.oldest() or (None, self.health.said)
-        self._ticks = FollowerTicks(bench, stage.scene, memory)
+        self._ticks = FollowerTicks(bench, self._stage.scene, memory)
         out = (topics.FOLLOWER_SAMPLES, topics.FOLLOWER_CONTACT, topics.FOLLOWER_STATE)
         self._out, self._repeats = [self.publisher(topic) for topic in out], Repeats()
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
         self.subscribe(topics.CAM_STATE, self._on_state)
 
     def _on_law(self, message: Float64MultiArray) -> None:
-        self._ticks.add_law(decode_law(*array_of(message)))
+        law = decode_law(*array_of(message))
+        require_own_law(self._stage, law)
+        self._ticks.add_law(law)
         self._turn()
 
     def _on_state(self, message: JointState) -> None:
@@ -72,12 +75,3 @@ class Follower(RigNode):
             to_joint_state("follower", header, *motion),
         )
         self._repeats.publish(end.time_ns, list(zip(self._out, said, strict=True)))
-
-
-def main() -> None:
-    """Entry point of the executable."""
-    run(Follower)
-
-
-if __name__ == "__main__":
-    main()

@@ -9,21 +9,22 @@ from geometry_msgs.msg import Point32, PolygonStamped
 from rclpy.duration import Duration
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from cam_rig.experiment.cam_check import contour_of
 from cam_rig.experiment.program import CamState
 from cam_rig.laws import Law
 from cam_rig.nodes.convert import to_header
-from cam_rig.profile import contours
 from cam_rig.schema import CamConfig
 
-#: Intervals of the sampled law and of the contour over one turn.
+#: Intervals of the sampled law over one turn.
 POINTS = 180
 
 
 def to_polygon(cam: CamConfig, law: Law) -> PolygonStamped:
     """The cam's contour in its own frame; of conjugate cams the first."""
-    points = contours(cam.follower, law, POINTS)[0].points
     message = PolygonStamped(header=to_header(0, law.name))
-    message.polygon.points = [Point32(x=float(x), y=float(y), z=0.0) for x, y in points.T]
+    message.polygon.points = [
+        Point32(x=float(x), y=float(y), z=0.0) for x, y in contour_of(cam, law).T
+    ]
     return message
 
 

@@ -16,8 +16,8 @@ from cam_rig.experiment.gate import Admission, StateGate
 from cam_rig.experiment.lineup import law_of, require_sprung
 from cam_rig.experiment.program import CamState
 from cam_rig.laws import Law, build_law
-from cam_rig.nodes.app import RigNode, run
-from cam_rig.nodes.convert import to_array
+from cam_rig.nodes.app import RigNode
+from cam_rig.nodes.convert import to_array, to_header
 from cam_rig.nodes.diagnostics import OK
 from cam_rig.nodes.law_messages import to_polygon, to_trajectory
 from cam_rig.nodes.repeats import Repeats
@@ -35,6 +35,7 @@ class LawServer(RigNode):
         self._sampled, self._coefficients, self._profile = map(
             self.publisher, (topics.LAW, topics.LAW_COEFFICIENTS, topics.PROFILE)
         )
+        self._followed = self.publisher(topics.FOLLOWED)
         self._laws: dict[str, Law] = {}
         self._repeats, self._told = Repeats(), Repeats()
         self._last: CamState | None = None
@@ -75,7 +76,11 @@ class LawServer(RigNode):
         if self._gate.admit(state) is Admission.SEEN:
             self._told.again(0)
             self._repeats.again(state.time_ns)
-            return
+        else:
+            self._follow(state)
+        self._followed.publish(to_header(state.time_ns, "law_server"))
+
+    def _follow(self, state: CamState) -> None:
         while self._left:  # where the predecessor was before this state
             _, last, said = self._left.pop(0)
             if last is not None and last.time_ns < state.time_ns:
@@ -100,12 +105,3 @@ class LawServer(RigNode):
             except CamRigError as error:
                 raise RefusedError(f"cam state: {error}") from None
         return self._laws[cam]
-
-
-def main() -> None:
-    """Entry point of the executable."""
-    run(LawServer)
-
-
-if __name__ == "__main__":
-    main()

@@ -15,7 +15,7 @@ from cam_rig.experiment.listening import MeterBench
 from cam_rig.experiment.pairing import TickPairing
 from cam_rig.experiment.stage import open_stage
 from cam_rig.experiment.sweep import MicrophoneBench
-from cam_rig.nodes.app import RigNode, run
+from cam_rig.nodes.app import RigNode
 from cam_rig.nodes.convert import to_header
 from cam_rig.nodes.diagnostics import OK, WARN
 from cam_rig.nodes.repeats import Repeats
@@ -33,7 +33,7 @@ class Microphone(RigNode):
         begun = 0
         if left := self.handover.oldest():
             last, self._bench.memory, self.health.said, meter = left
-            begun, self._meter = last.time_ns, MeterBench.thawed(meter)
+            begun, self._meter.memory = last.time_ns, meter
             self.set_parameters(weightings(self._meter.quantity))
         self._gate = StateGate.of(stage.scene)
         self._ticks = TickPairing(self._bench.sample_rate, begun)
@@ -72,14 +72,5 @@ class Microphone(RigNode):
             said = [(self._level, Float64(data=reading.level)), (self._pressure, heard)]
             self._repeats.publish(end.time_ns, said)
             if self.handover.kept:
-                mine = (end, self._bench.memory, self.health.said, self._meter.frozen())
+                mine = (end, self._bench.memory, self.health.said, self._meter.memory)
                 self.handover.keep(mine, end.time_ns)
-
-
-def main() -> None:
-    """Entry point of the executable."""
-    run(Microphone)
-
-
-if __name__ == "__main__":
-    main()

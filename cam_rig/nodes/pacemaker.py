@@ -25,6 +25,7 @@ ACKNOWLEDGES = {
     "follower": topics.FOLLOWER_STATE,
     "microphone": topics.PRESSURE,
     "recorder": topics.RECORDED,
+    "law_server": topics.FOLLOWED,
     "viewer": topics.SHOWN,
 }
 
@@ -39,17 +40,16 @@ class Pacemaker(RigNode):
         self.clock_ns = -1
         self._clock_out, self._state_out = map(self.publisher, (topics.CLOCK, topics.CAM_STATE))
 
-    def set_going(self, consumers: list[str], credit: Credit, alone: bool = True) -> None:
-        """Begin: listen to the consumers, and turn when one of them has answered.
-
-        ``alone`` refuses to begin beside another drive.
-        """
-        self._credit, self._begun = credit, not alone
+    def set_going(self, consumers: list[str], credit: Credit) -> None:
+        """Begin: listen to the consumers, and turn when all are ready."""
+        self._credit, self._awaited = credit, set(consumers)
         for name in consumers:
             self.subscribe(ACKNOWLEDGES[name], self._on_acknowledge(name))
+        self.subscribe(topics.READY, self._on_ready)
         self._alarm = self.every(1.0, self._on_alarm)
         self._alarm.cancel()
         self.every(0.1, self._on_timer)
+        self.get_logger().info(f"waiting for {', '.join(sorted(self._awaited))}")
 
     def send_next(self) -> bool:
         """Send the next state, if it may go out; False when it may not."""
@@ -75,23 +75,25 @@ class Pacemaker(RigNode):
         raise NotImplementedError
 
     def turn(self) -> None:
-        """Send what may be sent now."""
-        while not self.done.done() and self.send_next():
+        """Send what may be sent now; nothing before everybody is ready."""
+        while not (self._awaited or self.done.done()) and self.send_next():
             pass
         if self.is_done():
             self.finish()
         elif self.is_idle():
             self._moved = time.monotonic()
         elif time.monotonic() - self._moved > self.given["patience"]:
-            self.fail(
-                RunError(
-                    f"no answer for {self.given['patience']:g} s after {self.stuck()}; "
-                    "is it running?"
-                )
-            )
+            self.fail(self._stuck_error())
         if (due := self.next_due()) > 0.0:
             self._alarm.timer_period_ns = max(100_000, int(due * 1e9))
             self._alarm.reset()
+
+    def _stuck_error(self) -> RunError:
+        patience = self.given["patience"]
+        if self._awaited:
+            names = ", ".join(sorted(self._awaited))
+            return RunError(f"not ready after {patience:g} s: {names}; is it running?")
+        return RunError(f"no answer for {patience:g} s after {self.stuck()}; is it running?")
 
     def publish_state(self, state: CamState, torque: float) -> None:
         """Send a state of the cam, and its time, unless /clock would go back: it is said again."""
@@ -103,7 +105,7 @@ class Pacemaker(RigNode):
 
     def note_sent(self, state: CamState, tick: int) -> None:
         """Note that a state went out, and tell who started us."""
-        self._begun, self._moved = True, time.monotonic()
+        self._moved = time.monotonic()
         if self.given["report_progress"]:
             rpm = state.speed * 30.0 / math.pi
             print(json.dumps({"tick": tick, "cam": state.cam, "rpm": rpm}), flush=True)
@@ -121,17 +123,16 @@ class Pacemaker(RigNode):
 
         return acknowledge
 
+    def _on_ready(self, message: Any) -> None:
+        if message.frame_id in self._awaited:
+            self._awaited.discard(message.frame_id)
+            self._moved = time.monotonic()
+            missing = ", ".join(sorted(self._awaited))
+            rest = f"waiting for {missing}" if missing else "all are ready"
+            self.get_logger().info(f"{message.frame_id} is ready, {rest}")
+            self.turn()
+
     def _on_timer(self) -> None:
-        others = self.count_publishers(topics.CAM_STATE.name) - 1
-        if others > 0:
-            error = RunError(
-                f"{others} more on {topics.CAM_STATE.name} in this ROS domain; allowed: one drive; "
-                "set ROS_DOMAIN_ID to another number"
-            )
-            # Once the cam turns, the others are the intruders, and everybody refuses their states.
-            if not self._begun:
-                return self.fail(error)
-            self.refuse(error)
         now = time.monotonic()
         if now - max(self._moved, self._repeated) > SAY_AGAIN:
             self._repeated = now

@@ -99,7 +99,8 @@ PARAMETERS: dict[str, tuple[Spec, ...]] = {
     "microphone": (
         SCENE,
         HANDOVER,
-        Spec("frequency_weighting", "Z", "frequency weighting of the level: A, C or Z",
+        Spec("frequency_weighting", "Z",
+             "frequency weighting of the level, class 1 up to 20 kHz: A, C or Z",
              choices=FREQUENCY_WEIGHTINGS, live=True),
         Spec("time_weighting", "F", "time weighting of the level: F (125 ms) or S (1 s)",
              choices=tuple(TIME_WEIGHTINGS), live=True),

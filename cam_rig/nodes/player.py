@@ -10,7 +10,6 @@ from cam_rig.bag import topics
 from cam_rig.bag.play import PLAYED, Played, played
 from cam_rig.experiment.credit import Credit
 from cam_rig.experiment.handover import TICKS_IN_FLIGHT
-from cam_rig.nodes.app import run
 from cam_rig.nodes.pacemaker import Pacemaker
 from cam_rig.nodes.parameters import CONSUMERS
 from cam_rig.nodes.weightings import weightings
@@ -67,12 +66,3 @@ class Player(Pacemaker):
     def stuck(self) -> str:
         """What is missing, in words."""
         return f"{self._sent} states from: {', '.join(self._waits.behind())}"
-
-
-def main() -> None:
-    """Entry point of the executable."""
-    run(Player)
-
-
-if __name__ == "__main__":
-    main()

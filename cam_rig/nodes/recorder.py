@@ -10,17 +10,16 @@ from typing import Any
 from rclpy.serialization import serialize_message
 
 from cam_rig.bag import topics
+from cam_rig.bag.publishers import Publishers
 from cam_rig.bag.recorder import open_bag
-from cam_rig.errors import CamRigError, RefusedError
+from cam_rig.errors import CamRigError
 from cam_rig.experiment.stage import open_stage
-from cam_rig.nodes.app import RigNode, run
+from cam_rig.nodes.app import RigNode, require_length, take_rest
 from cam_rig.nodes.convert import message_class, qos, to_header
 from cam_rig.nodes.diagnostics import OK
 
 #: Nodes that may speak on one topic (/diagnostics) and all have something to tell at once.
 MOST_NODES = 16
-#: Wall time (s) for what is still on its way at the end; the runner kills who takes 10 s to end.
-LONGEST_REST = 3.0
 
 
 class Recorder(RigNode):
@@ -33,7 +32,8 @@ class Recorder(RigNode):
         stage = open_stage(Path(self.given["scene"]))
         default = time.strftime(f"bags/{stage.scene.name}_%Y-%m-%d_%H-%M-%S")
         bag = Path(self.given["bag"] or default)
-        self._bag = open_bag(self.handover, bag, stage)
+        publishers = Publishers(self.starts.count, self._name_of)
+        self._bag = open_bag(self.handover, bag, stage, publishers)
         self._written, self._quiet = self.publisher(topics.RECORDED), True
         self._newest: int | None = None
         self._tell(self._bag.resumed)
@@ -45,16 +45,16 @@ class Recorder(RigNode):
 
     def _on(self, topic: topics.Topic) -> Callable[[Any, Any], None]:
         def take(cdr: bytes, about: dict[str, Any]) -> None:
-            try:
-                number = about["publication_sequence_number"] or 0
-                stamps = self._bag.take(topic, cdr, process_of(about), number)
-            except RefusedError as error:
-                return self.refuse(error)
-            except CamRigError as error:
-                return self.fail(error)
-            self._tell(stamps)
+            require_length(topic, cdr)
+            number = about["publication_sequence_number"] or 0
+            self._tell(self._bag.take(topic, cdr, process_of(about), number))
 
         return take
+
+    def _name_of(self, topic: topics.Topic, process: bytes) -> str:
+        """Who publishes on a topic from a process, by discovery."""
+        known = self.publishers_of(topic).items()
+        return next((name for gid, name in known if gid.startswith(process)), process.hex())
 
     def _tell(self, stamps: list[int]) -> None:
         for stamp in stamps:
@@ -82,29 +82,7 @@ class Recorder(RigNode):
         self._bag.close()
 
 
-def take_rest(
-    spin_once: Callable[..., None],
-    written: Callable[[], int],
-    now: Callable[[], float] = time.monotonic,
-) -> None:
-    """Spin until nothing more is written for a while; others who never end are not waited for."""
-    quiet, deadline = 0, now() + LONGEST_REST
-    while quiet < 5 and now() < deadline:
-        before = written()
-        spin_once(timeout_sec=0.02)
-        quiet = quiet + 1 if written() == before else 0
-
-
 def process_of(about: dict[str, Any]) -> bytes:
     """The process a message is from: the first 12 bytes of its writer's DDS identity."""
     gid = about.get("publisher_gid")
     return bytes(gid["data"][:12]) if gid else b"?"
-
-
-def main() -> None:
-    """Entry point of the executable."""
-    run(Recorder)
-
-
-if __name__ == "__main__":
-    main()

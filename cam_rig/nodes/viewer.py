@@ -15,7 +15,7 @@ from cam_rig.bag import topics
 from cam_rig.bag.codec import array_of, cam_state_of, decode_block, stamp_ns
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.experiment.stage import open_stage
-from cam_rig.nodes.app import RigNode, run
+from cam_rig.nodes.app import RigNode
 from cam_rig.nodes.convert import to_header
 from cam_rig.view.live import LivePicture
 from cam_rig.view.recording import polygon
@@ -85,12 +85,3 @@ class Viewer(RigNode):
         """Send the rest; a window of our own closes."""
         self._picture.close()
         self._windows.close()
-
-
-def main() -> None:
-    """Entry point of the executable."""
-    run(Viewer)
-
-
-if __name__ == "__main__":
-    main()

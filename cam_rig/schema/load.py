@@ -10,18 +10,20 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
 from cam_rig.errors import ConfigError
+from cam_rig.files import MIB, read_bytes
 from cam_rig.schema.cam import CamConfig
 from cam_rig.schema.explain import explain, kind_of
 from cam_rig.schema.factorial import FactorialConfig
 from cam_rig.schema.published import PublishedNoise, PublishedTables
 from cam_rig.schema.rig import RigConfig
 from cam_rig.schema.scene import SceneConfig
+from cam_rig.schema.yaml_text import parse_yaml
 
 Config = TypeVar("Config", bound=BaseModel)
+#: Bytes of a YAML file, at most.
+MOST_BYTES = MIB
 NAME = re.compile(r"[a-z][a-z0-9_]{0,99}")
 
 
@@ -37,19 +39,23 @@ def config_root() -> Path:
     return Path(sysconfig.get_path("data")) / "share" / "cam_rig" / "config"
 
 
-def _read(path: Path) -> Any:
+def read_yaml(path: Path, most: int = MOST_BYTES) -> Any:
+    """The one document of a YAML file of at most ``most`` bytes.
+
+    Raises
+    ------
+    ConfigError : one line that names the file, and the line where there is one
+    """
     try:
-        return YAML(typ="safe").load(path.read_text(encoding="utf-8"))
+        return parse_yaml(read_bytes(path, most).decode("utf-8-sig"))
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such file{_neighbours(path)}") from None
     except IsADirectoryError:
         raise ConfigError(f"{path}: is a folder; allowed: a YAML file") from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read ({error})") from None
-    except RecursionError:
-        raise ConfigError(f"{path}: is nested too deeply; allowed: a few levels") from None
-    except (YAMLError, ValueError) as error:  # a date or a number that Python cannot hold
-        raise ConfigError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
 
 
 def _neighbours(path: Path) -> str:
@@ -67,7 +73,7 @@ def load(path: Path, kind: type[Config]) -> Config:
     ------
     ConfigError : one line that names file, key, value and what is allowed
     """
-    data = _read(path)
+    data = read_yaml(path)
     if not isinstance(data, dict):
         raise ConfigError(
             f"{path}: holds {kind_of(data)}; allowed: a mapping with the keys "

@@ -6,8 +6,12 @@ import csv
 import math
 from pathlib import Path
 
+from cam_rig.errors import ConfigError
+from cam_rig.files import MIB, read_bytes, shown
 from cam_rig.schema.quantity import UNITS
 
+#: Bytes of a file: of as many points as a law may have, each has room for 290.
+MOST_BYTES = 2 * MIB
 COLUMNS = {"angle": "angle", "lift": "length"}
 
 
@@ -36,16 +40,25 @@ def read_points(path: Path) -> tuple[list[float], list[float]]:
 def _lines(path: Path) -> list[tuple[int, list[str]]]:
     """Cells of each line that holds any, with its number."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_bytes(path, MOST_BYTES).decode("utf-8-sig")
     except FileNotFoundError:
         near = sorted(other.name for other in path.parent.glob("*.csv"))
         known = f"; there are: {', '.join(near)}" if near else ""
         raise ValueError(f"{path.name}: no such file beside the cam's file{known}") from None
     except (OSError, UnicodeDecodeError) as error:
         raise ValueError(f"{path.name}: cannot be read ({error})") from None
+    except ConfigError as error:
+        raise ValueError(f"{path.name}: {error}") from None
     rows = enumerate(text.splitlines(), start=1)
     kept = [(i, row) for i, row in rows if row.strip() and not row.lstrip().startswith("#")]
-    return [(i, next(csv.reader([row]))) for i, row in kept]
+    return [(i, _cells(path.name, i, row)) for i, row in kept]
+
+
+def _cells(name: str, line: int, row: str) -> list[str]:
+    try:
+        return next(csv.reader([row]))
+    except csv.Error as error:  # a cell that is too long, or of bytes that are no text
+        raise ValueError(f"{name}: line {line}: cannot be read ({error})") from None
 
 
 def _column(name: str, header: list[str], kind: str) -> tuple[int, float]:
@@ -57,7 +70,9 @@ def _column(name: str, header: list[str], kind: str) -> tuple[int, float]:
         if unit in units:
             return found[0], units[unit]
     allowed = ", ".join(f"{kind}_{unit}" for unit in units)
-    raise ValueError(f"{name}: columns are {', '.join(header)}; allowed: one of {allowed}")
+    raise ValueError(
+        f"{name}: columns are {shown(', '.join(header), False)}; allowed: one of {allowed}"
+    )
 
 
 def _number(name: str, line: int, cells: list[str], header: list[str], index: int) -> float:
@@ -68,6 +83,6 @@ def _number(name: str, line: int, cells: list[str], header: list[str], index: in
         number = math.nan
     if not math.isfinite(number):
         raise ValueError(
-            f"{name}: line {line}: {header[index]} is {cell!r}; allowed: a finite number"
+            f"{name}: line {line}: {header[index]} is {shown(cell)}; allowed: a finite number"
         )
     return number

@@ -3,7 +3,7 @@
 The viewer's own page loads a font, asks for a newer version and reports its use. This server
 hands the same page on with a guard before all of its code: a request to another host is answered
 on the spot with nothing, and the browser is told to let none out. Who asks under another name than
-this machine's own is refused.
+this machine's own is refused, and what was asked for is never taken for a name to look up.
 """
 
 from __future__ import annotations
@@ -12,10 +12,9 @@ import re
 import shutil
 import subprocess
 import threading
-import urllib.error
-import urllib.request
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
+from http.client import HTTPConnection, HTTPException
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import NamedTuple
@@ -37,6 +36,10 @@ POLICY = (
     "default-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
     f"connect-src 'self' blob: data: http://{HOST}:*"
 )
+#: What may be asked for: a path of plain characters.
+PATH = re.compile(r"/[!-~]*")
+#: How long the viewer's own server may take to answer, s.
+PATIENCE = 20.0
 OUTSIDE = re.compile(rb'<link[^>]*"https://[^>]*>')
 
 
@@ -75,7 +78,7 @@ class _Server(ThreadingHTTPServer):
 
     def __init__(self, assets: int, port: int, path: Path | None) -> None:
         super().__init__((HOST, 0), _Handler)
-        self.assets, self.path = f"http://{HOST}:{assets}", path
+        self.assets, self.path = assets, path
         # Another name that a page made the browser resolve to this machine gets nothing.
         self.hosts = tuple(f"{name}:{self.server_address[1]}" for name in (HOST, "localhost"))
         self.origin = f"http://{self.hosts[0]}"
@@ -87,10 +90,12 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """The recording, or the viewer; without a question, the way to what is shown."""
-        asked, recording = urlsplit(self.path), self.server.path
         if self.headers.get("Host") not in self.server.hosts:
-            self.send_error(403, f"allowed hosts: {', '.join(self.server.hosts)}")
-        elif asked.path == "/" and not asked.query:
+            return self.send_error(403, f"allowed hosts: {', '.join(self.server.hosts)}")
+        if not PATH.fullmatch(self.path):
+            return self.send_error(400, "allowed: a path that begins with /")
+        asked, recording = urlsplit(self.path), self.server.path
+        if asked.path == "/" and not asked.query:
             self.send_response(302)
             self.send_header("Location", f"/{QUERY}{quote(self.server.data, safe='')}")
             self.end_headers()
@@ -111,14 +116,19 @@ class _Handler(BaseHTTPRequestHandler):
     def _viewer(self, path: str) -> None:
         """A part of Rerun's own viewer."""
         try:
-            with urllib.request.urlopen(self.server.assets + path) as answer:
+            with closing(HTTPConnection(HOST, self.server.assets, timeout=PATIENCE)) as viewer:
+                viewer.request("GET", path)
+                answer = viewer.getresponse()
                 kind, body = answer.headers.get_content_type(), answer.read()
-        except urllib.error.HTTPError as error:
-            return self.send_error(error.code)
+        except (OSError, HTTPException) as error:
+            return self.send_error(502, f"the viewer does not answer ({type(error).__name__})")
+        if answer.status != 200:
+            return self.send_error(answer.status)
         if kind == "text/html":
             body = OUTSIDE.sub(b"", body).replace(b"<head>", b"<head>" + GUARD.encode(), 1)
-        self._head(kind, len(body))
-        self.wfile.write(body)
+        with suppress(ConnectionError):  # a page may be closed while it loads
+            self._head(kind, len(body))
+            self.wfile.write(body)
 
     def _head(self, kind: str, size: int) -> None:
         self.send_response(200)

@@ -21,6 +21,7 @@ def test_levels_of_a_tone():
     assert heard.peak_pa == pytest.approx(np.sqrt(2.0) * float(pressure_pa(90.0)), rel=1e-3)
     assert not heard.overload
     assert not heard.under_range
+    assert heard.class_1_up_to_hz == 20_000.0
 
 
 def test_flags():

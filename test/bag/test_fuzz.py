@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from cam_rig.bag import topics
@@ -27,11 +27,6 @@ from cam_rig.experiment.stage import open_stage
 from cam_rig.experiment.sweep import FollowerBench, MicrophoneBench
 from cam_rig.schema.load import config_root
 
-BOUNDED = settings(
-    max_examples=50,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
 STAGE = open_stage(config_root() / "scenes" / "quick.yaml")
 
 
@@ -82,7 +77,6 @@ STATES = st.builds(
 )
 
 
-@BOUNDED
 @given(st.lists(STATES | laws(), max_size=12))
 def test_a_follower_that_is_told_anything_stays_finite(told):
     """What it refuses is refused by name; what it publishes of the rest is finite."""
@@ -101,7 +95,6 @@ def test_a_follower_that_is_told_anything_stays_finite(told):
             assert "\n" not in str(error)
 
 
-@BOUNDED
 @given(DIMENSIONS, st.lists(NUMBERS, max_size=40))
 def test_any_array_is_decoded_or_refused(dimensions, data):
     """As a law and as a block."""
@@ -112,7 +105,6 @@ def test_any_array_is_decoded_or_refused(dimensions, data):
             assert len(str(error)) < 1000
 
 
-@BOUNDED
 @given(st.lists(NUMBERS, min_size=1, max_size=8), st.floats(1e-3, 1e4))
 def test_a_microphone_stays_finite(forces, speed):
     """Every block that passes gives a level."""
@@ -127,7 +119,6 @@ def test_a_microphone_stays_finite(forces, speed):
     assert math.isfinite(microphone.listen(passed, speed))
 
 
-@BOUNDED
 @given(st.lists(st.tuples(st.sampled_from(topics.RECORDING), st.binary(max_size=80)), max_size=10))
 def test_a_recorder_that_hears_anything_lives_on(kept, heard):
     """Raw bytes are a message, or refused."""

@@ -74,7 +74,7 @@ def test_a_copy_may_be_killed_at_any_step(tmp_path, killed_at, stride):
 
 
 def record(bag, stage, golden, resume=False):
-    recorder = BagRecorder(bag, stage, resume)
+    recorder = BagRecorder(bag, stage, resume=resume)
     for topic, number, cdr in golden:
         recorder.take(topic, cdr, b"live", number)
     return recorder

@@ -122,7 +122,7 @@ def test_a_run_that_was_interrupted_has_lost_nothing(tmp_path):
     words = recover(bag, tmp_path / "copy").words
     assert "nothing lost; it was closed after tick 6 of 16" in words
     assert "missing" not in words and "not complete" not in words
-    assert state_words(bag) == "closed"
+    assert state_words(bag) == "closed, 61 messages"
 
 
 def test_expected_counts_are_those_of_the_golden_bag():

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from cam_rig.bag.files import is_torn, mcap_file
+from cam_rig.bag.publishers import Publishers
 from cam_rig.bag.reader import messages, read_counts, read_recording
 from cam_rig.bag.recorder import BagRecorder, open_bag
 from cam_rig.bag.recover import recover, recover_in_place
@@ -91,13 +92,13 @@ def test_nothing_is_overwritten_and_nothing_made_of_nothing(tmp_path):
     assert not (tmp_path / "new").exists()
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def stage():
     return open_stage(config_root() / "scenes" / "quick.yaml")
 
 
 def record(bag, stage, golden, resume=False):
-    recorder = BagRecorder(bag, stage, resume)
+    recorder = BagRecorder(bag, stage, resume=resume)
     for topic, number, cdr in golden:
         recorder.take(topic, cdr, b"live", number)
     return recorder
@@ -112,10 +113,17 @@ def contents(bag):
     return found
 
 
+@pytest.fixture(scope="module")
+def straight(tmp_path_factory, stage, golden):
+    """What is in a bag whose recorder lived to its end."""
+    bag = tmp_path_factory.mktemp("straight") / "bag"
+    record(bag, stage, golden).close()
+    return contents(bag)
+
+
 @pytest.mark.parametrize("part", [0.02, 0.4, 0.9])
-def test_a_recorder_takes_over_from_a_killed_one(tmp_path, stage, golden, part):
+def test_a_recorder_takes_over_from_a_killed_one(tmp_path, stage, golden, straight, part):
     """What the torn file lacks comes again from the histories; the bag is the undisturbed one."""
-    record(tmp_path / "straight", stage, golden).close()
     bag = tmp_path / "bag"
     killed = record(bag, stage, golden[: len(golden) // 2])
     killed._flush()
@@ -126,7 +134,7 @@ def test_a_recorder_takes_over_from_a_killed_one(tmp_path, stage, golden, part):
     file.write_bytes(data[: int(len(data) * part)])
     assert is_torn(bag)
     record(bag, stage, golden, resume=True).close()
-    assert contents(bag) == contents(tmp_path / "straight")
+    assert contents(bag) == straight
     assert [p.suffix for p in sorted(bag.iterdir())] == [".mcap", ".yaml"]
 
 
@@ -146,10 +154,9 @@ def begin_to_mend(bag):
 
 @pytest.mark.parametrize("killed", [lambda bag: None, make_folder, make_empty_file, begin_to_mend])
 def test_a_recorder_that_was_killed_at_once_has_a_successor(
-    tmp_path, stage, golden, monkeypatch, killed
+    tmp_path, stage, golden, straight, monkeypatch, killed
 ):
     """Before its folder was there, before the file, before the first byte, while it was mended."""
-    record(tmp_path / "straight", stage, golden).close()
     bag, handover = tmp_path / "bag", Handover(str(tmp_path), "recorder")
 
     def die(*_, **__):
@@ -158,12 +165,14 @@ def test_a_recorder_that_was_killed_at_once_has_a_successor(
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr("cam_rig.bag.recorder.BagWriter", die)
-        open_bag(handover, bag, stage)
-    successor = open_bag(Handover(str(tmp_path), "recorder"), tmp_path / "other", stage)
+        open_bag(handover, bag, stage, Publishers())
+    successor = open_bag(
+        Handover(str(tmp_path), "recorder"), tmp_path / "other", stage, Publishers()
+    )
     for topic, number, cdr in golden:
         successor.take(topic, cdr, b"live", number)
     successor.close()
-    assert contents(bag) == contents(tmp_path / "straight")
+    assert contents(bag) == straight
     assert not (tmp_path / "other").exists()
 
 
@@ -173,7 +182,7 @@ def test_a_folder_that_was_there_is_nobodys_to_take_over(tmp_path, stage):
     theirs.mkdir()
     for _ in range(2):
         with pytest.raises(BagError, match="exists already, not overwriting"):
-            open_bag(Handover(str(tmp_path), "recorder"), theirs, stage)
+            open_bag(Handover(str(tmp_path), "recorder"), theirs, stage, Publishers())
     assert list(theirs.iterdir()) == []
 
 

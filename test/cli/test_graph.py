@@ -1,11 +1,13 @@
 """The runner's judgement: whose end is the run's, who is started again, who is named."""
 
+import os
 import signal
 from typing import ClassVar
 
 import pytest
 
-from cam_rig.cli.graph import Graph, live
+from cam_rig.bag.writer import BagWriter
+from cam_rig.cli.graph import STOPPING, Graph, InterruptError, live
 from cam_rig.errors import RunError
 
 KILLED = -signal.SIGKILL
@@ -15,6 +17,7 @@ class Process:
     """Stands in for a node's process: it has ended with a code, or runs."""
 
     codes: dict
+    overdue = is_suspended = False
 
     def __init__(self, name, *_):
         self.name = name
@@ -35,13 +38,24 @@ class Process:
         return "no space"
 
 
+def torn_bag(bag):
+    """What a recorder leaves that was killed before it closed the bag."""
+    BagWriter(bag).flush()
+
+
 @pytest.fixture
 def progress(monkeypatch, tmp_path):
     """Start nodes of which some end at once, with these codes; what was started, what was said."""
-    started, said = [], []
+    started, said, closing = [], [], []
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
 
-    def make(respawn, **codes):
+    def stop(nodes):
+        for node in nodes:
+            node.code = closing.pop(0) if closing else 0
+
+    def make(respawn, killed_closing=0, **codes):
+        closing.extend([KILLED] * killed_closing)
+
         class Made(Process):
             def __init__(self, name, *rest):
                 super().__init__(name, *rest)
@@ -52,10 +66,13 @@ def progress(monkeypatch, tmp_path):
             Made.codes[name].append(code)
         monkeypatch.setattr("cam_rig.cli.graph.NodeProcess", Made)
         monkeypatch.setattr("cam_rig.cli.graph.clean", lambda _: [])
+        monkeypatch.setattr("cam_rig.cli.graph.stop_all", stop)
         graph = Graph(live(tmp_path, tmp_path / "bag"), respawn, say=said.append)
         for name in graph._nodes:
             graph._start(name)
         started.clear()
+        if killed_closing:
+            torn_bag(tmp_path / "bag")
         list(graph.progress())
         return started, said
 
@@ -76,6 +93,19 @@ def test_a_recorder_that_dies_when_the_drive_has_ended_is_told_again(progress):
     started, said = progress(True, **codes)
     assert sorted(started) == ["cam_drive", "follower", "recorder"]
     assert [line.split()[1] for line in said] == ["recorder", "follower"]
+
+
+def test_a_recorder_that_is_killed_while_it_closes_is_started_again(progress):
+    """With --respawn: the drive says its last states to the successor, which closes the bag."""
+    codes = {"cam_drive": 0, "again": {"cam_drive": 0}}
+    started, said = progress(True, killed_closing=1, **codes)
+    assert sorted(started) == ["cam_drive", "recorder"]
+    assert said == ["node recorder ended with -9 before the first tick: started again"]
+
+
+def test_without_respawn_a_recorder_killed_while_it_closes_is_not(progress):
+    """Its bag is mended when all have ended."""
+    assert progress(False, killed_closing=1, cam_drive=0) == ([], [])
 
 
 @pytest.mark.parametrize("other", ["recorder", "follower", "microphone", "law_server"])
@@ -106,3 +136,25 @@ def test_shared_memory_is_cleaned_after_a_run_that_failed(monkeypatch, tmp_path,
     with Graph(live(tmp_path, tmp_path / "bag")):
         pass
     assert bool(cleaned) == cleans
+
+
+@pytest.mark.parametrize("number", STOPPING)
+def test_a_signal_ends_the_run_with_its_code(monkeypatch, tmp_path, number):
+    """128 + signal, also where it was ignored before, as behind `nohup`; then all is as it was."""
+    stopped = []
+
+    class Made(Process):
+        codes: ClassVar = {}
+
+    monkeypatch.setattr("cam_rig.cli.graph.NodeProcess", Made)
+    monkeypatch.setattr("cam_rig.cli.graph.stop_all", stopped.extend)
+    own = signal.signal(number, signal.SIG_IGN)
+    try:
+        with pytest.raises(InterruptError) as ended, Graph(live(tmp_path, tmp_path / "bag")):
+            os.kill(os.getpid(), number)
+        assert signal.getsignal(number) is signal.SIG_IGN
+    finally:
+        signal.signal(number, own)
+    assert ended.value.exit_code == 128 + number
+    assert [node.name for node in stopped][-1] == "recorder"
+    assert len(stopped) == 5

@@ -5,37 +5,24 @@ import wave
 
 import numpy as np
 import pytest
-from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
 from cam_rig.acoustics import level_db
 from cam_rig.cli.main import app
-from cam_rig.schema.load import config_root
 
 
 def call(*arguments):
     return CliRunner().invoke(app, [str(a) for a in arguments])
 
 
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory):
-    """The shipped sweep with every 25 rpm only."""
-    folder = tmp_path_factory.mktemp("study") / "scenes"
-    folder.mkdir()
-    data = YAML(typ="safe").load(config_root() / "scenes" / "tm21_sweep.yaml")
-    data["program"]["speeds"]["given"] = list(range(200, 401, 25))
-    path = folder / "tm21_sweep.yaml"
-    with path.open("w", encoding="utf-8") as file:
-        YAML(typ="safe").dump(data, file)
-    return path
-
-
-def test_noise_json_and_plot(scene, tmp_path):
+@pytest.mark.xdist_group("noise study")
+@pytest.mark.usefixtures("one_study")
+def test_noise_json_and_plot(sweep, tmp_path):
     """Every part is in the JSON, nothing of it NaN, and the plot is a picture.
 
     The tables are whole on a terminal of 80 columns.
     """
-    result = call("noise", scene, "--json", tmp_path / "a.json", "--plot", tmp_path / "a.png")
+    result = call("noise", sweep, "--json", tmp_path / "a.json", "--plot", tmp_path / "a.png")
     assert result.exit_code == 0, result.stderr
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     text = (tmp_path / "a.json").read_text()

@@ -2,10 +2,10 @@
 
 import json
 import re
-import shutil
+from concurrent.futures import Future
+from contextlib import nullcontext
 
 import pytest
-from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
 from cam_rig.cli.main import app
@@ -17,28 +17,25 @@ def call(*arguments):
 
 
 @pytest.fixture
-def scene(tmp_path):
-    """The shipped sweep beside a factorial study of few levels, found before the shipped one."""
-    scene = tmp_path / "config" / "scenes" / "tm21_sweep.yaml"
-    scene.parent.mkdir(parents=True)
-    shutil.copy(config_root() / "scenes" / "tm21_sweep.yaml", scene)
-    shipped = config_root() / "factorials" / "continuity.yaml"
-    data = YAML(typ="safe").load(shipped.read_text(encoding="utf-8"))
-    data["rises"] = ["poly345", "poly4567"]
-    for key, numbers in {"events": [105, 135], "gentle": [110, 130], "squeezed": [300]}.items():
-        data[key]["assumed"] = numbers
-    small = tmp_path / "config" / "factorials" / "continuity.yaml"
-    small.parent.mkdir()
-    with small.open("w", encoding="utf-8") as file:
-        YAML(typ="safe").dump(data, file)
-    return scene
+def in_this_process(monkeypatch):
+    """What the command would do in processes of its own."""
+
+    class Here:
+        def submit(self, function, *given):
+            done = Future()
+            done.set_result(function(*given))
+            return done
+
+    monkeypatch.setattr("cam_rig.cli.workers.workers", lambda _count: nullcontext(Here()))
 
 
 @pytest.mark.slow
-def test_the_page(scene, tmp_path):
+@pytest.mark.xdist_group("noise study")
+@pytest.mark.usefixtures("in_this_process", "one_study")
+def test_the_page(sweep, tmp_path):
     """Every section with its figures inside, tables 1 to 3, origins, the answer; JSON as well."""
     out, data = tmp_path / "out" / "report.html", tmp_path / "out" / "report.json"
-    result = call("--out", out, "--scene", scene, "--json", data)
+    result = call("--out", out, "--scene", sweep, "--json", data)
     assert result.exit_code == 0, result.stderr
     page = out.read_text(encoding="utf-8")
     pictures = re.findall(r'<img src="(.{40})', page)

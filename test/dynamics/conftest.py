@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,6 +48,14 @@ def run() -> Callable[..., Result]:
         return Result(np.concatenate(rows, axis=1), events, state)
 
     return go
+
+
+@pytest.fixture
+def at_once() -> Iterator[None]:
+    """A refusal is immediate: this process computes for no more than 3 s, however long that is."""
+    begun = time.process_time()
+    yield
+    assert time.process_time() - begun < 3.0
 
 
 @pytest.fixture(scope="session")

@@ -17,8 +17,7 @@ NAN, INF = math.nan, math.inf
 FOLLOWER = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)
 TWO = TwoMassParameters(0.3, 1.0, 3.3e8, 4030.0, 5.0, 8.642, 12.753)
 REST = np.zeros(2)
-#: A refusal is immediate: a model that hangs fails.
-pytestmark = pytest.mark.timeout(5)
+pytestmark = pytest.mark.usefixtures("at_once")
 BAD_TIMES = [
     ([0.2, 0.1], r"times: 0.1 s comes after 0.2 s; allowed: ascending"),
     ([-0.1, 0.1], r"times are -0.1 to 0.1 s; allowed: 0 to"),

@@ -13,8 +13,7 @@ from cam_rig.laws import TURN, Law
 from cam_rig.schema import load_rig
 
 NAN, INF = math.nan, math.inf
-#: A refusal is immediate: a model that hangs fails.
-pytestmark = pytest.mark.timeout(3)
+pytestmark = pytest.mark.usefixtures("at_once")
 
 
 @pytest.fixture(scope="module")

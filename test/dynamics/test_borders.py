@@ -53,7 +53,7 @@ def test_intervals_shorter_than_a_sample(laws, follower, run, whole):
     assert np.all(np.abs(cut.rows - whole.rows) <= 1e-9 * sizes)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=settings.default.max_examples // 2)
 @given(
     inner=st.lists(st.integers(1, 2 * TURN_NS - 1), unique=True, max_size=12),
     restitution=st.sampled_from([0.0, 0.5]),

@@ -4,7 +4,7 @@ import itertools
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from cam_rig.dynamics import NS, Interval
@@ -43,7 +43,6 @@ def test_time_from_rest_and_never():
     assert Interval(0, NS, 0.0, 0.0).time_at(1.0) == math.inf
 
 
-@settings(max_examples=50, deadline=None)
 @given(speeds, speeds, st.integers(1, NS // 10), st.floats(1.0, 50.0))
 def test_parts_of_a_ramp(before, after, length, most):
     """They share their ends, hold to the angle asked for, and are the ramp again."""

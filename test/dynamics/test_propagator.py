@@ -10,7 +10,18 @@ from cam_rig.dynamics.propagator import derivative_matrix, periodic_state, piece
 from cam_rig.laws import bernstein
 
 
-def exact(matrix, forcing, duration, start, time):
+@pytest.fixture
+def exact(many_digits):
+    """State at a time, stored."""
+
+    def recall(matrix, forcing, duration, start, time):
+        inputs = (matrix, forcing, duration, start, time)
+        return many_digits(lambda: by_exponential(*inputs), inputs)
+
+    return recall
+
+
+def by_exponential(matrix, forcing, duration, start, time):
     """State at ``time``: exponential of the system augmented by the chain tʲ/j! of its forcing."""
     n, degree = matrix.shape[0], forcing.shape[1] - 1
     with mp.workdps(60):
@@ -38,7 +49,7 @@ def stable(n, rng):
 
 @pytest.mark.parametrize("degree", [0, 5, 15])
 @pytest.mark.parametrize("n", [1, 2, 4])
-def test_random_stable_system(n, degree):
+def test_random_stable_system(exact, n, degree):
     """Start, inside and end of a piece a few time constants long, to 1e-11 of its size."""
     rng = np.random.default_rng(10 * n + degree)
     matrix, forcing = stable(n, rng), rng.normal(size=(n, degree + 1))
@@ -54,7 +65,7 @@ def test_random_stable_system(n, degree):
 
 @pytest.mark.parametrize("degree", [5, 15])
 @pytest.mark.parametrize("time_constants", [1e-3, 0.1, 1.0, 10.0, 1000.0])
-def test_any_length_against_the_time_constant(degree, time_constants):
+def test_any_length_against_the_time_constant(exact, degree, time_constants):
     """ẋ = −x + f over pieces much shorter and much longer than 1 s: the error is rounding.
 
     1e-12 of the largest force allows for four digits of cancellation.
@@ -69,22 +80,21 @@ def test_any_length_against_the_time_constant(degree, time_constants):
     np.testing.assert_allclose(part.end(start), expected, rtol=0, atol=1e-12)
 
 
-def test_stiff_stem_under_a_whole_turn(laws):
+def test_stiff_stem_under_a_whole_turn(exact, laws):
     """Mass on its stem (15 932 rad/s, ζ = 2e-4) under one turn of Bézier 15 at 400 rpm."""
     rate, duration = 15_932.0, 0.15
     matrix = np.array([[0.0, 1.0], [-(rate**2), -4e-4 * rate]])
     lift = laws["bezier15"].ordinates[:, 0]
     forcing = np.stack([np.zeros_like(lift), rate**2 * lift])
     part = piece(matrix, forcing, duration)
-    with mp.workdps(60):
-        expected = exact(matrix, forcing, duration, [0.0, 0.0], 0.5 * duration)
+    expected = exact(matrix, forcing, duration, [0.0, 0.0], 0.5 * duration)
     got = part.at(np.zeros(2), np.array([0.5 * duration]))[:, 0]
     assert got[0] == pytest.approx(expected[0], abs=1e-13 * 0.05)
     # a vibration of the lift's rounding has this velocity: eps · lift · rate, and some digits
     assert got[1] == pytest.approx(expected[1], abs=1e-11 * 1.0)
 
 
-def test_resonance():
+def test_resonance(exact):
     """An undamped mode forced by a piece of exactly its own period is no special case."""
     matrix = np.array([[0.0, 2.0 * np.pi], [-2.0 * np.pi, 0.0]])
     forcing = np.random.default_rng(3).normal(size=(2, 6))
@@ -127,7 +137,7 @@ def test_derivative_matrix():
 
 
 @pytest.mark.parametrize("matrix", [np.zeros((1, 1)), np.array([[0.0, 1.0], [0.0, -3.0]])])
-def test_no_restoring_force(matrix):
+def test_no_restoring_force(exact, matrix):
     """A mode without a spring drifts; that is a response like any other, not a failure."""
     n = matrix.shape[0]
     forcing, start = np.random.default_rng(8).normal(size=(n, 6)), np.ones(n)
@@ -135,7 +145,7 @@ def test_no_restoring_force(matrix):
     np.testing.assert_allclose(piece(matrix, forcing, 2.0).end(start), expected, atol=1e-13)
 
 
-def test_critical_damping():
+def test_critical_damping(exact):
     """One eigenvector for two modes: nothing here asks for eigenvectors."""
     matrix = np.array([[0.0, 1.0], [-25.0, -10.0]])
     forcing, start = np.random.default_rng(9).normal(size=(2, 8)), np.array([0.3, -1.0])

@@ -15,10 +15,9 @@ from cam_rig.bench.models import LANDING, LIFT_OFF, OneMass, Oscillator, TwoMass
 from cam_rig.bench.twist import Twist
 from cam_rig.laws import TURN, Law
 
+FEW, FEWER = (settings.default.max_examples // n for n in (4, 8))
 EXAMPLES = settings(
-    max_examples=20,
-    deadline=None,
-    derandomize=True,
+    max_examples=FEW,
     phases=(Phase.explicit, Phase.generate),
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
 )
@@ -146,7 +145,7 @@ def test_two_masses(law, speed, mass, share, stem, spring, dampings, preload):
     events_agree(problem, got, wanted, 1e-8, 1e-8)
 
 
-@settings(EXAMPLES, max_examples=10)
+@settings(EXAMPLES, max_examples=FEWER)
 @given(
     law=laws(between(1e-3, 1e-2), st.integers(4, 6)),
     speed=between(15.0, 40.0),
@@ -168,7 +167,6 @@ def test_a_random_law_is_a_law():
     """The strategy makes what it says: periodic, C¹, at rest at zero."""
     found = []
 
-    @settings(max_examples=30, derandomize=True, database=None)
     @given(laws())
     def look(law):
         size = np.abs(law.motion[1]).max()

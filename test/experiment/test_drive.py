@@ -156,7 +156,7 @@ def test_a_drive_that_died_is_followed_without_a_gap(stage):
 
 def test_a_speed_no_cam_can_have_is_refused(program):
     """With the limits; so slow a tick of it would hold more samples than a message may."""
-    limits = r"allowed: 0, or 0\.00126 to 3141\.59 rad/s \(0\.012 to 30000 rpm\)"
+    limits = r"allowed: 0, or 0\.0126 to 3141\.59 rad/s \(0\.12 to 30000 rpm\)"
     for speed in (-1.0, 1e6, 1e-3, float("nan")):
         with pytest.raises(RefusedError, match=limits):
             program.command(speed)

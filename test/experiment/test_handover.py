@@ -1,10 +1,14 @@
 """A successor knows what its predecessor knew, bit for bit."""
 
 import json
+import os
+import tempfile
+from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cam_rig.acoustics import MicrophoneState
@@ -12,6 +16,7 @@ from cam_rig.bag.topics import TICK_DEPTH
 from cam_rig.dynamics import FollowerState
 from cam_rig.errors import RunError
 from cam_rig.experiment.handover import (
+    MOST_BYTES,
     STATES_UNFLUSHED,
     TICKS_IN_FLIGHT,
     TICKS_KEPT,
@@ -109,6 +114,21 @@ def test_without_a_folder_nothing_is_kept(tmp_path, monkeypatch):
         '[[0, {"record": "cam_rig.errors:CamRigError", "fields": {}}]]',
         '[[0, {"record": "cam_rig.dynamics.block:FollowerState", "fields": {"x": 1}}]]',
         '[[0, {"array": "00", "type": "<f8", "shape": [1]}]]',
+        '[[0, {"array": "0011223344556677", "type": "|O", "shape": [1]}]]',
+        '[[0, {"array": "0011223344556677", "type": "|V8", "shape": [1]}]]',
+        '[[0, {"array": "0011223344556677", "type": "f4,f4", "shape": [1]}]]',
+        '[[0, {"array": "00", "type": "|u1", "shape": [1000000000000]}]]',
+        '[[0, {"record": "cam_rig.nothing:There", "fields": {}}]]',
+        '[[0, {"record": "cam_rig.acoustics.sound:SoundSource", "fields": {}}]]',
+        '[[0, {"record": "cam_rig.dynamics.block:np", "fields": {}}]]',
+        '[[0, {"record": "cam_rig.dynamics.block:FollowerState", "fields": 3}]]',
+        '[[0, {"record": 3, "fields": {}}]]',
+        '[[0, {"set": []}]]',
+        "[[0, {}]]",
+        "[[1e999, 0]]",
+        "[" * 100_000,
+        "[[0, " + '{"list": [' * 9000 + "]}" * 9000 + "]]",
+        "[[0, " + "9" * 5000 + "]]",
     ],
 )
 def test_a_foreign_file_is_refused(tmp_path, text):
@@ -116,6 +136,41 @@ def test_a_foreign_file_is_refused(tmp_path, text):
     (tmp_path / "follower.json").write_text(text)
     with pytest.raises(RunError, match=r"follower\.json: is no handover of a node"):
         Handover(str(tmp_path), "follower").oldest()
+
+
+def test_only_a_plain_file_of_its_size_is_read(tmp_path):
+    """A pipe is not waited for, a link not followed, and what is too long is not read."""
+    file, other = tmp_path / "follower.json", tmp_path / "other.json"
+    other.write_text("[[0, 1]]")
+    os.symlink(other, file)
+    with pytest.raises(RunError, match="is no handover of a node"):
+        Handover(str(tmp_path), "follower").oldest()
+    file.unlink()
+    with file.open("wb") as stream:
+        stream.truncate(MOST_BYTES + 1)
+    with pytest.raises(RunError, match="allowed: 64 MiB"):
+        Handover(str(tmp_path), "follower").oldest()
+    keeper = Handover(str(tmp_path), "microphone")
+    with pytest.raises(RunError, match=r"microphone\.json: has .* MiB; allowed: 64 MiB"):
+        keeper.keep("x" * MOST_BYTES)
+
+
+@given(st.data())
+@settings(max_examples=300, derandomize=True, deadline=None)
+def test_a_damaged_file_is_refused_or_read(data):
+    """Whatever byte of it is another, there is no other error than ours."""
+    states = [CamState(0, 0.0, 20.0, "tm21"), CamState(10**8, 2.0, 20.0, "tm21")]
+    memory = (states[1], MicrophoneState(1.0, 2.0), np.arange(3.0), {"a": (1, None)})
+    with tempfile.TemporaryDirectory() as folder:
+        Handover(folder, "microphone").keep(memory)
+        file = Path(folder) / "microphone.json"
+        text = bytearray(file.read_bytes())
+        for _ in range(data.draw(st.integers(1, 3))):
+            place = data.draw(st.integers(0, len(text) - 1))
+            text[place] = data.draw(st.integers(0, 255) | st.sampled_from(b'[]{}",:0123456789'))
+        file.write_bytes(bytes(text))
+        with suppress(RunError):
+            Handover(folder, "microphone").oldest()
 
 
 def test_a_memory_that_is_no_record_is_refused():

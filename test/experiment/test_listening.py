@@ -1,12 +1,14 @@
 """The meter before a running scene reads what the energy account says."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
 
 from cam_rig.acoustics import SoundSource, level_db
-from cam_rig.errors import ConfigError
+from cam_rig.errors import ConfigError, RunError
+from cam_rig.experiment.handover import from_plain, to_plain
 from cam_rig.experiment.listening import MeterBench
 from cam_rig.experiment.program import cam_states
 from cam_rig.experiment.sweep import FollowerBench, MicrophoneBench
@@ -100,3 +102,44 @@ def test_weighting_begins_anew(make_stage):
     assert bench.meter is before
     bench.weigh("C", "S")
     assert bench.quantity == "LCS"
+
+
+@pytest.mark.parametrize("frequency", "ACZ")
+@pytest.mark.parametrize("changed", [False, True])
+def test_a_successor_reads_on_bit_for_bit(make_stage, frequency, changed):
+    """What a bench remembers passes through a handover's file, landings, noise and filters with
+    it; a weighting that was asked for and not yet begun as well.
+    """
+    stage = make_stage(cams=["tm21"], speeds=[380], turns=8)
+    follower = FollowerBench.of(stage)
+    blocks = [
+        turned[1].rows for state in cam_states(stage.scene) if (turned := follower.turn_to(state))
+    ]
+    bench = MeterBench.of(stage)
+    bench.weigh(frequency, "S")
+    for rows in blocks[:4]:
+        bench.read(rows, 39.8)
+    if changed:
+        bench.weigh("C", "F")
+    successor = MeterBench.of(stage)
+    successor.memory = from_plain(json.loads(json.dumps(to_plain(bench.memory))))
+    assert successor.quantity == bench.quantity
+    for rows in blocks[4:]:
+        assert successor.read(rows, 39.8) == bench.read(rows, 39.8)
+    assert successor.meter.equivalent == bench.meter.equivalent
+    assert successor.meter.highest == bench.meter.highest
+
+
+def test_the_sound_of_another_rate_is_not_gone_on_with(make_stage):
+    """A memory of filters and pulses that are not this scene's is refused."""
+    mine, other = make_stage(), make_stage(sample_rate=200_000)
+    bench, foreign = MeterBench.of(mine), MeterBench.of(other)
+    with pytest.raises(RunError, match="a sound's memory has pulses of"):
+        bench.memory = foreign.memory
+
+
+@pytest.mark.parametrize("rate", [100, 999, 12_000, 44_100, 48_000, 95_999, 10**6])
+def test_what_the_node_reads_is_class_1(make_stage, rate):
+    """Whatever rate a scene is sampled at, the meter's own suffices for all of class 1."""
+    source = SoundSource(make_stage().radiation, rate)
+    assert MeterBench(source).meter.class_1_up_to_hz == 20_000.0

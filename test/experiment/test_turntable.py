@@ -4,7 +4,7 @@ import itertools
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from cam_rig.experiment.gate import Admission, StateGate, speeds
@@ -86,7 +86,6 @@ COMMANDS = st.lists(
 )
 
 
-@settings(max_examples=60, deadline=None)
 @given(COMMANDS)
 @pytest.mark.parametrize("scene", [SCENE, RAMPED], ids=["steps", "ramps"])
 def test_no_command_makes_theta_or_time_jump(scene, commands):

@@ -5,7 +5,7 @@ import itertools
 import mpmath as mp
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from cam_rig.laws.bernstein import evaluate
@@ -24,7 +24,6 @@ def values(size):
     return st.lists(st.floats(-1.0, 1.0), min_size=size, max_size=size).map(np.array)
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(1, 60), st.data())
 def test_composition_loses_nothing(degree, data):
     """f(u(τ)) to rounding of the largest ordinate, at every degree a law may have."""
@@ -53,7 +52,6 @@ def test_composition_stays_within_the_ordinates():
     assert outer.min() <= got.min() <= got.max() <= outer.max()
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 4), st.integers(0, 40), st.data())
 def test_product(low, high, data):
     """The product of two polynomials is a polynomial, to rounding."""

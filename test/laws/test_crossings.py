@@ -87,7 +87,7 @@ ordinate_lists = st.lists(
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=4 * settings.default.max_examples)
 @given(ordinate_lists)
 def test_every_change_of_sign_is_found(numbers):
     """Between two samples clear of zero lie an odd number of crossings iff the sign differs."""
@@ -102,7 +102,7 @@ def test_every_change_of_sign_is_found(numbers):
     np.testing.assert_array_equal(counts % 2 == 1, signs[1:] != signs[:-1])
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=4 * settings.default.max_examples)
 @given(ordinate_lists)
 def test_descartes_rule(numbers):
     """There are no more roots than sign changes of the ordinates, and as many but for pairs."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from cam_rig.laws import TURN
@@ -55,7 +55,6 @@ def test_samples_are_the_law(law, start, step, count):
     assert_is_the_law(law, start, step, count)
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     start=st.floats(-100.0, 1000.0),
     exponent=st.floats(-6.0, 1.0),

@@ -1,8 +1,8 @@
 """Runs of the live graph, and what is left of them."""
 
 import subprocess
+import time
 from contextlib import suppress
-from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,8 +18,8 @@ from std_srvs.srv import Trigger
 from cam_rig.bag.files import mcap_file
 from cam_rig.cli.graph import Graph, live
 
-_DOMAINS = count(70)
-WAIT = 30.0
+#: Wall time (s) after which something that has not come true never will, however busy the machine.
+WAIT = 300.0
 SCENE = """
 name: short
 title: A short sweep of two cams
@@ -62,6 +62,20 @@ def node_processes(path):
     return found.stdout.split()
 
 
+def wait_until(condition):
+    """Poll until something is true, and give it back."""
+    end = time.monotonic() + WAIT
+    while not (found := condition()):
+        assert time.monotonic() < end, "it did not come true"
+        time.sleep(0.02)
+    return found
+
+
+def size(bag):
+    """Bytes that a bag has on disk, 0 where there is none yet."""
+    return sum(file.stat().st_size for file in bag.glob("*.mcap")) if bag.is_dir() else 0
+
+
 def unused():
     """The files of Fast DDS in /dev/shm that no process uses.
 
@@ -71,10 +85,15 @@ def unused():
     return {name for name in names if "port7" not in name}
 
 
+def patient(scene, bag, screen=None, **drive):
+    """The nodes of a run whose drive waits for its nodes however busy the machine is."""
+    return live(scene, bag, screen, **{"patience": WAIT, **drive})
+
+
 def run_graph(scene, bag, on_tick=None, respawn=False, said=None, **drive):
     """Run to the end, calling ``on_tick(graph, tick)`` for each; what was said on the way."""
     said = [] if said is None else said
-    with Graph(live(scene, bag, **drive), respawn=respawn, say=said.append) as graph:
+    with Graph(patient(scene, bag, **drive), respawn=respawn, say=said.append) as graph:
         for report in graph.progress():
             if on_tick is not None:
                 on_tick(graph, report["tick"])
@@ -92,28 +111,25 @@ def short_scene(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def undisturbed(short_scene, tmp_path_factory):
-    """The payloads of a run of the short scene that nobody disturbed."""
+def undisturbed_bag(hold_domain, short_scene, tmp_path_factory):
+    """A run of the short scene that nobody disturbed; who uses it is in the group "short"."""
     bag = tmp_path_factory.mktemp("undisturbed") / "bag"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ROS_DOMAIN_ID", str(next(_DOMAINS)))
+    with hold_domain() as domain, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_DOMAIN_ID", str(domain))
         run_graph(short_scene, bag)
-    return payloads(bag)
+    return bag
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
+def undisturbed(undisturbed_bag):
+    """The payloads of that run."""
+    return payloads(undisturbed_bag)
+
+
+@pytest.fixture(scope="session")
 def wait_for():
-    """Poll until something is true, or a minute has gone."""
-    import time
-
-    def wait(condition, seconds=60.0):
-        end = time.monotonic() + seconds
-        while not (found := condition()):
-            assert time.monotonic() < end, "it did not come true"
-            time.sleep(0.02)
-        return found
-
-    return wait
+    """Poll until something is true, however busy the machine is."""
+    return wait_until
 
 
 class User:
@@ -196,10 +212,12 @@ def user(ros_domain):
 def rig():
     """What the tests of the live graph do again and again."""
     return SimpleNamespace(
+        live=patient,
         run=run_graph,
         payloads=payloads,
         processes=node_processes,
         mapped=mapped,
         unused=unused,
+        size=size,
         ticks=TICKS,
     )

@@ -5,52 +5,52 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
 from cam_rig.bag.complete import require_complete
 from cam_rig.bag.files import is_torn
 from cam_rig.bag.reader import read_recording
-from cam_rig.cli.graph import Graph, live
+from cam_rig.cli.graph import Graph
 from cam_rig.errors import RunError
 from cam_rig.experiment.noise import step_levels
 from cam_rig.experiment.sweep import simulate
 from cam_rig.schema.load import config_root
 
 pytestmark = pytest.mark.ros
+LONG = pytest.mark.long
 QUICK = config_root() / "scenes" / "quick.yaml"
 
 
-def test_the_graph_gives_the_numbers_of_the_core(ros_domain, rig, tmp_path):
+@pytest.mark.xdist_group("short")
+def test_the_graph_gives_the_numbers_of_the_core(rig, undisturbed_bag):
     """Levels from the live graph's bag and from simulate agree to 1e-9 dB; no tick is missing."""
-    bag = tmp_path / "bag"
-    with Graph(live(QUICK, bag)) as graph:
-        ticks = [report["tick"] for report in graph.progress()]
-    assert ticks == list(range(17))
-    recording = read_recording(bag)
-    require_complete(bag, recording.stage.scene)
+    recording = read_recording(undisturbed_bag)
+    assert len(recording.ticks) == rig.ticks
+    require_complete(undisturbed_bag, recording.stage.scene)
     settle = recording.stage.scene.program.settle_turns.si
     heard = step_levels(recording.ticks, settle)
     alone = step_levels(simulate(recording.stage), settle)
     for cam in ("tm21", "bezier15"):
         assert heard[cam] == pytest.approx(alone[cam], abs=1e-9)
-    assert rig.processes(bag) == []
+    assert rig.processes(undisturbed_bag) == []
 
 
-def test_ramps_give_the_numbers_of_the_core_too(ros_domain, tmp_path):
+def test_ramps_give_the_numbers_of_the_core_too(ros_domain, rig, tmp_path):
     """From rest along ramps, two cams: every tick from the first is in the bag, as simulated."""
     ramp = '  ramp: {assumed: 0.4, unit: s, source: "a test"}\n  ticks_per_turn: 3\n'
-    require_as_simulated(tmp_path, "published:", ramp + "published:")
+    require_as_simulated(rig, tmp_path, "published:", ramp + "published:")
 
 
-def test_cams_of_fewer_ticks_than_are_in_flight(ros_domain, tmp_path):
+def test_cams_of_fewer_ticks_than_are_in_flight(ros_domain, rig, tmp_path):
     """Each turns in its turn: what the law server says of one is not taken for the next."""
     cams = "cams: [tm21, cycloidal, poly345, bezier15]"
-    require_as_simulated(tmp_path, "cams: [tm21, bezier15]", cams, "[200, 300, 350, 400]", "[300]")
+    require_as_simulated(
+        rig, tmp_path, "cams: [tm21, bezier15]", cams, "[200, 300, 350, 400]", "[300]"
+    )
 
 
-def require_as_simulated(folder, *changes):
+def require_as_simulated(rig, folder, *changes):
     """Run the quick scene with some of its text changed; the bag is what `simulate` gives."""
     text = QUICK.read_text(encoding="utf-8")
     for old, new in zip(changes[::2], changes[1::2], strict=True):
@@ -59,9 +59,9 @@ def require_as_simulated(folder, *changes):
     scene, bag = folder / "scenes" / "quick.yaml", folder / "bag"
     scene.parent.mkdir()
     scene.write_text(text, encoding="utf-8")
-    with Graph(live(scene, bag)) as graph:
-        for _ in graph.progress():
-            pass
+    with Graph(rig.live(scene, bag)) as graph:
+        ticks = [report["tick"] for report in graph.progress()]
+    assert ticks == list(range(len(ticks)))
     recording = read_recording(bag)
     require_complete(bag, recording.stage.scene)
     alone = list(simulate(recording.stage))
@@ -69,10 +69,10 @@ def require_as_simulated(folder, *changes):
     assert [tick.pressure for tick in recording.ticks] == [tick.pressure for tick in alone]
 
 
-def test_a_dead_node_ends_the_run_and_is_named(ros_domain, tmp_path):
+def test_a_dead_node_ends_the_run_and_is_named(ros_domain, rig, tmp_path):
     """kill -9 of the follower: the run says which node died, and no process is left."""
     bag = tmp_path / "bag"
-    with Graph(live(config_root() / "scenes" / "tm21_sweep.yaml", bag)) as graph:
+    with Graph(rig.live(config_root() / "scenes" / "tm21_sweep.yaml", bag)) as graph:
         with pytest.raises(RunError, match=r"node follower was ended by signal 9 after tick \d+"):
             for report in graph.progress():
                 if report["tick"] == 3:
@@ -82,42 +82,39 @@ def test_a_dead_node_ends_the_run_and_is_named(ros_domain, tmp_path):
     assert not is_torn(bag)
 
 
-def start_run(rig, tmp_path):
+def start_run(rig, wait_for, tmp_path):
     """A sweep under way, of a scene file of its own, by which its nodes are found."""
     scene = tmp_path / "scenes" / "tm21_sweep.yaml"
     scene.parent.mkdir()
     shutil.copy(config_root() / "scenes" / "tm21_sweep.yaml", scene)
     bag = tmp_path / "bag"
     command = [sys.executable, "-m", "cam_rig.cli.main", "run", str(scene), "--bag", str(bag)]
+    command += ["--pacing", "real_time"]  # no end before the test's
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=dict(os.environ))
-    for _ in range(400):
-        time.sleep(0.05)
-        if bag.exists() and sum(f.stat().st_size for f in bag.glob("*.mcap")) > 1_000_000:
-            break
+    wait_for(lambda: rig.size(bag) > 1_000_000)
     assert len(rig.processes(scene)) > 5  # the runner and its five nodes
     return process, scene, bag
 
 
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
-def test_a_signal_ends_all_and_closes_the_bag(ros_domain, rig, tmp_path, name):
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param("SIGINT", marks=LONG), "SIGTERM", pytest.param("SIGHUP", marks=LONG)],
+)
+def test_a_signal_ends_all_and_closes_the_bag(ros_domain, rig, wait_for, tmp_path, name):
     """Ctrl-C, kill, a closed terminal: code 128 + signal, a closed bag, no process left."""
-    process, scene, bag = start_run(rig, tmp_path)
+    process, scene, bag = start_run(rig, wait_for, tmp_path)
     number = getattr(signal, name)
     process.send_signal(number)
-    _, words = process.communicate(timeout=30)
+    _, words = process.communicate()
     assert process.returncode == 128 + number
     assert f"interrupted by {name}" in words
     assert read_recording(bag).ticks
     assert rig.processes(scene) == []
 
 
-def test_a_killed_runner_leaves_no_node(ros_domain, rig, tmp_path):
+def test_a_killed_runner_leaves_no_node(ros_domain, wait_for, rig, tmp_path):
     """kill -9 of the runner: the nodes end by themselves."""
-    process, scene, _ = start_run(rig, tmp_path)
+    process, scene, _ = start_run(rig, wait_for, tmp_path)
     process.kill()
-    process.communicate(timeout=30)
-    for _ in range(200):
-        if not rig.processes(scene):
-            break
-        time.sleep(0.05)
-    assert rig.processes(scene) == []
+    process.communicate()
+    wait_for(lambda: not rig.processes(scene))

@@ -3,21 +3,29 @@
 import math
 import shutil
 import struct
-import time
 from array import array
 from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import WrenchStamped
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PolygonStamped, WrenchStamped
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterEvent, ParameterValue
+from rcl_interfaces.srv import SetParameters
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Float64, Float64MultiArray, Header, MultiArrayDimension
 
+from cam_rig.bag import topics
 from cam_rig.bag.codec import BLOCK_LABEL, PIECE_LABEL
-from cam_rig.cli.graph import Graph, live
+from cam_rig.cli.graph import Graph
+from cam_rig.cli.process import NodeProcess, stop_all
+from cam_rig.errors import RefusedError, RunError
+from cam_rig.nodes.app import require_length
 from cam_rig.schema.load import config_root
 
 pytestmark = pytest.mark.ros
@@ -42,21 +50,24 @@ def sockets(pid):
     return found
 
 
-def test_every_socket_is_on_the_loopback(ros_domain, short_scene, tmp_path, monkeypatch):
+def sockets_of_all(processes):
+    """Every node's addresses, when each has one."""
+    found = {name: sockets(node.process.pid) for name, node in processes.items()}
+    return found if all(found.values()) else None
+
+
+def test_every_socket_is_on_the_loopback(
+    ros_domain, rig, short_scene, tmp_path, wait_for, monkeypatch
+):
     """Whatever the user's own settings: the loopback, and the multicast group joined on it."""
     subnet = config_root() / "fastdds_subnet.xml"
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     monkeypatch.setenv("FASTDDS_DEFAULT_PROFILES_FILE", str(subnet))
     shutil.copy(subnet, tmp_path / "DEFAULT_FASTDDS_PROFILES.xml")
     monkeypatch.chdir(tmp_path)
-    with Graph(live(short_scene, tmp_path / "bag", pacing="10x")) as graph:
-        for report in graph.progress():
-            if report["tick"] == 2:
-                for _ in range(10):  # a socket may come and go while it is listed
-                    found = {name: sockets(p.process.pid) for name, p in graph.processes.items()}
-                    if all(found.values()):
-                        break
-                break
+    with Graph(rig.live(short_scene, tmp_path / "bag", pacing="real_time")) as graph:
+        next(graph.progress())
+        found = wait_for(lambda: sockets_of_all(graph.processes))
     assert found.keys() == {"recorder", "microphone", "follower", "law_server", "cam_drive"}
     assert all("127.0.0.1" in addresses for addresses in found.values())
     assert set.union(*found.values()) <= {"127.0.0.1", "239.255.0.1"}
@@ -113,43 +124,138 @@ def hostile():
     yield "/microphone/level", Float64(data=inf)
 
 
-def is_small(message):
-    """Whether a flood of it is one of messages, not of bytes; a speed is a user's to command."""
-    return not isinstance(message, Float64) and len(getattr(message, "data", ())) <= 600
+def forge(user, topic, message):
+    """A publisher of somebody else's, that everybody who listens to the topic has found."""
+    made = user.node.create_publisher(type(message), topic, 10 if topic in OPEN else LATCHED)
+    while made.get_subscription_count() == 0:
+        user.spin(0.02)
+    made.publish(message)
+    return made
 
 
-def test_a_hostile_publisher_changes_nothing(user, rig, short_scene, undisturbed, tmp_path):
-    """Malformed, impossible, huge, from the past, and a flood: every node lives on, and the bag is
-    the undisturbed one, byte by byte."""
-    bag = tmp_path / "bag"
-    with Graph(live(short_scene, bag, pacing="2x")) as graph:
-        reports = graph.progress()
-        next(report for report in reports if report["tick"] == 10)
+#: What is not any node's own: a command, and every node's parameter events.
+OPEN = ("/cam/rpm", "/parameter_events")
+HEARS = {
+    "follower": ("/cam/state", "/cam/law_coefficients"),
+    "microphone": ("/cam/state", "/follower/samples"),
+    "law_server": ("/cam/state",),
+    "cam_drive": ("/cam/law_coefficients", "/follower/state", "/microphone/pressure",
+                  "/recorder/written", "/cam/rpm"),
+    "recorder": ("/cam/state", "/cam/law_coefficients", "/follower/samples", "/follower/state",
+                 "/follower/contact", "/microphone/pressure", "/microphone/level"),
+}  # fmt: skip
+
+
+def node_alone(name, scene, folder):
+    """One node, with whatever comes as its only company."""
+    more = {"recorder": {"bag": str(folder / "bag")}}.get(name, {})
+    return NodeProcess(name, {"scene": str(scene), **more}, False, lambda _line: None)
+
+
+@pytest.mark.parametrize("name", HEARS)
+def test_what_cannot_be_right_ends_no_node(user, short_scene, tmp_path, wait_for, name):
+    """Malformed, impossible, huge, from the past: the node warns of it, lives on, ends in order."""
+    node = node_alone(name, short_scene, tmp_path)
+    try:
         publishers = {}
         for topic, message in hostile():
-            if topic not in publishers:
-                qos = 10 if topic == "/cam/rpm" else LATCHED
-                publishers[topic] = user.node.create_publisher(type(message), topic, qos)
-                while publishers[topic].get_subscription_count() == 0:
-                    user.spin(0.02)
-            publishers[topic].publish(message)
-            publishers[topic].publish(b"\0\1\0\0\xff\xff")
-        flood = {publishers[topic]: message for topic, message in hostile() if is_small(message)}
-        end = time.monotonic() + 1.0
-        while time.monotonic() < end:  # 10 kHz, as far as it goes
-            for publisher, message in flood.items():
+            if topic in HEARS[name]:
+                publishers[topic] = publishers.get(topic) or forge(user, topic, message)
+                publishers[topic].publish(message)
+                publishers[topic].publish(b"\0\1\0\0\xff\xff")
+        answer = user.ask(SetParameters, f"/{name}/set_parameters", impossible_parameter())
+        assert not any(result.successful for result in answer.results)
+        wait_for(lambda: "refused: " in "".join(node.words))
+        assert not node.has_ended, node.words
+    finally:
+        stop_all([node])
+    assert node.code == 0 and "Traceback" not in "".join(node.words), node.words
+    assert "".join(node.words).count("refused: ") < 60, "the warnings are throttled"
+
+
+def impossible_parameter():
+    """A value of a type that there is not."""
+    value = ParameterValue(type=77)
+    return SetParameters.Request(parameters=[ParameterMessage(name="rpm", value=value)])
+
+
+def open_to_all():
+    """(topic, message) of what anybody in the domain may publish, as nobody should."""
+    yield "/cam/rpm", Float64(data=math.nan)
+    yield "/cam/rpm", Float64(data=-1e9)
+    for kind in (77, 4):
+        changed = ParameterMessage(name="cam", value=ParameterValue(type=kind, string_value="x"))
+        event = ParameterEvent(node="/law_server", changed_parameters=[changed])
+        yield "/parameter_events", event
+    yield "/diagnostics", DiagnosticArray(status=[DiagnosticStatus(name="laser")])
+    yield "/rig/ready", Header(frame_id="nobody")
+
+
+@pytest.mark.xdist_group("short")
+def test_what_anybody_may_say_changes_nothing(user, rig, short_scene, undisturbed, tmp_path):
+    """Impossible speeds, parameter events that the law server denies, other robots' diagnoses, a
+    flood of each: the bag is the undisturbed one, byte by byte."""
+    bag, publishers = tmp_path / "bag", {}
+    with Graph(rig.live(short_scene, bag, pacing="2x")) as graph:
+        reports = graph.progress()
+        next(report for report in reports if report["tick"] == 10)
+        for topic, message in open_to_all():
+            publishers[topic] = publishers.get(topic) or forge(user, topic, message)
+            for _ in range(200):
                 with suppress(RCLError):  # a busy machine: the flood is as high as it can be
-                    publisher.publish(message)
-            time.sleep(1e-4)
+                    publishers[topic].publish(message)
         for _ in reports:
             pass
         said = {name: "".join(node.words) for name, node in graph.processes.items()}
-    for name in ("cam_drive", "follower", "microphone", "recorder", "law_server"):
+    for name in ("cam_drive", "recorder"):
         assert "refused: " in said[name], name
-        assert said[name].count("refused: ") < 60, "the warnings are throttled"
-        assert "Traceback" not in said[name], said[name]
+    assert not any("Traceback" in words for words in said.values()), said
     found = rig.payloads(bag)
     assert found.keys() == undisturbed.keys()
     for topic, expected in undisturbed.items():
-        if topic != "/diagnostics":  # the drive may say that it lags
-            assert found[topic] == expected, topic
+        assert found[topic] == expected, topic
+
+
+@pytest.mark.parametrize(
+    ("topic", "message"),
+    [
+        ("/cam/law_coefficients", Float64MultiArray()),
+        pytest.param("/clock", Clock(), marks=pytest.mark.long),
+        pytest.param("/cam/state", JointState(), marks=pytest.mark.long),
+        pytest.param("/cam/profile", PolygonStamped(), marks=pytest.mark.long),
+        pytest.param("/follower/samples", Float64MultiArray(), marks=pytest.mark.long),
+        pytest.param("/microphone/level", Float64(), marks=pytest.mark.long),
+        pytest.param("/recorder/written", Header(), marks=pytest.mark.long),
+    ],
+)
+def test_a_second_publisher_ends_the_run(user, rig, short_scene, tmp_path, topic, message):
+    """Not one number of it is called a result: code 1, the topic and who it is."""
+    graph = Graph(rig.live(short_scene, tmp_path / "bag", pacing="2x"))
+    words = rf"{topic}: has a second publisher, /user; allowed: one, this rig's "
+    with pytest.raises(RunError, match=words), graph:
+        reports = graph.progress()
+        next(report for report in reports if report["tick"] == 4)
+        forge(user, topic, message)
+        for _ in reports:
+            pass
+
+
+def test_a_law_that_was_forged_first_is_not_believed(user, rig, short_scene, tmp_path):
+    """Latched before the law server lives: the run ends, and names who it was."""
+    law = [("tm21", 2), (PIECE_LABEL, 4)]
+    forged = array_message(law, [0.0, 0.0, 1e-3, 0.0, 3.0, 0.0, 1e-3, 0.0])
+    publisher = user.node.create_publisher(type(forged), "/cam/law_coefficients", LATCHED)
+    publisher.publish(forged)
+    graph = Graph(rig.live(short_scene, tmp_path / "bag"))
+    with pytest.raises(RunError, match="/cam/law_coefficients: has a second publisher"), graph:
+        for _ in graph.progress():
+            pass
+
+
+def test_a_message_beyond_its_topics_length_is_not_read():
+    """A law of 64 MB is refused by its length, whatever is in it."""
+    huge = bytes(64 << 20)
+    with pytest.raises(RefusedError, match="67108864 bytes; allowed: 1048576"):
+        require_length(topics.LAW_COEFFICIENTS, huge)
+    with pytest.raises(RefusedError, match="/follower/samples: 67108864 bytes; allowed: 48001024"):
+        require_length(topics.FOLLOWER_SAMPLES, huge)

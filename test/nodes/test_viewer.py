@@ -1,13 +1,11 @@
 """A run seen while it runs: the same curves as of its bag."""
 
-import time
-
 import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
 from cam_rig.bag.complete import require_complete
-from cam_rig.cli.graph import Graph, live
+from cam_rig.cli.graph import Graph
 from cam_rig.schema import load_scene
 from cam_rig.schema.load import config_root
 from cam_rig.view.recording import save_recording
@@ -32,56 +30,61 @@ def curves(path):
     return {name: np.array(sorted(rows)) for name, rows in found.items()}
 
 
-def settle(file):
-    """Wait until the server has written what it took: the file stays as long as it is for 1 s."""
-    sizes = [-1] * 10
-    for _ in range(200):
-        sizes = [*sizes[1:], file.stat().st_size]
-        if sizes[0] == sizes[-1]:
-            return
-        time.sleep(0.1)
+def arrived(file, recorded):
+    """The curves, once the server has written them to the end of the recorded ones; else none."""
+    try:
+        seen = curves(file)
+    except RuntimeError:  # it ends in the middle of what is being written
+        return None
+    ends = (seen[name].size and seen[name][-1][0] >= recorded[name][-1][0] for name in CURVES)
+    return seen if all(ends) else None
 
 
-def test_the_live_picture_is_the_bags(ros_domain, tmp_path):
+def as_recorded(bag, folder):
+    """The bag's curves: it is whole, and every curve has something to show."""
+    require_complete(bag, load_scene(QUICK))
+    save_recording(bag, folder / "bag.rrd")
+    recorded = curves(folder / "bag.rrd")
+    assert all(recorded[name].size for name in CURVES)
+    return recorded
+
+
+def test_the_live_picture_is_the_bags(ros_domain, wait_for, rig, tmp_path):
     """All six nodes run, no tick is missing in bag or picture, and the numbers are the same."""
     bag, seen_file, port = tmp_path / "bag", tmp_path / "live.rrd", free_port()
     arguments = ("--serve-grpc", "--port", str(port), "--save", str(seen_file))
     with listening(*arguments, ports=(port,)):
-        with Graph(live(QUICK, bag, stream_address(port))) as graph:
+        with Graph(rig.live(QUICK, bag, stream_address(port))) as graph:
             for _ in graph.progress():
                 pass
         assert graph.processes["viewer"].code == 0
-        settle(seen_file)
-    require_complete(bag, load_scene(QUICK))
-    save_recording(bag, tmp_path / "bag.rrd")
-    seen, recorded = curves(seen_file), curves(tmp_path / "bag.rrd")
+        recorded = as_recorded(bag, tmp_path)
+        seen = wait_for(lambda: arrived(seen_file, recorded))
     for name in CURVES:
-        assert recorded[name].size > 0, name
         np.testing.assert_array_equal(seen[name], recorded[name], err_msg=name)
 
 
-def test_a_killed_viewer_is_started_again(ros_domain, tmp_path):
+def test_a_killed_viewer_is_started_again(ros_domain, wait_for, rig, tmp_path):
     """A spectator does not cost the measurement: the bag is whole, and the new one sees the end."""
     bag, seen_file, port = tmp_path / "bag", tmp_path / "live.rrd", free_port()
-    said = []
+    said, address = [], stream_address(port)
     with listening("--serve-grpc", "--port", str(port), "--save", str(seen_file), ports=(port,)):
-        with Graph(live(QUICK, bag, stream_address(port), pacing="1x"), say=said.append) as graph:
+        with Graph(rig.live(QUICK, bag, address, pacing="1x"), say=said.append) as graph:
             for report in graph.progress():
                 if report["tick"] == 2:
                     graph.processes["viewer"].process.kill()
-        settle(seen_file)
-    require_complete(bag, load_scene(QUICK))
+        recorded = as_recorded(bag, tmp_path)
+        seen = wait_for(lambda: arrived(seen_file, recorded))
     assert ["viewer" in line and "started again" in line for line in said] == [True]
-    save_recording(bag, tmp_path / "bag.rrd")
-    seen, recorded = curves(seen_file), curves(tmp_path / "bag.rrd")
     for name in CURVES:
         np.testing.assert_array_equal(seen[name][-1], recorded[name][-1], err_msg=name)
 
 
-def test_without_a_viewer_the_run_goes_on(ros_domain, tmp_path):
+@pytest.mark.long
+def test_without_a_viewer_the_run_goes_on(ros_domain, rig, tmp_path):
     """Nobody listens at the address: the bag is whole all the same."""
     bag = tmp_path / "bag"
-    with Graph(live(QUICK, bag, stream_address(free_port()))) as graph:
+    with Graph(rig.live(QUICK, bag, stream_address(free_port()))) as graph:
         for _ in graph.progress():
             pass
     require_complete(bag, load_scene(QUICK))

@@ -1,9 +1,13 @@
 """Whatever is in a YAML file, the loader gives a checked config or one line of error."""
 
 import copy
+import json
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
@@ -19,11 +23,6 @@ LOADERS = {
     "scenes/quick.yaml": load_scene,
     "published/tm21_noise.yaml": load_published,
 }
-BOUNDED = settings(
-    max_examples=60,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
 ANYTHING = st.recursive(
     st.none()
     | st.booleans()
@@ -45,7 +44,6 @@ def check(load, path):
         assert path.name in str(error)
 
 
-@BOUNDED
 @given(data=st.binary(max_size=200) | st.text(max_size=200).map(str.encode))
 @pytest.mark.parametrize("name", LOADERS)
 def test_any_bytes(tmp_path, name, data):
@@ -65,7 +63,6 @@ def paths_in(data, here=()):
             yield (*here, key)
 
 
-@BOUNDED
 @given(choice=st.data())
 @pytest.mark.parametrize("name", LOADERS)
 def test_a_shipped_file_with_one_thing_changed(tmp_path, name, choice):
@@ -85,7 +82,6 @@ def test_a_shipped_file_with_one_thing_changed(tmp_path, name, choice):
     check(LOADERS[name], path)
 
 
-@BOUNDED
 @given(text=st.text(max_size=30))
 def test_a_scene_may_name_anything(tmp_path, text):
     """A cam's or rig's name cannot lead out of the folders."""
@@ -99,3 +95,30 @@ def test_a_scene_may_name_anything(tmp_path, text):
         open_stage(folder / "quick.yaml")
     except CamRigError as error:
         assert "\n" not in str(error)
+
+
+def require_bounded(kind, cases, seed):
+    """Each case is read or refused by one line, in 10 s of CPU, and all of them in 1 GB."""
+    script = Path(__file__).with_name("fuzz_files.py")
+    command = [sys.executable, str(script), kind, str(cases), str(seed)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["wrong"] == []
+    assert found["refused"] > cases // 2  # else they are not hostile
+    assert found["most_cpu_s"] < 10.0
+    assert found["memory_mb"] < 1000.0
+
+
+@pytest.mark.parametrize("kind", ["yaml", "csv"])
+def test_hostile_files(kind):
+    """Too long, too deep, too many, of another kind, or a shipped one with something else in it."""
+    require_bounded(kind, 40, 1)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [2, 3, 4])
+@pytest.mark.parametrize("kind", ["yaml", "csv"])
+def test_many_hostile_files(kind, seed):
+    """The same, many times over."""
+    require_bounded(kind, 400, seed)

@@ -67,6 +67,10 @@ def test_a_windows_file_is_read(load):
         (table(ROWS[:8]), "has 8 points; allowed: 12 to 7200"),
         (table(["0,nan", *ROWS[1:]]), "line 2: lift_mm is 'nan'; allowed: a finite number"),
         (table(["0,inf", *ROWS[1:]]), "line 2: lift_mm is 'inf'"),
+        (table(["0," + "1" * 140_000, *ROWS[1:]]), "line 2: cannot be read (field larger than"),
+        (table(["0," + "a" * 100_000, *ROWS[1:]]), "aaa...; allowed: a finite number"),
+        (table(header="a" * 100_000), "aaa...; allowed: one of angle_rad"),
+        (table() + "\n" * 2**21, "has 2 MiB; allowed: 2 MiB"),
         (table(["0,up", *ROWS[1:]]), "line 2: lift_mm is 'up'"),
         (table(["0", *ROWS[1:]]), "line 2: lift_mm is ''"),
         (table([*ROWS[:5], ROWS[4], *ROWS[5:]]), "point 6 is at 60° after 60°; allowed: rising"),
@@ -87,6 +91,7 @@ def test_wrong_points_are_refused(load, tmp_path, text, words):
     assert message.startswith(f"{tmp_path / 'measured.yaml'}: segments[0]")
     assert words in message
     assert "\n" not in message
+    assert len(message) < 500
 
 
 def test_a_missing_file_names_those_that_are_there(load, tmp_path):

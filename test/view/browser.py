@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 import numpy as np
-import pytest
 
-from cam_rig.view.browser import (
-    ENOUGH,
-    PATIENCE,
-    Pixels,
-    count,
-    new_page,
-    open_browser,
-    photographs,
-    why_no_browser,
-)
+from cam_rig.view.browser import ENOUGH, PATIENCE, Pixels, count, new_page, photographs
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 
 @dataclass
@@ -38,36 +30,27 @@ class Visit:
         return {name for name, count in self.most.items() if count < ENOUGH}
 
 
-Look = Callable[[str, dict[str, int], frozenset[str]], Visit]
-
-
-@contextmanager
-def browser() -> Iterator[Look]:
-    """A function that visits an address until all colours were seen, but those not expected."""
-    if why := why_no_browser():
-        pytest.skip(f"no browser: {why}")
-    with open_browser() as chromium:
-
-        def look(address: str, colours: dict[str, int], without: frozenset[str]) -> Visit:
-            visit = Visit(np.zeros((1, 1, 3), np.uint8), most=dict.fromkeys(colours, 0))
-            page, begun = new_page(chromium), time.monotonic()
-            note(page, visit)
-            page.goto(address)
-            more = 3 if without else 0  # what is not expected has time to come all the same
-            for pixels in photographs(page, begun + PATIENCE):
-                visit.pixels = pixels
-                for name, colour in colours.items():
-                    visit.most[name] = max(visit.most[name], count(pixels, colour))
-                if np.isnan(visit.seconds) and max(visit.most.values()) >= ENOUGH:
-                    visit.seconds = time.monotonic() - begun
-                if not visit.missing() - without:
-                    more -= 1
-                    if more < 0:
-                        break
-            page.context.close()
-            return visit
-
-        yield look
+def look(
+    chromium: Browser, address: str, colours: dict[str, int], without: frozenset[str]
+) -> Visit:
+    """Visit an address until all colours were seen, but those not expected."""
+    visit = Visit(np.zeros((1, 1, 3), np.uint8), most=dict.fromkeys(colours, 0))
+    page, begun = new_page(chromium), time.monotonic()
+    note(page, visit)
+    page.goto(address)
+    more = 3 if without else 0  # what is not expected has time to come all the same
+    for pixels in photographs(page, begun + PATIENCE):
+        visit.pixels = pixels
+        for name, colour in colours.items():
+            visit.most[name] = max(visit.most[name], count(pixels, colour))
+        if np.isnan(visit.seconds) and max(visit.most.values()) >= ENOUGH:
+            visit.seconds = time.monotonic() - begun
+        if not visit.missing() - without:
+            more -= 1
+            if more < 0:
+                break
+    page.context.close()
+    return visit
 
 
 def note(page: object, visit: Visit) -> None:

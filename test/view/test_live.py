@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 from rerun.chunk import Chunk, RrdReader
 
+from cam_rig.errors import CamRigError
 from cam_rig.experiment.program import cam_states
 from cam_rig.view import live
 from cam_rig.view.live import LivePicture, live_window
@@ -49,8 +51,19 @@ def arrived(bag: SmallBag, tmp_path_factory: pytest.TempPathFactory) -> list[Chu
         arguments = ("--serve-grpc", "--port", str(port), "--save", str(path))
         with listening(*arguments, ports=(port,)):
             show(bag, stream_address(port))
-            time.sleep(0.5)  # the server writes what it took
-    return list(RrdReader(path).stream().to_chunks())
+            while not (chunks := written(path, bag.samples[0, -1])):
+                time.sleep(0.05)
+    return chunks
+
+
+def written(path: Path, end: float) -> list[Chunk]:
+    """What the server has written, once that goes to the end (s) of every curve; nothing before."""
+    try:
+        chunks = list(RrdReader(path).stream().to_chunks())
+    except RuntimeError:  # it ends in the middle of what is being written
+        return []
+    there = {chunk.entity_path for chunk in chunks if newest(chunk) > end - 1e-3}
+    return chunks if there.issuperset(CURVES) else []
 
 
 def newest(chunk: Chunk) -> float:
@@ -97,3 +110,13 @@ def test_the_window_holds_two_ticks() -> None:
     """A slow scene's window is longer, for a tick arrives whole."""
     assert live_window(np.array([0.0, 0.1, 0.2])) == live.WINDOW
     assert live_window(np.array([0.0, 0.1, 2.1])) == 4.0
+
+
+def test_a_picture_that_nobody_takes_holds_nobody_up(
+    bag: SmallBag, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The whole run is drawn; only its end waits for a viewer, and says that there is none."""
+    address = stream_address(free_port())
+    monkeypatch.setattr(live, "PATIENCE", 0.1)
+    with pytest.raises(CamRigError, match="the viewer has gone"):
+        show(bag, address)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import urllib.request
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -17,9 +18,9 @@ from cam_rig.experiment.stage import Stage, open_stage
 from cam_rig.experiment.sweep import FollowerBench
 from cam_rig.schema.load import config_root
 from cam_rig.schema.quantity import Quantity
-from cam_rig.view import viewer_picture
+from cam_rig.view import pictures, viewer_picture
 from cam_rig.view.album import Album, gap, read_album
-from cam_rig.view.browser import HEIGHT, WIDTH, count, why_no_browser
+from cam_rig.view.browser import HEIGHT, WIDTH, Pixels, count, why_no_browser
 from cam_rig.view.pictures import (
     ANIMATION,
     LAID_OUT_BY,
@@ -88,8 +89,26 @@ def test_the_viewers_picture_shows_every_curve() -> None:
         assert count(pixels, colour) > 40, f"#{colour >> 8:06x}"
 
 
-@pytest.mark.slow
-@pytest.mark.timeout(400)
+def test_a_photograph_is_of_the_bags_own_layout(
+    bag: SmallBag, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Served as a page, asked for the colours that must be seen, and written beside its note."""
+    pixels = np.arange(12, dtype=np.uint8).reshape(2, 2, 3)
+
+    def photograph(address: str, colours: tuple[int, ...], settled: int) -> Pixels:
+        assert urllib.request.urlopen(address).status == 200
+        assert settled in colours and colours == viewer_picture.SHOWN
+        return pixels
+
+    monkeypatch.setattr(viewer_picture, "photograph", photograph)
+    files = photograph_run(bag.path, bag.stage, tmp_path)
+    assert [path.name for path in files] == [VIEWER, VIEWER_NOTE]
+    with Image.open(tmp_path / VIEWER) as picture:
+        np.testing.assert_array_equal(np.asarray(picture), pixels)
+    assert json.loads((tmp_path / VIEWER_NOTE).read_text()) == inputs(bag.stage, LAID_OUT_BY)
+
+
+@pytest.mark.long
 @pytest.mark.skipif(why_no_browser() is not None, reason=f"no browser: {why_no_browser()}")
 def test_the_viewer_is_photographed(bag: SmallBag, tmp_path: Path) -> None:
     """A bag's own layout in Chromium, when it is loaded, and a note beside it."""
@@ -134,9 +153,10 @@ def test_the_animation_is_short_and_small() -> None:
     assert min(changes) > 60
 
 
-def test_pictures_of_a_bag(bag: SmallBag, tmp_path: Path) -> None:
+def test_pictures_of_a_bag(bag: SmallBag, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All files are there; the cam that jumps highest is the one that is animated."""
     album = read_album(bag.path)
+    monkeypatch.setattr(pictures, "FRAMES", 6)
     files = draw_pictures(album, lambda path: path.write_bytes(b"noise"), tmp_path)  # type: ignore[arg-type, return-value]
     assert [path.name for path in files] == [ANIMATION, STILL, "small.png", NOTE]
     found = json.loads((tmp_path / NOTE).read_text())["numbers"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import signal
 import subprocess
@@ -15,6 +16,7 @@ from typer.testing import CliRunner
 from cam_rig.cli.view import view
 from cam_rig.errors import CamRigError
 from cam_rig.view import viewer
+from cam_rig.view.drawing import RunDrawing
 
 from .conftest import SmallBag
 
@@ -115,23 +117,45 @@ def test_options_that_do_not_go_together_are_refused(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("before", [signal.SIG_IGN, signal.default_int_handler])
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_nothing_is_left_of_a_file_that_was_interrupted(
-    bag: SmallBag, tmp_path: Path, number: signal.Signals
+    bag: SmallBag,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    number: signal.Signals,
+    before: signal.Handlers,
 ) -> None:
-    """The signal comes in the middle of the drawing: code 130, and no part of the file."""
-    drawn = "import os; from cam_rig.view.drawing import RunDrawing as R"
-    seen = f"print(os.listdir({str(tmp_path)!r}))"
-    stop = f"R.tick = lambda *a: {seen} or os.kill(os.getpid(), {number.value})"
-    go = "from cam_rig.cli.main import main; main()"
-    command = [sys.executable, "-c", f"{drawn}\n{stop}\n{go}"]
-    ended = subprocess.run(
-        [*command, "view", str(bag.path), "--save", str(tmp_path / "a.rrd")],
-        check=False,
-        capture_output=True,
-        text=True,
-        timeout=60,
+    """The signal comes in the middle of the drawing: code 130, and no part of the file.
+
+    Also where it was ignored before, as behind `nohup` or in the background of a script.
+    """
+    seen: list[list[str]] = []
+
+    def interrupt(*_: object) -> None:
+        seen.append(os.listdir(tmp_path))
+        os.kill(os.getpid(), number)
+
+    monkeypatch.setattr(RunDrawing, "tick", interrupt)
+    own = signal.signal(number, before)
+    try:
+        result = CliRunner().invoke(app, [str(bag.path), "--save", str(tmp_path / "a.rrd")])
+        assert signal.getsignal(number) is before
+    finally:
+        signal.signal(number, own)
+    assert seen == [["a.rrd.drawn.part"]]
+    assert result.exit_code == 130
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupted_process_ends_with_130(bag: SmallBag, tmp_path: Path) -> None:
+    """As a shell sees it."""
+    stop = (
+        "import os, signal; from cam_rig.view.drawing import RunDrawing as R\n"
+        "R.tick = lambda *a: os.kill(os.getpid(), signal.SIGTERM)\n"
+        "from cam_rig.cli.main import main; main()"
     )
-    assert "a.rrd.drawn.part" in ended.stdout
+    arguments = ["view", str(bag.path), "--save", str(tmp_path / "a.rrd")]
+    ended = subprocess.run([sys.executable, "-c", stop, *arguments], check=False)
     assert ended.returncode == 130
     assert list(tmp_path.iterdir()) == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import socket
 import subprocess
 import sys
 import time
@@ -63,6 +64,48 @@ def test_a_page_of_another_name_gets_nothing(page: str, host: str, path: str) ->
         urllib.request.urlopen(asked, timeout=20)
     named = urllib.request.Request(f"{page}{path}", headers={"Host": f"localhost:{port}"})
     assert urllib.request.urlopen(named, timeout=20).status == 200
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        b"foo",
+        b"@x.invalid/y",
+        b":1/y",
+        b"http://x.invalid/",
+        b"/a\x01b",
+        b"/\xe9",
+        b"x:y@z.invalid",
+    ],
+)
+def test_what_is_no_path_is_refused(
+    page: str, asked: bytes, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing asked for is taken for a host, so that no name is looked up; no traceback."""
+    looked_up: list[object] = []
+    original = socket.getaddrinfo
+
+    def spied(host: object, *rest: object, **more: object) -> object:
+        looked_up.append(host)
+        return original(host, *rest, **more)  # type: ignore[arg-type]
+
+    port = urllib.request.urlparse(page).port  # type: ignore[attr-defined]
+    with socket.create_connection((HOST, port), timeout=20) as asker:
+        monkeypatch.setattr(socket, "getaddrinfo", spied)
+        asker.sendall(b"GET " + asked + b" HTTP/1.1\r\nHost: %s:%d\r\n\r\n" % (HOST.encode(), port))
+        answer = b"".join(iter(lambda: asker.recv(4096), b""))
+    assert answer.startswith(b"HTTP/1.0 400 ")
+    assert set(looked_up) <= {HOST}
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def test_no_proxy_is_asked(page: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The viewer is on this machine: whatever the environment says, nobody else is asked for it."""
+    monkeypatch.setenv("http_proxy", "http://127.0.0.1:9")
+    monkeypatch.delenv("no_proxy", raising=False)
+    monkeypatch.setattr(urllib.request, "_opener", None)  # made once, with the proxies of then
+    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+    assert b"wasm" in opener.open(f"{page}re_viewer.js", timeout=20).read()
 
 
 def test_a_live_page_names_the_stream() -> None:

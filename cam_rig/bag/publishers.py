@@ -1,0 +1,50 @@
+"""One publisher a topic: the node that owns it, whose messages alone a recording holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from cam_rig.bag.topics import Topic
+from cam_rig.errors import RunError
+
+
+class Publishers:
+    """The processes that have published as each node of the rig.
+
+    Parameters
+    ----------
+    starts : how often a node was started so far; one without a runner that starts it again
+    name_of : who publishes on a topic from a process, in words
+    """
+
+    def __init__(
+        self,
+        starts: Callable[[str], int] = lambda _node: 1,
+        name_of: Callable[[Topic, bytes], str] = lambda _topic, source: source.hex(),
+    ) -> None:
+        self._starts, self._name_of = starts, name_of
+        self._sources: dict[str, list[bytes]] = {}
+
+    def require(self, node: str, topic: Topic, source: bytes) -> None:
+        """Refuse to go on when another process than a node's own publishes what is that node's.
+
+        An empty ``source`` is the recorder itself.
+
+        Raises
+        ------
+        RunError : a second publisher, by its name
+        """
+        known = self._sources.setdefault(node, [])
+        if not source or source in known:
+            return
+        if len(known) >= self._starts(node):
+            raise second_publisher(topic, node, self._name_of(topic, source))
+        known.append(source)
+
+
+def second_publisher(topic: Topic, node: str, other: str) -> RunError:
+    """The error that ends a run in which two speak for one node."""
+    return RunError(
+        f"{topic.name}: has a second publisher, {other}; allowed: one, this rig's {node}; end the "
+        "other, or set ROS_DOMAIN_ID to another number"
+    )

@@ -1,0 +1,69 @@
+"""Starting a node's process: `python -m cam_rig.nodes follower`, or the executable of its name.
+
+Signals are taken before anything heavy is imported, so that one which comes early ends the node in
+order as well: nothing is half made, nothing is left behind, and the code is 0.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import sys
+from functools import partial
+from importlib import import_module
+from types import FrameType
+from typing import NoReturn
+
+#: The class of each node, by its name and its module's.
+NODES = {
+    "law_server": "LawServer",
+    "cam_drive": "CamDrive",
+    "follower": "Follower",
+    "microphone": "Microphone",
+    "recorder": "Recorder",
+    "viewer": "Viewer",
+    "player": "Player",
+}
+STOPPING = (signal.SIGINT, signal.SIGTERM)
+
+
+def start(name: str) -> None:
+    """Run a node until it finishes, fails, or is told to stop (SIGINT, SIGTERM)."""
+    # also where a shell that started us in the background has set SIGINT to be ignored
+    for number in STOPPING:
+        signal.signal(number, _nothing_made)
+    # the runner starts us with both held back, so that none can come before this line
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPPING)
+    _end_with_the_runner()
+    module, app = import_module(f"cam_rig.nodes.{name}"), import_module("cam_rig.nodes.app")
+    app.run(getattr(module, NODES[name]))
+
+
+def _nothing_made(_signal: int, _frame: FrameType | None) -> NoReturn:
+    """Told to end while the imports run: there is nothing to close."""
+    os._exit(0)
+
+
+def _end_with_the_runner() -> None:
+    """A runner that is killed outright must not leave its nodes behind (PR_SET_PDEATHSIG)."""
+    runner = os.environ.get("CAM_RIG_RUNNER")
+    if runner is not None and sys.platform == "linux":
+        ctypes.CDLL(None).prctl(1, signal.SIGINT)
+        if os.getppid() != int(runner):
+            sys.exit(f"the runner {runner} has ended")
+
+
+law_server = partial(start, "law_server")
+cam_drive = partial(start, "cam_drive")
+follower = partial(start, "follower")
+microphone = partial(start, "microphone")
+recorder = partial(start, "recorder")
+viewer = partial(start, "viewer")
+player = partial(start, "player")
+
+
+if __name__ == "__main__":
+    if len(sys.argv) < 2 or sys.argv[1] not in NODES:
+        sys.exit(f"usage: python -m cam_rig.nodes {{{','.join(NODES)}}} [--ros-args ...]")
+    start(sys.argv.pop(1))

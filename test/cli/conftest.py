@@ -1,0 +1,50 @@
+"""The noise study on a smaller sweep, computed once for the commands that tell of it."""
+
+import pytest
+from ruamel.yaml import YAML
+
+from cam_rig.experiment.noise_results import study_noise
+from cam_rig.schema.load import config_root
+
+
+def load(folder, name):
+    """A shipped file as plain data."""
+    text = (config_root() / folder / f"{name}.yaml").read_text(encoding="utf-8")
+    return YAML(typ="safe").load(text)
+
+
+@pytest.fixture(scope="session")
+def sweep(tmp_path_factory):
+    """The shipped sweep with every 25 rpm, beside a factorial study of few levels."""
+    config = tmp_path_factory.mktemp("study") / "config"
+    scene, factorial = load("scenes", "tm21_sweep"), load("factorials", "continuity")
+    scene["program"]["speeds"]["given"] = list(range(200, 401, 25))
+    factorial["rises"] = ["poly345", "poly4567"]
+    for key, numbers in {"events": [105, 135], "gentle": [110, 130], "squeezed": [300]}.items():
+        factorial[key]["assumed"] = numbers
+    for name, data in {"scenes/tm21_sweep": scene, "factorials/continuity": factorial}.items():
+        path = config / f"{name}.yaml"
+        path.parent.mkdir(parents=True)
+        with path.open("w", encoding="utf-8") as file:
+            YAML(typ="safe").dump(data, file)
+    return config / "scenes" / "tm21_sweep.yaml"
+
+
+@pytest.fixture(scope="session")
+def found():
+    """The studies that were computed, by what they depend on."""
+    return {}
+
+
+@pytest.fixture
+def one_study(found, monkeypatch):
+    """The commands compute a study that was not computed before; the group is "noise study"."""
+
+    def study(stage, rig, arcs=False, *told):
+        key = (stage.scene.model_dump_json(), rig.model_dump_json(), arcs)
+        if key not in found:
+            found[key] = study_noise(stage, rig, arcs, *told)
+        return found[key]
+
+    for module in ("cam_rig.experiment.noise_results", "cam_rig.report.results"):
+        monkeypatch.setattr(f"{module}.study_noise", study)

@@ -1,0 +1,197 @@
+"""Hostile and clumsy YAML and CSV files, from a seed: each is read, or refused with one line.
+
+Run by hand as ``python test/schema/fuzz_files.py yaml 300 1``: kind, cases, seed. It prints JSON:
+cases, how many were refused, the most CPU time (s) of one, the process's memory (MB) at its most,
+and what else than one of our errors came, with the case's number.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+import resource
+import string
+import sys
+import tempfile
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from cam_rig.drawing.table import read_contour
+from cam_rig.errors import CamRigError
+from cam_rig.laws import build_law
+from cam_rig.schema import load_cam, load_published, load_rig, load_scene
+from cam_rig.schema.load import config_root, load_factorial, load_tables
+
+SHIPPED: dict[str, Callable[[Path], object]] = {
+    "cams/tm21.yaml": load_cam,
+    "cams/bezier15.yaml": load_cam,
+    "cams/conjugate.yaml": load_cam,
+    "rigs/tm21.yaml": load_rig,
+    "scenes/quick.yaml": load_scene,
+    "scenes/torsion.yaml": load_scene,
+    "published/tm21_noise.yaml": load_published,
+    "published/tables/paper.yaml": load_tables,
+    "factorials/continuity.yaml": load_factorial,
+}
+#: A little under and far over what may be read.
+SIZES = (100, 10_000, 600_000, 1_040_000, 3_000_000, 10_000_000)
+#: Bytes that mean something to YAML or CSV.
+SIGNS = "[]{}:,-?&*!|>'\"%@`#\n\t \r.~<=0123456789eE+_xob\x00\x07\ufeff\u2028é\U0001f600"
+
+
+def yaml_text(rng: random.Random, name: str) -> bytes:
+    """A hostile file of its own, or a shipped one with something else in it."""
+    if rng.random() < 0.35:
+        return piece(rng).encode("utf-8", "surrogatepass")
+    text = (config_root() / name).read_text(encoding="utf-8")
+    for _ in range(rng.randint(1, 4)):
+        text = damaged(rng, text)
+    data = text.encode("utf-8", "surrogatepass")
+    return data if rng.random() < 0.9 else flipped(rng, data)
+
+
+def piece(rng: random.Random) -> str:
+    """Something that is too long, too deep, too many or of another kind."""
+    n, sign = rng.choice(SIZES), rng.choice(SIGNS)
+    chain = "".join(f"a{i}: &a{i} [{f'*a{i - 1}, ' * 10}]\n" for i in range(1, rng.randint(2, 99)))
+    deep = "".join(f"b{i}: &b{i} [*b{i - 1}]\n" for i in range(1, min(n, 90_000) // 10))
+    digits = rng.choice(["1", "0b1", "0x1", "0o1", "-1", "1.", "1_", "1e"])
+    return rng.choice(
+        [
+            lambda: sign * n,
+            lambda: rng.choice(["[", "{", "- ", "? ", "{a: ", "[{", "!!map {a: "]) * n,
+            lambda: f"mass: {digits}{rng.choice('01') * n}",
+            lambda: "title: " + rng.choice(['"', "'", "", "|\n  ", ">\n  "]) + "word " * (n // 5),
+            lambda: "a: [" + "1.25, " * (n // 6) + "]",
+            lambda: "".join(f"k{i}: {i}\n" for i in range(n // 10)),
+            lambda: "k: 1\n" * (n // 5),
+            lambda: "a0: &a0 [1, 1, 1]\n" + chain,
+            lambda: "b0: &b0 [1]\n" + deep,
+            lambda: "a: &a {b: *a}\n<<: [*a, *a]",
+            lambda: "<<: " + rng.choice(["1", "[1]", "{a: 1}", "[{a: 1}, {a: 2}]", "*x"]),
+            lambda: "x: !!python/object/apply:os.system [echo]",
+            lambda: (
+                "x: " + rng.choice(["!!binary aGk=", "!!set {a}", "!!int x", "!a b", "2001-01-01"])
+            ),
+            lambda: "".join(rng.choice(SIGNS) for _ in range(rng.randint(1, 400))),
+            lambda: "".join(chr(rng.randint(0, 0x10FFFF)) for _ in range(rng.randint(1, 200))),
+            lambda: "".join(rng.choice(string.printable) for _ in range(rng.randint(1, 2000))),
+        ]
+    )()
+
+
+def damaged(rng: random.Random, text: str) -> str:
+    """One thing changed in a text: a character, a line, a value."""
+    lines, place = text.splitlines(), rng.randrange(len(text) or 1)
+    row = rng.randrange(len(lines) or 1)
+    match rng.randrange(6):
+        case 0:
+            return text[:place] + rng.choice(SIGNS) + text[place + rng.randint(0, 2) :]
+        case 1:
+            return "\n".join(lines[:row] + lines[row + 1 :])
+        case 2:
+            return "\n".join(lines[: row + 1] + lines[row:])
+        case 3:
+            return text[:place]
+        case 4:
+            key, colon, _ = lines[row].partition(":") if lines else ("", "", "")
+            value = piece(rng)[: rng.choice((10, 400, 200_000))]
+            return "\n".join([*lines[:row], key + colon + " " + value, *lines[row + 1 :]])
+    words = text.split(" ")
+    number = rng.choice(
+        ["1e400", "-0", "0x" + "f" * 300, "1" * 299, ".inf", ".nan", "-1", "yes", "~"]
+    )
+    words[rng.randrange(len(words))] = number
+    return " ".join(words)
+
+
+def flipped(rng: random.Random, data: bytes) -> bytes:
+    """The same with a few other bytes, or in another encoding."""
+    if rng.random() < 0.2:
+        return data.decode("utf-8", "replace").encode(
+            rng.choice(["utf-16", "utf-32", "latin-1"]), "replace"
+        )
+    out = bytearray(data or b"x")
+    for _ in range(rng.randint(1, 8)):
+        out[rng.randrange(len(out))] = rng.randrange(256)
+    return bytes(out)
+
+
+def csv_text(rng: random.Random) -> bytes:
+    """A hostile table, or the shipped one with something else in it."""
+    n, text = rng.choice(SIZES), (config_root() / "cams" / "measured.csv").read_text("utf-8")
+    header = rng.choice(["angle_deg,lift_mm\n", "x_mm,y_mm\n", "disc,x_mm,y_mm\n", ""])
+    rows = [
+        lambda: header + '"' + "1" * n,
+        lambda: header + "1," + "1" * n,
+        lambda: header + "1,1\n" * (n // 4),
+        lambda: header + "\n".join(f"{i},{i}" for i in range(n // 12)),
+        lambda: "a," * n,
+        lambda: "a" * n + "," + header,
+        lambda: header + '"\n' * (n // 2),
+        lambda: header + "1,nan\n1,inf\n1e999,1\n",
+        lambda: header + "\x00" * n,
+        lambda: "\n" * n,
+        lambda: header + "".join(rng.choice(SIGNS + ',,"') for _ in range(rng.randint(1, 3000))),
+    ]
+    if rng.random() < 0.4:
+        return rng.choice(rows)().encode("utf-8", "surrogatepass")
+    for _ in range(rng.randint(1, 4)):
+        text = damaged(rng, text)
+    data = text.encode("utf-8", "surrogatepass")
+    return data if rng.random() < 0.9 else flipped(rng, data)
+
+
+def read_yaml_case(rng: random.Random, folder: Path) -> None:
+    """Every kind of config may be meant by the file."""
+    path = folder / "any.yaml"
+    name = rng.choice(list(SHIPPED))
+    path.write_bytes(yaml_text(rng, name))
+    found = SHIPPED[name](path)
+    if type(found).__name__ == "CamConfig":
+        build_law(found)  # type: ignore[arg-type]
+
+
+def read_csv_case(rng: random.Random, folder: Path) -> None:
+    """A cam's law, or the contour of one."""
+    cam, table = folder / "measured.yaml", folder / "measured.csv"
+    cam.write_bytes((config_root() / "cams" / "measured.yaml").read_bytes())
+    table.write_bytes(csv_text(rng))
+    if rng.random() < 0.3:
+        read_contour(table)
+    else:
+        build_law(load_cam(cam))
+
+
+CASES = {"yaml": read_yaml_case, "csv": read_csv_case}
+
+
+def wrongs(kind: str, cases: int, seed: int, tally: dict[str, float]) -> Iterator[str]:
+    """What else than a line of ours came of the cases."""
+    with tempfile.TemporaryDirectory() as folder:
+        for i in range(cases):
+            begun = time.process_time()
+            try:
+                CASES[kind](random.Random(f"{kind} {seed} {i}"), Path(folder))
+            except CamRigError as error:
+                tally["refused"] += 1
+                if "\n" in str(error) or len(str(error)) > 2000:
+                    yield f"case {i}: {str(error)[:300]!r}"
+            except Exception:
+                yield f"case {i}: {traceback.format_exc()}"
+            took = time.process_time() - begun
+            tally["most_cpu_s"] = max(tally["most_cpu_s"], took)
+
+
+def main(kind: str, cases: str, seed: str) -> None:
+    """Print what came of it."""
+    tally = {"cases": int(cases), "refused": 0, "most_cpu_s": 0.0}
+    wrong = list(wrongs(kind, int(cases), int(seed), tally))
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    print(json.dumps({**tally, "memory_mb": memory, "wrong": wrong}))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

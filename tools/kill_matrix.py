@@ -1,0 +1,214 @@
+"""Every node, at every moment of a run, by every signal: what the run says and what is left of it.
+
+Run it from the project's root:
+
+    .venv/bin/python tools/kill_matrix.py             # 75 cases, about ten minutes
+    .venv/bin/python tools/kill_matrix.py --busy      # beside as many busy loops as cores
+    .venv/bin/python tools/kill_matrix.py --respawn   # SIGKILL alone: as an undisturbed run
+    .venv/bin/python tools/kill_matrix.py --node recorder --moment closing --signal SIGSTOP
+
+A case passes when the run ends within its time, names the node where it fails, leaves a bag that
+can be read whose loss is told in numbers (or says that nothing was recorded), and leaves no process
+and no shared memory behind. Exit code 1 when one does not.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from unittest import mock
+
+from mcap.reader import make_reader
+
+from cam_rig.bag.reader import mcap_file, read_counts
+from cam_rig.cli import graph as graph_module
+from cam_rig.cli.domain import own_domain
+from cam_rig.cli.graph import Graph, live
+from cam_rig.cli.process import NodeProcess
+from cam_rig.errors import CamRigError
+
+NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
+MOMENTS = ("start", "first", "middle", "last", "closing")
+SIGNALS = ("SIGKILL", "SIGTERM", "SIGSTOP")
+TICKS = 80
+SCENE = """
+name: matrix
+title: Two cams at two speeds
+cams: [tm21, bezier15]
+rig: tm21
+model: one_mass
+sample_rate: {assumed: 2, unit: kHz, source: "keeps a case short"}
+program:
+  speeds: {assumed: [300, 400], unit: rpm, source: "a case"}
+  turns: {assumed: 10, unit: turns, source: "a case"}
+  settle_turns: {assumed: 1, unit: turns, source: "a case"}
+  ticks_per_turn: 2
+"""
+#: Wall time (s) that a run waits for a node that stands, and that a case may take beside it.
+PATIENCE, LONGEST = 20.0, 180.0
+
+
+@dataclass
+class Case:
+    """One node, one moment, one signal; what came of it."""
+
+    node: str
+    moment: str
+    signal: str
+    respawn: bool
+    struck: bool = False
+    said: list[str] = field(default_factory=list)
+    error: str = ""
+    seconds: float = 0.0
+
+    def strike(self, processes: dict[str, NodeProcess]) -> None:
+        """Send the signal, once."""
+        if not self.struck and self.node in processes:
+            self.struck = True
+            with suppress(ProcessLookupError):
+                os.kill(processes[self.node].process.pid, getattr(signal, self.signal))
+
+    def run(self, scene: Path, bag: Path) -> None:
+        """Run the scene and strike at the moment."""
+        begun, stop_all = time.monotonic(), graph_module.stop_all
+        nodes = live(scene, bag, patience=PATIENCE)
+        made = Graph(nodes, self.respawn, say=self.said.append)
+
+        def closing(processes: list[NodeProcess]) -> None:
+            if self.moment == "closing":
+                self.strike(made.processes)
+            stop_all(processes)
+
+        at = {"first": 0, "middle": TICKS // 2, "last": TICKS}.get(self.moment)
+        with mock.patch.object(graph_module, "stop_all", closing):
+            try:
+                with made:
+                    if self.moment == "start":
+                        self.strike(made.processes)
+                    for report in made.progress():
+                        if at is not None and int(report["tick"]) >= at:
+                            self.strike(made.processes)
+                made.require_closed()
+            except CamRigError as error:
+                self.error = str(error)
+        self.seconds = time.monotonic() - begun
+
+    def faults(self, bag: Path, undisturbed: dict[str, list[bytes]], before: set[str]) -> list[str]:
+        """What is wrong with how it ended; nothing when all is as promised."""
+        found = [] if self.struck else ["the signal was never sent"]
+        if self.seconds > LONGEST:
+            found.append(f"took {self.seconds:.0f} s")
+        if self.error and self.node not in self.error:
+            found.append(f"does not name {self.node}: {self.error}")
+        if self.respawn and (self.error or payloads(bag) != undisturbed):
+            found.append(f"is not the undisturbed run: {self.error}")
+        words = next((line for line in self.said if line.startswith("what was recorded")), "")
+        try:
+            counts = read_counts(bag) if bag.exists() else {}
+        except CamRigError as error:
+            counts = {}
+            found.append(f"bag: {error}")
+        ticks = counts.get("/follower/samples", 0)
+        if not self.error and ticks != TICKS:
+            found.append(f"{ticks} of {TICKS} ticks, and no error")
+        if self.error and not sum(counts.values()) and "nothing was recorded" not in words:
+            found.append(f"an empty bag is called {words!r}")
+        if self.error and sum(counts.values()) and not any(c.isdigit() for c in words):
+            found.append(f"loss without numbers: {words!r}")
+        left = subprocess.run(["pgrep", "-f", str(bag)], capture_output=True, check=False).stdout
+        if left:
+            found.append(f"processes left: {left.split()}")
+        if more := segments() - before:
+            found.append(f"shared memory left: {sorted(more)[:3]}")
+        return found
+
+
+def payloads(bag: Path) -> dict[str, list[bytes]]:
+    """Every message's bytes by topic, in the order of rig time."""
+    found: dict[str, list[bytes]] = {}
+    with mcap_file(bag).open("rb") as stream:
+        for _, channel, message in make_reader(stream).iter_messages():
+            found.setdefault(channel.topic, []).append(message.data)
+    return found
+
+
+def segments() -> set[str]:
+    """Fast DDS's files in shared memory that no process has mapped, but for ports all share."""
+    used: set[str] = set()
+    for process in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            lines = (process / "maps").read_text(encoding="utf-8", errors="replace").splitlines()
+            used |= {line.split("/")[-1] for line in lines}
+            used |= {link.readlink().name for link in (process / "fd").iterdir()}
+    names = {path.name for path in Path("/dev/shm").glob("fastdds_*")}
+    return {name for name in names - used if "port" not in name and not name.endswith("_el")}
+
+
+@contextmanager
+def busy(loops: int) -> Iterator[None]:
+    """Keep cores at work."""
+    with ExitStack() as stack:
+        for _ in range(loops):
+            process = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+            stack.callback(process.wait)
+            stack.callback(process.kill)
+        yield
+
+
+def options() -> argparse.Namespace:
+    """What to run."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--node", choices=NODES, action="append")
+    parser.add_argument("--moment", choices=MOMENTS, action="append")
+    parser.add_argument("--signal", choices=SIGNALS, action="append")
+    parser.add_argument("--busy", action="store_true")
+    parser.add_argument("--respawn", action="store_true")
+    return parser.parse_args()
+
+
+def main() -> int:
+    """Run the cases, a line each; 1 when one of them is not as promised."""
+    asked, wrong = options(), 0
+    signals = asked.signal or (["SIGKILL"] if asked.respawn else SIGNALS)
+    cases = itertools.product(asked.node or NODES, asked.moment or MOMENTS, signals)
+    with tempfile.TemporaryDirectory() as folder, own_domain(), ExitStack() as stack:
+        if asked.busy:
+            stack.enter_context(busy(os.cpu_count() or 1))
+        scene = Path(folder) / "scenes" / "matrix.yaml"
+        scene.parent.mkdir()
+        scene.write_text(SCENE, encoding="utf-8")
+        undisturbed = Path(folder) / "undisturbed"
+        Case("", "", "", False).run(scene, undisturbed)
+        expected = payloads(undisturbed)
+        for i, (node, moment, number) in enumerate(cases):
+            case, bag, before = (
+                Case(node, moment, number, asked.respawn),
+                Path(folder) / f"{i}",
+                segments(),
+            )
+            case.run(scene, bag)
+            faults = case.faults(bag, expected, before)
+            wrong += bool(faults)
+            verdict = "; ".join(faults) or case.error or "complete"
+            print("FAIL" if faults else "ok  ", f"{node:10} {moment:8} {number:8}", end=" ")
+            print(f"{case.seconds:5.1f} s  {verdict}", flush=True)
+            for line in case.said:
+                print(f"       {line}")
+    print(f"{wrong} of the cases are not as promised")
+    return int(wrong > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
