@@ -18,6 +18,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import ChunkIndex
 
+from cam_rig.bag.damage import reason
 from cam_rig.bag.files import METADATA
 from cam_rig.bag.pieces import (
     MIB,
@@ -30,7 +31,6 @@ from cam_rig.bag.pieces import (
     require_modest,
     unpacked_size,
 )
-from cam_rig.bag.salvage import reason
 from cam_rig.errors import BagError
 
 #: What a file's compressed chunks may unpack to: this, and so many times the file's size.

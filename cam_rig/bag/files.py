@@ -1,11 +1,11 @@
 """The files of a bag: what they are called, which one counts, and how one takes another's place.
 
 A recording is complete when its MCAP file ends with a footer and the magic, which are written last.
-What is written anew, by a mending or by the successor of a killed recorder, has ``.part`` at the
+What is written anew, by a recovery or by the successor of a killed recorder, has ``.part`` at the
 end of its name until it holds everything; then it takes its place in one step. So a kill, at
 whatever moment, leaves the old file or the new one, and what is called ``.part`` may always go.
-Versions before this one set the torn file aside as ``.torn`` and wrote the new one in its place:
-where there is such a file, it is the one that holds everything.
+Versions before this one set the truncated file aside as ``.torn`` and wrote the new one in its
+place: where there is such a file, it is the one that holds everything.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from cam_rig.errors import BagError
 METADATA = "metadata.yaml"
 #: What is not yet whole has this at the end of its name.
 PART = ".part"
-#: What older versions called the torn file while its good part was copied.
+#: What older versions called the truncated file while its good part was copied.
 TORN = ".torn"
 #: A footer's opcode and length; 20 bytes and the magic follow.
 FOOTER = b"\x02" + (20).to_bytes(8, "little")
@@ -60,7 +60,7 @@ def is_closed(file: Path) -> bool:
 
 
 def is_torn(bag: Path) -> bool:
-    """Whether a recording was begun here and not closed, or its mending was not finished."""
+    """Whether a recording was begun here and not closed, or its recovery was not finished."""
     file = bag_file(bag)
     if file.with_suffix(TORN).exists():
         return True
@@ -106,7 +106,7 @@ def _no_bag_folder(path: Path) -> str | None:
         wrong = [_no_mcap(file) for file in files]
         return wrong[0] if all(wrong) else None
     if any(path.glob(f"*.mcap{PART}")):
-        return "was begun by a mending that was cut off; mend the bag it is of once more"
+        return "was begun by a recovery that was interrupted; recover the bag it is of once more"
     if not (path / METADATA).exists():  # else of another kind, as SQLite
         return "has no .mcap file in it, so it is no bag"
     return None

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from mcap.records import Attachment
 
+from cam_rig.bag.attached import RECOVERED
 from cam_rig.bag.files import (
     METADATA,
     TORN,
@@ -20,7 +21,7 @@ from cam_rig.bag.files import (
     remove,
 )
 from cam_rig.bag.loss import Holdings, Loss, loss_of
-from cam_rig.bag.reader import RECOVERED, read_counts, read_stage
+from cam_rig.bag.reader import read_counts, read_stage
 from cam_rig.bag.salvage import OURS, Salvage
 from cam_rig.bag.topics import Topic
 from cam_rig.bag.writer import BagWriter, require_new_bag
@@ -56,7 +57,7 @@ class Recovered:
         messages = f"{sum(self.counts.values())} messages to {self.last_ns / 1e9:.6g} s saved"
         parts = [messages, self._missing(), self.loss.ends, *self._damage()]
         if self.salvage.file.suffix == TORN:
-            parts.append(f"read from {self.salvage.file.name}, left by a mending that was cut off")
+            parts.append(f"read from {self.salvage.file.name}, left by an interrupted recovery")
         return "; ".join(part for part in parts if part)
 
     def _missing(self) -> str:
@@ -73,7 +74,7 @@ class Recovered:
     def _damage(self) -> list[str]:
         found, words = self.salvage, []
         if found.cut:
-            words.append(f"{found.cut} of them from a chunk that was cut off")
+            words.append(f"{found.cut} of them from a truncated chunk")
         if found.damaged:
             words.append(f"damaged records: {found.damaged}, first: {found.why}")
         if found.doubt is not None:
@@ -115,11 +116,11 @@ def recover_in_place(bag: Path) -> Recovered:
     try:
         saved = _copy(torn, bag, bag)
     except BagError as error:
-        there = examine(bag)
+        why, there = str(error).removeprefix(f"{bag}: "), examine(bag)
         raise BagError(
-            f"{bag}: cannot be mended where it is, {str(error).removeprefix(f'{bag}: ')}; left as "
-            f"it is, and readable: {there.words}; mend it with: cam-rig recover "
-            f"{shlex.quote(str(bag))} --output A_FOLDER_WITH_ROOM"
+            f"{bag}: cannot be recovered where it is, {why}; left as it is, and readable: "
+            f"{there.words}; mend it with: cam-rig recover {shlex.quote(str(bag))} --output "
+            "A_FOLDER_WITH_ROOM"
         ) from None
     if torn.suffix == TORN:
         remove(torn)
@@ -137,7 +138,7 @@ def examine(bag: Path) -> Recovered:
 
 
 def state_words(bag: Path) -> str:
-    """What there is of a recording that did not end as it should, in words; mended if it can be."""
+    """What there is of a recording whose run failed, in words; it is recovered if need be."""
     file = bag_file(bag)
     try:
         if not any(f.exists() and f.stat().st_size for f in (file, file.with_suffix(TORN))):
@@ -150,7 +151,7 @@ def state_words(bag: Path) -> str:
 
 
 def _is_half_made(target: Path) -> bool:
-    """Whether a folder holds nothing but what a mending left that was killed."""
+    """Whether a folder holds nothing but what a killed recovery left."""
     try:
         if not target.is_dir():
             return False

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import sqlite3
-import struct
 import zlib
 from collections.abc import Iterator
 from contextlib import suppress
@@ -12,32 +9,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
-import zstandard
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Message, Schema
 
 from cam_rig.bag import topics
+from cam_rig.bag.attached import attachment_of
+from cam_rig.bag.damage import DAMAGE, reason
 from cam_rig.bag.pieces import INSIDE, Piece, chunk_head, content, fields, inside, pieces, unpack
 from cam_rig.bag.raw import RawMessages, stamp_of
 from cam_rig.errors import BagError, RefusedError
 
-#: What a file with wrong bytes in it may raise in the readers.
-DAMAGE = (
-    McapError,
-    OSError,
-    struct.error,
-    zlib.error,
-    zstandard.ZstdError,
-    sqlite3.Error,
-    KeyError,
-    IndexError,
-    ValueError,
-    EOFError,
-    MemoryError,
-    OverflowError,
-    RuntimeError,
-)
 #: Who wrote a file of ours.
 LIBRARY = "cam_rig"
 OURS = {topic.name: topic for topic in topics.RECORDING}
@@ -54,26 +35,6 @@ MOST_CHANNELS = 1000
 Found = tuple[Schema, Channel, Message] | Attachment
 
 
-def reason(error: Exception) -> str:
-    """An error's words in one line, or its kind where it has none."""
-    words = re.sub(r"\[?PosixPath\('([^']*)'\)\]?", r"\1", " ".join(str(error).split()))
-    return words or type(error).__name__
-
-
-def attachment_of(data: bytes) -> Attachment:
-    """An attached file of a record's bytes.
-
-    Raises
-    ------
-    EndOfFile, ValueError, struct.error : they are none, or are not those that were written
-    """
-    found = Attachment.read(fields(data))
-    crc = int.from_bytes(data[-4:], "little")
-    if crc and zlib.crc32(data[:-4]) != crc:
-        raise ValueError(f"attachment {found.name[:80]!r} has a wrong checksum")
-    return found
-
-
 @dataclass
 class Salvage:
     """The attachments and messages of a file, in its order; what was lost is known afterwards.
@@ -81,7 +42,7 @@ class Salvage:
     ``whole`` says that the file was closed and ``ours`` that this package wrote it; ``damaged`` is
     how many of its records were unreadable or not what was written, and ``why`` the first of them
     was; ``doubtful`` is how many messages were read out of them all the same, between the times
-    ``doubt`` (ns). ``cut`` is how many messages were read out of chunks that were cut off, and
+    ``doubt`` (ns). ``cut`` is how many messages were read out of truncated chunks, and
     ``unread`` how many bytes nothing could be made of.
     """
 

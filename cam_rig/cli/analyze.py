@@ -43,7 +43,8 @@ def analyze_bag(
     bag: Path, json_target: str | None, plot: Path | None, scene: Path | None = None
 ) -> None:
     """Analyse one bag, with the scene attached to it unless another is named."""
-    from cam_rig.bag.reader import read_recording, recovered_words
+    from cam_rig.bag.attached import recovered_words
+    from cam_rig.bag.reader import read_recording
     from cam_rig.experiment.noise import compare, require_ticks, step_levels
     from cam_rig.experiment.program import tick_count
 

@@ -57,8 +57,9 @@ def replay(
 
 
 def _replay(bag: Path, folder: Path, scene: str | None, output: Path | None) -> list[Difference]:
+    from cam_rig.bag.attached import unpack
     from cam_rig.bag.compare import compare
-    from cam_rig.bag.reader import read_counts, unpack
+    from cam_rig.bag.reader import read_counts
     from cam_rig.cli.domain import own_domain
     from cam_rig.cli.graph import Graph, replayed
     from cam_rig.errors import BagError

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cam_rig.errors import LawError
 from cam_rig.laws import bernstein
@@ -16,8 +17,6 @@ from cam_rig.laws.bernstein import FloatArray
 
 Scalar = Callable[[float], float]
 TURN = 2.0 * np.pi
-#: Nodes a turn of the table that a glance at the law reads.
-GLANCE_NODES = 1024
 #: A jump of s' is one above this fraction of the lift a rad, and of the slopes beside it; below
 #: it is rounding.
 VELOCITY_JUMP, SLOPE_ROUNDING = 1e-9, 1e-12
@@ -134,23 +133,19 @@ class Law:
         """`breaks` as plain floats."""
         return [float(angle) for angle in self.breaks]
 
-    def glance(self, angle: FloatArray) -> tuple[FloatArray, float]:
-        """S (m) from a table, and the largest error of it: a quick look at many angles (rad)."""
-        nodes, table, error = self._table
-        return np.interp(angle - np.floor(angle / TURN) * TURN, nodes, table), error
+    def within(self, pieces: NDArray[np.intp], angle: float, ahead: FloatArray) -> FloatArray:
+        """U ∈ [0, 1] of angles ``ahead`` of one (rad) in pieces ``(n,)`` that hold them.
+
+        At a joint either piece does. The rounding of the one angle is the same for all.
+        """
+        away = angle - (self.breaks[pieces] + 0.5 * self.spans[pieces])
+        away = away - np.round((away + ahead) / TURN) * TURN + ahead
+        return np.clip(away / self.spans[pieces] + 0.5, 0.0, 1.0)
 
     @cached_property
-    def _table(self) -> tuple[FloatArray, FloatArray, float]:
-        nodes = np.linspace(0.0, TURN, GLANCE_NODES + 1)
-        step = float(nodes[1])
-        kink = float(np.abs(self.jumps(1)).sum())  # a step of the table may hold them all
-        error = self.bounds[2] * step**2 / 8.0 + kink * step / 4.0 + self.largest_step
-        table = self(nodes)
-        if not self.repeats:  # the last piece stands for the end alone: the cam goes on as it goes
-            end = self.joints[-2]
-            s, slope, _ = self.at(end)
-            table = np.where(nodes > end, s + slope * (nodes - end), table)
-        return nodes, table, error
+    def bends(self) -> FloatArray:
+        """``(n,)`` what |s''| (m/rad²) does not exceed in each piece."""
+        return np.asarray(np.abs(self.motion[2]).max(axis=0))
 
     def derivative_ordinates(self, order: int) -> FloatArray:
         """``(p + 1, n)`` ordinates of the derivative in θ, written with the law's degree."""

@@ -12,7 +12,7 @@ import pytest
 from mcap.reader import make_reader
 
 from cam_rig.bag import files, topics
-from cam_rig.bag.reader import mcap_file
+from cam_rig.bag.files import mcap_file
 
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 BY_NAME = {topic.name: topic for topic in topics.RECORDING}

@@ -10,9 +10,10 @@ from typer.testing import CliRunner
 
 from cam_rig.bag.compare import compare
 from cam_rig.bag.complete import require_complete
+from cam_rig.bag.files import mcap_file
 from cam_rig.bag.pieces import pieces
 from cam_rig.bag.play import played
-from cam_rig.bag.reader import mcap_file, read_counts, read_recording, read_stage
+from cam_rig.bag.reader import read_counts, read_recording, read_stage
 from cam_rig.bag.recorder import BagRecorder
 from cam_rig.bag.recover import examine, recover, state_words
 from cam_rig.cli.main import app

@@ -14,9 +14,9 @@ from mcap.records import Channel, Chunk, ChunkIndex, DataEnd, Footer, Header, Sc
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from cam_rig.bag import topics
+from cam_rig.bag.attached import MOST_ATTACHED
+from cam_rig.bag.files import mcap_file
 from cam_rig.bag.reader import (
-    MOST_ATTACHED,
-    mcap_file,
     messages,
     raw_messages,
     read_counts,

@@ -38,7 +38,7 @@ def torn_at(bag, size):
 
 
 @pytest.mark.parametrize("stride", STRIDES)
-def test_a_mending_may_be_killed_at_any_step(tmp_path, killed_at, stride):
+def test_a_recovery_may_be_killed_at_any_step(tmp_path, killed_at, stride):
     """In place: the second one gives every message, whenever the first one was killed."""
     recover(torn_at(tmp_path / "torn", 60_000), tmp_path / "all")
     expected, killed = payloads(tmp_path / "all"), 0
@@ -131,8 +131,8 @@ def test_a_recorder_may_be_killed_while_it_closes(tmp_path, killed_at, stage, go
 
 @pytest.mark.parametrize("partial", [None, 0, 3, 20_000, 60_000])
 @pytest.mark.parametrize("listed", [True, False])
-def test_what_older_versions_left_of_a_mending_is_understood(tmp_path, partial, listed):
-    """They set the torn file aside as ``.torn``: all is in it, whatever the new file has."""
+def test_what_older_versions_left_of_a_recovery_is_understood(tmp_path, partial, listed):
+    """They set the truncated file aside as ``.torn``: all is in it, whatever the new file has."""
     bag, whole = tmp_path / "B", mcap_file(GOLDEN).read_bytes()
     bag.mkdir()
     (bag / "B_0.torn").write_bytes(whole[:200_000])
@@ -146,7 +146,7 @@ def test_what_older_versions_left_of_a_mending_is_understood(tmp_path, partial, 
     with pytest.raises(BagError, match="mend it with: cam-rig recover"):
         list(messages(bag, RECORDING))
     saved = recover(bag, tmp_path / "mended")
-    assert "read from B_0.torn, left by a mending that was cut off" in saved.words
+    assert "read from B_0.torn, left by an interrupted recovery" in saved.words
     assert sum(saved.counts.values()) == 95
     assert recover_in_place(bag).counts == saved.counts
     assert payloads(bag) == payloads(tmp_path / "mended")
@@ -154,7 +154,7 @@ def test_what_older_versions_left_of_a_mending_is_understood(tmp_path, partial, 
 
 
 def test_a_file_beside_its_torn_one_is_not_taken_for_all(tmp_path):
-    """Named by its file, a bag whose mending was cut off is read as when named by its folder."""
+    """Named by its file, such a bag is read as when named by its folder."""
     torn_at(tmp_path / "B", 20_000)
     (tmp_path / "B" / "B_0.torn").write_bytes(mcap_file(GOLDEN).read_bytes())
     for name in ("B_0.mcap", "B_0.torn"):
@@ -170,7 +170,7 @@ def test_a_successor_of_a_recorder_that_had_closed_goes_on(tmp_path, stage, gold
     assert len(read_recording(bag).ticks) == 16
 
 
-def test_two_mendings_at_once_are_refused(tmp_path):
+def test_two_recoveries_at_once_are_refused(tmp_path):
     """The second one would write into the first one's file."""
     torn = torn_at(tmp_path / "torn", 60_000)
     from cam_rig.bag.writer import BagWriter

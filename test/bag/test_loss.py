@@ -13,10 +13,10 @@ from mcap.records import Attachment
 
 from cam_rig.bag import files
 from cam_rig.bag.complete import belonging, expected_counts
-from cam_rig.bag.files import is_torn
+from cam_rig.bag.files import is_torn, mcap_file
 from cam_rig.bag.loss import Holdings, loss_of
 from cam_rig.bag.pieces import pieces
-from cam_rig.bag.reader import mcap_file, read_counts, read_stage
+from cam_rig.bag.reader import read_counts, read_stage
 from cam_rig.bag.recorder import BagRecorder
 from cam_rig.bag.recover import examine, recover, recover_in_place, state_words
 from cam_rig.bag.salvage import Salvage
@@ -258,3 +258,14 @@ def test_a_damaged_length_costs_no_more_than_its_chunk(tmp_path):
     saved = recover(tmp_path / "a.mcap", tmp_path / "mended")
     assert "missing: ticks 1 to 8 of 16" in saved.words or "ticks 1" in saved.words
     assert saved.counts["/microphone/level"] == 8
+
+
+def test_a_recorder_that_was_killed_at_once_has_recorded_nothing(tmp_path):
+    """Before the first byte, or before the file was there; not where an older file is beside it."""
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    assert state_words(bag) == "nothing was recorded"
+    (bag / "bag_0.mcap").touch()
+    assert state_words(bag) == "nothing was recorded"
+    (bag / "bag_0.torn").write_bytes(mcap_file(GOLDEN).read_bytes())
+    assert "150 messages to" in state_words(bag)

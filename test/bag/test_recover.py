@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from cam_rig.bag.files import is_torn
+from cam_rig.bag.files import is_torn, mcap_file
 from cam_rig.bag.publishers import Publishers
-from cam_rig.bag.reader import mcap_file, messages, read_counts, read_recording
+from cam_rig.bag.reader import messages, read_counts, read_recording
 from cam_rig.bag.recorder import BagRecorder, open_bag
 from cam_rig.bag.recover import recover, recover_in_place
 from cam_rig.bag.topics import CAM_STATE, LEVEL

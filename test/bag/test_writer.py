@@ -9,8 +9,8 @@ from rosbags.typesys import Stores, get_typestore
 from ruamel.yaml import YAML
 
 from cam_rig.bag import topics
-from cam_rig.bag.files import is_closed, is_torn
-from cam_rig.bag.reader import mcap_file, messages, read_counts, read_stage
+from cam_rig.bag.files import is_closed, is_torn, mcap_file
+from cam_rig.bag.reader import messages, read_counts, read_stage
 from cam_rig.bag.recorder import BagRecorder
 from cam_rig.bag.salvage import Salvage
 from cam_rig.bag.writer import BagWriter

@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+from pathlib import Path
 
 import pytest
 from mcap.records import Attachment
@@ -11,7 +12,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from typer.testing import CliRunner
 
-from cam_rig.bag.reader import mcap_file, read_counts
+from cam_rig.bag.files import mcap_file
+from cam_rig.bag.reader import read_counts
 from cam_rig.bag.salvage import OURS, Salvage
 from cam_rig.bag.writer import BagWriter
 from cam_rig.cli.main import app
@@ -80,6 +82,26 @@ def test_recover_of_a_cut_bag(tmp_path):
     assert again.exit_code == 1 and "exists already, not overwriting" in again.stderr
 
 
+@pytest.mark.parametrize("verb", ["analyze", "view", "replay", "pictures"])
+@pytest.mark.parametrize("partial", [None, 20_000])
+def test_every_command_knows_of_a_mending_that_was_cut_off(tmp_path, verb, partial):
+    """As older versions left it: nobody takes the new file's part for the whole."""
+    bag = tmp_path / "B"
+    bag.mkdir()
+    data = mcap_file(GOLDEN).read_bytes()
+    (bag / "B_0.torn").write_bytes(data[:-5_000])
+    if partial is not None:
+        (bag / "B_0.mcap").write_bytes(data[:partial])
+    save = ("--save", tmp_path / "a.rrd") if verb == "view" else ()
+    result = call(verb, bag, *save)
+    words = " ".join(result.stderr.split())
+    assert result.exit_code == 1
+    assert "B_0.torn is left by an interrupted recovery" in words
+    assert f"cam-rig recover {bag}" in words
+    assert "150 messages" in " ".join(call("recover", bag).stderr.split())
+    assert call("analyze", tmp_path / "B_recovered").exit_code == 0
+
+
 def test_analyze_says_what_a_recovered_bag_lacks(tmp_path):
     """A mended bag looks like any other: what is missing is attached to it, and told of."""
     torn = tmp_path / "torn"
@@ -135,7 +157,7 @@ class Replayed:
     """Stands in for the nodes of a replay: they recorded the golden bag."""
 
     def __init__(self, nodes):
-        shutil.copytree(GOLDEN, nodes["recorder"]["bag"])
+        self._bag = Path(shutil.copytree(GOLDEN, nodes["recorder"]["bag"]))
 
     def __enter__(self):
         return self
@@ -147,7 +169,7 @@ class Replayed:
         return iter(())
 
     def require_closed(self):
-        pass
+        assert read_counts(self._bag)
 
 
 def test_replay_finds_a_changed_number(tmp_path, monkeypatch):

@@ -15,7 +15,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
-from cam_rig.bag.reader import mcap_file
+from cam_rig.bag.files import mcap_file
 from cam_rig.cli.graph import Graph, live
 
 #: Wall time (s) after which something that has not come true never will, however busy the machine.
@@ -73,7 +73,7 @@ def wait_until(condition):
 
 def size(bag):
     """Bytes that a bag has on disk, 0 where there is none yet."""
-    return sum(file.stat().st_size for file in bag.iterdir()) if bag.is_dir() else 0
+    return sum(file.stat().st_size for file in bag.glob("*.mcap")) if bag.is_dir() else 0
 
 
 def unused():

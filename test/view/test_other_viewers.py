@@ -11,7 +11,8 @@ import pytest
 from mcap.reader import make_reader
 
 from cam_rig.bag import topics
-from cam_rig.bag.reader import mcap_file, messages
+from cam_rig.bag.files import mcap_file
+from cam_rig.bag.reader import messages
 from cam_rig.schema.load import config_root
 from cam_rig.view.viewer import COMMAND, SILENT
 
