@@ -9,10 +9,12 @@ from xml.etree import ElementTree
 ROOT = Path(__file__).parents[1]
 #: rosdep keys of the libraries whose key is not python3-<name>.
 KEYS = {
+    "lz4": "mcap-ros2-support",
     "mcap": "mcap-ros2-support",
     "pillow": "python3-pil",
     "pyyaml": "python3-yaml",
     "rosbags": "python3-rosbags-pip",
+    "zstandard": "mcap-ros2-support",
 }
 #: Libraries whose import has another name than the package.
 IMPORTED_AS = {"PIL": "pillow", "rerun": "rerun-sdk", "sksundae": "scikit-sundae", "yaml": "pyyaml"}
