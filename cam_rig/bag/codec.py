@@ -6,12 +6,14 @@ No message class enters here, so nodes (rclpy) and analysis (rosbags) share it. 
 
 from __future__ import annotations
 
+import math
 import re
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from cam_rig.dynamics import COLUMNS, NS, FloatArray
+from cam_rig.dynamics import ANGLE_TOLERANCE, COLUMNS, NS, FloatArray
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.experiment.gate import MOST_SAMPLES, require_possible
 from cam_rig.experiment.program import CamState
@@ -25,6 +27,9 @@ BLOCK_LABEL = ", ".join(COLUMNS)
 SAMPLE_LABEL = "sample"
 #: How a cam may be called; its file has the same name.
 CAM_NAME = re.compile(r"[a-z][a-z0-9_]{0,99}")
+#: The joints of a cam's state: the angle as people read it, turns and all, and what it is within
+#: its turn, with all its digits. Bags of before have the first alone.
+CAM_JOINTS = ("cam", "cam_in_turn")
 #: More pieces or a higher degree than any cam has: its receiver would compute for minutes.
 MOST_PIECES, MOST_DEGREE = 1000, 64
 #: A shorter piece, in rad, would have accelerations beyond what numbers hold.
@@ -108,6 +113,11 @@ def stamp_ns(stamp: Any) -> int:
     return seconds * NS + nanoseconds
 
 
+def cam_positions(state: CamState) -> tuple[float, float]:
+    """Positions of `CAM_JOINTS`, rad."""
+    return state.unwrapped, state.angle
+
+
 def cam_state_of(message: Any) -> CamState:
     """The cam's state of a JointState; the frame names the mounted cam.
 
@@ -115,15 +125,36 @@ def cam_state_of(message: Any) -> CamState:
     ------
     RefusedError : the message is no state of one cam
     """
-    cam = str(message.header.frame_id)
-    if len(message.position) != 1 or len(message.velocity) != 1 or not CAM_NAME.fullmatch(cam):
+    cam, count = str(message.header.frame_id), len(message.position)
+    if count not in (1, 2) or len(message.velocity) != count or not CAM_NAME.fullmatch(cam):
         raise RefusedError(
-            f"cam state: {len(message.position)} positions, {len(message.velocity)} velocities, "
-            f"frame {cam[:80]!r}; allowed: one of each, and a cam's name"
+            f"cam state: {count} positions, {len(message.velocity)} velocities, frame "
+            f"{cam[:80]!r}; allowed: {' and '.join(CAM_JOINTS)}, or the first alone, and a cam's "
+            "name"
         )
-    angle, speed = float(message.position[0]), float(message.velocity[0])
-    state = CamState(stamp_ns(message.header.stamp), angle, speed, cam)
+    time_ns, speed = stamp_ns(message.header.stamp), float(message.velocity[0])
+    state = CamState(time_ns, float(message.position[0]), speed, cam)
     require_possible(state)
+    return state if count == 1 else _within_turn(state, float(message.position[1]))
+
+
+def _within_turn(read: CamState, angle: float) -> CamState:
+    """A state whose angle (rad) within its turn is known; ``read`` has it with all turns.
+
+    Raises
+    ------
+    RefusedError : the two do not agree
+    """
+    if not 0.0 <= angle < TURN:
+        raise RefusedError(f"cam state: {angle!r} rad within the turn; allowed: 0 to 2π, without")
+    turns = round((read.unwrapped - angle) / TURN)
+    state = replace(read, angle=angle, turns=turns)
+    away, rounding = abs(state.since(read)), 4.0 * math.ulp(read.unwrapped)
+    if not away <= ANGLE_TOLERANCE + rounding:
+        raise RefusedError(
+            f"cam state: θ {read.unwrapped!r} rad and {angle!r} rad within the turn are {away:.3g} "
+            f"rad apart; allowed: {ANGLE_TOLERANCE:g} rad"
+        )
     return state
 
 

@@ -8,12 +8,14 @@ from typing import Any
 
 from cam_rig.dynamics import kinetostatic, one_mass, residual, separation_block, torsional_block
 from cam_rig.dynamics.block import (
+    ANGLE_TOLERANCE,
     COLUMNS,
     NS,
     Block,
     Event,
     FollowerState,
     Interval,
+    wrap,
 )
 from cam_rig.dynamics.kinks import require_smooth
 from cam_rig.dynamics.parameters import FollowerParameters
@@ -45,6 +47,7 @@ MODELS: dict[str, Model] = {
 }
 
 __all__ = [
+    "ANGLE_TOLERANCE",
     "COLUMNS",
     "MODELS",
     "NS",
@@ -57,4 +60,5 @@ __all__ = [
     "Interval",
     "Model",
     "TwoMassParameters",
+    "wrap",
 ]

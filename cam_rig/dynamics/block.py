@@ -16,11 +16,16 @@ from cam_rig.dynamics.numbers import (
     require_stamp,
 )
 from cam_rig.errors import DynamicsError
+from cam_rig.laws import TURN
 from cam_rig.laws.bernstein import FloatArray
 
 NS = 1_000_000_000
 #: A speed this small beside the other end's is rest: a ramp down to it ends there by rounding.
 REST = 1e-9
+#: Speeds that differ by less than this fraction are one: a ramp ends at its last speed to rounding.
+SAME_SPEED = 1e-12
+#: An interval may begin this far (rad) from the cam angle where the one before ended: rounding.
+ANGLE_TOLERANCE = 1e-6
 #: Rows of a block, with their units.
 COLUMNS = (
     "t [s]",
@@ -32,12 +37,24 @@ COLUMNS = (
 )
 
 
+def wrap(angle: float, turns: int = 0) -> tuple[int, float]:
+    """Whole turns and what is left of an angle (rad), in [0, 2π): no digit of it is lost."""
+    if 0.0 <= angle < TURN:
+        return turns, angle
+    rest = math.fmod(angle, TURN)
+    turns += round((angle - rest) / TURN)
+    if rest < 0.0:
+        rest, turns = rest + TURN, turns - 1
+    return (turns, rest) if rest < TURN else (turns + 1, 0.0)
+
+
 @dataclass(frozen=True)
 class Interval:
     """Rig time from ``start_ns`` to ``stop_ns``: θ = angle + speed t + acceleration t²/2.
 
-    ``angle`` is the unwrapped cam angle (rad) at the start, ``speed`` in rad/s there,
-    ``acceleration`` in rad/s².
+    ``angle`` is the cam angle (rad) at the start, within its turn; ``turns`` are the whole turns
+    before. Apart they keep every digit however long the cam turns: an angle given without turns
+    has its own taken off. ``speed`` in rad/s at the start, ``acceleration`` in rad/s².
 
     Raises
     ------
@@ -49,6 +66,7 @@ class Interval:
     angle: float
     speed: float
     acceleration: float = 0.0
+    turns: int = 0
 
     def __post_init__(self) -> None:
         for name in ("start_ns", "stop_ns"):
@@ -59,9 +77,12 @@ class Interval:
                 "rise (is a second drive at work?)"
             )
         require_angle(self.angle, "an interval whose angle")
+        turns, angle = wrap(self.angle, self.turns)
+        object.__setattr__(self, "turns", turns)
+        object.__setattr__(self, "angle", angle)
         for name in ("speed", "acceleration"):
             require_number(f"an interval whose {name}", getattr(self, name), "of either sign")
-        require_angle(self.angle_at(self.duration), "an interval whose last angle")
+        require_angle(self.unwrapped_at(self.duration), "an interval whose last angle")
         end = self.speed_at(self.duration)
         if self.acceleration != 0.0 and min(self.speed, end) < -REST * max(self.speed, end):
             raise DynamicsError(
@@ -79,8 +100,12 @@ class Interval:
         return self.speed + 0.5 * self.acceleration * self.duration
 
     def angle_at(self, time: float) -> float:
-        """Cam angle (rad) at a time (s) since the start."""
+        """Cam angle (rad) at a time (s) since the start, from the turn it starts in."""
         return self.angle + time * (self.speed + 0.5 * self.acceleration * time)
+
+    def unwrapped_at(self, time: float) -> float:
+        """The same with all turns before: for people, as it loses digits turn by turn."""
+        return self.turns * TURN + self.angle_at(time)
 
     def speed_at(self, time: float) -> float:
         """Speed (rad/s) at a time (s) since the start."""
@@ -144,8 +169,8 @@ EventKind = Literal["lift-off", "landing"]
 class Event:
     """The follower leaves the cam or meets it again.
 
-    ``time`` in s of rig time, ``angle`` of the cam in rad, ``impulse`` in N·s and
-    ``energy_lost`` in J (both zero at a lift-off).
+    ``time`` in s of rig time, ``angle`` of the cam in rad with all its turns, ``impulse`` in N·s
+    and ``energy_lost`` in J (both zero at a lift-off).
     """
 
     kind: EventKind
@@ -160,7 +185,9 @@ class FollowerState:
     """Where the follower is at the end of an interval.
 
     ``pending_impulse`` (N·s) fell after the interval's last sample: the next block shows it.
-    ``inner`` is what else the model remembers: (y, ẏ) of the two-mass model's end mass.
+    ``inner`` is what else the model remembers. ``cam_angle`` (rad, within the turn) and
+    ``cam_speed`` (rad/s) are the cam's there: what goes on from here must begin at that angle,
+    and a speed other than that strikes or throws the follower. None where nobody said.
     """
 
     displacement: float
@@ -169,11 +196,15 @@ class FollowerState:
     in_contact: bool
     pending_impulse: float = 0.0
     inner: tuple[float, ...] = ()
+    cam_angle: float | None = None
+    cam_speed: float | None = None
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             numbers = value if isinstance(value, tuple) else (value,)
             for number in numbers:
+                if number is None and name.startswith("cam_"):
+                    continue
                 if name != "in_contact" and not is_number(number):
                     raise DynamicsError(
                         f"a follower whose {name} is {number!r}; allowed: finite numbers"
@@ -187,3 +218,37 @@ class Block:
     interval: Interval
     rows: FloatArray
     events: tuple[Event, ...] = field(default=())
+
+
+def ended(state: FollowerState, interval: Interval) -> FollowerState:
+    """A state with the cam's angle and speed at the end of its interval."""
+    _, angle = wrap(interval.angle_at(interval.duration))
+    speed = interval.speed_at(interval.duration)
+    return replace(state, cam_angle=angle, cam_speed=speed)
+
+
+def require_joined(state: FollowerState | None, interval: Interval) -> None:
+    """Refuse an interval that does not begin at the cam angle where the state ended.
+
+    Raises
+    ------
+    DynamicsError : with both angles and by how much they may differ
+    """
+    if state is None or state.cam_angle is None:
+        return
+    away = abs(math.remainder(interval.angle - state.cam_angle, TURN))
+    if away > 2.0 * ANGLE_TOLERANCE:  # a gate that lets half of it pass may round
+        raise DynamicsError(
+            f"an interval from {interval.angle:.9g} rad on, for a follower that ended at "
+            f"{state.cam_angle:.9g} rad of its turn; allowed: {2.0 * ANGLE_TOLERANCE:g} rad apart, "
+            "or no state, which puts it down anew"
+        )
+
+
+def speed_change(state: FollowerState | None, interval: Interval) -> float:
+    """By how much (rad/s) the cam is faster than where the state ended; rounding is none."""
+    if state is None or state.cam_speed is None:
+        return 0.0
+    change = interval.speed - state.cam_speed
+    same = SAME_SPEED * max(abs(interval.speed), abs(state.cam_speed))
+    return change if abs(change) > same else 0.0

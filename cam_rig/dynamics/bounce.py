@@ -7,15 +7,11 @@ from cam_rig.laws import Law
 #: A bounce is contact when it is lower than this fraction of the lift, or than so many metres,
 #: a hundred thousandth of an atom.
 LEAST_OF_LIFT, LEAST_HEIGHT = 1e-12, 1e-15
-#: A landing lies up to a gap's rounding n too deep. The bounce from there comes back as high as
-#: n e²/(1 − e²) however often it is repeated; a bounce must be clearly higher than that.
-CLEARLY = 8.0
 
 
-def least_bounce(law: Law, restitution: float, rounding: float) -> float:
-    """Height (m) below which a bounce is contact; ``rounding`` (m) is that of the gap."""
-    repeated = CLEARLY * rounding / (1.0 - restitution**2)
-    return max(LEAST_OF_LIFT * law.lift, LEAST_HEIGHT, repeated)
+def least_bounce(law: Law) -> float:
+    """Height (m) below which a bounce is contact."""
+    return max(LEAST_OF_LIFT * law.lift, LEAST_HEIGHT)
 
 
 def rises(rebound: float, pull: float, least: float) -> bool:

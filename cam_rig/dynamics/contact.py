@@ -15,6 +15,10 @@ from cam_rig.laws import TURN, Law, bernstein
 from cam_rig.laws.bernstein import FloatArray
 
 
+#: A force is known to so many rounding errors of its parts.
+ROUNDING_ERRORS = 16.0
+
+
 def force_weights(parameters: FollowerParameters, speed: float) -> FloatArray:
     """Weights of s, s', s'' in the contact force at ``speed`` (rad/s)."""
     p = parameters
@@ -31,6 +35,12 @@ def force_ordinates(law: Law, parameters: FollowerParameters, speed: float) -> F
     """``(p + 1, n)`` Bernstein ordinates of the contact force in N, piece by piece."""
     weighted = np.tensordot(force_weights(parameters, speed), law.motion, axes=1)
     return np.asarray(weighted + parameters.preload)
+
+
+def force_rounding(law: Law, parameters: FollowerParameters, speed: float) -> float:
+    """Bound (N) on the error of the contact force at ``speed`` (rad/s)."""
+    size = force_weights(parameters, speed) @ np.array(law.bounds) + parameters.preload
+    return ROUNDING_ERRORS * bernstein.EPS * float(size)
 
 
 @lru_cache(maxsize=512)

@@ -8,16 +8,17 @@ import numpy as np
 
 from cam_rig.dynamics.block import Event, EventKind, FollowerState, Interval
 from cam_rig.dynamics.bounce import least_bounce, rises
-from cam_rig.dynamics.contact import loss_intervals
-from cam_rig.dynamics.flight import Flight
+from cam_rig.dynamics.contact import force_rounding, loss_intervals
+from cam_rig.dynamics.flight import thrown
+from cam_rig.dynamics.free_system import Flight
 from cam_rig.dynamics.kinetostatic import state_at
 from cam_rig.dynamics.kinks import KinksAhead, short_of_kink
-from cam_rig.dynamics.landing import gap_rounding, landing_time
+from cam_rig.dynamics.landing import Approach
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import TURN, Law
 
-#: A relative speed below this fraction of (cam speed x lift) is rounding, not a separation.
+#: A change of the cam's velocity below this fraction of (cam speed x lift) is rounding: no step.
 STILL = 1e-12
 #: Angle (rad) of a loss interval too short to lift anything but a rounding error.
 GRAZE = 1e-9
@@ -51,18 +52,21 @@ class Course:
     events: list[Event] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        # Angles are kept within the turn they start in: a law's value is lost to rounding
-        # with the size of the angle.
-        self._turns = float(np.floor(self.interval.angle / TURN)) * TURN
-        self._start = self.interval.angle - self._turns
-        speed, duration = self.interval.speed, self.interval.duration
-        self._kinks = KinksAhead(self.law, self._start, speed, duration)
+        interval, speed = self.interval, self.interval.speed
+        self._kinks = KinksAhead(self.law, interval.angle, speed, interval.duration)
+        rounding = force_rounding(self.law, self.parameters, speed)
+        self._force_noise = rounding / self.parameters.mass
+        self._last: Flight | None = None
 
-    def run(self, state: FollowerState | None) -> None:
-        """Find all phases of the interval; ``state`` None puts the follower on the cam."""
-        time, flight = 0.0, self._begin(state)
+    def run(self, state: FollowerState | None, step: float = 0.0) -> None:
+        """Find all phases of the interval; ``state`` None puts the follower on the cam.
+
+        ``step`` is by how much the cam's velocity is more than where the state ended, m/s.
+        """
+        time, flight = 0.0, self._begin(state, step)
         while time < self.interval.duration:
             time, flight = self._ride(time) if flight is None else self._fly(time, flight)
+        self._last = flight
 
     def _ride(self, time: float) -> tuple[float, Flight | None]:
         """A phase of contact: its end, and what flies on then."""
@@ -74,20 +78,23 @@ class Course:
     def _fly(self, time: float, flight: Flight) -> tuple[float, Flight | None]:
         """A phase of flight, at most to the next kink: its end, and what flies on then."""
         angle, bound = self.angle(time), self._kinks.bound
-        landing = landing_time(flight, self.law, angle, self.interval.speed, bound - time)
-        end = bound if landing is None else self._kinks.no_later(time + landing)
+        approach = Approach(flight, self.law, angle, self.interval.speed, self._force_noise)
+        last = approach.run(bound - time)
+        end = self._kinks.no_later(time + last.time) if last.landed else bound
         self.phases.append(Phase(time, end, flight))
-        y, velocity = (float(x[0]) for x in flight.state(np.array([end - time])))
-        self._kinks.take(end)
-        if landing is None:
-            return end, Flight(self.parameters, y, velocity)
-        self._require_progress()
-        return end, self._meet(end, velocity)
+        opening = last.rate - self._kinks.take(end)
+        if last.landed and opening <= 0.0:
+            self._require_progress()
+            return end, self._meet(end, -opening)
+        y, velocity = flight.at(end - time).tolist()
+        return end, thrown(self.parameters, y, velocity, last.gap, opening)
 
-    def _strike(self, time: float) -> Flight | None:
-        """The law's velocity jumps under a follower that rides it, if there is a kink here."""
-        step = self._kinks.take(time)
-        return self._meet(time, self.on_cam(time).velocity - step) if step else None
+    def _strike(self, time: float, step: float = 0.0) -> Flight | None:
+        """The cam's velocity gains ``step`` (m/s) under a follower that rides it, and a kink's."""
+        step += self._kinks.take(time)
+        if abs(step) <= STILL * self.interval.speed * self.law.lift:
+            return None
+        return self._meet(time, step) if step > 0.0 else self._leave(time, -step)
 
     def _require_progress(self) -> None:
         """An endless series of events would be a fault of the model: say so, do not hang."""
@@ -98,8 +105,8 @@ class Course:
             )
 
     def angle(self, time: float) -> float:
-        """Cam angle (rad) at a time since the interval's start, less its whole turns there."""
-        return self._start + self.interval.speed * time
+        """Cam angle (rad) at a time since the interval's start, from the turn it starts in."""
+        return self.interval.angle + self.interval.speed * time
 
     def on_cam(self, time: float) -> FollowerState:
         """The follower as it would be on the cam at a time since the interval's start."""
@@ -108,22 +115,23 @@ class Course:
     @property
     def end(self) -> FollowerState:
         """The follower at the end of the interval, before a kink that begins the next one."""
-        last = self.phases[-1]
-        if last.flight is not None:
-            y, v = last.flight.state(np.array([last.end - last.begin]))
-            return FollowerState(float(y[0]), float(v[0]), 0.0, in_contact=False)
-        angle = short_of_kink(self.law, self.angle(last.end))
+        last = self._last
+        if last is not None:
+            y, v = last.start.tolist()
+            known = last.gap is not None and last.opening is not None
+            inner = (last.gap, last.opening) if known else ()
+            return FollowerState(y, v, 0.0, in_contact=False, inner=inner)
+        angle = short_of_kink(self.law, self.angle(self.phases[-1].end))
         return state_at(self.law, self.parameters, angle, self.interval.speed)
 
-    def _begin(self, state: FollowerState | None) -> Flight | None:
-        if state is None:
-            return self._strike(0.0)
-        self._kinks.take(0.0)
-        if not state.in_contact:
-            return Flight(self.parameters, state.displacement, state.velocity)
-        # A jump of the cam's velocity where two intervals join, by a change of speed or by the law,
-        # throws the follower off or strikes it.
-        return self._meet(0.0, state.velocity)
+    def _begin(self, state: FollowerState | None, step: float) -> Flight | None:
+        if state is None or state.in_contact:
+            return self._strike(0.0, step)
+        gap, opening = state.inner or (None, None)
+        kink = self._kinks.take(0.0)
+        if opening is not None:
+            opening -= step + kink
+        return thrown(self.parameters, state.displacement, state.velocity, gap, opening)
 
     def _lift_off(self, time: float) -> float:
         """Time of the next lift-off, infinity when the cam never has to pull."""
@@ -135,26 +143,22 @@ class Course:
                 return time + max(0.0, (turn + start - angle) / self.interval.speed)
         return float("inf")
 
-    def _leave(self, time: float) -> Flight:
-        cam = self.on_cam(time)
+    def _leave(self, time: float, opening: float = 0.0) -> Flight:
+        """The follower leaves the cam, faster than it by ``opening`` m/s."""
         self.events.append(self._event("lift-off", time))
-        return Flight(self.parameters, cam.displacement, cam.velocity)
+        return self._off(self.on_cam(time), opening)
 
-    def _meet(self, time: float, velocity: float) -> Flight | None:
-        """The follower comes to the cam with ``velocity``: what flies on, or None for contact."""
-        cam = self.on_cam(time)
-        approach = cam.velocity - velocity
-        if abs(approach) <= STILL * self.interval.speed * self.law.lift:
-            return None
-        if approach < 0.0:
-            self.events.append(self._event("lift-off", time))
-            return Flight(self.parameters, cam.displacement, velocity)
-        p = self.parameters
+    def _off(self, cam: FollowerState, opening: float) -> Flight:
+        velocity = cam.velocity + opening
+        return thrown(self.parameters, cam.displacement, velocity, 0.0, opening)
+
+    def _meet(self, time: float, approach: float) -> Flight | None:
+        """The follower meets the cam at ``approach`` m/s: what flies on, or None for contact."""
+        cam, p = self.on_cam(time), self.parameters
         rebound = p.restitution * approach
-        least = least_bounce(self.law, p.restitution, gap_rounding(self.law, cam.displacement))
-        if rises(rebound, cam.contact_force / p.mass, least):
+        if rises(rebound, cam.contact_force / p.mass, least_bounce(self.law)):
             self._land(time, approach, p.restitution)
-            return Flight(p, cam.displacement, cam.velocity + rebound)
+            return self._off(cam, rebound)
         self._land(time, approach, 0.0)
         return None
 
@@ -167,4 +171,4 @@ class Course:
     def _event(
         self, kind: EventKind, time: float, impulse: float = 0.0, lost: float = 0.0
     ) -> Event:
-        return Event(kind, time, self._turns + self.angle(time), impulse, lost)
+        return Event(kind, time, self.interval.unwrapped_at(time), impulse, lost)

@@ -53,6 +53,7 @@ def _advance(
     _: FollowerState | None,
     interval: Interval,
     sample_rate: int,
+    _step: float,
 ) -> tuple[FollowerState, Block]:
     end = interval.angle + interval.speed * interval.duration
     rows = ride(law, parameters, interval, sample_rate)

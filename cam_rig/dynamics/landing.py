@@ -1,130 +1,183 @@
-"""Where a flying follower meets the cam again: the first root of a certified polynomial gap."""
+"""Where a flying follower meets the cam again.
+
+Within a window the gap's acceleration is a polynomial: the follower's power series less the law's
+s'' ω². Integrated twice from the gap and the speed at which it opens it gives the gap, and where
+both are known exactly, as they are at a lift-off, so is a gap of any smallness: its first zero is
+divided out, and the next one is the landing.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
-from cam_rig.dynamics.flight import SERIES_DEGREE, Flight
+from cam_rig.dynamics.free_system import Flight
+from cam_rig.dynamics.scan import TOGETHER, clear_cells, fall, step
 from cam_rig.laws import TURN, Law, bernstein
 from cam_rig.laws.bernstein import FloatArray
 
-#: The follower has landed when it is this many rounding errors below the cam: at lift-off the
-#: gap and its first derivatives are zero, and rounding must not look like a landing.
+#: A gap reckoned from two places is this many rounding errors of them wrong at most.
 ROUNDING_ERRORS = 16.0
-#: Samples of one glance, and of one window.
-GLANCE, PER_WINDOW = 33, 8
-#: Part of a window in which a gap that closes clearly is a straight line.
-NEAR = 1e-6
+#: The same for what is reckoned from accelerations, of theirs.
+OF_ACCELERATIONS = 64.0
+#: A look at the gap takes steps of this part of a window at least; below that it is a polynomial.
+LEAST_STEP = 1.0 / 16.0
 
 
-def landing_time(
-    flight: Flight, law: Law, angle: float, speed: float, limit: float
-) -> float | None:
-    """Time since lift-off at which the follower meets the cam, None when not before ``limit``.
+@dataclass(frozen=True)
+class Gap:
+    """Follower less cam at a time (s) since the flight began: m, and m/s.
 
-    In each window flight and law are both polynomials of time in Bernstein form; their
-    difference has no root where all its ordinates are positive, so no landing is skipped.
-
-    Parameters
-    ----------
-    angle, speed : cam angle (rad) at lift-off, and cam speed (rad/s)
-    limit : s since lift-off
+    ``noise`` (m) is what rounding may have added; ``landed`` whether the flight ends here.
     """
-    now = _open_until(flight, law, angle, speed, 0.0, limit)
-    while now < limit:
-        window = _window(flight, law, angle, speed, now, limit)
-        if window.end > now:
-            landing = _in_window(flight, law, angle + speed * window.end, window)
-            if landing is not None:
-                return landing
-        now = _open_until(flight, law, angle, speed, window.end, limit)
-    return None
+
+    time: float
+    gap: float
+    rate: float
+    noise: float
+    landed: bool = False
 
 
-def _open_until(
-    flight: Flight, law: Law, angle: float, speed: float, begin: float, limit: float
-) -> float:
-    """Time from ``begin`` on up to which a glance shows that the gap is open.
+@dataclass(frozen=True)
+class Approach:
+    """A flight over a cam; ``angle`` (rad) where it begins, ``speed`` in rad/s.
 
-    Between two samples the gap g is no lower than the lower one less M h²/8, with M the largest
-    |g̈|; just after lift-off it is no lower than ġ t − M t²/2.
+    ``force_noise`` (m/s²) is by how much the acceleration may be wrong at which the gap opens when
+    the cam's force, which is known to so much, falls to zero.
     """
-    step = flight.window / PER_WINDOW
-    bend = flight.largest_acceleration + speed**2 * law.bounds[2]
-    while begin < limit:
-        time = np.minimum(begin + step * np.arange(GLANCE), limit)
-        y = flight.state(time)[0]
-        cam, error = law.glance(angle + speed * time)
-        gap = y - cam
-        if begin == 0.0 and flight.velocity - speed * law.at(angle)[1] > bend * step:
-            gap[0] = gap[1]
-        noise = gap_rounding(law, float(np.abs(y).max()))
-        doubt = gap <= bend * step**2 / 8.0 + error + 2.0 * noise
-        if doubt.any():
-            return begin + step * max(0, int(np.argmax(doubt)) - 1)
-        begin = float(time[-1])
-    return begin
 
+    flight: Flight
+    law: Law
+    angle: float
+    speed: float
+    force_noise: float = 0.0
 
-class _Window(NamedTuple):
-    """From ``begin`` to ``end`` (s since lift-off), u from ``low`` to ``high`` of one piece."""
+    def run(self, limit: float) -> Gap:
+        """The flight's end: where it lands, or at ``limit`` (s) in the air."""
+        now = self._begin()
+        while now.time < limit:
+            now = self._window(now, limit)
+            if now.landed:
+                return now
+            clear = self._open_until(now, limit)
+            if clear > now.time:
+                now = self._at(clear)
+        return now
 
-    begin: float
-    end: float
-    piece: int
-    low: float
-    high: float
+    def _begin(self) -> Gap:
+        flight = self.flight
+        if flight.gap is None or flight.opening is None:
+            return self._at(0.0)
+        return Gap(0.0, flight.gap, flight.opening, 0.0)
 
+    def _at(self, time: float) -> Gap:
+        """The gap as a difference of two places."""
+        place, velocity = (float(x[0]) for x in self.flight.state(np.array([time])))
+        s, slope, _ = self.law.at(self.angle + self.speed * time)
+        noise = gap_rounding(self.law, place)
+        return Gap(time, place - s, velocity - self.speed * slope, noise)
 
-def _window(
-    flight: Flight, law: Law, angle: float, speed: float, begin: float, limit: float
-) -> _Window:
-    """The window from ``begin`` on, in which the law is one piece and the series is exact."""
-    at = angle + speed * begin
-    turn = math.floor(at / TURN) * TURN
-    index = law.piece(at - turn)
-    low, high = law.joints[index] + turn, law.joints[index + 1] + turn
-    if (high - angle) / speed <= begin:  # rounding put the joint behind
-        index = (index + 1) % law.spans.size
-        low, high = high, high + float(law.spans[index])
-    span = high - low
-    end = min(begin + flight.window, (high - angle) / speed, limit)
-    u = [(angle + speed * t - low) / span for t in (begin, end)]
-    return _Window(begin, end, index, min(max(u[0], 0.0), 1.0 - 1e-16), min(u[1], 1.0))
-
-
-def _in_window(flight: Flight, law: Law, reached: float, window: _Window) -> float | None:
-    begin, end, degree = window.begin, window.end, max(SERIES_DEGREE, law.degree)
-    follower = bernstein.elevate(flight.ordinates(begin, end), degree)
-    cam = bernstein.restrict(law.ordinates[:, window.piece], window.low, window.high)
-    noise = gap_rounding(law, float(np.abs(follower).max()), reached)
-    gap = follower - bernstein.elevate(cam, degree) + noise
-    if gap[0] <= 0.0:
+    def _open_until(self, now: Gap, limit: float) -> float:
+        """Time from ``now`` on up to which steps prove that the gap is open."""
+        begin, value, law = now.time, now.gap, self.law
+        least = LEAST_STEP * self.flight.system.window
+        while begin < limit:
+            bend = self.flight.largest_acceleration(begin)
+            wide = min(step(value, bend + self.speed**2 * law.bounds[2], least), limit)
+            times = np.minimum(begin + wide * np.arange(TOGETHER + 1), limit)
+            times, pieces = self._with_joints(times[: np.argmax(times) + 1])
+            values = self.flight.state(times)[0] - self._lift(times, pieces)
+            bends = bend + self.speed**2 * law.bends[pieces]
+            noise = gap_rounding(law, float(np.abs(values).max()) + law.bounds[0])
+            clear = clear_cells(times, values, bends, noise)
+            begin, value = float(times[clear]), float(values[clear])
+            if clear < pieces.size:
+                break
         return begin
-    roots = bernstein.crossings(gap)
-    if roots or gap[-1] <= 0.0:
-        below = roots[0] if roots else 1.0
-        return begin + (end - begin) * _zero_before(gap, noise, below)
-    return None
+
+    def _with_joints(self, times: FloatArray) -> tuple[FloatArray, np.ndarray]:
+        """Times with those of the law's joints among them, and the piece between any two."""
+        law, angles = self.law, self.angle + self.speed * times[[0, -1]]
+        first, last = (int(turn) for turn in np.floor(angles / TURN))
+        turns = np.arange(first, last + 1)[:, None] * TURN
+        joints = ((law.breaks[:-1] + turns).ravel() - self.angle) / self.speed
+        inner = joints[(joints > times[0]) & (joints < times[-1])]
+        times = np.union1d(times, inner)
+        middle = self.angle + self.speed * 0.5 * (times[:-1] + times[1:])
+        inside = middle - np.floor(middle / TURN) * TURN
+        return times, np.searchsorted(law.breaks[1:-1], inside, side="right")
+
+    def _lift(self, times: FloatArray, pieces: np.ndarray) -> FloatArray:
+        """S (m) at times; one at a joint is of the piece before or after it, to rounding."""
+        angle = self.angle + self.speed * times
+        inside = angle - np.floor(angle / TURN) * TURN
+        return self.law.lifts(np.append(pieces, pieces[-1]), inside)
+
+    def _window(self, now: Gap, limit: float) -> Gap:
+        """The gap's polynomial from ``now`` on: where it falls to zero, or its end."""
+        law, begin = self.law, now.time
+        piece, low, high = self._piece(begin)
+        end = min(begin + self.flight.system.window, (high - self.angle) / self.speed, limit)
+        if not end > begin:
+            return Gap(math.nextafter(begin, math.inf), now.gap, now.rate, now.noise)
+        length, span = end - begin, high - low
+        first, last = ((self.angle + self.speed * t - low) / span for t in (begin, end))
+        first, last = min(max(first, 0.0), 1.0 - 1e-16), min(max(last, 0.0), 1.0)
+        bend = bernstein.restrict(law.motion[2][:, piece], first, max(first, last))
+        follower, cam = self.flight.accelerations(begin, end), self.speed**2 * bend
+        degree = max(follower.size, cam.size) - 1
+        follower, cam = (bernstein.elevate(x, degree) for x in (follower, cam))
+        doubt = bernstein.EPS * OF_ACCELERATIONS * float(np.abs(follower).max())
+        doubt += bernstein.EPS * self.speed**2 * self._bend_size(piece)
+        rates = length * bernstein.antiderivative(follower - cam) + now.rate
+        gaps = length * bernstein.antiderivative(rates) + now.gap
+        at = _landing(gaps, now, length, doubt + self.force_noise)
+        if at is not None:
+            rate = float(bernstein.evaluate(rates, np.array([at]))[0])
+            return Gap(begin + at * length, 0.0, rate, 0.0, landed=True)
+        noise = now.noise + length**2 * doubt
+        return Gap(end, float(gaps[-1]), float(rates[-1]), noise)
+
+    def _bend_size(self, piece: int) -> float:
+        """What rounding of s'' (m/rad²) is to be measured by: its own size, and that of s."""
+        law = self.law
+        differences = (law.degree / float(law.spans[piece])) ** 2 * law.bounds[0]
+        return OF_ACCELERATIONS * float(law.bends[piece]) + differences
+
+    def _piece(self, time: float) -> tuple[int, float, float]:
+        """The law's piece from a time on, and the angles (rad) where it begins and ends."""
+        law, at = self.law, self.angle + self.speed * time
+        turn = math.floor(at / TURN) * TURN
+        index = law.piece(at - turn)
+        low, high = law.joints[index] + turn, law.joints[index + 1] + turn
+        if (high - self.angle) / self.speed <= time:  # rounding put the joint behind
+            index = (index + 1) % law.spans.size
+            low, high = high, high + float(law.spans[index])
+        return index, low, high
 
 
-def _zero_before(gap: FloatArray, noise: float, below: float) -> float:
-    """The gap's own zero before it is below −noise, when it was clearly open before that."""
-    if gap[0] <= 2.0 * noise:
-        return below
-    value = bernstein.scalar(gap)
-    slope = (value(below - NEAR) - value(below)) / NEAR if below > NEAR else 0.0
-    if noise < slope * NEAR:
-        return below - noise / slope
-    zeros = [u for u in bernstein.crossings(gap - noise) if u <= below]
-    return zeros[-1] if zeros else below
+def _landing(gaps: FloatArray, now: Gap, length: float, doubt: float) -> float | None:
+    """U ∈ [0, 1] where the gap falls to zero; a zero at the start is divided out first.
+
+    A polynomial with the ordinates b is u times one with the ordinates bᵢ n/i.
+    """
+    noise = now.noise + OF_ACCELERATIONS * bernstein.EPS * float(np.abs(gaps).max())
+    if now.gap != 0.0 or now.noise != 0.0 or now.rate < 0.0:
+        return fall(gaps, noise)
+    degree = gaps.size - 1
+    order = np.arange(1.0, degree + 1.0)
+    gaps = gaps[1:] * (degree / order)
+    noise = length**2 * doubt
+    if now.rate == 0.0:
+        gaps = gaps[1:] * ((degree - 1) / order[:-1])
+        return fall(gaps, noise)
+    return fall(gaps, min(noise, 0.5 * length * now.rate))
 
 
-def gap_rounding(law: Law, displacement: float, angle: float = TURN) -> float:
+def gap_rounding(law: Law, displacement: float) -> float:
     """Bound (m) on the error of a gap: of both displacements, the angle, the law's own joints."""
     largest, steepest, _ = law.bounds
-    size = max(abs(displacement), largest) + abs(angle) * steepest
+    size = max(abs(displacement), largest) + TURN * steepest
     return ROUNDING_ERRORS * bernstein.EPS * size + law.largest_step

@@ -39,6 +39,7 @@ def advance(
     state: FollowerState | None,
     interval: Interval,
     sample_rate: int,
+    step: float,
 ) -> tuple[FollowerState, Block]:
     """Take the follower through the interval, exactly.
 
@@ -46,10 +47,11 @@ def advance(
     ----------
     state : where the interval before it ended; None puts the follower down on the cam
     sample_rate : Hz
+    step : by how much ṡ is more than where ``state`` ended, m/s
     """
     require_turning(interval.speed)
     course = Course(law, parameters, interval)
-    course.run(state)
+    course.run(state, step)
     rows = kinetostatic.ride(law, parameters, interval, sample_rate)
     grid = interval.grid(sample_rate)
     for phase in course.phases:

@@ -6,7 +6,6 @@ own, on a substitute cam that turns steadily, every model takes it as it takes a
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache, wraps
@@ -14,8 +13,16 @@ from typing import TypeVar
 
 import numpy as np
 
-from cam_rig.dynamics.block import NS, Block, Event, FollowerState, Interval
-from cam_rig.dynamics.kinks import SLACK
+from cam_rig.dynamics.block import (
+    Block,
+    Event,
+    FollowerState,
+    Interval,
+    ended,
+    require_joined,
+    speed_change,
+)
+from cam_rig.dynamics.kinks import SLACK, short_of_kink
 from cam_rig.laws import TURN, Law, bernstein
 from cam_rig.laws.bernstein import FloatArray
 from cam_rig.laws.compose import compose, product
@@ -25,34 +32,54 @@ USED = 0.875 * TURN
 
 P = TypeVar("P")
 Advance = Callable[[Law, P, FollowerState | None, Interval, int], tuple[FollowerState, Block]]
+#: A model at one speed. Last comes by how much ṡ is more than where the state before ended, m/s.
+AtOneSpeed = Callable[
+    [Law, P, FollowerState | None, Interval, int, float], tuple[FollowerState, Block]
+]
 
 
-def with_ramps(advance: Advance[P]) -> Advance[P]:
-    """The same model, for intervals whose speed changes too."""
+def with_ramps(advance: AtOneSpeed[P]) -> Advance[P]:
+    """The model for intervals whose speed changes too, and from one to the next.
+
+    Raises
+    ------
+    DynamicsError : the interval begins at another cam angle than the state before ended
+    """
 
     @wraps(advance)
     def through(
         law: Law, parameters: P, state: FollowerState | None, interval: Interval, sample_rate: int
     ) -> tuple[FollowerState, Block]:
+        require_joined(state, interval)
+        step = _step(law, interval.angle, speed_change(state, interval))
         if interval.acceleration == 0.0:
-            return advance(law, parameters, state, interval, sample_rate)
+            end, block = advance(law, parameters, state, interval, sample_rate, step)
+            return ended(end, interval), block
         blocks = []
         for part in interval.split(TURN):
             ramped, steady = substitute(law, part)
-            state, block = advance(ramped, parameters, state, steady, sample_rate)
-            blocks.append(replace(block, events=_true_angles(block, part)))
+            state, block = advance(ramped, parameters, state, steady, sample_rate, step)
+            blocks.append(replace(block, events=_true_angles(block, part, steady)))
+            step = 0.0
         assert state is not None
         rows = np.hstack([block.rows for block in blocks])
         events = tuple(event for block in blocks for event in block.events)
-        return state, Block(interval, rows, events)
+        return ended(state, interval), Block(interval, rows, events)
 
     return through
 
 
-def _true_angles(block: Block, part: Interval) -> tuple[Event, ...]:
-    """Events with the angle of the cam in place of the substitute's."""
-    begun = part.start_ns / NS
-    return tuple(replace(event, angle=part.angle_at(event.time - begun)) for event in block.events)
+def _step(law: Law, angle: float, change: float) -> float:
+    """What ṡ gains (m/s) where the speed changes (rad/s), before a kink there."""
+    return law.at(short_of_kink(law, angle))[1] * change if change else 0.0
+
+
+def _true_angles(block: Block, part: Interval, steady: Interval) -> tuple[Event, ...]:
+    """Events with the angle of the cam in place of the substitute's, which tells the time."""
+    return tuple(
+        replace(event, angle=part.unwrapped_at(event.angle / steady.speed))
+        for event in block.events
+    )
 
 
 @lru_cache(maxsize=64)
@@ -60,10 +87,8 @@ def substitute(law: Law, interval: Interval) -> tuple[Law, Interval]:
     """The law of a cam that, turning steadily from angle 0, moves the follower as the ramp does."""
     duration = interval.duration
     speed = min(interval.angle_at(duration) - interval.angle, USED) / duration
-    turns = math.floor(interval.angle / TURN) * TURN
-    local = replace(interval, angle=interval.angle - turns)
-    stretches = _stretches(law, local)
-    pieces = [_piece(law, local, *stretch) for stretch in stretches]
+    stretches = _stretches(law, interval)
+    pieces = [_piece(law, interval, *stretch) for stretch in stretches]
     breaks = [0.0, *(speed * end for _, end, _ in pieces)]
     motion = np.stack([rows for _, _, rows in pieces], axis=2)
     motion /= (speed ** np.arange(3.0))[:, None, None]
@@ -72,7 +97,7 @@ def substitute(law: Law, interval: Interval) -> tuple[Law, Interval]:
     after = np.repeat(motion[:, -1:, -1:], motion.shape[1], axis=1)
     motion = np.concatenate([motion, after], axis=2)
     steady = Interval(interval.start_ns, interval.stop_ns, 0.0, speed)
-    kinks = _kinks(law, local, stretches, speed)
+    kinks = _kinks(law, interval, stretches, speed)
     return law.substitute(np.array([*breaks, TURN]), motion, kinks), steady
 
 

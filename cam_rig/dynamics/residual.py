@@ -83,15 +83,19 @@ def advance(
     state: FollowerState | None,
     interval: Interval,
     sample_rate: int,
+    step: float,
 ) -> tuple[FollowerState, Block]:
-    """Take the follower through the interval, exactly; None starts it at rest on the cam."""
+    """Take the follower through the interval, exactly; None starts it at rest on the cam.
+
+    ``step`` is by how much ṡ is more than where ``state`` ended, m/s: x and ẋ go on.
+    """
     model = response(law, parameters, interval.speed)
-    start = np.zeros(2) if state is None else np.array(state.inner)
+    start = np.zeros(2) if state is None else np.array(state.inner) + model.drive[:, 2] * step
     grid = interval.grid(sample_rate)
     rows = np.zeros((6, grid.count))
     rows[0] = (grid.first + np.arange(grid.count)) / sample_rate
-    out, step = outputs(parameters), 1.0 / sample_rate
-    rows[1:5] = sample(model, start, interval.angle, grid.offset, step, grid.count, out)
+    out, apart = outputs(parameters), 1.0 / sample_rate
+    rows[1:5] = sample(model, start, interval.angle, grid.offset, apart, grid.count, out)
     end, shown = end_of(model, start, interval.angle, interval.duration, out)
     x, v, _, force = shown.tolist()
     inner = tuple(end.tolist())

@@ -14,11 +14,14 @@ import numpy as np
 
 from cam_rig.dynamics.block import Event, EventKind
 from cam_rig.dynamics.bounce import least_bounce, rises
+from cam_rig.dynamics.course import STILL
+from cam_rig.dynamics.free_system import Flight
 from cam_rig.dynamics.kinks import KinksAhead, short_of_kink
 from cam_rig.dynamics.linear import LinearResponse
 from cam_rig.dynamics.numbers import require_angle, require_number, state_of
 from cam_rig.dynamics.two_mass import TwoMassParameters, contact_response, force_output
-from cam_rig.dynamics.two_mass_guards import fly, gap_rounding, landing, lift_off
+from cam_rig.dynamics.two_mass_flight import free_masses, from_inner, to_inner
+from cam_rig.dynamics.two_mass_guards import landing, lift_off
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.laws.bernstein import FloatArray
@@ -29,12 +32,17 @@ MOST_EVENTS = 20_000
 
 @dataclass(frozen=True, eq=False)
 class Phase:
-    """Contact, state (η, η̇), or flight, state (z, ż, y, ẏ), from ``begin`` to ``end`` s."""
+    """Contact, ``vibration`` (η, η̇), or a flight, from ``begin`` to ``end`` s."""
 
     begin: float
     end: float
-    contact: bool
-    state: FloatArray
+    vibration: FloatArray
+    flight: Flight | None = None
+
+    @property
+    def contact(self) -> bool:
+        """Whether the roller rides the cam."""
+        return self.flight is None
 
 
 @dataclass
@@ -57,82 +65,98 @@ class Separation:
     def __post_init__(self) -> None:
         require_angle(self.angle)
         self._response: LinearResponse = contact_response(self.law, self.parameters, self.speed)
-        self._contact, self._reach = True, 0.0
+        self._system = free_masses(self.parameters)
         self._force = force_output(self.parameters)
+        #: What the roller is after the last phase: a vibration (η, η̇) on the cam, or a flight.
+        self.last: FloatArray | Flight = np.zeros(2)
 
     def run(self, duration: float, state: FloatArray | None = None, contact: bool = True) -> None:
-        """Find all phases and events up to ``duration`` s, from rest on the cam by default."""
-        require_number("duration", duration, "> 0")
-        require_angle(self.angle + self.speed * duration, "angle at the end")
+        """Find all phases and events up to ``duration`` s, from rest on the cam by default.
+
+        ``state`` is (η, η̇) in contact, else (z, ż, y, ẏ).
+        """
         if state is None:
             state, contact = np.zeros(2), True
         state = state_of(state, 2 if contact else 4)
+        self.go(duration, state if contact else self.thrown(to_inner(self.parameters, state)))
+
+    def go(self, duration: float, start: FloatArray | Flight, step: float = 0.0) -> None:
+        """The same from (η, η̇) or a flight, where ṡ has gained ``step`` m/s."""
+        require_number("duration", duration, "> 0")
+        require_angle(self.angle + self.speed * duration, "angle at the end")
         kinks = KinksAhead(self.law, self.angle, self.speed, duration)
-        now, self._reach = 0.0, self.speed * duration
-        state, contact = self._cross(now, kinks.take(now), state, contact)
+        step += kinks.take(0.0)
+        now, state = 0.0, self._cross(0.0, step, start)
         while now < duration:
             if len(self.events) > MOST_EVENTS:
                 raise DynamicsError(
                     f"{len(self.events)} events in {now:g} s; allowed: {MOST_EVENTS} a run"
                 )
-            limit = min(kinks.bound, kinks.clear) if contact else kinks.bound
-            event = self._next_event(now, limit - now, state, contact)
-            end = kinks.bound if event is None else kinks.no_later(now + event[0])
-            phase = Phase(now, end, contact, state)
-            self.phases.append(phase)
-            struck, step = kinks.at(end), kinks.take(end)
-            if event is None or (contact and struck):
-                if end < duration:
-                    state, contact = self._cross(end, step, self._end_of(phase), contact)
+            if isinstance(state, Flight):
+                now, state = self._fly(now, state, kinks)
             else:
-                change = self._leave if contact else self._meet
-                state, contact = change(end, event[1])
-            now, self._contact = end, contact
+                now, state = self._ride(now, state, kinks)
+        self.last = state
 
-    def _next_event(
-        self, now: float, limit: float, state: FloatArray, contact: bool
-    ) -> tuple[float, FloatArray] | None:
-        guard = lift_off if contact else landing
-        return guard(
-            self.law, self.parameters, self.speed, self.angle + self.speed * now, state, limit
-        )
+    def _ride(
+        self, now: float, vibration: FloatArray, kinks: KinksAhead
+    ) -> tuple[float, FloatArray | Flight]:
+        """A phase of contact: its end, and what the roller is then."""
+        limit, angle = min(kinks.bound, kinks.clear), self.angle + self.speed * now
+        left = lift_off(self.law, self.parameters, self.speed, angle, vibration, limit - now)
+        end = kinks.bound if left is None else kinks.no_later(now + left[0])
+        self.phases.append(Phase(now, end, vibration))
+        struck, step = kinks.at(end), kinks.take(end)
+        if left is not None and not struck:
+            return end, self._leave(end, left[1], self._cam_at(end), 0.0)
+        vibration = self._response.end(vibration, angle, end - now)
+        return end, self._cross(end, step, vibration)
+
+    def _fly(
+        self, now: float, flight: Flight, kinks: KinksAhead
+    ) -> tuple[float, FloatArray | Flight]:
+        """A phase of flight, at most to the next kink: its end, and what the roller is then."""
+        angle, limit = self.angle + self.speed * now, kinks.bound - now
+        gap = landing(self.law, self.parameters, self.speed, angle, flight, limit)
+        end = kinks.no_later(now + gap.time) if gap.landed else kinks.bound
+        self.phases.append(Phase(now, end, np.zeros(2), flight))
+        inner, opening = flight.at(end - now), gap.rate - kinks.take(end)
+        if gap.landed and opening <= 0.0:
+            return end, self._meet(end, inner[:2], opening)
+        return end, self.thrown(inner, gap.gap, opening)
 
     def _cross(
-        self, time: float, step: float, state: FloatArray, contact: bool
-    ) -> tuple[FloatArray, bool]:
-        """Where ṡ jumps by ``step`` (m/s): a blow on a roller in contact, or it is thrown off.
+        self, time: float, step: float, state: FloatArray | Flight
+    ) -> FloatArray | Flight:
+        """Where ṡ gains ``step`` (m/s): a blow on a roller in contact, or it is thrown off.
 
-        ``state`` is that before the jump; the end mass has the same velocity after it.
+        ``state`` is that before; the end mass has the same velocity after it.
         """
-        if step == 0.0 or not contact:
-            return state, contact
-        cam = self._cam_at(time) - np.array([0.0, step, 0.0])
-        both = np.concatenate([cam[:2], self.parameters.static_place(cam) + state])
-        if step > 0.0:
-            return self._meet(time, both)
-        self._note("lift-off", time)
-        return both, False
+        if abs(step) <= STILL * self.speed * self.law.lift:
+            return state
+        if isinstance(state, Flight):
+            opening = None if state.opening is None else state.opening - step
+            return self.thrown(state.start, state.gap, opening)
+        before = self._cam_at(time) - np.array([0.0, step, 0.0])
+        if step < 0.0:
+            return self._leave(time, state, before, -step)
+        return self._meet(time, self._stretch(state, before), -step)
 
     @property
     def ends_in_contact(self) -> bool:
         """Whether the roller is on the cam after the last phase and its event, if it had one."""
-        return self._contact
+        return not isinstance(self.last, Flight)
 
-    @property
-    def final_state(self) -> FloatArray:
-        """(η, η̇) or (z, ż, y, ẏ) at the end of the run, exact as it is handed on."""
-        return self._end_of(self.phases[-1])
+    def thrown(
+        self, inner: FloatArray, gap: float | None = None, opening: float | None = None
+    ) -> Flight:
+        """The flight from a state (w, ẇ, Y, Ẏ); the rest as in `Flight`."""
+        return Flight(self._system, inner, gap, opening)
 
-    def _end_of(self, phase: Phase) -> FloatArray:
-        """(η, η̇) or (z, ż, y, ẏ) at the end of a phase, before its event."""
-        if phase.contact:
-            angle = self.angle + self.speed * phase.begin
-            return self._response.end(phase.state, angle, phase.end - phase.begin)
-        return self.fly(phase.state, np.array([phase.end - phase.begin]))[:, 0]
-
-    def fly(self, state: FloatArray, times: FloatArray) -> FloatArray:
+    def fly(self, flight: Flight, times: FloatArray) -> FloatArray:
         """(z, ż, y, ẏ) at times (s) of a flight, ``(4, len(times))``."""
-        return fly(self.parameters, state, times)
+        way, _ = self._system.moved(flight.start, times)
+        return from_inner(self.parameters, flight.start[:, None] + way)
 
     def cam(self, time: FloatArray) -> FloatArray:
         """S, ṡ and s̈ at times in s, ``(3, len(time))``."""
@@ -162,31 +186,44 @@ class Separation:
         out = self._force
         return float((out.state @ vibration + out.law @ cam + out.constant)[0])
 
-    def _leave(self, time: float, vibration: FloatArray) -> tuple[FloatArray, bool]:
-        """(z, ż, y, ẏ) that flies off at the end of a contact phase."""
-        self._note("lift-off", time)
-        cam = self._cam_at(time)
-        end_mass = self.parameters.static_place(cam) + vibration
-        return np.concatenate([cam[:2], end_mass]), False
-
-    def _meet(self, time: float, state: FloatArray) -> tuple[FloatArray, bool]:
-        """After a landing: what flies on, or the end mass's state in contact."""
+    def _stretch(self, vibration: FloatArray, cam: FloatArray) -> FloatArray:
+        """(w, ẇ) of the stem of a roller on the cam: a small difference, without its rounding."""
         p = self.parameters
-        cam = self._cam_at(time)
-        approach, vibration = max(0.0, float(cam[1] - state[1])), state[2:] - p.static_place(cam)
-        force = self.force_of(vibration, cam)
+        left = p.spring_stiffness / p.stiffness
+        return vibration - left * cam[:2] - np.array([p.end_load / p.stiffness, 0.0])
+
+    def _leave(
+        self, time: float, vibration: FloatArray, cam: FloatArray, opening: float
+    ) -> Flight:
+        """What flies off a cam with (s, ṡ, s̈), which then falls back by ``opening`` m/s."""
+        self._note("lift-off", time)
+        return self._off(cam[:2], self._stretch(vibration, cam), opening)
+
+    def _off(self, roller: FloatArray, stretch: FloatArray, opening: float) -> Flight:
+        """The flight of a roller with (z, ż) on the cam, from which it opens at ``opening`` m/s."""
+        p = self.parameters
+        centre = roller + p.end_mass / (p.roller_mass + p.end_mass) * stretch
+        return self.thrown(np.concatenate([stretch, centre]), 0.0, opening)
+
+    def _meet(self, time: float, stretch: FloatArray, rate: float) -> FloatArray | Flight:
+        """After a landing at ``rate`` (m/s, not above 0): what flies on, or (η, η̇) in contact.
+
+        ``stretch`` is (w, ẇ) before it; the end mass goes on with the velocity it had.
+        """
+        p, cam = self.parameters, self._cam_at(time)
+        approach, on_cam = -rate, stretch + np.array([0.0, rate])
+        vibration = on_cam - self._stretch(np.zeros(2), cam)
         rebound = p.restitution * approach
-        least = least_bounce(
-            self.law, p.restitution, gap_rounding(self.law, p, state, abs(self.angle) + self._reach)
-        )
-        bounces = rises(rebound, force / p.roller_mass, least)
+        pull = self.force_of(vibration, cam) / p.roller_mass
+        bounces = rises(rebound, pull, least_bounce(self.law))
         restitution = p.restitution if bounces else 0.0
         impulse = p.roller_mass * (1.0 + restitution) * approach
         lost = 0.5 * p.roller_mass * (1.0 - restitution**2) * approach**2
         self._note("landing", time, impulse, lost)
-        if restitution > 0.0:
-            return np.array([cam[0], cam[1] + rebound, *state[2:]]), False
-        return vibration, True
+        if not bounces:
+            return vibration
+        thrown = np.array([0.0, rebound])
+        return self._off(cam[:2] + thrown, on_cam - thrown, rebound)
 
     def _note(self, kind: EventKind, time: float, impulse: float = 0.0, lost: float = 0.0) -> None:
         self.events.append(Event(kind, time, self.angle + self.speed * time, impulse, lost))

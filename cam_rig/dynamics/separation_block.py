@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 
 from cam_rig.dynamics.block import NS, Block, FollowerState, Interval, SampleGrid
+from cam_rig.dynamics.free_system import Flight
 from cam_rig.dynamics.impulses import show_impulses
 from cam_rig.dynamics.numbers import times_of
 from cam_rig.dynamics.ramp import with_ramps
 from cam_rig.dynamics.separation import Phase, Separation
 from cam_rig.dynamics.two_mass import TwoMassParameters, contact_response, force_output
 from cam_rig.dynamics.uniform import sample
-from cam_rig.laws import TURN, Law
+from cam_rig.laws import Law
 from cam_rig.laws.bernstein import FloatArray
 
 
@@ -33,12 +33,12 @@ def states(course: Separation, times: FloatArray) -> FloatArray:
 
 
 def _phase_states(course: Separation, phase: Phase, times: FloatArray) -> FloatArray:
-    if not phase.contact:
-        flight = course.fly(phase.state, times - phase.begin)
+    if phase.flight is not None:
+        flight = course.fly(phase.flight, times - phase.begin)
         return np.vstack([flight, np.zeros(times.size)])
     response = contact_response(course.law, course.parameters, course.speed)
     angle = course.angle + course.speed * phase.begin
-    vibration = response.states(phase.state, angle, times - phase.begin)
+    vibration = response.states(phase.vibration, angle, times - phase.begin)
     cam = course.cam(times)
     end_mass = course.parameters.static_place(cam) + vibration
     return np.vstack([cam[:2], end_mass, course.force(vibration, times)])
@@ -51,15 +51,15 @@ def advance(
     state: FollowerState | None,
     interval: Interval,
     sample_rate: int,
+    step: float,
 ) -> tuple[FollowerState, Block]:
     """Take the follower through the interval; None starts it at rest on the cam.
 
-    The block's motion is that of the roller mass, which meets the cam.
+    The block's motion is that of the roller mass, which meets the cam. ``step`` is by how much ṡ
+    is more than where ``state`` ended, m/s.
     """
-    turns = math.floor(interval.angle / TURN) * TURN
-    course = Separation(law, parameters, interval.speed, interval.angle - turns)
-    start = None if state is None else _start(state)
-    course.run(interval.duration, start, state is None or state.in_contact)
+    course = Separation(law, parameters, interval.speed, interval.angle)
+    course.go(interval.duration, _start(course, state), step)
     grid = interval.grid(sample_rate)
     rows = np.zeros((6, grid.count))
     rows[0] = (grid.first + np.arange(grid.count)) / sample_rate
@@ -69,7 +69,7 @@ def advance(
     pending = state.pending_impulse if state is not None else 0.0
     pending = show_impulses(rows, grid, course.events, pending)
     events = tuple(
-        replace(event, time=begun + event.time, angle=turns + event.angle)
+        replace(event, time=begun + event.time, angle=interval.unwrapped_at(event.time))
         for event in course.events
     )
     end = _end(course, interval.duration, pending)
@@ -77,19 +77,23 @@ def advance(
 
 
 def _end(course: Separation, duration: float, pending: float) -> FollowerState:
-    if not course.ends_in_contact:
-        z, v, y, w, _ = states(course, np.array([duration]))[:, 0].tolist()
-        return FollowerState(z, v, 0.0, False, pending, (y, w))
-    inner = course.final_state
+    last = course.last
+    if isinstance(last, Flight):
+        z, v, _, _ = course.fly(last, np.zeros(1))[:, 0].tolist()
+        known = (last.gap, last.opening) if last.gap is not None else ()
+        return FollowerState(z, v, 0.0, False, pending, (*last.start.tolist(), *known))
     cam = course.cam_at_end(duration)
-    force = course.force_of(inner, cam)
-    return FollowerState(cam[0], cam[1], force, True, pending, tuple(inner.tolist()))
+    force = course.force_of(last, cam)
+    return FollowerState(cam[0], cam[1], force, True, pending, tuple(last.tolist()))
 
 
-def _start(state: FollowerState) -> FloatArray:
+def _start(course: Separation, state: FollowerState | None) -> FloatArray | Flight:
+    """A vibration (η, η̇) in contact; else a flight from (w, ẇ, Y, Ẏ), its gap and its rate."""
+    if state is None:
+        return np.zeros(2)
     if state.in_contact:
         return np.array(state.inner)
-    return np.array([state.displacement, state.velocity, *state.inner])
+    return course.thrown(np.array(state.inner[:4]), *state.inner[4:])
 
 
 def _show(rows: FloatArray, grid: SampleGrid, course: Separation, phase: Phase) -> None:
@@ -99,13 +103,13 @@ def _show(rows: FloatArray, grid: SampleGrid, course: Separation, phase: Phase) 
     if first >= end:
         return
     times = grid.offset + np.arange(first, end) / grid.sample_rate
-    if phase.contact:
+    if phase.flight is None:
         response = contact_response(course.law, course.parameters, course.speed)
         angle = course.angle + course.speed * phase.begin
         rows[1:4, first:end] = course.cam(times)
         rows[4, first:end] = sample(
             response,
-            phase.state,
+            phase.vibration,
             angle,
             float(times[0]) - phase.begin,
             1.0 / grid.sample_rate,
@@ -113,7 +117,4 @@ def _show(rows: FloatArray, grid: SampleGrid, course: Separation, phase: Phase) 
             force_output(course.parameters),
         )
     else:
-        flight = course.fly(phase.state, times - phase.begin)
-        rows[1:3, first:end] = flight[:2]
-        p = course.parameters
-        rows[3, first:end] = p.flight_matrix[1] @ flight + p.flight_load[1]
+        rows[1:4, first:end] = phase.flight.motion(times - phase.begin)

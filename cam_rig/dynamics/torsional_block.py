@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from cam_rig.dynamics.block import NS, Block, FollowerState, Interval
+from cam_rig.dynamics.block import NS, Block, FollowerState, Interval, ended, require_joined
 from cam_rig.dynamics.numbers import require_turning
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.torsional import TorsionalMotion, solve
 from cam_rig.dynamics.torsional_parameters import TorsionalParameters, TorsionalState
 from cam_rig.errors import ConfigError, DynamicsError
-from cam_rig.laws import TURN, Law
+from cam_rig.laws import Law
 from cam_rig.laws.bernstein import FloatArray
 from cam_rig.schema import RigConfig
 
@@ -48,8 +46,8 @@ def advance(
 
     Raises
     ------
-    DynamicsError : a cam that stands or turns back, or a flywheel of finite inertia, which would
-        not turn as the drive says
+    DynamicsError : a cam that stands or turns back, or begins at another angle than ``state``
+        ended, or a flywheel of finite inertia, which would not turn as the drive says
     """
     if parameters.flywheel_inertia is not None:
         raise DynamicsError(
@@ -57,9 +55,9 @@ def advance(
             "speed: None, so take cam_rig.dynamics.torsional.solve for a free flywheel"
         )
     require_turning(interval.mean_speed)
-    turns = math.floor(interval.angle / TURN) * TURN
+    require_joined(state, interval)
     twist = (0.0, 0.0) if state is None else state.inner
-    start = TorsionalState(twist[0], twist[1], interval.angle - turns, interval.speed)
+    start = TorsionalState(twist[0], twist[1], interval.angle, interval.speed)
     motion = solve(
         law, parameters, start, interval.start_ns / NS, interval.duration, interval.acceleration
     )
@@ -70,7 +68,8 @@ def advance(
     rows[1:5] = follower_rows(motion, inside)
     x, v, _, force = follower_rows(motion, np.array([motion.stop_time]))[:, 0].tolist()
     inner = (motion.end.twist, motion.end.twist_rate)
-    return FollowerState(x, v, force, in_contact=True, inner=inner), Block(interval, rows)
+    end = FollowerState(x, v, force, in_contact=True, inner=inner)
+    return ended(end, interval), Block(interval, rows)
 
 
 def follower_rows(motion: TorsionalMotion, times: FloatArray) -> FloatArray:

@@ -137,39 +137,6 @@ class TwoMassParameters:
         slow = [-k2 * share / total, -c2 * share / total, -k2 / total, -c2 / total]
         return np.array([[0.0, 1.0, 0.0, 0.0], fast, [0.0, 0.0, 0.0, 1.0], slow])
 
-    def to_inner(self, state: FloatArray) -> FloatArray:
-        """(w, ẇ, Y, Ẏ) of (z, ż, y, ẏ), less what it is where all springs rest."""
-        z, y = state[:2], state[2:]
-        total = self.roller_mass + self.end_mass
-        stretch, centre = y - z, (self.roller_mass * z + self.end_mass * y) / total
-        return np.concatenate([stretch, centre]) - self._inner_rest
-
-    def from_inner(self, inner: FloatArray) -> FloatArray:
-        """(z, ż, y, ẏ) of states ``(4, n)`` as `to_inner` makes them."""
-        moved = inner + self._inner_rest[:, None]
-        total = self.roller_mass + self.end_mass
-        stretch, centre = moved[:2], moved[2:]
-        before = centre - self.end_mass / total * stretch
-        return np.concatenate([before, centre + self.roller_mass / total * stretch])
-
-    @cached_property
-    def roller_row(self) -> FloatArray:
-        """What (w, ẇ, Y, Ẏ) contribute to z."""
-        return np.array([-self.end_mass / (self.roller_mass + self.end_mass), 0.0, 1.0, 0.0])
-
-    @cached_property
-    def roller_rest(self) -> float:
-        """Z where all forces of a flight balance, m."""
-        return float(self.roller_row @ self._inner_rest)
-
-    @cached_property
-    def _inner_rest(self) -> FloatArray:
-        """Where all forces of a flight balance: the stem carries the roller's weight."""
-        total = self.roller_mass + self.end_mass
-        stretch = self.roller_mass * self.gravity / self.stem_stiffness
-        end = -(self.preload + total * self.gravity) / self.spring_stiffness
-        return np.array([stretch, 0.0, end - self.roller_mass / total * stretch, 0.0])
-
     @cached_property
     def flight_load(self) -> FloatArray:
         """Constant part of the state's rate in flight."""

@@ -1,79 +1,116 @@
-"""The two signed quantities whose zeros are the two-mass model's events: force and gap."""
+"""What ends a phase of the two-mass model: the contact force falls to zero, or the gap does."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from cam_rig.dynamics.exponential import FreeOutput, free_motion
+from cam_rig.dynamics.exponential import free_motion
+from cam_rig.dynamics.free_system import (
+    REACH,
+    SERIES_DEGREE,
+    Flight,
+    bernstein_from_powers,
+)
+from cam_rig.dynamics.landing import Approach, Gap
 from cam_rig.dynamics.linear import Run
-from cam_rig.dynamics.scan import first_negative
+from cam_rig.dynamics.scan import TOGETHER, clear_cells, fall, step
 from cam_rig.dynamics.two_mass import TwoMassParameters, contact_response, force_output
+from cam_rig.dynamics.two_mass_flight import free_masses, from_inner, to_inner
 from cam_rig.dynamics.uniform import polynomial_part
-from cam_rig.laws import TURN, Law, bernstein
+from cam_rig.laws import Law, bernstein
 from cam_rig.laws.bernstein import EPS, FloatArray
-from cam_rig.laws.law import Scalar
 
-#: A gap or a force this many rounding errors below zero is below zero.
+#: A force this many rounding errors below zero is below zero.
 ROUNDING_ERRORS = 64.0
-#: Fewest grid points of a scan over one turn: the slow part of force and gap.
-LEAST_PER_TURN = 512
+#: A look at the force takes steps of this part of a window at least.
+LEAST_STEP = 1.0 / 16.0
 
 
 @dataclass(frozen=True, eq=False)
 class _Force:
-    """The contact force in one part of a turn: its polynomial and the vibration's share."""
+    """The contact force in one part of a turn: its polynomial and the vibration's share.
+
+    ``ordinates`` on the whole part of ``length`` s, of which ``local`` s are over at time 0;
+    ``row`` is what the vibration ``start`` (η, η̇) and ``matrix`` contribute.
+    """
 
     ordinates: FloatArray
     length: float
     local: float
-    free: FreeOutput
+    matrix: FloatArray
+    row: FloatArray
+    start: FloatArray
 
-    def many(self, times: FloatArray) -> FloatArray:
+    def run(self, limit: float, noise: float) -> float | None:
+        """Time (s) of the zero after which the force is below −``noise``, None up to ``limit``."""
+        begin = 0.0
+        while begin < limit:
+            end = min(begin + self._window, limit)
+            at = fall(self._series(begin, end), noise)
+            if at is not None:
+                return begin + at * (end - begin)
+            begin = self._above_until(end, limit, noise)
+        return None
+
+    @property
+    def _window(self) -> float:
+        """Time (s) within which the vibration's series is exact to rounding."""
+        return REACH / (math.sqrt(-self.matrix[1, 0]) - self.matrix[1, 1])
+
+    def _series(self, begin: float, end: float) -> FloatArray:
+        """Bernstein ordinates of the force on [begin, end], no longer than a window."""
+        length = end - begin
+        power, terms = self._free(np.array([begin]))[:, 0], []
+        for j in range(SERIES_DEGREE + 1):
+            terms.append(self.row @ power)
+            power = self.matrix @ power * (length / (j + 1))
+        free = bernstein_from_powers(SERIES_DEGREE) @ np.array(terms)
+        first, last = ((self.local + t) / self.length for t in (begin, end))
+        first = min(first, 1.0 - 1e-16)
+        forced = bernstein.restrict(self.ordinates, first, min(max(first, last), 1.0))
+        degree = max(free.size, forced.size) - 1
+        return bernstein.elevate(free, degree) + bernstein.elevate(forced, degree)
+
+    def _above_until(self, begin: float, limit: float, noise: float) -> float:
+        """Time from ``begin`` on up to which steps prove that the force is above ``noise``."""
+        forced = float(np.abs(bernstein.derivative(bernstein.derivative(self.ordinates))).max())
+        while begin < limit:
+            free = self._free(np.array([begin]))[:, 0]
+            bend = forced / self.length**2 + self._largest_bend(free)
+            value = float(self._many(np.array([begin]))[0])
+            wide = min(step(value, bend, LEAST_STEP * self._window), limit)
+            times = np.minimum(begin + wide * np.arange(TOGETHER + 1), limit)
+            times = times[: np.argmax(times) + 1]
+            bends = np.full(times.size - 1, bend)
+            clear = clear_cells(times, self._many(times), bends, noise)
+            begin = float(times[clear])
+            if clear < times.size - 1:
+                break
+        return begin
+
+    def _largest_bend(self, free: FloatArray) -> float:
+        """What the vibration's share of |F̈| does not exceed after (η, η̇): energy does not grow."""
+        a, b = self.matrix @ self.matrix @ free
+        rate = math.sqrt(-self.matrix[1, 0])
+        energy = math.hypot(rate * float(a), float(b))
+        return (abs(self.row[0]) / rate + abs(self.row[1])) * energy
+
+    def _free(self, times: FloatArray) -> FloatArray:
+        return free_motion(self.matrix, self.start, times)
+
+    def _many(self, times: FloatArray) -> FloatArray:
         forced = bernstein.evaluate(self.ordinates, (self.local + times) / self.length)
-        return np.asarray(forced + self.free.many(times))
-
-    def one(self, time: float) -> float:
-        return self._forced((self.local + time) / self.length) + self.free.one(time)
-
-    @cached_property
-    def _forced(self) -> Scalar:
-        return bernstein.scalar(self.ordinates)
-
-
-@dataclass(frozen=True, eq=False)
-class _Gap:
-    """Roller less cam in flight, m; ``angle`` (rad) and ``speed`` (rad/s) at time 0."""
-
-    law: Law
-    angle: float
-    speed: float
-    roller: FreeOutput
-    rest: float
-
-    def many(self, times: FloatArray) -> FloatArray:
-        return np.asarray(
-            self.roller.many(times) + self.rest - self.law(self.angle + self.speed * times)
-        )
-
-    def one(self, time: float) -> float:
-        place = self.roller.one(time) + self.rest
-        return place - self.law.lift_at(self.angle + self.speed * time)
-
-
-def roller_motion(parameters: TwoMassParameters, state: FloatArray) -> FreeOutput:
-    """Z of the flight after ``state`` (z, ż, y, ẏ), less `TwoMassParameters.roller_rest`."""
-    p = parameters
-    return FreeOutput(p.inner_matrix, p.roller_row, p.to_inner(state))
+        return np.asarray(forced + self.row @ self._free(times))
 
 
 def fly(parameters: TwoMassParameters, state: FloatArray, times: FloatArray) -> FloatArray:
     """(z, ż, y, ẏ) of free motion at times (s) after ``state``, ``(4, len(times))``."""
-    inner = free_motion(parameters.inner_matrix, parameters.to_inner(state), times)
-    return parameters.from_inner(inner)
+    start = to_inner(parameters, state)
+    way, _ = free_masses(parameters).moved(start, times)
+    return from_inner(parameters, start[:, None] + way)
 
 
 def lift_off(
@@ -107,46 +144,25 @@ def _force_root(law: Law, p: TwoMassParameters, speed: float, run: Run) -> float
     if ordinates.min() > vibration:  # the vibration cannot lift it: no need to look
         return None
     rounding = ROUNDING_ERRORS * EPS * float(np.abs(ordinates).max())
-    free = FreeOutput(response.matrix, output.state[0], run.free)
-    force = _Force(ordinates, part.length, run.local, free)
-    if force.one(0.0) <= -rounding:
-        return 0.0
-    span = run.end - run.begin
-    return first_negative(force, rounding, span, math.sqrt(rate), _least(span, speed))
+    row = output.state[0]
+    force = _Force(ordinates, part.length, run.local, response.matrix, row, run.free)
+    return force.run(run.end - run.begin, rounding)
 
 
-def gap_rounding(law: Law, p: TwoMassParameters, state: FloatArray, reach: float) -> float:
-    """Bound (m) on the error of a gap in a flight from ``state``, up to angle ``reach`` (rad).
-
-    The roller's place is reckoned from where it would rest without the cam, which a weak spring
-    puts far away.
-    """
-    largest, steepest, _ = law.bounds
-    places = float(np.abs(state[[0, 2]]).max()) + 2.0 * abs(p.roller_rest)
-    size = largest + places + (reach + TURN) * steepest
-    return ROUNDING_ERRORS * EPS * size + law.largest_step
+def force_noise(law: Law, p: TwoMassParameters, speed: float) -> float:
+    """By how much the roller's acceleration may be wrong where the force falls to zero, m/s²."""
+    lift, slope, bend = law.bounds
+    force = p.roller_mass * (speed**2 * bend + p.gravity) + p.share * p.end_load
+    force += p.spring_stiffness * lift + (p.stem_damping + p.damping) * speed * slope
+    return ROUNDING_ERRORS * EPS * force / p.roller_mass
 
 
 def landing(
-    law: Law,
-    parameters: TwoMassParameters,
-    speed: float,
-    angle: float,
-    state: FloatArray,
-    limit: float,
-) -> tuple[float, FloatArray] | None:
-    """Time (s) at which the roller meets the cam, and (z, ż, y, ẏ) then.
+    law: Law, parameters: TwoMassParameters, speed: float, angle: float, flight: Flight, limit: float
+) -> Gap:
+    """Where the roller meets the cam after a flight's beginning at cam angle ``angle`` (rad).
 
-    None when not within ``limit``; ``state`` is (z, ż, y, ẏ) at cam angle ``angle`` (rad). A roller
-    below the cam meets it at once.
+    A roller below the cam meets it at once; ``landed`` is False for one in the air at ``limit`` s.
     """
-    rounding = gap_rounding(law, parameters, state, abs(angle) + speed * limit)
-    gap = _Gap(law, angle, speed, roller_motion(parameters, state), parameters.roller_rest)
-    if gap.one(0.0) <= -rounding:
-        return 0.0, state
-    found = first_negative(gap, rounding, limit, parameters.fastest_rate, _least(limit, speed))
-    return None if found is None else (found, fly(parameters, state, np.array([found]))[:, 0])
-
-
-def _least(span: float, speed: float) -> int:
-    return 8 + int(LEAST_PER_TURN * span * speed / TURN)
+    noise = force_noise(law, parameters, speed)
+    return Approach(flight, law, angle, speed, noise).run(limit)

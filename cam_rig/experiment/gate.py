@@ -6,9 +6,9 @@ import math
 from collections import deque
 from enum import Enum
 
-from cam_rig.dynamics import NS
+from cam_rig.dynamics import ANGLE_TOLERANCE, NS
 from cam_rig.errors import RefusedError
-from cam_rig.experiment.program import ANGLE_TOLERANCE, CamState
+from cam_rig.experiment.program import CamState
 from cam_rig.schema import SceneConfig
 
 #: The fastest cam, rad/s; a scene is bound by the same.
@@ -105,7 +105,7 @@ class StateGate:
                 f"cam state at {state.time_ns} ns: no sample at {self._rate} Hz since the one at "
                 f"{last.time_ns} ns; allowed: one in every tick"
             )
-        turned = state.angle - last.angle
+        turned = state.since(last)
         if turned > 1.5 * self._tick_angle:  # a state that was lost makes it twice
             raise RefusedError(
                 f"cam state at {state.time_ns} ns: the cam turned {turned:.6g} rad since the one "

@@ -12,11 +12,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
 from cam_rig.dynamics.ringing import Ringing
 from cam_rig.dynamics.ringing_run import Run
-from cam_rig.dynamics.scan import dips
 from cam_rig.dynamics.two_mass import TwoMassParameters, contact_response, force_output
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
@@ -150,3 +150,11 @@ def _with_lowest(run: Run, speeds: FloatArray) -> tuple[FloatArray, int] | None:
     if near.fun > 0.0:
         return None
     return np.array([*speeds[:at], near.x]), at
+
+
+def dips(values: FloatArray) -> NDArray[np.intp]:
+    """Inner points that are minima and could hide a sign change beside them."""
+    left, mid, right = values[:-2], values[1:-1], values[2:]
+    bend = left - 2.0 * mid + right
+    hidden = (mid > 0.0) & (mid <= left) & (mid <= right) & (mid < bend)
+    return np.asarray(np.flatnonzero(hidden) + 1)

@@ -66,7 +66,7 @@ def step_levels(ticks: Iterable[HeardTick], settle_turns: float) -> dict[str, di
             continue
         if first is None or (state.cam, state.speed) != (first.cam, first.speed):
             first = state
-        turned = (state.angle - first.angle) / (2.0 * np.pi)
+        turned = state.since(first) / (2.0 * np.pi)
         if turned > settle_turns - 1e-6:
             duration = (tick.stop_ns - state.time_ns) / NS
             total = energy.setdefault((state.cam, state.speed), [0.0, 0.0])

@@ -5,26 +5,43 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from fractions import Fraction
 from itertools import pairwise
 
-from cam_rig.dynamics import NS, Interval
+from cam_rig.dynamics import ANGLE_TOLERANCE, NS, Interval, wrap
+from cam_rig.laws import TURN
 from cam_rig.schema import SceneConfig
-
-#: θ may differ from where the state before leads by this, rad: rounding, no more.
-ANGLE_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
 class CamState:
     """The cam from ``time_ns`` (rig time) until the next state, at one speed or along a ramp.
 
-    ``angle`` unwrapped in rad, ``speed`` in rad/s, ``cam`` the name of the mounted cam.
+    ``angle`` in rad, ``speed`` in rad/s, ``cam`` the name of the mounted cam. The angle's whole
+    turns are counted apart, in ``turns``, so that it has the same digits however long the cam
+    turns; one given without turns has its own taken off.
     """
 
     time_ns: int
     angle: float
     speed: float
     cam: str
+    turns: int = 0
+
+    def __post_init__(self) -> None:
+        if math.isfinite(self.angle):  # else a gate says so
+            turns, angle = wrap(self.angle, self.turns)
+            object.__setattr__(self, "turns", turns)
+            object.__setattr__(self, "angle", angle)
+
+    @property
+    def unwrapped(self) -> float:
+        """The cam angle with all its turns (rad), as people read it."""
+        return self.turns * TURN + self.angle
+
+    def since(self, other: CamState) -> float:
+        """Angle turned (rad) since another state."""
+        return (self.turns - other.turns) * TURN + (self.angle - other.angle)
 
     def until(self, end: CamState) -> Interval:
         """The interval that ends with the next state.
@@ -32,18 +49,19 @@ class CamState:
         The angle turned tells a ramp, at the mean of both speeds, from a speed that is held.
         """
         length = (end.time_ns - self.time_ns) / NS
-        turned = end.angle - self.angle
+        turned = end.since(self)
         ramp = abs(turned - 0.5 * (self.speed + end.speed) * length)
         held = abs(turned - self.speed * length)
         acceleration = (end.speed - self.speed) / length if ramp < held else 0.0
-        return Interval(self.time_ns, end.time_ns, self.angle, self.speed, acceleration)
+        times = self.time_ns, end.time_ns
+        return Interval(*times, self.angle, self.speed, acceleration, self.turns)
 
     def turns_until(self, end: CamState) -> bool:
         """Whether the cam turns up to another state; else it stood, or another course began."""
         length = (end.time_ns - self.time_ns) / NS
         if self.speed > 0.0 or length <= 0.0:
             return length > 0.0
-        turned = end.angle - self.angle
+        turned = end.since(self)
         return turned > 0.0 and abs(turned - 0.5 * end.speed * length) < ANGLE_TOLERANCE
 
     def holds_until(self, end: CamState) -> bool:
@@ -56,25 +74,35 @@ def cam_states(scene: SceneConfig) -> Iterator[CamState]:
 
     Each speed is held for whole turns; θ goes on from one to the next without a jump.
     """
-    time_ns, angle, program = 0, 0.0, scene.program
+    time_ns, turns, angle, program = 0, 0, 0.0, scene.program
     for cam in scene.cams:
         before = 0.0
         for speed in program.speeds.si_list:
             for ticks in (_ramp(scene, before, speed), _hold(scene, speed)):
                 for part in ticks:
-                    yield CamState(time_ns + part.start_ns, angle + part.angle, part.speed, cam)
+                    at = time_ns + part.start_ns, angle + part.angle
+                    yield CamState(*at, part.speed, cam, turns + part.turns)
                 if ticks:
                     last = ticks[-1]
-                    time_ns, angle = time_ns + last.stop_ns, angle + last.angle_at(last.duration)
+                    time_ns += last.stop_ns
+                    turned = angle + last.angle_at(last.duration)
+                    turns, angle = wrap(turned, turns + last.turns)
             before = speed
-    yield CamState(time_ns, angle, 0.0, scene.cams[-1])
+    yield CamState(time_ns, angle, 0.0, scene.cams[-1], turns)
 
 
 def _hold(scene: SceneConfig, speed: float) -> list[Interval]:
     """The ticks of one speed, from time and angle 0."""
     tick = 2.0 * math.pi / speed / scene.program.ticks_per_turn
     edges = [round(i * tick * NS) for i in range(ticks_a_step(scene) + 1)]
-    return [Interval(a, b, speed * a / NS, speed) for a, b in pairwise(edges)]
+    return [_held(a, b, speed) for a, b in pairwise(edges)]
+
+
+def _held(start_ns: int, stop_ns: int, speed: float) -> Interval:
+    """A tick of a speed that was held since time and angle 0: its angle to the last digit."""
+    turned = Fraction(speed) * start_ns / NS
+    whole = turned // Fraction(TURN)
+    return Interval(start_ns, stop_ns, float(turned - whole * Fraction(TURN)), speed, 0.0, whole)
 
 
 def _ramp(scene: SceneConfig, before: float, speed: float) -> list[Interval]:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from itertools import islice
 
-from cam_rig.dynamics import NS
+from cam_rig.dynamics import NS, wrap
 from cam_rig.experiment.program import CamState, cam_states
 from cam_rig.schema import SceneConfig
 
@@ -18,12 +18,14 @@ STANDS = NS
 class Place:
     """Where a turntable is: states done, and how far commands have moved it from the plan.
 
-    ``last`` is the state that was sent last, ``cam`` the scene's cam and the one in its place.
+    The angle is moved by whole turns and a rest (rad). ``last`` is the state that was sent last,
+    ``cam`` the scene's cam and the one in its place.
     """
 
     index: int = 0
     time_shift: int = 0
     angle_shift: float = 0.0
+    turn_shift: int = 0
     speed: float | None = None
     cam: tuple[str, str] | None = None
     halted: bool = False
@@ -71,10 +73,10 @@ class Turntable:
         assert at is not None and sent is not None
         planned = self._moved(at)
         self.place = replace(self.place, index=self.place.index + 1, last=sent)
-        self._shift(sent.time_ns - planned.time_ns, sent.angle - planned.angle)
+        self._shift(sent.time_ns - planned.time_ns, sent.since(planned))
         self._at, self._next = self._next, next(self._plan, None)
         if self._at is not None and commanded is not None:
-            turn = self._at.angle - at.angle
+            turn = self._at.since(at)
             length = max(self._least, round(turn / commanded * NS))
             self._shift(length - (self._at.time_ns - at.time_ns), commanded * length / NS - turn)
 
@@ -113,13 +115,12 @@ class Turntable:
             return
         begin = next(cam_states(self._scene))
         if here.halted and here.last is not None:
-            time_ns, angle = here.last.time_ns + STANDS, here.last.angle
+            end = replace(here.last, time_ns=here.last.time_ns + STANDS)
         else:
             end = self._as(self._moved(at), begin.speed)
-            time_ns, angle = end.time_ns, end.angle
         self._begin(0)
-        last = here.last
-        self.place = Place(0, time_ns - begin.time_ns, angle - begin.angle, last=last)
+        self.place = Place(0, end.time_ns - begin.time_ns, last=here.last)
+        self._shift(0, end.angle - begin.angle, end.turns - begin.turns)
 
     @property
     def _commanded(self) -> float | None:
@@ -141,20 +142,20 @@ class Turntable:
         if last.speed > 0.0 and last.holds_until(planned):
             return replace(planned, speed=speed)
         if mean == 0.0:  # at rest, and told to stay so
-            return replace(planned, speed=speed, angle=last.angle)
-        length = max(self._least, round((planned.angle - last.angle) / mean * NS))
+            return replace(planned, speed=speed, angle=last.angle, turns=last.turns)
+        length = max(self._least, round(planned.since(last) / mean * NS))
         time_ns, angle = last.time_ns + length, last.angle + mean * length / NS
-        return replace(planned, time_ns=time_ns, angle=angle, speed=speed)
+        return CamState(time_ns, angle, speed, planned.cam, last.turns)
 
-    def _shift(self, time_ns: int, angle: float) -> None:
+    def _shift(self, time_ns: int, angle: float, turns: int = 0) -> None:
         here = self.place
-        self.place = replace(
-            here, time_shift=here.time_shift + time_ns, angle_shift=here.angle_shift + angle
-        )
+        turns, angle = wrap(here.angle_shift + angle, here.turn_shift + turns)
+        time_ns += here.time_shift
+        self.place = replace(here, time_shift=time_ns, angle_shift=angle, turn_shift=turns)
 
     def _moved(self, planned: CamState) -> CamState:
         here, cam = self.place, planned.cam
         if here.cam is not None and here.cam[0] == planned.cam:
             cam = here.cam[1]
         time_ns, angle = planned.time_ns + here.time_shift, planned.angle + here.angle_shift
-        return replace(planned, time_ns=time_ns, angle=angle, cam=cam)
+        return CamState(time_ns, angle, planned.speed, cam, planned.turns + here.turn_shift)

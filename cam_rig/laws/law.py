@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cam_rig.errors import LawError
 from cam_rig.laws import bernstein
@@ -16,8 +17,6 @@ from cam_rig.laws.bernstein import FloatArray
 
 Scalar = Callable[[float], float]
 TURN = 2.0 * np.pi
-#: Nodes a turn of the table that a glance at the law reads.
-GLANCE_NODES = 1024
 #: A jump of s' is one above this fraction of the lift a rad, and of the slopes beside it; below
 #: it is rounding.
 VELOCITY_JUMP, SLOPE_ROUNDING = 1e-9, 1e-12
@@ -134,23 +133,20 @@ class Law:
         """`breaks` as plain floats."""
         return [float(angle) for angle in self.breaks]
 
-    def glance(self, angle: FloatArray) -> tuple[FloatArray, float]:
-        """S (m) from a table, and the largest error of it: a quick look at many angles (rad)."""
-        nodes, table, error = self._table
-        return np.interp(angle - np.floor(angle / TURN) * TURN, nodes, table), error
+    def lifts(self, pieces: NDArray[np.intp], inside: FloatArray) -> FloatArray:
+        """S (m) at angles of the first turn (rad), each of a given piece, ``(n,)``.
+
+        At a joint either piece may be given, also where the turn begins anew.
+        """
+        away = inside - (self.breaks[pieces] + 0.5 * self.spans[pieces])
+        u = (away - np.round(away / TURN) * TURN) / self.spans[pieces] + 0.5
+        at = bernstein.basis(self.degree, np.clip(u, 0.0, 1.0))
+        return np.einsum("np,pn->n", at, self.ordinates[:, pieces])
 
     @cached_property
-    def _table(self) -> tuple[FloatArray, FloatArray, float]:
-        nodes = np.linspace(0.0, TURN, GLANCE_NODES + 1)
-        step = float(nodes[1])
-        kink = float(np.abs(self.jumps(1)).sum())  # a step of the table may hold them all
-        error = self.bounds[2] * step**2 / 8.0 + kink * step / 4.0 + self.largest_step
-        table = self(nodes)
-        if not self.repeats:  # the last piece stands for the end alone: the cam goes on as it goes
-            end = self.joints[-2]
-            s, slope, _ = self.at(end)
-            table = np.where(nodes > end, s + slope * (nodes - end), table)
-        return nodes, table, error
+    def bends(self) -> FloatArray:
+        """``(n,)`` what |s''| (m/rad²) does not exceed in each piece."""
+        return np.asarray(np.abs(self.motion[2]).max(axis=0))
 
     def derivative_ordinates(self, order: int) -> FloatArray:
         """``(p + 1, n)`` ordinates of the derivative in θ, written with the law's degree."""

@@ -13,9 +13,10 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension
 
-from cam_rig.bag.codec import Dimensions
+from cam_rig.bag.codec import CAM_JOINTS, Dimensions, cam_positions
 from cam_rig.bag.topics import Topic
 from cam_rig.dynamics import NS
+from cam_rig.experiment.program import CamState
 
 
 def message_class(topic: Topic) -> Any:
@@ -57,6 +58,17 @@ def to_joint_state(
         position=[float(position)],
         velocity=[float(velocity)],
         effort=[float(effort)],
+    )
+
+
+def to_cam_state(header: Header, state: CamState, torque: float) -> JointState:
+    """The cam's state, its angle as people read it and within the turn; torque in N·m."""
+    return JointState(
+        header=header,
+        name=list(CAM_JOINTS),
+        position=[float(angle) for angle in cam_positions(state)],
+        velocity=[float(state.speed)] * len(CAM_JOINTS),
+        effort=[float(torque)] * len(CAM_JOINTS),
     )
 
 

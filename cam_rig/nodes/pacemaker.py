@@ -16,7 +16,7 @@ from cam_rig.errors import RunError
 from cam_rig.experiment.credit import Credit
 from cam_rig.experiment.program import CamState
 from cam_rig.nodes.app import RigNode
-from cam_rig.nodes.convert import to_header, to_joint_state, to_time
+from cam_rig.nodes.convert import to_cam_state, to_header, to_time
 
 #: Wall time (s) without an answer after which the states in flight are said again.
 SAY_AGAIN = 2.0
@@ -99,7 +99,7 @@ class Pacemaker(RigNode):
         if state.time_ns >= self.clock_ns:
             self.clock_ns = state.time_ns
             self._clock_out.publish(Clock(clock=to_time(state.time_ns)))
-        self._state_out.publish(to_joint_state("cam", header, state.angle, state.speed, torque))
+        self._state_out.publish(to_cam_state(header, state, torque))
 
     def note_sent(self, state: CamState, tick: int) -> None:
         """Note that a state went out, and tell who started us."""

@@ -65,7 +65,7 @@ class Course:
         turn = self._turns.turn()
         if turn is not None:
             bands = third_octaves(self._stage.radiation, turn.rows[4], turn.rows[5], self._rate)
-            self._bands.add(end.time_ns / NS, end.angle, bands)
+            self._bands.add(end.time_ns / NS, end.unwrapped, bands)
 
     def level(self, end: CamState, level: float) -> None:
         """Draw the level (dB) of the tick that ended with a state."""
@@ -99,4 +99,4 @@ class Course:
         title = f"{self._stage.cams[state.cam].title}, "
         self._scene.speed(state, title)
         words = f"{title}{state.speed * 30.0 / math.pi:.0f} rpm"
-        self._said.append((state.time_ns / NS, state.angle, words, "INFO"))
+        self._said.append((state.time_ns / NS, state.unwrapped, words, "INFO"))

@@ -91,7 +91,7 @@ class RunDrawing:
         if self._course is not None:
             self._course.level(end, level)
         tick = HeardTick(start, end_ns, pressure, start.holds_until(end))
-        measured = self._noise.hear(tick, end.angle)
+        measured = self._noise.hear(tick, end.unwrapped)
         if measured is not None:
             self._results.level(start.cam, start.speed, measured)
         self._told = end
@@ -106,7 +106,7 @@ class RunDrawing:
             self._noise.flush()
         if self._told is not None and not self._finished:
             columns = rr.TextDocument.columns(text=[self._results.words()])
-            place = np.array([self._told.time_ns / NS]), np.array([self._told.angle])
+            place = np.array([self._told.time_ns / NS]), np.array([self._told.unwrapped])
             self._stream.send_columns(RESULTS, time_columns(*place), columns)
             self._told = None
 

@@ -13,7 +13,7 @@ import numpy as np
 import rerun as rr
 
 from cam_rig.bag import topics
-from cam_rig.bag.codec import array_of, decode_block, stamp_ns
+from cam_rig.bag.codec import array_of, cam_state_of, decode_block, stamp_ns
 from cam_rig.bag.reader import messages, read_counts, read_stage
 from cam_rig.dynamics import NS, FloatArray
 from cam_rig.errors import BagError
@@ -133,10 +133,9 @@ def bucket_for(samples: int, whole_below: int) -> int:
 
 def cam_state(message: Any, stage: Stage) -> CamState:
     """The cam's state from its message, of a cam that the scene knows."""
-    cam = str(message.header.frame_id)
-    stage.law_of(cam)
-    angle, speed = float(message.position[0]), float(message.velocity[0])
-    return CamState(stamp_ns(message.header.stamp), angle, speed, cam)
+    state = cam_state_of(message)
+    stage.law_of(state.cam)
+    return state
 
 
 def polygon(message: Any) -> FloatArray:

@@ -158,7 +158,7 @@ class Scene2D:
         self._stream.send_columns(f"{self._root}/{entity}", self._at(state), columns)
 
     def _at(self, state: CamState) -> list[rr.TimeColumn]:
-        return self._times(np.array([state.time_ns * 1e-9]), np.array([state.angle]))
+        return self._times(np.array([state.time_ns * 1e-9]), np.array([state.unwrapped]))
 
 
 def _pose(turn: FloatArray, place: FloatArray | None) -> rr.ComponentColumnList:

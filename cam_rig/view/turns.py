@@ -51,7 +51,7 @@ class TurnCollector:
 def sample_angles(start: CamState, end: CamState, time: FloatArray) -> FloatArray:
     """``(n,)`` unwrapped cam angles (rad) at ``time`` (s) in the tick from ``start`` to ``end``."""
     interval, since = start.until(end), time - start.time_ns / NS
-    return interval.angle + since * (interval.speed + 0.5 * interval.acceleration * since)
+    return start.unwrapped + since * (interval.speed + 0.5 * interval.acceleration * since)
 
 
 def lift_offs(force: FloatArray, was_flying: bool) -> FloatArray:

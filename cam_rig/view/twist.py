@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 from cam_rig.dynamics import MODELS, NS, FloatArray
 from cam_rig.dynamics.torsional import solve
 from cam_rig.dynamics.torsional_parameters import TorsionalState
 from cam_rig.experiment.program import CamState
 from cam_rig.experiment.stage import Stage
-from cam_rig.laws import TURN
 
 MODEL = "torsional"
 
@@ -26,9 +23,8 @@ class ShaftTwist:
         """``(n,)`` twist in rad at ``time`` (s of rig time) within the tick."""
         last = self._end[1] if self._end is not None and self._end[0] == start.cam else None
         twist, rate = (0.0, 0.0) if last is None else (last.twist, last.twist_rate)
-        angle = start.angle - math.floor(start.angle / TURN) * TURN
         begin, duration = start.time_ns / NS, (end.time_ns - start.time_ns) / NS
-        state = TorsionalState(twist, rate, angle, start.speed)
+        state = TorsionalState(twist, rate, start.angle, start.speed)
         law, ramp = self._stage.laws[start.cam], start.until(end).acceleration
         motion = solve(law, self._parameters, state, begin, duration, ramp)
         self._end = start.cam, motion.end
