@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from cam_rig.dynamics.free_system import Flight
+from cam_rig.dynamics.kinks import SAME_PLACE
 from cam_rig.dynamics.scan import TOGETHER, clear_cells, fall, step
 from cam_rig.laws import TURN, Law, bernstein
 from cam_rig.laws.bernstein import FloatArray
@@ -22,6 +24,8 @@ from cam_rig.laws.bernstein import FloatArray
 ROUNDING_ERRORS = 16.0
 #: The same for what is reckoned from accelerations, of theirs.
 OF_ACCELERATIONS = 64.0
+#: Roundings of an angle that a lift-off may be wrong.
+SLIP = 4.0
 #: A look at the gap takes steps of this part of a window at least; below that it is a polynomial.
 LEAST_STEP = 1.0 / 16.0
 
@@ -61,27 +65,61 @@ class Approach:
             now = self._window(now, limit)
             if now.landed:
                 return now
-            clear = self._open_until(now, limit)
-            if clear > now.time:
-                now = self._at(clear)
+            now = self._open_until(now, limit)
         return now
 
     def _begin(self) -> Gap:
         flight = self.flight
         if flight.gap is None or flight.opening is None:
-            return self._at(0.0)
+            return self._apart()
         return Gap(0.0, flight.gap, flight.opening, 0.0)
 
-    def _at(self, time: float) -> Gap:
-        """The gap as a difference of two places."""
-        place, velocity = (float(x[0]) for x in self.flight.state(np.array([time])))
-        s, slope, _ = self.law.at(self.angle + self.speed * time)
+    def _apart(self) -> Gap:
+        """The gap at the beginning, as the difference of two places."""
+        place, velocity = (float(x[0]) for x in self.flight.state(np.zeros(1)))
+        piece, first = self._start
+        s, slope = (order(first) for order in self.law.scalars(piece)[:2])
         noise = gap_rounding(self.law, place)
+        return Gap(0.0, place - s, velocity - self.speed * slope, noise)
+
+    @cached_property
+    def _start(self) -> tuple[int, float]:
+        """Piece of the law where the flight begins, and u there."""
+        piece, low, high = self._piece(0.0)
+        return piece, min(max((self.angle - low) / (high - low), 0.0), 1.0 - 1e-16)
+
+    def _at(self, time: float, piece: int) -> Gap:
+        """The gap by how far both have come since; where a piece ends, before what follows it."""
+        begun, flight = self._begin(), self.flight
+        way, rates = flight.system.moved(flight.start, np.array([time]))
+        row, start = flight.system.row, flight.system.rates(flight.start)
+        noise = gap_rounding(self.law, float(row @ flight.start))
+        if piece == self._start[0] and self.speed * time < self.law.spans[piece]:
+            more, bent = self._bent(time)
+            gap = begun.gap + begun.rate * time + (float(row @ way[:, 0] - row @ start * time) - more)
+            return Gap(time, gap, begun.rate + (float(row @ rates[:, 0] - row @ start) - bent), noise)
+        u = self.law.within(np.array([piece]), self.angle, np.array([self.speed * time]))
+        s, slope = (order(float(u[0])) for order in self.law.scalars(piece)[:2])
+        place, velocity = float(row @ (flight.start + way[:, 0])), float(row @ rates[:, 0])
         return Gap(time, place - s, velocity - self.speed * slope, noise)
 
-    def _open_until(self, now: Gap, limit: float) -> float:
-        """Time from ``now`` on up to which steps prove that the gap is open."""
-        begin, value, law = now.time, now.gap, self.law
+    def _bent(self, time: float) -> tuple[float, float]:
+        """What the cam has come to more than at its first velocity, m, and that velocity's gain.
+
+        In the piece where the flight begins. From s'' alone: the rounding of s and of s', which
+        differs from that of the follower's place and velocity, does not enter.
+        """
+        piece, first = self._start
+        length = float(self.law.spans[piece]) * (1.0 - first) / self.speed
+        bend = bernstein.restrict(self.law.motion[2][:, piece], first, 1.0) * self.speed**2
+        rates = length * bernstein.antiderivative(bend)
+        u = min(time / length, 1.0)
+        whole = length * bernstein.antiderivative(rates)
+        return bernstein.scalar(whole)(u), bernstein.scalar(rates)(u)
+
+    def _open_until(self, now: Gap, limit: float) -> Gap:
+        """The gap as far from ``now`` on as steps prove that it is open."""
+        begin, value, law, piece = now.time, now.gap, self.law, -1
         least = LEAST_STEP * self.flight.system.window
         while begin < limit:
             bend = self.flight.largest_acceleration(begin)
@@ -93,9 +131,10 @@ class Approach:
             noise = gap_rounding(law, float(np.abs(values).max()) + law.bounds[0])
             clear = clear_cells(times, values, bends, noise)
             begin, value = float(times[clear]), float(values[clear])
+            piece = int(pieces[clear - 1]) if clear else piece
             if clear < pieces.size:
                 break
-        return begin
+        return now if piece < 0 else self._at(begin, piece)
 
     def _with_joints(self, times: FloatArray) -> tuple[FloatArray, np.ndarray]:
         """Times with those of the law's joints among them, and the piece between any two."""
@@ -103,17 +142,18 @@ class Approach:
         first, last = (int(turn) for turn in np.floor(angles / TURN))
         turns = np.arange(first, last + 1)[:, None] * TURN
         joints = ((law.breaks[:-1] + turns).ravel() - self.angle) / self.speed
-        inner = joints[(joints > times[0]) & (joints < times[-1])]
+        slip = SAME_PLACE / self.speed  # one at either end is met there already
+        inner = joints[(joints > times[0] + slip) & (joints < times[-1] - slip)]
         times = np.union1d(times, inner)
         middle = self.angle + self.speed * 0.5 * (times[:-1] + times[1:])
         inside = middle - np.floor(middle / TURN) * TURN
         return times, np.searchsorted(law.breaks[1:-1], inside, side="right")
 
     def _lift(self, times: FloatArray, pieces: np.ndarray) -> FloatArray:
-        """S (m) at times; one at a joint is of the piece before or after it, to rounding."""
-        angle = self.angle + self.speed * times
-        inside = angle - np.floor(angle / TURN) * TURN
-        return self.law.lifts(np.append(pieces, pieces[-1]), inside)
+        """S (m) at times; at a joint of the piece after it."""
+        pieces, law = np.append(pieces, pieces[-1]), self.law
+        at = bernstein.basis(law.degree, law.within(pieces, self.angle, self.speed * times))
+        return np.asarray(np.einsum("np,pn->n", at, law.ordinates[:, pieces]))
 
     def _window(self, now: Gap, limit: float) -> Gap:
         """The gap's polynomial from ``now`` on: where it falls to zero, or its end."""
@@ -133,12 +173,21 @@ class Approach:
         doubt += bernstein.EPS * self.speed**2 * self._bend_size(piece)
         rates = length * bernstein.antiderivative(follower - cam) + now.rate
         gaps = length * bernstein.antiderivative(rates) + now.gap
-        at = _landing(gaps, now, length, doubt + self.force_noise)
+        doubt_at_start = doubt + self.force_noise + self._slip(follower - cam, length)
+        at = _landing(gaps, now, length, doubt_at_start)
         if at is not None:
             rate = float(bernstein.evaluate(rates, np.array([at]))[0])
             return Gap(begin + at * length, 0.0, rate, 0.0, landed=True)
         noise = now.noise + length**2 * doubt
         return Gap(end, float(gaps[-1]), float(rates[-1]), noise)
+
+    def _slip(self, acceleration: FloatArray, length: float) -> float:
+        """What the acceleration (m/s²) changes within the rounding of the time of a lift-off.
+
+        The time is a float, and so is the angle: the force there is not quite none.
+        """
+        jerk = (acceleration.size - 1) / length * float(np.abs(np.diff(acceleration)[:2]).max())
+        return jerk * SLIP * bernstein.EPS * (abs(self.angle) + TURN) / self.speed
 
     def _bend_size(self, piece: int) -> float:
         """What rounding of s'' (m/rad²) is to be measured by: its own size, and that of s."""

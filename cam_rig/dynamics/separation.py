@@ -108,9 +108,16 @@ class Separation:
         self.phases.append(Phase(now, end, vibration))
         struck, step = kinks.at(end), kinks.take(end)
         if left is not None and not struck:
-            return end, self._leave(end, left[1], self._cam_at(end), 0.0)
+            cam = self._cam_at(end)
+            vibration = self._later(left[1], cam, (end - now) - left[0])
+            return end, self._leave(end, vibration, cam, 0.0)
         vibration = self._response.end(vibration, angle, end - now)
         return end, self._cross(end, step, vibration)
+
+    def _later(self, vibration: FloatArray, cam: FloatArray, time: float) -> FloatArray:
+        """(η, η̇) a rounding of time (s) later: what follows begins at a time that is a float."""
+        model = self._response
+        return np.asarray(vibration + time * (model.matrix @ vibration + model.drive @ cam))
 
     def _fly(
         self, now: float, flight: Flight, kinks: KinksAhead

@@ -57,15 +57,17 @@ def from_inner(parameters: TwoMassParameters, inner: FloatArray) -> FloatArray:
 
 
 def _pairs(p: TwoMassParameters) -> Pairs | None:
-    """The best of all ways to pair the four rates, None where none is good."""
+    """The best of all ways to pair the four rates, None where none is good.
+
+    In the best the centre moves least in the stem's own motion, and the stem in the centre's.
+    """
     found = [
         _shaped(p, *sides)
         for factors in _factors(_characteristic(p))
         for sides in (factors, factors[::-1])
     ]
-    good = [pairs for pairs in found if pairs is not None]
-    best = min(good, key=lambda pairs: _condition(pairs.shapes), default=None)
-    return best if best is not None and _condition(best.shapes) < WORST_CONDITION else None
+    good = [x for x in found if x is not None and _condition(x.shapes) < WORST_CONDITION]
+    return min(good, key=lambda x: np.abs(x.shapes[[0, 2], [2, 0]]).max(), default=None)
 
 
 def _condition(shapes: FloatArray) -> float:
@@ -135,22 +137,41 @@ def _shaped(p: TwoMassParameters, stem: Factor, spring: Factor) -> Pairs | None:
     In the first (w, ẇ) = (q, q̇), and the centre follows w as its own equation says; in the second
     the other way round.
     """
-    matrix, eye = p.inner_matrix, np.eye(2)
-    shapes = np.eye(4)
-    for first, (damping, stiffness) in ((0, stem), (2, spring)):
+    shapes, matrix = np.eye(4), p.inner_matrix
+    for first, pair in ((0, stem), (2, spring)):
         other = 2 - first
-        block = np.array([[0.0, 1.0], [-stiffness, -damping]])
-        row = matrix[other + 1]
-        left = block @ block - row[other + 1] * block - row[other] * eye
-        right = row[first] * eye + row[first + 1] * block
-        try:
-            follows = np.linalg.solve(left.T, right.T).T[0]
-        except np.linalg.LinAlgError:
+        follows = _following(matrix[other + 1], first, other, pair)
+        if follows is None:
             return None
-        shapes[other : other + 2, first : first + 2] = follows, follows @ block
-    try:
-        inverse = np.linalg.inv(shapes)
-    except np.linalg.LinAlgError:
+        damping, stiffness = pair
+        rate = -stiffness * follows[1], follows[0] - damping * follows[1]
+        shapes[other : other + 2, first : first + 2] = follows, rate
+    rates, inverse = np.array([stem, spring]), _inverse(shapes)
+    return None if inverse is None else Pairs(shapes, inverse, rates[:, 0], rates[:, 1])
+
+
+def _inverse(shapes: FloatArray) -> FloatArray | None:
+    """The inverse of [[1, G], [H, 1]], block by block: its entries are of very different sizes."""
+    right, left = shapes[:2, 2:], shapes[2:, :2]
+    (a, b), (c, d) = np.eye(2) - right @ left
+    divisor = a * d - b * c
+    if divisor == 0.0:
         return None
-    rates = np.array([stem, spring])
-    return Pairs(shapes, inverse, rates[:, 0], rates[:, 1])
+    both = np.array([[d, -b], [-c, a]]) / divisor
+    return np.block([[both, -both @ right], [-left @ both, np.eye(2) + left @ both @ right]])
+
+
+def _following(row: FloatArray, first: int, other: int, pair: Factor) -> Factor | None:
+    """What q and q̇ contribute to the place that follows them: f = (c + d B)(a + b B)⁻¹.
+
+    B is the pair's own matrix, B² = −κ − 2δ B; ``row`` is the equation of what follows. Written
+    out, each contribution is known to its own last digit.
+    """
+    damping, stiffness = pair
+    a, b = -stiffness - row[other], -damping - row[other + 1]
+    c, d = row[first], row[first + 1]
+    divisor = a * (a - damping * b) + stiffness * b**2
+    if divisor == 0.0:
+        return None
+    place = c * (a - damping * b) + stiffness * b * d
+    return float(place / divisor), float((d * a - b * c) / divisor)

@@ -133,15 +133,14 @@ class Law:
         """`breaks` as plain floats."""
         return [float(angle) for angle in self.breaks]
 
-    def lifts(self, pieces: NDArray[np.intp], inside: FloatArray) -> FloatArray:
-        """S (m) at angles of the first turn (rad), each of a given piece, ``(n,)``.
+    def within(self, pieces: NDArray[np.intp], angle: float, ahead: FloatArray) -> FloatArray:
+        """U ∈ [0, 1] of angles ``ahead`` of one (rad) in pieces ``(n,)`` that hold them.
 
-        At a joint either piece may be given, also where the turn begins anew.
+        At a joint either piece does. The rounding of the one angle is the same for all.
         """
-        away = inside - (self.breaks[pieces] + 0.5 * self.spans[pieces])
-        u = (away - np.round(away / TURN) * TURN) / self.spans[pieces] + 0.5
-        at = bernstein.basis(self.degree, np.clip(u, 0.0, 1.0))
-        return np.einsum("np,pn->n", at, self.ordinates[:, pieces])
+        away = angle - (self.breaks[pieces] + 0.5 * self.spans[pieces])
+        away = away - np.round((away + ahead) / TURN) * TURN + ahead
+        return np.clip(away / self.spans[pieces] + 0.5, 0.0, 1.0)
 
     @cached_property
     def bends(self) -> FloatArray:

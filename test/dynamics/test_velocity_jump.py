@@ -306,7 +306,7 @@ def test_end_mass_goes_on(edge):
     )
     assert after[3] == pytest.approx(before[3], abs=1e-9)
     assert after[1] - before[1] == pytest.approx(SPEED * STEP, rel=1e-9)
-    struck = course.phases[1].state
+    struck = course.phases[1].vibration
     assert struck[1] == pytest.approx(-TWO.share * SPEED * STEP, rel=1e-9)
 
 
