@@ -14,7 +14,6 @@ from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.laws import TURN, Law, bernstein
 from cam_rig.laws.bernstein import FloatArray
 
-
 #: A force is known to so many rounding errors of its parts.
 ROUNDING_ERRORS = 16.0
 

@@ -118,9 +118,7 @@ class Course:
         last = self._last
         if last is not None:
             y, v = last.start.tolist()
-            known = last.gap is not None and last.opening is not None
-            inner = (last.gap, last.opening) if known else ()
-            return FollowerState(y, v, 0.0, in_contact=False, inner=inner)
+            return FollowerState(y, v, 0.0, in_contact=False, inner=last.known)
         angle = short_of_kink(self.law, self.angle(self.phases[-1].end))
         return state_at(self.law, self.parameters, angle, self.interval.speed)
 

@@ -76,7 +76,7 @@ class FreeSystem:
         return np.asarray(self.matrix @ start + self.load)
 
     def moved(self, start: FloatArray, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """x − x₀ and ẋ, ``(n, len(times))`` each, at times in s after the state ``start``."""
+        """X − x₀ and ẋ, ``(n, len(times))`` each, at times in s after the state ``start``."""
         if self.pairs is None:
             return self._by_exponential(start, times)
         pairs = self.pairs
@@ -94,9 +94,10 @@ class FreeSystem:
             ways[2 * i + 1] = force[i] * slope - stiffness * rate[i] * impulse
         return pairs.shapes @ way, pairs.shapes @ ways
 
-    def _by_exponential(self, start: FloatArray, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        n = start.size
-        rates = self.rates(start)
+    def _by_exponential(
+        self, start: FloatArray, times: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        n, rates = start.size, self.rates(start)
         matrix = np.zeros((n + 1, n + 1))
         matrix[:n, :n], matrix[:n, n] = self.matrix, rates
         flows = expm(matrix[None] * times[:, None, None])
@@ -116,6 +117,11 @@ class Flight:
     start: FloatArray
     gap: float | None = None
     opening: float | None = None
+
+    @property
+    def known(self) -> tuple[float, ...]:
+        """Gap and opening, or nothing where they are not known."""
+        return () if self.gap is None or self.opening is None else (self.gap, self.opening)
 
     def state(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Displacement (m) and velocity (m/s) of the mass at times (s), ``(len(times),)``."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cam_rig.dynamics.free_system import Flight
 from cam_rig.dynamics.kinks import SAME_PLACE
@@ -26,6 +27,8 @@ ROUNDING_ERRORS = 16.0
 OF_ACCELERATIONS = 64.0
 #: Roundings of an angle that a lift-off may be wrong.
 SLIP = 4.0
+#: Longest time (s) before a kink that may be none.
+KINK_S = 1e-7
 #: A look at the gap takes steps of this part of a window at least; below that it is a polynomial.
 LEAST_STEP = 1.0 / 16.0
 
@@ -60,13 +63,15 @@ class Approach:
 
     def run(self, limit: float) -> Gap:
         """The flight's end: where it lands, or at ``limit`` (s) in the air."""
+        # A kink ends the flight: rounding must not put the last bit of it behind the kink.
+        rounding = min(SAME_PLACE / self.speed, KINK_S) if self.law.kinks else 0.0
         now = self._begin()
-        while now.time < limit:
+        while now.time < limit - rounding:
             now = self._window(now, limit)
             if now.landed:
                 return now
             now = self._open_until(now, limit)
-        return now
+        return Gap(limit, now.gap + now.rate * (limit - now.time), now.rate, now.noise)
 
     def _begin(self) -> Gap:
         flight = self.flight
@@ -95,9 +100,11 @@ class Approach:
         row, start = flight.system.row, flight.system.rates(flight.start)
         noise = gap_rounding(self.law, float(row @ flight.start))
         if piece == self._start[0] and self.speed * time < self.law.spans[piece]:
-            more, bent = self._bent(time)
-            gap = begun.gap + begun.rate * time + (float(row @ way[:, 0] - row @ start * time) - more)
-            return Gap(time, gap, begun.rate + (float(row @ rates[:, 0] - row @ start) - bent), noise)
+            cam = self._bent(time)
+            more = float(row @ way[:, 0] - row @ start * time) - cam[0]
+            faster = float(row @ rates[:, 0] - row @ start) - cam[1]
+            gap = begun.gap + begun.rate * time + more
+            return Gap(time, gap, begun.rate + faster, noise)
         u = self.law.within(np.array([piece]), self.angle, np.array([self.speed * time]))
         s, slope = (order(float(u[0])) for order in self.law.scalars(piece)[:2])
         place, velocity = float(row @ (flight.start + way[:, 0])), float(row @ rates[:, 0])
@@ -136,7 +143,7 @@ class Approach:
                 break
         return now if piece < 0 else self._at(begin, piece)
 
-    def _with_joints(self, times: FloatArray) -> tuple[FloatArray, np.ndarray]:
+    def _with_joints(self, times: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
         """Times with those of the law's joints among them, and the piece between any two."""
         law, angles = self.law, self.angle + self.speed * times[[0, -1]]
         first, last = (int(turn) for turn in np.floor(angles / TURN))
@@ -149,7 +156,7 @@ class Approach:
         inside = middle - np.floor(middle / TURN) * TURN
         return times, np.searchsorted(law.breaks[1:-1], inside, side="right")
 
-    def _lift(self, times: FloatArray, pieces: np.ndarray) -> FloatArray:
+    def _lift(self, times: FloatArray, pieces: NDArray[np.intp]) -> FloatArray:
         """S (m) at times; at a joint of the piece after it."""
         pieces, law = np.append(pieces, pieces[-1]), self.law
         at = bernstein.basis(law.degree, law.within(pieces, self.angle, self.speed * times))

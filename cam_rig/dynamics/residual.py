@@ -17,6 +17,7 @@ import numpy as np
 
 from cam_rig.dynamics.block import Block, FollowerState, Interval
 from cam_rig.dynamics.linear import LinearResponse
+from cam_rig.dynamics.numbers import state_of
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.ramp import with_ramps
 from cam_rig.dynamics.uniform import Outputs, end_of, outputs_at, sample
@@ -90,7 +91,9 @@ def advance(
     ``step`` is by how much ṡ is more than where ``state`` ended, m/s: x and ẋ go on.
     """
     model = response(law, parameters, interval.speed)
-    start = np.zeros(2) if state is None else np.array(state.inner) + model.drive[:, 2] * step
+    start = np.zeros(2) if state is None else state_of(state.inner, 2)
+    if step != 0.0:
+        start = start + model.drive[:, 2] * step
     grid = interval.grid(sample_rate)
     rows = np.zeros((6, grid.count))
     rows[0] = (grid.first + np.arange(grid.count)) / sample_rate

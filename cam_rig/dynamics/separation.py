@@ -132,9 +132,7 @@ class Separation:
             return end, self._meet(end, inner[:2], opening)
         return end, self.thrown(inner, gap.gap, opening)
 
-    def _cross(
-        self, time: float, step: float, state: FloatArray | Flight
-    ) -> FloatArray | Flight:
+    def _cross(self, time: float, step: float, state: FloatArray | Flight) -> FloatArray | Flight:
         """Where ṡ gains ``step`` (m/s): a blow on a roller in contact, or it is thrown off.
 
         ``state`` is that before; the end mass has the same velocity after it.
@@ -197,11 +195,9 @@ class Separation:
         """(w, ẇ) of the stem of a roller on the cam: a small difference, without its rounding."""
         p = self.parameters
         left = p.spring_stiffness / p.stiffness
-        return vibration - left * cam[:2] - np.array([p.end_load / p.stiffness, 0.0])
+        return np.asarray(vibration - left * cam[:2] - np.array([p.end_load / p.stiffness, 0.0]))
 
-    def _leave(
-        self, time: float, vibration: FloatArray, cam: FloatArray, opening: float
-    ) -> Flight:
+    def _leave(self, time: float, vibration: FloatArray, cam: FloatArray, opening: float) -> Flight:
         """What flies off a cam with (s, ṡ, s̈), which then falls back by ``opening`` m/s."""
         self._note("lift-off", time)
         return self._off(cam[:2], self._stretch(vibration, cam), opening)
@@ -219,7 +215,7 @@ class Separation:
         """
         p, cam = self.parameters, self._cam_at(time)
         approach, on_cam = -rate, stretch + np.array([0.0, rate])
-        vibration = on_cam - self._stretch(np.zeros(2), cam)
+        vibration = np.asarray(on_cam - self._stretch(np.zeros(2), cam))
         rebound = p.restitution * approach
         pull = self.force_of(vibration, cam) / p.roller_mass
         bounces = rises(rebound, pull, least_bounce(self.law))

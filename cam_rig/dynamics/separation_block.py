@@ -80,8 +80,7 @@ def _end(course: Separation, duration: float, pending: float) -> FollowerState:
     last = course.last
     if isinstance(last, Flight):
         z, v, _, _ = course.fly(last, np.zeros(1))[:, 0].tolist()
-        known = (last.gap, last.opening) if last.gap is not None else ()
-        return FollowerState(z, v, 0.0, False, pending, (*last.start.tolist(), *known))
+        return FollowerState(z, v, 0.0, False, pending, (*last.start.tolist(), *last.known))
     cam = course.cam_at_end(duration)
     force = course.force_of(last, cam)
     return FollowerState(cam[0], cam[1], force, True, pending, tuple(last.tolist()))

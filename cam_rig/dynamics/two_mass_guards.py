@@ -58,7 +58,7 @@ class _Force:
     @property
     def _window(self) -> float:
         """Time (s) within which the vibration's series is exact to rounding."""
-        return REACH / (math.sqrt(-self.matrix[1, 0]) - self.matrix[1, 1])
+        return REACH / (math.sqrt(-self.matrix[1, 0]) - float(self.matrix[1, 1]))
 
     def _series(self, begin: float, end: float) -> FloatArray:
         """Bernstein ordinates of the force on [begin, end], no longer than a window."""
@@ -96,7 +96,7 @@ class _Force:
         a, b = self.matrix @ self.matrix @ free
         rate = math.sqrt(-self.matrix[1, 0])
         energy = math.hypot(rate * float(a), float(b))
-        return (abs(self.row[0]) / rate + abs(self.row[1])) * energy
+        return energy * (abs(float(self.row[0])) / rate + abs(float(self.row[1])))
 
     def _free(self, times: FloatArray) -> FloatArray:
         return free_motion(self.matrix, self.start, times)
@@ -158,7 +158,12 @@ def force_noise(law: Law, p: TwoMassParameters, speed: float) -> float:
 
 
 def landing(
-    law: Law, parameters: TwoMassParameters, speed: float, angle: float, flight: Flight, limit: float
+    law: Law,
+    parameters: TwoMassParameters,
+    speed: float,
+    angle: float,
+    flight: Flight,
+    limit: float,
 ) -> Gap:
     """Where the roller meets the cam after a flight's beginning at cam angle ``angle`` (rad).
 

@@ -53,7 +53,10 @@ class Traces:
         if self._twist is not None:
             twisted = self._twist.tick(start, end, time)
             self._writers[series.TWIST].add(time, angle, twisted)
-        ends = np.array([start.time_ns, end.time_ns]) / NS, np.array([start.unwrapped, end.unwrapped])
+        ends = (
+            np.array([start.time_ns, end.time_ns]) / NS,
+            np.array([start.unwrapped, end.unwrapped]),
+        )
         self._writers[series.ZERO].add(*ends, np.zeros(2))
         self._writers[series.SPEED].add(ends[0][:1], ends[1][:1], np.array([start.speed]))
         left, met = lift_offs(force, self._flew), impulse > 0.0

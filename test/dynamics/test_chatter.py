@@ -17,19 +17,19 @@ SPEED = 450.0 * np.pi / 30.0
 
 @pytest.mark.parametrize("name", ["separation_soft", "separation_stem", "one_mass_arc"])
 def test_events_are_those_of_fifty_digits(name):
-    """All of them, in order, each to 1e-12 s; the motion between to 2e-11 of its largest.
+    """All of them, in order, each to 1e-13 s; the motion between to 2e-12 of its largest.
 
     Not one of the bounces is lost or invented, though each begins where the last left off, and
-    each hands on its error: sixty of them on the stem enlarge a rounding ten thousand times, so
-    that the last digit of its stiffness, or of the speed, is worth 1e-11 s. Where that weighs more, five times
-    its weight is the limit: the processor chooses how sums are rounded.
+    each hands on its error: sixty of them on the stem enlarge a rounding a hundred times, so that
+    the last digit of its stiffness, or of the speed, is worth 1e-13 s. Where that weighs more, five
+    times its weight is the limit: the processor chooses how sums are rounded.
     """
     case = CASES[name]()
     wanted, got = stored.read(case), rig.solve(case)
     assert [kind for kind, _ in got.events] == [kind for kind, _ in wanted.events]
     event_s, motion = last_digit(case, got)
-    assert got.event_error(wanted) < max(1e-12, 5.0 * event_s)
-    assert got.error(wanted) < max(2e-11, 5.0 * motion)
+    assert got.event_error(wanted) < max(1e-13, 5.0 * event_s)
+    assert got.error(wanted) < max(2e-12, 5.0 * motion)
 
 
 def last_digit(case, got):
