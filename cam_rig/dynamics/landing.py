@@ -63,15 +63,20 @@ class Approach:
 
     def run(self, limit: float) -> Gap:
         """The flight's end: where it lands, or at ``limit`` (s) in the air."""
-        # A kink ends the flight: rounding must not put the last bit of it behind the kink.
-        rounding = min(SAME_PLACE / self.speed, KINK_S) if self.law.kinks else 0.0
-        now = self._begin()
-        while now.time < limit - rounding:
-            now = self._window(now, limit)
+        now, last = self._begin(), limit - self._rounding
+        while now.time < limit:
+            # A kink ends the flight: rounding must not put the last bit of it behind the kink.
+            now = self._window(now, limit, now.time - (self._rounding if now.time > last else 0.0))
             if now.landed:
                 return now
-            now = self._open_until(now, limit)
-        return Gap(limit, now.gap + now.rate * (limit - now.time), now.rate, now.noise)
+            if now.time < last:
+                now = self._open_until(now, limit)
+        return now
+
+    @property
+    def _rounding(self) -> float:
+        """Time (s) before the end of a flight that may be none, if a kink ends it."""
+        return min(SAME_PLACE / self.speed, KINK_S) if self.law.kinks else 0.0
 
     def _begin(self) -> Gap:
         flight = self.flight
@@ -162,11 +167,16 @@ class Approach:
         at = bernstein.basis(law.degree, law.within(pieces, self.angle, self.speed * times))
         return np.asarray(np.einsum("np,pn->n", at, law.ordinates[:, pieces]))
 
-    def _window(self, now: Gap, limit: float) -> Gap:
-        """The gap's polynomial from ``now`` on: where it falls to zero, or its end."""
+    def _window(self, now: Gap, limit: float, within: float) -> Gap:
+        """The gap's polynomial from ``now`` on: where it falls to zero, or its end.
+
+        The law's piece is that of the time ``within``.
+        """
         law, begin = self.law, now.time
-        piece, low, high = self._piece(begin)
-        end = min(begin + self.flight.system.window, (high - self.angle) / self.speed, limit)
+        piece, low, high = self._piece(within)
+        end = min(begin + self.flight.system.window, limit)
+        if within == begin:
+            end = min(end, (high - self.angle) / self.speed)
         if not end > begin:
             return Gap(math.nextafter(begin, math.inf), now.gap, now.rate, now.noise)
         length, span = end - begin, high - low
