@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import cmath
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -17,8 +15,6 @@ ComplexArray = NDArray[np.complex128]
 
 #: Modes whose shapes are more alike than this are not used: their digits would cancel.
 WORST_CONDITION = 1e4
-#: The same where two states have a form of their own.
-WORST_OF_TWO = 10.0
 
 
 def free_motion(matrix: FloatArray, start: FloatArray, times: FloatArray) -> FloatArray:
@@ -29,7 +25,8 @@ def free_motion(matrix: FloatArray, start: FloatArray, times: FloatArray) -> Flo
     """
     starts = start[:, None] if start.ndim == 1 else start
     if starts.shape[0] == 2:
-        damping, stiffness = -float(np.trace(matrix)), float(np.linalg.det(matrix))
+        (a, b), (c, d) = matrix.tolist()
+        damping, stiffness = -(a + d), a * d - b * c
         impulse, rate, _ = response(damping, stiffness, times)
         return np.asarray(starts * (rate + damping * impulse) + (matrix @ starts) * impulse)
     modes = _modes(matrix.tobytes(), starts.shape[0], WORST_CONDITION)
@@ -38,47 +35,6 @@ def free_motion(matrix: FloatArray, start: FloatArray, times: FloatArray) -> Flo
         return np.asarray(np.matmul(flows, starts.T[:, :, None])[:, :, 0].T)
     rates, shapes, inverse = modes
     return np.asarray(shapes @ ((inverse @ starts) * np.exp(np.outer(rates, times)))).real
-
-
-@dataclass(frozen=True, eq=False)
-class FreeOutput:
-    """One number c·e^{At} z that a free motion shows, at many times or at one."""
-
-    matrix: FloatArray
-    row: FloatArray
-    start: FloatArray
-
-    def __post_init__(self) -> None:
-        two = self.start.size == 2
-        modes = _modes(
-            self.matrix.tobytes(), self.start.size, WORST_OF_TWO if two else WORST_CONDITION
-        )
-        pairs = None
-        if modes is not None:
-            rates, shapes, inverse = modes
-            weights = (self.row @ shapes) * (inverse @ self.start)
-            # Of two conjugate modes one tells all.
-            twice = np.where(rates.imag > 0.0, 2.0, 1.0)
-            keep = rates.imag >= 0.0
-            pairs = list(zip((twice * weights)[keep].tolist(), rates[keep].tolist(), strict=True))
-        object.__setattr__(self, "_pairs", pairs)
-
-    _pairs: list[tuple[complex, complex]] | None = None
-
-    def many(self, times: FloatArray) -> FloatArray:
-        """Values at times in s."""
-        if self._pairs is None:
-            return np.asarray(self.row @ free_motion(self.matrix, self.start, times))
-        total = np.zeros(times.size)
-        for weight, rate in self._pairs:
-            total += (weight * np.exp(rate * times)).real
-        return total
-
-    def one(self, time: float) -> float:
-        """The value at one time in s, in plain floats."""
-        if self._pairs is None:
-            return float(self.many(np.array([time]))[0])
-        return sum((weight * cmath.exp(rate * time)).real for weight, rate in self._pairs)
 
 
 @lru_cache(maxsize=64)

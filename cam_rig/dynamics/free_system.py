@@ -136,12 +136,22 @@ class Flight:
 
     def at(self, time: float) -> FloatArray:
         """The whole state ``(n,)`` at one time in s."""
-        way, _ = self.system.moved(self.start, np.array([time]))
-        return np.asarray(self.start + way[:, 0])
+        return np.asarray(self.start + self.moved_to(time)[0])
+
+    def moved_to(self, time: float) -> tuple[FloatArray, FloatArray]:
+        """How far the states have come ``(n,)`` and their rates at one time in s."""
+        if time not in self._moved:
+            way, rates = self.system.moved(self.start, np.array([time]))
+            self._moved[time] = way[:, 0], rates[:, 0]
+        return self._moved[time]
+
+    @cached_property
+    def _moved(self) -> dict[float, tuple[FloatArray, FloatArray]]:
+        return {0.0: (np.zeros_like(self.start), self.system.rates(self.start))}
 
     def largest_acceleration(self, time: float) -> float:
         """What |acceleration| (m/s²) does not exceed from a time (s) on: neither does energy."""
-        return float(np.linalg.norm(self.system.energy @ self._rates(time)))
+        return float(np.linalg.norm(self.system.energy @ self.moved_to(time)[1]))
 
     def accelerations(self, begin: float, end: float) -> FloatArray:
         """Bernstein ordinates of the acceleration (m/s²) on [begin, end], no longer than a window.
@@ -150,13 +160,8 @@ class Flight:
         """
         system = self.system
         part = (end - begin) / system.window
-        terms = (system.series @ self._rates(begin)) * part ** np.arange(SERIES_DEGREE + 1.0)
+        terms = (system.series @ self.moved_to(begin)[1]) * part ** np.arange(SERIES_DEGREE + 1.0)
         return np.asarray(bernstein_from_powers(SERIES_DEGREE) @ terms)
-
-    def _rates(self, time: float) -> FloatArray:
-        if time == 0.0:
-            return self.system.rates(self.start)
-        return self.system.moved(self.start, np.array([time]))[1][:, 0]
 
 
 @lru_cache(maxsize=8)

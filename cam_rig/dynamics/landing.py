@@ -101,18 +101,18 @@ class Approach:
     def _at(self, time: float, piece: int) -> Gap:
         """The gap by how far both have come since; where a piece ends, before what follows it."""
         begun, flight = self._begin(), self.flight
-        way, rates = flight.system.moved(flight.start, np.array([time]))
-        row, start = flight.system.row, flight.system.rates(flight.start)
+        row, (way, rates) = flight.system.row, flight.moved_to(time)
         noise = gap_rounding(self.law, float(row @ flight.start))
         if piece == self._start[0] and self.speed * time < self.law.spans[piece]:
             cam = self._bent(time)
-            more = float(row @ way[:, 0] - row @ start * time) - cam[0]
-            faster = float(row @ rates[:, 0] - row @ start) - cam[1]
+            first = row @ flight.moved_to(0.0)[1]
+            more = float(row @ way - first * time) - cam[0]
+            faster = float(row @ rates - first) - cam[1]
             gap = begun.gap + begun.rate * time + more
             return Gap(time, gap, begun.rate + faster, noise)
         u = self.law.within(np.array([piece]), self.angle, np.array([self.speed * time]))
         s, slope = (order(float(u[0])) for order in self.law.scalars(piece)[:2])
-        place, velocity = float(row @ (flight.start + way[:, 0])), float(row @ rates[:, 0])
+        place, velocity = float(row @ (flight.start + way)), float(row @ rates)
         return Gap(time, place - s, velocity - self.speed * slope, noise)
 
     def _bent(self, time: float) -> tuple[float, float]:

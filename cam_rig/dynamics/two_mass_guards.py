@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from cam_rig.dynamics.two_mass_flight import free_masses, from_inner, to_inner
 from cam_rig.dynamics.uniform import polynomial_part
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.bernstein import EPS, FloatArray
+from cam_rig.laws.law import Scalar
 
 #: A force this many rounding errors below zero is below zero.
 ROUNDING_ERRORS = 64.0
@@ -46,7 +48,7 @@ class _Force:
 
     def run(self, limit: float, noise: float) -> float | None:
         """Time (s) of the zero after which the force is below −``noise``, None up to ``limit``."""
-        begin = 0.0
+        begin = self._above_until(0.0, limit, noise)
         while begin < limit:
             end = min(begin + self._window, limit)
             at = fall(self._series(begin, end), noise)
@@ -76,11 +78,10 @@ class _Force:
 
     def _above_until(self, begin: float, limit: float, noise: float) -> float:
         """Time from ``begin`` on up to which steps prove that the force is above ``noise``."""
-        forced = float(np.abs(bernstein.derivative(bernstein.derivative(self.ordinates))).max())
         while begin < limit:
             free = self._free(np.array([begin]))[:, 0]
-            bend = forced / self.length**2 + self._largest_bend(free)
-            value = float(self._many(np.array([begin]))[0])
+            bend = self._forced_bend + self._largest_bend(free)
+            value = self._forced((self.local + begin) / self.length) + float(self.row @ free)
             wide = min(step(value, bend, LEAST_STEP * self._window), limit)
             times = np.minimum(begin + wide * np.arange(TOGETHER + 1), limit)
             times = times[: np.argmax(times) + 1]
@@ -90,6 +91,16 @@ class _Force:
             if clear < times.size - 1:
                 break
         return begin
+
+    @cached_property
+    def _forced(self) -> Scalar:
+        return bernstein.scalar(self.ordinates)
+
+    @cached_property
+    def _forced_bend(self) -> float:
+        """What the polynomial's share of |F̈| does not exceed, N/s²."""
+        bend = bernstein.derivative(bernstein.derivative(self.ordinates))
+        return float(np.abs(bend).max()) / self.length**2
 
     def _largest_bend(self, free: FloatArray) -> float:
         """What the vibration's share of |F̈| does not exceed after (η, η̇): energy does not grow."""
