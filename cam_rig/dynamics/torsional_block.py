@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cam_rig.dynamics.block import NS, Block, FollowerState, Interval, ended, require_joined
+from cam_rig.dynamics.block import Block, FollowerState, Interval, ended, require_joined
 from cam_rig.dynamics.numbers import require_turning
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.torsional import TorsionalMotion, solve
@@ -58,14 +58,12 @@ def advance(
     require_joined(state, interval)
     twist = (0.0, 0.0) if state is None else state.inner
     start = TorsionalState(twist[0], twist[1], interval.angle, interval.speed)
-    motion = solve(
-        law, parameters, start, interval.start_ns / NS, interval.duration, interval.acceleration
-    )
+    # From time zero: a late start takes no digits from the samples' times.
+    motion = solve(law, parameters, start, 0.0, interval.duration, interval.acceleration)
     grid = interval.grid(sample_rate)
     rows = np.zeros((6, grid.count))
     rows[0] = (grid.first + np.arange(grid.count)) / sample_rate
-    inside = np.clip(interval.start_ns / NS + grid.since_start(), None, motion.stop_time)
-    rows[1:5] = follower_rows(motion, inside)
+    rows[1:5] = follower_rows(motion, np.minimum(grid.since_start(), motion.stop_time))
     x, v, _, force = follower_rows(motion, np.array([motion.stop_time]))[:, 0].tolist()
     inner = (motion.end.twist, motion.end.twist_rate)
     end = FollowerState(x, v, force, in_contact=True, inner=inner)

@@ -1,5 +1,6 @@
 """The drive's program: whole turns, ticks that meet, an angle that never jumps."""
 
+from fractions import Fraction
 from itertools import groupby, pairwise
 
 import numpy as np
@@ -31,8 +32,27 @@ def test_each_step_is_whole_turns(scene):
         if (after.cam, after.speed) != (before.cam, before.speed):
             steps.append(after)
     assert len(steps) == 2 * 4 + 1
-    turned = np.diff([state.angle for state in steps]) / TURN
+    turned = np.diff([state.unwrapped for state in steps]) / TURN
     np.testing.assert_allclose(turned, 3.0, rtol=0, atol=1e-8)
+
+
+def test_the_angle_keeps_its_digits(make_scene):
+    """θ of each state of a speed held for a thousand turns is ω t to the last digit, turns and all.
+
+    One number for both would have lost three digits of it.
+    """
+    scene = make_scene(speeds=[300, 400], turns=1000)
+    last = None
+    for state in cam_states(scene):
+        if last is None or state.speed != last.speed:
+            last = state
+        ahead = Fraction(last.speed) * (state.time_ns - last.time_ns) / NS
+        turned = ahead + Fraction(last.angle) + last.turns * Fraction(TURN)
+        away = Fraction(state.angle) + state.turns * Fraction(TURN) - turned
+        assert 0.0 <= state.angle < TURN
+        assert abs(float(away)) < 2e-15
+        if state.speed == 0.0:
+            break
 
 
 def test_stamps_rise_and_start_at_zero(scene):
@@ -45,8 +65,8 @@ def test_stamps_rise_and_start_at_zero(scene):
 def test_angle_is_continuous(scene):
     """θ at a state is where the state before it has turned to, over speeds and cams."""
     for before, after in pairwise(cam_states(scene)):
-        reached = before.angle + before.speed * (after.time_ns - before.time_ns) / NS
-        assert after.angle == pytest.approx(reached, abs=1e-12)
+        reached = before.speed * (after.time_ns - before.time_ns) / NS
+        assert after.since(before) == pytest.approx(reached, abs=1e-12)
 
 
 def test_order_of_cams_and_speeds(scene):
@@ -122,7 +142,7 @@ def test_angle_and_speed_go_on_over_ramps(ramped):
     states = list(cam_states(ramped))
     assert states[0].speed == 0.0
     for part, (before, after) in zip(intervals(ramped), pairwise(states), strict=True):
-        assert part.angle_at(part.duration) == pytest.approx(after.angle, abs=1e-11)
+        assert part.unwrapped_at(part.duration) == pytest.approx(after.unwrapped, abs=1e-11)
         if after.cam == before.cam and after is not states[-1]:
             assert part.speed_at(part.duration) == pytest.approx(after.speed, rel=1e-9)
 
