@@ -166,7 +166,7 @@ def test_a_step_of_the_speed_moves_the_cam_alone(laws, parameters, model, faster
     state, block = advance(law, p, None, Interval(0, MS, angle - slow * 1e-3, slow), RATE)
     assert block.events == ()
     change = float(law(angle, 1)) * slow * (faster - 1.0)
-    end, block = advance(law, p, state, Interval(MS, 2 * MS, angle, slow * faster), RATE)
+    _, block = advance(law, p, state, Interval(MS, 2 * MS, angle, slow * faster), RATE)
     if model == "residual":
         assert block.rows[2, 0] == pytest.approx(state.velocity, abs=0.02 * abs(change))
         return  # its acceleration is the stem's
@@ -179,7 +179,7 @@ def test_a_step_of_the_speed_moves_the_cam_alone(laws, parameters, model, faster
     else:
         since = block.rows[0, 0] - first.time
         begun = block.rows[2, 0] - block.rows[3, 0] * since
-        assert begun == pytest.approx(state.velocity, abs=1e-3 * abs(change))
+        assert begun == pytest.approx(state.velocity, abs=3e-3 * abs(change))
 
 
 def test_a_disc_knows_no_turns():
