@@ -25,7 +25,7 @@ from cam_rig.laws.bernstein import FloatArray
 ROUNDING_ERRORS = 16.0
 #: The same for what is reckoned from accelerations, of theirs.
 OF_ACCELERATIONS = 64.0
-#: Roundings of an angle that a lift-off may be wrong.
+#: Roundings of an angle that a lift-off may be wrong by.
 SLIP = 4.0
 #: Longest time (s) before a kink that may be none.
 KINK_S = 1e-7
@@ -76,7 +76,9 @@ class Approach:
     @property
     def _rounding(self) -> float:
         """Time (s) before the end of a flight that may be none, if a kink ends it."""
-        return min(SAME_PLACE / self.speed, KINK_S) if self.law.kinks else 0.0
+        if not self.law.kinks:
+            return 0.0
+        return min(max(SAME_PLACE / self.speed, 4.0 * self._last_digit), KINK_S)
 
     def _begin(self) -> Gap:
         flight = self.flight
@@ -98,16 +100,22 @@ class Approach:
         piece, low, high = self._piece(0.0)
         return piece, min(max((self.angle - low) / (high - low), 0.0), 1.0 - 1e-16)
 
+    @property
+    def _left_of_piece(self) -> float:
+        """Time (s) up to the end of the piece where the flight begins."""
+        piece, first = self._start
+        return float(self.law.spans[piece]) * (1.0 - first) / self.speed
+
     def _at(self, time: float, piece: int) -> Gap:
         """The gap by how far both have come since; where a piece ends, before what follows it."""
         begun, flight = self._begin(), self.flight
         row, (way, rates) = flight.system.row, flight.moved_to(time)
         noise = gap_rounding(self.law, float(row @ flight.start))
-        if piece == self._start[0] and self.speed * time < self.law.spans[piece]:
+        if piece == self._start[0] and time <= self._left_of_piece:
             cam = self._bent(time)
-            first = row @ flight.moved_to(0.0)[1]
-            more = float(row @ way - first * time) - cam[0]
-            faster = float(row @ rates - first) - cam[1]
+            begin = row @ flight.moved_to(0.0)[1]
+            more = float(row @ way - begin * time) - cam[0]
+            faster = float(row @ rates - begin) - cam[1]
             gap = begun.gap + begun.rate * time + more
             return Gap(time, gap, begun.rate + faster, noise)
         u = self.law.within(np.array([piece]), self.angle, np.array([self.speed * time]))
@@ -121,8 +129,7 @@ class Approach:
         In the piece where the flight begins. From s'' alone: the rounding of s and of s', which
         differs from that of the follower's place and velocity, does not enter.
         """
-        piece, first = self._start
-        length = float(self.law.spans[piece]) * (1.0 - first) / self.speed
+        (piece, first), length = self._start, self._left_of_piece
         bend = bernstein.restrict(self.law.motion[2][:, piece], first, 1.0) * self.speed**2
         rates = length * bernstein.antiderivative(bend)
         u = min(time / length, 1.0)
@@ -204,7 +211,7 @@ class Approach:
         The time is a float, and so is the angle: the force there is not quite none.
         """
         jerk = (acceleration.size - 1) / length * float(np.abs(np.diff(acceleration)[:2]).max())
-        return jerk * SLIP * bernstein.EPS * (abs(self.angle) + TURN) / self.speed
+        return jerk * self._last_digit
 
     def _bend_size(self, piece: int) -> float:
         """What rounding of s'' (m/rad²) is to be measured by: its own size, and that of s."""
@@ -213,15 +220,24 @@ class Approach:
         return OF_ACCELERATIONS * float(law.bends[piece]) + differences
 
     def _piece(self, time: float) -> tuple[int, float, float]:
-        """The law's piece from a time on, and the angles (rad) where it begins and ends."""
+        """The law's piece from a time on, and the angles (rad) where it begins and ends.
+
+        One that ends within the rounding of the angle is over: a follower that leaves the cam
+        where s'' falls leaves it there, and not a last digit before.
+        """
         law, at = self.law, self.angle + self.speed * time
         turn = math.floor(at / TURN) * TURN
         index = law.piece(at - turn)
         low, high = law.joints[index] + turn, law.joints[index + 1] + turn
-        if (high - self.angle) / self.speed <= time:  # rounding put the joint behind
+        if (high - self.angle) / self.speed <= time + self._last_digit:
             index = (index + 1) % law.spans.size
             low, high = high, high + float(law.spans[index])
         return index, low, high
+
+    @cached_property
+    def _last_digit(self) -> float:
+        """Time (s) in which the cam turns by the rounding of its angle."""
+        return SLIP * bernstein.EPS * (abs(self.angle) + TURN) / self.speed
 
 
 def _landing(gaps: FloatArray, now: Gap, length: float, doubt: float) -> float | None:

@@ -56,16 +56,17 @@ def compare(law, model, seed):
 
 
 @pytest.mark.parametrize("model", ["one_mass", "separation"])
-@pytest.mark.parametrize("seed", range(4))
-def test_the_number_of_hops_is_the_runs_own(laws, model, seed):
-    """Not that of its ticks: the same events, impulses to 1e-9."""
-    compare(laws["poly345"], model, seed)
+@pytest.mark.parametrize("cam", ["poly345", "bezier15"])
+@pytest.mark.parametrize("seed", [101, 103, 113])
+def test_the_number_of_hops_is_the_runs_own(laws, model, cam, seed):
+    """Not that of its ticks: the same events, impulses to 1e-9. Bézier 15 is all one piece."""
+    compare(laws[cam], model, seed)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("model", ["one_mass", "separation"])
 @pytest.mark.parametrize("cam", ["poly345", "tm21", "bezier15"])
-@pytest.mark.parametrize("seed", range(100, 130))
+@pytest.mark.parametrize("seed", range(100, 140))
 def test_more_hops(laws, model, cam, seed):
     """The same for more rigs and cams."""
     compare(laws[cam], model, seed)

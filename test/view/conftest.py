@@ -84,7 +84,7 @@ class Messages:
             topics.CAM_STATE.type,
             header=self.header(state.time_ns, state.cam),
             name=["cam"],
-            position=np.array([state.angle]),
+            position=np.array([state.unwrapped]),
             velocity=np.array([state.speed]),
             effort=np.array([0.0]),
         )
@@ -139,7 +139,7 @@ def make_bag(folder: Path, config: Path, leave_out: tuple[Topic, ...] = ()) -> S
                 pressure = microphone.listen(rows, last.speed)
                 level = float(level_db(pressure))
                 made.rows.append(rows)
-                made.angles.append(last.angle + last.speed * (rows[0] - last.time_ns / NS))
+                made.angles.append(last.unwrapped + last.speed * (rows[0] - last.time_ns / NS))
                 made.levels.append((state.time_ns, level))
                 made.pressures.append(pressure)
                 block = messages.array(*encode_block(rows))
