@@ -38,14 +38,14 @@ COLUMNS = (
 
 
 def wrap(angle: float, turns: int = 0) -> tuple[int, float]:
-    """Whole turns and what is left of an angle (rad), in [0, 2π): no digit of it is lost."""
+    """Whole turns and what is left of an angle (rad), in [0, 2π)."""
     if 0.0 <= angle < TURN:
         return turns, angle
-    rest = math.fmod(angle, TURN)
-    turns += round((angle - rest) / TURN)
+    whole = math.floor(angle / TURN)
+    rest = angle - whole * TURN
     if rest < 0.0:
-        rest, turns = rest + TURN, turns - 1
-    return (turns, rest) if rest < TURN else (turns + 1, 0.0)
+        rest, whole = rest + TURN, whole - 1
+    return (turns + whole, rest) if rest < TURN else (turns + whole + 1, 0.0)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,8 @@ from typing import NamedTuple
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import TURN, Law
 
-#: Rounding (rad) that the angle at a border of two intervals may have, up to 1e5 turns.
+#: Rounding (rad) that the angle at a border of two intervals may have: given as one number with
+#: its turns, up to 1e5 of them.
 SLACK = 1e-9
 #: Two events closer than this angle (rad) to each other are at one place.
 SAME_PLACE = 1e-12

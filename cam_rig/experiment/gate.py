@@ -7,6 +7,7 @@ from collections import deque
 from enum import Enum
 
 from cam_rig.dynamics import ANGLE_TOLERANCE, NS
+from cam_rig.dynamics.numbers import MOST_ANGLE
 from cam_rig.errors import RefusedError
 from cam_rig.experiment.program import CamState
 from cam_rig.schema import SceneConfig
@@ -127,10 +128,11 @@ def require_possible(state: CamState) -> None:
     ------
     RefusedError : names the number and what is allowed
     """
-    if not (math.isfinite(state.angle) and math.isfinite(state.speed) and state.time_ns >= 0):
+    known = math.isfinite(state.angle) and abs(state.unwrapped) <= MOST_ANGLE
+    if not (known and math.isfinite(state.speed) and state.time_ns >= 0):
         raise RefusedError(
-            f"cam state: {state.time_ns} ns, θ {state.angle} rad, ω {state.speed} rad/s; "
-            "allowed: finite numbers, time from zero"
+            f"cam state: {state.time_ns} ns, θ {state.unwrapped} rad, ω {state.speed} rad/s; "
+            f"allowed: finite numbers, θ up to {MOST_ANGLE:g} rad, time from zero"
         )
     if not 0.0 <= state.speed <= FASTEST:
         raise RefusedError(f"cam state: ω {state.speed:g} rad/s; allowed: 0 to {FASTEST:.6g} rad/s")

@@ -148,7 +148,8 @@ def test_a_turn_ends_where_the_next_begins(laws, parameters):
     assert wrap(-1e-17) == (0, 0.0)
     assert wrap(7.0 * TURN + 1.0, 5) == (12, pytest.approx(1.0, abs=1e-14))
     assert wrap(-1.0) == (-1, TURN - 1.0)
-    assert wrap(1e12)[1] == np.fmod(1e12, TURN)
+    for turns, angle in ((3, 1.0), (-7, 0.5), (10_000_000, 6.2)):
+        assert wrap(turns * TURN + angle) == (turns, pytest.approx(angle, abs=np.spacing(1e8)))
 
 
 @pytest.mark.parametrize("faster", [0.8, 1.25])
