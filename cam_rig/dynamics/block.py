@@ -43,8 +43,10 @@ def wrap(angle: float, turns: int = 0) -> tuple[int, float]:
         return turns, angle
     whole = math.floor(angle / TURN)
     rest = angle - whole * TURN
-    if rest < 0.0:
-        rest, whole = rest + TURN, whole - 1
+    if not 0.0 <= rest < TURN:  # by rounding, which is many turns of an angle of 1e18
+        rest = math.fmod(angle, TURN)
+        rest = rest + TURN if rest < 0.0 else rest
+        whole = round((angle - rest) / TURN)
     return (turns + whole, rest) if rest < TURN else (turns + whole + 1, 0.0)
 
 

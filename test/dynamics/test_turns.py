@@ -52,13 +52,33 @@ def ticked(law, model, p, total, tick, turns=0, acceleration=0.0):
     return rows, [(e.kind, e.time - late[0], e.angle - late[1], e) for e in events], state
 
 
-def same(found, wanted, turns):
+def known_until(law, model, p, total, acceleration, wanted):
+    """Time (s) up to which the last digit of a number moves no event by more than 1e-14 s.
+
+    Bounce after bounce enlarges it, in some series a billion times: no tick can be better.
+    """
+    until = np.inf
+    for last in (-1e-15, 1e-15):
+        for name in ("preload", "spring_stiffness"):
+            nudged = replace(p, **{name: getattr(p, name) * (1.0 + last)})
+            events = ticked(law, model, nudged, total, PERIOD, 0, acceleration)[1]
+            for one, other in itertools.zip_longest(events, wanted[1]):
+                if one is None or other is None or abs(one[1] - other[1]) > 1e-14:
+                    until = min(until, *(event[1] for event in (one, other) if event))
+                    break
+    return until
+
+
+def same(found, wanted, turns, until=np.inf):
     """Events and samples to 1e-10 of each row's size; a late clock has few digits after its dot."""
     rows, events, state = found
-    size = np.abs(wanted[0]).max(axis=1)
+    size, early = np.abs(wanted[0]).max(axis=1), wanted[0][0] < until
     clock = 1e-12 + np.spacing(turns * PERIOD / NS)
-    assert (np.abs(rows - wanted[0]).max(axis=1)[1:] <= 1e-10 * size[1:]).all()
+    assert (np.abs(rows - wanted[0])[1:, early].max(axis=1) <= 1e-10 * size[1:]).all()
     assert np.abs(rows[0] - wanted[0][0]).max() <= clock
+    if until < np.inf:
+        events = [event for event in events if event[1] < until - clock]
+        wanted = wanted[0], wanted[1][: len(events)], state
     assert [kind for kind, *_ in events] == [kind for kind, *_ in wanted[1]]
     for one, other in zip(events, wanted[1], strict=True):
         assert one[1] == pytest.approx(other[1], abs=clock)
@@ -100,9 +120,13 @@ def test_late_turns_are_like_the_first(laws, parameters, name, acceleration):
 def test_all_late_turns_in_all_ticks(laws, parameters, name, acceleration, cam):
     """The same for more cams, and each length of a tick after each number of turns."""
     model, p = parameters(name)
-    wanted = ticked(laws[cam], model, p, 500 * MS, PERIOD, 0, acceleration)
+    law, total = laws[cam], 500 * MS
+    wanted, until = ticked(law, model, p, total, PERIOD, 0, acceleration), np.inf
+    if model in ("one_mass", "separation"):
+        until = known_until(law, model, p, total, acceleration, wanted)
     for tick, turns in itertools.product(TICKS.values(), TURNS):
-        same(ticked(laws[cam], model, p, 500 * MS, tick, turns, acceleration), wanted, turns)
+        found = ticked(law, model, p, total, tick, turns, acceleration)
+        same(found, wanted, turns, until)
 
 
 @pytest.mark.parametrize("apart", [True, False])
@@ -148,6 +172,8 @@ def test_a_turn_ends_where_the_next_begins(laws, parameters):
     assert wrap(-1e-17) == (0, 0.0)
     assert wrap(7.0 * TURN + 1.0, 5) == (12, pytest.approx(1.0, abs=1e-14))
     assert wrap(-1.0) == (-1, TURN - 1.0)
+    for huge in (2.2495818320978993e18, -1e300, 1e16):
+        assert 0.0 <= wrap(huge)[1] < TURN
     for turns, angle in ((3, 1.0), (-7, 0.5), (10_000_000, 6.2)):
         assert wrap(turns * TURN + angle) == (turns, pytest.approx(angle, abs=np.spacing(1e8)))
 
