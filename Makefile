@@ -10,7 +10,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 # A sourced ROS installation must not leak into .venv.
 unexport PYTHONPATH
 
-.PHONY: help setup run view pictures test test-long references bench lock clean
+.PHONY: help setup run view pictures test lint tests test-long references bench lock clean
 
 help: ## list these targets
 	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/  make \1\t\2/p' Makefile | expand -t 18
@@ -29,10 +29,14 @@ pictures: setup ## run the sweep, and draw the pictures in docs/ from its bag
 	@$(BIN)/cam-rig pictures out/pictures
 
 test: setup ## lint, types, import rules, tests
-	$(BIN)/ruff check
-	$(BIN)/ruff format --check
-	$(BIN)/mypy
-	$(BIN)/lint-imports
+	@$(MAKE) --no-print-directory --jobs=2 lint tests
+
+lint: setup ## lint, types, import rules alone; their words where one does not hold
+	@words=$$({ $(BIN)/ruff check && $(BIN)/ruff format --check && $(BIN)/mypy && \
+		$(BIN)/lint-imports; } 2>&1) && echo 'lint, types, import rules: all hold' || \
+		{ printf '%s\n' "$$words"; exit 1; }
+
+tests: setup ## the tests alone
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest $(WORKERS)
 
 test-long: setup ## all tests, with many more random cases (most of an hour)

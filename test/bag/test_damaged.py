@@ -108,7 +108,7 @@ def blank(data, _, chance):
 
 WAYS = (truncate, flip, flip_the_head, flip_the_summary, splice, claim, claim_inside, blank)
 CASES = [
-    pytest.param(seed, marks=() if seed < 24 else (pytest.mark.long,)) for seed in range(8 * 50)
+    pytest.param(seed, marks=() if seed < 16 else (pytest.mark.long,)) for seed in range(8 * 50)
 ]
 
 

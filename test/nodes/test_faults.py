@@ -42,6 +42,7 @@ def test_a_killed_node_ends_the_run(ros_domain, wait_for, rig, short_scene, tmp_
     assert (rig.unused() - before) & names == set()
 
 
+@pytest.mark.long
 def test_a_recorder_killed_while_all_are_ended_is_named(
     ros_domain, rig, short_scene, tmp_path, monkeypatch
 ):
@@ -63,6 +64,7 @@ def test_a_recorder_killed_while_all_are_ended_is_named(
     assert 0 < len(read_recording(bag).ticks) <= rig.ticks
 
 
+@pytest.mark.long
 def test_a_full_disk_ends_the_run_with_its_name(ros_domain, rig, short_scene, tmp_path):
     """A file may grow to 300 kB here: the recorder says what it could not write."""
     limited = "import resource as r; r.setrlimit(r.RLIMIT_FSIZE, (300_000, 300_000))"

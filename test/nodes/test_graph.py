@@ -5,12 +5,13 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
 from cam_rig.bag.complete import require_complete
 from cam_rig.bag.files import is_torn
-from cam_rig.bag.reader import read_recording
+from cam_rig.bag.reader import read_counts, read_recording
 from cam_rig.cli.graph import Graph
 from cam_rig.errors import RunError
 from cam_rig.experiment.noise import step_levels
@@ -95,10 +96,8 @@ def start_run(rig, wait_for, tmp_path):
     return process, scene, bag
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param("SIGINT", marks=LONG), "SIGTERM", pytest.param("SIGHUP", marks=LONG)],
-)
+@LONG
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
 def test_a_signal_ends_all_and_closes_the_bag(ros_domain, rig, wait_for, tmp_path, name):
     """Ctrl-C, kill, a closed terminal: code 128 + signal, a closed bag, no process left."""
     process, scene, bag = start_run(rig, wait_for, tmp_path)
@@ -117,3 +116,18 @@ def test_a_killed_runner_leaves_no_node(ros_domain, wait_for, rig, tmp_path):
     process.kill()
     process.communicate()
     wait_for(lambda: not rig.processes(scene))
+
+
+def test_nothing_is_sent_before_everybody_is_ready(ros_domain, rig, short_scene, tmp_path):
+    """The recorder stands while it starts: no state goes out; then it goes on, and all goes out."""
+    with Graph(rig.live(short_scene, tmp_path / "bag")) as graph:
+        recorder = graph.processes["recorder"]
+        recorder.process.send_signal(signal.SIGSTOP)
+        reports = graph._lines
+        drive = graph.processes["cam_drive"]
+        while "follower is ready" not in "".join(drive.words):
+            time.sleep(0.02)
+        assert reports.empty() and not drive.has_ended
+        recorder.process.send_signal(signal.SIGCONT)
+        assert [report["tick"] for report in graph.progress()][-1] == 160
+    assert read_counts(tmp_path / "bag")["/cam/state"] == 161

@@ -66,12 +66,9 @@ def test_a_recorder_that_dies_after_the_drives_end_leaves_no_trace(
     assert_same(rig.payloads(tmp_path / "bag"), undisturbed)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
-    "victims",
-    [
-        ("follower", "cam_drive"),
-        pytest.param(("recorder", "follower", "microphone"), marks=pytest.mark.long),
-    ],
+    "victims", [("follower", "cam_drive"), ("recorder", "follower", "microphone")]
 )
 def test_a_second_node_dies_while_the_first_returns(
     ros_domain, wait_for, rig, short_scene, undisturbed, tmp_path, victims

@@ -8,7 +8,6 @@ import time
 
 import pytest
 
-from cam_rig.bag.reader import read_counts
 from cam_rig.cli.graph import Graph, InterruptError
 from cam_rig.cli.process import NodeProcess
 
@@ -49,21 +48,6 @@ def test_a_node_ends_by_a_signal_that_its_shell_ignores(ros_domain, short_scene)
             break
         except subprocess.TimeoutExpired:
             continue
-
-
-def test_nothing_is_sent_before_everybody_is_ready(ros_domain, rig, short_scene, tmp_path):
-    """The recorder stands while it starts: no state goes out; then it goes on, and all goes out."""
-    with Graph(rig.live(short_scene, tmp_path / "bag")) as graph:
-        recorder = graph.processes["recorder"]
-        recorder.process.send_signal(signal.SIGSTOP)
-        reports = graph._lines
-        drive = graph.processes["cam_drive"]
-        while "follower is ready" not in "".join(drive.words):
-            time.sleep(0.02)
-        assert reports.empty() and not drive.has_ended
-        recorder.process.send_signal(signal.SIGCONT)
-        assert [report["tick"] for report in graph.progress()][-1] == 160
-    assert read_counts(tmp_path / "bag")["/cam/state"] == 161
 
 
 def test_a_run_that_is_interrupted_before_it_began_has_recorded_nothing(
