@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+import shlex
 import shutil
 import signal
 import subprocess
@@ -87,7 +88,7 @@ def in_a_full_one(*command):
     unshare = shutil.which("unshare")
     if unshare is None or subprocess.run([unshare, "-m", "true"], check=False).returncode:
         pytest.skip("no mount namespace can be made here")
-    line = FULL + " ".join(command)
+    line = FULL + shlex.join(command)
     done = subprocess.run(
         [unshare, "-m", "sh", "-c", line], capture_output=True, text=True, check=False
     )
@@ -98,8 +99,8 @@ def in_a_full_one(*command):
 
 def test_a_run_in_a_full_shared_memory_says_so(tmp_path):
     """Before a node is started; nothing is recorded."""
-    run = f"{sys.executable} -m cam_rig.cli.main run quick --bag {tmp_path / 'bag'}"
-    done = in_a_full_one(run)
+    bag = str(tmp_path / "bag")
+    done = in_a_full_one(sys.executable, "-m", "cam_rig.cli.main", "run", "quick", "--bag", bag)
     assert done.returncode == 1
     assert (
         done.stderr.strip()
