@@ -112,7 +112,7 @@ class Case:
             found.append(f"does not name {self.node}: {self.error}")
         if self.respawn and (self.error or payloads(bag) != undisturbed):
             found.append(f"is not the undisturbed run: {self.error}")
-        words = next((line for line in self.said if line.startswith("what was recorded")), "")
+        words = next((line for line in self.said if "was recorded" in line), "")
         try:
             counts = read_counts(bag) if bag.exists() else {}
         except CamRigError as error:

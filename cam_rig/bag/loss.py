@@ -99,6 +99,9 @@ def loss_of(holdings: Holdings, scene: SceneConfig | None, whole: bool, ours: bo
                 ends = f"it was closed after tick {states[-1][0]} of {total}"
         lacking = _lacking(holdings, list(_moves(states)))
         gaps = [_gap_words(run, total) for run in _runs(lacking)]
+        last = max(holdings.times.get(topics.DIAGNOSTICS.name, {0}))
+        if not whole and last < states[-1][1].time_ns:  # nobody knows how many there were
+            gaps.append(f"and {topics.DIAGNOSTICS.name} after {last / 1e9:.6g} s, not counted here")
         open_end = False
     else:
         states = sorted((number - 1, state) for number, state in holdings.states) if ours else []

@@ -23,7 +23,8 @@ class Publishers:
         name_of: Callable[[Topic, bytes], str] = lambda _topic, source: source.hex(),
     ) -> None:
         self._starts, self._name_of = starts, name_of
-        self._sources: dict[str, list[bytes]] = {}
+        #: By node and process, the topic on which it was first heard.
+        self._sources: dict[str, dict[bytes, Topic]] = {}
 
     def require(self, node: str, topic: Topic, source: bytes) -> None:
         """Refuse to go on when another process than a node's own publishes what is that node's.
@@ -34,12 +35,22 @@ class Publishers:
         ------
         RunError : a second publisher, by its name
         """
-        known = self._sources.setdefault(node, [])
+        known = self._sources.setdefault(node, {})
         if not source or source in known:
             return
         if len(known) >= self._starts(node):
-            raise second_publisher(topic, node, self._name_of(topic, source))
-        known.append(source)
+            raise self._stranger(node, {source: topic, **known})
+        known[source] = topic
+
+    def _stranger(self, node: str, heard: dict[bytes, Topic]) -> RunError:
+        """The error that names who does not bear the node's name, be it the first that was heard.
+
+        Where all bear it, the one that was heard last.
+        """
+        names = {source: self._name_of(topic, source) for source, topic in heard.items()}
+        strangers = [source for source, name in names.items() if name.split("/")[-1] != node]
+        source = next(iter(strangers or heard))
+        return second_publisher(heard[source], node, names[source])
 
 
 def second_publisher(topic: Topic, node: str, other: str) -> RunError:

@@ -28,6 +28,9 @@ from cam_rig.bag.writer import BagWriter, require_new_bag
 from cam_rig.errors import BagError, CamRigError
 from cam_rig.schema import SceneConfig
 
+#: What is said of a recording with no message in it.
+NOTHING = "nothing was recorded"
+
 
 @dataclass(frozen=True)
 class Recovered:
@@ -74,7 +77,7 @@ class Recovered:
     def _damage(self) -> list[str]:
         found, words = self.salvage, []
         if found.cut:
-            words.append(f"{found.cut} of them from a truncated chunk")
+            words.append(f"{found.cut} of the saved are from a truncated chunk")
         if found.damaged:
             words.append(f"damaged records: {found.damaged}, first: {found.why}")
         if found.doubt is not None:
@@ -142,12 +145,12 @@ def state_words(bag: Path) -> str:
     file = bag_file(bag)
     try:
         if not any(f.exists() and f.stat().st_size for f in (file, file.with_suffix(TORN))):
-            return "nothing was recorded"
+            return NOTHING
         words = recover_in_place(bag).words if is_torn(bag) else ""
         count = sum(read_counts(bag).values())
     except (BagError, OSError) as error:
         return str(error).removeprefix(f"{bag}: ")
-    return (words or f"closed, {count} messages") if count else "nothing was recorded"
+    return (words or f"closed, {count} messages") if count else NOTHING
 
 
 def _is_half_made(target: Path) -> bool:

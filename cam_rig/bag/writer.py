@@ -244,7 +244,8 @@ class BagWriter:
             self._file.close()
         written = sum(self.counts.values())
         self._failed = BagError(
-            f"{self.directory}: cannot be written ({error.strerror}) after {written} messages"
+            f"{self.directory}: cannot be written ({error.strerror}) after {written} messages, of "
+            "which the last may be lost"
         )
         return self._failed
 

@@ -104,8 +104,11 @@ class Graph:
         trace: TracebackType | None,
     ) -> None:
         self._end()
+        from cam_rig.bag.recover import NOTHING
+
         if error is not None or self._unclosed:
-            self._say(f"what was recorded so far is in {self._bag}: {self._kept}")
+            there = f"what was recorded so far is in {self._bag}: "
+            self._say(self._kept if self._kept == NOTHING else there + self._kept)
 
     def _end(self) -> None:
         from cam_rig.bag.files import is_torn

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 from cam_rig.cli.shared_memory import why_killed
+from cam_rig.cli.user_folder import user_folder
 from cam_rig.errors import RunError
 from cam_rig.schema.load import config_root
 
@@ -174,6 +175,8 @@ def environment(network: bool = False) -> dict[str, str]:
     # The nodes' matrices are small: threads inside one node only take the cores of the others.
     for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         own.setdefault(threads, "1")
+    if not own.get("HOME"):  # a service or a cron job: ROS would find nowhere for its log files
+        own.setdefault("ROS_LOG_DIR", str(user_folder() / "cam_rig-ros-log"))
     own["CAM_RIG_RUNNER"] = str(os.getpid())
     if network:
         own.setdefault(PROFILES, str(config_root() / "fastdds_subnet.xml"))

@@ -66,6 +66,15 @@ def test_ticks_that_are_gone_are_numbered(first, last):
     assert loss.messages == sum(len(topics) for topics in expected)
 
 
+def test_diagnoses_behind_the_end_are_not_counted_but_named():
+    """Nobody knows how many there were after the place where the file was cut off."""
+    half = TIMES[8]
+    loss = loss_of(held(lambda _topic, m: m.log_time <= half), SCENE, False, True)
+    assert loss.gaps[0] == "ticks 9 to 16 of 16"
+    assert loss.gaps[-1].startswith("and /diagnostics after ")
+    assert loss_of(held(lambda _topic, _m: True), SCENE, True, True).gaps == ()
+
+
 def moves():
     states = list(cam_states(SCENE))
     return list(zip([None, *states[:-1]], states, strict=True))

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from cam_rig.cli import process
-from cam_rig.cli.process import NodeProcess
+from cam_rig.cli.process import NodeProcess, environment
 from cam_rig.errors import RunError
 
 FULL = "node follower cannot be started \\({}\\); end other programs, or raise what .*ulimit -v"
@@ -88,3 +88,14 @@ def _command(process: Path) -> str:
         return (process / "cmdline").read_text(errors="replace")
     except OSError:  # it has ended meanwhile
         return ""
+
+
+def test_a_node_has_a_place_for_its_log_files(monkeypatch, tmp_path):
+    """A service or a cron job has no home: ROS would end each node before it says a word."""
+    monkeypatch.delenv("HOME")
+    monkeypatch.delenv("ROS_LOG_DIR", raising=False)
+    tmp_path.chmod(0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    assert environment()["ROS_LOG_DIR"].startswith(str(tmp_path))
+    monkeypatch.setenv("ROS_LOG_DIR", "/elsewhere")
+    assert environment()["ROS_LOG_DIR"] == "/elsewhere"
