@@ -45,9 +45,9 @@ MOST_WORKERS = 8
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """As many workers as cores that may be used."""
+    """One worker more than there are cores to use: many tests wait for a run to get on."""
     usable = getattr(os, "sched_getaffinity", lambda _: range(os.cpu_count() or 1))
-    return min(len(usable(0)), MOST_WORKERS)
+    return min(len(usable(0)) + 1, MOST_WORKERS)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

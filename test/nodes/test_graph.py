@@ -42,6 +42,7 @@ def test_ramps_give_the_numbers_of_the_core_too(ros_domain, rig, tmp_path):
     require_as_simulated(rig, tmp_path, "published:", ramp + "published:")
 
 
+@pytest.mark.long
 def test_cams_of_fewer_ticks_than_are_in_flight(ros_domain, rig, tmp_path):
     """Each turns in its turn: what the law server says of one is not taken for the next."""
     cams = "cams: [tm21, cycloidal, poly345, bezier15]"

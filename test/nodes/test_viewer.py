@@ -64,6 +64,7 @@ def test_the_live_picture_is_the_bags(ros_domain, wait_for, rig, tmp_path):
         np.testing.assert_array_equal(seen[name], recorded[name], err_msg=name)
 
 
+@pytest.mark.long
 def test_a_killed_viewer_is_started_again(ros_domain, wait_for, rig, tmp_path):
     """A spectator does not cost the measurement: the bag is whole, and the new one sees the end."""
     bag, seen_file, port = tmp_path / "bag", tmp_path / "live.rrd", free_port()
