@@ -30,7 +30,8 @@ from unittest import mock
 
 from mcap.reader import make_reader
 
-from cam_rig.bag.reader import mcap_file, read_counts
+from cam_rig.bag.files import mcap_file
+from cam_rig.bag.reader import read_counts
 from cam_rig.cli import graph as graph_module
 from cam_rig.cli.domain import own_domain
 from cam_rig.cli.graph import Graph, live
