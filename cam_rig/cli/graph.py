@@ -82,6 +82,7 @@ class Graph:
         self._begun = time.time()
         self._bag = Path(str(nodes["recorder"]["bag"]))
         self._unclosed, self._kept = False, ""
+        self._done = False
         self._suspended: dict[str, float] = {}
         self._patience = float(str(nodes[self._drive].get("patience", PATIENCE)))
 
@@ -140,9 +141,13 @@ class Graph:
         """
         while True:
             dead = [name for name, process in self.processes.items() if process.has_ended]
+            if self._drive in dead:
+                self.processes[self._drive].settle()
             yield from self._reports()
             self._require_moving()
             if self._drive in dead and self.processes[self._drive].code == 0:
+                if not self._done:
+                    raise RunError(f"node {self._drive} was told to end {self._last}, not yet done")
                 dead.remove(self._drive)
                 if not self._last_ticks_are_lost(dead):
                     if self._recorder_closes():
@@ -216,6 +221,9 @@ class Graph:
                     report = json.loads(line)
                 except ValueError:  # the middleware's own words
                     self._say(line.rstrip())
+                    continue
+                if "done" in report:
+                    self._done = True
                     continue
                 self._last = f"after tick {report['tick']} ({report['cam']}, {report['rpm']:g} rpm)"
                 yield report

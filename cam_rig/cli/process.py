@@ -49,6 +49,7 @@ class NodeProcess:
     ) -> None:
         self.name = name
         self.words: list[str] = []
+        self._threads: list[threading.Thread] = []
         #: Whether it did not end when it was asked to, so that it had to be killed.
         self.overdue = False
         # as JSON, which is YAML too: a folder called yes or 1e3 stays a text
@@ -105,13 +106,20 @@ class NodeProcess:
 
     def last_words(self) -> str:
         """The last line it wrote to stderr."""
-        time.sleep(0.2)  # let it arrive
+        self.settle()
         words = [line.strip() for line in self.words if line.strip()]
         return words[-1] if words else "it said nothing"
 
     def _listen(self, hear: Callable[[str], None]) -> None:
         for stream, take in ((self.process.stdout, hear), (self.process.stderr, self._hear_words)):
-            threading.Thread(target=_drain, args=(stream, take), daemon=True).start()
+            thread = threading.Thread(target=_drain, args=(stream, take), daemon=True)
+            thread.start()
+            self._threads.append(thread)
+
+    def settle(self) -> None:
+        """Once it has ended: wait until all that it wrote has been read."""
+        for thread in self._threads:
+            thread.join(GRACE)
 
     def _hear_words(self, line: str) -> None:
         if len(self.words) < MOST_WORDS:

@@ -79,6 +79,8 @@ class Pacemaker(RigNode):
         while not (self._awaited or self.done.done()) and self.send_next():
             pass
         if self.is_done():
+            if self.given["report_progress"] and not self.done.done():
+                print(json.dumps({"done": True}), flush=True)
             self.finish()
         elif self.is_idle():
             self._moved = time.monotonic()

@@ -31,6 +31,9 @@ class Process:
     def was_killed(self):
         return self.has_ended and self.code < 0
 
+    def settle(self):
+        pass
+
     def obituary(self):
         return f"{self.name} ended with {self.code}"
 
@@ -73,6 +76,7 @@ def progress(monkeypatch, tmp_path):
         started.clear()
         if killed_closing:
             torn_bag(tmp_path / "bag")
+        graph._lines.put('{"done": true}')
         list(graph.progress())
         return started, said
 
@@ -101,6 +105,22 @@ def test_a_recorder_that_is_killed_while_it_closes_is_started_again(progress):
     started, said = progress(True, killed_closing=1, **codes)
     assert sorted(started) == ["cam_drive", "recorder"]
     assert said == ["node recorder ended with -9 before the first tick: started again"]
+
+
+def test_a_drive_that_was_told_to_end_has_not_done_its_program(monkeypatch, tmp_path):
+    """It ends in order, with code 0, and the run is not complete all the same."""
+
+    class Made(Process):
+        codes: ClassVar = {"cam_drive": [0]}
+
+    monkeypatch.setattr("cam_rig.cli.graph.NodeProcess", Made)
+    monkeypatch.setattr("cam_rig.cli.graph.stop_all", lambda _: None)
+    graph = Graph(live(tmp_path, tmp_path / "bag"))
+    with (
+        pytest.raises(RunError, match="node cam_drive was told to end before the first tick"),
+        graph,
+    ):
+        list(graph.progress())
 
 
 def test_without_respawn_a_recorder_killed_while_it_closes_is_not(progress):
