@@ -14,6 +14,8 @@ from mcap.reader import make_reader
 from cam_rig.bag import files, topics
 from cam_rig.bag.files import mcap_file
 
+from .wrapped_file import WrappedFile
+
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 BY_NAME = {topic.name: topic for topic in topics.RECORDING}
 
@@ -75,12 +77,12 @@ def frugal(bounded):
         yield
 
 
-class Dying(io.RawIOBase):
+class Dying(WrappedFile):
     """A file in whose writing a process may be killed: before, halfway, after."""
 
     def __init__(self, raw, step):
-        self._raw, self._step = raw, step
-        self.name = raw.name
+        super().__init__(raw)
+        self._step = step
 
     def write(self, data):
         data = bytes(data)
@@ -91,26 +93,7 @@ class Dying(io.RawIOBase):
 
     def truncate(self, size=None):
         self._step()
-        return self._raw.truncate(size)
-
-    def writable(self):
-        return True
-
-    def seekable(self):
-        return True
-
-    def fileno(self):
-        return self._raw.fileno()
-
-    def tell(self):
-        return self._raw.tell()
-
-    def seek(self, place, whence=0):
-        return self._raw.seek(place, whence)
-
-    def close(self):
-        self._raw.close()
-        super().close()
+        return super().truncate(size)
 
 
 def _arm(at):

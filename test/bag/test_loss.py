@@ -26,6 +26,8 @@ from cam_rig.experiment.program import cam_states
 from cam_rig.experiment.stage import open_stage
 from cam_rig.schema.load import config_root
 
+from .wrapped_file import WrappedFile
+
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 SCENE = read_stage(GOLDEN).scene
 
@@ -167,11 +169,7 @@ def full_after(monkeypatch, size):
     """A disk that takes so many bytes and no more."""
     left = [size]
 
-    class Raw(io.RawIOBase):
-        def __init__(self, raw):
-            self._raw = raw
-            self.name = raw.name
-
+    class Full(WrappedFile):
         def write(self, data):
             if left[0] == 0:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -179,24 +177,10 @@ def full_after(monkeypatch, size):
             left[0] -= written
             return written
 
-        def writable(self):
-            return True
-
-        def seekable(self):
-            return True
-
-        def fileno(self):
-            return self._raw.fileno()
-
-        def tell(self):
-            return self._raw.tell()
-
-        def close(self):
-            self._raw.close()
-            super().close()
-
     create = files.create
-    monkeypatch.setattr(files, "create", lambda file: io.BufferedWriter(Raw(create(file).detach())))
+    monkeypatch.setattr(
+        files, "create", lambda file: io.BufferedWriter(Full(create(file).detach()))
+    )
 
 
 @pytest.mark.parametrize("room", [0, 5_000, 100_000, 199_000])
