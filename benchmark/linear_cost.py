@@ -22,7 +22,7 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from cam_rig.bench.cases import law_of
+from cam_rig.bench.cases.cases import law_of
 from cam_rig.dynamics import MODELS, NS, FollowerParameters, Interval
 from cam_rig.laws import Law
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 import sys
 import time
 
-from cam_rig.bench import exact, exact_twist, stored
-from cam_rig.bench.cases import CASES
-from cam_rig.bench.twist import Twist
+from cam_rig.bench.cases.cases import CASES
+from cam_rig.bench.cases.twist import Twist
+from cam_rig.bench.reference import exact, exact_twist, stored
 
 
 def main() -> None:

@@ -16,11 +16,11 @@ import numpy as np
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
-from cam_rig.bag import topics
-from cam_rig.bag.codec import stamp_ns
-from cam_rig.cli.graph import Graph, live
-from cam_rig.cli.process import environment
-from cam_rig.nodes.convert import message_class, qos
+from cam_rig.messages import topics
+from cam_rig.messages.codec import stamp_ns
+from cam_rig.nodes.common.convert import message_class, qos
+from cam_rig.runner.graph import Graph, live
+from cam_rig.runner.process import environment
 from cam_rig.schema.load import config_root
 
 ANSWERS = {

@@ -12,10 +12,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from cam_rig.acoustics import level_db, steady_power
-from cam_rig.experiment.noise import step_levels
-from cam_rig.experiment.stage import Stage, open_stage
-from cam_rig.experiment.sweep import simulate
 from cam_rig.schema import SceneConfig
+from cam_rig.simulation.levels import step_levels
+from cam_rig.simulation.scene import Stage, open_stage
+from cam_rig.simulation.simulate import simulate
 
 REFERENCE_HZ = 384_000
 RATES_HZ = (1_000, 2_000, 4_000, 8_000, 12_000, 24_000, 48_000, 96_000)

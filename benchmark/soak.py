@@ -16,11 +16,11 @@ from pathlib import Path
 
 import yaml
 
-from cam_rig.cli.domain import own_domain
-from cam_rig.cli.graph import Graph, live
-from cam_rig.experiment.program import tick_count
+from cam_rig.runner.domain_lock import own_domain
+from cam_rig.runner.graph import Graph, live
 from cam_rig.schema import load_scene
 from cam_rig.schema.load import config_root
+from cam_rig.simulation.schedule import tick_count
 
 #: Wall time (s) between two rows.
 EVERY = 15.0

@@ -8,11 +8,11 @@ from __future__ import annotations
 import platform
 from pathlib import Path
 
-from cam_rig.bench.peers import PEERS
+from cam_rig.bench.peers.peers import PEERS
 from cam_rig.bench.plot import draw
 from cam_rig.bench.report import HEADER, KEY, notes, rows
 from cam_rig.bench.study import FULL
-from cam_rig.cli.bench import measure
+from cam_rig.cli.studies.bench import measure
 
 PAGE, PLOT = Path("docs/speed.md"), Path("docs/speed.png")
 

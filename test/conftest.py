@@ -21,8 +21,9 @@ from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
 
 from .preloaded import Preloaded
 from .references import many_digits
+from .small_scenes import make_scene, make_stage
 
-__all__ = ["many_digits"]
+__all__ = ["make_scene", "make_stage", "many_digits"]
 
 #: Domains that tests take: below the ports that Linux hands out by itself, beside a user's own.
 DOMAINS = range(40, 101)
@@ -34,7 +35,7 @@ VELOCITY_JUMPS = {"worked_example_constant_velocity"}
 
 
 #: Tests that share a run or a study with another file's: they go to that file's worker.
-SHORT = "test/nodes/test_repeat.py"
+SHORT = "test/nodes/test_repeatability.py"
 GROUPS = {
     "test/cli/test_noise.py::test_noise_json_and_plot": "test/cli/test_report.py",
     "test/nodes/test_graph.py::test_the_graph_gives_the_numbers_of_the_core": SHORT,
@@ -210,7 +211,7 @@ def ros_domain(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) 
     """
     if request.node.get_closest_marker("starts") is None:
         start = request.getfixturevalue("preloaded").start
-        monkeypatch.setattr("cam_rig.cli.process._started", start)
+        monkeypatch.setattr("cam_rig.runner.process._started", start)
     with _hold_domain() as domain:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
         monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SYSTEM_DEFAULT")

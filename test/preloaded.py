@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
 
-from cam_rig.cli.process import environment
+from cam_rig.runner.process import environment
 
 NODES = ("law_server", "cam_drive", "follower", "microphone", "recorder", "player")
 #: Ask the kernel to end this process with its parent, or to hand it the orphans below it.
@@ -69,7 +69,7 @@ class Preloaded:
         theirs.close()
 
     def start(self, command: list[str], network: bool) -> Adopted:
-        """What `cam_rig.cli.process` starts by this command."""
+        """What `cam_rig.runner.process` starts by this command."""
         (read_out, out), (read_err, err) = os.pipe(), os.pipe()
         request = {"argv": command[2:], "env": environment(network), "folder": os.getcwd()}
         with _adopting():

@@ -32,11 +32,11 @@ from mcap.reader import make_reader
 
 from cam_rig.bag.files import mcap_file
 from cam_rig.bag.reader import read_counts
-from cam_rig.cli import graph as graph_module
-from cam_rig.cli.domain import own_domain
-from cam_rig.cli.graph import Graph, live
-from cam_rig.cli.process import NodeProcess
 from cam_rig.errors import CamRigError
+from cam_rig.runner import graph as graph_module
+from cam_rig.runner.domain_lock import own_domain
+from cam_rig.runner.graph import Graph, live
+from cam_rig.runner.process import NodeProcess
 
 NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
 MOMENTS = ("start", "first", "middle", "last", "closing")

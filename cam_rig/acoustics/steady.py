@@ -7,8 +7,8 @@ import numpy as np
 from cam_rig.acoustics.radiation import RadiationParameters
 from cam_rig.dynamics import FloatArray, FollowerParameters
 from cam_rig.dynamics.contact import force_ordinates
-from cam_rig.dynamics.kinks import require_smooth
-from cam_rig.dynamics.propagator import periodic_state, piece
+from cam_rig.dynamics.linear.propagator import periodic_state, piece
+from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.laws import Law, bernstein
 
 #: Gauss-Legendre nodes a sub-interval; each is short against the structure's time constant.

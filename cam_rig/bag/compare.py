@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from cam_rig.bag import topics
-from cam_rig.bag.codec import array_of, decode_block, stamp_ns
 from cam_rig.bag.reader import messages
-from cam_rig.bag.topics import Topic
 from cam_rig.dynamics import COLUMNS, FloatArray
 from cam_rig.errors import BagError
+from cam_rig.messages import topics
+from cam_rig.messages.codec import array_of, decode_block, stamp_ns
+from cam_rig.messages.topics import Topic
 
 #: What the follower and the microphone say of each tick.
 ANSWERS = tuple(topic for topic in topics.RECORDING if topic.per == "tick")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cam_rig.bag import topics
-from cam_rig.bag.codec import cam_state_of
 from cam_rig.bag.reader import messages, read_counts
-from cam_rig.bag.topics import RECORDING, Topic
 from cam_rig.errors import BagError, RefusedError
-from cam_rig.experiment.program import CamState, tick_count
+from cam_rig.messages import topics
+from cam_rig.messages.codec import cam_state_of
+from cam_rig.messages.topics import RECORDING, Topic
 from cam_rig.schema import SceneConfig
+from cam_rig.simulation.schedule import CamState, tick_count
 
 
 def require_complete(bag: Path, scene: SceneConfig) -> dict[str, int]:

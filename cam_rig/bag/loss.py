@@ -9,15 +9,15 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import groupby, pairwise
 
-from cam_rig.bag import topics
-from cam_rig.bag.codec import cam_state_of
 from cam_rig.bag.complete import belonging
-from cam_rig.bag.raw import RawMessages
-from cam_rig.bag.salvage import OURS
-from cam_rig.bag.topics import RECORDING
+from cam_rig.bag.partial_reader import OURS
 from cam_rig.errors import RefusedError
-from cam_rig.experiment.program import CamState, cam_states, tick_count
+from cam_rig.messages import topics
+from cam_rig.messages.codec import cam_state_of
+from cam_rig.messages.serialization import RawMessages
+from cam_rig.messages.topics import RECORDING
 from cam_rig.schema import SceneConfig
+from cam_rig.simulation.schedule import CamState, cam_states, tick_count
 
 #: Gaps that are named one by one; of more, the number is said.
 MOST_NAMED = 6

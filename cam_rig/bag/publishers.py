@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from cam_rig.bag.topics import Topic
 from cam_rig.errors import RunError
+from cam_rig.messages.topics import Topic
 
 
 class Publishers:

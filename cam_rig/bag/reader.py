@@ -13,18 +13,18 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from cam_rig.bag import topics
 from cam_rig.bag.attached import unpack
 from cam_rig.bag.bounds import require_bounded, require_plain
-from cam_rig.bag.codec import cam_state_of, stamp_ns
 from cam_rig.bag.damage import UNREADABLE, damaged
 from cam_rig.bag.files import TORN, is_closed
-from cam_rig.bag.temporary import temporary_folder
-from cam_rig.bag.topics import Topic
 from cam_rig.errors import BagError, CamRigError, RefusedError
-from cam_rig.experiment.noise import HeardTick
-from cam_rig.experiment.program import CamState
-from cam_rig.experiment.stage import Stage, open_stage
+from cam_rig.messages import topics
+from cam_rig.messages.codec import cam_state_of, stamp_ns
+from cam_rig.messages.topics import Topic
+from cam_rig.simulation.levels import HeardTick
+from cam_rig.simulation.scene import Stage, open_stage
+from cam_rig.simulation.schedule import CamState
+from cam_rig.temporary import temporary_folder
 
 
 @dataclass(frozen=True, eq=False)

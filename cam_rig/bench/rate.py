@@ -8,9 +8,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cam_rig.bench.cases import DAMPING, MASS, SPRING, STEM, WEIGHT, law_of, rad_per_s
-from cam_rig.dynamics import FollowerParameters, residual, uniform
-from cam_rig.dynamics.uniform import Outputs
+from cam_rig.bench.cases.cases import DAMPING, MASS, SPRING, STEM, WEIGHT, law_of, rad_per_s
+from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics import elastic_stem as residual
+from cam_rig.dynamics.linear import sampling as uniform
+from cam_rig.dynamics.linear.sampling import Outputs
 from cam_rig.laws import sampling
 from cam_rig.laws.bernstein import FloatArray
 

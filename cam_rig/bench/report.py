@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cam_rig.bench.cases import QUICK_TURNS
+from cam_rig.bench.cases.cases import QUICK_TURNS
 from cam_rig.bench.result import CaseResult, Point, Study, Sweep
 
 HEADER = ("case", "solver, rtol", "time", "error", "events", "x rig")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from cam_rig.bench.case import Case
-from cam_rig.bench.peers import Peer
+from cam_rig.bench.cases.case import Case
+from cam_rig.bench.peers.peers import Peer
 
 
 @dataclass(frozen=True)

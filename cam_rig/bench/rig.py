@@ -7,16 +7,17 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cam_rig.bench.case import Case, Solution
-from cam_rig.bench.models import OneMass, Oscillator, TwoMasses
-from cam_rig.bench.twist import Twist
-from cam_rig.dynamics import FollowerParameters, Interval, residual
-from cam_rig.dynamics import torsional as torsion
-from cam_rig.dynamics.block import NS
-from cam_rig.dynamics.course import Course
-from cam_rig.dynamics.separation import Separation
-from cam_rig.dynamics.separation_block import states
-from cam_rig.dynamics.two_mass import TwoMassParameters
+from cam_rig.bench.cases.case import Case, Solution
+from cam_rig.bench.cases.models import OneMass, Oscillator, TwoMasses
+from cam_rig.bench.cases.twist import Twist
+from cam_rig.dynamics import FollowerParameters, Interval
+from cam_rig.dynamics import elastic_stem as residual
+from cam_rig.dynamics.interval import NS
+from cam_rig.dynamics.one_mass.trajectory import Course
+from cam_rig.dynamics.torsional import solution as torsion
+from cam_rig.dynamics.two_mass.model import states
+from cam_rig.dynamics.two_mass.parameters import TwoMassParameters
+from cam_rig.dynamics.two_mass.trajectory import Separation
 
 #: A stiffness that plays no part in the result.
 ANY_STIFFNESS = 3.3e8

@@ -11,12 +11,13 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from cam_rig.bench import rig, stored
-from cam_rig.bench.case import Case, Solution
-from cam_rig.bench.cases import CASES
-from cam_rig.bench.peers import PEERS, Peer
-from cam_rig.bench.problem import PeerError
+from cam_rig.bench import rig
+from cam_rig.bench.cases.case import Case, Solution
+from cam_rig.bench.cases.cases import CASES
+from cam_rig.bench.peers.peers import PEERS, Peer
+from cam_rig.bench.peers.problem import PeerError
 from cam_rig.bench.rate import rates
+from cam_rig.bench.reference import stored
 from cam_rig.bench.result import CaseResult, Point, Study, Sweep
 from cam_rig.errors import CamRigError
 

@@ -6,25 +6,25 @@ import sys
 
 import typer
 
-from cam_rig.cli.analyze import analyze
-from cam_rig.cli.bench import bench
-from cam_rig.cli.calibrate import calibrate
-from cam_rig.cli.factorial import factorial
-from cam_rig.cli.identify import identify
-from cam_rig.cli.jump import jump
-from cam_rig.cli.law import law
-from cam_rig.cli.laws import laws
-from cam_rig.cli.listen import listen
-from cam_rig.cli.noise import noise
+from cam_rig.cli.cams.law import law
+from cam_rig.cli.cams.laws import laws
+from cam_rig.cli.cams.profile import profile
 from cam_rig.cli.pictures import pictures
-from cam_rig.cli.profile import profile
-from cam_rig.cli.recover import recover
-from cam_rig.cli.replay import replay
-from cam_rig.cli.report import report
-from cam_rig.cli.run import run
-from cam_rig.cli.simulate import simulate
-from cam_rig.cli.vibration import vibration
-from cam_rig.cli.view import view
+from cam_rig.cli.runs.analyze import analyze
+from cam_rig.cli.runs.listen import listen
+from cam_rig.cli.runs.recover import recover
+from cam_rig.cli.runs.replay import replay
+from cam_rig.cli.runs.run import run
+from cam_rig.cli.runs.simulate import simulate
+from cam_rig.cli.runs.view import view
+from cam_rig.cli.studies.bench import bench
+from cam_rig.cli.studies.calibrate import calibrate
+from cam_rig.cli.studies.factorial import factorial
+from cam_rig.cli.studies.identify import identify
+from cam_rig.cli.studies.jump import jump
+from cam_rig.cli.studies.noise import noise
+from cam_rig.cli.studies.report import report
+from cam_rig.cli.studies.vibration import vibration
 
 app = typer.Typer(
     help="A virtual cam test rig: turn a cam, move its follower, listen, record, compare.",

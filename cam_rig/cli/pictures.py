@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from cam_rig.cli.console import console, progress_bar, user_errors
-from cam_rig.cli.outputs import writing
+from cam_rig.cli.common.console import console, progress_bar, user_errors
+from cam_rig.cli.common.outputs import writing
 
 
 def pictures(
@@ -29,20 +29,20 @@ def pictures(
     cam-rig pictures bags/mine --to out
     """
     with user_errors():
-        from cam_rig.cli.analyze import newest_bag
+        from cam_rig.cli.runs.analyze import newest_bag
 
         _draw(bag or newest_bag(), to)
 
 
 def _draw(bag: Path, to: Path) -> None:
     from cam_rig.bag.reader import read_counts, read_recording
-    from cam_rig.bag.temporary import temporary_folder
-    from cam_rig.bag.topics import FOLLOWER_SAMPLES
     from cam_rig.errors import CamRigError
-    from cam_rig.experiment.noise import compare, step_levels
-    from cam_rig.view import noise_plot
-    from cam_rig.view.album import read_album
-    from cam_rig.view.pictures import VIEWER, draw_pictures, photograph_run
+    from cam_rig.messages.topics import FOLLOWER_SAMPLES
+    from cam_rig.plots import noise as noise_plot
+    from cam_rig.simulation.levels import compare, step_levels
+    from cam_rig.temporary import temporary_folder
+    from cam_rig.viewer.album import read_album
+    from cam_rig.viewer.pictures import VIEWER, draw_pictures, photograph_run
 
     with progress_bar() as bar:
         task = bar.add_task(bag.name, total=read_counts(bag).get(FOLLOWER_SAMPLES.name, 0))

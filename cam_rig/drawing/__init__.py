@@ -1,1 +1,1 @@
-"""Contours as files: DXF, SVG and CSV, written and read."""
+"""What plots and the viewer draw with: colours, outlines, the follower's shape."""

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from cam_rig.dynamics import kinetostatic, one_mass, residual, separation_block, torsional_block
-from cam_rig.dynamics.block import (
+from cam_rig.dynamics import elastic_stem as residual
+from cam_rig.dynamics import kinetostatic
+from cam_rig.dynamics.interval import (
     ANGLE_TOLERANCE,
     COLUMNS,
     NS,
@@ -17,10 +18,13 @@ from cam_rig.dynamics.block import (
     Interval,
     wrap,
 )
-from cam_rig.dynamics.kinks import require_smooth
+from cam_rig.dynamics.one_mass import model as one_mass
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.ramp import Advance
-from cam_rig.dynamics.two_mass import TwoMassParameters
+from cam_rig.dynamics.torsional import model as torsional_block
+from cam_rig.dynamics.two_mass import model as separation_block
+from cam_rig.dynamics.two_mass.parameters import TwoMassParameters
+from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.laws import Law
 from cam_rig.laws.bernstein import FloatArray
 from cam_rig.schema import RigConfig

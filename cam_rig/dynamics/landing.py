@@ -15,9 +15,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cam_rig.dynamics.free_system import Flight
-from cam_rig.dynamics.kinks import SAME_PLACE
-from cam_rig.dynamics.scan import TOGETHER, clear_cells, fall, step
+from cam_rig.dynamics.linear.free_system import Flight
+from cam_rig.dynamics.root_scan import TOGETHER, clear_cells, fall, step
+from cam_rig.dynamics.velocity_jumps import SAME_PLACE
 from cam_rig.laws import TURN, Law, bernstein
 from cam_rig.laws.bernstein import FloatArray
 

@@ -13,7 +13,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from cam_rig.dynamics.block import (
+from cam_rig.dynamics.interval import (
     Block,
     Event,
     FollowerState,
@@ -22,7 +22,7 @@ from cam_rig.dynamics.block import (
     require_joined,
     speed_change,
 )
-from cam_rig.dynamics.kinks import SLACK, short_of_kink
+from cam_rig.dynamics.velocity_jumps import SLACK, short_of_kink
 from cam_rig.laws import TURN, Law, bernstein
 from cam_rig.laws.bernstein import FloatArray
 from cam_rig.laws.compose import compose, product

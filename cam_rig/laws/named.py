@@ -6,12 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
-from cam_rig.laws import analytic, rises
-from cam_rig.laws.analytic import Section
+from cam_rig.laws import fit as analytic
 from cam_rig.laws.bernstein import FloatArray
-from cam_rig.laws.cycloidal import cycloidal
-from cam_rig.laws.harmonic import simple_harmonic
-from cam_rig.laws.modified import MODIFIED_SINE, MODIFIED_TRAPEZOID
+from cam_rig.laws.families import rises
+from cam_rig.laws.families.cycloidal import cycloidal
+from cam_rig.laws.families.harmonic import simple_harmonic
+from cam_rig.laws.families.trigonometric_rises import MODIFIED_SINE, MODIFIED_TRAPEZOID
+from cam_rig.laws.fit import Section
 from cam_rig.laws.pieces import Pieces
 
 

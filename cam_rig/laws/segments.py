@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from cam_rig.errors import LawError
-from cam_rig.laws import analytic, b_spline
-from cam_rig.laws.arc_segments import tangent_arcs, whole_turn_arcs
-from cam_rig.laws.conditions import polynomial_through
+from cam_rig.laws import fit as analytic
+from cam_rig.laws.arcs.segments import tangent_arcs, whole_turn_arcs
+from cam_rig.laws.families import b_spline
+from cam_rig.laws.families.polynomial import polynomial_through
+from cam_rig.laws.families.table import Smoothed, smooth
+from cam_rig.laws.families.trigonometric import trigonometric
 from cam_rig.laws.pieces import Pieces
-from cam_rig.laws.table import Smoothed, smooth
-from cam_rig.laws.trigonometric import trigonometric
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segments import Bezier, BSpline, Polynomial, Segment, Table, Trigonometric
 

@@ -36,7 +36,7 @@ def start(name: str) -> None:
     # the runner starts us with both held back, so that none can come before this line
     signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPPING)
     _end_with_the_runner()
-    module, app = import_module(f"cam_rig.nodes.{name}"), import_module("cam_rig.nodes.app")
+    module, app = import_module(f"cam_rig.nodes.{name}"), import_module("cam_rig.nodes.common.base")
     app.run(getattr(module, NODES[name]))
 
 

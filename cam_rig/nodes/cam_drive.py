@@ -8,19 +8,19 @@ from typing import Any
 
 from rclpy.parameter import Parameter
 
-from cam_rig.bag import topics
-from cam_rig.bag.codec import array_of, decode_law
 from cam_rig.dynamics.torque import shaft_torque
 from cam_rig.errors import RefusedError
-from cam_rig.experiment.cam_check import require_own_law
-from cam_rig.experiment.drive import RPM, DriveProgram
-from cam_rig.experiment.handover import TICKS_IN_FLIGHT, Handover
-from cam_rig.experiment.program import CamState
-from cam_rig.experiment.stage import open_stage
-from cam_rig.nodes.controls import Controls
-from cam_rig.nodes.diagnostics import ERROR, OK, WARN, Diagnostics
-from cam_rig.nodes.law_server_client import LAW_SERVER, LawServerClient
-from cam_rig.nodes.pacemaker import Pacemaker
+from cam_rig.live.cam_check import require_own_law
+from cam_rig.live.checkpoint import TICKS_IN_FLIGHT, Handover
+from cam_rig.live.drive import RPM, DriveProgram
+from cam_rig.messages import topics
+from cam_rig.messages.codec import array_of, decode_law
+from cam_rig.nodes.common.clock_source import Pacemaker
+from cam_rig.nodes.common.diagnostics import ERROR, OK, WARN, Diagnostics
+from cam_rig.nodes.common.drive_controls import Controls
+from cam_rig.nodes.common.law_server_client import LAW_SERVER, LawServerClient
+from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.schedule import CamState
 
 
 class CamDrive(Pacemaker):

@@ -9,20 +9,20 @@ from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from cam_rig.bag import topics
-from cam_rig.bag.codec import array_of, cam_state_of, decode_law, encode_block
 from cam_rig.dynamics import Block, FollowerState
 from cam_rig.errors import DynamicsError
-from cam_rig.experiment.cam_check import require_own_law
-from cam_rig.experiment.follower_ticks import FollowerTicks
-from cam_rig.experiment.gate import Admission
-from cam_rig.experiment.program import CamState
-from cam_rig.experiment.stage import open_stage
-from cam_rig.experiment.sweep import FollowerBench
-from cam_rig.nodes.app import RigNode
-from cam_rig.nodes.convert import to_array, to_header, to_joint_state
-from cam_rig.nodes.diagnostics import OK, WARN
-from cam_rig.nodes.repeats import Repeats
+from cam_rig.live.admission import Admission
+from cam_rig.live.cam_check import require_own_law
+from cam_rig.live.follower_queue import FollowerTicks
+from cam_rig.messages import topics
+from cam_rig.messages.codec import array_of, cam_state_of, decode_law, encode_block
+from cam_rig.nodes.common.base import RigNode
+from cam_rig.nodes.common.convert import to_array, to_header, to_joint_state
+from cam_rig.nodes.common.diagnostics import OK, WARN
+from cam_rig.nodes.common.resend import Repeats
+from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.schedule import CamState
+from cam_rig.simulation.simulate import FollowerBench
 
 
 class Follower(RigNode):

@@ -8,20 +8,20 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
-from cam_rig.bag import topics
-from cam_rig.bag.codec import cam_state_of, encode_law
 from cam_rig.dynamics import MODELS
 from cam_rig.errors import CamRigError, RefusedError
-from cam_rig.experiment.gate import Admission, StateGate
-from cam_rig.experiment.lineup import law_of, require_sprung
-from cam_rig.experiment.program import CamState
 from cam_rig.laws import Law, build_law
-from cam_rig.nodes.app import RigNode
-from cam_rig.nodes.convert import to_array, to_header
-from cam_rig.nodes.diagnostics import OK
-from cam_rig.nodes.law_messages import to_polygon, to_trajectory
-from cam_rig.nodes.repeats import Repeats
+from cam_rig.live.admission import Admission, StateGate
+from cam_rig.messages import topics
+from cam_rig.messages.codec import cam_state_of, encode_law
+from cam_rig.nodes.common.base import RigNode
+from cam_rig.nodes.common.convert import to_array, to_header
+from cam_rig.nodes.common.diagnostics import OK
+from cam_rig.nodes.common.law_messages import to_polygon, to_trajectory
+from cam_rig.nodes.common.resend import Repeats
 from cam_rig.schema import Library, load_cam, load_scene
+from cam_rig.simulation.cam_files import law_of, require_sprung
+from cam_rig.simulation.schedule import CamState
 
 
 class LawServer(RigNode):

@@ -8,18 +8,18 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Float64, Float64MultiArray
 
-from cam_rig.bag import topics
-from cam_rig.bag.codec import array_of, cam_state_of, decode_block
-from cam_rig.experiment.gate import Admission, StateGate
-from cam_rig.experiment.listening import MeterBench
-from cam_rig.experiment.pairing import TickPairing
-from cam_rig.experiment.stage import open_stage
-from cam_rig.experiment.sweep import MicrophoneBench
-from cam_rig.nodes.app import RigNode
-from cam_rig.nodes.convert import to_header
-from cam_rig.nodes.diagnostics import OK, WARN
-from cam_rig.nodes.repeats import Repeats
-from cam_rig.nodes.weightings import weightings
+from cam_rig.live.admission import Admission, StateGate
+from cam_rig.live.tick_matching import TickPairing
+from cam_rig.messages import topics
+from cam_rig.messages.codec import array_of, cam_state_of, decode_block
+from cam_rig.nodes.common.base import RigNode
+from cam_rig.nodes.common.convert import to_header
+from cam_rig.nodes.common.diagnostics import OK, WARN
+from cam_rig.nodes.common.resend import Repeats
+from cam_rig.nodes.common.weightings import weightings
+from cam_rig.simulation.audio import MeterBench
+from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.simulate import MicrophoneBench
 
 
 class Microphone(RigNode):

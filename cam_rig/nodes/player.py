@@ -6,13 +6,13 @@ from pathlib import Path
 
 from rclpy.parameter_client import AsyncParameterClient
 
-from cam_rig.bag import topics
-from cam_rig.bag.play import PLAYED, Played, played
-from cam_rig.experiment.credit import Credit
-from cam_rig.experiment.handover import TICKS_IN_FLIGHT
-from cam_rig.nodes.pacemaker import Pacemaker
-from cam_rig.nodes.parameters import CONSUMERS
-from cam_rig.nodes.weightings import weightings
+from cam_rig.bag.playback import PLAYED, Played, played
+from cam_rig.live.checkpoint import TICKS_IN_FLIGHT
+from cam_rig.live.flow_control import Credit
+from cam_rig.messages import topics
+from cam_rig.nodes.common.clock_source import Pacemaker
+from cam_rig.nodes.common.parameters import CONSUMERS
+from cam_rig.nodes.common.weightings import weightings
 
 
 class Player(Pacemaker):

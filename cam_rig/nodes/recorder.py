@@ -9,14 +9,14 @@ from typing import Any
 
 from rclpy.serialization import serialize_message
 
-from cam_rig.bag import topics
 from cam_rig.bag.publishers import Publishers
-from cam_rig.bag.recorder import open_bag
+from cam_rig.bag.recording.recorder import open_bag
 from cam_rig.errors import CamRigError
-from cam_rig.experiment.stage import open_stage
-from cam_rig.nodes.app import RigNode, require_length, take_rest
-from cam_rig.nodes.convert import message_class, qos, to_header
-from cam_rig.nodes.diagnostics import OK
+from cam_rig.messages import topics
+from cam_rig.nodes.common.base import RigNode, require_length, take_rest
+from cam_rig.nodes.common.convert import message_class, qos, to_header
+from cam_rig.nodes.common.diagnostics import OK
+from cam_rig.simulation.scene import open_stage
 
 #: Nodes that may speak on one topic (/diagnostics) and all have something to tell at once.
 MOST_NODES = 16

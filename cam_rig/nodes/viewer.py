@@ -11,15 +11,15 @@ from typing import Any
 
 from geometry_msgs.msg import PolygonStamped
 
-from cam_rig.bag import topics
-from cam_rig.bag.codec import array_of, cam_state_of, decode_block, stamp_ns
 from cam_rig.errors import CamRigError, RefusedError
-from cam_rig.experiment.stage import open_stage
-from cam_rig.nodes.app import RigNode
-from cam_rig.nodes.convert import to_header
-from cam_rig.view.live import LivePicture
-from cam_rig.view.recording import polygon
-from cam_rig.view.viewer import require_display, window
+from cam_rig.messages import topics
+from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
+from cam_rig.nodes.common.base import RigNode
+from cam_rig.nodes.common.convert import to_header
+from cam_rig.simulation.scene import open_stage
+from cam_rig.viewer.live import LivePicture
+from cam_rig.viewer.recording import polygon
+from cam_rig.viewer.server.process import require_display, window
 
 #: A drive may not wait for the viewer: then this much can wait.
 DEPTH = 256

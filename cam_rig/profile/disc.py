@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from cam_rig.laws import Law
-from cam_rig.profile.centre import GuidedCentre, SwungCentre
+from cam_rig.profile.contact import Element
 from cam_rig.profile.extremes import stroke
-from cam_rig.profile.face import GuidedFace, SwungFace
-from cam_rig.profile.touch import Element
+from cam_rig.profile.flat_face import GuidedFace, SwungFace
+from cam_rig.profile.roller import GuidedCentre, SwungCentre
 from cam_rig.schema import follower as kinds
 from cam_rig.schema.follower import Follower
 from cam_rig.schema.quantity import Quantity

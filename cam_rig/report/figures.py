@@ -8,22 +8,20 @@ from pathlib import Path
 
 import matplotlib as mpl
 
-from cam_rig.bag.temporary import temporary_folder
-from cam_rig.experiment.factorial import Factorial
-from cam_rig.experiment.jump_table import JumpRow
-from cam_rig.experiment.leaving import FROM_REST
-from cam_rig.experiment.noise_results import NoiseStudy
-from cam_rig.profile.checks import check_cam
+from cam_rig.plots import factorial as factorial_plot
+from cam_rig.plots import jump as jump_plot
+from cam_rig.plots import law as law_plot
+from cam_rig.plots import lift_off as takeoff_plot
+from cam_rig.plots import noise_study as noise_study_plot
+from cam_rig.plots import profile as profile_plot
+from cam_rig.plots import vibration as vibration_plot
+from cam_rig.profile.checks.all_checks import check_cam
 from cam_rig.report.results import Sources
-from cam_rig.view import (
-    factorial_plot,
-    jump_plot,
-    law_plot,
-    noise_study_plot,
-    profile_plot,
-    takeoff_plot,
-    vibration_plot,
-)
+from cam_rig.studies.factorial.design import Factorial
+from cam_rig.studies.jump.comparison import JumpRow
+from cam_rig.studies.jump.contact_limit import FROM_REST
+from cam_rig.studies.noise.run import NoiseStudy
+from cam_rig.temporary import temporary_folder
 
 #: Speeds of the figures, rpm: below every jump speed, and above all but Bézier 15's.
 STEADY_RPM, TAKEOFF_RPM = 300.0, 460.0

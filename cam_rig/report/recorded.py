@@ -11,8 +11,8 @@ from cam_rig.bag.complete import require_complete
 from cam_rig.bag.reader import read_recording
 from cam_rig.dynamics import FloatArray
 from cam_rig.errors import BagError
-from cam_rig.experiment.noise import step_levels
-from cam_rig.experiment.stage import Stage
+from cam_rig.simulation.levels import step_levels
+from cam_rig.simulation.scene import Stage
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,17 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.experiment.factorial import Factorial, run_factorial
-from cam_rig.experiment.factorial_laws import open_factorial
-from cam_rig.experiment.jump_degrees import jump_by_degree
-from cam_rig.experiment.jump_table import JumpRow, find_jumps
-from cam_rig.experiment.leaving import FROM_REST
-from cam_rig.experiment.lineup import Lineup, open_lineup
-from cam_rig.experiment.measures import Bench
-from cam_rig.experiment.noise_results import NoiseStudy, study_noise
-from cam_rig.experiment.references import references
-from cam_rig.experiment.stage import Stage, open_stage
-from cam_rig.experiment.vibration_table import VibrationTable, vibration_table
 from cam_rig.report.recorded import Recorded, read_recorded
 from cam_rig.schema import (
     FactorialConfig,
@@ -28,6 +17,17 @@ from cam_rig.schema import (
     load_rig,
     load_tables,
 )
+from cam_rig.simulation.scene import Stage, open_stage
+from cam_rig.studies.cam_set import Lineup, open_lineup
+from cam_rig.studies.factorial.design import Factorial, run_factorial
+from cam_rig.studies.factorial.laws import open_factorial
+from cam_rig.studies.factorial.measures import Bench
+from cam_rig.studies.jump.comparison import JumpRow, find_jumps
+from cam_rig.studies.jump.contact_limit import FROM_REST
+from cam_rig.studies.jump.jump_degrees import jump_by_degree
+from cam_rig.studies.jump.published import references
+from cam_rig.studies.noise.run import NoiseStudy, study_noise
+from cam_rig.studies.vibration.comparison import VibrationTable, vibration_table
 
 #: Speeds of the vibration tables, rpm.
 VIBRATION_RPM = (200.0, 250.0, 300.0, 350.0)

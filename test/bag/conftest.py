@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from cam_rig.bag import files, topics
+from cam_rig.bag import files
 from cam_rig.bag.files import mcap_file
+from cam_rig.messages import topics
 
 from .wrapped_file import WrappedFile
 

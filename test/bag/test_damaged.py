@@ -12,14 +12,14 @@ from cam_rig.bag.compare import compare
 from cam_rig.bag.complete import require_complete
 from cam_rig.bag.files import mcap_file
 from cam_rig.bag.pieces import pieces
-from cam_rig.bag.play import played
+from cam_rig.bag.playback import played
 from cam_rig.bag.reader import read_counts, read_recording, read_stage
-from cam_rig.bag.recorder import BagRecorder
-from cam_rig.bag.recover import examine, recover, state_words
+from cam_rig.bag.recording.recorder import BagRecorder
+from cam_rig.bag.recording.recover import examine, recover, state_words
 from cam_rig.cli.main import app
 from cam_rig.errors import CamRigError
-from cam_rig.experiment.stage import open_stage
 from cam_rig.schema.load import config_root
+from cam_rig.simulation.scene import open_stage
 
 BAG = config_root().parent / "bags" / "golden"
 STAGE = open_stage(config_root() / "scenes" / "quick.yaml")

@@ -9,8 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cam_rig.bag import topics
-from cam_rig.bag.codec import (
+from cam_rig.bag.recording.session import RecordingSession
+from cam_rig.errors import DynamicsError, RefusedError
+from cam_rig.live.admission import StateGate
+from cam_rig.live.follower_queue import FollowerTicks
+from cam_rig.messages import topics
+from cam_rig.messages.codec import (
     BLOCK_LABEL,
     PIECE_LABEL,
     array_of,
@@ -19,13 +23,9 @@ from cam_rig.bag.codec import (
     decode_law,
     encode_block,
 )
-from cam_rig.bag.session import RecordingSession
-from cam_rig.errors import DynamicsError, RefusedError
-from cam_rig.experiment.follower_ticks import FollowerTicks
-from cam_rig.experiment.gate import StateGate
-from cam_rig.experiment.stage import open_stage
-from cam_rig.experiment.sweep import FollowerBench, MicrophoneBench
 from cam_rig.schema.load import config_root
+from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.simulate import FollowerBench, MicrophoneBench
 
 STAGE = open_stage(config_root() / "scenes" / "quick.yaml")
 

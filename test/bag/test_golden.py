@@ -6,8 +6,8 @@ import pytest
 
 from cam_rig.bag.complete import require_complete
 from cam_rig.bag.reader import read_recording
-from cam_rig.experiment.noise import step_levels
-from cam_rig.experiment.sweep import simulate
+from cam_rig.simulation.levels import step_levels
+from cam_rig.simulation.simulate import simulate
 
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 

@@ -13,7 +13,6 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Chunk, ChunkIndex, DataEnd, Footer, Header, Schema
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
-from cam_rig.bag import topics
 from cam_rig.bag.attached import MOST_ATTACHED
 from cam_rig.bag.files import mcap_file
 from cam_rig.bag.reader import (
@@ -23,9 +22,10 @@ from cam_rig.bag.reader import (
     read_recording,
     read_stage,
 )
-from cam_rig.bag.recover import recover
-from cam_rig.bag.writer import BagWriter, require_new_bag
+from cam_rig.bag.recording.recover import recover
+from cam_rig.bag.recording.writer import BagWriter, require_new_bag
 from cam_rig.errors import BagError, CamRigError
+from cam_rig.messages import topics
 
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 GIB = 2**30

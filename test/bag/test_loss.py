@@ -15,16 +15,16 @@ from cam_rig.bag import files
 from cam_rig.bag.complete import belonging, expected_counts
 from cam_rig.bag.files import is_torn, mcap_file
 from cam_rig.bag.loss import Holdings, loss_of
+from cam_rig.bag.partial_reader import Salvage
 from cam_rig.bag.pieces import pieces
 from cam_rig.bag.reader import read_counts, read_stage
-from cam_rig.bag.recorder import BagRecorder
-from cam_rig.bag.recover import examine, recover, recover_in_place, state_words
-from cam_rig.bag.salvage import Salvage
-from cam_rig.bag.topics import RECORDING
+from cam_rig.bag.recording.recorder import BagRecorder
+from cam_rig.bag.recording.recover import examine, recover, recover_in_place, state_words
 from cam_rig.errors import BagError
-from cam_rig.experiment.program import cam_states
-from cam_rig.experiment.stage import open_stage
+from cam_rig.messages.topics import RECORDING
 from cam_rig.schema.load import config_root
+from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.schedule import cam_states
 
 from .wrapped_file import WrappedFile
 

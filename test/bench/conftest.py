@@ -1,6 +1,6 @@
 import pytest
 
-from cam_rig.bench.cases import CASES
+from cam_rig.bench.cases.cases import CASES
 
 
 @pytest.fixture(scope="session")

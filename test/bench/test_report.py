@@ -5,10 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from cam_rig.bench import rig, stored
-from cam_rig.bench.case import Solution
-from cam_rig.bench.peers import PEERS
+from cam_rig.bench import rig
+from cam_rig.bench.cases.case import Solution
+from cam_rig.bench.peers.peers import PEERS
 from cam_rig.bench.plot import draw
+from cam_rig.bench.reference import stored
 from cam_rig.bench.report import HEADER, notes, rows, to_json
 from cam_rig.bench.result import CaseResult, Point, Study, Sweep
 

@@ -3,8 +3,8 @@
 import pytest
 from ruamel.yaml import YAML
 
-from cam_rig.experiment.noise_results import study_noise
 from cam_rig.schema.load import config_root
+from cam_rig.studies.noise.run import study_noise
 
 
 def load(folder, name):
@@ -46,5 +46,5 @@ def one_study(found, monkeypatch):
             found[key] = study_noise(stage, rig, arcs, *told)
         return found[key]
 
-    for module in ("cam_rig.experiment.noise_results", "cam_rig.report.results"):
+    for module in ("cam_rig.studies.noise.run", "cam_rig.report.results"):
         monkeypatch.setattr(f"{module}.study_noise", study)

@@ -13,9 +13,9 @@ from rosbags.typesys import Stores, get_typestore
 from typer.testing import CliRunner
 
 from cam_rig.bag.files import mcap_file
+from cam_rig.bag.partial_reader import OURS, Salvage
 from cam_rig.bag.reader import read_counts
-from cam_rig.bag.salvage import OURS, Salvage
-from cam_rig.bag.writer import BagWriter
+from cam_rig.bag.recording.writer import BagWriter
 from cam_rig.cli.main import app
 from cam_rig.schema.load import config_root
 
@@ -174,7 +174,7 @@ class Replayed:
 
 def test_replay_finds_a_changed_number(tmp_path, monkeypatch):
     """One level in the bag is off by 1e-9: the command says where, and ends with code 1."""
-    monkeypatch.setattr("cam_rig.cli.graph.Graph", Replayed)
+    monkeypatch.setattr("cam_rig.runner.graph.Graph", Replayed)
     types = get_typestore(Stores.ROS2_KILTED)
     with AnyReader([GOLDEN]) as reader:
         one = next(c for c in reader.connections if c.topic == "/microphone/level")

@@ -9,8 +9,8 @@ from ruamel.yaml import YAML
 from shapely import LinearRing, distance, points, prepare
 from typer.testing import CliRunner
 
+from cam_rig.cli.common.names import cam_path
 from cam_rig.cli.main import app
-from cam_rig.cli.names import cam_path
 from cam_rig.laws import build_law
 from cam_rig.profile import contours, turn_angles
 from cam_rig.schema import load_cam

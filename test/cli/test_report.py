@@ -26,7 +26,7 @@ def in_this_process(monkeypatch):
             done.set_result(function(*given))
             return done
 
-    monkeypatch.setattr("cam_rig.cli.workers.workers", lambda _count: nullcontext(Here()))
+    monkeypatch.setattr("cam_rig.cli.common.workers.workers", lambda _count: nullcontext(Here()))
 
 
 @pytest.mark.slow

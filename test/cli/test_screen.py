@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from cam_rig.cli.screen import open_screen, stay_until_interrupted
+from cam_rig.cli.common.screen import open_screen, stay_until_interrupted
 from cam_rig.errors import CamRigError
 
 

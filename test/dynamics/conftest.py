@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import MODELS, NS, Event, FollowerParameters, FollowerState, Interval
-from cam_rig.laws import TURN, Law, analytic, bernstein
+from cam_rig.laws import TURN, Law, bernstein
+from cam_rig.laws import fit as analytic
 
 
 @dataclass

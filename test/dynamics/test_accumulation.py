@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import MODELS, NS, FollowerParameters, FollowerState, Interval, course
-from cam_rig.dynamics import separation as two_mass
-from cam_rig.dynamics.two_mass import TwoMassParameters
+from cam_rig.dynamics import MODELS, NS, FollowerParameters, FollowerState, Interval
+from cam_rig.dynamics.one_mass import trajectory as course
+from cam_rig.dynamics.two_mass import trajectory as two_mass
+from cam_rig.dynamics.two_mass.parameters import TwoMassParameters
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import TURN, Law
 

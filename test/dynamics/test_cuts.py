@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import MODELS, NS, FollowerParameters, Interval, TwoMassParameters
-from cam_rig.dynamics.separation import Separation
+from cam_rig.dynamics.two_mass.trajectory import Separation
 from cam_rig.laws import TURN
 
 RPM = np.pi / 30.0

@@ -8,7 +8,7 @@ import pytest
 
 from cam_rig.dynamics import NS, Interval
 from cam_rig.dynamics.contact import force_weights
-from cam_rig.dynamics.course import Course
+from cam_rig.dynamics.one_mass.trajectory import Course
 from cam_rig.laws import TURN
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(20)

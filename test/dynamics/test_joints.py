@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cam_rig.bench import exact, rig
-from cam_rig.bench.case import Case
-from cam_rig.bench.models import Oscillator, TwoMasses
+from cam_rig.bench import rig
+from cam_rig.bench.cases.case import Case
+from cam_rig.bench.cases.models import Oscillator, TwoMasses
+from cam_rig.bench.reference import exact
 from cam_rig.dynamics import MODELS, NS, Interval, TwoMassParameters
 from cam_rig.laws import TURN
 

@@ -4,11 +4,11 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from cam_rig.bench.exact_law import polynomial, powers
+from cam_rig.bench.reference.exact_law import polynomial, powers
 from cam_rig.dynamics import MODELS, NS, FollowerParameters, FollowerState, Interval
-from cam_rig.dynamics.linear import LinearResponse
-from cam_rig.dynamics.residual import response
-from cam_rig.dynamics.torsional import periodic_state
+from cam_rig.dynamics.elastic_stem import response
+from cam_rig.dynamics.linear.response import LinearResponse
+from cam_rig.dynamics.torsional.solution import periodic_state
 from cam_rig.laws import TURN, Law
 from cam_rig.schema import load_rig
 

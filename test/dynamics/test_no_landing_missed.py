@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import FollowerParameters, Interval, TwoMassParameters
-from cam_rig.dynamics.course import Course
-from cam_rig.dynamics.scan import clear_cells, fall
-from cam_rig.dynamics.separation import Separation
-from cam_rig.dynamics.separation_block import _phase_states
+from cam_rig.dynamics.one_mass.trajectory import Course
+from cam_rig.dynamics.root_scan import clear_cells, fall
+from cam_rig.dynamics.two_mass.model import _phase_states
+from cam_rig.dynamics.two_mass.trajectory import Separation
 from cam_rig.laws import TURN, Law, bernstein
 
 TWO = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6)

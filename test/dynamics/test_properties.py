@@ -9,10 +9,11 @@ import pytest
 from hypothesis import HealthCheck, Phase, assume, given, settings
 from hypothesis import strategies as st
 
-from cam_rig.bench import exact, exact_twist, rig
-from cam_rig.bench.case import Case
-from cam_rig.bench.models import LANDING, LIFT_OFF, OneMass, Oscillator, TwoMasses
-from cam_rig.bench.twist import Twist
+from cam_rig.bench import rig
+from cam_rig.bench.cases.case import Case
+from cam_rig.bench.cases.models import LANDING, LIFT_OFF, OneMass, Oscillator, TwoMasses
+from cam_rig.bench.cases.twist import Twist
+from cam_rig.bench.reference import exact, exact_twist
 from cam_rig.laws import TURN, Law
 
 FEW, FEWER = (settings.default.max_examples // n for n in (4, 8))

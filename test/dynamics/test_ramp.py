@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import MODELS, NS, FollowerParameters, Interval, TwoMassParameters
-from cam_rig.dynamics.one_mass import advance as one_mass
+from cam_rig.dynamics.one_mass.model import advance as one_mass
 from cam_rig.dynamics.ramp import substitute
 from cam_rig.laws import TURN, Law
 from cam_rig.laws.bernstein import evaluate

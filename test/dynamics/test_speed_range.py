@@ -5,12 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from cam_rig.bench import exact, exact_twist, rig
-from cam_rig.bench.case import Case
-from cam_rig.bench.models import CONTACT, OneMass, Oscillator, TwoMasses
-from cam_rig.bench.twist import Twist
+from cam_rig.bench import rig
+from cam_rig.bench.cases.case import Case
+from cam_rig.bench.cases.models import CONTACT, OneMass, Oscillator, TwoMasses
+from cam_rig.bench.cases.twist import Twist
+from cam_rig.bench.reference import exact, exact_twist
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval
-from cam_rig.dynamics.torsional import TorsionalParameters, TorsionalState, solve
+from cam_rig.dynamics.torsional.solution import TorsionalParameters, TorsionalState, solve
 from cam_rig.laws import TURN, Law, bernstein
 
 SPEEDS = [0.01, 1.0, 400.0, 1e4, 1e5]

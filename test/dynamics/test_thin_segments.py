@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import MODELS, NS, FollowerParameters, Interval
-from cam_rig.dynamics.residual import motion
+from cam_rig.dynamics.elastic_stem import motion
 from cam_rig.laws import TURN, Law, bernstein, build_law
 from cam_rig.schema import load_rig
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import MODELS, NS, FollowerParameters, Interval, TwoMassParameters
-from cam_rig.dynamics.course import Course
-from cam_rig.dynamics.residual import motion, response
-from cam_rig.dynamics.separation import Separation
-from cam_rig.dynamics.separation_block import states
+from cam_rig.dynamics.elastic_stem import motion, response
+from cam_rig.dynamics.one_mass.trajectory import Course
+from cam_rig.dynamics.two_mass.model import states
+from cam_rig.dynamics.two_mass.trajectory import Separation
 from cam_rig.laws import TURN, Law
 
 LIFT, RISE = 0.05, np.radians(90.0)

@@ -11,8 +11,8 @@ from types import ModuleType
 
 import pytest
 
-from cam_rig.cli.graph import live
-from cam_rig.nodes.parameters import PARAMETERS
+from cam_rig.nodes.common.parameters import PARAMETERS
+from cam_rig.runner.graph import live
 
 LAUNCH = Path(__file__).parents[2] / "launch"
 NAMES = {

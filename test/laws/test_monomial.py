@@ -4,11 +4,11 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from cam_rig.bench import exact as exact_solution
 from cam_rig.bench import rig
-from cam_rig.bench.case import Case, output_times
-from cam_rig.bench.exact_law import polynomial, powers
-from cam_rig.bench.models import Oscillator
+from cam_rig.bench.cases.case import Case, output_times
+from cam_rig.bench.cases.models import Oscillator
+from cam_rig.bench.reference import exact as exact_solution
+from cam_rig.bench.reference.exact_law import polynomial, powers
 from cam_rig.laws import TURN, Law, bernstein
 from cam_rig.laws.sampling import sample
 

@@ -16,7 +16,7 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from cam_rig.bag.files import mcap_file
-from cam_rig.cli.graph import Graph, live
+from cam_rig.runner.graph import Graph, live
 
 #: Wall time (s) after which something that has not come true never will, however busy the machine.
 WAIT = 300.0

@@ -6,13 +6,13 @@ from itertools import pairwise
 import pytest
 from typer.testing import CliRunner
 
-from cam_rig.bag import topics
-from cam_rig.bag.codec import cam_state_of
 from cam_rig.bag.complete import expected_counts
 from cam_rig.bag.reader import messages, read_counts, read_recording
-from cam_rig.cli.graph import Graph
 from cam_rig.cli.main import app
-from cam_rig.experiment.gate import Admission, StateGate
+from cam_rig.live.admission import Admission, StateGate
+from cam_rig.messages import topics
+from cam_rig.messages.codec import cam_state_of
+from cam_rig.runner.graph import Graph
 
 pytestmark = pytest.mark.ros
 RPM = math.pi / 30.0

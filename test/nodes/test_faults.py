@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from cam_rig.bag.reader import read_recording
 from cam_rig.cli.main import app
-from cam_rig.cli.process import stop_all
+from cam_rig.runner.process import stop_all
 
 pytestmark = pytest.mark.ros
 LONG = ("microphone", "follower", "law_server", "cam_drive")
@@ -55,7 +55,7 @@ def test_a_recorder_killed_while_all_are_ended_is_named(
                 node.process.wait()
         stop_all(nodes)
 
-    monkeypatch.setattr("cam_rig.cli.graph.stop_all", kill_recorder)
+    monkeypatch.setattr("cam_rig.runner.graph.stop_all", kill_recorder)
     bag = tmp_path / "bag"
     result = CliRunner().invoke(app, ["run", str(short_scene), "--bag", str(bag)])
     assert result.exit_code == 1

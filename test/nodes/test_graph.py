@@ -12,11 +12,11 @@ import pytest
 from cam_rig.bag.complete import require_complete
 from cam_rig.bag.files import is_torn
 from cam_rig.bag.reader import read_counts, read_recording
-from cam_rig.cli.graph import Graph
 from cam_rig.errors import RunError
-from cam_rig.experiment.noise import step_levels
-from cam_rig.experiment.sweep import simulate
+from cam_rig.runner.graph import Graph
 from cam_rig.schema.load import config_root
+from cam_rig.simulation.levels import step_levels
+from cam_rig.simulation.simulate import simulate
 
 pytestmark = pytest.mark.ros
 LONG = pytest.mark.long

@@ -4,7 +4,7 @@ from itertools import count
 
 import pytest
 
-from cam_rig.nodes.app import LONGEST_REST, take_rest
+from cam_rig.nodes.common.base import LONGEST_REST, take_rest
 
 pytestmark = pytest.mark.ros
 

@@ -20,12 +20,12 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Float64, Float64MultiArray, Header, MultiArrayDimension
 
-from cam_rig.bag import topics
-from cam_rig.bag.codec import BLOCK_LABEL, PIECE_LABEL
-from cam_rig.cli.graph import Graph
-from cam_rig.cli.process import NodeProcess, stop_all
 from cam_rig.errors import RefusedError, RunError
-from cam_rig.nodes.app import require_length
+from cam_rig.messages import topics
+from cam_rig.messages.codec import BLOCK_LABEL, PIECE_LABEL
+from cam_rig.nodes.common.base import require_length
+from cam_rig.runner.graph import Graph
+from cam_rig.runner.process import NodeProcess, stop_all
 from cam_rig.schema.load import config_root
 
 pytestmark = pytest.mark.ros

@@ -8,8 +8,8 @@ import time
 
 import pytest
 
-from cam_rig.cli.graph import Graph, InterruptError
-from cam_rig.cli.process import NodeProcess
+from cam_rig.runner.graph import Graph, InterruptError
+from cam_rig.runner.process import NodeProcess
 
 pytestmark = [pytest.mark.ros, pytest.mark.starts]
 NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")

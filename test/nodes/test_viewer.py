@@ -5,11 +5,11 @@ import pytest
 from rerun.chunk import RrdReader
 
 from cam_rig.bag.complete import require_complete
-from cam_rig.cli.graph import Graph
+from cam_rig.runner.graph import Graph
 from cam_rig.schema import load_scene
 from cam_rig.schema.load import config_root
-from cam_rig.view.recording import save_recording
-from cam_rig.view.viewer import free_port, listening, stream_address
+from cam_rig.viewer.recording import save_recording
+from cam_rig.viewer.server.process import free_port, listening, stream_address
 
 pytestmark = [pytest.mark.ros, pytest.mark.filterwarnings("ignore:RRD file has no footer")]
 QUICK = config_root() / "scenes" / "quick.yaml"

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from shapely import LineString, Point, Polygon
 
-from cam_rig.profile.centre import GuidedCentre, SwungCentre
-from cam_rig.profile.face import GuidedFace
-from cam_rig.profile.measure import rest
+from cam_rig.profile.curves.measure import rest
+from cam_rig.profile.flat_face import GuidedFace
+from cam_rig.profile.roller import GuidedCentre, SwungCentre
 
 from .conftest import Made
 

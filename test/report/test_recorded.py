@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from cam_rig.errors import BagError
-from cam_rig.experiment.noise import step_levels
-from cam_rig.experiment.stage import open_stage
-from cam_rig.experiment.sweep import simulate
 from cam_rig.report.recorded import read_recorded
+from cam_rig.simulation.levels import step_levels
+from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.simulate import simulate
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from cam_rig.drawing.table import read_contour
+from cam_rig.cad.contour_csv import read_contour
 from cam_rig.errors import CamRigError
 from cam_rig.laws import build_law
 from cam_rig.schema import load_cam, load_published, load_rig, load_scene

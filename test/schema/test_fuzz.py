@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
 from cam_rig.errors import CamRigError
-from cam_rig.experiment.stage import open_stage
 from cam_rig.schema import load_cam, load_published, load_rig, load_scene
 from cam_rig.schema.load import config_root
+from cam_rig.simulation.scene import open_stage
 
 LOADERS = {
     "cams/tm21.yaml": load_cam,

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-from cam_rig.experiment.jump_refit import ROUNDED_TO
-from cam_rig.experiment.jump_search import RPM
-from cam_rig.experiment.jump_table import JumpRow, rms_words, same_ranking, turn_of
-from cam_rig.experiment.leaving import FROM_REST
 from cam_rig.report.blocks import Block, Grid, Picture, Section, Words
 from cam_rig.report.figures import TAKEOFF_RPM
 from cam_rig.report.results import Results
+from cam_rig.studies.jump.comparison import JumpRow, rms_words, same_ranking, turn_of
+from cam_rig.studies.jump.contact_limit import FROM_REST
+from cam_rig.studies.jump.refit import ROUNDED_TO
+from cam_rig.studies.jump.search import RPM
 
 
 def section(results: Results) -> Section:

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from cam_rig.experiment.noise_methods import Method
 from cam_rig.report.blocks import Block, Grid, Picture, Section, Words
 from cam_rig.report.results import Results
 from cam_rig.report.words import number
+from cam_rig.studies.noise.calibration_methods import Method
 
 #: Every so many speeds have a row in Table 3.
 EVERY = 2

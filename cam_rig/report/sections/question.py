@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 
-from cam_rig.experiment.advantage import advantages
-from cam_rig.experiment.answer import answer
-from cam_rig.experiment.factorial import EFFECTS, Design, Effect
-from cam_rig.experiment.in_contact import left, staying
 from cam_rig.report.blocks import Grid, Picture, Points, Section, Words
 from cam_rig.report.figures import STEADY_RPM
 from cam_rig.report.results import Results
 from cam_rig.report.words import number
 from cam_rig.schema import FactorialConfig
+from cam_rig.studies.factorial.conclusions import answer
+from cam_rig.studies.factorial.decomposition import advantages
+from cam_rig.studies.factorial.design import EFFECTS, Design, Effect
+from cam_rig.studies.factorial.in_contact import left, staying
 
 RPM = 30.0 / math.pi
 

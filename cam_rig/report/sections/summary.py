@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from cam_rig.experiment.answer import answer
-from cam_rig.experiment.bootstrap import Crossing
-from cam_rig.experiment.claims import jump_claims, vibration_claims
-from cam_rig.experiment.jump_table import rms_words, same_ranking
 from cam_rig.report.blocks import Points, Section, Words
 from cam_rig.report.results import Results
+from cam_rig.studies.factorial.conclusions import answer
+from cam_rig.studies.jump.comparison import rms_words, same_ranking
+from cam_rig.studies.noise.bootstrap import Crossing
+from cam_rig.studies.vibration.claims import jump_claims, vibration_claims
 
 
 def section(results: Results) -> Section:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-from cam_rig.experiment.claims import PROPOSED, Claim, jump_claims, vibration_claims
-from cam_rig.experiment.low_dwell import STAND_IN
-from cam_rig.experiment.vibration_table import VibrationTable
 from cam_rig.report.blocks import Block, Grid, Picture, Section, Words
 from cam_rig.report.figures import STEADY_RPM
 from cam_rig.report.results import Results
 from cam_rig.report.words import number
+from cam_rig.studies.vibration.claims import PROPOSED, Claim, jump_claims, vibration_claims
+from cam_rig.studies.vibration.comparison import VibrationTable
+from cam_rig.studies.vibration.dwell import STAND_IN
 
 
 def section(results: Results) -> Section:

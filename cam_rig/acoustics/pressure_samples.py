@@ -1,0 +1,139 @@
+"""Sound pressure as samples: what arrives at the microphone, block by block.
+
+    p = gain · ω_c (F − q) + landings + background
+
+The force is straight between the samples of a block, so the pressure can be had at any higher
+rate; a landing is its half-sine pulse, whose area is kept exactly on the grid of samples.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from cam_rig.acoustics.background import Background
+from cam_rig.acoustics.low_pass import structure_response
+from cam_rig.acoustics.radiation import RadiationParameters
+from cam_rig.dynamics import FloatArray
+from cam_rig.errors import RunError
+
+#: Hz, well above what a meter needs for class 1 up to 20 kHz.
+LEAST_RATE = 96_000
+#: Seed of the background noise: a run repeats sample by sample.
+SEED = 1
+
+
+@dataclass(frozen=True, eq=False)
+class SourceMemory:
+    """What a source remembers.
+
+    ``structure`` (None before the first block) and the last ``force`` in N, ``tail`` ``(k,)`` of
+    the pulses of landings (N), and the background's last sample and generator.
+    """
+
+    structure: float | None
+    force: float
+    tail: FloatArray
+    background: tuple[float, dict[str, Any]]
+
+
+@dataclass
+class SoundSource:
+    """The structure, the landings and the background with their memory.
+
+    Parameters
+    ----------
+    parameters : acoustic constants of the rig
+    block_rate : Hz, of the force samples
+    least_rate : Hz; the pressure comes at the smallest whole multiple of ``block_rate`` that
+        reaches it
+    seed : of the background noise
+    """
+
+    parameters: RadiationParameters
+    block_rate: int
+    least_rate: int = LEAST_RATE
+    seed: int = SEED
+    _structure: float | None = field(default=None, init=False)
+    _force: float = field(default=0.0, init=False)
+
+    def __post_init__(self) -> None:
+        self.factor = max(1, math.ceil(self.least_rate / self.block_rate))
+        self._background = Background(self.parameters.background_corner, self.rate, self.seed)
+        self._pulse = _pulse(self.parameters.contact_time, self.rate)
+        self._tail = np.zeros(self._pulse.size - 1)
+
+    @property
+    def memory(self) -> SourceMemory:
+        """All that it remembers between two blocks."""
+        return SourceMemory(self._structure, self._force, self._tail, self._background.memory)
+
+    @memory.setter
+    def memory(self, memory: SourceMemory) -> None:
+        if memory.tail.shape != self._tail.shape:
+            raise RunError(
+                f"a sound's memory has pulses of {memory.tail.shape}; allowed: {self._tail.shape}"
+            )
+        self._structure, self._force, self._tail = memory.structure, memory.force, memory.tail
+        self._background.memory = memory.background
+
+    @property
+    def rate(self) -> int:
+        """Hz, of the pressure samples."""
+        return self.block_rate * self.factor
+
+    def pressure(self, force: FloatArray, impulse: FloatArray, speed: float) -> FloatArray:
+        """Sound pressure in Pa over one block, ``(n · factor,)``.
+
+        Parameters
+        ----------
+        force : ``(n,)`` N, contact force at the block's samples
+        impulse : ``(n,)`` N·s of the landings since the sample before
+        speed : rad/s of the cam, for the level of the background
+        """
+        if force.size == 0:
+            raise ValueError("a block must hold at least one sample")
+        p = self.parameters
+        background = math.sqrt(p.background_power(speed))
+        noise = background * self._background.samples(force.size * self.factor)
+        return noise + p.gain * p.corner_rate * self._radiating(force, impulse)
+
+    def _radiating(self, force: FloatArray, impulse: FloatArray) -> FloatArray:
+        """F − q with the pulses of landings, N."""
+        if self._structure is None:  # at rest under the first force
+            self._structure = self._force = float(force[0])
+        earlier = np.concatenate(([self._force], force[:-1]))
+        steps = np.arange(1, self.factor + 1) / self.factor
+        fine = (earlier[:, None] + (force - earlier)[:, None] * steps).ravel()
+        pulses = self._pulses(impulse)
+        structure = structure_response(
+            self.parameters.corner_rate,
+            self.rate,
+            self._structure,
+            self._force,
+            fine,
+            pulses / self.rate,
+        )
+        self._structure, self._force = float(structure[-1]), float(force[-1])
+        return fine - structure + pulses
+
+    def _pulses(self, impulse: FloatArray) -> FloatArray:
+        """Force pulses of the landings, N; what lasts longer than the block is kept."""
+        count = impulse.size * self.factor
+        out = np.zeros(count + self._tail.size)
+        out[: self._tail.size] = self._tail
+        for i in np.flatnonzero(impulse):
+            begin = (i + 1) * self.factor - 1
+            out[begin : begin + self._pulse.size] += impulse[i] * self._pulse
+        self._tail = out[count:]
+        return out[:count]
+
+
+def _pulse(duration: float, rate: float) -> FloatArray:
+    """Half a sine of unit area as its mean over each sample interval, 1/s."""
+    edges = np.arange(math.ceil(duration * rate) + 1) / rate
+    risen = 0.5 * (1.0 - np.cos(math.pi * np.minimum(edges / duration, 1.0)))
+    return np.asarray(rate * np.diff(risen))

@@ -1,0 +1,1 @@
+"""Writing a bag: every message of a run, whatever happens to the nodes."""

@@ -1,0 +1,179 @@
+"""A bag under recording: opened or taken over from a killed recorder, flushed, closed."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections import Counter
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap.records import Attachment
+
+from cam_rig.bag.files import TORN, bag_file, remove
+from cam_rig.bag.partial_reader import OURS, Salvage
+from cam_rig.bag.publishers import Publishers
+from cam_rig.bag.recording.session import RecordingSession
+from cam_rig.bag.recording.writer import BagWriter, require_new_bag
+from cam_rig.errors import CamRigError, RefusedError
+from cam_rig.live.admission import StateGate
+from cam_rig.live.cam_check import require_own_contour, require_own_law
+from cam_rig.live.checkpoint import STATES_UNFLUSHED, Handover
+from cam_rig.messages.codec import array_of, decode_law
+from cam_rig.messages.serialization import cam_of, stamp_of
+from cam_rig.messages.topics import DIAGNOSTICS, LAW_COEFFICIENTS, PROFILE, Topic
+from cam_rig.simulation.scene import Stage
+
+PACKAGES = ("cam_rig", "numpy", "scipy", "pydantic", "mcap", "rosbags", "ros-kilted-rclpy")
+
+
+class BagRecorder:
+    """Records messages into a bag that holds everything to analyse it alone.
+
+    A successor writes a new file, which takes the old one's place when it holds all that the old
+    one held. Until then nothing is written that the old one lacks; so it may be killed as well.
+
+    Parameters
+    ----------
+    bag : folder to record into
+    stage : the scene, attached with its files
+    publishers : who may publish what
+    resume : go on with a bag that a killed recorder left, instead of refusing it
+
+    Raises
+    ------
+    BagError : the bag exists and is not to be resumed, or cannot be made
+    """
+
+    def __init__(
+        self, bag: Path, stage: Stage, publishers: Publishers | None = None, resume: bool = False
+    ) -> None:
+        self._left = _left(bag) if resume else None
+        self._writer = BagWriter(bag, anew=resume)
+        self._stage, self._attached = stage, set[Path]()
+        self._attach()
+        self._writer.attach("versions.json", versions())
+        gate = StateGate.of(stage.scene)
+        self._session = RecordingSession(self._writer, gate, publishers, self._check)
+        self._unflushed = 0
+        #: Stamps (ns) of the states that a predecessor had written.
+        self.resumed: list[int] = []
+        if resume:
+            self._replay()
+
+    @property
+    def count(self) -> int:
+        """Messages written."""
+        return sum(self._writer.counts.values())
+
+    def take(self, topic: Topic, cdr: bytes, source: bytes = b"", number: int = 0) -> list[int]:
+        """Take one message; see `RecordingSession.take`."""
+        stamps = self._take(topic, cdr, source, number)
+        self._unflushed += len(stamps)
+        if stamps:  # the first one is what the predecessor had begun to write
+            self._adopt()
+        if self._unflushed >= STATES_UNFLUSHED:
+            self._flush()
+        return stamps
+
+    def idle(self) -> None:
+        """Flush what has lain for a while; to be called now and then."""
+        self._writer.tend()
+
+    def close(self) -> None:
+        """Write what is left, and close the bag."""
+        self._session.close()
+        self._adopt()
+        self._writer.close()
+
+    def _check(self, topic: Topic, message: Any) -> None:
+        """Refuse a law or a contour that is not the one of the cam's file."""
+        if topic is LAW_COEFFICIENTS:
+            require_own_law(self._stage, decode_law(*array_of(message)))
+        else:
+            points = [(point.x, point.y) for point in message.polygon.points]
+            require_own_contour(self._stage, cam_of(message), np.array(points).T)
+
+    def _know(self, cams: list[str]) -> None:
+        """A cam that was mounted by hand belongs into the bag as well."""
+        for cam in cams:
+            if cam not in self._stage.cams:
+                with suppress(CamRigError):  # somebody else's word, or a file that is gone
+                    self._stage.mount(cam)
+        self._attach()
+
+    def _attach(self) -> None:
+        for path in self._stage.files:
+            if path not in self._attached:
+                self._attached.add(path)
+                self._writer.attach(f"{path.parent.name}/{path.name}", path.read_bytes())
+
+    def _flush(self) -> None:
+        self._writer.flush()
+        self._unflushed = 0
+
+    def _take(self, topic: Topic, cdr: bytes, source: bytes, number: int) -> list[int]:
+        stamps = self._session.take(topic, cdr, source, number)
+        if topic is PROFILE:
+            self._know(self._session.cams)
+        return stamps
+
+    def _replay(self) -> None:
+        """Take again what the predecessor wrote; what it lost comes again from the publishers."""
+        replayed: Counter[str] = Counter()
+        for record in Salvage(self._left).records() if self._left else ():
+            if isinstance(record, Attachment) or record[1].topic not in OURS:
+                continue
+            topic, message = OURS[record[1].topic], record[2]
+            with suppress(RefusedError):  # of a damaged part
+                if topic is DIAGNOSTICS:  # the predecessor believed it
+                    self._session.believe(stamp_of(message.data))
+                self.resumed += self._take(topic, message.data, b"", message.sequence)
+                replayed[topic.name] += 1
+        if replayed == self._writer.counts:
+            self._adopt()
+
+    def _adopt(self) -> None:
+        """Let a new file take the old one's place, for it holds all that the old one held."""
+        self._writer.adopt()
+        if self._left is not None and self._left != self._writer.file:
+            remove(self._left)
+        self._left = None
+
+
+def _left(bag: Path) -> Path | None:
+    """The file that a predecessor left; None where it was killed before it had made one."""
+    file = bag_file(bag)
+    return next((path for path in (file.with_suffix(TORN), file) if path.exists()), None)
+
+
+def open_bag(handover: Handover, wanted: Path, stage: Stage, publishers: Publishers) -> BagRecorder:
+    """Begin a bag, or go on with the one that a killed predecessor was recording.
+
+    That a bag is ours is written down before it is made, so that no moment is left in which a kill
+    would leave one that nobody knows; and only where there is none, so that one of before is never
+    taken for ours.
+
+    Raises
+    ------
+    BagError : another's bag is there, or it cannot be made
+    """
+    if mine := handover.newest():
+        return BagRecorder(Path(mine), stage, publishers, resume=True)
+    require_new_bag(wanted)
+    handover.keep(str(wanted))
+    return BagRecorder(wanted, stage, publishers)
+
+
+def versions() -> bytes:
+    """What the recording was made with, as JSON."""
+    found = {"python": platform.python_version(), "system": platform.platform()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "part of the ROS installation"
+    return json.dumps(found, indent=2).encode()

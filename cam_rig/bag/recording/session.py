@@ -1,0 +1,179 @@
+"""What the recorder does, without ROS: the messages of each tick, brought together and in order.
+
+Topics come in any order, and some messages come twice when a node was started again. Here each
+message finds its cam state, and a state is written, with everything that belongs to it, when
+nothing is missing and everything before it is written. So two recordings of one run are equal.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from cam_rig.bag.publishers import Publishers
+from cam_rig.bag.recording.diagnostics import Diagnoses
+from cam_rig.bag.recording.pending import Heard, Waiting
+from cam_rig.errors import RefusedError
+from cam_rig.live.admission import Admission, StateGate
+from cam_rig.messages import topics
+from cam_rig.messages.codec import cam_state_of
+from cam_rig.messages.serialization import RawMessages, cam_of, speaker_of, stamp_of
+from cam_rig.messages.topics import Topic
+from cam_rig.simulation.schedule import CamState
+
+#: Cams whose law is kept.
+MOST_CAMS = 256
+
+#: A state begins with its stamp; the clock's message is that and no more.
+CLOCK_BYTES = 12
+
+TICK_TOPICS = tuple(topic for topic in topics.RECORDING if topic.per == "tick")
+CAM_TOPICS = (topics.LAW_COEFFICIENTS, topics.PROFILE)
+
+
+class Writing(Protocol):
+    """Where messages go: a `BagWriter`."""
+
+    def write(self, topic: Topic, log_time: int, cdr: bytes) -> None:
+        """Write one message at a rig time in ns."""
+
+
+class RecordingSession:
+    """Writes serialized messages in the order of rig time, each once.
+
+    Parameters
+    ----------
+    writer : where they go
+    gate : which states of the cam can be true
+    publishers : who may publish what
+    check : refuses a law or a contour (topic, message) that is not the cam's own
+    """
+
+    def __init__(
+        self,
+        writer: Writing,
+        gate: StateGate,
+        publishers: Publishers | None = None,
+        check: Callable[[Topic, Any], None] = lambda _topic, _message: None,
+    ) -> None:
+        self.written = -1
+        self._writer, self._raw = writer, RawMessages()
+        self._gate, self._check = gate, check
+        self._publishers = publishers or Publishers()
+        self._states: deque[tuple[CamState, bytes]] = deque()
+        self._known: set[int] = set()
+        self._before: CamState | None = None
+        self._waiting, self._diagnoses = Waiting(self._known), Diagnoses()
+        self._cams: dict[Topic, dict[str, bytes]] = {topic: {} for topic in CAM_TOPICS}
+        self._newest = -1
+
+    def take(self, topic: Topic, cdr: bytes, source: bytes = b"", number: int = 0) -> list[int]:
+        """Take one message; the stamps of the states that were written with it, in order.
+
+        Parameters
+        ----------
+        source : which process it is from
+        number : its place among all that its publisher sent
+
+        Raises
+        ------
+        RefusedError : the message is malformed, or contradicts one that was here before
+        RunError : it is from another process than the one that publishes on this topic
+        BagError : it cannot be written
+        """
+        if topic.owner:
+            self._publishers.require(topic.owner, topic, source)
+        message, cdr = self._raw.read(topic, cdr)
+        heard = Heard(source, cdr)
+        if topic is topics.CAM_STATE:
+            self._take_state(cam_state_of(message), cdr)
+        elif topic in self._cams:
+            self._check(topic, message)
+            self._take_cam(topic, cam_of(message), cdr)
+        elif topic is topics.DIAGNOSTICS:
+            self._take_diagnosis(speaker_of(message), heard)
+        elif topic.twin:
+            self._waiting.keep_twin(topic, heard, number)
+        else:
+            self._waiting.keep_stamped(topic, stamp_of(cdr), heard, number)
+        for time_ns, said in self._diagnoses.due(self._newest):
+            self._writer.write(topics.DIAGNOSTICS, time_ns, said)
+        stamps = []
+        while self._states and self._complete():
+            self._write_state()
+            stamps.append(self.written)
+        return stamps
+
+    @property
+    def cams(self) -> list[str]:
+        """The cams that the law server has told of."""
+        return list(self._cams[topics.PROFILE])
+
+    def believe(self, stamp: int) -> None:
+        """Take it that a state of a rig time (ns) was there, for a predecessor knew it."""
+        self._newest = max(self._newest, stamp)
+
+    def close(self) -> None:
+        """Write what came of the states that are not complete."""
+        while self._states:
+            self._write_state()
+
+    def _take_state(self, state: CamState, cdr: bytes) -> None:
+        if self._gate.admit(state) is not Admission.SEEN:
+            self._states.append((state, cdr))
+            self._known.add(state.time_ns)
+            self._newest = max(self._newest, state.time_ns)
+
+    def _take_diagnosis(self, speaker: str, heard: Heard) -> None:
+        if speaker in topics.SPEAKERS:
+            self._publishers.require(speaker, topics.DIAGNOSTICS, heard.source)
+        self._diagnoses.take(stamp_of(heard.cdr), speaker, heard.cdr)
+
+    def _take_cam(self, topic: Topic, name: str, cdr: bytes) -> None:
+        known = self._cams[topic]
+        if known.setdefault(name, cdr) != cdr:
+            raise RefusedError(f"{topic.name}: another one of {name!r}; allowed: one a recording")
+        if len(known) > MOST_CAMS:
+            del known[name]
+            raise RefusedError(f"{topic.name}: more than {MOST_CAMS} cams")
+
+    def _complete(self) -> bool:
+        state = self._states[0][0]
+        return (
+            self._waiting.is_past(topics.CLOCK, state.time_ns)
+            and all(self._waiting.has(topic, state.time_ns) for topic in self._belonging(state))
+            and (
+                not self._is_new_cam(state)
+                or all(state.cam in known for known in self._cams.values())
+            )
+        )
+
+    def _belonging(self, state: CamState) -> list[Topic]:
+        """Topics that have a message for a state, by its stamp."""
+        before, found = self._before, list[Topic]()
+        if before is None or (before.cam, before.speed) != (state.cam, state.speed):
+            found += [topics.LAW] if state.speed > 0.0 else []
+        if before is not None and before.turns_until(state):
+            found += TICK_TOPICS
+        return found
+
+    def _is_new_cam(self, state: CamState) -> bool:
+        return self._before is None or self._before.cam != state.cam
+
+    def _write_state(self) -> None:
+        state, cdr = self._states.popleft()
+        stamp, put = state.time_ns, self._writer.write
+        if self._is_new_cam(state):
+            for topic, known in self._cams.items():
+                if state.cam in known:
+                    put(topic, stamp, known[state.cam])
+        if self._waiting.is_past(topics.CLOCK, stamp):  # which never goes back: a lost one is lost
+            put(topics.CLOCK, stamp, self._waiting.pop(topics.CLOCK, stamp) or cdr[:CLOCK_BYTES])
+        put(topics.CAM_STATE, stamp, cdr)
+        for topic in self._belonging(state):
+            if message := self._waiting.pop(topic, stamp):
+                put(topic, stamp, message)
+        self._before, self.written = state, stamp
+        self._known.discard(stamp)
+        self._waiting.forget(stamp)

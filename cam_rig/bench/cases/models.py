@@ -1,0 +1,158 @@
+"""The models of the study, each as linear phases and what happens between them.
+
+In flight the gap g between cam and follower is the state, not the follower's position: it
+starts at exactly zero, so no peer mistakes rounding for a landing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Self
+
+from cam_rig.bench.cases.phase import Number, Phase, Vector
+
+CONTACT, FLIGHT = "contact", "flight"
+LIFT_OFF, LANDING = "lift-off", "landing"
+#: Phase that follows, its state, and the kinds of the events that led there.
+Switch = tuple[str, Vector, tuple[str, ...]]
+
+
+@dataclass(frozen=True)
+class Model:
+    """A model of linear phases; all numbers in SI units."""
+
+    def typed(self, number: Callable[[float], Number]) -> Self:
+        """The same model with another type of numbers."""
+        return replace(self, **{f.name: number(getattr(self, f.name)) for f in fields(self)})
+
+    def phases(self) -> Mapping[str, Phase]:
+        """The phases by name."""
+        raise NotImplementedError
+
+    def begin(self) -> tuple[str, Vector]:
+        """First phase and its state, at rest on the low dwell."""
+        raise NotImplementedError
+
+    def switch(self, name: str, q: Vector, motion: Vector) -> Switch:
+        """What follows a guard's crossing, at state q and at (s, ṡ, s̈, 1)."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Oscillator(Model):
+    """m ẍ + c ẋ + (k_spring + k_stem) x = k_stem s (eq. 5)."""
+
+    mass: Number
+    damping: Number
+    spring_stiffness: Number
+    stem_stiffness: Number
+
+    def phases(self) -> Mapping[str, Phase]:
+        """One phase without an end."""
+        m = self.mass
+        row = (-(self.spring_stiffness + self.stem_stiffness) / m, -self.damping / m)
+        return {CONTACT: Phase((row,), ((self.stem_stiffness / m, 0, 0, 0),), ((1,),), (0,))}
+
+    def begin(self) -> tuple[str, Vector]:
+        """At rest."""
+        return CONTACT, (0 * self.mass, 0 * self.mass)
+
+
+@dataclass(frozen=True)
+class TwoMasses(Model):
+    """Roller mass m₁ and stem mass m₂ (eq. 14-19), plastic re-contact; shown are z and y.
+
+    The preload pulls m₂ towards the cam: m₂ÿ + (c₁+c₂)ẏ + (k₁+k₂)y = c₁ṡ + k₁s − preload in
+    contact, where F = m₁s̈ + c₁(ṡ−ẏ) + k₁(s−y). A landing after which F is negative is
+    followed by a lift-off at the same instant.
+    """
+
+    roller_mass: Number
+    stem_mass: Number
+    stem_stiffness: Number
+    spring_stiffness: Number
+    stem_damping: Number
+    spring_damping: Number
+    preload: Number
+
+    def phases(self) -> Mapping[str, Phase]:
+        """Contact with q = (y, ẏ) and flight with q = (g, y, ġ, ẏ)."""
+        m1, m2, k1, c1 = self.roller_mass, self.stem_mass, self.stem_stiffness, self.stem_damping
+        k, c = k1 + self.spring_stiffness, c1 + self.spring_damping
+        pull = (k1 / m2, c1 / m2, 0, -self.preload / m2)
+        contact = Phase(
+            rows=((-k / m2, -c / m2),),
+            drive=(pull,),
+            show=((0,), (1,)),
+            show_lift=(1, 0),
+            guard=(-k1, -c1),
+            guard_drive=(k1, c1, m1, 0),
+            on_cam=True,
+        )
+        flight = Phase(
+            rows=(
+                (-k1 / m1, k1 / m1, -c1 / m1, c1 / m1),
+                (k1 / m2, -k / m2, c1 / m2, -c / m2),
+            ),
+            drive=((-k1 / m1, -c1 / m1, -1, 0), pull),
+            show=((1, 0), (0, 1)),
+            show_lift=(1, 0),
+            guard=(1, 0, 0, 0),
+        )
+        return {CONTACT: contact, FLIGHT: flight}
+
+    def begin(self) -> tuple[str, Vector]:
+        """Static equilibrium on the cam."""
+        y = -self.preload / (self.stem_stiffness + self.spring_stiffness)
+        return CONTACT, (y, 0 * y)
+
+    def switch(self, name: str, q: Vector, motion: Vector) -> Switch:
+        """Lift-off; or landing with ż := ṡ, and at once off again where F is negative."""
+        if name == CONTACT:
+            return FLIGHT, (0 * q[0], q[0], 0 * q[0], q[1]), (LIFT_OFF,)
+        on_cam = (q[1], q[3])
+        if self.phases()[CONTACT].guard_value(on_cam, motion) < 0:
+            return FLIGHT, (0 * q[1], q[1], 0 * q[1], q[3]), (LANDING, LIFT_OFF)
+        return CONTACT, on_cam, (LANDING,)
+
+
+@dataclass(frozen=True)
+class OneMass(Model):
+    """One mass on a rigid stem with Newton's restitution.
+
+    A rebound lower than ``least_bounce`` ends a series of bounces: there are endlessly many.
+    """
+
+    mass: Number
+    damping: Number
+    stiffness: Number
+    preload: Number
+    restitution: Number
+    least_bounce: Number
+
+    def phases(self) -> Mapping[str, Phase]:
+        """Contact without a state (it is the law) and flight with q = (g, ġ)."""
+        m, c, k = self.mass, self.damping, self.stiffness
+        force = (k, c, m, self.preload)
+        contact = Phase((), (), ((),), (1,), (), force, on_cam=True)
+        drive = tuple(-weight / m for weight in force)
+        flight = Phase(((-k / m, -c / m),), (drive,), ((1,),), (1,), (1, 0))
+        return {CONTACT: contact, FLIGHT: flight}
+
+    def begin(self) -> tuple[str, Vector]:
+        """On the cam."""
+        return CONTACT, ()
+
+    def switch(self, name: str, q: Vector, motion: Vector) -> Switch:
+        """Lift-off; or landing with ġ := −e ġ, or with ġ := 0 at the end of the bounces."""
+        zero = 0 * self.mass
+        if name == CONTACT:
+            return FLIGHT, (zero, zero), (LIFT_OFF,)
+        force = self.phases()[CONTACT].guard_value((), motion)
+        rebound = -self.restitution * q[1]
+        if rebound > 0 and (force <= 0 or self.mass * rebound**2 > 2 * force * self.least_bounce):
+            return FLIGHT, (zero, rebound), (LANDING,)
+        if force < 0:
+            return FLIGHT, (zero, zero), (LANDING, LIFT_OFF)
+        return CONTACT, (), (LANDING,)

@@ -1,0 +1,1 @@
+"""Who solves it: scipy's solvers and SUNDIALS CVODE."""

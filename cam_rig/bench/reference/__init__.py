@@ -1,0 +1,1 @@
+"""What error is measured against: solutions of many digits, computed and stored."""

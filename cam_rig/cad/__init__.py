@@ -1,0 +1,1 @@
+"""Contours as files: DXF, SVG and CSV, written and read."""

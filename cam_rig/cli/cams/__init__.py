@@ -1,0 +1,1 @@
+"""Commands on one cam: its law and its contour."""

@@ -1,0 +1,116 @@
+"""cam-rig law: one cam's law over the turn, as a plot, a table and CSV."""
+
+from __future__ import annotations
+
+import csv
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cam_rig.cli.common.console import console, user_errors
+from cam_rig.cli.common.names import cam_path
+from cam_rig.cli.common.outputs import check_outputs, write_plot
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from cam_rig.laws import Law
+
+#: Rows of the CSV, one every so many degrees.
+CSV_STEP_DEG = 0.5
+
+
+def law(
+    cam: Annotated[str, typer.Argument(help="Cam file, or a name in config/cams.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="The plot (PNG, SVG, PDF); out/law_CAM.png if not given."
+        ),
+    ] = None,
+    as_csv: Annotated[
+        bool, typer.Option("--csv", help="CSV to stdout; no plot unless --out is given.")
+    ] = False,
+) -> None:
+    """Plot lift, velocity, acceleration and jerk over the cam angle; list peaks and joints.
+
+    Peaks come from the roots of the next derivative, not from samples. Derivatives are in the
+    cam angle, per rad: times the cam's speed in rad/s they are those in time.
+
+    Examples
+    --------
+    cam-rig law poly345
+
+    cam-rig law config/cams/worked_example_quintic.yaml --out quintic.pdf
+
+    cam-rig law bezier15 --csv > bezier15.csv
+    """
+    with user_errors():
+        from cam_rig.errors import LawError
+        from cam_rig.laws import build_law
+        from cam_rig.schema import load_cam
+
+        check_outputs(None, out)
+        path = cam_path(cam)
+        config = load_cam(path)
+        try:
+            built = build_law(config)
+        except LawError as error:
+            raise LawError(f"{path}: {error}") from None
+        console.print(_peaks(built, config.lift.unit, config.lift.factor))
+        console.print(_joints(built))
+        if as_csv:
+            _print_csv(built)
+        if out is not None or not as_csv:
+            from cam_rig.plots.law import draw
+
+            target = out or Path("out") / f"law_{config.name}.png"
+            write_plot(target, lambda part: draw(config, built, part))
+
+
+def _peaks(law: Law, unit: str, factor: float) -> Table:
+    """Largest and smallest values in the unit of the file's lift."""
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    from cam_rig.laws.peaks import extremes
+
+    out = Table(box=SIMPLE, padding=(0, 1, 0, 0))
+    for heading in ("", "unit", "largest", "at", "smallest", "at"):
+        out.add_column(heading, justify="right" if heading not in ("", "unit") else "left")
+    names = ("lift s", "velocity s'", "acceleration s''", "jerk s'''")
+    for order, name in enumerate(names):
+        low, high = extremes(law, order)
+        per = ("", "/rad", "/rad²", "/rad³")[order]
+        cells = [
+            cell
+            for extreme in (high, low)
+            for cell in (f"{extreme.value / factor:.6g}", f"{math.degrees(extreme.angle):.4g}°")
+        ]
+        out.add_row(name, unit + per, *cells)
+    return out
+
+
+def _joints(law: Law) -> str:
+    """The joints that are not smooth, in one line."""
+    from cam_rig.laws.continuity import SMOOTHEST, joints
+
+    rough = [joint for joint in joints(law) if joint.continuity < SMOOTHEST]
+    if not rough:
+        return f"joins C{SMOOTHEST} or smoother everywhere"
+    places = ", ".join(f"{math.degrees(j.angle):.5g}° C{j.continuity}" for j in rough)
+    return f"joints (others C{SMOOTHEST}): {places}"
+
+
+def _print_csv(law: Law) -> None:
+    import numpy as np
+
+    writer = csv.writer(sys.stdout, lineterminator="\n")
+    writer.writerow(["angle_deg", "lift_m", "velocity_m_rad", "acceleration_m_rad2", "jerk_m_rad3"])
+    degrees = np.arange(0.0, 360.0, CSV_STEP_DEG)
+    motion = [law(np.radians(degrees), order) for order in range(4)]
+    for row in zip(degrees, *motion, strict=True):
+        writer.writerow([f"{value:.12g}" for value in row])

@@ -1,0 +1,1 @@
+"""What commands share: the console, names of files, options, outputs."""

@@ -1,0 +1,83 @@
+"""What a command leaves behind: plots and JSON, written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from cam_rig.cli.common.console import console
+from cam_rig.errors import ConfigError, OutputError
+
+#: Kinds of picture a plot can be written as.
+PICTURES = (".png", ".svg", ".pdf", ".jpg")
+
+
+def write_plot(target: Path, draw: Callable[[Path], None]) -> None:
+    """Have a picture drawn into a file, and say where it is.
+
+    Raises
+    ------
+    OutputError : the place cannot be written
+    """
+    with writing(target) as part:
+        draw(part)
+    console.print(f"plot: {target}", markup=False, soft_wrap=True)
+
+
+def write_json(data: dict[str, Any], target: str | None) -> None:
+    """Write JSON to a file, to stdout for ``-``, nowhere for None.
+
+    Raises
+    ------
+    OutputError : the place cannot be written
+    """
+    if target is None:
+        return
+    text = json.dumps(data, indent=2)
+    if target == "-":
+        print(text)
+        return
+    with writing(Path(target)) as part:
+        part.write_text(text + "\n", encoding="utf-8")
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[Path]:
+    """A file beside ``path`` to write into, which then takes its place whole.
+
+    Raises
+    ------
+    OutputError : the place cannot be written
+    """
+    part = path.with_name(f".{path.stem}.part{path.suffix}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield part
+        part.replace(path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
+    finally:
+        with suppress(OSError):
+            part.unlink()
+
+
+def check_outputs(json_target: str | None, plot: Path | None) -> None:
+    """Refuse, before anything runs, what could not be written afterwards."""
+    if plot is not None and plot.suffix.lower() not in PICTURES:
+        raise ConfigError(f"{plot}: unknown kind of picture; allowed: {', '.join(PICTURES)}")
+    asked = [plot, None if json_target in (None, "-") else Path(str(json_target))]
+    for target in (path for path in asked if path is not None):
+        check_place(target)
+
+
+def check_place(target: Path) -> None:
+    """Refuse a place where no file can be written."""
+    if target.is_dir():
+        raise OutputError(f"{target}: is a folder; allowed: a file")
+    nearest = next(parent for parent in target.absolute().parents if parent.exists())
+    if not (nearest.is_dir() and os.access(nearest, os.W_OK)):
+        raise OutputError(f"{target}: cannot be written, {nearest} is no writable folder")

@@ -1,0 +1,1 @@
+"""Commands that run a scene, or read a recorded run."""

@@ -1,0 +1,81 @@
+"""cam-rig analyze: the noise comparison from a bag."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from cam_rig.cli.common.console import console, user_errors
+from cam_rig.cli.common.level_table import show
+from cam_rig.cli.common.names import scene_path
+from cam_rig.cli.common.options import Json, Plot, SceneOfBag
+from cam_rig.cli.common.outputs import check_outputs
+
+
+def analyze(
+    bag: Annotated[
+        Path | None, typer.Argument(help="Bag to analyse; by default the newest in bags/.")
+    ] = None,
+    json_target: Json = None,
+    plot: Plot = None,
+    scene: SceneOfBag = None,
+) -> None:
+    """Read a recorded sweep back and compare its noise with the published regressions.
+
+    Examples
+    --------
+    cam-rig analyze
+
+    cam-rig analyze bags/tm21_sweep_2026-01-31_12-00-00 --plot out/sweep.png --json out/sweep.json
+
+    cam-rig analyze recorded_by_ros2 --scene quick
+    """
+    with user_errors():
+        check_outputs(json_target, plot)
+        path = scene_path(scene) if scene else None
+        analyze_bag(bag or newest_bag(), json_target, plot, path)
+
+
+def analyze_bag(
+    bag: Path, json_target: str | None, plot: Path | None, scene: Path | None = None
+) -> None:
+    """Analyse one bag, with the scene attached to it unless another is named."""
+    from cam_rig.bag.attached import recovered_words
+    from cam_rig.bag.reader import read_recording
+    from cam_rig.simulation.levels import compare, require_ticks, step_levels
+    from cam_rig.simulation.schedule import tick_count
+
+    recording = read_recording(bag, scene)
+    stage = recording.stage
+    counted = f"{sum(recording.counts.values())} messages, {len(recording.ticks)} ticks"
+    console.print(f"{escape(str(bag))}: {counted}")
+    for words in recovered_words(bag):
+        console.print(f"[bold]recovered:[/] {escape(words)}")
+    whole = tick_count(stage.scene)
+    if len(recording.ticks) < whole:
+        console.print(f"[bold]not complete:[/] {len(recording.ticks)} of {whole} ticks")
+    levels = step_levels(recording.ticks, stage.scene.program.settle_turns.si)
+    require_ticks(levels, str(bag))
+    result = compare(levels, {cam: stage.role(cam) for cam in levels}, stage.published)
+    show(result, stage, recording.counts, json_target, plot)
+
+
+def newest_bag() -> Path:
+    """The bag under ``bags/`` that was written last, of those that were closed.
+
+    Raises
+    ------
+    BagError : there is none
+    """
+    from cam_rig.bag.files import METADATA, is_torn
+    from cam_rig.errors import BagError
+
+    found = sorted(Path("bags").glob(f"*/{METADATA}"), key=lambda p: p.stat().st_mtime)
+    for bag in (file.parent for file in reversed(found)):
+        if not is_torn(bag):
+            return bag
+        console.print(escape(f"{bag}: was not closed, an older one is taken; see: cam-rig recover"))
+    raise BagError("no bag in bags/; make one with: cam-rig run")

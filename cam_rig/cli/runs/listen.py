@@ -1,0 +1,118 @@
+"""cam-rig listen: the sound of a scene as a sound file, and what a meter shows for it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cam_rig.cli.common.console import console, progress_bar, user_errors
+from cam_rig.cli.common.names import scene_path
+from cam_rig.cli.common.options import Json, Scene
+from cam_rig.cli.common.outputs import check_outputs, check_place, write_json, writing
+from cam_rig.errors import ConfigError
+
+if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
+    from cam_rig.acoustics.wav import Measurement
+
+#: Hz, the rate of audio equipment.
+RATE = 48_000
+#: s, how long one speed is held by default.
+SECONDS = 5.0
+
+
+def listen(
+    scene: Scene,
+    out: Annotated[Path, typer.Option(help="Sound file to write (WAV).")],
+    cam: Annotated[str | None, typer.Option(help="One cam of the scene; by default all.")] = None,
+    rpm: Annotated[
+        float | None, typer.Option(min=1.0, max=1e5, help="One speed; by default the program's.")
+    ] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option(min=0.1, max=3600.0, help="How long --rpm is held, in whole turns; 5."),
+    ] = None,
+    json_target: Json = None,
+) -> None:
+    """Write what the microphone hears: 48 kHz, 16 bit, sound pressure in proportion.
+
+    Nothing is weighted or filtered, so a cam's lowest harmonics are in it though nobody hears
+    them. The largest number stands for a round pressure that is printed: 1, 2 or 5 times a power
+    of ten, the smallest that does not clip.
+
+    Examples
+    --------
+    cam-rig listen quick --out out/quick.wav
+
+    cam-rig listen tm21_sweep --cam tm21 --rpm 380 --out out/tm21_380.wav --json -
+    """
+    with user_errors():
+        import numpy as np
+
+        from cam_rig.acoustics import SoundSource
+        from cam_rig.acoustics.wav import full_scale, measure, pcm
+        from cam_rig.simulation.audio import audition, sounds
+        from cam_rig.simulation.scene import open_stage
+        from cam_rig.simulation.schedule import tick_count
+
+        check_outputs(json_target, None)
+        if out.suffix.lower() != ".wav":
+            raise ConfigError(f"{out}: unknown kind of sound file; allowed: .wav")
+        check_place(out)
+        if seconds is not None and rpm is None:
+            raise ConfigError(
+                f"--seconds is {seconds:g} without --rpm, and the scene's program has its own "
+                "times; allowed: both, or neither"
+            )
+        held = SECONDS if seconds is None else seconds
+        stage = audition(open_stage(scene_path(scene)), cam, rpm, held, RATE)
+        source = SoundSource(stage.radiation, RATE, least_rate=RATE)
+        with progress_bar() as bar:
+            ticks = bar.track(
+                sounds(stage, source), total=tick_count(stage.scene), description=stage.scene.name
+            )
+            pressure = np.concatenate(list(ticks))
+        heard = measure(pressure, RATE)
+        scale = full_scale(heard.peak_pa)
+        with writing(out) as part:
+            _write(part, pcm(pressure, scale))
+        _show(heard, out, scale, pressure.size / RATE)
+        write_json(_to_json(heard, scale, pressure.size / RATE), json_target)
+
+
+def _write(path: Path, samples: bytes) -> None:
+    import wave
+
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(RATE)
+        file.writeframes(samples)
+
+
+def _show(heard: Measurement, out: Path, scale: float, seconds: float) -> None:
+    levels = ", ".join(f"{name} {level:.1f}" for name, level in heard.levels.items())
+    console.print(
+        f"{out}: {seconds:.1f} s; full scale is {scale:g} Pa, peak {heard.peak_pa:.3g} Pa"
+    )
+    console.print(f"{levels} dB, class 1 up to {heard.class_1_up_to_hz / 1000.0:g} kHz")
+    if heard.overload:
+        console.print("[bold]overload:[/] beyond the meter's 130 dB")
+    if heard.under_range:
+        console.print("[bold]under range:[/] a level is below the meter's 30 dB")
+
+
+def _to_json(heard: Measurement, scale: float, seconds: float) -> dict[str, Any]:
+    return {
+        "seconds": seconds,
+        "full_scale_pa": scale,
+        "peak_pa": heard.peak_pa,
+        "levels_db": heard.levels,
+        "class_1_up_to_hz": heard.class_1_up_to_hz,
+        "third_octaves_db": dict(
+            zip(heard.bands.names, heard.bands.level_db.tolist(), strict=True)
+        ),
+        "overload": heard.overload,
+        "under_range": heard.under_range,
+    }

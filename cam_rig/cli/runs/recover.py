@@ -1,0 +1,42 @@
+"""cam-rig recover: a valid bag from one that was cut off."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from cam_rig.cli.common.console import console, user_errors
+
+
+def recover(
+    bag: Annotated[Path, typer.Argument(help="Bag folder or .mcap file that cannot be read.")],
+    output: Annotated[
+        Path | None, typer.Option(help="New bag; by default BAG_recovered. Must not exist yet.")
+    ] = None,
+) -> None:
+    """Copy everything readable of a damaged or unfinished bag into a new, valid one.
+
+    The damaged bag is left as it is. What is missing is printed: ticks of the scene, or messages.
+    When it was interrupted, do it again.
+
+    Examples
+    --------
+    cam-rig recover bags/tm21_sweep_2026-01-31_12-00-00
+
+    cam-rig recover broken.mcap --output bags/mended
+    """
+    with user_errors():
+        from cam_rig.bag.recording.recover import recover as recover_bag
+
+        target = output or _beside(bag)
+        saved = recover_bag(bag, target)
+        console.print(escape(f"{target}: {saved.words}"))
+
+
+def _beside(bag: Path) -> Path:
+    """Where a bag is mended to by default; one may stand in the bag, and name it ``.``."""
+    place = bag if bag.name not in ("", "..") else bag.resolve()
+    return place.parent / f"{place.stem if place.is_file() else place.name}_recovered"

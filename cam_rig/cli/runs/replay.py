@@ -1,0 +1,92 @@
+"""cam-rig replay: a recorded run through the live follower and microphone, and compared."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from cam_rig.cli.common.console import console, progress_bar, user_errors
+from cam_rig.cli.common.names import scene_path
+from cam_rig.cli.common.options import SceneOfBag
+
+if TYPE_CHECKING:
+    from cam_rig.bag.compare import Difference
+
+
+def replay(
+    bag: Annotated[Path, typer.Argument(help="Bag whose cam states and laws are played.")],
+    tolerance: Annotated[
+        float, typer.Option(help="Largest difference allowed, over the largest value.", min=0.0)
+    ] = 1e-12,
+    output: Annotated[
+        Path | None, typer.Option(help="Keep the new recording here; must not exist yet.")
+    ] = None,
+    scene: SceneOfBag = None,
+) -> None:
+    """Feed recorded cam states and laws to live nodes, and compare what they say with the bag.
+
+    A regression test for any change of follower or microphone: code 1 when a number differs.
+
+    Examples
+    --------
+    cam-rig replay bags/golden
+
+    cam-rig replay bags/mine --tolerance 1e-9 --output bags/mine_again
+    """
+    with user_errors():
+        from cam_rig.bag.recording.writer import require_new_bag
+        from cam_rig.errors import BagError
+        from cam_rig.temporary import temporary_folder
+
+        if output is not None:
+            require_new_bag(output)
+        with temporary_folder("cam_rig-replay-") as folder:
+            found = _replay(bag, folder, scene, output)
+        console.print(_table(found))
+        worst = max(found, key=lambda entry: entry.relative)
+        if not worst.relative <= tolerance:
+            raise BagError(
+                f"{bag}: {worst.topic} {worst.quantity} differs by {worst.difference:.3g}, "
+                f"{worst.relative:.3g} of its largest value; allowed: {tolerance:g}"
+            )
+
+
+def _replay(bag: Path, folder: Path, scene: str | None, output: Path | None) -> list[Difference]:
+    from cam_rig.bag.attached import unpack
+    from cam_rig.bag.compare import compare
+    from cam_rig.bag.reader import read_counts
+    from cam_rig.errors import BagError
+    from cam_rig.runner.domain_lock import own_domain
+    from cam_rig.runner.graph import Graph, replayed
+
+    total = read_counts(bag).get("/cam/state", 0)
+    if total < 2:
+        raise BagError(f"{bag}: has {total} states of the cam; allowed: two at least")
+    path = scene_path(scene) if scene else unpack(bag, folder)
+    again = folder / "again" / (output.name if output else "bag")  # not among the bag's own files
+    with own_domain(), progress_bar() as bar, Graph(replayed(path, again, bag)) as graph:
+        task = bar.add_task("replaying", total=total - 1)
+        for report in graph.progress():
+            bar.update(task, completed=int(report["tick"]))
+    graph.require_closed()
+    found = compare(bag, again)
+    if output is not None:
+        shutil.move(again, output)
+    return found
+
+
+def _table(found: list[Difference]) -> Table:
+    out = Table(title="recorded against replayed")
+    for column in ("topic", "quantity"):
+        out.add_column(column, no_wrap=True)
+    for column in ("numbers", "difference", "relative"):
+        out.add_column(column, justify="right")
+    for entry in found:
+        away = (f"{entry.difference:.3g}", f"{entry.relative:.2g}")
+        out.add_row(entry.topic, escape(entry.quantity), str(entry.count), *away)
+    return out

@@ -1,0 +1,114 @@
+"""cam-rig run: the scene through the live node graph, into a bag."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from cam_rig.cli.common.console import console, progress_bar, user_errors
+from cam_rig.cli.common.names import DEFAULT_SCENE, scene_path
+from cam_rig.cli.common.options import Scene
+
+
+def run(
+    scene: Scene = DEFAULT_SCENE,
+    bag: Annotated[
+        Path | None, typer.Option(help="Folder to record into; must not exist yet.")
+    ] = None,
+    analyze: Annotated[
+        bool, typer.Option("--analyze", help="Analyse the bag afterwards, with a plot beside it.")
+    ] = False,
+    view: Annotated[bool, typer.Option("--view", help="Show it in Rerun while it runs.")] = False,
+    web: Annotated[
+        bool, typer.Option("--web", help="Show it so to a browser on this machine.")
+    ] = False,
+    pacing: Annotated[
+        str, typer.Option(help="Rig time beside wall time: free, real_time, or Nx such as 20x.")
+    ] = "free",
+    respawn: Annotated[
+        bool, typer.Option("--respawn", help="Start a node again that was killed, and go on.")
+    ] = False,
+    network: Annotated[
+        bool, typer.Option("--network", help="Let the subnet hear the nodes; else nobody outside.")
+    ] = False,
+) -> None:
+    """Run a scene through the node graph and record it.
+
+    Five nodes, each its own process, run as fast as the slowest of them (or at a set pace) and are
+    all ended, on Ctrl-C too. Exit codes: 0 done, 1 a node failed, 2 the scene is wrong, 128 and
+    the signal's number when a signal ended it (130 for Ctrl-C).
+
+    Examples
+    --------
+    cam-rig run
+
+    cam-rig run config/scenes/quick.yaml --bag bags/mine --analyze
+
+    cam-rig run --view
+
+    cam-rig run quick --pacing real_time
+    """
+    with user_errors():
+        from cam_rig.bag.recording.writer import require_new_bag
+        from cam_rig.cli.common.screen import open_screen
+        from cam_rig.live.pacing import factor_of
+
+        path = scene_path(scene)
+        factor_of(pacing)
+        target = bag or Path(time.strftime(f"bags/{path.stem}_%Y-%m-%d_%H-%M-%S"))
+        require_new_bag(target)
+        with open_screen(view, web) as screen:
+            _run(path, target, screen.address, pacing, respawn, network)
+            if analyze:
+                from cam_rig.cli.runs.analyze import analyze_bag
+
+                analyze_bag(target, None, target / "noise.png")
+            screen.stay()
+
+
+def _say(line: str) -> None:
+    console.print(escape(line))
+
+
+def _run(
+    path: Path, target: Path, screen: str | None, pacing: str, respawn: bool, network: bool
+) -> None:
+    from cam_rig.bag.complete import require_complete
+    from cam_rig.runner.domain_lock import own_domain
+    from cam_rig.runner.graph import Graph, live
+    from cam_rig.runner.process import PROFILES
+    from cam_rig.simulation.scene import open_stage
+    from cam_rig.simulation.schedule import tick_count
+
+    stage = open_stage(path)
+    if PROFILES in os.environ and not network:
+        console.print(
+            f"the profile of {PROFILES} is not used: nobody outside may hear; --network uses it"
+        )
+    begun = time.perf_counter()
+    nodes = live(path, target, screen, pacing=pacing)
+    with (
+        own_domain(),
+        progress_bar() as bar,
+        Graph(nodes, respawn, network, _say) as graph,
+    ):
+        task = bar.add_task("starting the nodes", total=tick_count(stage.scene))
+        for report in graph.progress():
+            words = f"{report['cam']} {report['rpm']:.0f} rpm"
+            bar.update(task, completed=int(report["tick"]), description=words)
+    for name, node in graph.processes.items():
+        if node.warnings:
+            words = f"{name} warned {len(node.warnings)} times, last: {node.warnings[-1]}"
+            console.print(escape(words))
+    graph.require_closed()
+    counts = require_complete(target, stage.scene)
+    took = time.perf_counter() - begun
+    console.print(
+        f"{counts['/follower/samples']} ticks, {sum(counts.values())} messages, none missing, "
+        f"in {took:.1f} s: {escape(str(target))}"
+    )

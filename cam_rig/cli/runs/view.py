@@ -1,0 +1,141 @@
+"""cam-rig view: a recorded run as a moving picture in Rerun."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cam_rig.cli.common.console import console, progress_bar, user_errors
+from cam_rig.cli.common.names import scene_path
+from cam_rig.cli.common.options import SceneOfBag
+from cam_rig.viewer.layout import Layout
+
+if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
+    from cam_rig.viewer.recording import Wish
+
+
+def view(
+    bag: Annotated[
+        Path | None, typer.Argument(help="Bag to show; by default the newest in bags/.")
+    ] = None,
+    save: Annotated[
+        Path | None, typer.Option(metavar="FILE.rrd", help="Write a file, open no viewer.")
+    ] = None,
+    web: Annotated[
+        bool, typer.Option("--web", help="Serve it to a browser on this machine, open no window.")
+    ] = False,
+    layout: Annotated[
+        Layout,
+        typer.Option(help="For a run, for cams side by side at one speed, or for a report."),
+    ] = Layout.RUN,
+    rpm: Annotated[
+        float | None,
+        typer.Option(help="Speed at which cams are compared; by default the highest."),
+    ] = None,
+    scene: SceneOfBag = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file.")] = False,
+    all_samples: Annotated[
+        bool,
+        typer.Option(
+            "--all-samples",
+            help="Keep every sample of a long run, not the least and greatest of each few.",
+        ),
+    ] = False,
+) -> None:
+    """Show a recorded run: the cam turning, its follower, lift, contact force and sound.
+
+    The viewer stays open until its window is closed, or until Ctrl-C. Nothing leaves this machine.
+
+    Examples
+    --------
+    cam-rig view
+
+    cam-rig view bags/golden --web
+
+    cam-rig view --layout compare --rpm 350
+
+    cam-rig view bags/tm21_sweep_2026-01-31_12-00-00 --save out/sweep.rrd
+    """
+    with user_errors():
+        from cam_rig.errors import ConfigError
+        from cam_rig.viewer.recording import Wish
+
+        if save is not None and web:
+            raise ConfigError("--save and --web: a file is written or a page served; name one")
+        if save is None and force:
+            raise ConfigError("--force: overwrites the file of --save, and none is named")
+        wish = Wish(layout, rpm, all_samples)
+        _view(bag, scene_path(scene) if scene else None, save, web, wish, force)
+
+
+def _view(
+    bag: Path | None, scene: Path | None, save: Path | None, web: bool, wish: Wish, force: bool
+) -> None:
+    from cam_rig.cli.runs.analyze import newest_bag
+    from cam_rig.viewer.server.process import require_display, show
+
+    with _tidy_end():
+        if save is not None:
+            convert(bag or newest_bag(), scene, save, wish, force)
+            return
+        if not web:
+            require_display()
+        with _converted(bag or newest_bag(), scene, wish) as path:
+            if web:
+                _serve(path)
+            else:
+                show(path)
+
+
+@contextmanager
+def _tidy_end() -> Iterator[None]:
+    """Any signal to end unwinds as Ctrl-C does, so that no half file and no folder stays."""
+    numbers = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+    before = [signal.signal(number, signal.default_int_handler) for number in numbers]
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise typer.Exit(130) from None
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
+
+
+def convert(bag: Path, scene: Path | None, path: Path, wish: Wish, force: bool) -> None:
+    """Write the picture of a bag to a file, with the scene attached to it unless one is named."""
+    from cam_rig.bag.reader import read_counts
+    from cam_rig.messages.topics import FOLLOWER_SAMPLES
+    from cam_rig.simulation.scene import open_stage
+    from cam_rig.viewer.recording import save_recording
+
+    stage = open_stage(scene) if scene else None
+    with progress_bar() as bar:
+        task = bar.add_task(bag.name, total=read_counts(bag).get(FOLLOWER_SAMPLES.name, 0))
+        save_recording(
+            bag, path, wish, stage=stage, overwrite=force, on_tick=lambda: bar.advance(task)
+        )
+    console.print(f"{path}: {path.stat().st_size / 1e6:.1f} MB", soft_wrap=True)
+
+
+@contextmanager
+def _converted(bag: Path, scene: Path | None, wish: Wish) -> Iterator[Path]:
+    from cam_rig.temporary import temporary_folder
+
+    with temporary_folder() as folder:
+        path = folder / f"{bag.resolve().name}.rrd"
+        convert(bag, scene, path, wish, force=False)
+        yield path
+
+
+def _serve(path: Path) -> None:
+    from cam_rig.cli.common.screen import stay_until_interrupted
+    from cam_rig.viewer.server.web import serve
+
+    with serve(path) as pages:
+        print(pages.address, flush=True)
+        stay_until_interrupted(pages.viewer)

@@ -1,0 +1,1 @@
+"""Commands that compare cams with the paper, or solvers with each other."""

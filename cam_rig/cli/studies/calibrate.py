@@ -1,0 +1,59 @@
+"""cam-rig calibrate: the acoustic constants, from one cam's published curve alone."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from cam_rig.cli.common.console import console, user_errors
+from cam_rig.cli.common.names import DEFAULT_SCENE, scene_path
+from cam_rig.cli.common.options import Scene
+
+
+def calibrate(
+    scene: Scene = DEFAULT_SCENE,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show, write nothing.")] = False,
+) -> None:
+    """Fit gain and corner of the rig's structure to the published noise of one cam.
+
+    Which cam: ``radiation.calibrated_on`` in the rig file. Two numbers are fitted, by least
+    squares in dB over the scene's speeds, and written into the rig file with their residual.
+    Every other cam's curve is then a prediction.
+
+    Examples
+    --------
+    cam-rig calibrate --dry-run
+
+    cam-rig calibrate tm21_sweep
+    """
+    with user_errors():
+        import numpy as np
+
+        from cam_rig.acoustics import calibrate as fit
+        from cam_rig.cli.common.edit import set_identified
+        from cam_rig.simulation.scene import open_stage
+
+        stage = open_stage(scene_path(scene))
+        cam = stage.rig.radiation.calibrated_on
+        speeds = np.array(stage.scene.program.speeds.si_list)
+        levels = stage.published_levels(cam, speeds * 30.0 / np.pi)
+        found = fit(stage.law_of(cam), stage.follower, stage.radiation, speeds, levels)
+        console.print(
+            f"{cam}: gain {found.radiation.gain:.4g} Pa·s/N, corner {found.radiation.corner:.4g} "
+            f"Hz; {found.rmse_db:.3f} dB RMS over {found.points} speeds (2 numbers fitted)"
+        )
+        if not dry_run:
+            numbers: dict[tuple[str | int, ...], float] = {
+                ("radiation", "gain"): _round(found.radiation.gain),
+                ("radiation", "corner"): _round(found.radiation.corner),
+            }
+            source = f"cam-rig calibrate, published noise of {cam} alone"
+            residual = f"{found.rmse_db:.3f} dB RMS over {found.points} speeds, 2 numbers fitted"
+            set_identified(stage.rig_file, numbers, source, residual)
+            console.print(f"written to {stage.rig_file}")
+
+
+def _round(value: float) -> float:
+    """Five digits: far finer than the residual supports, and a file stays readable."""
+    return float(f"{value:.5g}")

@@ -1,0 +1,105 @@
+"""Residual vibration: the follower as a mass on its elastic stem (eq. 5 of the paper).
+
+m ẍ + c ẋ + (k_spring + k_stem) x = k_stem s(θ): one degree of freedom, always in contact.
+
+The model's state is the vibration r = x − α s about the static share α = k_stem/(k_spring + k_stem)
+of the lift: m r̈ + c ṙ + (k_spring + k_stem) r = −α (m s̈ + c ṡ). In x itself the rounding of the
+lift, times a stem of 3.3e8 N/m, would drown acceleration and force.
+
+Where the law's velocity jumps by Δs' the stem only bends: x and ẋ go on, so ṙ jumps by −α ω Δs'.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from cam_rig.dynamics.interval import Block, FollowerState, Interval
+from cam_rig.dynamics.linear.response import LinearResponse
+from cam_rig.dynamics.linear.sampling import Outputs, end_of, outputs_at, sample
+from cam_rig.dynamics.parameters import FollowerParameters
+from cam_rig.dynamics.ramp import with_ramps
+from cam_rig.dynamics.validation import state_of
+from cam_rig.laws import Law
+from cam_rig.laws.bernstein import FloatArray
+
+
+@lru_cache(maxsize=64)
+def response(law: Law, parameters: FollowerParameters, speed: float) -> LinearResponse:
+    """The model at one speed (rad/s); its state is (r, ṙ) in m and m/s.
+
+    Raises
+    ------
+    DynamicsError : the speed is not above 0
+    """
+    p = parameters
+    total = p.spring_stiffness + p.stem_stiffness
+    share, damping = p.stem_stiffness / total, p.damping / p.mass
+    matrix = np.array([[0.0, 1.0], [-total / p.mass, -damping]])
+    drive = np.array([[0.0, 0.0, 0.0], [0.0, -share * damping, -share]])
+    return LinearResponse(law, speed, matrix, drive, np.zeros(2), kicked=True)
+
+
+@lru_cache(maxsize=64)
+def outputs(parameters: FollowerParameters) -> Outputs:
+    """Rows displacement x, velocity, acceleration and contact force (stem and preload)."""
+    p = parameters
+    total = p.spring_stiffness + p.stem_stiffness
+    share, damping = p.stem_stiffness / total, p.damping / p.mass
+    state = np.array(
+        [[1.0, 0.0], [0.0, 1.0], [-total / p.mass, -damping], [-p.stem_stiffness, 0.0]]
+    )
+    law = np.array(
+        [
+            [share, 0.0, 0.0],
+            [0.0, share, 0.0],
+            [0.0, -share * damping, 0.0],
+            [p.stem_stiffness * p.spring_stiffness / total, 0.0, 0.0],
+        ]
+    )
+    return Outputs(state, law, np.array([0.0, 0.0, 0.0, p.preload]))
+
+
+def motion(
+    law: Law,
+    parameters: FollowerParameters,
+    speed: float,
+    angle: float,
+    start: FloatArray,
+    times: FloatArray,
+) -> FloatArray:
+    """Rows of `outputs`, ``(4, len(times))``, at ascending times in s after ``angle`` (rad).
+
+    ``start`` is (r, ṙ) there; zeros is a follower that rests on a standing cam.
+    """
+    model = response(law, parameters, speed)
+    return outputs_at(model, start, angle, times, outputs(parameters))
+
+
+@with_ramps
+def advance(
+    law: Law,
+    parameters: FollowerParameters,
+    state: FollowerState | None,
+    interval: Interval,
+    sample_rate: int,
+    step: float,
+) -> tuple[FollowerState, Block]:
+    """Take the follower through the interval, exactly; None starts it at rest on the cam.
+
+    ``step`` is by how much ṡ is more than where ``state`` ended, m/s: x and ẋ go on.
+    """
+    model = response(law, parameters, interval.speed)
+    start = np.zeros(2) if state is None else state_of(state.inner, 2)
+    if step != 0.0:
+        start = start + model.drive[:, 2] * step
+    grid = interval.grid(sample_rate)
+    rows = np.zeros((6, grid.count))
+    rows[0] = (grid.first + np.arange(grid.count)) / sample_rate
+    out, apart = outputs(parameters), 1.0 / sample_rate
+    rows[1:5] = sample(model, start, interval.angle, grid.offset, apart, grid.count, out)
+    end, shown = end_of(model, start, interval.angle, interval.duration, out)
+    x, v, _, force = shown.tolist()
+    inner = tuple(end.tolist())
+    return FollowerState(x, v, force, in_contact=True, inner=inner), Block(interval, rows)

@@ -1,0 +1,1 @@
+"""Linear systems: exact response to a polynomial forcing at any time."""

@@ -1,0 +1,211 @@
+"""A linear model on a turning cam: its exact response at any time, turn after turn.
+
+ẋ = A x + G (s, ṡ, s̈) + g, at constant cam speed. The particular solutions of one turn are found
+once (`propagator`); after that a state is a polynomial and an exponential.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cam_rig.dynamics.linear.matrix_exponential import free_motion
+from cam_rig.dynamics.linear.propagator import exponential, piece
+from cam_rig.dynamics.linear.turn_map import TurnMap
+from cam_rig.dynamics.validation import (
+    require_angle,
+    require_number,
+    require_turning,
+    state_of,
+    times_of,
+)
+from cam_rig.dynamics.velocity_jumps import SLACK
+from cam_rig.errors import DynamicsError
+from cam_rig.laws import TURN, Law, bernstein
+from cam_rig.laws.bernstein import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A stretch of the turn with one polynomial X: x(t) = X + e^{At} z.
+
+    ``low`` and ``span`` in rad of cam angle, ``length`` in s, ``particular`` ``(n, p + 1)``;
+    ``kick`` is by how much the state jumps where the part begins.
+    """
+
+    low: float
+    span: float
+    length: float
+    law_piece: int
+    particular: FloatArray
+    flow: FloatArray
+    kick: FloatArray | None = None
+
+    def forced(self, time: FloatArray) -> FloatArray:
+        """X at times in s since the part's start, ``(n, len(time))``."""
+        return bernstein.evaluate(self.particular.T, time / self.length).T
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A part as it is passed: from ``begin`` to ``end`` (s since the walk's start).
+
+    ``local`` is where in the part it begins, in s; ``free`` the state there, less X.
+    """
+
+    part: Part
+    begin: float
+    end: float
+    local: float
+    free: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class LinearResponse:
+    """The response of one linear model to one law at one speed.
+
+    Parameters
+    ----------
+    speed : rad/s, above 0
+    matrix : A, ``(n, n)``
+    drive : G, ``(n, 3)``, what s, ṡ and s̈ contribute
+    constant : g, ``(n,)``
+    kicked : whether a jump of ṡ, a blow of s̈, acts on the state; else the caller sees to it
+    """
+
+    law: Law
+    speed: float
+    matrix: FloatArray
+    drive: FloatArray
+    constant: FloatArray
+    kicked: bool = False
+
+    def __post_init__(self) -> None:
+        require_turning(self.speed)
+
+    @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """The parts of one turn in order."""
+        weights = self.drive * self.speed ** np.arange(3)
+        forcing = np.tensordot(weights, self.law.motion, axes=1) + self.constant[:, None, None]
+        found = []
+        for i, span in enumerate(self.law.spans):
+            solved = piece(self.matrix, forcing[:, :, i], float(span) / self.speed)
+            count = solved.particular.shape[0]
+            for k in range(count):
+                low = float(self.law.breaks[i] + span * (k / count))
+                kick = self._kick(i) if k == 0 else None
+                x, flow = solved.particular[k], solved.part_flow
+                found.append(Part(low, float(span) / count, solved.part, i, x, flow, kick))
+        return tuple(found)
+
+    def _kick(self, piece: int) -> FloatArray | None:
+        """What a jump of ṡ where a piece begins adds to the state."""
+        step = self.law.kinks.get(piece) if self.kicked else None
+        return None if step is None else self.drive[:, 2] * (self.speed * step)
+
+    def walk(self, start: FloatArray, angle: float, duration: float) -> Iterator[Run]:
+        """Run after run from state ``start`` at cam angle ``angle`` (rad) for ``duration`` s.
+
+        A kick at the start is the walk's, one at its end is not (`kinks`).
+        """
+        start = state_of(start, self.constant.size)
+        require_angle(angle)
+        slack = SLACK / self.speed if self.law.repeats else 0.0
+        inside = angle - math.floor(angle / TURN) * TURN
+        i = bisect_right(self.parts, inside, key=lambda part: part.low) - 1
+        now, state, local = 0.0, start, (inside - self.parts[i].low) / self.speed
+        while now < duration:
+            part = self.parts[i % len(self.parts)]
+            low = part.low + (i // len(self.parts)) * TURN
+            end = max(now, (low + part.span - inside) / self.speed)
+            if part.kick is not None and (now > 0.0 or slack - duration < local <= slack):
+                state = state + part.kick
+            if duration - end <= slack and self.parts[(i + 1) % len(self.parts)].kick is not None:
+                end = max(end, duration)
+            at = part.forced(np.array([local]))[:, 0] if local > 0.0 else part.particular[:, 0]
+            free = state - at
+            yield Run(part, now, min(end, duration), local, free)
+            if end >= duration:
+                return
+            # A part's own length, not end - now: the rounding of a late time would turn the phase.
+            flow = part.flow if local == 0.0 else exponential(self.matrix, part.length - local)
+            state = part.particular[:, -1] + flow @ free
+            now, i, local = end, i + 1, 0.0
+
+    def states(self, start: FloatArray, angle: float, times: FloatArray) -> FloatArray:
+        """States ``(n, len(times))`` at ascending times in s since ``angle``."""
+        out, local, part_of = self.passes(start, angle, times)
+        for i in np.unique(part_of):
+            here = np.flatnonzero(part_of == i)
+            out[:, here] += self.parts[i].forced(local[here])
+        return out
+
+    def passes(
+        self, start: FloatArray, angle: float, times: FloatArray
+    ) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
+        """States less X ``(n, m)``, times in their parts (s) and these parts' numbers, ``(m,)``."""
+        times = times_of(times)
+        last = float(times[-1]) if times.size else 0.0
+        require_angle(angle)
+        require_angle(angle + self.speed * last, "angle at the last time")
+        runs = list(self.walk(start, angle, np.nextafter(last, np.inf)))
+        begins = np.array([run.begin for run in runs])
+        run_of = np.searchsorted(begins, times, side="right") - 1
+        since = times - begins[run_of]
+        free = np.stack([run.free for run in runs], axis=1)[:, run_of]
+        local = np.array([run.local for run in runs])[run_of] + since
+        part_of = (run_of + self.parts.index(runs[0].part)) % len(self.parts)
+        return free_motion(self.matrix, free, since), local, part_of
+
+    def end(self, start: FloatArray, angle: float, duration: float) -> FloatArray:
+        """State ``(n,)`` after ``duration`` s; many turns cost no more than one."""
+        start, angle, rest = self.last_turn(start, angle, duration)
+        return self.states(start, angle, np.array([rest]))[:, 0]
+
+    def last_turn(
+        self, start: FloatArray, angle: float, duration: float
+    ) -> tuple[FloatArray, float, float]:
+        """State, angle (rad) and what is left of ``duration`` (s) after all whole turns but one."""
+        require_angle(angle)
+        require_number("duration", duration, "≥ 0")
+        first = math.ceil(angle / TURN)
+        # Not up to a kick at the very end, which is the next interval's.
+        spare = 0.0 if self.parts[0].kick is None else 2.0 * SLACK
+        whole = math.floor((angle + self.speed * duration - spare) / TURN) - first
+        if whole <= 1:
+            return start, angle, duration
+        before = max(0.0, (first * TURN - angle) / self.speed)
+        start = self.turn.after(self.end(start, angle, before), whole)
+        return start, 0.0, max(0.0, duration - before - whole * (TURN / self.speed))
+
+    @cached_property
+    def turn(self) -> TurnMap:
+        """What one turn from θ = 0 does to the state."""
+        flow, rest = np.eye(self.constant.size), np.zeros(self.constant.size)
+        for part in self.parts:
+            rest = rest if part.kick is None else rest + part.kick
+            rest = part.particular[:, -1] + part.flow @ (rest - part.particular[:, 0])
+            flow = part.flow @ flow
+        return TurnMap(flow, rest)
+
+    def periodic(self) -> FloatArray:
+        """The state at θ = 0, before a kick there, that a turn brings back: one linear solve.
+
+        Raises
+        ------
+        DynamicsError : an undamped mode at a harmonic of the speed; it grows turn after turn
+        """
+        state = self.turn.fixed_point()
+        if state is None:
+            raise DynamicsError(
+                f"no steady state at {self.speed * 30.0 / math.pi:.6g} rpm: a mode without "
+                "damping is at a harmonic of the speed; allowed: damping, or another speed"
+            )
+        return state

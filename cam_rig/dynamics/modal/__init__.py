@@ -1,0 +1,1 @@
+"""One vibration mode on a turning cam, at many speeds at once."""

@@ -1,0 +1,193 @@
+"""One mode on a turning cam at many speeds at once: the law's own response, and the ringing.
+
+Between two joints of the law the response is a polynomial, Σ hₖ Ωᵏ s⁽ᵏ⁾(θ) with hₖ the Taylor
+coefficients of the transfer function: the same function of θ at every speed but for powers of Ω.
+Where a derivative of s jumps that polynomial jumps, and the mode makes up for it by ringing. So a
+joint kicks the mode, and nothing else does; between kicks the ringing dies out freely.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cam_rig.dynamics.linear.response import LinearResponse
+from cam_rig.dynamics.linear.sampling import Outputs
+from cam_rig.dynamics.linear.turn_map import RESONANT
+from cam_rig.errors import DynamicsError
+from cam_rig.laws import TURN, Law
+from cam_rig.laws.bernstein import FloatArray
+
+ComplexArray = NDArray[np.complex128]
+
+#: Terms of the series after two below this fraction of the largest are rounding of a fit.
+SETTLED = 1e-14
+#: Rates nearer than this fraction are moved apart: a critically damped mode is one, not two.
+APART = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class Ringing:
+    """One output of a model with one mode, over one law, at any speeds.
+
+    An amplitude is complex, ``(..., 2)``, one number for each rate λ: (η, η̇) = Σ a (1, λ) e^{λt}.
+
+    Parameters
+    ----------
+    matrix : A of (η, η̇), ``(2, 2)``, first row (0, 1)
+    drive : what s, ṡ, s̈ contribute to η̈, ``(3,)``
+    state, motion : what (η, η̇) and (s, ṡ, s̈) contribute to the output, ``(2,)`` and ``(3,)``
+    constant : of the output
+    """
+
+    law: Law
+    matrix: FloatArray
+    drive: FloatArray
+    state: FloatArray
+    motion: FloatArray
+    constant: float
+
+    @classmethod
+    def of(cls, response: LinearResponse, outputs: Outputs, row: int = 0) -> Ringing:
+        """One row of a model's outputs; at which speed the response was made plays no part."""
+        return cls(
+            response.law,
+            response.matrix,
+            response.drive[1],
+            outputs.state[row],
+            outputs.law[row],
+            float(outputs.constant[row]),
+        )
+
+    @cached_property
+    def rates(self) -> ComplexArray:
+        """The two rates λ, 1/s."""
+        half, stiffness = 0.5 * self.matrix[1, 1], -self.matrix[1, 0]
+        root = np.sqrt(complex(half**2 - stiffness))
+        if abs(root) < APART * np.sqrt(stiffness):
+            root = complex(APART * np.sqrt(stiffness))
+        return np.array([half + root, half - root])
+
+    @cached_property
+    def shown(self) -> ComplexArray:
+        """What an amplitude contributes to the output, ``(2,)``."""
+        return np.asarray(self.state[0] + self.state[1] * self.rates)
+
+    @cached_property
+    def own(self) -> FloatArray:
+        """hₖ of η, ``(p + 1,)``."""
+        bottom = np.array([-self.matrix[1, 0], -self.matrix[1, 1], 1.0])
+        return _series(self.drive, bottom, self.law.degree + 1)
+
+    @cached_property
+    def output(self) -> FloatArray:
+        """The same for the output, ``(p + 1,)``."""
+        series = np.convolve(self.state, self.own)[: self.own.size]
+        most = min(3, series.size)
+        series[:most] += self.motion[:most]
+        return series
+
+    @cached_property
+    def derivatives(self) -> FloatArray:
+        """``(p + 2, p + 1, n)``: ordinates of s and of all its derivatives in θ."""
+        return np.stack([self.law.derivative_ordinates(k) for k in range(self.law.degree + 2)])
+
+    def powers(self, speeds: FloatArray) -> FloatArray:
+        """Ωᵏ, ``(m, p + 1)``, zero where the series has settled."""
+        powers = speeds[:, None] ** np.arange(float(self.own.size))
+        sizes = np.abs(self.output) * powers * np.abs(self.derivatives[:-1]).max(axis=(1, 2))
+        small = sizes <= SETTLED * np.maximum.accumulate(sizes, axis=1)
+        over = np.logical_and(small[:, :-1], small[:, 1:])
+        over = np.logical_or.accumulate(over[:, 2:], axis=1)
+        powers[:, 3:][over] = 0.0
+        return powers
+
+    def forced(self, speeds: FloatArray, piece: int, basis: FloatArray) -> FloatArray:
+        """Polynomial part of the output in a piece, ``(m, q)``; basis values are ``(q, p + 1)``."""
+        terms = self.output[:, None] * (self.derivatives[:-1, :, piece] @ basis.T)
+        return np.asarray(self.powers(speeds) @ terms + self.constant)
+
+    @cached_property
+    def _edges(self) -> FloatArray:
+        """s⁽ᵏ⁾ at the start of each piece less that at the end of the one before, and the former.
+
+        ``(2, p + 2, n)``
+        """
+        start, end = self.derivatives[:, 0], self.derivatives[:, -1]
+        return np.stack([start - np.roll(end, 1, axis=1), start])
+
+    def _amplitude(self, speeds: FloatArray, edges: FloatArray) -> ComplexArray:
+        """What makes up for a jump of the polynomial by s⁽ᵏ⁾ ``(p + 2, n)``: ``(m, n, 2)``."""
+        weights = self.own * self.powers(speeds)
+        eta = -weights @ edges[:-1]
+        rate = -(weights * speeds[:, None]) @ edges[1:]
+        one, two = self.rates
+        amplitude = np.stack([rate - two * eta, one * eta - rate], axis=-1) / (one - two)
+        return np.asarray(amplitude, dtype=np.complex128)
+
+    def kicks(self, speeds: FloatArray) -> ComplexArray:
+        """What the joint at the start of each piece adds to the amplitude, ``(m, n, 2)``."""
+        return self._amplitude(speeds, self._edges[0])
+
+    def from_rest(self, speeds: FloatArray) -> ComplexArray:
+        """Amplitude at θ = 0 of a mode that was at rest (η = η̇ = 0) there, ``(m, 2)``."""
+        return self._amplitude(speeds, self._edges[1][:, :1])[:, 0]
+
+    def fading(self, speeds: FloatArray, angle: FloatArray | float) -> ComplexArray:
+        """e^{λ t} over cam angles (rad), ``(m, len(angle), 2)``."""
+        times = np.atleast_1d(angle) / speeds[:, None]
+        return np.asarray(np.exp(times[:, :, None] * self.rates))
+
+    def since_turn(self, speeds: FloatArray) -> ComplexArray:
+        """Amplitudes at the start of each piece from this turn's kicks alone, ``(m, n + 1, 2)``.
+
+        The last is at the end of the turn, with the kick of its first joint.
+        """
+        kicks = self.kicks(speeds)
+        steps = self.fading(speeds, self.law.spans)
+        found = [np.zeros_like(kicks[:, 0])]
+        for i in range(self.law.spans.size):
+            after = (i + 1) % self.law.spans.size
+            found.append(found[-1] * steps[:, i] + kicks[:, after])
+        return np.stack(found, axis=1)
+
+    def steady(self, speeds: FloatArray) -> ComplexArray:
+        """Amplitude at θ = 0 that a turn brings back, ``(m, 2)``.
+
+        Raises
+        ------
+        DynamicsError : a mode without damping at a harmonic of a speed: it grows turn after turn
+        """
+        gap = 1.0 - self.fading(speeds, TURN)[:, 0]
+        worst = int(np.argmin(np.abs(gap).min(axis=1)))
+        if np.abs(gap[worst]).min() < RESONANT:
+            raise DynamicsError(
+                f"no steady state at {speeds[worst] * 30.0 / np.pi:.6g} rpm: a mode without "
+                "damping is at a harmonic of the speed; allowed: damping, or another speed"
+            )
+        return np.asarray(self.since_turn(speeds)[:, -1] / gap)
+
+    def amplitude_at(self, speeds: FloatArray, angle: float) -> FloatArray:
+        """Size of the steady ringing in the output at a cam angle of the turn (rad), ``(m,)``.
+
+        At a joint that after its kick.
+        """
+        piece = self.law.piece(angle)
+        start = float(self.law.breaks[piece])
+        at = self.steady(speeds) * self.fading(speeds, start)[:, 0]
+        at = (at + self.since_turn(speeds)[:, piece]) * self.fading(speeds, angle - start)[:, 0]
+        return np.asarray(np.abs(at * self.shown).sum(axis=1))
+
+
+def _series(top: FloatArray, bottom: FloatArray, count: int) -> FloatArray:
+    """Taylor coefficients of top(D)/bottom(D), by long division."""
+    found = np.zeros(count)
+    rest = np.zeros(count + bottom.size)
+    rest[: top.size] = top
+    for k in range(count):
+        found[k] = rest[k] / bottom[0]
+        rest[k : k + bottom.size] -= found[k] * bottom
+    return found

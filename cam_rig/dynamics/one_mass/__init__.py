@@ -1,0 +1,1 @@
+"""One mass on a rigid stem: contact, flight, landing."""

@@ -1,0 +1,69 @@
+"""One mass on a rigid stem: it rides the cam, leaves it, flies, and lands again.
+
+In contact the follower is the law. It leaves where the contact force crosses zero from above,
+flies freely, and lands where the gap closes: plastically, or with Newton's restitution. Each
+phase is a closed form and each change of phase a root, so neither a step nor the length of an
+interval enters the result.
+
+Where the law's velocity jumps up by Δs' the cam strikes the follower, a landing with the impulse
+m (1 + e) ω Δs'; where it jumps down the follower is thrown off with the velocity it had.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cam_rig.dynamics import kinetostatic
+from cam_rig.dynamics.impacts import show_impulses
+from cam_rig.dynamics.interval import NS, Block, FollowerState, Interval, SampleGrid
+from cam_rig.dynamics.one_mass.trajectory import Course, Phase
+from cam_rig.dynamics.parameters import FollowerParameters
+from cam_rig.dynamics.ramp import with_ramps
+from cam_rig.dynamics.validation import require_turning
+from cam_rig.laws import Law
+from cam_rig.laws.bernstein import FloatArray
+
+
+@with_ramps
+def advance(
+    law: Law,
+    parameters: FollowerParameters,
+    state: FollowerState | None,
+    interval: Interval,
+    sample_rate: int,
+    step: float,
+) -> tuple[FollowerState, Block]:
+    """Take the follower through the interval, exactly.
+
+    Parameters
+    ----------
+    state : where the interval before it ended; None puts the follower down on the cam
+    sample_rate : Hz
+    step : by how much ṡ is more than where ``state`` ended, m/s
+    """
+    require_turning(interval.speed)
+    course = Course(law, parameters, interval)
+    course.run(state, step)
+    rows = kinetostatic.ride(law, parameters, interval, sample_rate)
+    grid = interval.grid(sample_rate)
+    for phase in course.phases:
+        if phase.flight is not None:
+            _show_flight(rows, grid, phase)
+    pending = state.pending_impulse if state is not None else 0.0
+    pending = show_impulses(rows, grid, course.events, pending)
+    end = replace(course.end, pending_impulse=pending)
+    begun = interval.start_ns / NS
+    events = tuple(replace(event, time=begun + event.time) for event in course.events)
+    return end, Block(interval, rows, events)
+
+
+def _show_flight(rows: FloatArray, grid: SampleGrid, phase: Phase) -> None:
+    """Put the free motion in place of the law where the follower flies."""
+    assert phase.flight is not None
+    first, end = grid.index_after(phase.begin), min(grid.index_after(phase.end), grid.count)
+    if first < end:
+        times = grid.offset + np.arange(first, end) / grid.sample_rate - phase.begin
+        rows[1:4, first:end] = phase.flight.motion(times)
+        rows[4, first:end] = 0.0

@@ -1,0 +1,172 @@
+"""The follower's course through one interval: phases of contact and flight, and their events."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cam_rig.dynamics.bounce import least_bounce, rises
+from cam_rig.dynamics.contact import force_rounding, loss_intervals
+from cam_rig.dynamics.interval import Event, EventKind, FollowerState, Interval
+from cam_rig.dynamics.kinetostatic import state_at
+from cam_rig.dynamics.landing import Approach
+from cam_rig.dynamics.linear.free_system import Flight
+from cam_rig.dynamics.one_mass.flight import thrown
+from cam_rig.dynamics.parameters import FollowerParameters
+from cam_rig.dynamics.velocity_jumps import KinksAhead, short_of_kink
+from cam_rig.errors import DynamicsError
+from cam_rig.laws import TURN, Law
+
+#: A change of the cam's velocity below this fraction of (cam speed x lift) is rounding: no step.
+STILL = 1e-12
+#: Angle (rad) of a loss interval too short to lift anything but a rounding error.
+GRAZE = 1e-9
+#: More events in one interval than any physical bounce series has.
+MOST_EVENTS = 10_000
+
+
+@dataclass(frozen=True)
+class Phase:
+    """Contact (no flight) or flight from ``begin`` to ``end``, in s since the interval's start."""
+
+    begin: float
+    end: float
+    flight: Flight | None
+
+
+@dataclass
+class Course:
+    """Finds phase after phase of an interval at constant speed; times since its start, in s.
+
+    Nothing is stepped: contact ends where the force polynomial turns negative, flight ends
+    where the gap closes, and between these the motion is known in closed form. Both also end at a
+    joint where the law's velocity jumps: there the cam strikes a follower that rides it, or throws
+    it off with the velocity it had.
+    """
+
+    law: Law
+    parameters: FollowerParameters
+    interval: Interval
+    phases: list[Phase] = field(default_factory=list)
+    events: list[Event] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        interval, speed = self.interval, self.interval.speed
+        self._kinks = KinksAhead(self.law, interval.angle, speed, interval.duration)
+        rounding = force_rounding(self.law, self.parameters, speed)
+        self._force_noise = rounding / self.parameters.mass
+        self._last: Flight | None = None
+
+    def run(self, state: FollowerState | None, step: float = 0.0) -> None:
+        """Find all phases of the interval; ``state`` None puts the follower on the cam.
+
+        ``step`` is by how much the cam's velocity is more than where the state ended, m/s.
+        """
+        time, flight = 0.0, self._begin(state, step)
+        while time < self.interval.duration:
+            time, flight = self._ride(time) if flight is None else self._fly(time, flight)
+        self._last = flight
+
+    def _ride(self, time: float) -> tuple[float, Flight | None]:
+        """A phase of contact: its end, and what flies on then."""
+        lift_off, bound = self._lift_off(time), self._kinks.bound
+        end = self._kinks.no_later(lift_off) if lift_off < self._kinks.clear else bound
+        self.phases.append(Phase(time, end, None))
+        return end, self._leave(end) if end < bound else self._strike(end)
+
+    def _fly(self, time: float, flight: Flight) -> tuple[float, Flight | None]:
+        """A phase of flight, at most to the next kink: its end, and what flies on then."""
+        angle, bound = self.angle(time), self._kinks.bound
+        approach = Approach(flight, self.law, angle, self.interval.speed, self._force_noise)
+        last = approach.run(bound - time)
+        end = self._kinks.no_later(time + last.time) if last.landed else bound
+        self.phases.append(Phase(time, end, flight))
+        opening = last.rate - self._kinks.take(end)
+        if last.landed and opening <= 0.0:
+            self._require_progress()
+            return end, self._meet(end, -opening)
+        y, velocity = flight.at(end - time).tolist()
+        return end, thrown(self.parameters, y, velocity, last.gap, opening)
+
+    def _strike(self, time: float, step: float = 0.0) -> Flight | None:
+        """The cam's velocity gains ``step`` (m/s) under a follower that rides it, and a kink's."""
+        step += self._kinks.take(time)
+        if abs(step) <= STILL * self.interval.speed * self.law.lift:
+            return None
+        return self._meet(time, step) if step > 0.0 else self._leave(time, -step)
+
+    def _require_progress(self) -> None:
+        """An endless series of events would be a fault of the model: say so, do not hang."""
+        if len(self.events) > MOST_EVENTS:
+            raise DynamicsError(
+                f"{len(self.events)} events in {self.interval.duration:g} s at "
+                f"{self.interval.speed:g} rad/s; allowed: {MOST_EVENTS} an interval"
+            )
+
+    def angle(self, time: float) -> float:
+        """Cam angle (rad) at a time since the interval's start, from the turn it starts in."""
+        return self.interval.angle + self.interval.speed * time
+
+    def on_cam(self, time: float) -> FollowerState:
+        """The follower as it would be on the cam at a time since the interval's start."""
+        return state_at(self.law, self.parameters, self.angle(time), self.interval.speed)
+
+    @property
+    def end(self) -> FollowerState:
+        """The follower at the end of the interval, before a kink that begins the next one."""
+        last = self._last
+        if last is not None:
+            y, v = last.start.tolist()
+            return FollowerState(y, v, 0.0, in_contact=False, inner=last.known)
+        angle = short_of_kink(self.law, self.angle(self.phases[-1].end))
+        return state_at(self.law, self.parameters, angle, self.interval.speed)
+
+    def _begin(self, state: FollowerState | None, step: float) -> Flight | None:
+        if state is None or state.in_contact:
+            return self._strike(0.0, step)
+        gap, opening = state.inner or (None, None)
+        kink = self._kinks.take(0.0)
+        if opening is not None:
+            opening -= step + kink
+        return thrown(self.parameters, state.displacement, state.velocity, gap, opening)
+
+    def _lift_off(self, time: float) -> float:
+        """Time of the next lift-off, infinity when the cam never has to pull."""
+        losses = loss_intervals(self.law, self.parameters, self.interval.speed)
+        angle = self.angle(time)
+        turn = float(np.floor(angle / TURN)) * TURN
+        for start, stop in (*losses, *((a + TURN, b + TURN) for a, b in losses)):
+            if turn + stop - angle > GRAZE:
+                return time + max(0.0, (turn + start - angle) / self.interval.speed)
+        return float("inf")
+
+    def _leave(self, time: float, opening: float = 0.0) -> Flight:
+        """The follower leaves the cam, faster than it by ``opening`` m/s."""
+        self.events.append(self._event("lift-off", time))
+        return self._off(self.on_cam(time), opening)
+
+    def _off(self, cam: FollowerState, opening: float) -> Flight:
+        velocity = cam.velocity + opening
+        return thrown(self.parameters, cam.displacement, velocity, 0.0, opening)
+
+    def _meet(self, time: float, approach: float) -> Flight | None:
+        """The follower meets the cam at ``approach`` m/s: what flies on, or None for contact."""
+        cam, p = self.on_cam(time), self.parameters
+        rebound = p.restitution * approach
+        if rises(rebound, cam.contact_force / p.mass, least_bounce(self.law)):
+            self._land(time, approach, p.restitution)
+            return self._off(cam, rebound)
+        self._land(time, approach, 0.0)
+        return None
+
+    def _land(self, time: float, approach: float, restitution: float) -> None:
+        mass = self.parameters.mass
+        impulse = mass * (1.0 + restitution) * approach
+        lost = 0.5 * mass * (1.0 - restitution**2) * approach**2
+        self.events.append(self._event("landing", time, impulse, lost))
+
+    def _event(
+        self, kind: EventKind, time: float, impulse: float = 0.0, lost: float = 0.0
+    ) -> Event:
+        return Event(kind, time, self.interval.unwrapped_at(time), impulse, lost)

@@ -1,0 +1,162 @@
+"""The law of a follower on a contour of tangent arcs.
+
+A roller's centre, or a point, moves along the arcs grown by the roller's radius, and its lift is
+the polar radius of that pitch curve over the pitch circle. A flat face touches where the outward
+normal points along the follower, so its lift is ρ + Re(c·e^(−iθ)) − R_b: it skips what is not
+convex. In all three the arcs join with one slope, and s'' jumps at every joint.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cam_rig.errors import LawError
+from cam_rig.laws import fit as analytic
+from cam_rig.laws.arcs.chain import Chain, Circle, Line, Part
+from cam_rig.laws.arcs.geometry import Arc
+from cam_rig.laws.bernstein import FloatArray
+from cam_rig.laws.fit import Curve
+from cam_rig.laws.law import TURN
+from cam_rig.laws.pieces import Pieces, turned_to_zero
+
+#: The pitch point of a joint and the polar radius of its parts agree to this, relative.
+AGREE = 1e-9
+
+
+@dataclass(frozen=True)
+class ArcFollower:
+    """What rides on the arcs: ``flat``, or a roller of a radius in m, 0 for a point."""
+
+    flat: bool
+    roller_radius: float
+
+
+def arc_pieces(chain: Chain, base_radius: float, follower: ArcFollower) -> Pieces:
+    """The lift (m) above the base circle of ``base_radius`` (m), one whole turn from angle 0.
+
+    Raises
+    ------
+    LawError : the follower cannot stay on the contour
+    """
+    angles = _flat_angles(chain) if follower.flat else _pitch_angles(chain, follower.roller_radius)
+    breaks, columns = [angles[0]], []
+    for i, part in enumerate(chain.parts):
+        start, stop = angles[i], angles[i + 1]
+        if isinstance(part, Circle) and part.centre == 0.0:  # a dwell
+            breaks.append(stop)
+            columns.append(np.array([part.radius - base_radius]))
+            continue
+        curve = (
+            _support(part, base_radius)
+            if follower.flat
+            else _polar(part, base_radius, follower.roller_radius)
+        )
+        steps, fitted = analytic.fit(curve, start, stop)
+        breaks += steps[1:]
+        columns += fitted
+    return turned_to_zero((breaks, columns), TURN)
+
+
+def _flat_angles(chain: Chain) -> list[float]:
+    """Cam angles (rad) at which the face leaves each part, from where it meets the first."""
+    for i, part in enumerate(chain.parts):
+        if not (isinstance(part, Circle) and part.radius > 0.0):
+            kind = "straight" if isinstance(part, Line) else "concave"
+            raise LawError(
+                f"arcs[{i}]: is {kind}, which a flat face bridges; allowed under a flat "
+                "follower: convex arcs only"
+            )
+    return _rising([cmath.phase(n) for n in chain.normals])
+
+
+def _pitch_angles(chain: Chain, roller: float) -> list[float]:
+    for i, part in enumerate(chain.parts):
+        if isinstance(part, Circle) and part.radius < 0.0 and part.radius + roller >= 0.0:
+            raise LawError(
+                f"arcs[{i}]: concave radius {-part.radius * 1e3:g} mm, the roller's is "
+                f"{roller * 1e3:g} mm; allowed: a smaller roller"
+            )
+    points = [_pitch_point(chain, i, roller) for i in range(len(chain.parts))]
+    angles = _rising([cmath.phase(point) for point in points])
+    for i, part in enumerate(chain.parts):
+        with np.errstate(invalid="ignore"):
+            reached = _polar_radius(part, roller)(np.array([angles[i], angles[i + 1]]), 0)
+        expected = np.abs([points[i - 1], points[i]])
+        if not np.allclose(reached, expected, rtol=AGREE, atol=0.0):
+            raise _folds(i)
+    return angles
+
+
+def _pitch_point(chain: Chain, i: int, roller: float) -> complex:
+    """Where the follower's centre is when part i meets the next."""
+    one, other = chain.parts[i], chain.parts[(i + 1) % len(chain.parts)]
+    circle = one if isinstance(one, Circle) else other
+    assert isinstance(circle, Circle)  # a line stands between circles
+    return circle.centre + (circle.radius + roller) * chain.normals[i]
+
+
+def _rising(ends: list[float]) -> list[float]:
+    """The angles at which parts end, each after the one before; the first part's start first."""
+    angles = [ends[-1]]
+    for i, end in enumerate(ends):
+        span = (end - angles[-1]) % TURN
+        if not span > 0.0 or angles[-1] + span - angles[0] > TURN * (1.0 + 1e-9):
+            raise _folds(i)
+        angles.append(angles[-1] + span)
+    angles[-1] = angles[0] + TURN
+    if not angles[-1] > angles[-2]:
+        raise _folds(len(ends) - 1)
+    return angles
+
+
+def _folds(i: int) -> LawError:
+    return LawError(
+        f"arcs[{i}]: the contour folds back on itself there, so no follower stays on it; "
+        "allowed: arcs in the order of the cam angle, clockwise from +y, seen from the cam's "
+        "centre one behind the other"
+    )
+
+
+def _support(part: Part, base_radius: float) -> Curve:
+    assert isinstance(part, Circle)
+    distance, direction = abs(part.centre), cmath.phase(part.centre)
+    above = part.radius - base_radius
+
+    def curve(angle: FloatArray, order: int) -> FloatArray:
+        wave = distance * np.cos(angle - direction + 0.5 * math.pi * order)
+        return np.asarray(wave + (above if order == 0 else 0.0))
+
+    return curve
+
+
+def _polar(part: Part, base_radius: float, roller: float) -> Curve:
+    radius = _polar_radius(part, roller)
+
+    def curve(angle: FloatArray, order: int) -> FloatArray:
+        value = radius(angle, order)
+        return value - (base_radius + roller) if order == 0 else value
+
+    return curve
+
+
+def _polar_radius(part: Part, roller: float) -> Curve:
+    if isinstance(part, Line):
+        return _secant(part.distance + roller, cmath.phase(part.normal))
+    direction = cmath.phase(part.centre) if part.centre else 0.0
+    grown = part.radius + roller
+    return Arc(abs(part.centre), direction, abs(grown), concave=grown < 0.0)
+
+
+def _secant(distance: float, direction: float) -> Curve:
+    """Polar radius of a straight line, p/cos δ, and its derivatives."""
+
+    def curve(angle: FloatArray, order: int) -> FloatArray:
+        secant = distance / np.cos(angle - direction)
+        t = np.tan(angle - direction)
+        return np.asarray(secant * (1.0, t, 1.0 + 2.0 * t**2, 5.0 * t + 6.0 * t**3)[order])
+
+    return curve

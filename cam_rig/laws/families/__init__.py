@@ -1,0 +1,1 @@
+"""The families of rises and curves, each made into Bernstein pieces."""

@@ -1,0 +1,138 @@
+"""Which cam states can be true: the cam turns steadily, so time rises and θ goes on."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from enum import Enum
+
+from cam_rig.dynamics import ANGLE_TOLERANCE, NS
+from cam_rig.dynamics.validation import MOST_ANGLE
+from cam_rig.errors import RefusedError
+from cam_rig.schema import SceneConfig
+from cam_rig.simulation.schedule import CamState
+
+#: The fastest cam, rad/s; a scene is bound by the same.
+FASTEST = 1e5 * math.pi / 30.0
+#: Samples in one tick at most: a message of 48 MB.
+MOST_SAMPLES = 1_000_000
+
+
+def speeds(scene: SceneConfig) -> tuple[float, float]:
+    """Least and greatest speed (rad/s) whose ticks have samples, and no more than a message may.
+
+    Two at least, as the scene's own; a tick that starts from rest takes twice the time.
+    """
+    turned = 2.0 * math.pi / scene.program.ticks_per_turn * scene.sample_rate.si
+    return 2.0 * turned / MOST_SAMPLES, min(FASTEST, 0.5 * turned)
+
+
+#: States remembered, to know one that is sent again.
+REMEMBERED = 64
+
+
+class Admission(Enum):
+    """What a state is to those who were there before."""
+
+    NEXT = "goes on from the state before"
+    ANEW = "begins a new course: the first, or the first after the cam stood"
+    SEEN = "was here already"
+
+
+class StateGate:
+    """Admits the states of one drive, in order, each once.
+
+    A drive that was started again repeats its last states; these are known and passed over. After
+    the cam has stood, it may be set going anywhere, at any rig time. Anything else that does not
+    go on where the state before leads comes from somebody else, and is refused.
+
+    Parameters
+    ----------
+    sample_rate : Hz, to bound the length of a tick
+    last : the state to go on from; None at the beginning
+    tick_angle : rad that the cam turns in a tick at most; more, and a state was lost
+    since : rig time (ns); states up to it were here already, whatever follows may come after a gap
+    """
+
+    def __init__(
+        self,
+        sample_rate: float,
+        last: CamState | None = None,
+        tick_angle: float = math.inf,
+        since: int = -1,
+    ) -> None:
+        self._longest, self._rate = MOST_SAMPLES / sample_rate, int(sample_rate)
+        self._tick_angle = tick_angle
+        self._floor = since if last is None else last.time_ns
+        self._recent: deque[CamState] = deque(maxlen=REMEMBERED)
+        self.last = last
+
+    @classmethod
+    def of(cls, scene: SceneConfig, last: CamState | None = None, since: int = -1) -> StateGate:
+        """The gate for the states of a scene."""
+        angle = 2.0 * math.pi / scene.program.ticks_per_turn
+        return cls(scene.sample_rate.si, last, angle, since)
+
+    def admit(self, state: CamState) -> Admission:
+        """What a state is.
+
+        Raises
+        ------
+        RefusedError : no state of this drive can be like that
+        """
+        require_possible(state)
+        if state == self.last or state in self._recent or state.time_ns <= self._floor:
+            return Admission.SEEN
+        stands = self.last is not None and self.last.speed == 0.0
+        anew = self.last is None or (stands and not self.last.turns_until(state))
+        if self.last is not None and not anew:
+            self._require_next(self.last, state)
+        self.last = state
+        self._recent.append(state)
+        if state.speed == 0.0:
+            self._floor = -1
+        return Admission.ANEW if anew else Admission.NEXT
+
+    def _require_next(self, last: CamState, state: CamState) -> None:
+        duration = (state.time_ns - last.time_ns) / NS
+        if not 0.0 < duration <= self._longest:
+            raise RefusedError(
+                f"cam state at {state.time_ns} ns after the one at {last.time_ns} ns; allowed: "
+                f"stamps that rise, by at most {self._longest:g} s (is a second drive at work?)"
+            )
+        first, end = (-(-time * self._rate // NS) for time in (last.time_ns, state.time_ns))
+        if end <= first:
+            raise RefusedError(
+                f"cam state at {state.time_ns} ns: no sample at {self._rate} Hz since the one at "
+                f"{last.time_ns} ns; allowed: one in every tick"
+            )
+        turned = state.since(last)
+        if turned > 1.5 * self._tick_angle:  # a state that was lost makes it twice
+            raise RefusedError(
+                f"cam state at {state.time_ns} ns: the cam turned {turned:.6g} rad since the one "
+                f"before; allowed: {self._tick_angle:.6g} rad (one was lost, or is another's)"
+            )
+        held, ramped = last.speed * duration, 0.5 * (last.speed + state.speed) * duration
+        away = min(abs(turned - held), abs(turned - ramped))
+        if away > ANGLE_TOLERANCE:
+            raise RefusedError(
+                f"cam state at {state.time_ns} ns: θ is {away:.3g} rad from where the state before "
+                f"leads; allowed: {ANGLE_TOLERANCE:g} rad (is a second drive at work?)"
+            )
+
+
+def require_possible(state: CamState) -> None:
+    """Refuse numbers that no cam can have, whatever came before.
+
+    Raises
+    ------
+    RefusedError : names the number and what is allowed
+    """
+    known = math.isfinite(state.angle) and abs(state.unwrapped) <= MOST_ANGLE
+    if not (known and math.isfinite(state.speed) and state.time_ns >= 0):
+        raise RefusedError(
+            f"cam state: {state.time_ns} ns, θ {state.unwrapped} rad, ω {state.speed} rad/s; "
+            f"allowed: finite numbers, θ up to {MOST_ANGLE:g} rad, time from zero"
+        )
+    if not 0.0 <= state.speed <= FASTEST:
+        raise RefusedError(f"cam state: ω {state.speed:g} rad/s; allowed: 0 to {FASTEST:.6g} rad/s")

@@ -1,0 +1,73 @@
+"""What is said of a cam, held against its file: the law server's word is not taken on trust."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cam_rig.dynamics import FloatArray
+from cam_rig.errors import CamRigError, RefusedError
+from cam_rig.laws import Law
+from cam_rig.profile import contours
+from cam_rig.schema import CamConfig
+from cam_rig.simulation.scene import Stage
+
+#: Points of the contour over one turn.
+CONTOUR_POINTS = 180
+#: Two machines build one law from one file; they may round differently (of the largest number).
+SAME = 1e-9
+#: A contour is told in single precision.
+SAME_POINT = 1e-6
+
+
+def contour_of(cam: CamConfig, law: Law) -> FloatArray:
+    """Points of the cam's contour in its own frame (m), ``(2, n)``; of conjugate cams the first."""
+    return contours(cam.follower, law, CONTOUR_POINTS)[0].points
+
+
+def require_own_law(stage: Stage, law: Law) -> None:
+    """Refuse a law that is not that of the cam's file in the scene's library.
+
+    Raises
+    ------
+    RefusedError : names the cam, and by how much its law differs
+    """
+    _mount(stage, law.name)
+    own = stage.laws[law.name]
+    for said, known, what in (
+        (law.breaks, own.breaks, "breaks"),
+        (law.ordinates, own.ordinates, "ordinates"),
+    ):
+        _require_same(said, known, SAME, f"law {law.name!r}: its {what}", stage, law.name)
+
+
+def require_own_contour(stage: Stage, cam: str, points: FloatArray) -> None:
+    """Refuse a contour ``(2, n)`` (m) that is not that of the cam's file.
+
+    Raises
+    ------
+    RefusedError : names the cam, and by how much its contour differs
+    """
+    _mount(stage, cam)
+    known = contour_of(stage.cams[cam], stage.laws[cam])
+    _require_same(points, known, SAME_POINT, f"contour of {cam!r}: its points", stage, cam)
+
+
+def _mount(stage: Stage, cam: str) -> None:
+    try:
+        stage.mount(cam)
+    except CamRigError as error:
+        raise RefusedError(f"cam {cam[:80]!r}: not in the scene's library ({error})") from None
+
+
+def _require_same(
+    said: FloatArray, known: FloatArray, tolerance: float, what: str, stage: Stage, cam: str
+) -> None:
+    file = stage.cam_files[cam]
+    if said.shape != known.shape:
+        raise RefusedError(f"{what} are {said.shape}; {file} has {known.shape}")
+    away, most = float(np.abs(said - known).max()), tolerance * float(np.abs(known).max())
+    if not away <= most:
+        raise RefusedError(
+            f"{what} differ by {away:.3g} from those of {file}; allowed: {most:.3g} "
+            "(was the file changed, or is a second law server at work?)"
+        )

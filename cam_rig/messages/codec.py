@@ -1,0 +1,167 @@
+"""Laws and blocks as labelled arrays: what std_msgs/Float64MultiArray carries.
+
+No message class enters here, so nodes (rclpy) and analysis (rosbags) share it. A dimension is a
+(label, size) pair, outermost first.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from cam_rig.dynamics import ANGLE_TOLERANCE, COLUMNS, NS, FloatArray
+from cam_rig.errors import CamRigError, RefusedError
+from cam_rig.laws import TURN, Law
+from cam_rig.live.admission import MOST_SAMPLES, require_possible
+from cam_rig.simulation.schedule import CamState
+
+Dimensions = list[tuple[str, int]]
+
+#: A piece's row: the cam angle where it begins, then its Bernstein ordinates.
+PIECE_LABEL = "break_rad, ordinates_m"
+BLOCK_LABEL = ", ".join(COLUMNS)
+SAMPLE_LABEL = "sample"
+#: How a cam may be called; its file has the same name.
+CAM_NAME = re.compile(r"[a-z][a-z0-9_]{0,99}")
+#: The joints of a cam's state: the angle as people read it, turns and all, and what it is within
+#: its turn, with all its digits. Bags of before have the first alone.
+CAM_JOINTS = ("cam", "cam_in_turn")
+#: More pieces or a higher degree than any cam has: its receiver would compute for minutes.
+MOST_PIECES, MOST_DEGREE = 1000, 64
+#: A shorter piece, in rad, would have accelerations beyond what numbers hold.
+SHORTEST_PIECE = 1e-9
+#: No cam lifts farther, m; no sample of a test rig is larger, in SI units.
+MOST_LIFT, MOST_VALUE = 10.0, 1e12
+
+
+def array_of(message: Any) -> tuple[Dimensions, FloatArray]:
+    """Dimensions and data of a Float64MultiArray, of rclpy or of rosbags alike."""
+    dimensions = [(str(d.label), int(d.size)) for d in message.layout.dim]
+    return dimensions, np.frombuffer(message.data, dtype=np.float64)
+
+
+def encode_law(law: Law) -> tuple[Dimensions, FloatArray]:
+    """A law as ``(n, p + 2)``: one row a piece, labelled with the cam's name."""
+    rows = np.column_stack([law.breaks[:-1], law.ordinates.T])
+    return [(law.name, rows.shape[0]), (PIECE_LABEL, rows.shape[1])], rows
+
+
+def decode_law(dimensions: Dimensions, data: FloatArray) -> Law:
+    """The law of an array made by `encode_law`.
+
+    Raises
+    ------
+    RefusedError : the layout is another, or the numbers are no law
+    """
+    rows = _shaped(dimensions, data, "law coefficients")
+    if dimensions[1][0] != PIECE_LABEL or rows.shape[1] < 2:
+        raise RefusedError(f"law coefficients: dimension {dimensions[1]}; allowed: {PIECE_LABEL!r}")
+    if rows.shape[0] > MOST_PIECES or rows.shape[1] > MOST_DEGREE + 2:
+        raise RefusedError(
+            f"law coefficients: {rows.shape[0]} pieces of degree {rows.shape[1] - 2}; allowed: "
+            f"{MOST_PIECES} of {MOST_DEGREE}"
+        )
+    if not CAM_NAME.fullmatch(dimensions[0][0]):
+        raise RefusedError(f"law coefficients: of {dimensions[0][0][:80]!r}; allowed: a cam's name")
+    if not np.abs(rows[:, 1:]).max() <= MOST_LIFT:
+        raise RefusedError(f"law coefficients: allowed: finite, at most {MOST_LIFT:g} m")
+    try:
+        law = Law(dimensions[0][0], np.append(rows[:, 0], TURN), rows[:, 1:].T)
+        if law.spans.min() < SHORTEST_PIECE:
+            raise RefusedError(f"a piece shorter than {SHORTEST_PIECE:g} rad")
+    except CamRigError as error:
+        raise RefusedError(f"law coefficients: {error}") from None
+    return law
+
+
+def encode_block(rows: FloatArray) -> tuple[Dimensions, FloatArray]:
+    """A block of samples as it is, ``(6, n)``: a row each for `COLUMNS`."""
+    return [(BLOCK_LABEL, rows.shape[0]), (SAMPLE_LABEL, rows.shape[1])], rows
+
+
+def decode_block(dimensions: Dimensions, data: FloatArray) -> FloatArray:
+    """Rows ``(6, n)`` of an array made by `encode_block`.
+
+    Raises
+    ------
+    RefusedError : the layout is another, or the numbers are no samples
+    """
+    rows = _shaped(dimensions, data, "follower samples")
+    if dimensions[0] != (BLOCK_LABEL, len(COLUMNS)):
+        raise RefusedError(f"follower samples: dimension {dimensions[0]}; allowed: {BLOCK_LABEL!r}")
+    if rows.shape[1] > MOST_SAMPLES:
+        raise RefusedError(f"follower samples: {rows.shape[1]}; allowed: {MOST_SAMPLES} a tick")
+    if not max(rows.max(), -rows.min()) <= MOST_VALUE:
+        raise RefusedError(f"follower samples: allowed: finite, at most {MOST_VALUE:g}")
+    return rows
+
+
+def stamp_ns(stamp: Any) -> int:
+    """Rig time in ns of a builtin_interfaces/Time, of rclpy or of rosbags alike.
+
+    Raises
+    ------
+    RefusedError : it is no time
+    """
+    seconds, nanoseconds = int(stamp.sec), int(stamp.nanosec)
+    if seconds < 0 or nanoseconds >= NS:
+        raise RefusedError(f"a stamp of {seconds} s and {nanoseconds} ns; allowed: from zero on")
+    return seconds * NS + nanoseconds
+
+
+def cam_positions(state: CamState) -> tuple[float, float]:
+    """Positions of `CAM_JOINTS`, rad."""
+    return state.unwrapped, state.angle
+
+
+def cam_state_of(message: Any) -> CamState:
+    """The cam's state of a JointState; the frame names the mounted cam.
+
+    Raises
+    ------
+    RefusedError : the message is no state of one cam
+    """
+    cam, count = str(message.header.frame_id), len(message.position)
+    if count not in (1, 2) or len(message.velocity) != count or not CAM_NAME.fullmatch(cam):
+        raise RefusedError(
+            f"cam state: {count} positions, {len(message.velocity)} velocities, frame "
+            f"{cam[:80]!r}; allowed: {' and '.join(CAM_JOINTS)}, or the first alone, and a cam's "
+            "name"
+        )
+    time_ns, speed = stamp_ns(message.header.stamp), float(message.velocity[0])
+    state = CamState(time_ns, float(message.position[0]), speed, cam)
+    require_possible(state)
+    return state if count == 1 else _within_turn(state, float(message.position[1]))
+
+
+def _within_turn(read: CamState, angle: float) -> CamState:
+    """A state whose angle (rad) within its turn is known; ``read`` has it with all turns.
+
+    Raises
+    ------
+    RefusedError : the two do not agree
+    """
+    if not 0.0 <= angle < TURN:
+        raise RefusedError(f"cam state: {angle!r} rad within the turn; allowed: 0 to 2π, without")
+    turns = round((read.unwrapped - angle) / TURN)
+    state = replace(read, angle=angle, turns=turns)
+    away, rounding = abs(state.since(read)), 4.0 * math.ulp(read.unwrapped)
+    if not away <= ANGLE_TOLERANCE + rounding:
+        raise RefusedError(
+            f"cam state: θ {read.unwrapped!r} rad and {angle!r} rad within the turn are {away:.3g} "
+            f"rad apart; allowed: {ANGLE_TOLERANCE:g} rad"
+        )
+    return state
+
+
+def _shaped(dimensions: Dimensions, data: FloatArray, what: str) -> FloatArray:
+    shape = tuple(size for _, size in dimensions)
+    if len(shape) != 2 or shape[0] * shape[1] != data.size or data.size == 0:
+        raise RefusedError(
+            f"{what}: {data.size} numbers in dimensions {shape}; allowed: two that fit"
+        )
+    return data.reshape(shape)

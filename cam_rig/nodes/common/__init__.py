@@ -1,0 +1,1 @@
+"""What nodes share: the base class, parameters, conversion of messages."""

@@ -1,0 +1,103 @@
+"""What steers the drive by hand: its services, its parameters, /cam/rpm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.parameter import Parameter
+
+from cam_rig.errors import RefusedError, RunError
+from cam_rig.live.checkpoint import Handover
+from cam_rig.live.drive import RPM, DriveProgram, Orders
+from cam_rig.messages import topics
+from cam_rig.nodes.common.clock_source import Pacemaker
+from cam_rig.simulation.schedule import CamState
+
+
+class Controls:
+    """Takes what a hand asks for to the drive's program, and leaves it to a successor at once.
+
+    Parameters
+    ----------
+    node : the drive's, which offers the services and hears the parameters
+    send : sends a state that cannot wait
+    left : where orders are left
+    """
+
+    def __init__(
+        self,
+        node: Pacemaker,
+        program: DriveProgram,
+        send: Callable[[CamState], None],
+        left: Handover,
+    ) -> None:
+        self._node, self._program, self._send, self._left = node, program, send, left
+        node.add_on_set_parameters_callback(self._refuse)
+        node.subscribe(topics.RPM, self._on_rpm)
+        node.add_post_set_parameters_callback(self._on_parameters)
+        for service in (self.start, self.stop, self.reset, self.emergency_stop):
+            node.serve(service.__name__, service)
+
+    def start(self) -> str:
+        """Turn, or go on turning."""
+        if self._program.halted:
+            raise RunError("emergency stop: allowed: reset, then start")
+        self._program.run(True)
+        self.keep()
+        self._node.turn()
+        return "the cam turns"
+
+    def stop(self) -> str:
+        """Hold after the present tick; rig time stands with the cam."""
+        self._program.run(False)
+        self.keep()
+        return f"stopped after {self._program.sent} states"
+
+    def reset(self) -> str:
+        """Back to the beginning of the scene, stopped; rig time and θ go on."""
+        self._program.reset()
+        self._node.set_parameters([Parameter("rpm", value=0.0)])
+        return "at the beginning of the scene"
+
+    def emergency_stop(self) -> str:
+        """Stand still at the end of the present tick, until a reset."""
+        if (state := self._program.halt()) is not None:
+            self._send(state)
+        self.keep()
+        return "the cam stands; reset, then start, to go on"
+
+    def _on_parameters(self, parameters: list[Parameter]) -> None:
+        for parameter in parameters:
+            if parameter.name == "rpm":
+                self._program.command(parameter.value * RPM)
+            elif parameter.name == "pacing":
+                self._program.pacing.set(parameter.value)
+        self.keep()
+
+    def mounted(self, cam: str) -> None:
+        """The law server has mounted a cam."""
+        self._program.mounted(cam)
+        self.keep()
+
+    def keep(self) -> None:
+        """Leave the orders as they are now."""
+        rpm, pacing = (self._node.get_parameter(name).value for name in ("rpm", "pacing"))
+        program = self._program
+        self._left.keep(Orders(program.table.place, program.running, rpm, pacing))
+
+    def _refuse(self, parameters: list[Parameter]) -> SetParametersResult:
+        """A speed may be possible, and its ticks may not."""
+        try:
+            for parameter in (p for p in parameters if p.name == "rpm"):
+                self._program.require_speed(parameter.value * RPM)
+        except RefusedError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _on_rpm(self, message: Any) -> None:
+        asked = [Parameter("rpm", value=float(message.data))]
+        result = self._node.set_parameters(asked)[0]
+        if not result.successful:
+            raise RefusedError(f"{topics.RPM.name}: is {message.data:g}: {result.reason}")

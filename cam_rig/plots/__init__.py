@@ -1,0 +1,1 @@
+"""Pictures on paper: matplotlib figures of laws, contours and studies."""

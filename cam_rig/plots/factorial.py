@@ -1,0 +1,116 @@
+"""A factorial study drawn: each effect against the angle by law, and the shares of variance."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.figure import FigureBase
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+from numpy.typing import NDArray
+
+from cam_rig.plots.styles import MARKERS, line
+from cam_rig.studies.factorial.design import EFFECTS, Design, Effect, Factorial
+from cam_rig.studies.factorial.in_contact import left
+
+#: Effects that have a panel.
+SHOWN = tuple(e for e in EFFECTS if e.key != "noise_in_contact")
+#: Parts of the variance: name, colour, hatch.
+PARTS = (
+    ("law: between classes of continuity", "#0072B2", ""),
+    ("law: within a class", "#56B4E9", "//"),
+    ("angle: slopes", "#E69F00", ".."),
+    ("interaction", "0.8", "xx"),
+)
+
+
+def draw(found: Factorial, path: Path) -> None:
+    """Write both figures, one above the other, as PNG (or what matplotlib knows by the suffix)."""
+    out = plt.figure(figsize=(13.0, 10.6), layout="constrained")
+    parts = out.subfigures(2, 1, height_ratios=[2.0, 1.0], squeeze=False)
+    _effects(parts[0, 0], found)
+    _shares(parts[1, 0], found)
+    out.savefig(path, dpi=110)
+    plt.close(out)
+
+
+def _effects(out: FigureBase, found: Factorial) -> None:
+    designs = (found.same_angles, found.same_acceleration)
+    panels = out.subplots(2, len(SHOWN))
+    for row, design in zip(panels, designs, strict=True):
+        for axes, effect in zip(row, SHOWN, strict=True):
+            _curves(axes, design, effect, left(design, effect, found.config))
+            axes.axhline(
+                effect.factor * getattr(found.cams[found.config.proposed], effect.key),
+                color="0.35",
+                lw=1.2,
+                ls=(0, (1, 2)),
+                label=f"{found.config.proposed}, as it is",
+            )
+    for axes, effect in zip(panels[0], SHOWN, strict=True):
+        axes.set_title(f"{effect.name} [{effect.unit}]", fontsize=11)
+    panels[0, 0].set_ylabel("same event angles")
+    panels[1, 0].set_ylabel("same peak acceleration")
+    for axes in panels[0]:
+        axes.set_xlabel("rise and fall [°]")
+    for axes in panels[1]:
+        axes.set_xlabel(f"as gentle as {found.config.reference} over [°]")
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    out.legend(
+        handles, labels, loc="outside lower center", ncols=6, frameon=False, handlelength=3.4
+    )
+
+
+def _curves(axes: Axes, design: Design, effect: Effect, gone: NDArray[np.bool_]) -> None:
+    """One curve a law; cells whose follower has left the cam are hollow."""
+    degrees, values = np.degrees(design.angles), effect.values(design.cells)
+    for i, (rise, order) in enumerate(zip(design.rises, design.classes, strict=True)):
+        label = f"{rise.replace('_', ' ')}, C{order}"
+        axes.plot(degrees, values[i], marker=MARKERS[i], ms=4, lw=1.4, label=label, **line(i))
+        (hollow,) = axes.plot(degrees[gone[i]], values[i][gone[i]], ls="", marker=MARKERS[i], ms=4)
+        hollow.set(color=line(i)["color"], markerfacecolor="white", zorder=3)
+    if effect.decibels:
+        axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
+        axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.grid(alpha=0.25, which="both")
+
+
+def _shares(out: FigureBase, found: Factorial) -> None:
+    smooth = found.designs[-1]
+    designs = [found.same_angles, found.same_acceleration]
+    designs += [] if smooth is found.same_acceleration else [smooth]
+    panels = out.subplots(1, len(designs), sharey=True)
+    for axes, design in zip(panels, designs, strict=True):
+        _bars(axes, design)
+        axes.set(title=design.name, xlim=(0.0, 100.0), xlabel="share of the variance [%]")
+    panels[0].invert_yaxis()
+    handles, labels = panels[0].get_legend_handles_labels()
+    out.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
+
+
+def _bars(axes: Axes, design: Design) -> None:
+    names = [effect.name for effect in EFFECTS]
+    shares = []
+    for effect in EFFECTS:
+        found = design.analysis(effect)
+        parts = (found.classes, found.rows - found.classes, found.columns, found.interaction)
+        shares.append([100.0 * part / (found.total or 1.0) for part in parts])
+    left = np.zeros(len(names))
+    for (name, colour, hatch), widths in zip(PARTS, np.transpose(shares), strict=True):
+        axes.barh(
+            names, widths, left=left, color=colour, hatch=hatch, ec="white", lw=0.6, label=name
+        )
+        for i, (start, width) in enumerate(zip(left, widths, strict=True)):
+            if width > 9.0:
+                box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85}
+                axes.text(
+                    start + 0.5 * width, i, f"{width:.0f}", ha="center", va="center", bbox=box
+                )
+        left = left + widths

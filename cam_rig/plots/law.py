@@ -1,0 +1,159 @@
+"""A law over the cam angle as the theses draw it: s, s', s'', s''' in four stacked panels."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+
+from cam_rig.laws import Law, bernstein
+from cam_rig.laws.cam import segment_angles
+from cam_rig.laws.continuity import SMOOTHEST, Joint, joints
+from cam_rig.laws.control_polygon import control_polygons
+from cam_rig.laws.peaks import extremes
+from cam_rig.schema import CamConfig
+from cam_rig.schema.segments import Table
+
+#: Okabe-Ito colours, one a panel: readable in print and by the colour-blind.
+COLOURS = ("#0072B2", "#009E73", "#D55E00", "#000000")
+NAMES = ("lift s", "velocity s′", "acceleration s″", "jerk s‴")
+PER = ("", "/rad", "/rad²", "/rad³")
+#: Points of a curve, but of each of its pieces at least the fewest.
+POINTS, FEWEST = 2000, 12
+#: Joints nearer than this are one, deg.
+SAME_DEG = 1e-6
+#: Segments narrower than this have no name in the plot, or an upright one, deg.
+NAMELESS_DEG, UPRIGHT_DEG = 12.0, 60.0
+GREY = "0.45"
+
+
+def draw(cam: CamConfig, law: Law, path: Path) -> None:
+    """Write the plot as PNG (or any format matplotlib knows by the suffix)."""
+    figure, panels = plt.subplots(4, 1, figsize=(8.0, 9.6), sharex=True, layout="constrained")
+    marked = _marked(cam, law)
+    for order, axes in enumerate(panels):
+        _curve(axes, cam, law, order)
+        for joint in marked:
+            axes.axvline(np.degrees(joint.angle), color=GREY, lw=0.7, ls=(0, (4, 3)), zorder=0)
+    _control_points(panels[0], cam)
+    _names(panels[0], cam)
+    _infinite(panels[2], marked)
+    _classes(panels[0], marked)
+    panels[3].set(xlabel="cam angle θ [°]", xlim=(0.0, 360.0), xticks=range(0, 361, 30))
+    figure.suptitle(cam.title)
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def _marked(cam: CamConfig, law: Law) -> list[Joint]:
+    """Where a segment begins, and where the law is not smooth inside one."""
+    starts = np.degrees(segment_angles(cam))
+    return [
+        joint
+        for joint in joints(law)
+        if joint.continuity < SMOOTHEST or np.abs(starts - np.degrees(joint.angle)).min() < SAME_DEG
+    ]
+
+
+def _curve(axes: Axes, cam: CamConfig, law: Law, order: int) -> None:
+    """One derivative, piece by piece: a jump is a dotted line."""
+    ordinates, colour = law.derivative_ordinates(order) / cam.lift.factor, COLOURS[order]
+    count = max(FEWEST, POINTS // law.spans.size)
+    u = np.linspace(0.0, 1.0, count)
+    angles = law.breaks[:-1] + np.outer(u, law.spans)
+    values = bernstein.evaluate(ordinates, u)
+    gap = np.full((1, law.spans.size), np.nan)  # lifts the pen between pieces
+    line = (np.concatenate([part, gap]).T.ravel() for part in (np.degrees(angles), values))
+    axes.plot(*line, color=colour, lw=1.7)
+    before = np.roll(ordinates[-1], 1)
+    starts = np.degrees(law.breaks[:-1])
+    axes.vlines(starts, before, ordinates[0], color=colour, lw=1.0, ls=":")
+    _peaks(axes, cam, law, order)
+    axes.set_ylabel(f"{NAMES[order]} [{cam.lift.unit}{PER[order]}]")
+    axes.margins(y=0.2)
+    axes.grid(alpha=0.25)
+
+
+def _peaks(axes: Axes, cam: CamConfig, law: Law, order: int) -> None:
+    """Largest and smallest value with the angle, written away from the nearer edge."""
+    low, high = extremes(law, order)
+    for extreme, above in ((low, False), (high, True)) if high.value > low.value else ():
+        value, at = extreme.value / cam.lift.factor, float(np.degrees(extreme.angle))
+        axes.plot(at, value, "o", color=COLOURS[order], ms=4)
+        axes.annotate(
+            f"{value:.4g} at {at:.4g}°",
+            (at, value),
+            xytext=(-6 if at > 180.0 else 6, 6 if above else -6),
+            textcoords="offset points",
+            ha="right" if at > 180.0 else "left",
+            va="bottom" if above else "top",
+            fontsize=8,
+            bbox={"boxstyle": "square,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8},
+        )
+
+
+def _control_points(axes: Axes, cam: CamConfig) -> None:
+    """What the law is shaped by: control polygons, measured points."""
+    for angles, ordinates in control_polygons(cam):
+        axes.plot(
+            np.degrees(angles),
+            ordinates / cam.lift.factor,
+            "s--",
+            color=GREY,
+            ms=3,
+            lw=0.8,
+            zorder=1,
+        )
+    for segment in cam.segments:
+        if isinstance(segment, Table):
+            lifts = np.array(segment.file.lifts) / cam.lift.factor
+            axes.plot(np.degrees(segment.file.angles), lifts, "o", color=GREY, ms=2.5, zorder=1)
+
+
+def _names(axes: Axes, cam: CamConfig) -> None:
+    """Each segment's law, where there is room for it."""
+    for segment, start in zip(cam.segments, np.degrees(segment_angles(cam)), strict=True):
+        span = np.degrees(segment.span.si)
+        if span >= NAMELESS_DEG:
+            axes.text(
+                start + 0.5 * span,
+                0.25,
+                segment.law.replace("_", " "),
+                transform=axes.get_xaxis_transform(),
+                ha="center",
+                va="center",
+                rotation=90 if span < UPRIGHT_DEG else 0,
+                fontsize=8,
+                color=GREY,
+                zorder=0,
+            )
+
+
+def _infinite(axes: Axes, marked: list[Joint]) -> None:
+    """Where the velocity jumps the acceleration is infinite: an arrow at the panel's edge."""
+    for joint in marked:
+        if joint.continuity == 0:
+            up = joint.jump > 0.0
+            axes.text(
+                np.degrees(joint.angle),
+                0.97 if up else 0.03,
+                "↑∞" if up else "↓∞",
+                transform=axes.get_xaxis_transform(),
+                ha="left",
+                va="top" if up else "bottom",
+                fontsize=9,
+            )
+
+
+def _classes(axes: Axes, marked: list[Joint]) -> None:
+    """The class of each marked joint, above the first panel."""
+    at = [float(np.degrees(joint.angle)) for joint in marked]
+    labels = [f"C{joint.continuity}" for joint in marked]
+    top = axes.secondary_xaxis("top")
+    top.set_xticks(at, labels, fontsize=8)
+    top.set_xlabel("continuity at the joint", fontsize=8, color=GREY)

@@ -1,0 +1,150 @@
+"""A cam on paper: contour, follower's positions around it, curvature and pressure angle."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+
+from cam_rig.drawing.outlines import MM, circle
+from cam_rig.laws import Law
+from cam_rig.plots.follower_positions import pivots, positions
+from cam_rig.profile import Contour, contours, turn_angles
+from cam_rig.profile.checks.check import Check
+from cam_rig.schema import CamConfig
+
+#: Okabe-Ito colours, first and second cam; dash and width tell them apart without colour.
+INK = ("#0072B2", "#D55E00")
+DASH = ("-", (0, (5, 2)))
+PITCH, FOLLOWER, BOLD = "#009E73", "0.62", "#000000"
+POINTS, POSITIONS = 3600, 24
+#: Every so many degrees a position is named.
+NAMED = 60.0
+#: Radii of curvature beyond this many times the cam's size are off the diagram.
+OFF = 2.5
+
+
+def draw(cam: CamConfig, law: Law, checks: list[Check], path: Path) -> None:
+    """Write the drawing as PNG (or any format matplotlib knows by the suffix)."""
+    discs = contours(cam.follower, law, POINTS)
+    figure, panels = plt.subplot_mosaic(
+        [["plan", "curvature"], ["plan", "pressure"]],
+        figsize=(12.5, 7.4),
+        width_ratios=[1.45, 1.0],
+        layout="constrained",
+    )
+    _plan(panels["plan"], cam, law, discs)
+    _curvature(panels["curvature"], cam, discs)
+    _pressure(panels["pressure"], discs, checks)
+    kind = cam.follower.type.replace("_", " ")
+    title = [f"{cam.title} (follower: {kind}, lift {law.lift * MM:.4g} mm)"]
+    for check in (check for check in checks if not check.passed):
+        where = "" if check.degrees is None else f" at {check.degrees:.4g}°"
+        title.append(f"fails: {check.title} {check.shown(check.value)}{where}")
+    figure.suptitle("\n".join(title), fontsize=12)
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def _plan(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...]) -> None:
+    """The graphical method's picture: the follower goes round the standing cam."""
+    for contour, colour, dash in zip(discs, INK, DASH, strict=False):
+        _follower(axes, contour, law)
+        name = f"contour, {contour.disc.name} cam" if contour.disc.name else "contour"
+        outline = _closed(contour.points)
+        axes.fill(*outline, color=colour, alpha=0.10, lw=0.0)
+        axes.plot(*outline, color=colour, ls=dash, lw=2.0, label=name)
+        if contour.pitch is not None and contour.disc.element.roller > 0.0:
+            label = "pitch curve" if contour is discs[0] else None
+            pitch = _closed(contour.pitch)
+            axes.plot(*pitch, color=PITCH, ls=(0, (7, 2, 1, 2)), lw=1.1, label=label)
+    base = circle(cam.follower.base_radius.si * MM)
+    axes.plot(*base.T, color="0.25", ls=":", lw=1.2, label="base circle")
+    axes.plot(0.0, 0.0, "+", color="k", ms=9)
+    axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
+    each = 360 // POSITIONS
+    axes.set_title(f"follower every {each}°, black at 0°; the cam turns ↺", fontsize=10)
+    _name_angles(axes, discs[0], law)
+    axes.legend(fontsize=8, loc="upper left", framealpha=0.9)
+
+
+def _follower(axes: Axes, contour: Contour, law: Law) -> None:
+    element, opposite = contour.disc.element, contour.disc.opposite
+    around = positions(element, law, turn_angles(POSITIONS))
+    rest = [strip for strips in around[1:] for strip in strips]
+    axes.add_collection(LineCollection(rest, colors=FOLLOWER, linewidths=0.6))
+    first = list(around[0])
+    if opposite is not None:
+        first += positions(opposite, law, np.zeros(1))[0]
+    axes.add_collection(LineCollection(first, colors=BOLD, linewidths=1.6, zorder=3))
+    places = pivots(element, POSITIONS)
+    if places is not None:
+        axes.plot(*places[1:].T, "o", color=FOLLOWER, ms=2.5)
+        axes.plot(*places[0], "o", color=BOLD, ms=5)
+        ring = circle(float(np.hypot(*places[0])))
+        axes.plot(*ring.T, color=FOLLOWER, ls=":", lw=0.8, label="circle of the pivot")
+
+
+def _name_angles(axes: Axes, contour: Contour, law: Law) -> None:
+    """Cam angles at the outer ends of some of the follower's positions."""
+    angle = np.arange(0.0, 360.0, NAMED)
+    for degrees, strips in zip(
+        angle, positions(contour.disc.element, law, np.radians(angle)), strict=True
+    ):
+        end = strips[-1][-1]
+        place = end * (1.0 + 5.0 / np.hypot(*np.abs(end).clip(60.0)))
+        axes.annotate(f"{degrees:g}°", place, ha="center", va="center", fontsize=8, color="0.3")
+
+
+def _curvature(axes: Axes, cam: CamConfig, discs: tuple[Contour, ...]) -> None:
+    size = max(float(np.hypot(*contour.points).max()) for contour in discs) * MM
+    for contour, colour, dash in zip(discs, INK, DASH, strict=False):
+        radius = contour.radius * MM
+        shown = np.where(np.abs(radius) < OFF * size, radius, np.nan)
+        label = f"{contour.disc.name} cam" if contour.disc.name else None
+        axes.plot(np.degrees(contour.angle), shown, color=colour, ls=dash, lw=1.6, label=label)
+    asked = cam.follower.least_curvature_radius
+    least, roller = 0.0 if asked is None else asked.si * MM, cam.follower.roller * MM
+    hollow = discs[0].pitch is not None  # a face cannot follow one, however wide
+    axes.axhspan(-roller if hollow else -size, least, color="#CC79A7", alpha=0.25, lw=0.0)
+    axes.axhline(least, color="#CC79A7", lw=1.2, label="undercut, or no room")
+    axes.set(ylabel="radius of curvature [mm]")
+    flat = any(np.isfinite(c.radius[np.abs(c.radius) * MM >= OFF * size]).any() for c in discs)
+    beyond = f"; beyond {OFF * size:.3g} mm not drawn" if flat else ""
+    axes.set_title(f"positive where the contour is convex{beyond}", fontsize=10)
+    _angle_axis(axes)
+    values = np.concatenate([line.get_ydata() for line in axes.lines])
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    axes.set_ylim(min(low, -roller, 0.0) - 0.08 * high, high * 1.32)
+    axes.legend(fontsize=8, loc="upper right", ncols=len(discs) + 1)
+
+
+def _pressure(axes: Axes, discs: tuple[Contour, ...], checks: list[Check]) -> None:
+    for contour, colour, dash in zip(discs, INK, DASH, strict=False):
+        degrees = np.degrees(contour.pressure)
+        axes.plot(np.degrees(contour.angle), degrees, color=colour, ls=dash, lw=1.6)
+    limits = [np.degrees(check.limit) for check in checks if check.name == "pressure angle"]
+    for limit in limits[:1]:
+        axes.axhline(limit, color="#CC79A7", lw=1.2, ls="--", label=f"limit, ±{limit:.4g}°")
+        axes.axhline(-limit, color="#CC79A7", lw=1.2, ls="--")
+    axes.set(ylabel="pressure angle [°]", xlabel="cam angle θ [°]")
+    _angle_axis(axes)
+    low, high = axes.get_ylim()
+    axes.set_ylim(low - 0.03 * (high - low), high + 0.14 * (high - low))
+    axes.legend(fontsize=8, loc="upper right")
+
+
+def _angle_axis(axes: Axes) -> None:
+    axes.set_xlim(0.0, 360.0)
+    axes.set_xticks(range(0, 361, 60))
+    axes.grid(alpha=0.3)
+
+
+def _closed(points: np.ndarray) -> np.ndarray:
+    return np.append(points, points[:, :1], axis=1) * MM

@@ -1,0 +1,83 @@
+"""Residual and torsional vibration of several cams, as in figs. 4-6 and 9 of the paper."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics.torsional.model import from_rig as shaft_of
+from cam_rig.plots.styles import line
+from cam_rig.studies.cam_set import Lineup
+from cam_rig.studies.jump.search import RPM
+from cam_rig.studies.vibration.dwell import Window, low_dwell
+from cam_rig.studies.vibration.steady_state import SteadyTurn, steady_turn, steady_twist
+
+
+def draw(lineup: Lineup, rpm: float, path: Path) -> None:
+    """Write the plot as PNG (or any format matplotlib knows by the suffix)."""
+    out = figure(lineup, rpm)
+    out.savefig(path, dpi=130)
+    plt.close(out)
+
+
+def figure(lineup: Lineup, rpm: float) -> Figure:
+    """Four panels at one speed in steady state: displacement, residual, acceleration, twist."""
+    out, panels = plt.subplots(2, 2, figsize=(11.0, 7.4), layout="constrained")
+    follower = FollowerParameters.from_rig(lineup.rig)
+    for i, (cam, law) in enumerate(lineup.laws.items()):
+        turn, title = steady_turn(law, follower, rpm * RPM), lineup.titles[cam]
+        degrees = np.degrees(turn.angle)
+        panels[0, 0].plot(degrees, 1e3 * turn.displacement, lw=1.5, label=title, **line(i))
+        _residual(panels[0, 1], turn, low_dwell(law), i)
+        panels[1, 0].plot(degrees, turn.acceleration, lw=1.2, **line(i))
+        if lineup.rig.shaft is not None:
+            angle, twist = steady_twist(law, shaft_of(lineup.rig), rpm * RPM)
+            panels[1, 1].plot(np.degrees(angle), np.degrees(twist), lw=1.2, **line(i))
+    _label(panels, lineup, rpm)
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    out.legend(
+        handles, labels, loc="outside lower center", ncols=5, frameon=False, handlelength=3.4
+    )
+    return out
+
+
+def _residual(axes: Axes, turn: SteadyTurn, window: Window, index: int) -> None:
+    """About the low dwell: what is left of the vibration there."""
+    degrees = (np.degrees(turn.angle - window.middle) + 180.0) % 360.0 - 180.0
+    order = np.argsort(degrees)
+    inside = order[np.abs(degrees[order]) <= 60.0]
+    style = line(index) if window.dwell else line(index) | {"alpha": 0.9}
+    axes.plot(degrees[inside], 1e6 * turn.vibration[inside], lw=1.2, **style)
+
+
+def _label(panels: np.ndarray, lineup: Lineup, rpm: float) -> None:
+    laws = lineup.laws.values()
+    titles = (
+        ("Displacement (fig. 4)", "x [mm]"),
+        ("Vibration about the low dwell (fig. 5)", "x less static share of lift [µm]"),
+        ("Acceleration (fig. 6)", "ẍ [m/s²]"),
+        ("Torsional vibration (fig. 9)", "cam less flywheel [°]"),
+    )
+    for axes, (title, label) in zip(panels.flat, titles, strict=True):
+        axes.set(title=title, xlabel="cam angle θ [°]", ylabel=label)
+        axes.grid(alpha=0.25)
+        if "low dwell" in title:
+            axes.set(xlim=(-60.0, 60.0), xticks=range(-60, 61, 20))
+            axes.set(xlabel="cam angle from the middle of the low dwell [°]")
+            for half in {round(0.5 * np.degrees(low_dwell(law).span), 9) for law in laws}:
+                axes.axvspan(-half, half, color="0.5", alpha=0.10, lw=0)
+        else:
+            axes.set(xlim=(0.0, 360.0), xticks=range(0, 361, 60))
+    if lineup.rig.shaft is None:
+        panels[1, 1].text(
+            0.5, 0.5, "this rig has no shaft", ha="center", transform=panels[1, 1].transAxes
+        )
+    panels[0, 0].figure.suptitle(f"Steady state at {rpm:g} rpm on {lineup.rig.name}")

@@ -1,0 +1,1 @@
+"""The checks of a contour: undercut, curvature, pressure angle, reach, breadth."""

@@ -1,0 +1,1 @@
+"""Contours as curves to be drawn, cut and measured."""

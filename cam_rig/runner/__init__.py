@@ -1,0 +1,1 @@
+"""The node graph as processes: started, watched, ended."""

@@ -1,0 +1,111 @@
+"""What stands before the follower to listen: blocks of a run in, meter readings or sound out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+from cam_rig.acoustics import Reading, SoundLevelMeter, SoundSource
+from cam_rig.acoustics.pressure_samples import SourceMemory
+from cam_rig.acoustics.sound_level_meter import MeterMemory
+from cam_rig.dynamics import FloatArray
+from cam_rig.schema import SceneConfig
+from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.schedule import cam_states
+from cam_rig.simulation.simulate import FollowerBench
+
+
+@dataclass(frozen=True, eq=False)
+class MeterBenchMemory:
+    """What a bench remembers: the sound's memory, the meter's, and what is read next, as LZF."""
+
+    source: SourceMemory
+    meter: MeterMemory
+    next: str
+
+
+@dataclass
+class MeterBench:
+    """The sound of a scene at a sound-level meter. Used by the node too.
+
+    Another weighting begins a new measurement with the next block; the sound goes on. One that was
+    changed and changed back between two blocks leaves no trace, as nobody could repeat it.
+    """
+
+    source: SoundSource
+    meter: SoundLevelMeter = field(init=False)
+    _next: SoundLevelMeter = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.meter = self._next = SoundLevelMeter(self.source.rate)
+
+    @classmethod
+    def of(cls, stage: Stage) -> MeterBench:
+        """The meter of a scene."""
+        return cls(SoundSource(stage.radiation, int(stage.scene.sample_rate.si)))
+
+    @property
+    def quantity(self) -> str:
+        """What is read next, as IEC 61672-1 writes it: LZF, LAS."""
+        return self._next.quantity
+
+    @property
+    def memory(self) -> MeterBenchMemory:
+        """All that it remembers, for a successor in the same run."""
+        return MeterBenchMemory(self.source.memory, self.meter.memory, self.quantity)
+
+    @memory.setter
+    def memory(self, memory: MeterBenchMemory) -> None:
+        self.source.memory = memory.source
+        self.meter = self._next = SoundLevelMeter.remembering(self.source.rate, memory.meter)
+        self.weigh(*memory.next.removeprefix("L"))
+
+    def weigh(self, frequency: str, time: str) -> None:
+        """Set the weightings; those that are set already change nothing.
+
+        Raises
+        ------
+        ConfigError : a weighting that the standard does not have
+        """
+        wanted = SoundLevelMeter(self.source.rate, frequency, time)
+        self._next = self.meter if wanted.quantity == self.meter.quantity else wanted
+
+    def read(self, block_rows: FloatArray, speed: float) -> Reading:
+        """The reading over a block, ``(6, n)`` rows, at cam speed ``speed`` (rad/s)."""
+        self.meter = self._next
+        return self.meter.read(self.source.pressure(block_rows[4], block_rows[5], speed))
+
+
+def audition(stage: Stage, cam: str | None, rpm: float | None, seconds: float, rate: int) -> Stage:
+    """The scene as it is listened to: sampled at ``rate`` Hz, one cam or one speed of it.
+
+    Parameters
+    ----------
+    cam : one cam of the scene, or None for all
+    rpm : one speed, held for whole turns that last at least ``seconds``; None for the program
+
+    Raises
+    ------
+    ConfigError : the scene has no such cam
+    """
+    if cam is not None:
+        stage = stage.only(cam, stage.law_of(cam))
+    data = stage.scene.model_dump(exclude_none=True)
+    data["sample_rate"] = {"assumed": rate, "unit": "Hz"}
+    if rpm is not None:
+        turns = max(1, math.ceil(seconds * rpm / 60.0))
+        data["program"]["speeds"] = {"assumed": [rpm], "unit": "rpm"}
+        data["program"]["turns"] = {"assumed": turns, "unit": "turns"}
+        data["program"]["settle_turns"] = {"assumed": 0, "unit": "turns"}
+    return replace(stage, scene=SceneConfig.model_validate(data))
+
+
+def sounds(stage: Stage, source: SoundSource) -> Iterator[FloatArray]:
+    """Sound pressure (Pa) of each tick of a scene, at the rate of ``source``."""
+    follower = FollowerBench.of(stage)
+    for state in cam_states(stage.scene):
+        turned = follower.turn_to(state)
+        if turned is not None:
+            block = turned[1]
+            yield source.pressure(block.rows[4], block.rows[5], block.interval.mean_speed)

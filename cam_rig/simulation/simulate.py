@@ -1,0 +1,94 @@
+"""The scene without ROS: the same core as the nodes, in one process."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from cam_rig.acoustics import MicrophoneState, RadiationParameters, hear
+from cam_rig.dynamics import MODELS, Block, FloatArray, FollowerState, Model
+from cam_rig.laws import Law
+from cam_rig.simulation.levels import HeardTick
+from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.schedule import CamState, cam_states
+
+
+@dataclass(frozen=True)
+class FollowerMemory:
+    """What a follower carries from tick to tick: the last cam state, its own, an impulse owed."""
+
+    last: CamState | None = None
+    state: FollowerState | None = None
+    owed: float = 0.0
+
+
+@dataclass
+class FollowerBench:
+    """The follower under the mounted cam: takes cam states, gives blocks. Used by the node too."""
+
+    model: Model
+    parameters: Any
+    sample_rate: int
+    laws: dict[str, Law] = field(default_factory=dict)
+    memory: FollowerMemory = field(default_factory=FollowerMemory)
+
+    @classmethod
+    def of(cls, stage: Stage) -> FollowerBench:
+        """The follower of a scene."""
+        model, rate = MODELS[stage.scene.model], int(stage.scene.sample_rate.si)
+        return cls(model, model.parameters(stage.rig), rate, dict(stage.laws))
+
+    def turn_to(self, state: CamState) -> tuple[FollowerState, Block] | None:
+        """The tick that ends at ``state``; None at the first state, which only begins one.
+
+        A change of cam puts the follower down on the new one; so does a cam that stood.
+        """
+        start, before = self.memory.last, self.memory
+        if start is None or not start.turns_until(state):
+            self.memory = FollowerMemory(state)
+            return None
+        law = self.laws[start.cam]
+        end, block = self.model.advance(
+            law, self.parameters, before.state, start.until(state), self.sample_rate
+        )
+        block.rows[5, 0] += before.owed
+        if state.cam == start.cam:
+            self.memory = FollowerMemory(state, end)
+        else:  # struck by the cam before
+            self.memory = FollowerMemory(state, None, end.pending_impulse)
+        return end, block
+
+
+@dataclass
+class MicrophoneBench:
+    """The microphone with its memory: takes blocks, gives r.m.s. pressure. Used by the node too."""
+
+    parameters: RadiationParameters
+    sample_rate: int
+    memory: MicrophoneState | None = None
+
+    @classmethod
+    def of(cls, stage: Stage) -> MicrophoneBench:
+        """The microphone of a scene."""
+        return cls(stage.radiation, int(stage.scene.sample_rate.si))
+
+    def listen(self, block_rows: FloatArray, speed: float) -> float:
+        """r.m.s. pressure (Pa) over a block, ``(6, n)`` rows, at cam speed ``speed`` (rad/s)."""
+        self.memory, pressure = hear(
+            self.parameters, self.memory, block_rows[4], block_rows[5], self.sample_rate, speed
+        )
+        return pressure
+
+
+def simulate(stage: Stage) -> Iterator[HeardTick]:
+    """Run the scene tick by tick."""
+    follower, microphone = FollowerBench.of(stage), MicrophoneBench.of(stage)
+    start: CamState | None = None
+    for state in cam_states(stage.scene):
+        turned = follower.turn_to(state)
+        if turned is not None and start is not None:
+            interval = turned[1].interval
+            pressure = microphone.listen(turned[1].rows, interval.mean_speed)
+            yield HeardTick(start, state.time_ns, pressure, interval.acceleration == 0.0)
+        start = state

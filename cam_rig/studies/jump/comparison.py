@@ -1,0 +1,141 @@
+"""Jump speeds beside the published ones."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cam_rig.dynamics import TwoMassParameters
+from cam_rig.errors import DynamicsError
+from cam_rig.laws import Law
+from cam_rig.studies.jump.jump_speed import Jump, jump_speed
+from cam_rig.studies.jump.published import Reference
+from cam_rig.studies.jump.ramp import jump_along_ramp
+from cam_rig.studies.jump.search import RPM
+
+#: Longest run from rest, s: after a minute little but the steady state is left.
+LONGEST = 60.0
+
+
+@dataclass(frozen=True)
+class JumpRow:
+    """A cam's jump from rest, in steady state or along a ramp, and what is published of it.
+
+    ``steady`` is there beside a run from rest. ``role`` is fitted where the cam identified the
+    rig, test where it did not, and empty on another rig. Along a ramp nothing is compared: the
+    published speeds are constant ones.
+    """
+
+    cam: str
+    found: Jump
+    steady: Jump | None = None
+    published_rpm: float | None = None
+    published_time: float | None = None
+    role: str = ""
+    ramp: float | None = None
+
+    @property
+    def difference(self) -> float | None:
+        """Found less published speed, relative to the published; None along a ramp."""
+        if self.ramp is not None:
+            return None
+        return None if self.published_rpm is None else self.found.rpm / self.published_rpm - 1.0
+
+
+def find_jumps(
+    laws: dict[str, Law],
+    parameters: TwoMassParameters,
+    published: dict[str, Reference],
+    duration: float | None,
+    ramp: float | None = None,
+    on_cam: Callable[[str], None] = lambda _: None,
+) -> list[JumpRow]:
+    """The jump of every cam.
+
+    Parameters
+    ----------
+    duration : s from rest at one speed, with the steady state beside it; None for that alone
+    ramp : rpm/s, along a ramp from rest instead
+    on_cam : told each cam as it begins
+
+    Raises
+    ------
+    DynamicsError : a duration or a ramp out of its limits; a cam without a jump speed
+    """
+    if duration is not None:
+        require_run(duration)
+    rows = []
+    for cam, law in laws.items():
+        on_cam(cam)
+        steady = None
+        if ramp is not None:
+            found = jump_along_ramp(law, parameters, ramp * RPM)
+        else:
+            found = jump_speed(law, parameters, duration)
+            steady = _steady(law, parameters) if duration is not None else None
+        rows.append(_row(cam, found, steady, published.get(cam), ramp))
+    return rows
+
+
+def require_run(duration: float) -> None:
+    """Refuse a run from rest that does not last, or for ever.
+
+    Raises
+    ------
+    DynamicsError : with its length (s) and the limits
+    """
+    if not 0.0 < duration <= LONGEST:
+        raise DynamicsError(
+            f"the run from rest lasts {duration:g} s; allowed: above 0, to {LONGEST:g} s, or the "
+            "steady state"
+        )
+
+
+def _steady(law: Law, parameters: TwoMassParameters) -> Jump | None:
+    """The steady jump speed beside one from rest; None where a stem without damping has none."""
+    if parameters.stem_damping + parameters.damping == 0.0:
+        return None
+    return jump_speed(law, parameters, None)
+
+
+def _row(
+    cam: str, found: Jump, steady: Jump | None, known: Reference | None, ramp: float | None
+) -> JumpRow:
+    if known is None:
+        return JumpRow(cam, found, steady, ramp=ramp)
+    return JumpRow(cam, found, steady, known.rpm, known.time, known.role, ramp)
+
+
+def rms_words(rows: list[JumpRow]) -> str:
+    """The r.m.s. difference to Table 2, and of which cams; empty where nothing is published."""
+    fitted = [row for row in rows if row.role == "fitted"]
+    known = fitted or [row for row in rows if row.difference is not None]
+    if not known:
+        return ""
+    which = f"{len(known)} cam{'' if len(known) == 1 else 's'}"
+    which = f"the {which} that identified the rig" if fitted else f"{which}, none fitted to it"
+    return f"{100.0 * rms_difference(known):.2f} % RMS from Table 2 on {which}"
+
+
+def rms_difference(rows: Iterable[JumpRow]) -> float:
+    """r.m.s. of the relative differences of the cams that have one; NaN for none."""
+    known = [r.difference for r in rows if r.difference is not None]
+    return math.sqrt(float(np.mean(np.square(known)))) if known else math.nan
+
+
+def same_ranking(rows: Iterable[JumpRow]) -> bool:
+    """Whether the published cams come in the published order."""
+    known = [r for r in rows if r.published_rpm is not None]
+    ours = sorted(known, key=lambda r: r.found.rpm)
+    theirs = sorted(known, key=lambda r: r.published_rpm or 0.0)
+    return [r.cam for r in ours] == [r.cam for r in theirs]
+
+
+def turn_of(row: JumpRow) -> tuple[float, float] | None:
+    """How many turns after the start the cam is left, found and published."""
+    if row.published_time is None or row.published_rpm is None:
+        return None
+    return row.found.time * row.found.rpm / 60.0, row.published_time * row.published_rpm / 60.0

@@ -1,0 +1,34 @@
+"""The speed from which a model that holds the follower on the cam says too much."""
+
+from __future__ import annotations
+
+import math
+
+from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.errors import DynamicsError
+from cam_rig.laws import Law
+from cam_rig.schema import RigConfig
+from cam_rig.studies.jump.rigid import rigid_jump_speed
+from cam_rig.studies.jump.search import RPM, SLOWEST, force_run, sought_speed
+
+#: Length of the run from rest, s, as in Table 2.
+FROM_REST = 1.7
+
+
+def leaving_speed(law: Law, rig: RigConfig) -> float:
+    """Jump speed (rad/s) on a rig: 0 where the follower leaves at any speed, ∞ where at none.
+
+    That of two masses from rest, or of one rigid mass on a rig that does not say how they split.
+    """
+    if law.kinks:  # where the velocity jumps down the follower is thrown off
+        return 0.0
+    follower = rig.follower
+    if follower.roller_share is None or follower.stem_damping is None:
+        rigid = FollowerParameters.from_rig(rig)
+        return 0.0 if rigid.preload == 0.0 else rigid_jump_speed(law, rigid)
+    parameters = TwoMassParameters.from_rig(rig)
+    try:
+        return sought_speed(law, parameters, FROM_REST)
+    except DynamicsError:  # below the slowest speed that is looked at, or above the fastest
+        slow = force_run(law, parameters, FROM_REST).lowest(SLOWEST * RPM)
+        return 0.0 if slow <= 0.0 else math.inf

@@ -1,0 +1,105 @@
+"""The jump speed: the lowest at which the follower leaves the cam.
+
+Contact holds at a speed as long as the least contact force of the run is positive. The first zero
+of that force is sought at many speeds at once, and then proved by the exact model on either side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cam_rig.dynamics.two_mass.events import lift_off
+from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response
+from cam_rig.dynamics.velocity_jumps import require_smooth
+from cam_rig.errors import DynamicsError
+from cam_rig.laws import TURN, Law
+from cam_rig.studies.jump.search import RPM, Sought, sought
+
+#: Half of what a speed is known to, relative: 0.002 rpm at 400 rpm.
+TOLERANCE = 5e-6
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A jump speed (rad/s); where (rad of cam angle in its turn) and when (s) the cam is left.
+
+    ``time`` counts from rest, or from the beginning of a turn in steady state.
+    """
+
+    speed: float
+    angle: float
+    time: float
+
+    @property
+    def rpm(self) -> float:
+        """The speed in rpm."""
+        return self.speed / RPM
+
+
+def jump_speed(law: Law, parameters: TwoMassParameters, duration: float | None = 1.7) -> Jump:
+    """The lowest speed at which the two-mass follower leaves the cam.
+
+    Parameters
+    ----------
+    duration : s of a run from rest at θ = 0, at one speed; None for the steady state
+
+    Raises
+    ------
+    DynamicsError : it leaves at any speed, or at none; or there is no steady state
+    """
+    require_smooth(law, "; where it falls the follower is thrown off at any speed")
+    found = sought(law, parameters, duration)
+
+    def leaves(speed: float) -> float | None:
+        return _leaves(law, parameters, speed, duration)
+
+    low, high, time = _prove(leaves, found)
+    return Jump(0.5 * (low + high), float((high * time) % TURN), time)
+
+
+def _prove(leaves: Callable[[float], float | None], found: Sought) -> tuple[float, float, float]:
+    """A speed at which the exact model stays on, one at which it leaves, and when it leaves.
+
+    They are `TOLERANCE` on either side of what was found, or bisected down to that. Upwards they
+    stay in the bracket: a resonance of little damping is narrower than `TOLERANCE`, and beyond it
+    the follower stays on again.
+
+    Raises
+    ------
+    DynamicsError : the exact model leaves nowhere in the bracket, nor `TOLERANCE` above
+    """
+    most = found.high / found.speed - 1.0
+    for away in (min(TOLERANCE, 0.5 * most), most, TOLERANCE):
+        high = found.speed * (1.0 + away)
+        if (time := leaves(high)) is not None:
+            break
+    else:
+        raise DynamicsError(
+            f"jump speed: sought {found.speed / RPM:.9g} rpm, but the exact model stays on the cam "
+            f"up to {found.high / RPM:.9g} rpm; allowed: a resonance that can be resolved, so give "
+            "the stem more damping"
+        )
+    away = TOLERANCE
+    while (earlier := leaves(found.speed * (1.0 - away))) is not None:
+        high, time = found.speed * (1.0 - away), earlier
+        away *= 4.0
+    low = found.speed * (1.0 - away)
+    while high - low > 4.0 * TOLERANCE * high:
+        middle = 0.5 * (low + high)
+        at = leaves(middle)
+        low, high, time = (middle, high, time) if at is None else (low, middle, at)
+    return low, high, time
+
+
+def _leaves(
+    law: Law, parameters: TwoMassParameters, speed: float, duration: float | None
+) -> float | None:
+    """When (s) the exact model first leaves the cam, None where it stays on."""
+    start, length = np.zeros(2), duration
+    if length is None:
+        start, length = contact_response(law, parameters, speed).periodic(), TURN / speed
+    found = lift_off(law, parameters, speed, 0.0, start, length)
+    return None if found is None else found[0]

@@ -1,0 +1,160 @@
+"""Where the least contact force of a run first falls to zero, going through the speeds upwards.
+
+That force is not monotone in speed: the stem rings in step with the cam at each harmonic, and at a
+resonance the follower may leave the cam and stay on it again a little faster. So speeds are gone
+through from the slowest on, in steps in which the ringing's phase turns by no more than half a
+radian over as long as it is remembered: half of a resonance's half-width in steady state.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq, minimize_scalar
+
+from cam_rig.dynamics.modal.minimum import Run
+from cam_rig.dynamics.modal.response import Ringing
+from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
+from cam_rig.errors import DynamicsError
+from cam_rig.laws import Law
+from cam_rig.laws.bernstein import FloatArray
+
+RPM = math.pi / 30.0
+#: Where the search begins and ends, rpm.
+SLOWEST, FASTEST = 1.0, 1e5
+#: The ringing's phase turns by this much (rad) from one speed to the next.
+PHASE_STEP = 0.5
+#: Speeds looked at together, and a dip's second look.
+TOGETHER, CLOSER = 64, 33
+#: A damping ratio below this is none: a search in steady state would have no end.
+UNDAMPED = 1e-7
+#: A zero is polished to this part of the speed, and of the bracket it was found in.
+POLISHED, POLISHED_IN = 5e-7, 1e-3
+#: Finer than this rounding decides.
+MOST_POLISHED = 1e-13
+
+
+@dataclass(frozen=True)
+class Sought:
+    """A zero of the least force and its bracket (rad/s): above zero at ``low``, below at ``high``.
+
+    The bracket is narrower than a resonance, however little it is damped.
+    """
+
+    low: float
+    speed: float
+    high: float
+
+
+def force_run(law: Law, parameters: TwoMassParameters, duration: float | None) -> Run:
+    """The contact force of the two-mass follower over a run, at any speeds."""
+    model = Ringing.of(contact_response(law, parameters, RPM), force_output(parameters))
+    return Run(model, duration)
+
+
+def sought_speed(
+    law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = SLOWEST
+) -> float:
+    """The jump speed (rad/s) without its proof; ``slowest`` (rpm) is where the search begins."""
+    return sought(law, parameters, duration, slowest).speed
+
+
+def sought(
+    law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = SLOWEST
+) -> Sought:
+    """The same with the bracket it was found in.
+
+    Raises
+    ------
+    DynamicsError : it leaves at ``slowest`` or at no speed; or there is no steady state
+    """
+    run = force_run(law, parameters, duration)
+    if duration is None and run.model.rates.real.max() > -UNDAMPED * np.abs(run.model.rates).max():
+        raise DynamicsError(
+            "no steady state: a stem without damping rings for ever, at each harmonic of the "
+            "speed louder turn after turn; allowed: damping, or a run from rest"
+        )
+    low, high = _bracket(run, law, slowest)
+    fine = max(MOST_POLISHED, min(POLISHED, POLISHED_IN * (high / low - 1.0)))
+    return Sought(low, float(brentq(run.lowest, low, high, rtol=fine)), high)
+
+
+def step(run: Run) -> float:
+    """Relative step of the speed from which the force is as good as continuous."""
+    rates = run.model.rates
+    memory = 1.0 / max(float(-rates.real.max()), 1e-300)
+    if run.duration is not None:
+        memory = min(memory, run.duration)
+    return min(0.02, PHASE_STEP / (float(np.abs(rates).max()) * memory))
+
+
+def _bracket(run: Run, law: Law, slowest: float) -> tuple[float, float]:
+    """Two speeds (rad/s): the least force is above zero at the lower and below at the upper."""
+    ratio = 1.0 + step(run)
+    first = slowest
+    while first < FASTEST:
+        speeds = RPM * first * ratio ** np.arange(TOGETHER + 1.0)
+        if (run.bound(speeds) <= 0.0).any():
+            found = _first_below(run, speeds, RPM * slowest)
+            if found is not None:
+                if found[0] <= RPM * slowest:
+                    raise DynamicsError(
+                        f"cam {law.name!r}: the follower leaves it at {slowest:g} rpm already; "
+                        "allowed for a jump speed: a follower that is pressed on, so give it a "
+                        "preload"
+                    )
+                return found
+        first *= ratio**TOGETHER
+    raise DynamicsError(
+        f"cam {law.name!r}: the follower does not leave it up to {FASTEST:g} rpm; allowed for a "
+        "jump speed: a cam that throws it off"
+    )
+
+
+def _first_below(run: Run, speeds: FloatArray, slowest: float) -> tuple[float, float] | None:
+    """The first bracket of a zero among neighbouring speeds, in a dip between two of them too."""
+    least = run.least(speeds)
+    below = np.flatnonzero(least <= 0.0)
+    stop = int(below[0]) if below.size else speeds.size
+    for i in dips(least):
+        if i < stop:
+            closer = _with_lowest(run, np.linspace(speeds[i - 1], speeds[i + 1], CLOSER))
+            if closer is not None:
+                speeds, stop = closer
+                break
+    if stop == speeds.size:
+        return None
+    low = float(speeds[max(0, stop - 1)])
+    while run.lowest(low) <= 0.0 and low > slowest:  # it hid between grid points
+        low *= 1.0 - step(run)
+    return low, float(speeds[stop])
+
+
+def _with_lowest(run: Run, speeds: FloatArray) -> tuple[FloatArray, int] | None:
+    """The speeds, and which is the first below zero; None where none is.
+
+    Where the grid leaves it open the lowest place is sought between its points, and put among the
+    speeds.
+    """
+    least = run.least(speeds)
+    found = np.flatnonzero(least <= 0.0)
+    if found.size:
+        return speeds, int(found[0])
+    at = int(np.clip(np.argmin(least), 1, speeds.size - 2))
+    if least[at] > run.missed(speeds[at : at + 1])[0]:
+        return None
+    near = minimize_scalar(run.lowest, bounds=(speeds[at - 1], speeds[at + 1]), method="bounded")
+    if near.fun > 0.0:
+        return None
+    return np.array([*speeds[:at], near.x]), at
+
+
+def dips(values: FloatArray) -> NDArray[np.intp]:
+    """Inner points that are minima and could hide a sign change beside them."""
+    left, mid, right = values[:-2], values[1:-1], values[2:]
+    bend = left - 2.0 * mid + right
+    hidden = (mid > 0.0) & (mid <= left) & (mid <= right) & (mid < bend)
+    return np.asarray(np.flatnonzero(hidden) + 1)

@@ -1,0 +1,158 @@
+"""Refining the geometry of an arc cam against its published noise curve, from a good start.
+
+The search of `identify` is global and takes minutes; this one takes seconds, for studies that ask
+how the geometry moves when something else does. It keeps the flank, which every search leaves at
+the straightest that still is concave, and moves two numbers: lift and event.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import minimize
+
+from cam_rig.dynamics import FloatArray
+from cam_rig.errors import LawError
+from cam_rig.laws import Law, build_law
+from cam_rig.laws.cam import arc_cam
+from cam_rig.schema import CamConfig
+from cam_rig.simulation.levels import cubic
+from cam_rig.simulation.settled_turns import Acoustics, Turns
+from cam_rig.studies.noise.calibration import Heard, rms
+from cam_rig.studies.noise.identify import IMPOSSIBLE, with_geometry
+
+#: Lifts tried as a start, in terms of the given one, and events in terms of the valley's: shapes
+#: that sound alike lie along one, in which the lift goes about as the event cubed.
+LIFTS, EVENTS = (1.2, 1.0, 0.85, 0.72, 0.61), (0.97, 1.0, 1.03)
+#: First steps of the search, in terms of lift and event, and its most trials.
+SIMPLEX, TRIALS = 0.03, 32
+#: Step of a numerical derivative, in terms of lift and event: where arcs join the force jumps
+#: between samples, so levels jitter by 0.01 dB as a shape moves.
+STEP = 2e-2
+
+
+@dataclass(frozen=True)
+class ArcShape:
+    """The three numbers of an arc cam: lift (m), event (rad), curvature of the flank (1/m)."""
+
+    lift: float
+    event: float
+    curvature: float
+
+    @classmethod
+    def of(cls, cam: CamConfig) -> ArcShape:
+        """The shape of a cam file."""
+        circles = arc_cam(cam)
+        return cls(circles.lift, 2.0 * circles.event_half_angle, 1.0 / circles.radii()[0])
+
+    def scaled(self, lift: float, event: float) -> ArcShape:
+        """Another lift and event, the same flank."""
+        return ArcShape(lift * self.lift, event * self.event, self.curvature)
+
+    def nose(self, base: float) -> float:
+        """Angle of the nose, rad, on a base circle of pitch radius ``base`` (m).
+
+        Flank and nose touch on the line of their centres.
+        """
+        flank, top, half = 1.0 / self.curvature, base + self.lift, 0.5 * self.event
+        a = base**2 + top**2 - 2.0 * base * top * np.cos(half)
+        b = 2.0 * base - 2.0 * top * np.cos(half)
+        nose = (a + b * flank) / (
+            2.0 * (top - base * np.cos(half)) + 2.0 * flank * (1.0 - np.cos(half))
+        )
+        outer = (base + flank) * np.exp(1j * half)
+        joint = outer + flank * (top - nose - outer) / (flank + nose)
+        return float(2.0 * np.angle(joint))
+
+    def law(self, cam: CamConfig) -> Law:
+        """The law of the cam file with this shape.
+
+        Raises
+        ------
+        LawError : no such arcs exist
+        """
+        base = arc_cam(cam).base_radius
+        degrees = np.degrees([self.event, self.nose(base)])
+        if not 0.0 < degrees[1] < degrees[0] < 359.0:
+            raise LawError(f"cam {cam.name!r}: no nose of {degrees[1]:g}° in {degrees[0]:g}°")
+        return build_law(with_geometry(cam, 1e3 * self.lift, *degrees.tolist()))
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeFit:
+    """A shape and its sound; ``sensitivity`` ``(n, 2)``: dB per change of lift, of event, by 1."""
+
+    shape: ArcShape
+    acoustics: Acoustics
+    heard: Heard
+    sensitivity: FloatArray
+
+
+@dataclass(frozen=True)
+class ShapeProblem:
+    """What a shape is fitted to.
+
+    Parameters
+    ----------
+    cam : file of the arc cam
+    published : its published level, dB
+    turn : runs a law at the published speeds
+    """
+
+    cam: CamConfig
+    published: FloatArray
+    turn: Callable[[Law], Turns]
+    _known: dict[ArcShape, Heard] = field(default_factory=dict, init=False, compare=False)
+
+    def heard(self, shape: ArcShape) -> Heard:
+        """The shape's turns; kept, since fits to other constants begin at the same shapes."""
+        if shape not in self._known:
+            turns = self.turn(shape.law(self.cam))
+            self._known[shape] = Heard(self.cam.name, turns, self.published)
+        return self._known[shape]
+
+    def seen(self, shape: ArcShape, acoustics: Acoustics) -> ShapeFit:
+        """A shape as it is, with its sound and its sensitivity."""
+        heard = self.heard(shape)
+        moved = [self.heard(shape.scaled(*(1.0 + STEP * axis))) for axis in np.eye(2)]
+        base = acoustics.levels(heard.turns)
+        slope = [(acoustics.levels(other.turns) - base) / STEP for other in moved]
+        return ShapeFit(shape, acoustics, heard, np.stack(slope, axis=1))
+
+    def fit(self, near: ArcShape, acoustics: Acoustics) -> ArcShape:
+        """Lift and event of least difference, from near a shape whose flank is kept.
+
+        Regressions are compared, since a regression is all that is published: the simulated
+        levels' cubic with the published one.
+        """
+        compared = cubic(self.heard(near).turns.rpm)
+
+        def cost(shape: ArcShape) -> float:
+            try:
+                return rms(compared @ self.heard(shape).difference(acoustics))
+            except LawError:
+                return IMPOSSIBLE
+
+        start = min(_starts(near), key=cost)
+
+        def cost_at(x: FloatArray) -> float:
+            return cost(start.scaled(float(x[0]), float(x[1])))
+
+        found = minimize(
+            cost_at,
+            np.ones(2),
+            method="Nelder-Mead",
+            options={
+                "initial_simplex": np.ones((3, 2)) + SIMPLEX * np.eye(3, 2, -1),
+                "maxfev": TRIALS,
+                "xatol": 1e-3,
+                "fatol": 5e-3,
+            },
+        )
+        return start.scaled(float(found.x[0]), float(found.x[1]))
+
+
+def _starts(near: ArcShape) -> list[ArcShape]:
+    return [near.scaled(a, b * a ** (1.0 / 3.0)) for a in LIFTS for b in EVENTS] + [near]

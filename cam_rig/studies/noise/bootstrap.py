@@ -1,0 +1,103 @@
+"""How sure the noise curves and their crossing are: a bootstrap of what the model leaves over.
+
+The measured levels are lost, so their scatter cannot be resampled. What can is the difference
+between a simulated and a published regression: it is smooth along the speeds, so it is cut into
+blocks of neighbouring speeds, which are drawn and joined anew (circular moving-block bootstrap).
+The bands say how far the model could be out, if it is out elsewhere as much as where it can be
+checked. They say nothing about the meter, nor about another copy of the machine.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cam_rig.dynamics import FloatArray
+from cam_rig.simulation.levels import REGRESSION_DEGREE, real_roots
+
+#: Neighbouring speeds that are drawn together: a third of the range.
+BLOCK = 7
+#: Draws, and the seed of them.
+DRAWS, SEED = 2000, 1
+#: Percent on either side that a band leaves out.
+TAIL = 2.5
+
+
+def resample(residual: FloatArray, generator: np.random.Generator) -> FloatArray:
+    """``(DRAWS, n)`` series like ``residual`` ``(n,)``, put together from blocks of it."""
+    count = residual.size
+    blocks = -(-count // BLOCK)
+    starts = generator.integers(0, count, size=(DRAWS, blocks))
+    index = (starts[:, :, None] + np.arange(BLOCK)) % count
+    return np.asarray(residual[index.reshape(DRAWS, -1)[:, :count]])
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """Where 95 % of the draws lie, dB at each speed, ``(n,)``."""
+
+    low: FloatArray
+    high: FloatArray
+
+    @classmethod
+    def of(cls, draws: FloatArray) -> Band:
+        """The band of draws ``(DRAWS, n)``."""
+        low, high = np.percentile(draws, [TAIL, 100.0 - TAIL], axis=0)
+        return cls(low, high)
+
+    def holds(self, level: FloatArray) -> float:
+        """Share of the speeds at which a curve ``(n,)`` lies within."""
+        return float(np.mean((level >= self.low) & (level <= self.high)))
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Speed in rpm at which two regressions cross, and how sure it is.
+
+    ``low`` and ``high`` hold 95 % of the draws, ``deviation`` is their standard deviation;
+    ``missing`` is the share of draws that do not cross at all within the speeds. ``points_rpm`` is
+    where the simulated levels themselves cross, without a regression.
+    """
+
+    rpm: float | None
+    low: float
+    high: float
+    deviation: float
+    missing: float
+    points_rpm: float | None = None
+
+
+def crossing(rpm: FloatArray, one: FloatArray, two: FloatArray, near: float) -> float | None:
+    """Where two cubics, given by their values ``(n,)``, cross nearest to ``near`` rpm."""
+    scale = rpm.mean()
+    fit = np.polynomial.polynomial.polyfit(rpm / scale - 1.0, one - two, REGRESSION_DEGREE)
+    real = (real_roots(fit) + 1.0) * scale
+    inside = real[(real >= rpm[0]) & (real <= rpm[-1])]
+    return float(inside[np.argmin(np.abs(inside - near))]) if inside.size else None
+
+
+def points_crossing(rpm: FloatArray, one: FloatArray, two: FloatArray, near: float) -> float | None:
+    """Where two series of levels ``(n,)``, joined by straight lines, cross nearest to ``near``."""
+    gap = one - two
+    at = np.flatnonzero(np.sign(gap[1:]) != np.sign(gap[:-1]))
+    share = gap[at] / (gap[at] - gap[at + 1])
+    found = rpm[at] + share * (rpm[at + 1] - rpm[at])
+    return float(found[np.argmin(np.abs(found - near))]) if found.size else None
+
+
+def sure_crossing(
+    rpm: FloatArray,
+    best: tuple[FloatArray, FloatArray],
+    draws: tuple[FloatArray, FloatArray],
+    near: float,
+) -> Crossing:
+    """The crossing of two regressions, with what draws ``(DRAWS, n)`` of both say about it."""
+    found = [crossing(rpm, one, two, near) for one, two in zip(*draws, strict=True)]
+    there = np.array([rpm for rpm in found if rpm is not None])
+    missing = 1.0 - there.size / len(found)
+    if there.size < 2:
+        return Crossing(crossing(rpm, *best, near), np.nan, np.nan, np.nan, missing)
+    low, high = np.percentile(there, [TAIL, 100.0 - TAIL])
+    deviation = float(np.std(there, ddof=1))
+    return Crossing(crossing(rpm, *best, near), float(low), float(high), deviation, missing)

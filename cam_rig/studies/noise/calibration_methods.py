@@ -1,0 +1,164 @@
+"""The three curves by one way of calibrating, with their bands and their crossing.
+
+Three ways stand side by side:
+
+* two constants, gain and corner of the structure, with the arc cam as its file has it: there
+  the simulated points were compared with the published regression;
+* the same with the arc cam fitted anew, its regression compared with the published one;
+* by substitution: the reference also measures how the rig passes sound on at each speed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cam_rig.dynamics import FloatArray
+from cam_rig.simulation.levels import cubic, regression
+from cam_rig.simulation.settled_turns import Acoustics
+from cam_rig.studies.noise import bootstrap
+from cam_rig.studies.noise.arc_shape import ArcShape, ShapeFit
+from cam_rig.studies.noise.bootstrap import Band, Crossing
+from cam_rig.studies.noise.calibration import (
+    Heard,
+    by_substitution,
+    rms,
+    sensitivity,
+    two_constants,
+)
+from cam_rig.studies.noise.study import Study
+
+
+@dataclass(frozen=True, eq=False)
+class StudiedCurve:
+    """One cam by one way of calibrating. Levels in dB at each speed.
+
+    ``numbers`` were fitted to this cam's own published curve, a cubic of four. ``rms_db`` is of
+    the simulated points to the published regression, ``rms_regression_db`` of their regression
+    to it. ``sure`` is the band of the regression from what was fitted, ``expected`` where the
+    published one should lie.
+    """
+
+    cam: str
+    role: str
+    numbers: int
+    level_db: FloatArray
+    regression_db: FloatArray
+    coefficients: FloatArray
+    published_db: FloatArray
+    rms_db: float
+    rms_regression_db: float
+    sure: Band
+    expected: Band
+
+
+@dataclass(frozen=True, eq=False)
+class Method:
+    """One way of calibrating: shared constants, curves by cam, and the crossing."""
+
+    name: str
+    acoustics: Acoustics
+    shape: ArcShape
+    curves: dict[str, StudiedCurve]
+    crossing: Crossing
+
+
+def with_two_constants(study: Study, refit: bool) -> Method:
+    """Gain and corner from the reference; the arc cam as its file has it, or fitted anew."""
+    reference = study.heard[study.cast.reference]
+    acoustics = two_constants([reference], study.start)
+    swapped = two_constants([study.heard[study.cast.predicted]], study.start)
+    unseen = reference.difference(swapped)
+    if refit:
+        fit = study.problem.seen(study.fit_shape(acoustics), acoustics)
+        return _method("two constants, arc cam refitted", study, fit, cubic(study.rpm), unseen)
+    fit = study.problem.seen(study.shape, acoustics)
+    return _method("two constants", study, fit, np.eye(study.rpm.size), unseen)
+
+
+def with_substitution(study: Study) -> Method:
+    """Gain and speed response from the reference; the arc cam's geometry fitted to that."""
+    reference = study.heard[study.cast.reference]
+    acoustics = by_substitution(reference, study.start)
+    fit = study.problem.seen(study.fit_shape(acoustics), acoustics)
+    swapped = by_substitution(study.heard[study.cast.predicted], study.start)
+    unseen = reference.difference(swapped)
+    return _method("by substitution", study, fit, cubic(study.rpm), unseen)
+
+
+def _method(
+    name: str, study: Study, fit: ShapeFit, compared: FloatArray, unseen: FloatArray
+) -> Method:
+    """Curves and bands.
+
+    Parameters
+    ----------
+    compared : ``(n, n)``, what of a difference the geometry was fitted to
+    unseen : difference (dB) that this way leaves on a cam it was not fitted to: the reference's,
+        with the parts of reference and predicted cam exchanged
+    """
+    cast, acoustics, project = study.cast, fit.acoustics, cubic(study.rpm)
+    heard = study.heard | {cast.arcs: fit.heard}
+    unlike = dict.fromkeys(heard, -unseen) | {cast.arcs: -fit.heard.difference(acoustics)}
+    generator = np.random.default_rng(bootstrap.SEED)
+    fitted, left = (
+        {cam: bootstrap.resample(unlike[cam], generator) for cam in heard} for _ in range(2)
+    )
+    slopes = {cam: sensitivity(h, acoustics) for cam, h in heard.items()}
+    constants = fitted[cast.reference] @ _refit(project @ slopes[cast.reference], project).T
+    moved = {cam: constants @ slope.T for cam, slope in slopes.items()}
+    shape = (fitted[cast.arcs] - moved[cast.arcs]) @ _refit(compared @ fit.sensitivity, compared).T
+    moved[cast.arcs] = moved[cast.arcs] + shape @ fit.sensitivity.T
+    refitted = fit.shape != study.shape
+    numbers = {cast.reference: 2 + len(acoustics.response), cast.arcs: 2 if refitted else 3}
+    curves = {
+        cam: _curve(
+            study, h, acoustics, numbers.get(cam, 0), moved[cam] @ project, left[cam] @ project
+        )
+        for cam, h in heard.items()
+    }
+    one, two, near = _crossing_cams(study)
+    draws = [curves[c].regression_db + (moved[c] + left[c]) @ project for c in (one, two)]
+    best = (curves[one].regression_db, curves[two].regression_db)
+    found = bootstrap.sure_crossing(study.rpm, best, (draws[0], draws[1]), near)
+    levels = (curves[one].level_db, curves[two].level_db)
+    points = bootstrap.points_crossing(study.rpm, *levels, near)
+    return Method(name, acoustics, fit.shape, curves, replace(found, points_rpm=points))
+
+
+def _refit(slope: FloatArray, compared: FloatArray) -> FloatArray:
+    """``(k, n)``: takes a change of the published levels to that of the fitted numbers."""
+    return np.asarray(np.linalg.pinv(slope, rcond=1e-2) @ compared)
+
+
+def _crossing_cams(study: Study) -> tuple[str, str, float]:
+    published = study.stage.published
+    assert published is not None  # the study has its levels
+    one, two = published.crossover.between
+    return one, two, published.crossover.rpm
+
+
+def _curve(
+    study: Study,
+    heard: Heard,
+    acoustics: Acoustics,
+    numbers: int,
+    moved: FloatArray,
+    left: FloatArray,
+) -> StudiedCurve:
+    level = acoustics.levels(heard.turns)
+    fitted = cubic(study.rpm) @ level
+    return StudiedCurve(
+        cam=heard.cam,
+        role=study.stage.role(heard.cam),
+        numbers=numbers,
+        level_db=level,
+        regression_db=fitted,
+        coefficients=regression(study.rpm, level),
+        published_db=heard.published,
+        rms_db=rms(level - heard.published),
+        rms_regression_db=rms(fitted - heard.published),
+        sure=Band.of(fitted + moved),
+        expected=Band.of(fitted + moved + left),
+    )

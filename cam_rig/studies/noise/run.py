@@ -1,0 +1,89 @@
+"""The whole noise study, part after part."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cam_rig.dynamics import FloatArray, TwoMassParameters
+from cam_rig.schema import RigConfig
+from cam_rig.simulation.scene import Stage
+from cam_rig.studies.noise.calibration_methods import Method, with_substitution, with_two_constants
+from cam_rig.studies.noise.leave_one_out import LeftOut, leave_one_out
+from cam_rig.studies.noise.shared_rig import OneRig, with_elastic_stem, with_rigid_stem
+from cam_rig.studies.noise.study import Cast, Study
+from cam_rig.studies.noise.transfer_functions import StructureFit, compare_structures
+
+#: What a study does, in order, as it is told to who waits.
+PARTS = (
+    "the cams' turns",
+    "structures",
+    "two constants",
+    "by substitution",
+    "leave one out",
+    "one rig",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseStudy:
+    """All that a noise study finds; `structures` by the cam that they were fitted to."""
+
+    cast: Cast
+    rpm: FloatArray
+    structures: dict[str, list[StructureFit]]
+    methods: tuple[Method, ...]
+    left_out: list[LeftOut]
+    one_rig: tuple[OneRig, ...]
+
+
+def study_noise(
+    stage: Stage,
+    rig: RigConfig,
+    arcs: bool = False,
+    on_part: Callable[[str], None] = lambda _: None,
+    on_best: Callable[[float], None] = lambda _: None,
+) -> NoiseStudy:
+    """Run every part of the study on a scene.
+
+    Parameters
+    ----------
+    rig : the rig identified from the jump speeds, to be heard too
+    arcs : also fit the arc cam on that rig's two masses, which takes minutes
+    on_part, on_best : told the part that begins, and how good (dB) that fit has become
+
+    Raises
+    ------
+    ConfigError : a scene without the three parts (`Cast`) or published levels, or a rig without
+        two masses
+    """
+    on_part(PARTS[0])
+    TwoMassParameters.from_rig(rig)  # refused now rather than at the end
+    study = Study.of(stage)
+    smooth = (study.cast.reference, study.cast.predicted)
+    on_part(PARTS[1])
+    structures = {cam: _structures(study, cam) for cam in smooth}
+    on_part(PARTS[2])
+    methods = [with_two_constants(study, refit) for refit in (False, True)]
+    on_part(PARTS[3])
+    methods.append(with_substitution(study))
+    on_part(PARTS[4])
+    left_out = leave_one_out(study)
+    on_part(PARTS[5])
+    rigs = (with_rigid_stem(study, rig), with_elastic_stem(study, rig, arcs, on_best))
+    return NoiseStudy(study.cast, study.rpm, structures, tuple(methods), left_out, rigs)
+
+
+def _structures(study: Study, fitted: str) -> list[StructureFit]:
+    stage, cast = study.stage, study.cast
+    cams = (cast.reference, cast.predicted)
+    return compare_structures(
+        {cam: stage.laws[cam] for cam in cams},
+        stage.follower,
+        stage.radiation,
+        {cam: study.heard[cam].published for cam in cams},
+        np.asarray(study.heard[fitted].turns.speeds),
+        fitted,
+    )

@@ -1,0 +1,163 @@
+"""One rig for everything: the follower identified from the jump speeds, heard on all three cams.
+
+Event angles, preload, mass split and stem come from the jump speeds (Table 2); nothing of them is
+fitted to noise. Gain and corner are fitted to the reference anew. The arc cam, which the jump
+speeds know nothing of, is fitted to its own curve twice: on that rig with a rigid stem, which
+shows what its preload does, and, when asked, on the whole two-mass follower.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import Bounds, differential_evolution
+
+from cam_rig.acoustics import RadiationParameters
+from cam_rig.dynamics import FloatArray, FollowerParameters, TwoMassParameters
+from cam_rig.errors import CamRigError
+from cam_rig.laws import Law
+from cam_rig.schema import RigConfig
+from cam_rig.simulation.levels import cubic
+from cam_rig.simulation.settled_turns import Acoustics, Turns, settled_turns
+from cam_rig.studies.noise.arc_shape import ArcShape, ShapeProblem
+from cam_rig.studies.noise.bootstrap import crossing
+from cam_rig.studies.noise.calibration import Heard, two_constants
+from cam_rig.studies.noise.identify import IMPOSSIBLE, MOST_FLANK
+from cam_rig.studies.noise.study import EVERY, Study
+
+#: Lift (m), event (rad) and curvature of the flank (1/m) that the search goes through.
+SEARCHED = Bounds([0.002, 1.2, 1.0 / MOST_FLANK], [0.02, 3.5, 40.0])
+#: Generations of the search, shapes a generation for each number, and its seed.
+GENERATIONS, POPULATION, SEED = 12, 7, 2
+
+
+@dataclass(frozen=True)
+class OneRig:
+    """What a follower from the jump speeds leaves on each cam's noise.
+
+    ``rms_db`` of the points to the published regressions; ``shape`` of the arc cam and
+    ``crossing_rpm`` are None when it was left aside.
+    """
+
+    name: str
+    acoustics: Acoustics
+    rms_db: dict[str, float]
+    shape: ArcShape | None
+    crossing_rpm: float | None
+
+
+def with_rigid_stem(study: Study, rig: RigConfig) -> OneRig:
+    """The rig's masses, spring and preload on a rigid stem."""
+    follower = FollowerParameters.from_rig(rig)
+    smooth = _smooth(study, lambda law, speeds: settled_turns(law, "one_mass", follower, speeds))
+    acoustics = two_constants([smooth[study.cast.reference]], study.start)
+    arcs = study.heard[study.cast.arcs].every(EVERY)
+
+    def turn(law: Law) -> Turns:
+        return settled_turns(law, "one_mass", follower, arcs.turns.speeds)
+
+    # Lift-off stays at its speed when lift and preload grow together.
+    share = rig.follower.preload.si / study.stage.rig.follower.preload.si
+    start = study.shape.scaled(share**0.5, 1.0)
+    problem = ShapeProblem(study.stage.cams[study.cast.arcs], arcs.published, turn)
+    shape = problem.fit(start, acoustics)
+    name = f"{rig.name}, rigid stem"
+    return _result(name, study, acoustics, smooth, shape, problem.heard(shape))
+
+
+def with_elastic_stem(
+    study: Study,
+    rig: RigConfig,
+    arcs: bool = False,
+    on_best: Callable[[float], None] = lambda _: None,
+) -> OneRig:
+    """The whole two-mass follower of the rig.
+
+    Parameters
+    ----------
+    arcs : also search for the arc cam's shape, which takes minutes
+    on_best : told the r.m.s. difference (dB) of the best shape after each generation
+    """
+    follower = TwoMassParameters.from_rig(rig)
+
+    def turn(law: Law, speeds: FloatArray) -> Turns:
+        return settled_turns(law, "separation", follower, speeds)
+
+    smooth = _smooth(study, turn)
+    start = Acoustics(_landing_on_roller(study, follower))
+    acoustics = two_constants([smooth[study.cast.reference]], start)
+    if not arcs:
+        return _result(rig.name, study, acoustics, smooth, None, None)
+    thin = study.heard[study.cast.arcs].every(EVERY)
+    cam = study.stage.cams[study.cast.arcs]
+    problem = ShapeProblem(cam, thin.published, lambda law: turn(law, thin.turns.speeds))
+    shape = _search(problem, acoustics, on_best)
+    return _result(rig.name, study, acoustics, smooth, shape, problem.heard(shape))
+
+
+def _smooth(study: Study, turn: Callable[[Law, FloatArray], Turns]) -> dict[str, Heard]:
+    """Reference and predicted cam on another follower, at all speeds."""
+    cams = {cam: study.heard[cam] for cam in (study.cast.reference, study.cast.predicted)}
+    return {
+        cam: Heard(cam, turn(study.stage.laws[cam], h.turns.speeds), h.published)
+        for cam, h in cams.items()
+    }
+
+
+def _landing_on_roller(study: Study, follower: TwoMassParameters) -> RadiationParameters:
+    """The radiation with a landing's pulse as long as the roller's mass takes on the cam.
+
+    The stem's give is in the model; what is left is the contact itself, for which the paper
+    prints nothing, so it is taken as stiff as the rigid rig's stem (its Table 1).
+    """
+    stiffness = study.stage.follower.stem_stiffness
+    time = np.pi * np.sqrt(follower.roller_mass / stiffness)
+    return replace(study.stage.radiation, contact_time=float(time))
+
+
+def _search(
+    problem: ShapeProblem, acoustics: Acoustics, on_best: Callable[[float], None]
+) -> ArcShape:
+    """The shape of least r.m.s. difference; a springy stem leaves no slope to go down."""
+
+    def cost(x: FloatArray) -> float:
+        try:
+            return problem.heard(ArcShape(*x.tolist())).rms(acoustics)
+        except CamRigError:
+            return IMPOSSIBLE
+
+    found = differential_evolution(
+        cost,
+        SEARCHED,
+        seed=SEED,
+        popsize=POPULATION,
+        maxiter=GENERATIONS,
+        polish=False,
+        callback=lambda intermediate_result: on_best(float(intermediate_result.fun)),
+    )
+    return ArcShape(*found.x.tolist())
+
+
+def _result(
+    name: str,
+    study: Study,
+    acoustics: Acoustics,
+    smooth: dict[str, Heard],
+    shape: ArcShape | None,
+    arcs: Heard | None,
+) -> OneRig:
+    heard = smooth if arcs is None else smooth | {study.cast.arcs: arcs}
+    left = {cam: h.rms(acoustics) for cam, h in heard.items()}
+    crossed = None if arcs is None else _crossing(study, heard, acoustics)
+    return OneRig(name, acoustics, left, shape, crossed)
+
+
+def _crossing(study: Study, heard: dict[str, Heard], acoustics: Acoustics) -> float | None:
+    published = study.stage.published
+    assert published is not None  # the study has its levels
+    rpm = heard[study.cast.arcs].turns.rpm
+    thinned = {cam: h if cam == study.cast.arcs else h.every(EVERY) for cam, h in heard.items()}
+    levels = [cubic(rpm) @ acoustics.levels(thinned[c].turns) for c in published.crossover.between]
+    return crossing(rpm, levels[0], levels[1], published.crossover.rpm)

@@ -1,0 +1,1 @@
+"""The paper's vibration experiment: stem and shaft in their steady states."""

@@ -1,0 +1,149 @@
+"""Residual and torsional vibration of cams in their steady state (figs. 4-6 and 9 of the paper)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cam_rig.dynamics import FloatArray, FollowerParameters
+from cam_rig.dynamics import elastic_stem as residual
+from cam_rig.dynamics.linear.sampling import sample
+from cam_rig.dynamics.modal.response import Ringing
+from cam_rig.dynamics.torsional.parameters import TorsionalParameters
+from cam_rig.dynamics.torsional.solution import periodic_state, solve
+from cam_rig.dynamics.velocity_jumps import require_smooth
+from cam_rig.errors import DynamicsError
+from cam_rig.laws import TURN, Law
+from cam_rig.studies.vibration.dwell import Window, low_dwell
+from cam_rig.studies.vibration.speeds import RPM, require_speeds
+
+#: Samples of a turn at least, and of a period of the stem.
+LEAST_SAMPLES, PER_PERIOD = 4096, 32
+#: Ringing beyond this many times all of the vibration is no part of it.
+MOST_RINGING = 2.0
+#: Samples of a turn of twist.
+TWIST_SAMPLES = 2048
+
+
+@dataclass(frozen=True, eq=False)
+class SteadyTurn:
+    """One turn of eq. 5 in steady state; rows ``(n,)``: cam angle (rad), x (m), ẍ (m/s²), r (m).
+
+    r is the vibration about the static share of the lift.
+    """
+
+    angle: FloatArray
+    displacement: FloatArray
+    acceleration: FloatArray
+    vibration: FloatArray
+
+
+def steady_turn(law: Law, follower: FollowerParameters, speed: float) -> SteadyTurn:
+    """One turn at ``speed`` (rad/s), finely sampled.
+
+    Raises
+    ------
+    DynamicsError : no steady state at this speed, or a law whose velocity jumps
+    """
+    model, out = residual.response(law, follower, speed), residual.outputs(follower)
+    rate = math.sqrt(-model.matrix[1, 0])
+    count = max(LEAST_SAMPLES, math.ceil(PER_PERIOD * rate / speed))
+    step = TURN / speed / count
+    rows = sample(model, model.periodic(), 0.0, 0.0, step, count, out)
+    vibration = -(rows[3] - follower.preload) / follower.stem_stiffness
+    angle = speed * step * np.arange(count, dtype=np.float64)
+    share = follower.spring_stiffness / (follower.spring_stiffness + follower.stem_stiffness)
+    vibration += share * law(angle)
+    return SteadyTurn(angle, rows[0], rows[2], vibration)
+
+
+@dataclass(frozen=True)
+class Vibration:
+    """What a cam does to its follower and its shaft at one speed, in steady state.
+
+    Parameters
+    ----------
+    window : where residual vibration is read
+    ringing : m, largest free vibration in the window: what joints have kicked
+    swing : m, peak to peak of x about the static share of the lift there
+    acceleration, rigid_acceleration : m/s², largest |ẍ|, and that of the law itself
+    twist : rad, peak to peak of cam less flywheel; None for a rig without a shaft
+    """
+
+    window: Window
+    ringing: float
+    swing: float
+    acceleration: float
+    rigid_acceleration: float
+    twist: float | None
+
+
+def vibration(
+    law: Law, follower: FollowerParameters, shaft: TorsionalParameters | None, speed: float
+) -> Vibration:
+    """All measures of one cam at ``speed`` (rad/s).
+
+    Raises
+    ------
+    DynamicsError : no steady state at this speed (resonance without damping); a speed beyond
+        `vibration_speeds.fastest`; a shaft under a law whose velocity jumps
+    """
+    if shaft is not None:
+        require_smooth(law, ", or a rig without a shaft")
+    turn, window = steady_turn(law, follower, speed), low_dwell(law)
+    inside = turn.vibration[window.holds(turn.angle)]
+    twist = None if shaft is None else float(np.ptp(steady_twist(law, shaft, speed)[1]))
+    return Vibration(
+        window=window,
+        ringing=float(ringing(law, follower, np.array([speed]))[0]),
+        swing=float(np.ptp(inside)),
+        acceleration=float(np.abs(turn.acceleration).max()),
+        rigid_acceleration=float(np.abs(law(turn.angle, 2)).max()) * speed**2,
+        twist=twist,
+    )
+
+
+def ringing(law: Law, follower: FollowerParameters, speeds: FloatArray) -> FloatArray:
+    """Largest free vibration (m) in the low dwell at speeds (rad/s), ``(m,)``.
+
+    Free vibration dies out between joints, so it is largest where the window begins or at a joint
+    inside it.
+
+    Raises
+    ------
+    DynamicsError : no steady state; or a speed at which what rings is not told from the rest: one
+        beyond `vibration_speeds.fastest`, or where it is larger than all of the exact vibration
+    """
+    require_speeds(follower, speeds / RPM)
+    window = low_dwell(law)
+    at = [window.start, *law.breaks[:-1][window.holds(law.breaks[:-1])].tolist()]
+    model = Ringing.of(
+        residual.response(law, follower, float(speeds[0])), residual.outputs(follower)
+    )
+    found = np.max([model.amplitude_at(speeds, angle) for angle in at], axis=0)
+    last = int(np.argmax(speeds))  # the faster, the less of the vibration follows the law
+    whole = float(np.abs(steady_turn(law, follower, float(speeds[last])).vibration).max())
+    if not found[last] <= MOST_RINGING * whole:
+        raise DynamicsError(
+            f"law {law.name!r}: ringing of {1e6 * found[last]:.3g} µm in a vibration of "
+            f"{1e6 * whole:.3g} µm at {speeds[last] / RPM:g} rpm; allowed: speeds slow enough for "
+            "the stem to follow the law"
+        )
+    return np.asarray(found)
+
+
+def steady_twist(
+    law: Law, shaft: TorsionalParameters, speed: float
+) -> tuple[FloatArray, FloatArray]:
+    """Flywheel angle and twist ψ (rad), ``(n,)`` each, over one turn in steady state.
+
+    Raises
+    ------
+    DynamicsError : no periodic state (resonance without damping)
+    """
+    start = periodic_state(law, shaft, speed)
+    motion = solve(law, shaft, start, 0.0, TURN / speed)
+    times = np.linspace(0.0, motion.stop_time, TWIST_SAMPLES)
+    return speed * times, motion.at(times)[0]

@@ -1,0 +1,1 @@
+"""What the viewer shows beside the moving picture: time series, bars, curves, words."""

@@ -1,0 +1,60 @@
+"""Turns laid over each other, and cams side by side at one speed."""
+
+from __future__ import annotations
+
+import rerun as rr
+
+from cam_rig.drawing import colours
+from cam_rig.dynamics import FloatArray
+from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.schedule import CamState
+from cam_rig.viewer.charts.band_chart import BandChart
+from cam_rig.viewer.charts.bands import third_octaves
+from cam_rig.viewer.charts.series import Line, SeriesWriter
+from cam_rig.viewer.scene2d import Scene2D, frame_mask
+from cam_rig.viewer.timeline import within_turn
+from cam_rig.viewer.turns import Turn
+
+TURNS, COMPARE = "turns", "compare"
+#: Quantity shown over the turn: its row in a block, factor to the unit shown, title.
+QUANTITIES = {
+    "lift": (1, 1e3, "Lift [mm]"),
+    "acceleration": (3, 1.0, "Acceleration [m/s²]"),
+    "force": (4, 1.0, "Contact force [N]"),
+}
+
+
+def at_speed(rpm: float, quantity: str) -> str:
+    """The entity below which every cam has its curve of a quantity at a speed."""
+    return f"{TURNS}/{rpm:.6g}_rpm/{quantity}"
+
+
+def draw_turn(stream: rr.RecordingStream, stage: Stage, turn: Turn) -> None:
+    """Curves of one turn over the angle within it."""
+    for quantity, (row, factor, _) in QUANTITIES.items():
+        entity, colour = (
+            f"{at_speed(turn.rpm, quantity)}/{turn.cam}",
+            colours.of_cam(stage, turn.cam),
+        )
+        line = Line(entity, stage.cams[turn.cam].title, colour, factor=factor)
+        writer = SeriesWriter(stream, line, times=within_turn)
+        writer.add(turn.rows[0], turn.angle, turn.rows[row])
+        writer.flush()
+
+
+def draw_side_by_side(
+    stream: rr.RecordingStream, stage: Stage, turn: Turn, profile: FloatArray
+) -> None:
+    """One cam's moving picture and third-octave bars of one turn, in a view of its own."""
+    view, rate = f"{COMPARE}/{turn.cam}", stage.scene.sample_rate.si
+    scene = Scene2D(stream, stage, f"{view}/scene", within_turn)
+    begin = CamState(0, 0.0, turn.speed, turn.cam)
+    scene.mount(begin, profile)
+    scene.speed(begin)
+    frame = frame_mask(turn.angle, turn.speed / rate)
+    time, lift, _, _, force, impulse = turn.rows
+    scene.frames(time[frame], turn.angle[frame], lift[frame], force[frame])
+    scene.flush()
+    bands = third_octaves(stage.radiation, force, impulse, rate)
+    chart = BandChart(stream, f"{view}/bands", rate, colours.of_cam(stage, turn.cam))
+    chart.draw_once(bands)

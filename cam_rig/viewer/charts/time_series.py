@@ -1,0 +1,89 @@
+"""The time series of a run, tick by tick."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+
+from cam_rig.dynamics import NS, FloatArray
+from cam_rig.laws.sampling import sample
+from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.schedule import CamState
+from cam_rig.viewer.charts import series
+from cam_rig.viewer.charts import shaft_twist as twist
+from cam_rig.viewer.charts.series import Line, Mark, SeriesWriter
+from cam_rig.viewer.turns import lift_offs
+
+#: s alone, of s, s', s''.
+LIFT_OF_LAW = np.array([[1.0, 0.0, 0.0]])
+
+
+class Traces:
+    """Writes the curves and the marks on them.
+
+    Parameters
+    ----------
+    bucket : samples of which the least and the greatest are kept, 1 for all
+    """
+
+    def __init__(self, stream: rr.RecordingStream, stage: Stage, bucket: int) -> None:
+        self._stage, self._flew = stage, False
+        self._twist = twist.ShaftTwist(stage) if stage.scene.model == twist.MODEL else None
+        thinned = [series.LIFT, series.LAW, series.VELOCITY, series.ACCELERATION, series.FORCE]
+        if self._twist is not None:
+            thinned.append(series.TWIST)
+        whole = (series.ZERO, series.SPEED, series.LEVEL, series.LIFT_OFF, series.LANDING)
+        self._writers: dict[Line | Mark, SeriesWriter] = {}
+        for line in thinned:
+            self._writers[line] = SeriesWriter(stream, line, bucket)
+        for curve in whole:
+            self._writers[curve] = SeriesWriter(stream, curve)
+
+    def tick(self, start: CamState, end: CamState, angle: FloatArray, rows: FloatArray) -> None:
+        """Take one tick: unwrapped cam ``angle`` (rad) and ``(6, n)`` rows at its samples."""
+        time, lift, velocity, acceleration, force, impulse = rows
+        law = self._law(start, end, angle)
+        for line, values in (
+            (series.LIFT, lift),
+            (series.LAW, law),
+            (series.VELOCITY, velocity),
+            (series.ACCELERATION, acceleration),
+            (series.FORCE, force),
+        ):
+            self._writers[line].add(time, angle, values)
+        if self._twist is not None:
+            twisted = self._twist.tick(start, end, time)
+            self._writers[series.TWIST].add(time, angle, twisted)
+        ends = (
+            np.array([start.time_ns, end.time_ns]) / NS,
+            np.array([start.unwrapped, end.unwrapped]),
+        )
+        self._writers[series.ZERO].add(*ends, np.zeros(2))
+        self._writers[series.SPEED].add(ends[0][:1], ends[1][:1], np.array([start.speed]))
+        left, met = lift_offs(force, self._flew), impulse > 0.0
+        self._flew = bool(force[-1] == 0.0)
+        self._writers[series.LIFT_OFF].add(time[left], angle[left], lift[left])
+        self._writers[series.LANDING].add(time[met], angle[met], lift[met])
+
+    def level(self, end: CamState, level: float) -> None:
+        """Take the level (dB) of the tick that ended with a state."""
+        self._add(series.LEVEL, end, level)
+
+    def stop(self, end: CamState, speed: float) -> None:
+        """Draw the speed (rad/s) up to the end of the run."""
+        self._add(series.SPEED, end, speed)
+
+    def flush(self) -> None:
+        """Send what was collected."""
+        for writer in self._writers.values():
+            writer.flush()
+
+    def _add(self, line: series.Line, at: CamState, value: float) -> None:
+        place = np.array([at.time_ns / NS]), np.array([at.unwrapped])
+        self._writers[line].add(*place, np.array([value]))
+
+    def _law(self, start: CamState, end: CamState, angle: FloatArray) -> FloatArray:
+        law, step = self._stage.laws[start.cam], start.speed / self._stage.scene.sample_rate.si
+        if not start.holds_until(end):
+            return law(angle)
+        return sample(law, float(angle[0]), step, angle.size, LIFT_OF_LAW, np.zeros(1))[0]

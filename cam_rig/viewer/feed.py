@@ -1,0 +1,115 @@
+"""The messages of a run, in any order of topics, brought together into ticks and drawn."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from typing import Protocol
+
+from cam_rig.dynamics import FloatArray
+from cam_rig.errors import BagError
+from cam_rig.live.admission import REMEMBERED
+from cam_rig.live.tick_matching import TickPairing
+from cam_rig.simulation.schedule import CamState
+
+Tick = tuple[CamState, CamState, FloatArray]
+
+
+class Drawing(Protocol):
+    """What takes a run tick by tick, in order: a recording for Rerun, or an album of turns."""
+
+    profiles: dict[str, FloatArray]
+
+    def tick(self, start: CamState, end: CamState, rows: FloatArray) -> None:
+        """Take one tick; ``rows`` are the ``(6, n)`` samples of its block."""
+
+    def heard(self, end_ns: int, level: float, pressure: float) -> None:
+        """Take level (dB) and pressure (Pa) of the tick that ended at a rig time."""
+
+    def close(self) -> None:
+        """Nothing more comes."""
+
+
+class RunFeed:
+    """Takes messages as they come, from a bag or from a live run; draws what is complete.
+
+    A tick is drawn when both its states, its block and its cam's profile are there. Levels carry
+    no stamp: each is published with a pressure, which does.
+    """
+
+    def __init__(self, drawing: Drawing) -> None:
+        self._drawing, self._pairing = drawing, TickPairing()
+        self._ticks: deque[Tick] = deque()
+        self._levels: deque[float] = deque()
+        self._pressures: deque[tuple[int, float]] = deque()
+        self._heard: deque[tuple[int, float, float]] = deque()
+        self._said: deque[CamState | tuple[int, float]] = deque(maxlen=2 * REMEMBERED)
+        self._drawn = self._heard_to = -1
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether a tick is drawn whose level has not come yet."""
+        return self._heard_to < self._drawn
+
+    def profile(self, cam: str, points: FloatArray) -> None:
+        """Take the contour of a cam, ``(n, 2)`` in its own frame, m."""
+        self._drawing.profiles[cam] = points
+
+    def state(self, state: CamState) -> None:
+        """Take the next state of the cam."""
+        if self._is_news(state):
+            self._pairing.add_state(state)
+
+    def block(self, rows: FloatArray) -> None:
+        """Take the next block of samples, ``(6, n)``."""
+        self._pairing.add_block(rows)
+
+    def level(self, level: float) -> None:
+        """Take the next level, dB."""
+        self._levels.append(level)
+
+    def pressure(self, end_ns: int, pressure: float) -> None:
+        """Take the r.m.s. pressure (Pa) of the tick that ended at a rig time."""
+        self._pressures.append((end_ns, pressure))
+
+    def draw(self) -> Iterator[Tick]:
+        """Draw all that is complete; gives each tick that was."""
+        self._ticks.extend(self._pairing.complete())
+        while self._levels and self._pressures:
+            reading, level = self._pressures.popleft(), self._levels.popleft()
+            if self._is_news(reading):
+                self._heard.append((reading[0], level, reading[1]))
+        while self._ticks and self._ticks[0][0].cam in self._drawing.profiles:
+            tick = self._ticks.popleft()
+            self._drawing.tick(*tick)
+            self._drawn = tick[1].time_ns
+            self._hear()
+            yield tick
+        self._hear()
+
+    def close(self) -> None:
+        """Draw what is left.
+
+        Raises
+        ------
+        BagError : a cam turned of which no profile came
+        """
+        for _ in self.draw():
+            pass
+        self._drawing.close()
+        if self._ticks:
+            cam = self._ticks[0][0].cam
+            raise BagError(f"cam {cam!r} turns, but its /cam/profile is not in the bag")
+
+    def _is_news(self, said: CamState | tuple[int, float]) -> bool:
+        """Nodes say again what somebody may not have got."""
+        if said in self._said:
+            return False
+        self._said.append(said)
+        return True
+
+    def _hear(self) -> None:
+        while self._heard and self._heard[0][0] <= self._drawn:
+            heard = self._heard.popleft()
+            self._drawing.heard(*heard)
+            self._heard_to = heard[0]

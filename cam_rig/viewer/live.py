@@ -1,0 +1,74 @@
+"""A run's picture while it runs: the same drawing as of a bag, sent to a viewer."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import rerun as rr
+
+from cam_rig.dynamics import NS, FloatArray
+from cam_rig.errors import CamRigError
+from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.schedule import cam_states
+from cam_rig.viewer.blueprint import blueprint, compared_rpm
+from cam_rig.viewer.feed import RunFeed
+from cam_rig.viewer.layout import Layout
+from cam_rig.viewer.recording import APPLICATION, bucket_for, name_recording
+from cam_rig.viewer.run_recorder import RunDrawing
+
+#: A live run of more samples is thinned: a viewer draws while it takes in.
+WHOLE_BELOW = 250_000
+#: Rig time (s) before the newest that the curves show at least: a few turns.
+WINDOW = 1.0
+#: Wall time (s) to hand the rest of a picture over at the end.
+PATIENCE = 8.0
+
+
+class LivePicture:
+    """A feed whose picture a viewer shows at once.
+
+    Parameters
+    ----------
+    address : the viewer's, ``rerun+http://127.0.0.1:9876/proxy`` for one
+    """
+
+    def __init__(self, stage: Stage, address: str) -> None:
+        times = np.array([state.time_ns for state in cam_states(stage.scene)]) / NS
+        duration, window = float(times[-1]), live_window(times)
+        bucket = bucket_for(round(duration * stage.scene.sample_rate.si), WHOLE_BELOW)
+        rpm = compared_rpm(stage, None)
+        plan = blueprint(Layout.RUN, stage, duration, bucket, rpm, window)
+        self._address, self._stream = address, rr.RecordingStream(APPLICATION)
+        try:
+            self._stream.connect_grpc(address, default_blueprint=plan)
+        except (RuntimeError, ValueError) as error:
+            raise CamRigError(f"{address}: no viewer can be reached there ({error})") from None
+        name_recording(self._stream, stage.scene.title)
+        self._drawing = RunDrawing(self._stream, stage, bucket, rpm, window=window)
+        self.feed = RunFeed(self._drawing)
+
+    def flush(self) -> None:
+        """Send what was drawn."""
+        self._drawing.flush()
+
+    def close(self) -> None:
+        """Send the rest.
+
+        Raises
+        ------
+        CamRigError : the viewer does not take it
+        """
+        self.feed.close()
+        try:
+            self._stream.flush(timeout_sec=PATIENCE)
+        except (RuntimeError, ValueError) as error:
+            raise CamRigError(f"{self._address}: the viewer has gone ({error})") from None
+        finally:
+            with warnings.catch_warnings(action="ignore"):
+                self._stream.disconnect()
+
+
+def live_window(times: FloatArray) -> float:
+    """Rig time (s) that the curves of a live run show: two ticks at least, of states at times."""
+    return max(WINDOW, 2.0 * float(np.diff(times).max()))

@@ -1,0 +1,143 @@
+"""From a bag to a Rerun recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from cam_rig.bag.reader import messages, read_counts, read_stage
+from cam_rig.dynamics import NS, FloatArray
+from cam_rig.errors import BagError
+from cam_rig.messages import topics
+from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
+from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.schedule import CamState, cam_states
+from cam_rig.viewer.blueprint import blueprint, compared_rpm
+from cam_rig.viewer.feed import RunFeed
+from cam_rig.viewer.layout import Layout
+from cam_rig.viewer.rrd_file import require_free, rrd_stream
+from cam_rig.viewer.run_recorder import RunDrawing
+
+APPLICATION = "cam_rig"
+#: A run of fewer samples is shown whole.
+WHOLE_BELOW = 1_000_000
+#: Buckets a line of a longer run; each gives its least and its greatest sample.
+BUCKETS = 250_000
+TOPICS = (
+    topics.CAM_STATE,
+    topics.PROFILE,
+    topics.FOLLOWER_SAMPLES,
+    topics.LEVEL,
+    topics.PRESSURE,
+)
+
+
+@dataclass(frozen=True)
+class Wish:
+    """How a picture is wanted.
+
+    Parameters
+    ----------
+    layout : for running, for comparing cams, or for a report
+    rpm : the speed at which cams are compared; by default the scene's highest
+    all_samples : keep every sample, however many
+    """
+
+    layout: Layout = Layout.RUN
+    rpm: float | None = None
+    all_samples: bool = False
+
+
+def save_recording(
+    bag: Path,
+    path: Path,
+    wish: Wish | None = None,
+    *,
+    stage: Stage | None = None,
+    overwrite: bool = False,
+    on_tick: Callable[[], None] = lambda: None,
+) -> None:
+    """Write the picture of a bag to ``path``, a ``.rrd`` file, which appears when it is whole.
+
+    Parameters
+    ----------
+    wish : how it is wanted
+    stage : the scene that was run, for a bag without one attached
+    overwrite : replace the file when it exists
+    on_tick : called after each tick
+
+    Raises
+    ------
+    BagError : the bag cannot be read, or lacks a cam's profile
+    CamRigError : the file exists already, or cannot be written; or no such speed
+    """
+    require_free(path, overwrite)
+    stage, wish = stage or read_stage(bag), wish or Wish()
+    duration, rpm = run_duration(bag, stage), compared_rpm(stage, wish.rpm)
+    samples = round(duration * stage.scene.sample_rate.si)
+    whole, bucket = (
+        wish.layout is Layout.RUN,
+        1 if wish.all_samples else bucket_for(samples, WHOLE_BELOW),
+    )
+    plan = blueprint(wish.layout, stage, duration, bucket, rpm)
+    with rrd_stream(path, APPLICATION, plan) as stream:
+        name_recording(stream, f"{stage.scene.title} ({bag.name})")
+        draw(bag, stage, RunFeed(RunDrawing(stream, stage, bucket, rpm, whole)), on_tick)
+
+
+def name_recording(stream: rr.RecordingStream, name: str) -> None:
+    """Name it, and keep wall time out of it: a run is drawn alike whenever it is."""
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
+    stream.send_recording_name(name)
+
+
+def draw(bag: Path, stage: Stage, feed: RunFeed, on_tick: Callable[[], None]) -> None:
+    """Draw every tick of a bag."""
+    for topic, _, message in messages(bag, TOPICS):
+        if topic is topics.PROFILE:
+            feed.profile(str(message.header.frame_id), polygon(message))
+        elif topic is topics.LEVEL:
+            feed.level(float(message.data))
+        elif topic is topics.PRESSURE:
+            feed.pressure(stamp_ns(message.header.stamp), float(message.fluid_pressure))
+        elif topic is topics.CAM_STATE:
+            feed.state(cam_state(message, stage))
+        else:
+            feed.block(decode_block(*array_of(message)))
+        for _ in feed.draw():
+            on_tick()
+    feed.close()
+
+
+def run_duration(bag: Path, stage: Stage) -> float:
+    """Rig time (s) of the ticks in a bag, all of its scene's or those before an interruption."""
+    ticks = read_counts(bag).get(topics.FOLLOWER_SAMPLES.name, 0)
+    if ticks == 0:
+        raise BagError(f"{bag}: has no {topics.FOLLOWER_SAMPLES.name}, so nothing to show")
+    *_, last = islice(cam_states(stage.scene), ticks + 1)
+    return last.time_ns / NS
+
+
+def bucket_for(samples: int, whole_below: int) -> int:
+    """Samples a bucket, so that a long run stays small enough for a viewer."""
+    return 1 if samples < whole_below else math.ceil(samples / BUCKETS)
+
+
+def cam_state(message: Any, stage: Stage) -> CamState:
+    """The cam's state from its message, of a cam that the scene knows."""
+    state = cam_state_of(message)
+    stage.law_of(state.cam)
+    return state
+
+
+def polygon(message: Any) -> FloatArray:
+    """``(n, 2)`` points of a PolygonStamped, m."""
+    return np.array([[point.x, point.y] for point in message.polygon.points], dtype=np.float64)

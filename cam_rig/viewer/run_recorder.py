@@ -1,0 +1,131 @@
+"""A run as a picture: the run as it went, and what its turns and speeds came to."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import rerun as rr
+
+from cam_rig.dynamics import NS, FloatArray
+from cam_rig.simulation.levels import HeardTick
+from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.schedule import CamState
+from cam_rig.viewer.charts import overlay
+from cam_rig.viewer.charts.about import about
+from cam_rig.viewer.charts.noise_chart import NoiseChart
+from cam_rig.viewer.charts.results import Results
+from cam_rig.viewer.charts.run_view import Course
+from cam_rig.viewer.timeline import time_columns
+from cam_rig.viewer.turns import TurnCollector, sample_angles
+
+ABOUT, RESULTS = "about", "results"
+#: Rig time (s) into a file at once: long enough to be fast, short enough to stay small in memory.
+AT_ONCE = 5.0
+
+
+class RunDrawing:
+    """Draws a run tick by tick; `close` sends what is left.
+
+    Parameters
+    ----------
+    stream : where to draw
+    stage : the scene that was run
+    bucket : samples of which the least and the greatest are kept, 1 for all
+    compared : speed (rpm) at which the cams are laid over each other and put side by side
+    whole : draw the run as it went too; else only what its turns and speeds came to
+    window : rig time (s) before the newest that a viewer shows of a live run; None for a finished
+        one, whose results are there at every time
+    """
+
+    def __init__(
+        self,
+        stream: rr.RecordingStream,
+        stage: Stage,
+        bucket: int,
+        compared: float,
+        whole: bool = True,
+        window: float | None = None,
+    ) -> None:
+        self._stream, self._stage, self._compared = stream, stage, compared
+        self._grows, self._finished = whole, window is None
+        # No tick of a scene is longer than the other half, so a block fits into the window.
+        self._at_once = AT_ONCE if window is None else 0.5 * window
+        self._course = Course(stream, stage, bucket) if whole else None
+        self._noise, self._results = NoiseChart(stream, stage), Results(stage)
+        self._turns = TurnCollector(stage.scene.program.ticks_per_turn)
+        self._unheard: dict[int, tuple[CamState, CamState]] = {}
+        self._last: tuple[CamState, CamState] | None = None
+        self._told: CamState | None = None
+        self._sent = 0
+        #: The contour of each cam that has been told, ``(n, 2)`` in its own frame, m.
+        self.profiles: dict[str, FloatArray] = {}
+        words = rr.TextDocument(about(stage, bucket), media_type="text/markdown")
+        stream.log(ABOUT, words, static=True)
+        if not self._finished:
+            markdown = rr.TextDocument.from_fields(media_type="text/markdown")
+            stream.log(RESULTS, markdown, static=True)
+
+    def tick(self, start: CamState, end: CamState, rows: FloatArray) -> None:
+        """Draw one tick; ``rows`` are the ``(6, n)`` samples of its block."""
+        last = self._last[0] if self._last is not None else start
+        if (start.cam, start.speed) != (last.cam, last.speed):
+            self._finish_step()
+        self._last = self._unheard[end.time_ns] = (start, end)
+        angle = sample_angles(start, end, rows[0])
+        if self._course is not None:
+            self._course.tick(start, end, angle, rows, self.profiles[start.cam])
+        if start.holds_until(end):
+            self._turns.add(start, angle, rows)
+            turn = self._turns.turn()
+            if turn is not None:
+                self._results.motion(turn)
+        if (end.time_ns - self._sent) / NS >= self._at_once:
+            self.flush()
+
+    def heard(self, end_ns: int, level: float, pressure: float) -> None:
+        """Take what was heard of the tick that ended at a rig time: level (dB), pressure (Pa)."""
+        if end_ns not in self._unheard:
+            return  # from before we listened
+        start, end = self._unheard.pop(end_ns)
+        if self._course is not None:
+            self._course.level(end, level)
+        tick = HeardTick(start, end_ns, pressure, start.holds_until(end))
+        measured = self._noise.hear(tick, end.unwrapped)
+        if measured is not None:
+            self._results.level(start.cam, start.speed, measured)
+        self._told = end
+
+    def flush(self) -> None:
+        """Send what was collected so far; the run as it went is first, for nothing may lead it."""
+        if self._course is not None:
+            self._course.flush()
+        if self._last is not None:
+            self._sent = self._last[1].time_ns
+        if self._grows:
+            self._noise.flush()
+        if self._told is not None and not self._finished:
+            columns = rr.TextDocument.columns(text=[self._results.words()])
+            place = np.array([self._told.time_ns / NS]), np.array([self._told.unwrapped])
+            self._stream.send_columns(RESULTS, time_columns(*place), columns)
+            self._told = None
+
+    def close(self) -> None:
+        """Send what is left, and finish the last step."""
+        if self._last is not None:
+            self._finish_step()
+            if self._course is not None:
+                self._course.close(self._last[1])
+        self.flush()
+        if self._finished:
+            self._noise.finish()
+            words = rr.TextDocument(self._results.words(), media_type="text/markdown")
+            self._stream.log(RESULTS, words, static=True)
+
+    def _finish_step(self) -> None:
+        """Lay the step's last turn over those of the other cams."""
+        turn = self._turns.turn()
+        if turn is not None and math.isclose(turn.rpm, self._compared, rel_tol=1e-9):
+            overlay.draw_turn(self._stream, self._stage, turn)
+            profile = self.profiles[turn.cam]
+            overlay.draw_side_by_side(self._stream, self._stage, turn, profile)

@@ -1,0 +1,170 @@
+"""The cam and its follower as a moving picture in the plane, mm, y up."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from cam_rig.drawing import colours
+from cam_rig.drawing.follower import FollowerShape
+from cam_rig.drawing.followers import follower_shape
+from cam_rig.drawing.outlines import MM, circle, closed
+from cam_rig.dynamics import FloatArray
+from cam_rig.dynamics.contact import force_weights
+from cam_rig.profile import turn_angles
+from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.schedule import CamState
+from cam_rig.viewer.timeline import Times, time_columns
+
+#: What the view shows; the rig hangs below, for a view is not moved by its own transform.
+VIEW = "scene"
+#: Pictures a turn, so that slow motion is smooth at every speed.
+FRAMES_PER_TURN = 72
+#: Radii on the screen: Rerun takes a negative one as points, not as mm.
+LINE, THIN, THICK, SHAFT, UNSEEN = -1.5, -0.7, -2.5, -3.0, -0.1
+#: The longest arrow of the contact force at a speed, as a share of the follower's reach.
+ARROW = 0.5
+
+
+def shapes(stage: Stage) -> dict[str, FollowerShape]:
+    """The follower of each cam."""
+    return {name: follower_shape(cam, stage.laws[name]) for name, cam in stage.cams.items()}
+
+
+def reach(stage: Stage) -> float:
+    """How far from the cam shaft a follower is at most over all cams of the scene, m."""
+    return max(shape.reach for shape in shapes(stage).values())
+
+
+def greatest_force(stage: Stage, cam: str, speed: float) -> float:
+    """Greatest contact force (N) of a follower that stays on this cam at a speed (rad/s)."""
+    follower, angle = stage.follower, turn_angles(720)
+    motion = np.stack([stage.laws[cam](angle, order) for order in range(3)])
+    return follower.preload + float((force_weights(follower, speed) @ motion).max())
+
+
+def frame_mask(angle: FloatArray, step: float) -> NDArray[np.bool_]:
+    """True for the first sample in each frame; unwrapped ``angle`` and its ``step`` in rad."""
+    frame = np.floor(np.append(angle[:1] - step, angle) * (FRAMES_PER_TURN / (2.0 * np.pi)))
+    return np.asarray(np.diff(frame) > 0.0)
+
+
+class Scene2D:
+    """Draws into a recording: a cam when it is mounted, then frames of cam and follower.
+
+    Parameters
+    ----------
+    stream, stage : where to draw, and what runs
+    view : the entity that the view shows
+    times : the timelines of its frames
+
+    Every cam is drawn as large as the greatest of the scene, whatever its own size, and its force
+    to a scale of its own at each speed.
+    """
+
+    def __init__(
+        self,
+        stream: rr.RecordingStream,
+        stage: Stage,
+        view: str = VIEW,
+        times: Times = time_columns,
+    ) -> None:
+        self._stream, self._stage, self._times = stream, stage, times
+        self._root = f"{view}/rig"
+        self._shapes, self._reach = shapes(stage), reach(stage)
+        self._waiting = list[FloatArray]()
+        shaft = rr.Points2D([[0.0, 0.0]], colors=colours.GREY, radii=SHAFT)
+        stream.log(f"{self._root}/shaft", shaft, static=True)
+        gap = rr.LineStrips2D.from_fields(colors=colours.GAP, radii=THICK)
+        stream.log(f"{self._root}/gap", gap, static=True)
+        force = rr.Arrows2D.from_fields(colors=colours.FORCE, radii=THICK)
+        stream.log(f"{self._root}/force", force, static=True)
+
+    def mount(self, state: CamState, profile: FloatArray) -> None:
+        """Put a cam in place of the one before; ``profile`` ``(n, 2)`` in its own frame, m."""
+        self.flush()
+        self._shape, self._law = self._shapes[state.cam], self._stage.laws[state.cam]
+        zoom = self._reach / self._shape.reach
+        # A plane in Rerun has y down.
+        flip = rr.Transform3D.columns(mat3x3=np.diag([zoom, -zoom, 1.0])[None])
+        self._stream.send_columns(self._root, self._at(state), flip)
+        outline, base = closed(profile) * MM, self._stage.cams[state.cam].follower.base_radius.si
+        colour = colours.of_cam(self._stage, state.cam)
+        mark = np.stack([np.zeros(2), outline[0]])
+        self._strips(state, "cam/contour", [outline], colour, LINE)
+        self._strips(state, "cam/mark", [mark], colour, THIN)
+        self._strips(state, "cam/base_circle", [circle(base * MM)], colours.GREY, THIN)
+        support = [strip * MM for strip in self._shape.support()]
+        self._strips(state, "guide", support, colours.GREY, THIN)
+        follower = [strip * MM for strip in self._shape.outline()]
+        self._strips(state, "follower/outline", follower, colours.FOLLOWER, LINE)
+
+    def speed(self, state: CamState, title: str = "") -> None:
+        """Scale the force to the speed from this state on, and say so in words under the cam."""
+        self.flush()
+        longest = greatest_force(self._stage, state.cam, state.speed)
+        self._arrow = ARROW * self._shape.reach / longest
+        rpm = state.speed * 30.0 / np.pi
+        columns = rr.Points2D.columns(
+            positions=[[0.0, -1.2 * self._shape.reach * MM]],
+            labels=[f"{title}{rpm:.0f} rpm, longest arrow {longest:.0f} N"],
+            colors=[colours.of_cam(self._stage, state.cam)],
+            radii=[UNSEEN],
+            show_labels=[True],
+        )
+        self._stream.send_columns(f"{self._root}/label", self._at(state), columns)
+
+    def frames(
+        self, time: FloatArray, angle: FloatArray, lift: FloatArray, force: FloatArray
+    ) -> None:
+        """Take cam and follower at ``time`` (s), unwrapped cam ``angle`` (rad), ``lift`` (m).
+
+        Where the contact ``force`` (N) is none, the follower flies, and the gap under it is drawn:
+        from where the cam would be touched to where the follower has carried that point.
+        """
+        self._waiting.append(np.stack([time, angle, lift, force]))
+
+    def flush(self) -> None:
+        """Send what was taken."""
+        if not self._waiting:
+            return
+        time, angle, lift, force = np.concatenate(self._waiting, axis=1)
+        self._waiting = []
+        times, shape, law = self._times(time, angle), self._shape, self._law(angle)
+        flat = np.zeros_like(angle)
+        origin = np.column_stack([shape.origin(lift) * MM, flat])
+        self._stream.send_columns(f"{self._root}/cam", times, _pose(angle, None))
+        self._stream.send_columns(f"{self._root}/follower", times, _pose(shape.turn(lift), origin))
+        point, normal = shape.contact(law, self._law(angle, 1))
+        flies = force == 0.0
+        ends = np.stack([point, shape.carried(point, law, lift)], axis=1) * MM
+        gaps = rr.LineStrips2D.columns(strips=list(ends[flies])).partition(flies.astype(int))
+        self._stream.send_columns(f"{self._root}/gap", times, gaps)
+        along = np.sum(normal * shape.upward(law), axis=1)
+        arrows = normal * (force / along * self._arrow)[:, None] * MM
+        columns = rr.Arrows2D.columns(origins=point[~flies] * MM, vectors=arrows[~flies])
+        columns = columns.partition((~flies).astype(int))
+        self._stream.send_columns(f"{self._root}/force", times, columns)
+
+    def _strips(
+        self, state: CamState, entity: str, strips: list[FloatArray], colour: int, radius: float
+    ) -> None:
+        count = len(strips)
+        columns = rr.LineStrips2D.columns(
+            strips=strips, colors=[colour] * count, radii=[radius] * count
+        )
+        columns = columns.partition([count])
+        self._stream.send_columns(f"{self._root}/{entity}", self._at(state), columns)
+
+    def _at(self, state: CamState) -> list[rr.TimeColumn]:
+        return self._times(np.array([state.time_ns * 1e-9]), np.array([state.unwrapped]))
+
+
+def _pose(turn: FloatArray, place: FloatArray | None) -> rr.ComponentColumnList:
+    """Turned by ``(n,)`` rad about z, then moved to ``(n, 3)`` mm."""
+    zero, half = np.zeros_like(turn), 0.5 * turn
+    quaternion = np.column_stack([zero, zero, np.sin(half), np.cos(half)])
+    if place is None:
+        return rr.Transform3D.columns(quaternion=quaternion)
+    return rr.Transform3D.columns(quaternion=quaternion, translation=place)

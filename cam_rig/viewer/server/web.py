@@ -1,0 +1,141 @@
+"""Rerun's web viewer on this machine alone: nothing is asked of, or told to, any other.
+
+The viewer's own page loads a font, asks for a newer version and reports its use. This server
+hands the same page on with a guard before all of its code: a request to another host is answered
+on the spot with nothing, and the browser is told to let none out. Who asks under another name than
+this machine's own is refused, and what was asked for is never taken for a name to look up.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import threading
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, suppress
+from http.client import HTTPConnection, HTTPException
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import quote, urlsplit
+
+from cam_rig.viewer.server.process import HOST, free_port, listening, stream_address
+
+#: A viewer that keeps nothing from one visit to the next.
+QUERY = "?hide_welcome_screen&persist=0&notebook=0&renderer=webgl&url="
+GUARD = """<script>
+const ask = window.fetch;
+window.fetch = (what, how) => {
+  const url = new URL(what instanceof Request ? what.url : what, location.href);
+  const here = url.hostname === location.hostname;
+  return here ? ask(what, how) : Promise.resolve(new Response(null, { status: 204 }));
+};
+</script>"""
+POLICY = (
+    "default-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
+    f"connect-src 'self' blob: data: http://{HOST}:*"
+)
+#: What may be asked for: a path of plain characters.
+PATH = re.compile(r"/[!-~]*")
+#: How long the viewer's own server may take to answer, s.
+PATIENCE = 20.0
+OUTSIDE = re.compile(rb'<link[^>]*"https://[^>]*>')
+
+
+class Pages(NamedTuple):
+    """The address for a browser, the one to which a live run sends its picture, and who serves."""
+
+    address: str
+    stream: str
+    viewer: subprocess.Popen[bytes]
+
+
+@contextmanager
+def serve_file(path: Path) -> Iterator[str]:
+    """The address at which a browser shows a recording, as long as the context lasts."""
+    with serve(path) as pages:
+        yield pages.address
+
+
+@contextmanager
+def serve(path: Path | None = None) -> Iterator[Pages]:
+    """Serve a recording to a browser, or what a live run sends, as long as the context lasts."""
+    port, assets = free_port(), free_port()
+    arguments = ("--serve-web", "--port", str(port), "--web-viewer-port", str(assets))
+    with listening(*arguments, ports=(port, assets)) as viewer:
+        server = _Server(assets, port, path)
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        try:
+            yield Pages(f"{server.origin}/", stream_address(port), viewer)
+        finally:
+            server.shutdown()
+            server.server_close()
+
+
+class _Server(ThreadingHTTPServer):
+    daemon_threads = True
+
+    def __init__(self, assets: int, port: int, path: Path | None) -> None:
+        super().__init__((HOST, 0), _Handler)
+        self.assets, self.path = assets, path
+        # Another name that a page made the browser resolve to this machine gets nothing.
+        self.hosts = tuple(f"{name}:{self.server_address[1]}" for name in (HOST, "localhost"))
+        self.origin = f"http://{self.hosts[0]}"
+        self.data = stream_address(port) if path is None else f"{self.origin}/{quote(path.name)}"
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: _Server
+
+    def do_GET(self) -> None:
+        """The recording, or the viewer; without a question, the way to what is shown."""
+        if self.headers.get("Host") not in self.server.hosts:
+            return self.send_error(403, f"allowed hosts: {', '.join(self.server.hosts)}")
+        if not PATH.fullmatch(self.path):
+            return self.send_error(400, "allowed: a path that begins with /")
+        asked, recording = urlsplit(self.path), self.server.path
+        if asked.path == "/" and not asked.query:
+            self.send_response(302)
+            self.send_header("Location", f"/{QUERY}{quote(self.server.data, safe='')}")
+            self.end_headers()
+        elif recording is not None and asked.path == f"/{quote(recording.name)}":
+            self._recording(recording)
+        else:
+            self._viewer(asked.path)
+
+    def _recording(self, path: Path) -> None:
+        try:
+            stream = path.open("rb")
+        except OSError:
+            return self.send_error(404)
+        with stream, suppress(ConnectionError):  # a page may be closed while it loads
+            self._head("application/octet-stream", path.stat().st_size)
+            shutil.copyfileobj(stream, self.wfile)
+
+    def _viewer(self, path: str) -> None:
+        """A part of Rerun's own viewer."""
+        try:
+            with closing(HTTPConnection(HOST, self.server.assets, timeout=PATIENCE)) as viewer:
+                viewer.request("GET", path)
+                answer = viewer.getresponse()
+                kind, body = answer.headers.get_content_type(), answer.read()
+        except (OSError, HTTPException) as error:
+            return self.send_error(502, f"the viewer does not answer ({type(error).__name__})")
+        if answer.status != 200:
+            return self.send_error(answer.status)
+        if kind == "text/html":
+            body = OUTSIDE.sub(b"", body).replace(b"<head>", b"<head>" + GUARD.encode(), 1)
+        with suppress(ConnectionError):  # a page may be closed while it loads
+            self._head(kind, len(body))
+            self.wfile.write(body)
+
+    def _head(self, kind: str, size: int) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(size))
+        self.send_header("Content-Security-Policy", POLICY)
+        self.end_headers()
+
+    def log_message(self, *_words: object) -> None:
+        """Say nothing: a terminal shows the run, not the browser's questions."""

@@ -1,0 +1,105 @@
+"""Cam, follower, gap and force at one instant, and curves over a turn, with matplotlib."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from cam_rig.drawing import colours
+from cam_rig.drawing.colours import web
+from cam_rig.drawing.followers import follower_shape
+from cam_rig.drawing.outlines import MM, circle, closed, turned
+from cam_rig.dynamics import FloatArray
+from cam_rig.simulation.scene import Stage
+from cam_rig.viewer.album import Album, gap
+from cam_rig.viewer.scene2d import ARROW, greatest_force
+from cam_rig.viewer.turns import Turn
+
+
+def draw_rig(axes: Axes, album: Album, turn: Turn, sample: int) -> list[Artist]:
+    """The cam and its follower at one sample of a turn, mm; gives what was drawn."""
+    stage, cam = album.stage, album.stage.cams[turn.cam]
+    law, shape = stage.laws[turn.cam], follower_shape(cam, stage.laws[turn.cam])
+    angle, lift = turn.angle[sample : sample + 1], turn.rows[1, sample : sample + 1]
+    contact = law(angle)
+    point, normal = shape.contact(contact, law(angle, 1))
+    drawn: list[Artist] = []
+
+    def line(points: FloatArray, colour: int, width: float = 1.4) -> None:
+        drawn.extend(axes.plot(*(points * MM).T, color=web(colour), lw=width))
+
+    outline = turned(closed(album.profiles[turn.cam]), float(angle[0]))
+    line(outline, colours.of_cam(stage, turn.cam), 2.0)
+    line(np.stack([np.zeros(2), outline[0]]), colours.of_cam(stage, turn.cam), 0.8)
+    line(circle(cam.follower.base_radius.si), colours.GREY, 0.6)
+    for strip in shape.support():
+        line(strip, colours.GREY, 0.8)
+    for strip in shape.outline():
+        tilt, place = float(shape.turn(lift)[0]), shape.origin(lift)[0]
+        line(turned(strip, tilt) + place, colours.FOLLOWER, 1.6)
+    force = float(turn.rows[4, sample])
+    if force == 0.0:
+        line(np.concatenate([point, shape.carried(point, contact, lift)]), colours.GAP, 4.0)
+    else:
+        along = float(np.sum(normal * shape.upward(contact)))
+        arrow = (
+            normal[0]
+            * force
+            / along
+            * ARROW
+            * shape.reach
+            / greatest_force(stage, turn.cam, turn.speed)
+        )
+        drawn.append(
+            axes.annotate(
+                "",
+                (point[0] + arrow) * MM,
+                point[0] * MM,
+                annotation_clip=False,
+                arrowprops={"arrowstyle": "-|>", "color": web(colours.FORCE), "lw": 2.0},
+            )
+        )
+    return drawn
+
+
+def frame_rig(axes: Axes, album: Album, turn: Turn) -> None:
+    """Room for the whole of cam and follower, without axes."""
+    law = album.stage.laws[turn.cam]
+    side = follower_shape(album.stage.cams[turn.cam], law).reach * MM
+    low = 1.05 * float(np.hypot(*album.profiles[turn.cam].T).max()) * MM
+    axes.set(xlim=(-1.1 * side, 1.1 * side), ylim=(-low, 1.55 * side), aspect="equal")
+    axes.set_axis_off()
+
+
+def degrees(turn: Turn) -> FloatArray:
+    """``(n,)`` cam angle within the turn, from 0."""
+    return np.asarray(np.degrees(turn.angle - turn.angle[0]))
+
+
+def draw_curves(lift: Axes, force: Axes, stage: Stage, turn: Turn) -> list[Line2D]:
+    """Lift of law and follower, and contact force, over a turn; gives the cursors."""
+    x, law = degrees(turn), stage.laws[turn.cam](turn.angle)
+    lift.plot(x, turn.rows[1] * MM, color=web(colours.LIFT), lw=2.4, label="follower")
+    lift.plot(x, law * MM, "--", color=web(colours.LAW), lw=1.0, label="law")
+    force.plot(x, turn.rows[4], color=web(colours.FORCE), lw=1.4)
+    flies = gap(stage, turn) > 0.0
+    for axes in (lift, force):
+        axes.fill_between(
+            x,
+            0.0,
+            1.0,
+            where=flies.tolist(),
+            transform=axes.get_xaxis_transform(),
+            color=web(colours.GAP),
+            alpha=0.12,
+            lw=0.0,
+        )
+        axes.set(xlim=(0.0, 360.0), xticks=range(0, 361, 90))
+        axes.grid(alpha=0.3)
+    force.axhline(0.0, color=web(colours.ZERO), lw=0.8)
+    lift.set(ylabel="lift [mm]")
+    lift.legend(loc="upper left", fontsize=8)
+    force.set(ylabel="contact force [N]", xlabel="cam angle in the turn [°]")
+    return [axes.axvline(0.0, color="0.3", lw=1.0) for axes in (lift, force)]

@@ -1,0 +1,199 @@
+"""A recording that was cut off: what is left of it becomes a valid bag, and the loss is named."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from cam_rig.bag.files import is_torn, mcap_file
+from cam_rig.bag.publishers import Publishers
+from cam_rig.bag.reader import messages, read_counts, read_recording
+from cam_rig.bag.recording.recorder import BagRecorder, open_bag
+from cam_rig.bag.recording.recover import recover, recover_in_place
+from cam_rig.bag.recording.writer import BagWriter
+from cam_rig.errors import BagError
+from cam_rig.live.checkpoint import Handover
+from cam_rig.messages.topics import CAM_STATE, LEVEL
+from cam_rig.schema.load import config_root
+from cam_rig.simulation.scene import open_stage
+
+GOLDEN = Path(__file__).parents[3] / "bags" / "golden"
+
+
+def cut(bag, folder, part):
+    """A copy of a bag of which only a part was written."""
+    torn = folder / "torn"
+    torn.mkdir()
+    data = mcap_file(bag).read_bytes()
+    (torn / "torn_0.mcap").write_bytes(data[: int(len(data) * part)])
+    return torn
+
+
+def write(bag, every):
+    """A bag of 60 states in chunks of ``every``."""
+    with BagWriter(bag) as writer:
+        for topic, _, time, cdr in STATES:
+            writer.write(topic, time, cdr)
+            if time % every == 0:
+                writer.flush()
+
+
+STATES = [(LEVEL, 0, time, b"\0\1\0\0" + bytes(8)) for time in range(60)]
+
+
+@pytest.mark.parametrize("part", [0.3, 0.5, 0.7])
+def test_a_cut_bag_is_saved_up_to_the_cut(tmp_path, part):
+    """Every message that is whole comes back, and the result is an ordinary bag."""
+    write(tmp_path / "whole", 10)
+    torn = cut(tmp_path / "whole", tmp_path, part)
+    with pytest.raises(BagError, match="mend it with: cam-rig recover"):
+        read_counts(torn)
+    saved = recover(torn, tmp_path / "mended")
+    count = read_counts(tmp_path / "mended").get("/microphone/level", 0)
+    assert count == sum(saved.counts.values())
+    assert 0 < count < 60 and not saved.whole
+    assert f"missing: whatever came after {(count - 1) * 1e-9:g} s" in saved.words
+    times = [time for _, time, _ in messages(tmp_path / "mended", (LEVEL,))]
+    assert times == list(range(count))
+
+
+def test_the_golden_bag_comes_back_whole(tmp_path):
+    """Nothing is lost of a bag that was closed; scene and all are attached to the copy."""
+    saved = recover(GOLDEN, tmp_path / "copy")
+    assert saved.whole and "nothing lost" in saved.words
+    assert read_counts(tmp_path / "copy") == read_counts(GOLDEN)
+    assert len(read_recording(tmp_path / "copy").ticks) == 16
+
+
+def test_a_damaged_chunk_is_read_as_far_as_it_goes(tmp_path):
+    """A flipped byte costs one message at most, and all of its chunk are told of as doubtful."""
+    write(tmp_path / "bag", 10)
+    file = mcap_file(tmp_path / "bag")
+    data = bytearray(file.read_bytes())
+    data[len(data) // 4] ^= 0xFF
+    file.write_bytes(data)
+    saved = recover(tmp_path / "bag", tmp_path / "mended")
+    assert saved.salvage.damaged == 1
+    assert 59 <= sum(saved.counts.values()) <= 60
+    assert 9 <= saved.salvage.doubtful <= 10
+    assert "whose numbers may be wrong: " in saved.words
+
+
+def test_nothing_is_overwritten_and_nothing_made_of_nothing(tmp_path):
+    """An existing target and a file without records are refused by name."""
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "mine").touch()
+    with pytest.raises(BagError, match="exists already, not overwriting"):
+        recover(GOLDEN, tmp_path / "there")
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "empty" / "empty_0.mcap").write_bytes(b"no mcap at all")
+    with pytest.raises(BagError, match="does not begin as an MCAP file does"):
+        recover(tmp_path / "empty", tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.fixture(scope="module")
+def stage():
+    return open_stage(config_root() / "scenes" / "quick.yaml")
+
+
+def record(bag, stage, golden, resume=False):
+    recorder = BagRecorder(bag, stage, resume=resume)
+    for topic, number, cdr in golden:
+        recorder.take(topic, cdr, b"live", number)
+    return recorder
+
+
+def contents(bag):
+    found = {}
+    for topic in ("/cam/state", "/microphone/level", "/follower/samples", "/diagnostics"):
+        found[topic] = read_counts(bag).get(topic)
+    found["states"] = [time for _, time, _ in messages(bag, (CAM_STATE,))]
+    found["levels"] = [(time, float(m.data)) for _, time, m in messages(bag, (LEVEL,))]
+    return found
+
+
+@pytest.fixture(scope="module")
+def straight(tmp_path_factory, stage, golden):
+    """What is in a bag whose recorder lived to its end."""
+    bag = tmp_path_factory.mktemp("straight") / "bag"
+    record(bag, stage, golden).close()
+    return contents(bag)
+
+
+@pytest.mark.parametrize("part", [0.02, 0.4, 0.9])
+def test_a_recorder_takes_over_from_a_killed_one(tmp_path, stage, golden, straight, part):
+    """What the torn file lacks comes again from the histories; the bag is the undisturbed one."""
+    bag = tmp_path / "bag"
+    killed = record(bag, stage, golden[: len(golden) // 2])
+    killed._flush()
+    file = mcap_file(bag)
+    data = file.read_bytes()
+    shutil.rmtree(bag)
+    bag.mkdir()
+    file.write_bytes(data[: int(len(data) * part)])
+    assert is_torn(bag)
+    record(bag, stage, golden, resume=True).close()
+    assert contents(bag) == straight
+    assert [p.suffix for p in sorted(bag.iterdir())] == [".mcap", ".yaml"]
+
+
+def make_folder(bag):
+    bag.mkdir()
+
+
+def make_empty_file(bag):
+    bag.mkdir()
+    (bag / "bag_0.mcap").touch()
+
+
+def begin_to_mend(bag):
+    bag.mkdir()
+    shutil.copy(mcap_file(GOLDEN), bag / "bag_0.torn")
+
+
+@pytest.mark.parametrize("killed", [lambda bag: None, make_folder, make_empty_file, begin_to_mend])
+def test_a_recorder_that_was_killed_at_once_has_a_successor(
+    tmp_path, stage, golden, straight, monkeypatch, killed
+):
+    """Before its folder was there, before the file, before the first byte, while it was mended."""
+    bag, handover = tmp_path / "bag", Handover(str(tmp_path), "recorder")
+
+    def die(*_, **__):
+        killed(bag)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr("cam_rig.bag.recording.recorder.BagWriter", die)
+        open_bag(handover, bag, stage, Publishers())
+    successor = open_bag(
+        Handover(str(tmp_path), "recorder"), tmp_path / "other", stage, Publishers()
+    )
+    for topic, number, cdr in golden:
+        successor.take(topic, cdr, b"live", number)
+    successor.close()
+    assert contents(bag) == straight
+    assert not (tmp_path / "other").exists()
+
+
+def test_a_folder_that_was_there_is_nobodys_to_take_over(tmp_path, stage):
+    """It is refused, and by a successor as well."""
+    theirs = tmp_path / "theirs"
+    theirs.mkdir()
+    for _ in range(2):
+        with pytest.raises(BagError, match="exists already, not overwriting"):
+            open_bag(Handover(str(tmp_path), "recorder"), theirs, stage, Publishers())
+    assert list(theirs.iterdir()) == []
+
+
+def test_a_torn_bag_is_mended_where_it_is(tmp_path, stage, golden):
+    """After a run whose recorder was killed, its bag can be read."""
+    bag = tmp_path / "bag"
+    killed = record(bag, stage, golden)
+    killed._flush()
+    assert is_torn(bag)
+    saved = recover_in_place(bag)
+    assert not is_torn(bag) and not saved.whole
+    assert len(read_recording(bag).ticks) == 16
+    versions = [line for line in mcap_file(bag).read_bytes().split(b"\n") if b'"cam_rig"' in line]
+    assert versions, "the versions it was made with are attached"

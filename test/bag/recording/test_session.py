@@ -1,0 +1,288 @@
+"""The recorder's bookkeeping: every message finds its state, and one run gives one bag."""
+
+import random
+import struct
+from itertools import pairwise
+
+import pytest
+
+from cam_rig.bag.publishers import Publishers
+from cam_rig.bag.recording.session import RecordingSession
+from cam_rig.errors import RefusedError, RunError
+from cam_rig.live.admission import StateGate
+from cam_rig.messages import topics
+from cam_rig.messages.serialization import RawMessages, stamp_of
+
+RATE = 1000.0
+LIVE, AGAIN = b"first process", b"second process"
+
+
+def shuffled(messages, seed):
+    """Another order of the topics; each topic keeps its own."""
+    queues, chance, order = {}, random.Random(seed), []
+    for message in messages:
+        queues.setdefault(message[0], []).append(message)
+    while queues:
+        topic = chance.choice(list(queues))
+        order.append(queues[topic].pop(0))
+        if not queues[topic]:
+            del queues[topic]
+    return order
+
+
+def record(messages, kept, starts=1):
+    session = RecordingSession(kept, StateGate(RATE), Publishers(lambda _node: starts))
+    told = []
+    for topic, number, cdr, *source in messages:
+        told += session.take(topic, cdr, *(source or [LIVE]), number)
+    session.close()
+    return told
+
+
+def by_topic(kept):
+    """In the order of log times, as bags are read."""
+    found = {}
+    for topic, time, cdr in sorted(kept.messages, key=lambda message: message[1]):
+        found.setdefault(topic, []).append((time, cdr))
+    return found
+
+
+@pytest.fixture(scope="module")
+def states(golden):
+    return [stamp_of(cdr) for topic, _, cdr in golden if topic is topics.CAM_STATE]
+
+
+def test_every_message_is_written_once_with_its_states_time(golden, kept, states):
+    """Levels and samples carry no stamp: their twins tell it."""
+    told = record(golden, kept)
+    assert told == states
+    assert len(kept.messages) == len(golden)
+    found = by_topic(kept)
+    for topic in topics.RECORDING:
+        if topic.per == "tick":
+            assert [time for time, _ in found[topic.name]] == states[1:]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_any_order_of_topics_gives_one_bag(golden, kept, seed):
+    """DDS keeps the order of a topic, not between topics: the bag is the same for all orders."""
+    record(golden, kept)
+    straight, kept.messages = by_topic(kept), []
+    record(shuffled(golden, seed), kept)
+    assert by_topic(kept) == straight
+
+
+def test_a_clock_that_was_lost_is_known_from_the_next(golden, kept, states):
+    """/clock never goes back, so nobody says it again; a state's stamp holds the same bytes."""
+    record(golden, kept)
+    whole, kept.messages = by_topic(kept), []
+    lost = {n for topic, n, _ in golden if topic is topics.CLOCK}
+    lost -= {max(lost)}
+    told = record([m for m in golden if m[0] is not topics.CLOCK or m[1] not in lost], kept)
+    assert told == states
+    assert by_topic(kept) == whole
+
+
+@pytest.mark.parametrize("missing", [t for t in topics.RECORDING if t.per in ("tick", "state")])
+def test_a_state_waits_for_every_message_of_its_tick(golden, kept, states, missing):
+    """Nobody is told of a state while a message is missing; what came is written at the end."""
+    last = max(n for topic, n, _ in golden if topic is missing)
+    told = record([m for m in golden if m[:2] != (missing, last)], kept)
+    assert told == states[:-1]
+    assert len(by_topic(kept)[missing.name]) == last - 1
+    if missing is not topics.CAM_STATE:  # a message without its stamped twin belongs to no tick
+        twins = sum(topic.twin == missing.name for topic in topics.RECORDING)
+        assert len(kept.messages) == len(golden) - 1 - twins
+
+
+def test_a_step_waits_for_its_law(golden, kept, states):
+    """The sampled law of each speed is in the bag before the states that turn with it."""
+    laws = [stamp_of(cdr) for topic, _, cdr in golden if topic is topics.LAW]
+    told = record([m for m in golden if m[:2] != (topics.LAW, 2)], kept)
+    assert told == [stamp for stamp in states if stamp < laws[1]]
+
+
+@pytest.mark.parametrize("back", [1, 3, 7])
+def test_a_node_that_was_started_again_changes_nothing(golden, kept, back):
+    """The successor says the last ticks again, numbered anew: the bag is the undisturbed one."""
+    record(golden, kept)
+    straight, kept.messages = by_topic(kept), []
+    heard, own = (topics.LEVEL, topics.PRESSURE), []
+    died = next(i for i, m in enumerate(golden) if m[:2] == (topics.PRESSURE, 9))  # level 9 is out
+    for topic, number, cdr in golden:
+        if topic in heard and number >= 9 - back:
+            own.append((topic, number - (9 - back) + 1, cdr, AGAIN))
+    before = golden[:died]
+    after = [m for m in golden[died:] if m[0] not in heard]
+    before = [(*m, LIVE) for m in before]
+    record([*before, *shuffled([*own, *((*m, LIVE) for m in after)], 1)], kept, starts=2)
+    assert by_topic(kept) == straight
+
+
+def test_what_is_known_is_not_contradicted(golden, kept):
+    """A node that was started again differs about a tick: what was here first stays."""
+    session = RecordingSession(kept, StateGate(RATE), Publishers(lambda _node: 2))
+    clock, state, *_ = (m for m in golden if m[0] in (topics.CLOCK, topics.CAM_STATE))
+    contact = next(m for m in golden if m[0] is topics.FOLLOWER_CONTACT)
+    for topic, number, cdr in (clock, state, contact):
+        session.take(topic, cdr, LIVE, number)
+    other = bytearray(contact[2])
+    other[-20] ^= 1
+    with pytest.raises(RefusedError, match="two messages that differ"):
+        session.take(topics.FOLLOWER_CONTACT, bytes(other), AGAIN, 1)
+
+
+OWNED = [topic for topic in topics.RECORDING if topic.owner]
+
+
+@pytest.mark.parametrize("forged_first", [False, True])
+@pytest.mark.parametrize("topic", OWNED, ids=lambda t: t.name)
+def test_a_second_publisher_ends_a_recording(golden, kept, topic, forged_first):
+    """Whoever comes first, and equal bytes or not: two publish for one node; the other is named."""
+    name = {b"forger": "/rogue", LIVE: f"/rig/{topic.owner}"}
+    publishers = Publishers(name_of=lambda _topic, source: name[source])
+    session = RecordingSession(kept, StateGate(RATE), publishers)
+    forger = {True: b"forger", False: LIVE}[forged_first]
+    known = [m for m in golden if m[0].owner == topic.owner]
+    example = next(cdr for other, _, cdr in golden if other is topic)
+    session.take(topic, example, forger, 1)
+    if not forged_first:
+        for other, number, cdr in known[1:]:
+            session.take(other, cdr, LIVE, number)
+    with pytest.raises(RunError) as refused:
+        session.take(topic, example, b"forger" if forger is LIVE else LIVE, 1)
+    words = f"{topic.name}: has a second publisher, /rogue; allowed: one, this rig's {topic.owner}"
+    assert str(refused.value).startswith(words)
+
+
+def test_a_forged_diagnosis_ends_a_recording(golden, kept):
+    """The microphone's word from another process than the levels' is somebody else's."""
+    session = RecordingSession(kept, StateGate(RATE))
+    level = next(m[2] for m in golden if m[0] is topics.LEVEL)
+    session.take(topics.LEVEL, level, LIVE, 1)
+    session.take(topics.DIAGNOSTICS, of_speaker("microphone", 0), LIVE, 1)
+    with pytest.raises(RunError, match="/diagnostics: has a second publisher"):
+        session.take(topics.DIAGNOSTICS, of_speaker("microphone", 1), b"forger", 1)
+
+
+def test_a_law_that_is_not_the_files_is_refused(golden, kept):
+    """What the check says of a law or a contour holds; the other messages go on."""
+    held = []
+
+    def check(topic, message):
+        held.append(topic)
+        if topic is topics.LAW_COEFFICIENTS:
+            raise RefusedError("not the file's")
+
+    session = RecordingSession(kept, StateGate(RATE), check=check)
+    refused = 0
+    for topic, number, cdr in golden:
+        try:
+            session.take(topic, cdr, LIVE, number)
+        except RefusedError:
+            refused += 1
+    assert refused == held.count(topics.LAW_COEFFICIENTS) > 0
+    assert topics.PROFILE in held
+    session.close()
+    assert topics.LAW_COEFFICIENTS.name not in by_topic(kept)
+
+
+def test_a_cam_that_jumps_is_no_state(golden, kept):
+    """A second drive's states do not lead on from the first's."""
+    session = RecordingSession(kept, StateGate(RATE))
+    first, second, third = [m for m in golden if m[0] is topics.CAM_STATE][:3]
+    session.take(topics.CAM_STATE, first[2])
+    session.take(topics.CAM_STATE, third[2])
+    with pytest.raises(RefusedError, match="is a second drive at work"):
+        session.take(topics.CAM_STATE, second[2])
+
+
+def test_messages_of_no_known_state_are_bounded(golden, kept):
+    """A flood of foreign stamps fills no memory."""
+    session, raw = RecordingSession(kept, StateGate(RATE)), RawMessages()
+    pressure, _ = raw.read(topics.PRESSURE, next(m[2] for m in golden if m[0] is topics.PRESSURE))
+    types = raw._types
+    with pytest.raises(RefusedError, match="of no known state"):
+        for second in range(1000):
+            pressure.header.stamp.sec = second
+            cdr = bytes(types.serialize_cdr(pressure, topics.PRESSURE.type))
+            session.take(topics.PRESSURE, cdr, AGAIN, second)
+
+
+def stamped(cdr, stamp):
+    """A message with another stamp."""
+    return cdr[:4] + struct.pack("<iI", stamp // 10**9, stamp % 10**9) + cdr[12:]
+
+
+def record_all(messages, kept):
+    """Record what is not refused; the words of what is."""
+    session, refused = RecordingSession(kept, StateGate(RATE)), []
+    for topic, number, cdr, source in messages:
+        try:
+            session.take(topic, cdr, source, number)
+        except RefusedError as error:
+            refused.append(str(error))
+    session.close()
+    return refused
+
+
+def test_what_states_have_overtaken_is_let_go(golden, kept):
+    """Stray stamps between two states take no room once the second is written."""
+    contact = next(cdr for topic, _, cdr in golden if topic is topics.FOLLOWER_CONTACT)
+    session, number = RecordingSession(kept, StateGate(RATE)), 0
+    for topic, n, cdr in golden:
+        session.take(topic, cdr, LIVE, n)
+        for i in range(9 if topic is topics.CAM_STATE else 0):  # 17 x 9 in all, more than are kept
+            number += 1
+            junk = stamped(contact, stamp_of(cdr) + 1 + i)
+            session.take(topics.FOLLOWER_CONTACT, junk, LIVE, number)
+
+
+def of_speaker(speaker, stamp):
+    """A diagnosis."""
+    types = RawMessages()._types
+    kinds = ("diagnostic_msgs/msg/DiagnosticStatus", "std_msgs/msg/Header", topics.DIAGNOSTICS.type)
+    status, header, array = (types.types[kind] for kind in kinds)
+    time = types.types["builtin_interfaces/msg/Time"](stamp // 10**9, stamp % 10**9)
+    said = status(level=0, name=speaker, message="all is well", hardware_id="", values=[])
+    message = array(header=header(time, ""), status=[said])
+    return bytes(types.serialize_cdr(message, topics.DIAGNOSTICS.type))
+
+
+def test_only_the_rig_is_diagnosed_in_its_own_time(golden, kept):
+    """Another robot's node on /diagnostics is refused; a stamp of the wall clock is no rig time."""
+    record(golden, kept)
+    straight, kept.messages = by_topic(kept), []
+    wall = 1_767_225_600 * 10**9
+    first = [
+        (topics.DIAGNOSTICS, 1, of_speaker("laser", 0), b"foreign"),
+        (topics.DIAGNOSTICS, 2, of_speaker("microphone", wall), LIVE),
+    ]
+    refused = record_all([*first, *((*message, LIVE) for message in golden)], kept)
+    assert len(refused) == 1 and "of 'laser'; recorded: cam_drive, law_server" in refused[0]
+    assert by_topic(kept) == straight
+
+
+@pytest.mark.parametrize("topic", topics.RECORDING, ids=lambda t: t.name)
+@pytest.mark.parametrize("cdr", [b"", b"\0\1\0\0", b"\xff" * 40])
+def test_bytes_of_no_message_are_refused(kept, topic, cdr):
+    """Raw subscriptions check nothing, so this does."""
+    with pytest.raises(RefusedError):
+        RecordingSession(kept, StateGate(RATE)).take(topic, cdr)
+
+
+def test_the_gaps_of_the_alignment_are_zero(golden):
+    """What the middleware leaves in the gaps of a message would differ from run to run."""
+    raw = RawMessages()
+    cdr = next(m[2] for m in golden if m[0] is topics.CAM_STATE)  # "tm21\0": a gap of 3 bytes
+    gap = 4 + 8 + 4 + 5
+    assert cdr[gap : gap + 3] == b"\0\0\0"
+    dirty = cdr[:gap] + b"abc" + cdr[gap + 3 :]
+    assert raw.read(topics.CAM_STATE, dirty)[1] == cdr
+
+
+def test_states_are_written_in_order(golden, kept):
+    """Log times rise, but for diagnoses, which wait for others of their time."""
+    record(golden, kept)
+    times = [time for topic, time, _ in kept.messages if topic != "/diagnostics"]
+    assert all(a <= b for a, b in pairwise(times))

@@ -1,0 +1,163 @@
+"""A bag is a rosbag2 directory that others can read, and never overwrites."""
+
+import os
+from pathlib import Path
+
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+from ruamel.yaml import YAML
+
+from cam_rig.bag.files import is_closed, is_torn, mcap_file
+from cam_rig.bag.partial_reader import Salvage
+from cam_rig.bag.reader import messages, read_counts, read_stage
+from cam_rig.bag.recording.recorder import BagRecorder
+from cam_rig.bag.recording.writer import BagWriter
+from cam_rig.errors import BagError
+from cam_rig.messages import topics
+from cam_rig.schema.load import config_root
+from cam_rig.simulation.scene import open_stage
+
+TYPES = get_typestore(Stores.ROS2_KILTED)
+
+
+def level(value):
+    return bytes(
+        TYPES.serialize_cdr(TYPES.types["std_msgs/msg/Float64"](value), "std_msgs/msg/Float64")
+    )
+
+
+def test_a_bag_reads_back_with_another_reader(tmp_path):
+    """rosbags needs no knowledge of ours: schemas and types are in the bag."""
+    with BagWriter(tmp_path / "bag") as bag:
+        for i in range(5):
+            bag.write(topics.LEVEL, 100 * i, level(70.0 + i))
+    with AnyReader([tmp_path / "bag"]) as reader:
+        found = [
+            (time, reader.deserialize(raw, connection.msgtype).data)
+            for connection, time, raw in reader.messages()
+        ]
+    assert found == [(100 * i, 70.0 + i) for i in range(5)]
+    assert read_counts(tmp_path / "bag") == {"/microphone/level": 5}
+
+
+def test_an_existing_folder_is_not_overwritten(tmp_path):
+    """A recording is never replaced by another."""
+    (tmp_path / "bag").mkdir()
+    with pytest.raises(BagError, match="exists already, not overwriting"):
+        BagWriter(tmp_path / "bag")
+    assert list((tmp_path / "bag").iterdir()) == []
+
+
+def test_a_place_that_cannot_be_written_is_named(tmp_path):
+    """A bag under a file is no place for a bag."""
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(BagError, match="file/bag"):
+        BagWriter(tmp_path / "file" / "bag")
+
+
+def test_a_bag_of_somebody_else_is_refused(tmp_path):
+    """Without an attached scene there is nothing to compare with."""
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.write(topics.LEVEL, 0, level(70.0))
+    with pytest.raises(BagError, match="no scene attached"):
+        read_stage(tmp_path / "bag")
+
+
+def test_an_attachment_cannot_leave_its_folder(tmp_path):
+    """A hostile bag must not write outside the folder it is unpacked in."""
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.attach("../../evil.yaml", b"x: 1")
+        bag.write(topics.LEVEL, 0, level(70.0))
+    with pytest.raises(BagError, match="points elsewhere"):
+        read_stage(tmp_path / "bag")
+    assert not (tmp_path / "evil.yaml").exists()
+
+
+def test_missing_and_truncated_bags_are_named(tmp_path):
+    """No bag, an empty folder, half a file: one line each, no traceback."""
+    with pytest.raises(BagError, match="no such bag"):
+        mcap_file(tmp_path / "none")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(BagError, match=r"has no \.mcap file in it"):
+        mcap_file(tmp_path / "empty")
+    with BagWriter(tmp_path / "bag") as bag:
+        for i in range(50):
+            bag.write(topics.LEVEL, i, level(70.0))
+    whole = mcap_file(tmp_path / "bag")
+    whole.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    with pytest.raises(BagError, match="bag"):
+        read_counts(tmp_path / "bag")
+    with pytest.raises(BagError, match="bag"):
+        list(messages(tmp_path / "bag", (topics.LEVEL,)))
+
+
+def test_a_bag_has_its_metadata_from_the_start(tmp_path):
+    """Other readers find a bag of the rig's topics, though nothing is counted yet."""
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.write(topics.LEVEL, 7, level(70.0))
+        about = YAML(typ="safe").load((tmp_path / "bag" / "metadata.yaml").read_bytes())
+        information = about["rosbag2_bagfile_information"]
+        assert information["relative_file_paths"] == ["bag_0.mcap"]
+        assert information["message_count"] == 0
+        named = {t["topic_metadata"]["name"] for t in information["topics_with_message_count"]}
+        assert named == {topic.name for topic in topics.RECORDING}
+        assert is_torn(tmp_path / "bag")
+        with pytest.raises(BagError, match=r"bag_0\.mcap was not closed.*cam-rig recover"):
+            read_counts(tmp_path / "bag")
+    assert not is_torn(tmp_path / "bag")
+    with AnyReader([tmp_path / "bag"]) as reader:
+        assert reader.message_count == 1 and reader.start_time == 7
+
+
+def test_what_counts_as_closed_is_written_last(tmp_path, monkeypatch):
+    """Order on the disk: the messages, metadata.yaml, the file's end; each is waited for."""
+    steps = []
+    bag = BagWriter(tmp_path / "bag")
+    bag.write(topics.LEVEL, 7, level(70.0))
+    real = os.fsync
+
+    def noted(number):
+        name = Path(os.readlink(f"/proc/self/fd/{number}")).name
+        steps.append((name, is_closed(mcap_file(tmp_path / "bag"))))
+        real(number)
+
+    monkeypatch.setattr(os, "fsync", noted)
+    bag.close()
+    assert steps == [("metadata.yaml.part", False), ("bag", False), ("bag_0.mcap", True)]
+
+
+def test_what_is_flushed_is_put_onto_the_disk_within_half_a_second(tmp_path, monkeypatch):
+    """At once after a quiet time; else by the next look, though nothing more is written."""
+    synced, now = [], [100.0]
+    monkeypatch.setattr("cam_rig.bag.recording.writer.time.monotonic", lambda: now[0])
+    bag = BagWriter(tmp_path / "bag")
+    monkeypatch.setattr("cam_rig.bag.files.sync", lambda stream: synced.append(stream.name))
+    bag.write(topics.LEVEL, 1, level(70.0))
+    bag.flush()
+    bag.tend()
+    assert synced == []
+    now[0] += 0.6
+    bag.tend()
+    assert len(synced) == 1
+    now[0] += 0.6
+    bag.tend()
+    assert len(synced) == 1  # nothing new
+    bag.write(topics.LEVEL, 2, level(70.0))
+    bag.flush()
+    assert len(synced) == 2
+
+
+def test_a_message_alone_is_flushed(tmp_path, monkeypatch):
+    """A diagnosis while the rig stands: half a second later a killed recorder cannot lose it."""
+    now = [100.0]
+    monkeypatch.setattr("cam_rig.bag.recording.writer.time.monotonic", lambda: now[0])
+    stage = open_stage(config_root() / "scenes" / "quick.yaml")
+    recorder = BagRecorder(tmp_path / "bag", stage)
+    recorder._writer.write(topics.DIAGNOSTICS, 1, b"\0\1\0\0" + bytes(20))
+    assert b"/diagnostics" not in mcap_file(tmp_path / "bag").read_bytes()
+    now[0] += 0.6
+    recorder.idle()
+    saved = Salvage(mcap_file(tmp_path / "bag"))
+    assert [r[1].topic for r in saved.records() if isinstance(r, tuple)] == ["/diagnostics"]
+    recorder.close()

@@ -1,0 +1,204 @@
+"""Drawings on disk: DXF that its own audit accepts, true to scale, and readable again."""
+
+import re
+
+import ezdxf
+import numpy as np
+import pytest
+from ezdxf import units
+
+from cam_rig.cad.contour_csv import HEADER, read_contour, write_contour, write_law
+from cam_rig.cad.dxf import read_dxf, write_dxf, write_svg
+from cam_rig.errors import ProfileError
+from cam_rig.profile import contours, discs, turn_angles
+from cam_rig.profile.curves.measure import closed_curve, rest
+from cam_rig.profile.curves.path import contour_paths
+from cam_rig.profile.curves.polyline import polyline
+from cam_rig.profile.flat_face import GuidedFace
+
+ANGLES = turn_angles(311)
+
+
+@pytest.fixture(params=["poly345", "oscillating_flat", "conjugate"])
+def cam(request, cams, laws):
+    """A shipped cam, its law and the paths of its contours."""
+    cam, law = cams[request.param], laws[request.param]
+    return cam, law, contour_paths(cam.follower, law)
+
+
+def lines_of(paths, tolerance=1e-6):
+    return {path.name: polyline(path, tolerance) for path in paths}
+
+
+def test_dxf_is_one_closed_polyline_a_layer(cam, tmp_path):
+    """Named layers, millimetres, no complaint from the audit, points exactly as computed."""
+    lines = lines_of(cam[2])
+    write_dxf(tmp_path / "a.dxf", lines)
+    document = ezdxf.readfile(tmp_path / "a.dxf")
+    assert document.units == units.MM
+    assert not document.audit().has_issues
+    entities = list(document.modelspace())
+    assert [e.dxf.layer for e in entities] == list(lines)
+    assert all(e.dxftype() == "LWPOLYLINE" and e.closed for e in entities)
+    for entity, points in zip(entities, lines.values(), strict=True):
+        np.testing.assert_allclose(np.array(entity.get_points("xy")), 1e3 * points.T, rtol=1e-15)
+
+
+def test_law_comes_back_from_a_dxf(cam, tmp_path):
+    """The follower on the polyline of 1 µm finds s(θ) within 5 nm: a spline joins its points."""
+    write_dxf(tmp_path / "a.dxf", lines_of(cam[2]))
+    law_comes_back(cam, read_dxf(tmp_path / "a.dxf"), 5e-9)
+
+
+def test_law_comes_back_from_a_csv(cam, tmp_path):
+    """3600 points give s(θ) to 1e-9 of the lift."""
+    write_contour(tmp_path / "a.csv", cam[2], 3600)
+    law_comes_back(cam, read_contour(tmp_path / "a.csv"), 1e-9 * cam[1].lift)
+
+
+def law_comes_back(cam, outlines, tolerance):
+    plates = discs(cam[0].follower, cam[1])
+    for disc, outline in zip(plates, outlines, strict=True):
+        lift = rest(disc.element, closed_curve(outline), ANGLES)
+        np.testing.assert_allclose(lift, cam[1](ANGLES), rtol=0, atol=tolerance)
+
+
+def test_csv_has_every_digit(cam, tmp_path):
+    """Angle, point, radius of curvature and pressure angle read back as they were computed."""
+    write_contour(tmp_path / "a.csv", cam[2], 100)
+    header, *rows = (tmp_path / "a.csv").read_text().splitlines()
+    several = len(cam[2]) > 1
+    assert tuple(header.split(",")) == (("disc", *HEADER) if several else HEADER)
+    numbers = np.array([[float(cell) for cell in row.split(",")] for row in rows])
+    found = numbers[:, int(several) :].reshape(len(cam[2]), 100, 5)
+    for table, contour in zip(found, contours(cam[0].follower, cam[1], 100), strict=True):
+        np.testing.assert_allclose(np.radians(table[:, 0]), contour.angle, rtol=1e-15)
+        np.testing.assert_array_equal(table[:, 1:3].T, 1e3 * contour.points)
+        np.testing.assert_array_equal(table[:, 3], 1e3 * contour.radius)
+        np.testing.assert_array_equal(table[:, 4], np.degrees(contour.pressure))
+
+
+def read_svg(path):
+    """Paths of a drawing ``(2, n)`` in mm from its page's corner, y up, as a reader adds them up.
+
+    Also width and height of the page, mm.
+    """
+    text = path.read_text()
+    page = re.search(r'width="(\S+)mm" height="(\S+)mm" viewBox="0 0 (\d+) (\d+)"', text)
+    width, height, across, down = (float(number) for number in page.groups())
+    assert width / across == pytest.approx(height / down, rel=1e-15)  # one scale
+    found = []
+    for start, moves in re.findall(r' d="M (\S+ \S+) l ([^"Z]+)', text):
+        steps = np.array(f"{start} {moves}".replace("l", "").split(), dtype=float).reshape(-1, 2)
+        found.append(np.cumsum(steps, axis=0).T * (width / across) * [[1.0], [-1.0]])
+    return (width, height), found
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
+def test_svg_is_true_to_scale_and_within_its_tolerance(cam, tmp_path, tolerance):
+    """Read back, each path closes and is the polyline to the rounding asked for, on one page.
+
+    The corner of the page is 5 mm beside the cam; the digits that place it may take one rounding
+    more.
+    """
+    lines, rounding = lines_of(cam[2], tolerance), 0.1 * tolerance
+    write_svg(tmp_path / "a.svg", lines, rounding)
+    page, found = read_svg(tmp_path / "a.svg")
+    every = 1e3 * np.concatenate(list(lines.values()), axis=1)
+    np.testing.assert_allclose(page, np.ptp(every, axis=1) + 10.0, atol=1.0)
+    corner = np.array([[every[0].min() - 5.0], [every[1].max() + 5.0]])
+    assert len(found) == len(lines)
+    for read, line in zip(found, lines.values(), strict=True):
+        np.testing.assert_array_equal(read[:, 0], read[:, -1])
+        np.testing.assert_allclose(read[:, :-1] + corner, 1e3 * line, rtol=0, atol=2e3 * rounding)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [(units.M, 1.0), (units.IN, 0.0254), (units.CM, 0.01)])
+def test_dxf_of_others(tmp_path, unit, factor):
+    """Other units of length, an old-style polyline, a closed spline; open lines are passed over."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 80, endpoint=False)
+    circle = np.column_stack([np.cos(angle), np.sin(angle)])
+    document = ezdxf.new("R2010", units=unit)
+    space = document.modelspace()
+    space.add_lwpolyline(circle[:10])
+    space.add_polyline2d(circle.tolist(), close=True)
+    spline = space.add_spline(dxfattribs={"layer": "S"})
+    spline.set_closed(np.column_stack([circle, 0 * angle]).tolist(), degree=3)
+    document.saveas(tmp_path / "b.dxf")
+    one, two = read_dxf(tmp_path / "b.dxf")
+    np.testing.assert_allclose(one, factor * circle.T, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.hypot(*two), factor, rtol=2e-3)
+
+
+@pytest.mark.parametrize("kind", ["LWPOLYLINE", "POLYLINE"])
+def test_arcs_of_a_polyline_are_arcs(tmp_path, kind):
+    """A stadium of two straight sides and two half circles (bulge 1), 12 mm round, 30 mm long.
+
+    A face on it stands where the farthest circle's centre puts it: R + |L/2 cos| exactly.
+    """
+    document = ezdxf.new("R2010", units=units.MM)
+    corners = [(-15.0, -12.0, 0.0), (15.0, -12.0, 1.0), (15.0, 12.0, 0.0), (-15.0, 12.0, 1.0)]
+    space = document.modelspace()
+    if kind == "LWPOLYLINE":
+        space.add_lwpolyline(corners, format="xyb", close=True)
+    else:
+        space.add_polyline2d(corners, format="xyb", close=True)
+    document.saveas(tmp_path / "a.dxf")
+    (outline,) = read_dxf(tmp_path / "a.dxf")
+    x, y = outline
+    off = np.hypot(np.maximum(np.abs(x) - 0.015, 0.0), y) - 0.012
+    assert np.abs(off).max() < 2e-9
+    height = rest(GuidedFace(0.0, 0.0, 0.0), closed_curve(outline), ANGLES)
+    np.testing.assert_allclose(height, 0.012 + 0.015 * np.abs(np.sin(ANGLES)), rtol=0, atol=3e-9)
+
+
+def test_a_mirrored_polyline_is_read_where_it_is(tmp_path):
+    """CAD mirrors by turning the plane of a polyline over (extrusion −z): x changes its sign."""
+    document = ezdxf.new("R2010", units=units.MM)
+    corners = [(1.0, 0.0), (2.0, 0.0), (2.0, 1.0)]
+    attributes = {"extrusion": (0.0, 0.0, -1.0)}
+    document.modelspace().add_lwpolyline(corners, close=True, dxfattribs=attributes)
+    document.saveas(tmp_path / "a.dxf")
+    (outline,) = read_dxf(tmp_path / "a.dxf")
+    np.testing.assert_allclose(outline.T, [(-1e-3, 0.0), (-2e-3, 0.0), (-2e-3, 1e-3)], atol=1e-18)
+
+
+def test_law_table(tmp_path):
+    """Degrees and millimetres, every digit."""
+    write_law(tmp_path / "a.csv", np.radians([0.0, 90.0]), np.array([0.0, 0.0125]))
+    assert (tmp_path / "a.csv").read_text() == "angle_deg,lift_mm\n0.0,0.0\n90.0,12.5\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("a.csv", "", "its columns are none; allowed: among them x_mm and y_mm"),
+        ("a.csv", "x,y\n1,2\n", "its columns are x, y; allowed: "),
+        ("a.csv", "x_mm,y_mm\n1,2\n3,no\n", "has the row '3,no'; allowed: finite numbers"),
+        ("a.csv", "x_mm,y_mm\n1\n", "has the row '1'; allowed: finite numbers"),
+        ("a.csv", "x_mm,y_mm\n1,nan\n", "has the row '1,nan'"),
+        ("a.csv", "x_mm,y_mm,disc\n1,2\n", "has the row '1,2'; allowed: x_mm,y_mm,disc"),
+        ("a.csv", "x_mm,y_mm\n" + "1" * 140_000, "cannot be read (field larger than"),
+        ("a.csv", "x_mm,y_mm\n1," + "a" * 100_000, "aaa...; allowed: finite numbers"),
+        ("a.csv", "\n" * (8 * 2**20 + 1), "has 8 MiB; allowed: 8 MiB"),
+        ("a.dxf", "no drawing", "cannot be read as DXF"),
+        ("b.dxf", None, "cannot be read as DXF"),
+        ("b.csv", None, "cannot be read"),
+    ],
+)
+def test_files_that_are_no_contour(tmp_path, name, text, words):
+    """One line with the file's name and what is wrong."""
+    path = tmp_path / name
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(ProfileError, match=re.escape(words)) as caught:
+        (read_contour if name.endswith("csv") else read_dxf)(path)
+    assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_dxf_without_a_contour_or_a_unit(tmp_path):
+    """Nothing closed, and a drawing whose unit is not said."""
+    for unit, words in ((units.MM, "has no closed polyline"), (0, r"its unit \(\$INSUNITS\) is ")):
+        ezdxf.new("R2010", units=unit).saveas(tmp_path / "a.dxf")
+        with pytest.raises(ProfileError, match=words):
+            read_dxf(tmp_path / "a.dxf")

@@ -1,0 +1,155 @@
+"""The exact propagator against 50-digit arithmetic."""
+
+import itertools
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from cam_rig.dynamics.linear.propagator import derivative_matrix, periodic_state, piece
+from cam_rig.laws import bernstein
+
+
+@pytest.fixture
+def exact(many_digits):
+    """State at a time, stored."""
+
+    def recall(matrix, forcing, duration, start, time):
+        inputs = (matrix, forcing, duration, start, time)
+        return many_digits(lambda: by_exponential(*inputs), inputs)
+
+    return recall
+
+
+def by_exponential(matrix, forcing, duration, start, time):
+    """State at ``time``: exponential of the system augmented by the chain tʲ/j! of its forcing."""
+    n, degree = matrix.shape[0], forcing.shape[1] - 1
+    with mp.workdps(60):
+        size = n + degree + 1
+        augmented = mp.zeros(size)
+        for i in range(n):
+            for j in range(n):
+                augmented[i, j] = mp.mpf(matrix[i, j])
+            row = [mp.mpf(x) for x in forcing[i]]
+            for j in range(degree + 1):  # f⁽ʲ⁾(0) = p!/(p−j)! Δʲ f₀ / Tʲ
+                augmented[i, n + j] = mp.ff(degree, j) * row[0] / mp.mpf(duration) ** j
+                row = [b - a for a, b in itertools.pairwise(row)]
+        for j in range(degree):
+            augmented[n + j + 1, n + j] = 1
+        begin = mp.matrix([*(mp.mpf(x) for x in start), 1, *[0] * degree])
+        end = mp.expm(augmented * mp.mpf(time), method="taylor") * begin
+        return np.array([float(end[i]) for i in range(n)])
+
+
+def stable(n, rng):
+    """A random matrix all of whose modes decay."""
+    matrix = rng.normal(size=(n, n))
+    return matrix - (np.linalg.eigvals(matrix).real.max() + 0.5) * np.eye(n)
+
+
+@pytest.mark.parametrize("degree", [0, 5, 15])
+@pytest.mark.parametrize("n", [1, 2, 4])
+def test_random_stable_system(exact, n, degree):
+    """Start, inside and end of a piece a few time constants long, to 1e-11 of its size."""
+    rng = np.random.default_rng(10 * n + degree)
+    matrix, forcing = stable(n, rng), rng.normal(size=(n, degree + 1))
+    start, duration = rng.normal(size=n), 12.0
+    part = piece(matrix, forcing, duration)
+    times = np.array([0.0, 0.3, 0.7, 1.0]) * duration
+    got = part.at(start, times)
+    expected = np.stack([exact(matrix, forcing, duration, start, t) for t in times], axis=1)
+    size = np.abs(expected).max()
+    np.testing.assert_allclose(got, expected, rtol=0, atol=1e-11 * size)
+    np.testing.assert_allclose(part.end(start), expected[:, -1], rtol=0, atol=1e-11 * size)
+
+
+@pytest.mark.parametrize("degree", [5, 15])
+@pytest.mark.parametrize("time_constants", [1e-3, 0.1, 1.0, 10.0, 1000.0])
+def test_any_length_against_the_time_constant(exact, degree, time_constants):
+    """ẋ = −x + f over pieces much shorter and much longer than 1 s: the error is rounding.
+
+    1e-12 of the largest force allows for four digits of cancellation.
+    """
+    forcing = np.random.default_rng(degree).normal(size=(1, degree + 1))
+    matrix, start = np.array([[-1.0]]), np.array([0.7])
+    part = piece(matrix, forcing, time_constants)
+    for fraction in (0.25, 1.0):
+        t = fraction * time_constants
+        expected = exact(matrix, forcing, time_constants, start, t)
+        np.testing.assert_allclose(part.at(start, np.array([t]))[:, 0], expected, atol=1e-12)
+    np.testing.assert_allclose(part.end(start), expected, rtol=0, atol=1e-12)
+
+
+def test_stiff_stem_under_a_whole_turn(exact, laws):
+    """Mass on its stem (15 932 rad/s, ζ = 2e-4) under one turn of Bézier 15 at 400 rpm."""
+    rate, duration = 15_932.0, 0.15
+    matrix = np.array([[0.0, 1.0], [-(rate**2), -4e-4 * rate]])
+    lift = laws["bezier15"].ordinates[:, 0]
+    forcing = np.stack([np.zeros_like(lift), rate**2 * lift])
+    part = piece(matrix, forcing, duration)
+    expected = exact(matrix, forcing, duration, [0.0, 0.0], 0.5 * duration)
+    got = part.at(np.zeros(2), np.array([0.5 * duration]))[:, 0]
+    assert got[0] == pytest.approx(expected[0], abs=1e-13 * 0.05)
+    # a vibration of the lift's rounding has this velocity: eps · lift · rate, and some digits
+    assert got[1] == pytest.approx(expected[1], abs=1e-11 * 1.0)
+
+
+def test_resonance(exact):
+    """An undamped mode forced by a piece of exactly its own period is no special case."""
+    matrix = np.array([[0.0, 2.0 * np.pi], [-2.0 * np.pi, 0.0]])
+    forcing = np.random.default_rng(3).normal(size=(2, 6))
+    start = np.array([1.0, -2.0])
+    expected = exact(matrix, forcing, 1.0, start, 1.0)
+    np.testing.assert_allclose(piece(matrix, forcing, 1.0).end(start), expected, atol=1e-12)
+
+
+def test_response_obeys_the_equation():
+    """ẋ − A x = f, by central differences inside the piece."""
+    rng = np.random.default_rng(5)
+    matrix, forcing = stable(3, rng), rng.normal(size=(3, 8))
+    part, h, t = piece(matrix, forcing, 6.0), 1e-4, np.linspace(0.5, 5.5, 11)
+    start = rng.normal(size=3)
+    rate = (part.at(start, t + h) - part.at(start, t - h)) / (2 * h)
+    force = np.stack([bernstein.evaluate(row, t / 6.0) for row in forcing])
+    # truncation h²/6 times a third derivative of order 100
+    np.testing.assert_allclose(rate - matrix @ part.at(start, t), force, rtol=0, atol=1e-6)
+
+
+def test_periodic_state_returns_to_itself():
+    """After all pieces the periodic state is back where it began."""
+    rng = np.random.default_rng(6)
+    matrix = stable(3, rng)
+    pieces = [piece(matrix, rng.normal(size=(3, 6)), length) for length in (3.0, 5.0, 4.0)]
+    begin = state = periodic_state(pieces)
+    for part in pieces:
+        state = part.end(state)
+    np.testing.assert_allclose(state, begin, rtol=0, atol=1e-13 * np.abs(begin).max())
+    assert np.abs(begin).max() > 1e-3
+
+
+def test_derivative_matrix():
+    """It takes ordinates to those of the derivative, with the degree kept, and is nilpotent."""
+    matrix = derivative_matrix(5)
+    b = np.random.default_rng(7).normal(size=6)
+    expected = bernstein.elevate(bernstein.derivative(b), 5)
+    np.testing.assert_allclose(matrix @ b, expected, rtol=0, atol=1e-13)
+    assert np.abs(np.linalg.matrix_power(matrix, 6)).max() < 1e-9 * np.abs(matrix).max() ** 6
+
+
+@pytest.mark.parametrize("matrix", [np.zeros((1, 1)), np.array([[0.0, 1.0], [0.0, -3.0]])])
+def test_no_restoring_force(exact, matrix):
+    """A mode without a spring drifts; that is a response like any other, not a failure."""
+    n = matrix.shape[0]
+    forcing, start = np.random.default_rng(8).normal(size=(n, 6)), np.ones(n)
+    expected = exact(matrix, forcing, 2.0, start, 2.0)
+    np.testing.assert_allclose(piece(matrix, forcing, 2.0).end(start), expected, atol=1e-13)
+
+
+def test_critical_damping(exact):
+    """One eigenvector for two modes: nothing here asks for eigenvectors."""
+    matrix = np.array([[0.0, 1.0], [-25.0, -10.0]])
+    forcing, start = np.random.default_rng(9).normal(size=(2, 8)), np.array([0.3, -1.0])
+    for duration in (0.01, 1.0, 20.0):
+        expected = exact(matrix, forcing, duration, start, duration)
+        got = piece(matrix, forcing, duration).end(start)
+        np.testing.assert_allclose(got, expected, rtol=0, atol=1e-11 * np.abs(expected).max())

@@ -1,0 +1,179 @@
+"""A successor knows what its predecessor knew, bit for bit."""
+
+import json
+import os
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cam_rig.acoustics import MicrophoneState
+from cam_rig.dynamics import FollowerState
+from cam_rig.errors import RunError
+from cam_rig.live.checkpoint import (
+    MOST_BYTES,
+    STATES_UNFLUSHED,
+    TICKS_IN_FLIGHT,
+    TICKS_KEPT,
+    Handover,
+    from_plain,
+    to_plain,
+)
+from cam_rig.messages.topics import TICK_DEPTH
+from cam_rig.schema.load import config_root
+from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.schedule import CamState
+from cam_rig.simulation.simulate import FollowerBench, FollowerMemory, MicrophoneBench
+
+STAGE = open_stage(config_root() / "scenes" / "quick.yaml")
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False), st.integers(0, 2**62), st.text())
+def test_every_float_comes_back(number, time_ns, text):
+    """Huge, signed zero, subnormal: a file in between changes nothing."""
+    state = FollowerState(number, -0.0, 5e-324, True, inner=(number, 1.0))
+    memory = (FollowerMemory(CamState(time_ns, number, 1.0, text), state), [text], None)
+    back = from_plain(json.loads(json.dumps(to_plain(memory))))
+    assert repr(back) == repr(memory)
+
+
+def test_arrays_and_tables_come_back():
+    """Filters remember arrays."""
+    memory = {"a": np.arange(6.0).reshape(2, 3) / 7.0, 3: (np.float64(0.1), np.int64(2))}
+    back = from_plain(json.loads(json.dumps(to_plain(memory))))
+    assert np.array_equal(back["a"], memory["a"]) and back[3] == (0.1, 2)
+
+
+def test_the_benches_memories_can_be_handed_over():
+    """Whatever a follower or microphone comes to remember must pass."""
+    states = [CamState(0, 0.0, 20.0, "tm21"), CamState(10**8, 2.0, 20.0, "tm21")]
+    follower, microphone = FollowerBench.of(STAGE), MicrophoneBench.of(STAGE)
+    follower.turn_to(states[0])
+    _, block = follower.turn_to(states[1])
+    microphone.listen(block.rows, 20.0)
+    assert isinstance(microphone.memory, MicrophoneState)
+    for memory in (follower.memory, microphone.memory):
+        assert repr(from_plain(json.loads(json.dumps(to_plain(memory))))) == repr(memory)
+
+
+def test_the_last_records_are_kept(tmp_path):
+    """A successor goes back by as many ticks as may not have arrived."""
+    keeper, depth = Handover(str(tmp_path), "follower"), TICKS_KEPT["follower"]
+    assert keeper.oldest() is None
+    for i in range(40):
+        keeper.keep((i, "x"), i)
+    successor = Handover(str(tmp_path), "follower")
+    assert (successor.oldest(), successor.newest()) == ((40 - depth, "x"), (39, "x"))
+    assert [i for i, _ in successor.all()] == list(range(40 - depth, 40))
+    assert Handover(str(tmp_path), "microphone").newest() is None
+
+
+@pytest.mark.parametrize("done", [0, 1, 5, 30])
+def test_a_successor_may_die_as_well(tmp_path, done):
+    """While it does again what was done, and after: the next one finds the last ticks in a row."""
+    keeper, depth = Handover(str(tmp_path), "follower"), TICKS_KEPT["follower"]
+    for i in range(40):
+        keeper.keep(i, i)
+    second = Handover(str(tmp_path), "follower")
+    begin = second.oldest()
+    for i in range(begin + 1, begin + 1 + done):
+        second.keep(i, i)
+    newest = max(39, begin + done)
+    found = Handover(str(tmp_path), "follower").all()
+    assert sorted(set(found))[-depth + 1 :] == list(range(newest - depth + 2, newest + 1))
+    assert found == sorted(found)
+
+
+def test_what_a_chain_of_the_dead_needs_fits_into_a_history():
+    """The recorder loses some states; who speaks goes back as far, who is heard by it further."""
+    depth = TICKS_KEPT
+    assert depth["microphone"] > STATES_UNFLUSHED + TICKS_IN_FLIGHT
+    assert depth["follower"] > depth["microphone"] + TICKS_IN_FLIGHT
+    assert depth["cam_drive"] > depth["follower"] + TICKS_IN_FLIGHT
+    assert depth["cam_drive"] + TICKS_IN_FLIGHT < TICK_DEPTH
+
+
+def test_without_a_folder_nothing_is_kept(tmp_path, monkeypatch):
+    """A node by itself leaves no file."""
+    monkeypatch.chdir(tmp_path)
+    Handover("", "follower").keep((1,))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[]",
+        "[[",
+        '[[0, {"record": "os:system", "fields": {}}]]',
+        '[[0, {"record": "cam_rig.errors:CamRigError", "fields": {}}]]',
+        '[[0, {"record": "cam_rig.dynamics.interval:FollowerState", "fields": {"x": 1}}]]',
+        '[[0, {"array": "00", "type": "<f8", "shape": [1]}]]',
+        '[[0, {"array": "0011223344556677", "type": "|O", "shape": [1]}]]',
+        '[[0, {"array": "0011223344556677", "type": "|V8", "shape": [1]}]]',
+        '[[0, {"array": "0011223344556677", "type": "f4,f4", "shape": [1]}]]',
+        '[[0, {"array": "00", "type": "|u1", "shape": [1000000000000]}]]',
+        '[[0, {"record": "cam_rig.nothing:There", "fields": {}}]]',
+        '[[0, {"record": "cam_rig.acoustics.pressure_samples:SoundSource", "fields": {}}]]',
+        '[[0, {"record": "cam_rig.dynamics.interval:np", "fields": {}}]]',
+        '[[0, {"record": "cam_rig.dynamics.interval:FollowerState", "fields": 3}]]',
+        '[[0, {"record": 3, "fields": {}}]]',
+        '[[0, {"set": []}]]',
+        "[[0, {}]]",
+        "[[1e999, 0]]",
+        "[" * 100_000,
+        "[[0, " + '{"list": [' * 9000 + "]}" * 9000 + "]]",
+        "[[0, " + "9" * 5000 + "]]",
+    ],
+)
+def test_a_foreign_file_is_refused(tmp_path, text):
+    """It makes nothing but the rig's own records."""
+    (tmp_path / "follower.json").write_text(text)
+    with pytest.raises(RunError, match=r"follower\.json: is no handover of a node"):
+        Handover(str(tmp_path), "follower").oldest()
+
+
+def test_only_a_plain_file_of_its_size_is_read(tmp_path):
+    """A pipe is not waited for, a link not followed, and what is too long is not read."""
+    file, other = tmp_path / "follower.json", tmp_path / "other.json"
+    other.write_text("[[0, 1]]")
+    os.symlink(other, file)
+    with pytest.raises(RunError, match="is no handover of a node"):
+        Handover(str(tmp_path), "follower").oldest()
+    file.unlink()
+    with file.open("wb") as stream:
+        stream.truncate(MOST_BYTES + 1)
+    with pytest.raises(RunError, match="allowed: 64 MiB"):
+        Handover(str(tmp_path), "follower").oldest()
+    keeper = Handover(str(tmp_path), "microphone")
+    with pytest.raises(RunError, match=r"microphone\.json: has .* MiB; allowed: 64 MiB"):
+        keeper.keep("x" * MOST_BYTES)
+
+
+@given(st.data())
+@settings(max_examples=300, derandomize=True, deadline=None)
+def test_a_damaged_file_is_refused_or_read(data):
+    """Whatever byte of it is another, there is no other error than ours."""
+    states = [CamState(0, 0.0, 20.0, "tm21"), CamState(10**8, 2.0, 20.0, "tm21")]
+    memory = (states[1], MicrophoneState(1.0, 2.0), np.arange(3.0), {"a": (1, None)})
+    with tempfile.TemporaryDirectory() as folder:
+        Handover(folder, "microphone").keep(memory)
+        file = Path(folder) / "microphone.json"
+        text = bytearray(file.read_bytes())
+        for _ in range(data.draw(st.integers(1, 3))):
+            place = data.draw(st.integers(0, len(text) - 1))
+            text[place] = data.draw(st.integers(0, 255) | st.sampled_from(b'[]{}",:0123456789'))
+        file.write_bytes(bytes(text))
+        with suppress(RunError):
+            Handover(folder, "microphone").oldest()
+
+
+def test_a_memory_that_is_no_record_is_refused():
+    """Better at once than in the successor."""
+    with pytest.raises(RunError, match="holds object; allowed: records and arrays"):
+        to_plain((object(),))

@@ -1,0 +1,129 @@
+"""The turntable under commands: rig time and θ go on without a jump, whatever is asked."""
+
+import itertools
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cam_rig.live.admission import Admission, StateGate, speeds
+from cam_rig.live.setpoints import STANDS, Turntable
+from cam_rig.schema.load import config_root
+from cam_rig.schema.quantity import Quantity
+from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.schedule import cam_states
+
+SCENE = open_stage(config_root() / "scenes" / "quick.yaml").scene
+RAMP = Quantity.model_validate({"assumed": 0.7, "unit": "s", "source": "a test"})
+PROGRAM = SCENE.program.model_copy(update={"ramp": RAMP, "ticks_per_turn": 2})
+#: The same from rest, each speed reached along a ramp.
+RAMPED = SCENE.model_copy(update={"program": PROGRAM})
+RPM = math.pi / 30.0
+
+
+def run_out(table, at=()):
+    """All states to come; ``at`` maps the number of states done to a command."""
+    commands, out = dict(at), []
+    for number in itertools.count():
+        commands.get(number, lambda: None)()
+        if (state := table.state) is None:
+            return out
+        out.append(state)
+        table.advance()
+
+
+@pytest.mark.parametrize("scene", [SCENE, RAMPED], ids=["steps", "ramps"])
+def test_without_a_command_it_is_the_scene(scene):
+    """Bit for bit, so that a live run is the simulated one."""
+    assert run_out(Turntable(scene)) == list(cam_states(scene))
+
+
+def test_an_emergency_stop_on_a_ramp_stands_where_the_tick_ends():
+    """The ramp is broken off, its first speed held; or, at rest, nothing turns."""
+    for done in range(1, len(list(cam_states(RAMPED)))):
+        table, gate = Turntable(RAMPED), StateGate.of(RAMPED)
+        for _ in range(done):
+            gate.admit(table.state)
+            table.advance()
+        if (standing := table.halt()) is not None:
+            gate.admit(standing)
+            table.rewind()
+            assert table.state.angle == standing.angle
+
+
+def test_a_commanded_speed_holds_from_the_next_state_on():
+    """Each tick turns by its planned angle at the commanded speed; 0 gives the scene back."""
+    table = Turntable(SCENE)
+    out = run_out(table, {3: lambda: table.command(240 * RPM), 6: lambda: table.command(None)})
+    plan = list(cam_states(SCENE))
+    assert [s.speed for s in out[3:6]] == [240 * RPM] * 3
+    assert [s.speed for s in out[6:]] == [s.speed for s in plan[6:]]
+    assert len(out) == len(plan)
+    assert out[4].time_ns - out[3].time_ns == 250_000_000  # a turn at 240 rpm
+
+
+def test_a_cam_by_hand_stays_until_the_scenes_next():
+    """θ goes on under the other cam."""
+    table = Turntable(SCENE)
+    out = run_out(table, {2: lambda: table.mount("cycloidal")})
+    assert [s.cam for s in out[:9]] == ["tm21"] * 2 + ["cycloidal"] * 6 + ["bezier15"]
+    assert [s.angle for s in out] == [s.angle for s in cam_states(SCENE)]
+
+
+COMMANDS = st.lists(
+    st.tuples(
+        st.integers(0, 16),
+        st.one_of(
+            st.floats(speeds(SCENE)[0], speeds(RAMPED)[1]).map(lambda speed: ("command", speed)),
+            st.sampled_from(["tm21", "poly345", "bezier15"]).map(lambda cam: ("mount", cam)),
+            st.just(("command", None)),
+            st.just(("rewind",)),
+        ),
+    ),
+    max_size=6,
+    unique_by=lambda item: item[0],
+)
+
+
+@given(COMMANDS)
+@pytest.mark.parametrize("scene", [SCENE, RAMPED], ids=["steps", "ramps"])
+def test_no_command_makes_theta_or_time_jump(scene, commands):
+    """Whatever is commanded when, everyone who checks the drive's states admits them all."""
+    table = Turntable(scene)
+    at = {n: lambda call=call: getattr(table, call[0])(*call[1:]) for n, call in commands}
+    gate = StateGate.of(scene)
+    out = run_out(table, at)
+    admitted = [gate.admit(state) for state in out]
+    assert admitted[0] is Admission.ANEW and Admission.SEEN not in admitted
+    for before, state, admission in zip(out, out[1:], admitted[1:], strict=False):
+        stood = before.speed == 0.0 and before.angle == state.angle
+        assert admission is Admission.NEXT or stood
+    assert all(b.time_ns > a.time_ns for a, b in itertools.pairwise(out))
+
+
+def test_a_halt_stands_where_the_tick_ends_and_a_rewind_begins_again():
+    """The cam stops with its last tick; after a second it runs the scene from there."""
+    table = Turntable(SCENE)
+    for _ in range(5):
+        table.advance()
+    due = table.state
+    halted = table.halt()
+    assert (halted.time_ns, halted.angle, halted.speed) == (due.time_ns, due.angle, 0.0)
+    assert table.state is None and table.halt() is None
+    table.rewind()
+    again = table.state
+    assert (again.time_ns, again.angle) == (due.time_ns + STANDS, due.angle)
+    assert again.cam == "tm21" and again.speed == pytest.approx(200 * RPM)
+    assert len(run_out(table)) == len(list(cam_states(SCENE)))
+
+
+def test_a_successor_goes_on_at_its_place():
+    """The place alone says what comes next."""
+    table = Turntable(SCENE)
+    table.command(222 * RPM)
+    for _ in range(5):
+        table.advance()
+    table.mount("poly345")
+    rest = Turntable(SCENE, table.place)
+    assert run_out(rest) == run_out(table)

@@ -1,0 +1,180 @@
+"""The runner's judgement: whose end is the run's, who is started again, who is named."""
+
+import os
+import signal
+from typing import ClassVar
+
+import pytest
+
+from cam_rig.bag.recording.writer import BagWriter
+from cam_rig.errors import RunError
+from cam_rig.runner.graph import STOPPING, Graph, InterruptError, live
+
+KILLED = -signal.SIGKILL
+
+
+class Process:
+    """Stands in for a node's process: it has ended with a code, or runs."""
+
+    codes: dict
+    overdue = is_suspended = False
+
+    def __init__(self, name, *_):
+        self.name = name
+        self.code = self.codes[name].pop(0) if self.codes.get(name) else None
+
+    @property
+    def has_ended(self):
+        return self.code is not None
+
+    @property
+    def was_killed(self):
+        return self.has_ended and self.code < 0
+
+    def settle(self):
+        pass
+
+    def obituary(self):
+        return f"{self.name} ended with {self.code}"
+
+    def last_words(self):
+        return "no space"
+
+
+def torn_bag(bag):
+    """What a recorder leaves that was killed before it closed the bag."""
+    BagWriter(bag).flush()
+
+
+@pytest.fixture
+def progress(monkeypatch, tmp_path):
+    """Start nodes of which some end at once, with these codes; what was started, what was said."""
+    started, said, closing = [], [], []
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+
+    def stop(nodes):
+        for node in nodes:
+            node.code = closing.pop(0) if closing else 0
+
+    def make(respawn, killed_closing=0, **codes):
+        closing.extend([KILLED] * killed_closing)
+
+        class Made(Process):
+            def __init__(self, name, *rest):
+                super().__init__(name, *rest)
+                started.append(name)
+
+        Made.codes = {name: [code] for name, code in codes.items() if name != "again"}
+        for name, code in codes.get("again", {}).items():
+            Made.codes[name].append(code)
+        monkeypatch.setattr("cam_rig.runner.graph.NodeProcess", Made)
+        monkeypatch.setattr("cam_rig.runner.graph.clean", lambda _: [])
+        monkeypatch.setattr("cam_rig.runner.graph.stop_all", stop)
+        graph = Graph(live(tmp_path, tmp_path / "bag"), respawn, say=said.append)
+        for name in graph._nodes:
+            graph._start(name)
+        started.clear()
+        if killed_closing:
+            torn_bag(tmp_path / "bag")
+        graph._lines.put('{"done": true}')
+        list(graph.progress())
+        return started, said
+
+    return make
+
+
+@pytest.mark.parametrize("other", ["follower", "microphone", "law_server"])
+def test_who_dies_when_the_drive_has_ended_costs_nothing(progress, other):
+    """With --respawn: the drive's end is the run's, and nobody is started for nothing."""
+    started, said = progress(True, cam_drive=0, **{other: KILLED})
+    assert started == []
+    assert said == [f"node {other} ended with -9 before the first tick, when all was said"]
+
+
+def test_a_recorder_that_dies_when_the_drive_has_ended_is_told_again(progress):
+    """It had answered for ticks that it had not flushed: the drive says its last ones again."""
+    codes = {"cam_drive": 0, "recorder": KILLED, "follower": KILLED, "again": {"cam_drive": 0}}
+    started, said = progress(True, **codes)
+    assert sorted(started) == ["cam_drive", "follower", "recorder"]
+    assert [line.split()[1] for line in said] == ["recorder", "follower"]
+
+
+def test_a_recorder_that_is_killed_while_it_closes_is_started_again(progress):
+    """With --respawn: the drive says its last states to the successor, which closes the bag."""
+    codes = {"cam_drive": 0, "again": {"cam_drive": 0}}
+    started, said = progress(True, killed_closing=1, **codes)
+    assert sorted(started) == ["cam_drive", "recorder"]
+    assert said == ["node recorder ended with -9 before the first tick: started again"]
+
+
+def test_a_drive_that_was_told_to_end_has_not_done_its_program(monkeypatch, tmp_path):
+    """It ends in order, with code 0, and the run is not complete all the same."""
+
+    class Made(Process):
+        codes: ClassVar = {"cam_drive": [0]}
+
+    monkeypatch.setattr("cam_rig.runner.graph.NodeProcess", Made)
+    monkeypatch.setattr("cam_rig.runner.graph.stop_all", lambda _: None)
+    graph = Graph(live(tmp_path, tmp_path / "bag"))
+    with (
+        pytest.raises(RunError, match="node cam_drive was told to end before the first tick"),
+        graph,
+    ):
+        list(graph.progress())
+
+
+def test_without_respawn_a_recorder_killed_while_it_closes_is_not(progress):
+    """Its bag is mended when all have ended."""
+    assert progress(False, killed_closing=1, cam_drive=0) == ([], [])
+
+
+@pytest.mark.parametrize("other", ["recorder", "follower", "microphone", "law_server"])
+def test_without_respawn_who_died_beside_the_drive_is_named(progress, other):
+    """Not the drive, which has ended as it should."""
+    with pytest.raises(RunError, match=f"node {other} ended with -9"):
+        progress(False, cam_drive=0, **{other: KILLED})
+
+
+def test_who_fails_beside_the_drive_is_named_with_its_words(progress):
+    """A full disk is none that goes away by starting again."""
+    with pytest.raises(RunError, match=r"node recorder ended with 1 before .*: no space"):
+        progress(True, cam_drive=0, recorder=1)
+
+
+@pytest.mark.parametrize(("code", "cleans"), [(1, True), (KILLED, True), (0, False), (None, False)])
+def test_shared_memory_is_cleaned_after_a_run_that_failed(monkeypatch, tmp_path, code, cleans):
+    """A node that could not write, on a full disk, leaves pieces as a killed one does."""
+    cleaned = []
+
+    class Made(Process):
+        codes: ClassVar = {"microphone": [code]}
+
+    monkeypatch.setattr("cam_rig.runner.graph.NodeProcess", Made)
+    monkeypatch.setattr("cam_rig.runner.graph.stop_all", lambda _: None)
+    monkeypatch.setattr("cam_rig.runner.graph.clean", cleaned.append)
+    monkeypatch.setattr("cam_rig.runner.graph.YOUNG", 0.0)
+    with Graph(live(tmp_path, tmp_path / "bag")):
+        pass
+    assert bool(cleaned) == cleans
+
+
+@pytest.mark.parametrize("number", STOPPING)
+def test_a_signal_ends_the_run_with_its_code(monkeypatch, tmp_path, number):
+    """128 + signal, also where it was ignored before, as behind `nohup`; then all is as it was."""
+    stopped = []
+
+    class Made(Process):
+        codes: ClassVar = {}
+
+    monkeypatch.setattr("cam_rig.runner.graph.NodeProcess", Made)
+    monkeypatch.setattr("cam_rig.runner.graph.stop_all", stopped.extend)
+    own = signal.signal(number, signal.SIG_IGN)
+    try:
+        with pytest.raises(InterruptError) as ended, Graph(live(tmp_path, tmp_path / "bag")):
+            os.kill(os.getpid(), number)
+        assert signal.getsignal(number) is signal.SIG_IGN
+    finally:
+        signal.signal(number, own)
+    assert ended.value.exit_code == 128 + number
+    assert [node.name for node in stopped][-1] == "recorder"
+    assert len(stopped) == 5

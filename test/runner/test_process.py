@@ -1,0 +1,101 @@
+"""A node as a process, where the system has nothing left to start it with."""
+
+import errno
+import resource
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from cam_rig.errors import RunError
+from cam_rig.runner import process
+from cam_rig.runner.process import NodeProcess, environment
+
+FULL = "node follower cannot be started \\({}\\); end other programs, or raise what .*ulimit -v"
+
+
+def start():
+    return NodeProcess("follower", {}, False, lambda _line: None)
+
+
+@pytest.mark.parametrize(
+    ("error", "why"),
+    [
+        (MemoryError(), "no memory"),
+        (BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable"), "Resource temporarily"),
+        (OSError(errno.ENOMEM, "Cannot allocate memory"), "Cannot allocate memory"),
+    ],
+    ids=["memory", "processes", "fork"],
+)
+def test_no_process_to_be_had(monkeypatch, error, why):
+    """One line with what is short and what to do."""
+
+    def refuse(*_args, **_more):
+        raise error
+
+    monkeypatch.setattr(process.subprocess, "Popen", refuse)
+    with pytest.raises(RunError, match=FULL.format(f"{why}.*")):
+        start()
+
+
+@pytest.mark.parametrize("which", [1, 2])
+def test_no_thread_to_be_had(monkeypatch, which):
+    """A node that could not be listened to does not stay behind."""
+    begin, started, count = threading.Thread.start, [], iter(range(1, 9))
+    popen = subprocess.Popen
+
+    def refuse(self):
+        if next(count) == which:
+            raise RuntimeError("can't start new thread")
+        begin(self)
+
+    def spied(*args, **more):
+        started.append(popen(*args, **more))
+        return started[-1]
+
+    monkeypatch.setattr(process.subprocess, "Popen", spied)
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    with pytest.raises(RunError, match=FULL.format("can't start new thread")):
+        start()
+    assert [one.poll() for one in started] == [-signal.SIGKILL]
+
+
+@pytest.mark.ros
+@pytest.mark.long
+@pytest.mark.parametrize("mebibytes", [350, 450, 550, 700, 850, 1000, 1200, 1500])
+def test_a_run_with_little_memory(tmp_path, mebibytes):
+    """However little it may have, it ends with a line and leaves no process, or records whole."""
+    bag, limit = tmp_path / "bag", mebibytes * 2**20
+    command = [sys.executable, "-m", "cam_rig.cli.main", "run", "quick", "--bag", str(bag)]
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
+    )
+    if done.returncode:
+        assert "Traceback" not in done.stderr
+        assert "cam-rig: " in done.stderr.strip().splitlines()[-1]
+    assert not [pid for pid in Path("/proc").glob("[0-9]*") if str(bag) in _command(pid)]
+
+
+def _command(process: Path) -> str:
+    try:
+        return (process / "cmdline").read_text(errors="replace")
+    except OSError:  # it has ended meanwhile
+        return ""
+
+
+def test_a_node_has_a_place_for_its_log_files(monkeypatch, tmp_path):
+    """A service or a cron job has no home: ROS would end each node before it says a word."""
+    monkeypatch.delenv("HOME")
+    monkeypatch.delenv("ROS_LOG_DIR", raising=False)
+    tmp_path.chmod(0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    assert environment()["ROS_LOG_DIR"].startswith(str(tmp_path))
+    monkeypatch.setenv("ROS_LOG_DIR", "/elsewhere")
+    assert environment()["ROS_LOG_DIR"] == "/elsewhere"

@@ -1,0 +1,148 @@
+"""From ticks to levels, regressions and the crossover."""
+
+import numpy as np
+import pytest
+
+from cam_rig.acoustics import level_db
+from cam_rig.dynamics import NS
+from cam_rig.errors import CamRigError
+from cam_rig.schema import PublishedNoise
+from cam_rig.simulation.levels import (
+    HeardTick,
+    compare,
+    real_roots,
+    regression,
+    require_ticks,
+    step_levels,
+)
+from cam_rig.simulation.schedule import CamState
+
+RPM = np.arange(200.0, 401.0, 10.0)
+ONE = np.array([25.93808, 0.57355, -0.002045, 2.483e-6])
+TWO = np.array([0.41488, 0.84929, -0.0033286, 4.537e-6])
+
+
+def ticks(pressures, speed=10.0, cam="a", angle=1.0, time_ns=0):
+    """One tick a turn, with the given pressures."""
+    turn_ns = round(2.0 * np.pi / speed * NS)
+    for i, pressure in enumerate(pressures):
+        start = CamState(time_ns + i * turn_ns, angle + 2.0 * np.pi * i, speed, cam)
+        yield HeardTick(start, start.time_ns + turn_ns, pressure)
+
+
+def steps_of(coefficients):
+    return {
+        float(rpm * np.pi / 30.0): float(np.polynomial.polynomial.polyval(rpm, coefficients))
+        for rpm in RPM
+    }
+
+
+@pytest.fixture
+def published():
+    return PublishedNoise(
+        name="p",
+        source="made",
+        range_rpm=(200.0, 400.0),
+        regression_db={"one": list(ONE), "two": list(TWO)},
+        crossover={"between": ("one", "two"), "rpm": 335.0},
+    )
+
+
+def test_settle_turns_are_left_out():
+    """The first two turns of a step do not count, however loud."""
+    levels = step_levels(ticks([100.0, 100.0, 1.0, 1.0]), settle_turns=2)
+    assert levels == {"a": {10.0: pytest.approx(float(level_db(1.0)), abs=1e-12)}}
+    later = step_levels(ticks([100.0, 100.0, 1.0, 1.0]), settle_turns=1)
+    assert later["a"][10.0] > levels["a"][10.0] + 30.0
+
+
+def test_each_step_settles_anew():
+    """A new speed or a new cam begins a new step."""
+    run = [
+        *ticks([9.0, 1.0]),
+        *ticks([9.0, 2.0], speed=20.0, angle=99.0, time_ns=10 * NS),
+        *ticks([9.0, 3.0], speed=20.0, cam="b", angle=200.0, time_ns=20 * NS),
+    ]
+    levels = step_levels(run, settle_turns=1)
+    assert levels["a"][10.0] == pytest.approx(float(level_db(1.0)))
+    assert levels["a"][20.0] == pytest.approx(float(level_db(2.0)))
+    assert levels["b"][20.0] == pytest.approx(float(level_db(3.0)))
+
+
+def test_mean_is_of_energy_over_time():
+    """Level of a step: √(∫p² dt / T), whatever the lengths of its ticks."""
+    state = CamState(0, 0.0, 10.0, "a")
+    run = [
+        HeardTick(state, NS, 3.0),
+        HeardTick(CamState(NS, 10.0, 10.0, "a"), 4 * NS, 1.0),
+    ]
+    level = step_levels(run, settle_turns=0)["a"][10.0]
+    assert level == pytest.approx(float(level_db(np.sqrt((9.0 + 3.0) / 4.0))), abs=1e-12)
+
+
+def test_regression_recovers_a_cubic():
+    """Levels on a cubic give its coefficients back (1e-9 of each term's size at 400 rpm)."""
+    level = np.polynomial.polynomial.polyval(RPM, ONE)
+    scale = 400.0 ** np.arange(4)
+    np.testing.assert_allclose(regression(RPM, level) * scale, ONE * scale, rtol=1e-9)
+
+
+@pytest.mark.parametrize("level", [0.0, 80.0])
+def test_regression_always_has_four_numbers(level):
+    """A flat curve is a cubic too: its higher coefficients are zero, not missing."""
+    coefficients = regression(RPM, np.full(RPM.size, level))
+    np.testing.assert_allclose(coefficients, [level, 0.0, 0.0, 0.0], rtol=0, atol=1e-10)
+
+
+def test_too_few_points_have_no_cubic():
+    """Three points do not make a cubic: not a number, rather than an invention."""
+    coefficients = regression(RPM[:3], np.array([70.0, 71.0, 72.0]))
+    assert coefficients.shape == (4,)
+    assert np.isnan(coefficients).all()
+
+
+def test_crossover_of_two_cubics(published):
+    """The crossover is the root of the difference of the two regressions nearest to 335 rpm."""
+    result = compare(
+        {"one": steps_of(ONE), "two": steps_of(TWO)}, {"one": "x", "two": "y"}, published
+    )
+    roots = np.polynomial.polynomial.polyroots(ONE - TWO)
+    expected = min(roots.real, key=lambda rpm: abs(rpm - 335.0))
+    assert result.crossover_rpm == pytest.approx(expected, abs=1e-6)
+    assert result.crossover_rpm == pytest.approx(335.0, abs=1.0)
+    assert [result.curves[cam].role for cam in ("one", "two")] == ["x", "y"]
+
+
+def test_no_crossover_outside_the_measured_speeds(published):
+    """Two curves that meet nowhere within the speeds have no crossover."""
+    apart = {"one": steps_of(ONE), "two": steps_of(ONE + np.array([10.0, 0.0, 0.0, 0.0]))}
+    assert compare(apart, {"one": "", "two": ""}, published).crossover_rpm is None
+
+
+def test_no_crossover_without_both_cams(published):
+    """One cam alone crosses nothing; without published curves there is none to look for."""
+    assert compare({"one": steps_of(ONE)}, {"one": ""}, published).crossover_rpm is None
+    both = {"one": steps_of(ONE), "two": steps_of(TWO)}
+    assert compare(both, {"one": "", "two": ""}, None).crossover_rpm is None
+
+
+def test_rms_difference_to_the_published_curve(published):
+    """A curve 1.5 dB too loud at every speed is 1.5 dB off; speeds outside do not count."""
+    steps = {speed: level + 1.5 for speed, level in steps_of(ONE).items()}
+    steps[500.0 * np.pi / 30.0] = 0.0
+    levels = {"one": steps, "other": steps_of(ONE)}
+    result = compare(levels, {"one": "", "other": ""}, published)
+    assert result.curves["one"].rmse_db == pytest.approx(1.5, abs=1e-9)
+    assert result.curves["other"].rmse_db is None
+
+
+def test_nothing_measured_is_an_error():
+    """A run with no settled tick names where it was looked for."""
+    with pytest.raises(CamRigError, match="here: no settled tick"):
+        require_ticks(step_levels(ticks([1.0, 1.0]), settle_turns=5), "here")
+
+
+def test_a_leading_number_of_rounding_has_no_root():
+    """A straight line that a cubic was fitted to crosses zero where the line does."""
+    assert real_roots(np.array([-1.0, 1.25, 3e-17, -2e-17])) == pytest.approx([0.8], abs=1e-12)
+    assert real_roots(np.array([2.0, 0.0, 1.0, 1e-16])).size == 0

@@ -1,0 +1,180 @@
+"""The drive's program: whole turns, ticks that meet, an angle that never jumps."""
+
+from fractions import Fraction
+from itertools import groupby, pairwise
+
+import numpy as np
+import pytest
+
+from cam_rig.dynamics import NS
+from cam_rig.simulation.schedule import CamState, cam_states, tick_count
+
+TURN = 2.0 * np.pi
+
+
+@pytest.fixture(params=[1, 7, 64])
+def scene(request, make_scene):
+    return make_scene(ticks_per_turn=request.param, speeds=[200, 333, 400, 210])
+
+
+def test_tick_count(scene):
+    """There are as many ticks as said, and one state more to close the last."""
+    states = list(cam_states(scene))
+    assert len(states) == tick_count(scene) + 1
+    assert tick_count(scene) == 2 * 4 * 3 * scene.program.ticks_per_turn
+
+
+def test_each_step_is_whole_turns(scene):
+    """Every cam turns three times at every speed; half a nanosecond of turning is 3e-8 rad."""
+    states = list(cam_states(scene))
+    steps = [states[0]]
+    for before, after in pairwise(states):
+        if (after.cam, after.speed) != (before.cam, before.speed):
+            steps.append(after)
+    assert len(steps) == 2 * 4 + 1
+    turned = np.diff([state.unwrapped for state in steps]) / TURN
+    np.testing.assert_allclose(turned, 3.0, rtol=0, atol=1e-8)
+
+
+def test_the_angle_keeps_its_digits(make_scene):
+    """θ of each state of a speed held for a thousand turns is ω t to the last digit, turns and all.
+
+    One number for both would have lost three digits of it.
+    """
+    scene = make_scene(speeds=[300, 400], turns=1000)
+    last = None
+    for state in cam_states(scene):
+        if last is None or state.speed != last.speed:
+            last = state
+        ahead = Fraction(last.speed) * (state.time_ns - last.time_ns) / NS
+        turned = ahead + Fraction(last.angle) + last.turns * Fraction(TURN)
+        away = Fraction(state.angle) + state.turns * Fraction(TURN) - turned
+        assert 0.0 <= state.angle < TURN
+        assert abs(float(away)) < 2e-15
+        if state.speed == 0.0:
+            break
+
+
+def test_stamps_rise_and_start_at_zero(scene):
+    """Time begins at 0 and each state is later than the one before."""
+    times = [state.time_ns for state in cam_states(scene)]
+    assert times[0] == 0
+    assert all(a < b for a, b in pairwise(times))
+
+
+def test_angle_is_continuous(scene):
+    """θ at a state is where the state before it has turned to, over speeds and cams."""
+    for before, after in pairwise(cam_states(scene)):
+        reached = before.speed * (after.time_ns - before.time_ns) / NS
+        assert after.since(before) == pytest.approx(reached, abs=1e-12)
+
+
+def test_order_of_cams_and_speeds(scene):
+    """Cam after cam, and for each the speeds in the order given."""
+    played = dict.fromkeys((state.cam, state.speed) for state in cam_states(scene) if state.speed)
+    rates = [float(speed) for speed in scene.program.speeds.si_list]
+    assert list(played) == [(cam, speed) for cam in ("poly345", "bezier15") for speed in rates]
+
+
+def test_last_state_stands_still(scene):
+    """The last state closes the last tick and turns no more."""
+    last = list(cam_states(scene))[-1]
+    assert last.speed == 0.0
+    assert last.cam == "bezier15"
+
+
+def test_ticks_are_even(make_scene):
+    """A tick is the turn's share to half a nanosecond: rounding does not add up."""
+    scene = make_scene(ticks_per_turn=7, speeds=[333], turns=50)
+    states = [state for state in cam_states(scene) if state.cam == "poly345"]
+    ideal = np.arange(len(states)) * 60.0 / 333.0 / 7.0
+    times = np.array([state.time_ns for state in states]) / NS
+    np.testing.assert_allclose(times, ideal, rtol=0, atol=0.51e-9)
+
+
+def test_interval_until_the_next(scene):
+    """The interval of a tick has both stamps, the first angle and the first speed."""
+    first, second = list(cam_states(scene))[:2]
+    interval = first.until(second)
+    assert (interval.start_ns, interval.stop_ns) == (first.time_ns, second.time_ns)
+    assert (interval.angle, interval.speed) == (first.angle, first.speed)
+
+
+# Ramps
+
+
+@pytest.fixture(params=[1, 5])
+def ramped(request, make_scene):
+    """Up, on, down and no change: from rest for each of two cams."""
+    program = {
+        "speeds": {"assumed": [200, 333, 100, 100], "unit": "rpm"},
+        "turns": {"assumed": 2, "unit": "turns"},
+        "settle_turns": {"assumed": 1, "unit": "turns"},
+        "ticks_per_turn": request.param,
+        "ramp": {"assumed": 0.7, "unit": "s"},
+    }
+    return make_scene(program=program)
+
+
+def intervals(scene):
+    return [before.until(after) for before, after in pairwise(cam_states(scene))]
+
+
+def test_states_tell_ramps_from_held_speeds(ramped):
+    """From angle and speed at both ends alone; a ramp takes its time, each cam starts at rest."""
+    parts = intervals(ramped)
+    assert len(parts) == tick_count(ramped)
+    rates = [0.0, *(float(speed) for speed in ramped.program.speeds.si_list)]
+    runs = [
+        (rate, list(group)) for rate, group in groupby(parts, key=lambda part: part.acceleration)
+    ]
+    slopes = [(b - a) / 0.7 for a, b in pairwise(rates) if a != b]
+    expected = [round(slope, 6) for up in slopes for slope in (up, 0.0)] * 2
+    # a ramp's slope is found from each of its ticks, so they are put together by their rounding
+    found = [round(rate, 6) for rate, _ in runs]
+    assert [rate for rate, _ in groupby(found)] == expected
+    ramps = sum(part.duration for part in parts if part.acceleration != 0.0)
+    assert ramps == pytest.approx(2 * 3 * 0.7, rel=1e-12)
+
+
+def test_angle_and_speed_go_on_over_ramps(ramped):
+    """No jump of the angle anywhere, and none of the speed but where a cam is put on."""
+    states = list(cam_states(ramped))
+    assert states[0].speed == 0.0
+    for part, (before, after) in zip(intervals(ramped), pairwise(states), strict=True):
+        assert part.unwrapped_at(part.duration) == pytest.approx(after.unwrapped, abs=1e-11)
+        if after.cam == before.cam and after is not states[-1]:
+            assert part.speed_at(part.duration) == pytest.approx(after.speed, rel=1e-9)
+
+
+def test_ticks_of_a_ramp_are_no_longer_than_of_its_faster_end(ramped):
+    """So a bag's blocks are not larger along a ramp."""
+    turn = TURN / ramped.program.ticks_per_turn
+    for part in intervals(ramped):
+        if part.acceleration != 0.0:
+            fastest = max(part.speed, part.speed_at(part.duration))
+            assert part.duration * fastest <= turn * (1.0 + 1e-6) or part.mean_speed < 1.0
+    assert max(part.mean_speed * part.duration for part in intervals(ramped)) <= turn * 1.000001
+
+
+def test_a_program_without_a_ramp_steps(make_scene):
+    """Speeds follow each other at once."""
+    assert all(part.acceleration == 0.0 for part in intervals(make_scene()))
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "turned", "acceleration"),
+    [
+        (10.0, 20.0, 15.0, 10.0),  # turned at the mean: a ramp
+        (10.0, 20.0, 10.0, 0.0),  # turned at the first speed: a step at the end
+        (0.0, 20.0, 10.0, 20.0),  # from rest
+        (20.0, 0.0, 10.0, -20.0),  # down to rest
+        (20.0, 0.0, 20.0, 0.0),  # held, and stands from there on
+        (20.0, 20.0, 20.0, 0.0),
+    ],
+)
+def test_what_two_states_tell(first, second, turned, acceleration):
+    """A ramp is inferred from the angle turned, nothing else is sent."""
+    one = CamState(0, 3.0, first, "poly345")
+    part = one.until(CamState(NS, 3.0 + turned, second, "poly345"))
+    assert part.acceleration == acceleration

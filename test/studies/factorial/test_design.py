@@ -1,0 +1,251 @@
+"""The factorial study: laws as they are meant, known effects, an answer from the numbers."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cam_rig.errors import ConfigError
+from cam_rig.laws import TURN
+from cam_rig.laws.continuity import joints
+from cam_rig.laws.peaks import peak
+from cam_rig.schema import load_factorial, load_rig
+from cam_rig.studies.factorial.conclusions import answer
+from cam_rig.studies.factorial.criteria import BY_KEY, decided_by
+from cam_rig.studies.factorial.decomposition import advantages
+from cam_rig.studies.factorial.design import EFFECTS, run_factorial
+from cam_rig.studies.factorial.in_contact import fastest, left, staying
+from cam_rig.studies.factorial.laws import as_gentle, squeezed, up_and_down
+from cam_rig.studies.factorial.measures import Bench
+
+RISES = ("simple_harmonic", "poly345", "cycloidal", "poly4567", "bezier9", "modified_sine")
+
+
+@pytest.fixture(scope="module")
+def config(config_dir):
+    """The shipped study with fewer levels."""
+    shipped = load_factorial(config_dir / "factorials" / "continuity.yaml")
+
+    def fewer(key, *numbers):
+        quantity = getattr(shipped, key)
+        return quantity.model_copy(update={quantity.origin: list(numbers)})
+
+    levels = {
+        "events": fewer("events", 105, 135),
+        "gentle": fewer("gentle", 110, 130),
+        "squeezed": fewer("squeezed", 360, 297.5),
+        "accelerated": fewer("accelerated", 250),
+        "noise": fewer("noise", 200, 300),
+    }
+    return shipped.model_copy(update=levels)
+
+
+@pytest.fixture(scope="module")
+def bench(config, config_dir):
+    """Its rigs."""
+    rig, noise_rig = (load_rig(config_dir / "rigs" / f"{n}.yaml") for n in ("paper_table2", "tm21"))
+    return Bench.of(config, rig, noise_rig)
+
+
+@pytest.fixture(scope="module")
+def found(config, bench, laws):
+    """The study, run."""
+    cams = {cam: laws[cam] for cam in ("bezier15", "poly345", "poly4567")}
+    return run_factorial(config, bench, cams)
+
+
+@pytest.mark.parametrize("rise", RISES)
+def test_up_and_down(rise):
+    """It rises and falls by the lift over the angle, dwells in between, its class at the joints."""
+    law = up_and_down(rise, math.radians(100.0), 0.05)
+    at = np.radians([0.0, 39.9, 140.1, 180.0, 219.9, 320.1])
+    assert law(at) == pytest.approx([0.0, 0.0, 0.05, 0.05, 0.05, 0.0], abs=1e-12)
+    assert law(np.radians([90.0, 270.0])) == pytest.approx([0.025, 0.025])
+    assert law.lift == pytest.approx(0.05)
+
+
+def test_same_as_the_shipped_cam(laws):
+    """3-4-5 over 117.5° is the shipped cam."""
+    law = up_and_down("poly345", math.radians(117.5), 0.05)
+    angle = np.linspace(0.0, TURN, 500)
+    assert law(angle) == pytest.approx(laws["poly345"](angle), abs=1e-14)
+
+
+def test_no_dwell_is_left_at_180():
+    """Rise and fall of half a turn each: simple harmonic becomes an eccentric, smooth for ever."""
+    law = up_and_down("simple_harmonic", math.pi, 0.05)
+    assert law.spans.size == 2
+    assert all(joint.continuity >= 4 for joint in joints(law))
+
+
+@pytest.mark.parametrize("rise", RISES)
+def test_as_gentle(rise):
+    """Over its angle each law has the peak acceleration of the reference."""
+    event = math.radians(120.0)
+    reference = up_and_down("poly345", event, 0.05)
+    law = up_and_down(rise, as_gentle(rise, "poly345", event), 0.05)
+    assert abs(peak(law, 2).value) == pytest.approx(abs(peak(reference, 2).value), rel=1e-9)
+
+
+def test_squeezed(laws):
+    """All of the cam's turn in 240°, rest for the remaining 120°, slopes in proportion."""
+    law = squeezed(laws["bezier15"], math.radians(240.0))
+    angle = np.linspace(0.0, TURN, 99, endpoint=False)
+    assert law(angle * 240.0 / 360.0) == pytest.approx(laws["bezier15"](angle), abs=1e-15)
+    assert not law(np.radians([241.0, 300.0, 359.0])).any()
+    ratio = peak(law, 2).value / peak(laws["bezier15"], 2).value
+    assert ratio == pytest.approx(1.5**2, rel=1e-9)
+    assert squeezed(laws["bezier15"], TURN) is laws["bezier15"]
+
+
+def test_sharper_is_worse(found):
+    """For every law shorter events mean an earlier jump, and more acceleration and noise."""
+    for key, sign in (("jump", -1), ("acceleration", 1), ("noise", 1)):
+        values = BY_KEY[key].values(found.same_angles.cells)
+        assert (sign * (values[:, 0] - values[:, 1]) > 0.0).all()
+
+
+def test_ringing_falls_with_continuity(found):
+    """At equal acceleration each higher class leaves less residual vibration, at every angle."""
+    design = found.same_acceleration
+    values = BY_KEY["residual"].values(design.cells)
+    order = np.argsort(design.classes, kind="stable")
+    assert (np.diff(values[order], axis=0) < 0.0).all()
+    assert decided_by(design, BY_KEY["residual"]) == "continuity"
+
+
+def test_noise_of_a_rigid_follower_is_the_slopes(found):
+    """With equal acceleration the law hardly matters to a follower that cannot ring."""
+    assert decided_by(found.same_acceleration, BY_KEY["noise"]) == "slopes"
+
+
+def test_advantage_adds_up(found):
+    """Slopes and ringing make up all of the advantage, by the definition of the rigid follower."""
+    for row in advantages(found):
+        best, other = found.cams["bezier15"], found.cams[row.cam]
+        ringing = math.log(best.jump / best.rigid_jump) - math.log(other.jump / other.rigid_jump)
+        assert row.jump == pytest.approx(row.jump_slopes + ringing)
+        assert 0.5 < row.jump_share < 1.1
+
+
+def test_cells_stand_in_their_places(found, bench):
+    """A cell of a design is the measure of its law and angle."""
+    law = up_and_down("cycloidal", math.radians(135.0), 0.05)
+    assert found.same_angles.cells[2][1] == bench.measure(law)
+    assert list(found.squeezed) == pytest.approx(np.radians([360.0, 297.5]))
+    assert found.squeezed[found.config.squeezed.si_list[0]] == found.cams["bezier15"]
+
+
+def test_answer_has_the_studys_numbers(found):
+    """Every sentence stands, and the verdict follows the shares."""
+    said = answer(found)
+    assert len(said) == 7
+    assert said[0].startswith("Mostly the gentler slopes")
+    shares = [row.jump_share for row in advantages(found)]
+    assert f"{100 * min(shares):.0f} % to {100 * max(shares):.0f} %" in said[0]
+
+
+def test_the_verdict_can_turn(found):
+    """Were the rigid follower to jump alike on all cams, it would be continuity."""
+    cams = {cam: replace(m, rigid_jump=60.0) for cam, m in found.cams.items()}
+    assert answer(replace(found, cams=cams))[0].startswith("Mostly the continuity")
+
+
+def test_cells_that_leave(found):
+    """A cell has left where its jump speed is below the fastest speed its effect was measured at.
+
+    The laws and angles that stay are a full table without any such cell.
+    """
+    design, effect, config = found.same_acceleration, BY_KEY["residual"], found.config
+    speed = fastest(effect, config)
+    assert speed == pytest.approx(400.0 * math.pi / 30.0)
+    jumps = np.array([[m.jump for m in row] for row in design.cells])
+    assert (left(design, effect, config) == (jumps < speed)).all()
+    assert left(design, effect, config)[0].all()  # the one law with a jump of acceleration
+    stay = staying(design, effect, config)
+    assert not left(stay, effect, config).any()
+    assert len(stay.cells) == len(stay.rises) >= 2
+    assert "simple_harmonic" not in stay.rises
+    assert not left(design, BY_KEY["noise"], config).any()  # a rigid follower may fly and land
+    quick = config.model_copy(
+        update={"residual": config.residual.model_copy(update={"assumed": [9e9]})}
+    )
+    assert staying(design, effect, quick) is None
+
+
+def test_the_verdict_counts_the_cells_that_leave(found):
+    """What is measured where the follower has left the cam is not told as if it had not."""
+    gone = int(left(found.same_acceleration, BY_KEY["residual"], found.config).sum())
+    verdict = answer(found)[0]
+    assert f"{gone} leave the cam below 400 rpm" in verdict
+    assert "simple_harmonic 2" in verdict
+    assert "rigid follower, which cannot ring" in verdict
+
+
+def only(found, rises):
+    """A study as it would be with some of its laws."""
+
+    def part(design):
+        rows = [i for i, rise in enumerate(design.rises) if rise in rises]
+        cells = [design.cells[i] for i in rows]
+        return replace(design, rises=tuple(design.rises[i] for i in rows), cells=cells)
+
+    return replace(
+        found,
+        same_angles=part(found.same_angles),
+        same_acceleration=part(found.same_acceleration),
+    )
+
+
+def test_one_class_says_nothing_of_continuity(found):
+    """Laws of one class: no factor from class to class, no second step, no price of continuity."""
+    some = only(found, ("poly345", "cycloidal"))
+    said = " ".join(answer(some))
+    assert "All rises of the study are C2: of continuity they say nothing" in said
+    for words in ("follows continuity", "From C", "between classes", "price", "step to C2"):
+        assert words not in said
+    assert [design.name for design in some.designs] == ["same angles", "same acceleration"]
+
+
+def test_one_law_below_c2_has_no_smooth_design(found):
+    """With a single law of C2 and above there is no table of such laws, and no word of them."""
+    some = only(found, ("simple_harmonic", "poly345"))
+    said = " ".join(answer(some))
+    assert "Each class of the study has one law" in said
+    assert "C2 and above" not in said
+    assert len(some.designs) == 2
+
+
+def test_words_turn_with_the_numbers(found):
+    """Cells of the smoothest law for those of the roughest, and back: every judgement turns."""
+
+    def turned(design):
+        return replace(design, cells=design.cells[::-1])
+
+    other = replace(
+        found,
+        same_angles=turned(found.same_angles),
+        same_acceleration=turned(found.same_acceleration),
+    )
+    said, before = " ".join(answer(other)), " ".join(answer(found))
+    for words in ("the smoother the joint the less", "and it is the sharpest", "step to C2 that"):
+        assert words in before
+        assert words not in said
+    assert "it grows" in said
+
+
+def test_one_follower(config, config_dir):
+    """Two rigs with different masses are no one follower."""
+    rig = load_rig(config_dir / "rigs" / "paper_table2.yaml")
+    mass = rig.follower.mass.model_copy(update={"given": 2.0})
+    follower = rig.follower.model_copy(update={"mass": mass})
+    other = rig.model_copy(update={"follower": follower})
+    with pytest.raises(ConfigError, match=r"1\.3 kg on paper_table2 and 2 kg on .*; allowed"):
+        Bench.of(config, rig, other)
+
+
+def test_effects_are_measures(found):
+    """Each effect names a measure."""
+    for effect in EFFECTS:
+        assert np.isfinite(effect.values(found.same_angles.cells)).all()

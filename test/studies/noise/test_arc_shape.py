@@ -1,0 +1,75 @@
+"""The arc cam's three numbers: there and back, and found again from its own sound."""
+
+import numpy as np
+import pytest
+
+from cam_rig.errors import LawError
+from cam_rig.laws.cam import arc_cam
+from cam_rig.simulation.levels import cubic
+from cam_rig.simulation.settled_turns import Acoustics, settled_turns
+from cam_rig.studies.noise.arc_shape import ArcShape, ShapeProblem
+from cam_rig.studies.noise.calibration import rms
+
+SPEEDS = np.array([200.0, 240.0, 280.0, 320.0, 360.0, 400.0]) * np.pi / 30.0
+
+
+def test_shape_of_a_cam_file(cams, laws):
+    """Lift, event and flank give the nose back, and the same law."""
+    shape = ArcShape.of(cams["tm21"])
+    circles = arc_cam(cams["tm21"])
+    assert shape.nose(circles.base_radius) == pytest.approx(2.0 * circles.nose_half_angle, rel=1e-9)
+    angle = np.linspace(0.0, 6.0, 50)
+    np.testing.assert_allclose(shape.law(cams["tm21"])(angle, 0), laws["tm21"](angle, 0), atol=1e-9)
+
+
+def test_impossible_shape_is_refused(cams):
+    """A lift that no arcs of this event reach is an error that names the cam."""
+    with pytest.raises(LawError, match="tm21"):
+        ArcShape(0.5, 1.0, 2.0).law(cams["tm21"])
+
+
+@pytest.fixture
+def problem(make_stage):
+    """A curve made by a shape like the filed one, 4 % lower and 2 % shorter."""
+    stage = make_stage(cams=["tm21"], speeds=[200])
+    cam, acoustics = stage.cams["tm21"], Acoustics(stage.radiation)
+
+    def turn(law):
+        return settled_turns(law, "one_mass", stage.follower, SPEEDS)
+
+    true = ArcShape.of(cam).scaled(0.96, 0.98)
+    return ShapeProblem(cam, acoustics.levels(turn(true.law(cam))), turn), acoustics, true
+
+
+def test_fit_matches_the_curve_a_shape_was_made_with(problem):
+    """From the filed shape, the curve of another is matched to 0.1 dB, the flank kept."""
+    problem, acoustics, true = problem
+    found = problem.fit(ArcShape.of(problem.cam), acoustics)
+    left = cubic(SPEEDS) @ problem.heard(found).difference(acoustics)
+    assert rms(left) < 0.1
+    assert found.curvature == true.curvature
+
+
+def test_sensitivity_is_the_derivative(problem):
+    """Of lift and event, against a wider symmetric difference, where the follower keeps contact."""
+    problem, acoustics, true = problem
+    slope = problem.seen(true, acoustics).sensitivity
+    for axis, step in enumerate(np.diag([0.05, 0.05])):
+        up, down = (
+            acoustics.levels(problem.heard(true.scaled(*(1.0 + s * step))).turns) for s in (1, -1)
+        )
+        np.testing.assert_allclose(slope[:3, axis], (up - down)[:3] / 0.1, rtol=0.25, atol=0.7)
+
+
+def test_a_shape_is_run_once(make_stage):
+    """Fits to other constants begin at the same shapes, which are kept."""
+    stage, runs = make_stage(cams=["tm21"], speeds=[200]), []
+
+    def turn(law):
+        runs.append(law)
+        return settled_turns(law, "one_mass", stage.follower, SPEEDS[:1])
+
+    problem = ShapeProblem(stage.cams["tm21"], np.zeros(1), turn)
+    shape = ArcShape.of(stage.cams["tm21"])
+    assert problem.heard(shape) is problem.heard(shape)
+    assert len(runs) == 1

@@ -1,0 +1,72 @@
+"""Resampling, bands and crossings, against cases whose answer is known."""
+
+import numpy as np
+import pytest
+
+from cam_rig.studies.noise import bootstrap
+from cam_rig.studies.noise.bootstrap import Band, crossing, points_crossing, resample, sure_crossing
+
+RPM = np.linspace(200.0, 400.0, 21)
+
+
+def test_draws_are_blocks_of_the_residual():
+    """Each draw is runs of neighbours, joined; over all draws every value is as likely."""
+    residual = np.arange(21.0)
+    draws = resample(residual, np.random.default_rng(2))
+    assert draws.shape == (bootstrap.DRAWS, 21)
+    inner = np.diff(draws, axis=1).reshape(-1, 20)
+    joints = [bootstrap.BLOCK - 1, 2 * bootstrap.BLOCK - 1]
+    within = np.delete(inner, joints, axis=1)
+    assert set(np.unique(within)) == {1.0, -20.0}  # the next speed, or round the end
+    share = np.bincount(draws.astype(int).ravel(), minlength=21) / draws.size
+    np.testing.assert_allclose(share, 1.0 / 21.0, rtol=0.1)
+
+
+def test_band_holds_95_percent():
+    """Of normal draws the band is ±1.96 deviations, and holds a curve that lies within."""
+    draws = np.random.default_rng(4).normal(80.0, 2.0, size=(20_000, 3))
+    band = Band.of(draws)
+    np.testing.assert_allclose(band.high - 80.0, 1.96 * 2.0, atol=0.1)
+    assert band.holds(np.array([80.0, 77.0, 90.0])) == pytest.approx(2.0 / 3.0)
+
+
+def test_crossing_of_known_lines():
+    """80 + 0.1 (x − 330) and 80 cross at 330; the root nearest to the published one counts."""
+    flat = np.full(21, 80.0)
+    assert crossing(RPM, flat + 0.1 * (RPM - 330.0), flat, 335.0) == pytest.approx(330.0, abs=1e-6)
+    bent = flat + 1e-3 * (RPM - 220.0) * (RPM - 340.0)
+    assert crossing(RPM, bent, flat, 335.0) == pytest.approx(340.0, abs=1e-6)
+    assert crossing(RPM, bent, flat, 210.0) == pytest.approx(220.0, abs=1e-6)
+    assert crossing(RPM, flat + 1.0, flat, 335.0) is None
+
+
+def test_crossing_of_points():
+    """Levels joined by straight lines cross where the lines do, nearest to the published speed."""
+    flat = np.full(21, 80.0)
+    straight = flat + 0.1 * (RPM - 333.0)
+    assert points_crossing(RPM, straight, flat, 335.0) == pytest.approx(333.0)
+    kinked = flat + np.interp(RPM, [200.0, 300.0, 320.0, 400.0], [1.0, -1.0, -1.0, 1.0])
+    assert points_crossing(RPM, kinked, flat, 335.0) == pytest.approx(360.0)
+    assert points_crossing(RPM, kinked, flat, 240.0) == pytest.approx(250.0)
+    assert points_crossing(RPM, flat + 1.0, flat, 335.0) is None
+
+
+def test_deviation_of_a_crossing():
+    """A level that is out by 0.5 dB moves a crossing of slope 0.1 dB/rpm by 5 rpm."""
+    flat, rising = np.full(21, 80.0), 80.0 + 0.1 * (RPM - 335.0)
+    shift = np.random.default_rng(6).normal(0.0, 0.5, size=(bootstrap.DRAWS, 1))
+    draws = (np.broadcast_to(flat, (bootstrap.DRAWS, 21)), rising + shift)
+    found = sure_crossing(RPM, (flat, rising), draws, 335.0)
+    assert found.rpm == pytest.approx(335.0, abs=1e-6)
+    assert found.deviation == pytest.approx(5.0, rel=0.1)
+    assert found.high - found.low == pytest.approx(2 * 1.96 * 5.0, rel=0.1)
+    assert found.missing == 0.0
+
+
+def test_draws_that_do_not_cross_are_counted():
+    """Where no draw crosses there is no interval, and the share says so."""
+    flat = np.full((50, 21), 80.0)
+    found = sure_crossing(RPM, (flat[0], flat[0] + 1.0), (flat, flat + 1.0), 335.0)
+    assert found.rpm is None
+    assert np.isnan(found.low)
+    assert found.missing == 1.0

@@ -1,0 +1,74 @@
+"""Fits find the constants that a curve was made with, and say what they cannot."""
+
+import numpy as np
+import pytest
+
+from cam_rig.simulation.settled_turns import Acoustics, settled_turns
+from cam_rig.studies.noise.calibration import (
+    Heard,
+    by_substitution,
+    rms,
+    sensitivity,
+    two_constants,
+)
+
+SPEEDS = np.linspace(200.0, 400.0, 11) * np.pi / 30.0
+
+
+@pytest.fixture
+def heard(make_stage):
+    """A function that hears a cam whose published levels are those of given constants."""
+    stage = make_stage()
+
+    def hear(cam, true):
+        turns = settled_turns(stage.laws[cam], "one_mass", stage.follower, SPEEDS)
+        return Heard(cam, turns, true.levels(turns))
+
+    return hear
+
+
+def test_two_constants_are_recovered(make_stage, heard):
+    """From one cam or two: gain and corner come back."""
+    start = Acoustics(make_stage().radiation)
+    true = start.with_constants(2e-4, 12.0)
+    for cams in (["poly345"], ["poly345", "bezier15"]):
+        found = two_constants([heard(cam, true) for cam in cams], start).radiation
+        assert found.gain == pytest.approx(2e-4, rel=1e-5)
+        assert found.corner == pytest.approx(12.0, rel=1e-5)
+
+
+def test_substitution_carries_over(make_stage, heard):
+    """What one cam measures of the rig's speed response holds for another, to 0.05 dB.
+
+    The reference's corner is first fitted as if there were no response, so not all of it is exact.
+    """
+    start = Acoustics(make_stage().radiation)
+    r = start.radiation
+    true = start.with_constants(r.gain, r.corner, (0.5, -0.4, 0.3))
+    found = by_substitution(heard("poly345", true), start)
+    assert heard("poly345", true).rms(found) < 0.02
+    assert heard("bezier15", true).rms(found) < 0.2
+    plain = two_constants([heard("poly345", true)], start)
+    assert heard("bezier15", true).rms(found) < heard("bezier15", true).rms(plain)
+
+
+@pytest.mark.parametrize("response", [(), (0.5, -0.4, 0.3)])
+def test_sensitivity_is_the_derivative(make_stage, heard, response):
+    """A small change of a constant moves the levels as the sensitivity says."""
+    r = make_stage().radiation
+    acoustics = Acoustics(r, response)
+    cam = heard("bezier15", acoustics)
+    slope = sensitivity(cam, acoustics)
+    louder = acoustics.with_constants(r.gain * 1.001, r.corner, response)
+    np.testing.assert_allclose(
+        cam.difference(louder), slope[:, 0] * np.log(1.001), rtol=1e-2, atol=1e-6
+    )
+    assert slope.shape == (SPEEDS.size, 4 if response else 2)
+    if response:
+        tilted = acoustics.with_constants(r.gain, r.corner, (0.501, -0.4, 0.3))
+        np.testing.assert_allclose(cam.difference(tilted), slope[:, 1] * 1e-3, rtol=1e-2, atol=1e-7)
+
+
+def test_rms():
+    """Root mean square."""
+    assert rms(np.array([3.0, -4.0])) == pytest.approx(np.sqrt(12.5), rel=1e-15)

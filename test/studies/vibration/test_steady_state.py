@@ -1,0 +1,229 @@
+"""Residual and torsional vibration: what is left in the low dwell, and known limits."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.dynamics.kinetostatic import state_at
+from cam_rig.dynamics.torsional.model import from_rig as shaft_of
+from cam_rig.errors import DynamicsError
+from cam_rig.laws import build_law
+from cam_rig.schema import load_rig
+from cam_rig.studies.cam_set import open_lineup
+from cam_rig.studies.factorial.laws import squeezed
+from cam_rig.studies.jump.contact_limit import leaving_speed
+from cam_rig.studies.jump.jump_speed import jump_speed
+from cam_rig.studies.jump.rigid import rigid_jump_speed
+from cam_rig.studies.jump.search import RPM
+from cam_rig.studies.vibration.claims import Claim, vibration_claims
+from cam_rig.studies.vibration.comparison import vibration_table
+from cam_rig.studies.vibration.dwell import low_dwell
+from cam_rig.studies.vibration.steady_state import ringing, steady_turn, steady_twist, vibration
+
+FIVE = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
+
+
+@pytest.fixture(scope="module")
+def lineup(config_dir):
+    """The five laws on the rig of the paper's jump speeds."""
+    cams = [config_dir / "cams" / f"{name}.yaml" for name in FIVE]
+    return open_lineup(cams, config_dir / "rigs" / "paper_table2.yaml")
+
+
+@pytest.fixture(scope="module")
+def soft(lineup):
+    """Its follower as one mass on the stem."""
+    return FollowerParameters.from_rig(lineup.rig)
+
+
+def test_low_dwell_goes_around_the_turn(laws):
+    """The dwell of a cam that rests about θ = 0 is one stretch; the high dwell is not meant."""
+    found = low_dwell(laws["poly345"])
+    assert found.dwell
+    assert np.degrees([found.start, found.span]) == pytest.approx([328.75, 62.5])
+    inside = np.radians([330.0, 0.0, 31.0, 32.0, 180.0])
+    assert found.holds(inside).tolist() == [True, True, True, False, False]
+
+
+def test_low_dwell_anywhere(make_cam):
+    """A cam that rests low in mid-turn is read there."""
+    cam = make_cam(
+        {"law": "dwell", "span": 90},
+        {"law": "poly345", "to": 0, "span": 60},
+        {"law": "dwell", "span": 100},
+        {"law": "poly345", "to": 1, "span": 110},
+    )
+    found = low_dwell(build_law(cam))
+    assert np.degrees([found.start, found.span]) == pytest.approx([150.0, 100.0])
+
+
+def test_a_law_that_never_rests(laws):
+    """Bézier 15 has no low dwell: 62.5° about θ = 0 stand in, and it says so."""
+    found = low_dwell(laws["bezier15"])
+    assert not found.dwell
+    assert np.degrees([found.start, found.span]) == pytest.approx([328.75, 62.5])
+
+
+def test_a_law_that_never_rests_is_read_at_its_lowest(make_cam):
+    """Wherever that is: at θ = 0 this cam is at its top."""
+    cam = make_cam(
+        {"law": "poly345", "to": 0, "span": 200},
+        {"law": "poly345", "to": 1, "span": 160},
+    )
+    found = low_dwell(build_law(cam))
+    assert not found.dwell
+    assert np.degrees(found.middle) == pytest.approx(200.0)
+
+
+@pytest.mark.parametrize("cam", ["poly345", "poly4567", "cycloidal", "bezier_segments"])
+def test_in_a_dwell_all_vibration_is_ringing(laws, soft, cam):
+    """Where the cam rests nothing drives the stem: it swings by twice the ringing, dying out."""
+    found = vibration(laws[cam], soft, None, 300.0 * RPM)
+    assert 1.9 * found.ringing < found.swing <= 2.0 * found.ringing
+
+
+def test_acceleration_on_a_stiff_stem_is_the_laws(laws, follower):
+    """A stem of 3.3e8 N/m under a C3 law: the follower's acceleration is h s'' Ω², to 0.1 %."""
+    turn = steady_turn(laws["poly4567"], follower, 300.0 * RPM)
+    expected = laws["poly4567"](turn.angle, 2) * (300.0 * RPM) ** 2
+    assert turn.acceleration == pytest.approx(expected, abs=1e-3 * np.abs(expected).max())
+
+
+def test_vibration_is_what_the_share_leaves(laws, soft):
+    """r is x less the static share of the lift."""
+    turn = steady_turn(laws["poly345"], soft, 300.0 * RPM)
+    share = soft.stem_stiffness / (soft.stem_stiffness + soft.spring_stiffness)
+    left = turn.displacement - share * laws["poly345"](turn.angle)
+    assert turn.vibration == pytest.approx(left, abs=1e-12)
+
+
+def test_ringing_at_many_speeds_is_that_at_one(laws, soft):
+    """Speeds together or alone: the same."""
+    speeds = np.array([200.0, 300.0, 380.0]) * RPM
+    alone = [ringing(laws["cycloidal"], soft, speeds[i : i + 1])[0] for i in range(3)]
+    assert ringing(laws["cycloidal"], soft, speeds) == pytest.approx(np.array(alone), rel=1e-9)
+
+
+def test_twist_on_a_stiff_shaft_is_torque_over_stiffness(laws, lineup):
+    """A shaft that hardly gives twists by F s'/k as the cam's torque asks, to 1 %."""
+    shaft = replace(shaft_of(lineup.rig), shaft_stiffness=1e7, shaft_damping=10.0)
+    speed = 300.0 * RPM
+    angle, twist = steady_twist(laws["poly4567"], shaft, speed)
+    forces = [
+        state_at(laws["poly4567"], shaft.follower, float(a), speed).contact_force for a in angle
+    ]
+    torque = np.array(forces) * laws["poly4567"](angle, 1)
+    peak = np.abs(torque).max() / 1e7
+    assert twist == pytest.approx(-torque / 1e7, abs=0.01 * peak)
+
+
+def test_no_steady_state(laws, soft):
+    """Without damping a harmonic at the stem's own frequency is no steady state."""
+    undamped = replace(soft, damping=0.0)
+    rate = np.sqrt((soft.stem_stiffness + soft.spring_stiffness) / soft.mass)
+    rpm = f"{rate / 24.0 / RPM:.6g}"
+    with pytest.raises(DynamicsError, match=rf"no steady state at {rpm} rpm"):
+        vibration(laws["poly345"], undamped, None, rate / 24.0)
+
+
+def test_what_the_paper_says(lineup):
+    """At 250 and 300 rpm: Bézier 15 is gentlest to follower, stem and shaft, as in the paper."""
+    table = vibration_table(lineup, (250.0, 300.0))
+    claims = vibration_claims(table)
+    assert len(claims) == 4
+    assert {claim.verdict for claim in claims} == {"agrees"}
+    assert list(table.at(300.0)) == list(FIVE)
+
+
+def test_residual_vibration_is_told_by_both_measures(lineup):
+    """By what joints have kicked Bézier 15 leaves least, by what moves in the window it does not.
+
+    The verdict says by what, and what the other measure says.
+    """
+    table = vibration_table(lineup, (300.0,))
+    (claim,) = [c for c in vibration_claims(table) if c.source == "fig. 5"]
+    at = table.at(300.0)
+    assert max(at, key=lambda cam: at[cam].swing) == "bezier15"
+    assert claim.told == "by the ringing agrees; by the swing in the window disagrees"
+
+
+def test_a_cam_that_is_left_is_marked_and_not_asked(lineup):
+    """Beyond its jump speed eq. 5 holds on a follower that has left: no case for the paper."""
+    table = vibration_table(lineup, (300.0, 400.0, 500.0))
+    follower = TwoMassParameters.from_rig(lineup.rig)
+    jumps = {cam: jump_speed(law, follower).rpm for cam, law in lineup.laws.items()}
+    assert table.leaves == pytest.approx(jumps, rel=1e-4)
+    assert table.left(300.0) == []
+    assert set(table.left(400.0)) == {"poly4567", "bezier_segments"}
+    assert set(table.left(500.0)) == set(FIVE) - {"bezier15"}
+    assert {claim.cases for claim in vibration_claims(table)} == {1}
+    assert Claim("", "", 0, 0).verdict.startswith("cannot be told")
+
+
+def test_when_a_cam_is_left(config_dir, laws, lineup):
+    """Where its velocity jumps or nothing presses, at any speed; without two masses, as a rigid."""
+    assert leaving_speed(laws["worked_example_constant_velocity"], lineup.rig) == 0.0
+    slack = lineup.rig.follower.preload.model_copy(update={"identified": 0.0})
+    follower = lineup.rig.follower.model_copy(update={"preload": slack})
+    assert leaving_speed(laws["poly345"], lineup.rig.model_copy(update={"follower": follower})) == 0
+    rigid = load_rig(config_dir / "rigs" / "tm21.yaml")
+    expected = rigid_jump_speed(laws["poly345"], FollowerParameters.from_rig(rigid))
+    assert leaving_speed(laws["poly345"], rigid) == expected
+
+
+def test_verdicts():
+    """All, none or some of the cases."""
+    words = [Claim("", "", holds, 3).verdict for holds in (3, 2, 0)]
+    assert words == ["agrees", "agrees in part", "disagrees"]
+
+
+def test_a_rig_without_a_shaft(config_dir, lineup):
+    """No shaft, no twist, and nothing is said of it."""
+    bare = replace(lineup, rig=load_rig(config_dir / "rigs" / "tm21.yaml"))
+    table = vibration_table(bare, (300.0,))
+    assert all(row[0].twist is None for row in table.measures.values())
+    assert not any("twist" in claim.words for claim in vibration_claims(table))
+
+
+@pytest.mark.parametrize("rpm", [0.0, -3.0, 1e-3, 3200.0, 8000.0, float("nan"), float("inf")])
+def test_speeds_that_mean_nothing(lineup, rpm):
+    """Too slow to sample, or so fast that the stem hardly swings in a turn: refused, with limits.
+
+    At 8000 rpm the stem swings 1.2 times a turn: what is not ringing no longer follows the law.
+    """
+    with pytest.raises(DynamicsError, match=r"speed is .* rpm; allowed: 1 to 31\d\d rpm"):
+        vibration_table(lineup, (300.0, rpm))
+
+
+@pytest.mark.parametrize("cam", FIVE)
+@pytest.mark.parametrize("rpm", [200.0, 1000.0, 3000.0])
+def test_steady_turn_is_the_fourier_series(laws, soft, cam, rpm):
+    """Up to the limit the turn is the sum of its harmonics, and ringing no more than all of it."""
+    turn = steady_turn(laws[cam], soft, rpm * RPM)
+    n = np.arange(turn.angle.size // 2 + 1) * rpm * RPM
+    stiffness = soft.stem_stiffness + soft.spring_stiffness
+    passed = soft.stem_stiffness / (stiffness - soft.mass * n**2 + 1j * soft.damping * n)
+    expected = np.fft.irfft(np.fft.rfft(laws[cam](turn.angle)) * passed, turn.angle.size)
+    assert turn.displacement == pytest.approx(expected, abs=1e-9)
+    found = vibration(laws[cam], soft, None, rpm * RPM)
+    assert found.ringing <= 1.1 * np.abs(turn.vibration).max()
+    if found.window.dwell:  # nothing else vibrates there
+        inside = np.abs(turn.vibration[found.window.holds(turn.angle)]).max()
+        assert found.ringing == pytest.approx(inside, rel=0.05)
+
+
+def test_a_law_too_steep_to_split(laws, soft):
+    """Ringing that is larger than all that vibrates is an artefact of the split, and refused.
+
+    So it is where the high derivatives of a fitted law grow faster than the stem can follow.
+    """
+    law = squeezed(laws["cycloidal"], np.radians(60.0))
+    with pytest.raises(DynamicsError, match=r"ringing of .* in a vibration of .*; allowed: speeds"):
+        ringing(law, soft, np.array([3000.0 * RPM]))
+
+
+def test_speeds_given_twice_count_once(lineup):
+    """The same speed again is no second case."""
+    assert vibration_table(lineup, (300.0, 300.0)).rpm == (300.0,)

@@ -1,0 +1,161 @@
+"""Opening the viewer fails with words, and the command line says them."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from cam_rig.cli.runs.view import view
+from cam_rig.errors import CamRigError
+from cam_rig.viewer.run_recorder import RunDrawing
+from cam_rig.viewer.server import process as viewer
+
+from ..conftest import SmallBag
+
+app = typer.Typer()
+app.command()(view)
+
+
+@pytest.fixture
+def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A Linux machine without a screen."""
+    monkeypatch.setattr(sys, "platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def test_a_viewer_that_fails_is_an_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Its exit code is told, with the way out."""
+    monkeypatch.setattr(viewer, "COMMAND", "import sys; sys.exit(3)")
+    with pytest.raises(CamRigError, match=r"ended with code 3.*--save"):
+        viewer.show(tmp_path / "a.rrd")
+
+
+def test_the_viewer_gets_the_file_and_listens_to_nobody_else(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The recording comes last; the viewer's server is bound to loopback."""
+    said = tmp_path / "said"
+    monkeypatch.setattr(
+        viewer, "COMMAND", f"import sys; open({str(said)!r}, 'w').write(str(sys.argv))"
+    )
+    viewer.show(tmp_path / "a.rrd")
+    assert said.read_text().endswith(
+        f"'--bind', '127.0.0.1', '--hide-welcome-screen', '--new', '{tmp_path / 'a.rrd'}']"
+    )
+
+
+@pytest.mark.usefixtures("no_display")
+def test_without_a_screen_the_command_says_so(bag: SmallBag) -> None:
+    """Exit code 1, one line, before any work is done."""
+    result = CliRunner().invoke(app, [str(bag.path)])
+    assert result.exit_code == 1
+    assert "no display to open the viewer on" in result.stderr
+    assert "--save FILE.rrd" in result.stderr
+
+
+@pytest.mark.usefixtures("no_display")
+def test_saving_needs_no_screen_and_tells_path_and_size(bag: SmallBag, tmp_path: Path) -> None:
+    """The folder is made; a second time the file is in the way, but for --force."""
+    path = tmp_path / "out" / "a.rrd"
+    command = [str(bag.path), "--save", str(path)]
+    first, second = (CliRunner().invoke(app, command) for _ in range(2))
+    assert first.exit_code == 0
+    assert re.fullmatch(rf"{re.escape(str(path))}: \d+\.\d MB", first.stderr.strip())
+    assert second.exit_code == 1
+    assert "exists already" in second.stderr
+    assert CliRunner().invoke(app, [*command, "--force"]).exit_code == 0
+
+
+def test_the_viewer_reports_no_usage(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Rerun keeps quiet where CI is set, and the user's own settings are not touched."""
+    said = tmp_path / "said"
+    monkeypatch.delenv("CI", raising=False)
+    words = f"import os; open({str(said)!r}, 'w').write(os.environ['CI'])"
+    monkeypatch.setattr(viewer, "COMMAND", words)
+    viewer.show(tmp_path / "a.rrd")
+    assert said.read_text() == "1"
+
+
+@pytest.mark.parametrize("rpm", ["500", "nan", "inf", "-300"])
+def test_a_speed_that_was_not_run_cannot_be_compared(
+    bag: SmallBag, tmp_path: Path, rpm: str
+) -> None:
+    """The message names the speeds that can, and nothing is written."""
+    path = tmp_path / "a.rrd"
+    command = [str(bag.path), "--save", str(path), "--layout", "compare", "--rpm", rpm]
+    result = CliRunner().invoke(app, command)
+    assert result.exit_code == 2
+    assert f"{rpm} rpm: the scene has no such speed; allowed: 300, 700" in result.stderr
+    assert not path.exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "words"),
+    [
+        (["--save", "{tmp}/a.rrd", "--web"], 2, "--save and --web"),
+        (["--force"], 2, "--force: overwrites the file of --save"),
+        (["--save", "{tmp}"], 1, "is a folder; name a file in it, such as"),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(
+    bag: SmallBag, tmp_path: Path, options: list[str], code: int, words: str
+) -> None:
+    """None is left out silently."""
+    command = [str(bag.path), *(option.format(tmp=tmp_path) for option in options)]
+    result = CliRunner().invoke(app, command)
+    assert result.exit_code == code
+    assert words in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("before", [signal.SIG_IGN, signal.default_int_handler])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_nothing_is_left_of_a_file_that_was_interrupted(
+    bag: SmallBag,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    number: signal.Signals,
+    before: signal.Handlers,
+) -> None:
+    """The signal comes in the middle of the drawing: code 130, and no part of the file.
+
+    Also where it was ignored before, as behind `nohup` or in the background of a script.
+    """
+    seen: list[list[str]] = []
+
+    def interrupt(*_: object) -> None:
+        seen.append(os.listdir(tmp_path))
+        os.kill(os.getpid(), number)
+
+    monkeypatch.setattr(RunDrawing, "tick", interrupt)
+    own = signal.signal(number, before)
+    try:
+        result = CliRunner().invoke(app, [str(bag.path), "--save", str(tmp_path / "a.rrd")])
+        assert signal.getsignal(number) is before
+    finally:
+        signal.signal(number, own)
+    assert seen == [["a.rrd.drawn.part"]]
+    assert result.exit_code == 130
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupted_process_ends_with_130(bag: SmallBag, tmp_path: Path) -> None:
+    """As a shell sees it."""
+    stop = (
+        "import os, signal; from cam_rig.viewer.run_recorder import RunDrawing as R\n"
+        "R.tick = lambda *a: os.kill(os.getpid(), signal.SIGTERM)\n"
+        "from cam_rig.cli.main import main; main()"
+    )
+    arguments = ["view", str(bag.path), "--save", str(tmp_path / "a.rrd")]
+    ended = subprocess.run([sys.executable, "-c", stop, *arguments], check=False)
+    assert ended.returncode == 130
+    assert list(tmp_path.iterdir()) == []

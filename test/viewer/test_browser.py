@@ -1,0 +1,126 @@
+"""The picture in a real browser: every curve can be seen, and a missing one is missed."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from cam_rig.drawing import colours
+from cam_rig.viewer.browser import count, open_browser, photograph, why_no_browser
+from cam_rig.viewer.charts import series
+from cam_rig.viewer.charts.series import SeriesWriter
+from cam_rig.viewer.recording import save_recording
+from cam_rig.viewer.server.web import serve_file
+
+from .browser import Visit, look
+from .conftest import SmallBag
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+pytestmark = pytest.mark.slow
+#: A red box at once, and a green one that comes later.
+LATE = """<body style="margin:0"><div style="width:100px;height:100px;background:#f00"></div>
+<div id="late" style="width:0;height:100px;background:#0f0"></div>
+<script>setTimeout(() => { late.style.width = "400px"; }, 1000);</script></body>"""
+
+#: What has to be seen of the small run, by its own colour.
+SHOWN = {
+    line.entity: line.colour
+    for line in (
+        series.LIFT,
+        series.LAW,
+        series.VELOCITY,
+        series.ACCELERATION,
+        series.FORCE,
+        series.ZERO,
+        series.LEVEL,
+        series.SPEED,
+        series.LANDING,
+        series.LIFT_OFF,
+    )
+} | {"bars": colours.BANDS, "cam": colours.CAMS[0], "follower": colours.FOLLOWER}
+LEFT_OUT = series.VELOCITY
+#: Of no curve, and as far from each as the curves are from each other.
+NOBODYS = {"red": 0xFF0000FF, "green": 0x00FF00FF, "blue": 0x0000FFFF, "pink": 0xFF00FFFF}
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Browser]:
+    """One browser for all visits."""
+    if why := why_no_browser():
+        pytest.skip(f"no browser: {why}")
+    with open_browser() as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def visit(chromium: Browser, bag: SmallBag, tmp_path_factory: pytest.TempPathFactory) -> Visit:
+    """The small run as the command would serve it."""
+    path = tmp_path_factory.mktemp("web") / "small run.rrd"
+    save_recording(bag.path, path)
+    with serve_file(path) as address:
+        return look(chromium, address, SHOWN | NOBODYS, frozenset(NOBODYS))
+
+
+def test_every_curve_is_seen(visit: Visit) -> None:
+    """Pixels of each series' own colour, and none of a colour that nothing was drawn in.
+
+    The time to the first of them is told.
+    """
+    print(f"first picture after {visit.seconds:.1f} s, pixels: {visit.most}")
+    assert visit.missing() == set(NOBODYS)
+
+
+def test_a_photograph_waits_for_every_colour(
+    chromium: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A page whose second box comes later: the picture has both."""
+    page = tmp_path / "page.html"
+    page.write_text(LATE, encoding="utf-8")
+    monkeypatch.setattr("cam_rig.viewer.browser.open_browser", lambda: nullcontext(chromium))
+    pixels = photograph(page.as_uri(), (0xFF0000FF, 0x00FF00FF), settled=0x00FF00FF)
+    assert count(pixels, 0xFF0000FF) == 100 * 100
+    assert count(pixels, 0x00FF00FF) == 400 * 100
+
+
+def test_the_page_has_no_errors(visit: Visit) -> None:
+    """Nothing on the console, no exception."""
+    assert visit.errors == []
+
+
+def test_the_page_asks_no_other_machine(visit: Visit) -> None:
+    """No font, no version, no report of use: it works offline and tells nobody."""
+    assert visit.outside == []
+
+
+@pytest.mark.long
+def test_a_curve_that_is_left_out_is_missed(
+    chromium: Browser, bag: SmallBag, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same run without its velocity: that curve and no other is not seen."""
+    add = SeriesWriter.add
+
+    def add_others(self: SeriesWriter, *values: object) -> None:
+        if self.series is not LEFT_OUT:
+            add(self, *values)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(SeriesWriter, "add", add_others)
+    path = tmp_path / "poor.rrd"
+    save_recording(bag.path, path)
+    wanted = {LEFT_OUT.entity: LEFT_OUT.colour, series.FORCE.entity: series.FORCE.colour}
+    with serve_file(path) as address:
+        seen = look(chromium, address, wanted, frozenset({LEFT_OUT.entity}))
+    assert seen.missing() == {LEFT_OUT.entity}
+
+
+def test_no_two_curves_look_alike() -> None:
+    """Else the one could stand for the other."""
+    for one, other in itertools.combinations(SHOWN.values(), 2):
+        channels = [abs((one >> shift & 255) - (other >> shift & 255)) for shift in (24, 16, 8)]
+        assert max(channels) > 28

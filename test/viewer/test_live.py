@@ -1,0 +1,122 @@
+"""What a viewer that follows a run has got at every moment: nothing is ahead of the curves."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rerun.chunk import Chunk, RrdReader
+
+from cam_rig.errors import CamRigError
+from cam_rig.simulation.schedule import cam_states
+from cam_rig.viewer import live
+from cam_rig.viewer.charts.series import ACCELERATION, FORCE, LAW, LIFT, VELOCITY, ZERO
+from cam_rig.viewer.live import LivePicture, live_window
+from cam_rig.viewer.server.process import free_port, listening, stream_address
+
+from .conftest import SmallBag
+
+pytestmark = pytest.mark.filterwarnings("ignore:RRD file has no footer")
+CURVES = [f"/{line.entity}" for line in (LIFT, LAW, VELOCITY, ACCELERATION, FORCE, ZERO)]
+#: So short that the small run is several of them.
+WINDOW = 0.2
+
+
+def show(bag: SmallBag, address: str) -> None:
+    """The small run as its nodes would tell it, as fast as it can be drawn."""
+    picture = LivePicture(bag.stage, address)
+    feed, states = picture.feed, list(cam_states(bag.stage.scene))
+    for cam, points in bag.profiles.items():
+        feed.profile(cam, points)
+    feed.state(states[0])
+    told = zip(states[1:], bag.rows, bag.levels, bag.pressures, strict=True)
+    for state, rows, (end, level), pressure in told:
+        feed.state(state)
+        feed.block(rows)
+        feed.level(level)
+        feed.pressure(end, pressure)
+        for _ in feed.draw():
+            pass
+    picture.close()
+
+
+@pytest.fixture(scope="module")
+def arrived(bag: SmallBag, tmp_path_factory: pytest.TempPathFactory) -> list[Chunk]:
+    """The pieces of a live picture in the order in which Rerun's own server took them."""
+    path, port = tmp_path_factory.mktemp("live") / "live.rrd", free_port()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(live, "WINDOW", WINDOW)
+        arguments = ("--serve-grpc", "--port", str(port), "--save", str(path))
+        with listening(*arguments, ports=(port,)):
+            show(bag, stream_address(port))
+            while not (chunks := written(path, bag.samples[0, -1])):
+                time.sleep(0.05)
+    return chunks
+
+
+def written(path: Path, end: float) -> list[Chunk]:
+    """What the server has written, once that goes to the end (s) of every curve; nothing before."""
+    try:
+        chunks = list(RrdReader(path).stream().to_chunks())
+    except RuntimeError:  # it ends in the middle of what is being written
+        return []
+    there = {chunk.entity_path for chunk in chunks if newest(chunk) > end - 1e-3}
+    return chunks if there.issuperset(CURVES) else []
+
+
+def newest(chunk: Chunk) -> float:
+    """The newest rig time (s) in a piece, none where it holds at every time."""
+    batch = chunk.to_record_batch()
+    if "rig_time" not in batch.schema.names:
+        return -np.inf
+    return float(np.max(batch.column("rig_time").cast("int64").to_numpy())) * 1e-9
+
+
+def test_nothing_leads_the_curves_by_more_than_is_shown(
+    bag: SmallBag, arrived: list[Chunk]
+) -> None:
+    """The cursor follows the newest time of anything; every curve has to be there by then.
+
+    Shown is the window before the cursor, so a curve that is behind by less can be seen.
+    """
+    reached, cursor, lead = dict.fromkeys(CURVES, 0.0), 0.0, 0.0
+    for chunk in arrived:
+        if chunk.entity_path in reached:
+            reached[chunk.entity_path] = max(reached[chunk.entity_path], newest(chunk))
+        cursor = max(cursor, newest(chunk))
+        lead = max(lead, cursor - min(reached.values()))
+    end = bag.samples[0, -1]
+    assert end > 5.0 * WINDOW
+    assert min(reached.values()) == pytest.approx(end, abs=1e-3)
+    assert 0.0 < lead <= WINDOW + 1e-9
+
+
+def test_everything_but_curves_comes_after_them(arrived: list[Chunk]) -> None:
+    """Bars, pictures, words and points are never newer than the curves that arrived before."""
+    reached = dict.fromkeys(CURVES, 0.0)
+    others = 0
+    for chunk in arrived:
+        if chunk.entity_path in reached:
+            reached[chunk.entity_path] = max(reached[chunk.entity_path], newest(chunk))
+        elif not chunk.entity_path.startswith("/plots/") and newest(chunk) > 0.0:
+            others += 1
+            assert newest(chunk) <= min(reached.values()) + 1e-3, chunk.entity_path
+    assert others > 20
+
+
+def test_the_window_holds_two_ticks() -> None:
+    """A slow scene's window is longer, for a tick arrives whole."""
+    assert live_window(np.array([0.0, 0.1, 0.2])) == live.WINDOW
+    assert live_window(np.array([0.0, 0.1, 2.1])) == 4.0
+
+
+def test_a_picture_that_nobody_takes_holds_nobody_up(
+    bag: SmallBag, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The whole run is drawn; only its end waits for a viewer, and says that there is none."""
+    address = stream_address(free_port())
+    monkeypatch.setattr(live, "PATIENCE", 0.1)
+    with pytest.raises(CamRigError, match="the viewer has gone"):
+        show(bag, address)

@@ -1,0 +1,78 @@
+"""The bag as it is, without our own drawing: what Rerun's MCAP import makes of it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from cam_rig.bag.files import mcap_file
+from cam_rig.bag.reader import messages
+from cam_rig.messages import topics
+from cam_rig.schema.load import config_root
+from cam_rig.viewer.server.process import COMMAND, SILENT
+
+from .conftest import Picture
+
+#: Packages of interfaces that every ROS 2 installation has: none is our own.
+OF_ROS = (
+    "diagnostic_msgs",
+    "geometry_msgs",
+    "rosgraph_msgs",
+    "sensor_msgs",
+    "std_msgs",
+    "trajectory_msgs",
+)
+GOLDEN = config_root().parent / "bags" / "golden"
+
+
+@pytest.fixture(scope="module")
+def imported(tmp_path_factory: pytest.TempPathFactory) -> Picture:
+    path = tmp_path_factory.mktemp("imported") / "golden.rrd"
+    command = [sys.executable, "-c", COMMAND, "mcap", "convert", str(mcap_file(GOLDEN))]
+    subprocess.run([*command, "-o", str(path)], check=True, env=os.environ | SILENT, timeout=60)
+    return Picture(path)
+
+
+@pytest.mark.parametrize(
+    ("topic", "field"),
+    [
+        (topics.CAM_STATE, "position"),
+        (topics.CAM_STATE, "velocity"),
+        (topics.CAM_STATE, "effort"),
+        (topics.FOLLOWER_STATE, "position"),
+        (topics.FOLLOWER_STATE, "effort"),
+    ],
+)
+def test_joint_states_plot_by_themselves(
+    imported: Picture, topic: topics.Topic, field: str
+) -> None:
+    """Angle, speed and torque of the cam, lift and force of the follower, as in the bag."""
+    shown = imported.numbers(f"{topic.name[1:]}/{field}", "Scalars:scalars")
+    recorded = [getattr(message, field)[0] for _, _, message in messages(GOLDEN, (topic,))]
+    np.testing.assert_array_equal(shown, recorded)
+
+
+def test_the_pressure_plots_by_itself(imported: Picture) -> None:
+    """r.m.s. sound pressure, one value a tick."""
+    shown = imported.numbers(topics.PRESSURE.name[1:], "Measurements:values")
+    recorded = [message.fluid_pressure for _, _, message in messages(GOLDEN, (topics.PRESSURE,))]
+    np.testing.assert_array_equal(shown, recorded)
+
+
+def test_every_message_explains_itself() -> None:
+    """Schemas are in the file, in the encoding that Foxglove and PlotJuggler read."""
+    with mcap_file(GOLDEN).open("rb") as stream:
+        reader = make_reader(stream)
+        assert reader.get_header().profile == "ros2"
+        summary = reader.get_summary()
+    assert summary is not None
+    for channel in summary.channels.values():
+        schema = summary.schemas[channel.schema_id]
+        assert (channel.message_encoding, schema.encoding) == ("cdr", "ros2msg")
+        assert schema.data
+        assert schema.name.split("/")[0] in OF_ROS

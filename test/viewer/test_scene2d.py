@@ -1,0 +1,153 @@
+"""The moving picture is true: the roller is on the contour wherever there is contact."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from cam_rig.drawing import colours
+from cam_rig.drawing.outlines import turned
+from cam_rig.dynamics import FloatArray
+from cam_rig.schema.load import config_root
+from cam_rig.simulation.scene import open_stage
+from cam_rig.viewer.scene2d import ARROW, FRAMES_PER_TURN, frame_mask, greatest_force, shapes
+
+from .conftest import Picture, SmallBag
+
+CAM, FOLLOWER, CONTOUR = "scene/rig/cam", "scene/rig/follower", "scene/rig/cam/contour"
+
+
+def gap(point: FloatArray, outline: FloatArray) -> float:
+    """Distance of a point to a closed polyline ``(n, 2)``, its first point again at the end."""
+    begin, along = outline[:-1], np.diff(outline, axis=0)
+    share = np.sum((point - begin) * along, axis=1) / np.sum(along**2, axis=1)
+    foot = begin + np.clip(share, 0.0, 1.0)[:, None] * along
+    return float(np.hypot(*(point - foot).T).min())
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, 2.0, 4.5, 7.0])
+def test_the_follower_of_the_cams_frame_is_up_in_the_rigs(angle: float) -> None:
+    """What the cam sees towards (sin θ, cos θ) is on the +y axis of the rig."""
+    seen = np.array([[np.sin(angle), np.cos(angle)]])
+    np.testing.assert_allclose(turned(seen, angle), [[0.0, 1.0]], atol=1e-15)
+
+
+def test_each_cam_replaces_the_one_before(bag: SmallBag, picture: Picture) -> None:
+    """One contour at a time: the recorded /cam/profile in mm, closed, when its cam comes on."""
+    strips = picture.column(CONTOUR, "LineStrips2D:strips")
+    assert len(strips) == 2
+    for strip, profile in zip(strips, bag.profiles.values(), strict=True):
+        np.testing.assert_allclose(strip[0][:-1], profile * 1e3, atol=1e-4)
+        assert strip[0][0] == strip[0][-1]
+    half = bag.samples[0, bag.samples.shape[1] // 2]
+    np.testing.assert_allclose(picture.time(CONTOUR), [0.0, half], atol=1e-3)
+
+
+def test_the_picture_turns_the_cam_as_the_drive_did(bag: SmallBag, picture: Picture) -> None:
+    """The recorded rotation is the cam angle at the frame's time, counterclockwise about z."""
+    time, quaternion = picture.time(CAM), picture.numbers(CAM, "Transform3D:quaternion")
+    x, y, z, w = quaternion.T
+    angle = np.interp(time, bag.samples[0], bag.angle)
+    np.testing.assert_allclose(x, 0.0)
+    np.testing.assert_allclose(y, 0.0)
+    np.testing.assert_allclose(w + 1j * z, np.exp(0.5j * angle), atol=1e-6)
+
+
+def test_the_roller_touches_the_turned_contour(bag: SmallBag, picture: Picture) -> None:
+    """In contact the contour is one roller radius from the roller's centre, in flight farther."""
+    time = picture.time(FOLLOWER)
+    place = picture.numbers(FOLLOWER, "Transform3D:translation")[:, :2]
+    _, _, z, w = picture.numbers(CAM, "Transform3D:quaternion").T
+    strips = [np.array(row[0]) for row in picture.column(CONTOUR, "LineStrips2D:strips")]
+    mounted = np.searchsorted(picture.time(CONTOUR), time, side="right") - 1
+    sample = np.abs(bag.samples[0][:, None] - time).argmin(axis=0)
+    force = bag.samples[4, sample]
+    angle = 2.0 * np.arctan2(z, w)
+    gaps = np.array(
+        [gap(p, turned(strips[m], a)) for p, m, a in zip(place, mounted, angle, strict=True)]
+    )
+    assert (force > 0.0).sum() > 200
+    assert (force == 0.0).any()
+    np.testing.assert_allclose(gaps[force > 0.0], 10.0, atol=0.02)
+    assert gaps.min() > 9.98
+    assert gaps[force == 0.0].max() > 10.5
+
+
+def test_frames_come_at_equal_angles_across_blocks() -> None:
+    """One sample a frame, however the samples are cut into blocks."""
+    angle = np.linspace(0.0, 4.0 * np.pi, 5000, endpoint=False)
+    step = angle[1]
+    whole = frame_mask(angle, step)
+    cut = np.concatenate([frame_mask(part, step) for part in np.split(angle, 8)])
+    assert whole.sum() == 2 * FRAMES_PER_TURN
+    np.testing.assert_array_equal(whole, cut)
+    assert frame_mask(angle[::500], 500 * step).all()
+
+
+def test_the_gap_is_drawn_in_flight_and_nowhere_else(bag: SmallBag, picture: Picture) -> None:
+    """From the point the cam would touch straight up by lift minus law; none in contact."""
+    strips = picture.column("scene/rig/gap", "LineStrips2D:strips")
+    sample = np.abs(bag.samples[0][:, None] - picture.time("scene/rig/gap")).argmin(axis=0)
+    flies = bag.samples[4, sample] == 0.0
+    assert [len(row) for row in strips] == flies.astype(int).tolist()
+    assert 10 < flies.sum() < 0.5 * flies.size
+    half = bag.samples.shape[1] // 2
+    for row, i in zip(strips, sample, strict=True):
+        if row:
+            law = list(bag.stage.laws.values())[int(i >= half)]
+            (x0, y0), (x1, y1) = row[0]
+            gap = bag.samples[1, i] - float(law(bag.angle[i]))
+            assert x1 == pytest.approx(x0, abs=1e-4)
+            assert y1 - y0 == pytest.approx(gap * 1e3, abs=1e-3)
+
+
+def test_the_arrow_is_the_contact_force(bag: SmallBag, picture: Picture) -> None:
+    """Its height is the force in the speed's scale, it leans as the normal does, none in flight."""
+    vectors = picture.column("scene/rig/force", "Arrows2D:vectors")
+    origins = picture.column("scene/rig/force", "Arrows2D:origins")
+    sample = np.abs(bag.samples[0][:, None] - picture.time("scene/rig/force")).argmin(axis=0)
+    force = bag.samples[4, sample]
+    assert [len(row) for row in vectors] == (force != 0.0).astype(int).tolist()
+    half = bag.samples.shape[1] // 2
+    touching = [k for k, row in enumerate(vectors) if row and sample[k] < half]
+    height = np.array([vectors[k][0][1] for k in touching])
+    scale = height / force[sample < half][[k for k in touching]]
+    slow = picture.time("scene/rig/force")[touching] < 0.4 - 1e-6
+    for step, rpm in ((slow, 300.0), (~slow, 700.0)):
+        longest = greatest_force(bag.stage, "poly345", rpm * np.pi / 30.0)
+        reach = shapes(bag.stage)["poly345"].reach * 1e3
+        np.testing.assert_allclose(scale[step], ARROW * reach / longest, rtol=1e-5)
+    law = bag.stage.laws["poly345"]
+    config = bag.stage.cams["poly345"].follower
+    for k in touching[::20]:
+        angle = bag.angle[sample[k]]
+        distance = config.base_radius.si + config.roller + float(law(angle))
+        slope = -float(law(angle, 1)) / distance
+        x, y = vectors[k][0]
+        assert x / y == pytest.approx(slope, abs=1e-5)
+        lean = np.array([x, y]) / np.hypot(x, y)
+        centre = np.array(origins[k][0]) + config.roller * 1e3 * lean
+        np.testing.assert_allclose(centre, [0.0, distance * 1e3], atol=1e-3)
+
+
+def test_the_words_under_the_cam_say_speed_and_scale_in_the_cams_colour(
+    bag: SmallBag, picture: Picture
+) -> None:
+    """A label for each step, coloured as the contour above it."""
+    words = [row[0] for row in picture.column("scene/rig/label", "Points2D:labels")]
+    assert len(words) == 4
+    assert re.fullmatch(r"Polynomial 3-4-5, 700 rpm, longest arrow \d+ N", words[1])
+    seen = [row[0] for row in picture.column("scene/rig/label", "Points2D:colors")]
+    assert seen == [colours.CAMS[0], colours.CAMS[0], colours.CAMS[1], colours.CAMS[1]]
+
+
+@pytest.mark.parametrize("scene", ["tm21_sweep", "quick"])
+def test_the_greatest_force_is_seen_at_every_speed(scene: str) -> None:
+    """The preload alone, as in the low dwell, gives an arrow of a few per cent of the reach."""
+    stage = open_stage(config_root() / "scenes" / f"{scene}.yaml")
+    for cam in stage.cams:
+        slowest = min(stage.scene.program.speeds.si_list)
+        share = ARROW * stage.follower.preload / greatest_force(stage, cam, slowest)
+        assert share > 0.025
