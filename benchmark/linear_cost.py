@@ -23,8 +23,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from cam_rig.bench.cases.cases import law_of
-from cam_rig.dynamics import MODELS, NS, FollowerParameters, Interval
+from cam_rig.dynamics import MODELS, FollowerParameters, Interval
 from cam_rig.laws import Law
+from cam_rig.units import NS
 
 MODELS_SHOWN = ("kinetostatic", "residual")
 COLOURS = {"kinetostatic": "tab:blue", "residual": "tab:orange"}

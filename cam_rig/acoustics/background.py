@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cam_rig.dynamics import FloatArray
+from cam_rig.arrays import FloatArray
 
 
 @dataclass

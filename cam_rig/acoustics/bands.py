@@ -9,7 +9,7 @@ import numpy as np
 
 from cam_rig.acoustics.level import level_db
 from cam_rig.acoustics.weighting import CLASS_1
-from cam_rig.dynamics import FloatArray
+from cam_rig.arrays import FloatArray
 
 #: n of the lowest and highest band, 10^(n/10) Hz: nominally 12.5 Hz and 16 kHz.
 BANDS = (11, 42)

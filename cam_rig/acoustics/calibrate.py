@@ -11,10 +11,12 @@ import numpy as np
 from cam_rig.acoustics.level import REFERENCE_PRESSURE
 from cam_rig.acoustics.radiation import RadiationParameters
 from cam_rig.acoustics.steady import mean_square_rate
-from cam_rig.dynamics import FloatArray, FollowerParameters
+from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.contact import loss_intervals
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
+from cam_rig.units import RPM_PER_RAD_S
 
 #: Corner frequencies searched, Hz.
 CORNERS = (1.0, 1000.0)
@@ -48,7 +50,7 @@ def calibrate(
     for speed in speeds:
         if loss_intervals(law, follower, float(speed)):
             raise DynamicsError(
-                f"cam {law.name!r} loses contact at {speed * 30 / math.pi:.0f} rpm; allowed for a "
+                f"cam {law.name!r} loses contact at {speed * RPM_PER_RAD_S:.0f} rpm; allowed for a "
                 "calibration: a cam that keeps contact at every published speed"
             )
     background = np.array([start.background_power(float(s)) for s in speeds])

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from cam_rig.dynamics import FloatArray
+from cam_rig.arrays import FloatArray
 
 
 def structure_response(

@@ -13,7 +13,7 @@ import numpy as np
 
 from cam_rig.acoustics.low_pass import structure_response
 from cam_rig.acoustics.radiation import RadiationParameters
-from cam_rig.dynamics import FloatArray
+from cam_rig.arrays import FloatArray
 
 
 @dataclass(frozen=True)

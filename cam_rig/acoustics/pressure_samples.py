@@ -17,7 +17,7 @@ import numpy as np
 from cam_rig.acoustics.background import Background
 from cam_rig.acoustics.low_pass import structure_response
 from cam_rig.acoustics.radiation import RadiationParameters
-from cam_rig.dynamics import FloatArray
+from cam_rig.arrays import FloatArray
 from cam_rig.errors import RunError
 
 #: Hz, well above what a meter needs for class 1 up to 20 kHz.

@@ -19,7 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cam_rig.acoustics.level import pressure_pa
-from cam_rig.dynamics import FloatArray, FollowerParameters
+from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import FollowerParameters
 from cam_rig.schema import RigConfig
 
 

@@ -13,7 +13,7 @@ from cam_rig.acoustics.sound_level_meter import (
     SoundLevelMeter,
 )
 from cam_rig.acoustics.weighting import class_1_up_to_hz
-from cam_rig.dynamics import FloatArray
+from cam_rig.arrays import FloatArray
 
 #: The 16-bit samples of a sound file reach to this.
 FULL_SCALE = 32767

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.polynomial import Chebyshev
 
-from cam_rig.dynamics import FloatArray
+from cam_rig.arrays import FloatArray
 
 #: Corner frequencies f1 to f4 of annex E, Hz.
 F1, F2, F3, F4 = 20.598997, 107.65265, 737.86223, 12194.217

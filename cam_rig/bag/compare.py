@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.bag.reader import messages
-from cam_rig.dynamics import COLUMNS, FloatArray
+from cam_rig.dynamics import COLUMNS
 from cam_rig.errors import BagError
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, decode_block, stamp_ns

@@ -8,13 +8,13 @@ from collections.abc import Callable
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.bench.cases.cases import DAMPING, MASS, SPRING, STEM, WEIGHT, law_of, rad_per_s
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics import elastic_stem as residual
 from cam_rig.dynamics.linear import sampling as uniform
 from cam_rig.dynamics.linear.sampling import Outputs
 from cam_rig.laws import sampling
-from cam_rig.laws.bernstein import FloatArray
 
 CAM, RPM, SAMPLE_RATE = "bezier15", 400.0, 48_000
 #: Samples in one block, and blocks that are timed.

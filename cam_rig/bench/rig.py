@@ -12,12 +12,12 @@ from cam_rig.bench.cases.models import OneMass, Oscillator, TwoMasses
 from cam_rig.bench.cases.twist import Twist
 from cam_rig.dynamics import FollowerParameters, Interval
 from cam_rig.dynamics import elastic_stem as residual
-from cam_rig.dynamics.interval import NS
 from cam_rig.dynamics.one_mass.trajectory import Course
 from cam_rig.dynamics.torsional import solution as torsion
 from cam_rig.dynamics.two_mass.model import states
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters
 from cam_rig.dynamics.two_mass.trajectory import Separation
+from cam_rig.units import NS
 
 #: A stiffness that plays no part in the result.
 ANY_STIFFNESS = 3.3e8

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError, ProfileError
 from cam_rig.files import MIB, read_bytes, shown
-from cam_rig.laws import TURN
-from cam_rig.laws.bernstein import FloatArray
 from cam_rig.profile.curves.path import Path as Curve
 from cam_rig.schema.quantity import UNITS
+from cam_rig.units import TURN
 
 MM = 1e3
 #: Bytes of a file of contours that is read: 80 000 points as `write_contour` writes them.

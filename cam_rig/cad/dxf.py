@@ -17,8 +17,8 @@ from ezdxf.lldxf.const import DXFError
 from ezdxf.path import make_path
 from shapely import LineString, segmentize
 
+from cam_rig.arrays import FloatArray
 from cam_rig.errors import OutputError, ProfileError
-from cam_rig.laws.bernstein import FloatArray
 
 MM = 1e3
 MARGIN_MM = 5.0

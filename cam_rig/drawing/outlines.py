@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cam_rig.dynamics import FloatArray
+from cam_rig.arrays import FloatArray
 
 #: mm in a metre.
 MM = 1e3

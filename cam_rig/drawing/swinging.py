@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.drawing.follower import FollowerShape, size
 from cam_rig.drawing.outlines import circle, tip
-from cam_rig.dynamics import FloatArray
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.drawing.follower import FollowerShape, size
 from cam_rig.drawing.outlines import bearing, circle, stem, tip
-from cam_rig.dynamics import FloatArray
 
 #: Height of the bearing over the reach, and how far a follower may fly, over the greatest lift.
 BEARING, FLIGHT = 0.1, 0.12

@@ -11,7 +11,6 @@ from cam_rig.dynamics import kinetostatic
 from cam_rig.dynamics.interval import (
     ANGLE_TOLERANCE,
     COLUMNS,
-    NS,
     Block,
     Event,
     FollowerState,
@@ -26,7 +25,6 @@ from cam_rig.dynamics.two_mass import model as separation_block
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.laws import Law
-from cam_rig.laws.bernstein import FloatArray
 from cam_rig.schema import RigConfig
 
 
@@ -54,11 +52,9 @@ __all__ = [
     "ANGLE_TOLERANCE",
     "COLUMNS",
     "MODELS",
-    "NS",
     "Advance",
     "Block",
     "Event",
-    "FloatArray",
     "FollowerParameters",
     "FollowerState",
     "Interval",

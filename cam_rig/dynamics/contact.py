@@ -10,9 +10,10 @@ from functools import lru_cache
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.parameters import FollowerParameters
-from cam_rig.laws import TURN, Law, bernstein
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.laws import Law, bernstein
+from cam_rig.units import TURN
 
 #: A force is known to so many rounding errors of its parts.
 ROUNDING_ERRORS = 16.0

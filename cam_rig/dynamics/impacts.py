@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.interval import Event, SampleGrid
-from cam_rig.laws.bernstein import FloatArray
 
 
 def show_impulses(

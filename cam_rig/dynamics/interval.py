@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.validation import (
     is_number,
     require_angle,
@@ -16,10 +17,8 @@ from cam_rig.dynamics.validation import (
     require_stamp,
 )
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import TURN
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.units import NS, TURN
 
-NS = 1_000_000_000
 #: A speed this small beside the other end's is rest: a ramp down to it ends there by rounding.
 REST = 1e-9
 #: Speeds that differ by less than this fraction are one: a ramp ends at its last speed to rounding.

@@ -15,11 +15,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.linear.free_system import Flight
 from cam_rig.dynamics.root_scan import TOGETHER, clear_cells, fall, step
 from cam_rig.dynamics.velocity_jumps import SAME_PLACE
-from cam_rig.laws import TURN, Law, bernstein
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.laws import Law, bernstein
+from cam_rig.units import TURN
 
 #: A gap reckoned from two places is this many rounding errors of them wrong at most.
 ROUNDING_ERRORS = 16.0

@@ -13,6 +13,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.interval import (
     Block,
     Event,
@@ -23,9 +24,9 @@ from cam_rig.dynamics.interval import (
     speed_change,
 )
 from cam_rig.dynamics.velocity_jumps import SLACK, short_of_kink
-from cam_rig.laws import TURN, Law, bernstein
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.laws import Law, bernstein
 from cam_rig.laws.compose import compose, product
+from cam_rig.units import TURN
 
 #: The ramp takes no more than this much of the substitute cam's turn; the rest is never reached.
 USED = 0.875 * TURN

@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.laws import bernstein
-from cam_rig.laws.bernstein import FloatArray
 
 #: Times that are looked at together.
 TOGETHER = 48

@@ -11,8 +11,8 @@ from typing import TypeGuard
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.errors import DynamicsError
-from cam_rig.laws.bernstein import FloatArray
 
 #: A number above zero is between these, one of either sign no farther from zero, all in SI.
 LEAST, MOST = 1e-15, 1e15

@@ -12,7 +12,8 @@ from itertools import count
 from typing import NamedTuple
 
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import TURN, Law
+from cam_rig.laws import Law
+from cam_rig.units import TURN
 
 #: Rounding (rad) that the angle at a border of two intervals may have: given as one number with
 #: its turns, up to 1e5 of them.

@@ -1,6 +1,6 @@
 """Displacement laws: every family becomes one periodic Bernstein piecewise polynomial."""
 
 from cam_rig.laws.cam import build_law
-from cam_rig.laws.law import TURN, Law
+from cam_rig.laws.law import Law
 
-__all__ = ["TURN", "Law", "build_law"]
+__all__ = ["Law", "build_law"]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import comb
 
-FloatArray = NDArray[np.float64]
+from cam_rig.arrays import FloatArray
 
 EPS = float(np.finfo(np.float64).eps)
 #: Up to so many points one call that runs along them is quicker than a loop over the degree.

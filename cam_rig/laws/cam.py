@@ -7,12 +7,13 @@ import numpy as np
 from cam_rig.errors import LawError
 from cam_rig.laws.arcs.geometry import ConcaveFlankCam
 from cam_rig.laws.arcs.segments import circles
-from cam_rig.laws.law import TURN, Law
+from cam_rig.laws.law import Law
 from cam_rig.laws.named import unit_rise
 from cam_rig.laws.pieces import Pieces, joined
 from cam_rig.laws.segments import own_pieces
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segments import Rise, Segment, TangentArcs
+from cam_rig.units import TURN
 
 #: A step between two segments smaller than this fraction of the lift is rounding.
 STEP_TOLERANCE = 1e-9

@@ -8,10 +8,11 @@ from functools import lru_cache
 import numpy as np
 
 from cam_rig.laws.continuity import joints
-from cam_rig.laws.law import TURN, Law
+from cam_rig.laws.law import Law
 from cam_rig.laws.named import NAMED_RISES, unit_rise
 from cam_rig.laws.peaks import peak
 from cam_rig.laws.pieces import joined
+from cam_rig.units import TURN
 
 #: Laws whose figures depend on the numbers given: name, and what shapes them.
 FREE_LAWS = (

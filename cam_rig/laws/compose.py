@@ -10,7 +10,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from cam_rig.laws.bernstein import FloatArray, binomials
+from cam_rig.arrays import FloatArray
+from cam_rig.laws.bernstein import binomials
 
 
 def product(one: FloatArray, other: FloatArray) -> FloatArray:

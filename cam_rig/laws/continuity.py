@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.arrays import FloatArray
 from cam_rig.laws.law import Law
 
 #: Classes are told apart up to this one; what is smoother counts as it.

@@ -7,9 +7,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.errors import LawError
 from cam_rig.laws import bernstein
-from cam_rig.laws.bernstein import FloatArray
 from cam_rig.laws.pieces import Pieces
 
 #: Degree of the interpolant of the third derivative; the curve itself has three more.

@@ -11,12 +11,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from cam_rig.arrays import FloatArray
 from cam_rig.errors import LawError
 from cam_rig.laws import bernstein
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.units import TURN
 
 Scalar = Callable[[float], float]
-TURN = 2.0 * np.pi
+
 #: A jump of s' is one above this fraction of the lift a rad, and of the slopes beside it; below
 #: it is rounding.
 VELOCITY_JUMP, SLOPE_ROUNDING = 1e-9, 1e-12

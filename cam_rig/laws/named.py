@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
+from cam_rig.arrays import FloatArray
 from cam_rig.laws import fit as analytic
-from cam_rig.laws.bernstein import FloatArray
 from cam_rig.laws.families import rises
 from cam_rig.laws.families.cycloidal import cycloidal
 from cam_rig.laws.families.harmonic import simple_harmonic

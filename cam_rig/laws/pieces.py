@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.laws import bernstein
-from cam_rig.laws.bernstein import FloatArray
 
 #: Breakpoints, and one column of ordinates between each two.
 Pieces = tuple[list[float], list[FloatArray]]

@@ -12,9 +12,10 @@ from functools import lru_cache
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.laws import bernstein
-from cam_rig.laws.bernstein import FloatArray
-from cam_rig.laws.law import TURN, Law
+from cam_rig.laws.law import Law
+from cam_rig.units import TURN
 
 #: Samples in a chunk. Longer ones make the products cheaper and the series longer in range.
 CHUNK = 64

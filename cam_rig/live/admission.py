@@ -6,11 +6,12 @@ import math
 from collections import deque
 from enum import Enum
 
-from cam_rig.dynamics import ANGLE_TOLERANCE, NS
+from cam_rig.dynamics import ANGLE_TOLERANCE
 from cam_rig.dynamics.validation import MOST_ANGLE
 from cam_rig.errors import RefusedError
 from cam_rig.schema import SceneConfig
 from cam_rig.simulation.schedule import CamState
+from cam_rig.units import NS, TURN
 
 #: The fastest cam, rad/s; a scene is bound by the same.
 FASTEST = 1e5 * math.pi / 30.0
@@ -23,7 +24,7 @@ def speeds(scene: SceneConfig) -> tuple[float, float]:
 
     Two at least, as the scene's own; a tick that starts from rest takes twice the time.
     """
-    turned = 2.0 * math.pi / scene.program.ticks_per_turn * scene.sample_rate.si
+    turned = TURN / scene.program.ticks_per_turn * scene.sample_rate.si
     return 2.0 * turned / MOST_SAMPLES, min(FASTEST, 0.5 * turned)
 
 
@@ -70,7 +71,7 @@ class StateGate:
     @classmethod
     def of(cls, scene: SceneConfig, last: CamState | None = None, since: int = -1) -> StateGate:
         """The gate for the states of a scene."""
-        angle = 2.0 * math.pi / scene.program.ticks_per_turn
+        angle = TURN / scene.program.ticks_per_turn
         return cls(scene.sample_rate.si, last, angle, since)
 
     def admit(self, state: CamState) -> Admission:

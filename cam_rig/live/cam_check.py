@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cam_rig.dynamics import FloatArray
+from cam_rig.arrays import FloatArray
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.laws import Law
 from cam_rig.profile import contours

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,10 +16,10 @@ from cam_rig.live.pacing import Pacing
 from cam_rig.live.setpoints import Place, Turntable
 from cam_rig.schema import SceneConfig
 from cam_rig.simulation.schedule import CamState, tick_count
+from cam_rig.units import RPM
 
 #: Wall time (s) after which an unanswered request for a cam is made again.
 ASK_AGAIN = 1.0
-RPM = math.pi / 30.0
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
-from cam_rig.dynamics import NS
 from cam_rig.errors import ConfigError
+from cam_rig.units import NS
 
 #: Wall time (s) that a paced run may be late before it gives that time up and says so.
 TOLERANCE = 0.1

@@ -6,9 +6,10 @@ import math
 from dataclasses import dataclass, replace
 from itertools import islice
 
-from cam_rig.dynamics import NS, wrap
+from cam_rig.dynamics import wrap
 from cam_rig.schema import SceneConfig
 from cam_rig.simulation.schedule import CamState, cam_states
+from cam_rig.units import NS
 
 #: Rig time (ns) that a halted cam stands before it turns again.
 STANDS = NS

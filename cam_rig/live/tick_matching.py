@@ -7,9 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cam_rig.dynamics import NS, FloatArray
+from cam_rig.arrays import FloatArray
 from cam_rig.errors import RefusedError
 from cam_rig.simulation.schedule import CamState
+from cam_rig.units import NS
 
 #: Blocks and states kept of ticks that are not complete; more than are ever in flight.
 MOST_WAITING = 64

@@ -13,11 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from cam_rig.dynamics import ANGLE_TOLERANCE, COLUMNS, NS, FloatArray
+from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import ANGLE_TOLERANCE, COLUMNS
 from cam_rig.errors import CamRigError, RefusedError
-from cam_rig.laws import TURN, Law
+from cam_rig.laws import Law
 from cam_rig.live.admission import MOST_SAMPLES, require_possible
 from cam_rig.simulation.schedule import CamState
+from cam_rig.units import NS, TURN
 
 Dimensions = list[tuple[str, int]]
 

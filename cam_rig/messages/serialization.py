@@ -8,9 +8,9 @@ from typing import Any
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
-from cam_rig.dynamics import NS
 from cam_rig.errors import RefusedError
 from cam_rig.messages.topics import Topic
+from cam_rig.units import NS
 
 #: What rosbags raises on bytes that are not what they should be.
 MALFORMED = (

@@ -100,7 +100,7 @@ SHOWN = Topic("/viewer/shown", "std_msgs/msg/Header", "tick")
 READY = Topic("/rig/ready", "std_msgs/msg/Header", "any")
 
 #: A command to the drive: the cam's speed in rpm from the next tick on, 0 as the scene says.
-RPM = Topic("/cam/rpm", "std_msgs/msg/Float64", "any", latched=False, stamped=False)
+CAM_RPM = Topic("/cam/rpm", "std_msgs/msg/Float64", "any", latched=False, stamped=False)
 #: Every node's, of its parameters; the law server's tell which cam is mounted.
 PARAMETER_EVENTS = Topic(
     "/parameter_events",

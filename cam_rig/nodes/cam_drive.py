@@ -12,7 +12,7 @@ from cam_rig.dynamics.torque import shaft_torque
 from cam_rig.errors import RefusedError
 from cam_rig.live.cam_check import require_own_law
 from cam_rig.live.checkpoint import TICKS_IN_FLIGHT, Handover
-from cam_rig.live.drive import RPM, DriveProgram
+from cam_rig.live.drive import DriveProgram
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, decode_law
 from cam_rig.nodes.common.clock_source import Pacemaker
@@ -21,6 +21,7 @@ from cam_rig.nodes.common.drive_controls import Controls
 from cam_rig.nodes.common.law_server_client import LAW_SERVER, LawServerClient
 from cam_rig.simulation.scene import open_stage
 from cam_rig.simulation.schedule import CamState
+from cam_rig.units import RPM
 
 
 class CamDrive(Pacemaker):

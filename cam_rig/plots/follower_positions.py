@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from cam_rig.arrays import ComplexArray, FloatArray
 from cam_rig.drawing.outlines import MM, circle
 from cam_rig.laws import Law
-from cam_rig.laws.bernstein import FloatArray
-from cam_rig.profile.contact import ComplexArray, Element
+from cam_rig.profile.contact import Element
 from cam_rig.profile.flat_face import GuidedFace, SwungFace
 from cam_rig.profile.motion import Motion, turn_angles
 from cam_rig.profile.roller import SwungCentre

@@ -16,7 +16,8 @@ from cam_rig.dynamics import TwoMassParameters
 from cam_rig.plots.styles import line
 from cam_rig.studies.cam_set import Lineup
 from cam_rig.studies.jump.comparison import JumpRow
-from cam_rig.studies.jump.search import RPM, force_run
+from cam_rig.studies.jump.search import force_run
+from cam_rig.units import RPM
 
 #: Speeds of a curve.
 POINTS = 400

@@ -13,10 +13,9 @@ import matplotlib.pyplot as plt
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.two_mass.model import states
 from cam_rig.dynamics.two_mass.trajectory import Separation
-from cam_rig.laws import TURN
 from cam_rig.plots.styles import line
 from cam_rig.studies.cam_set import Lineup
-from cam_rig.studies.jump.search import RPM
+from cam_rig.units import RPM, TURN
 
 #: The turn shown, counted from rest, and its samples.
 SHOWN, POINTS = 3, 3000

@@ -16,9 +16,9 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.plots.styles import line
 from cam_rig.studies.cam_set import Lineup
-from cam_rig.studies.jump.search import RPM
 from cam_rig.studies.vibration.dwell import Window, low_dwell
 from cam_rig.studies.vibration.steady_state import SteadyTurn, steady_turn, steady_twist
+from cam_rig.units import RPM
 
 
 def draw(lineup: Lineup, rpm: float, path: Path) -> None:

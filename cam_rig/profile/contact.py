@@ -9,15 +9,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.arrays import ComplexArray, FloatArray
 from cam_rig.profile.motion import Motion
-
-ComplexArray = NDArray[np.complexfloating[Any, Any]]
 
 #: A curve that bends by less, in rad over its own distance from the axis, is straight: what is
 #: left of a straight flank's curvature is rounding, a thousandth of this.

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cam_rig.arrays import ComplexArray, FloatArray
 from cam_rig.laws import Law
-from cam_rig.laws.bernstein import FloatArray
-from cam_rig.profile.contact import ComplexArray, Touch
+from cam_rig.profile.contact import Touch
 from cam_rig.profile.disc import Disc, discs
 from cam_rig.profile.motion import Motion
 from cam_rig.schema.follower import Follower

@@ -8,11 +8,12 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from cam_rig.laws import TURN, Law
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.arrays import FloatArray
+from cam_rig.laws import Law
 from cam_rig.laws.peaks import Extreme, extremes
 from cam_rig.profile.contact import Element, Touch
 from cam_rig.profile.motion import Motion
+from cam_rig.units import TURN
 
 #: Samples over the turn, and at least and at most in a piece of the law.
 DENSE, FEWEST, MOST = 4096, 65, 513

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cam_rig.arrays import ComplexArray, FloatArray
 from cam_rig.errors import ReachError
-from cam_rig.laws.bernstein import FloatArray
-from cam_rig.profile.contact import ComplexArray, Element, Touch
+from cam_rig.profile.contact import Element, Touch
 from cam_rig.profile.motion import Motion
 
 

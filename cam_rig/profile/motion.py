@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cam_rig.laws import TURN, Law, bernstein
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.arrays import FloatArray
+from cam_rig.laws import Law, bernstein
 from cam_rig.laws.sampling import sample
+from cam_rig.units import TURN
 
 _ONE_EACH = np.eye(3)
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cam_rig.arrays import ComplexArray, FloatArray
 from cam_rig.errors import ReachError
-from cam_rig.laws.bernstein import FloatArray
-from cam_rig.profile.contact import ComplexArray, Element, Touch, offset_curve
+from cam_rig.profile.contact import Element, Touch, offset_curve
 from cam_rig.profile.motion import Motion
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.bag.complete import require_complete
 from cam_rig.bag.reader import read_recording
-from cam_rig.dynamics import FloatArray
 from cam_rig.errors import BagError
 from cam_rig.simulation.levels import step_levels
 from cam_rig.simulation.scene import Stage

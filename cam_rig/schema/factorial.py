@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from cam_rig.schema.quantity import Quantity, Strict, must_be
 from cam_rig.schema.scene import Name
 from cam_rig.schema.segments.rise import RiseName
+from cam_rig.units import TURN
 
 Events = Annotated[Quantity, must_be("angle", many=True, above=0.0, most=math.pi)]
 #: Slowest and fastest speed of a measurement, rad/s: 1 and 1e5 rpm.
@@ -35,7 +36,7 @@ class FactorialConfig(Strict):
     reference: RiseName
     gentle: Events
     proposed: Name
-    squeezed: Annotated[Quantity, must_be("angle", many=True, above=0.0, most=2.0 * math.pi)]
+    squeezed: Annotated[Quantity, must_be("angle", many=True, above=0.0, most=TURN)]
     run: Annotated[Quantity, must_be("time", above=0.0, most=3600.0)]
     accelerated: Speeds
     residual: Speeds

@@ -16,14 +16,16 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
+from cam_rig.units import RPM, TURN
+
 Origin = Literal["given", "assumed", "identified"]
 ORIGINS: tuple[Origin, ...] = ("given", "assumed", "identified")
 
 #: dimension -> unit -> factor to SI
 UNITS: dict[str, dict[str, float]] = {
     "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254},
-    "angle": {"rad": 1.0, "deg": math.pi / 180.0, "turn": 2.0 * math.pi},
-    "speed": {"rad/s": 1.0, "rpm": math.pi / 30.0},
+    "angle": {"rad": 1.0, "deg": math.pi / 180.0, "turn": TURN},
+    "speed": {"rad/s": 1.0, "rpm": RPM},
     "mass": {"kg": 1.0, "g": 1e-3},
     "stiffness": {"N/m": 1.0, "N/mm": 1e3},
     "damping": {"N*s/m": 1.0},

@@ -7,13 +7,11 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from cam_rig.schema.quantity import Quantity, Strict, must_be
+from cam_rig.units import RPM
 
 #: A name refers to a file of that name, without the suffix.
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 Model = Literal["kinetostatic", "one_mass", "residual", "separation", "torsional"]
-
-
-RPM = 0.10471975511965977  # rad/s
 
 
 class Program(Strict):

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from cam_rig.acoustics import Reading, SoundLevelMeter, SoundSource
 from cam_rig.acoustics.pressure_samples import SourceMemory
 from cam_rig.acoustics.sound_level_meter import MeterMemory
-from cam_rig.dynamics import FloatArray
+from cam_rig.arrays import FloatArray
 from cam_rig.schema import SceneConfig
 from cam_rig.simulation.scene import Stage
 from cam_rig.simulation.schedule import cam_states

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from cam_rig.acoustics import level_db
-from cam_rig.dynamics import NS, FloatArray
+from cam_rig.arrays import FloatArray
 from cam_rig.errors import CamRigError
 from cam_rig.schema import PublishedNoise
 from cam_rig.simulation.schedule import CamState
+from cam_rig.units import NS, TURN
 
 #: Regressions are cubic, as the paper's.
 REGRESSION_DEGREE = 3
@@ -66,7 +67,7 @@ def step_levels(ticks: Iterable[HeardTick], settle_turns: float) -> dict[str, di
             continue
         if first is None or (state.cam, state.speed) != (first.cam, first.speed):
             first = state
-        turned = state.since(first) / (2.0 * np.pi)
+        turned = state.since(first) / (TURN)
         if turned > settle_turns - 1e-6:
             duration = (tick.stop_ns - state.time_ns) / NS
             total = energy.setdefault((state.cam, state.speed), [0.0, 0.0])

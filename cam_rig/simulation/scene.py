@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cam_rig.acoustics import RadiationParameters
-from cam_rig.dynamics import FloatArray, FollowerParameters
+from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import FollowerParameters
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import (

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
 
-from cam_rig.dynamics import ANGLE_TOLERANCE, NS, Interval, wrap
-from cam_rig.laws import TURN
+from cam_rig.dynamics import ANGLE_TOLERANCE, Interval, wrap
 from cam_rig.schema import SceneConfig
+from cam_rig.units import NS, TURN
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def cam_states(scene: SceneConfig) -> Iterator[CamState]:
 
 def _hold(scene: SceneConfig, speed: float) -> list[Interval]:
     """The ticks of one speed, from time and angle 0."""
-    tick = 2.0 * math.pi / speed / scene.program.ticks_per_turn
+    tick = TURN / speed / scene.program.ticks_per_turn
     edges = [round(i * tick * NS) for i in range(ticks_a_step(scene) + 1)]
     return [_held(a, b, speed) for a, b in pairwise(edges)]
 
@@ -111,7 +111,7 @@ def _ramp(scene: SceneConfig, before: float, speed: float) -> list[Interval]:
         return []
     length = round(scene.program.ramp.si * NS)
     whole = Interval(0, length, 0.0, before, (speed - before) * NS / length)
-    return whole.split(2.0 * math.pi / scene.program.ticks_per_turn)
+    return whole.split(TURN / scene.program.ticks_per_turn)
 
 
 def ticks_a_step(scene: SceneConfig) -> int:

@@ -13,8 +13,10 @@ import numpy as np
 
 from cam_rig.acoustics import RadiationParameters, level_db
 from cam_rig.acoustics.low_pass import structure_response
-from cam_rig.dynamics import MODELS, NS, FloatArray, Interval
+from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import MODELS, Interval
 from cam_rig.laws import Law
+from cam_rig.units import NS, TURN
 
 #: Hz: levels are within 0.003 dB of those at 384 kHz (docs/accuracy.md).
 TURN_RATE_HZ = 12_000
@@ -47,7 +49,7 @@ class Turns:
     def landing_power(self, radiation: RadiationParameters) -> FloatArray:
         """Mean square pressure of the landings, ``(n,)`` in Pa²."""
         energy = [float(radiation.landing_energy(impulse).sum()) for impulse in self.impulses]
-        return np.array(energy) * self.speeds / (2.0 * np.pi)
+        return np.array(energy) * self.speeds / (TURN)
 
 
 def _contact_power(rate: float, force: FloatArray, impulse: FloatArray) -> float:
@@ -67,7 +69,7 @@ def settled_turns(
     """
     forces, impulses = [], []
     for speed in map(float, speeds):
-        turn, state = round(2.0 * np.pi / speed * NS), None
+        turn, state = round(TURN / speed * NS), None
         for i in range(2):
             interval = Interval(i * turn, (i + 1) * turn, speed * i * turn / NS, speed)
             state, block = MODELS[model].advance(law, parameters, state, interval, TURN_RATE_HZ)

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cam_rig.acoustics import MicrophoneState, RadiationParameters, hear
-from cam_rig.dynamics import MODELS, Block, FloatArray, FollowerState, Model
+from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import MODELS, Block, FollowerState, Model
 from cam_rig.laws import Law
 from cam_rig.simulation.levels import HeardTick
 from cam_rig.simulation.scene import Stage

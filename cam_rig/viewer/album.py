@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.bag.reader import read_stage
-from cam_rig.dynamics import FloatArray
 from cam_rig.errors import BagError
 from cam_rig.simulation.scene import Stage
 from cam_rig.simulation.schedule import CamState

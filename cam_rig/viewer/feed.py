@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Iterator
 from typing import Protocol
 
-from cam_rig.dynamics import FloatArray
+from cam_rig.arrays import FloatArray
 from cam_rig.errors import BagError
 from cam_rig.live.admission import REMEMBERED
 from cam_rig.live.tick_matching import TickPairing

@@ -7,10 +7,11 @@ import warnings
 import numpy as np
 import rerun as rr
 
-from cam_rig.dynamics import NS, FloatArray
+from cam_rig.arrays import FloatArray
 from cam_rig.errors import CamRigError
 from cam_rig.simulation.scene import Stage
 from cam_rig.simulation.schedule import cam_states
+from cam_rig.units import NS
 from cam_rig.viewer.blueprint import blueprint, compared_rpm
 from cam_rig.viewer.feed import RunFeed
 from cam_rig.viewer.layout import Layout

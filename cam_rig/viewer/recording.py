@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
+from cam_rig.arrays import FloatArray
 from cam_rig.bag.reader import messages, read_counts, read_stage
-from cam_rig.dynamics import NS, FloatArray
 from cam_rig.errors import BagError
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
 from cam_rig.simulation.scene import Stage
 from cam_rig.simulation.schedule import CamState, cam_states
+from cam_rig.units import NS
 from cam_rig.viewer.blueprint import blueprint, compared_rpm
 from cam_rig.viewer.feed import RunFeed
 from cam_rig.viewer.layout import Layout

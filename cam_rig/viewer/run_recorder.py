@@ -7,10 +7,11 @@ import math
 import numpy as np
 import rerun as rr
 
-from cam_rig.dynamics import NS, FloatArray
+from cam_rig.arrays import FloatArray
 from cam_rig.simulation.levels import HeardTick
 from cam_rig.simulation.scene import Stage
 from cam_rig.simulation.schedule import CamState
+from cam_rig.units import NS
 from cam_rig.viewer.charts import overlay
 from cam_rig.viewer.charts.about import about
 from cam_rig.viewer.charts.noise_chart import NoiseChart

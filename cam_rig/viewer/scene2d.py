@@ -6,11 +6,11 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
 from cam_rig.drawing.follower import FollowerShape
 from cam_rig.drawing.followers import follower_shape
 from cam_rig.drawing.outlines import MM, circle, closed
-from cam_rig.dynamics import FloatArray
 from cam_rig.dynamics.contact import force_weights
 from cam_rig.profile import turn_angles
 from cam_rig.simulation.scene import Stage

@@ -7,11 +7,11 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
 from cam_rig.drawing.colours import web
 from cam_rig.drawing.followers import follower_shape
 from cam_rig.drawing.outlines import MM, circle, closed, turned
-from cam_rig.dynamics import FloatArray
 from cam_rig.simulation.scene import Stage
 from cam_rig.viewer.album import Album, gap
 from cam_rig.viewer.scene2d import ARROW, greatest_force

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import rerun as rr
 
-from cam_rig.dynamics import FloatArray
+from cam_rig.arrays import FloatArray
 
 #: Rig time since the start of the run, a duration.
 RIG_TIME = "rig_time"

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cam_rig.dynamics import NS, FloatArray
+from cam_rig.arrays import FloatArray
 from cam_rig.simulation.schedule import CamState
+from cam_rig.units import NS
 
 
 @dataclass(frozen=True, eq=False)

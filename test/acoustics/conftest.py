@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from cam_rig.acoustics import RadiationParameters, hear
-from cam_rig.dynamics import NS, FollowerParameters, Interval, kinetostatic
+from cam_rig.dynamics import FollowerParameters, Interval, kinetostatic
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
+from cam_rig.units import NS
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 
 from cam_rig.acoustics import steady_power
 from cam_rig.acoustics.steady import mean_square_rate
-from cam_rig.laws import TURN
+from cam_rig.units import TURN
 
 
 def parseval(law, p, corner_rate, speed, points=2**17):

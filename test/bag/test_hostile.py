@@ -237,7 +237,9 @@ def test_an_attachment_that_was_changed_is_not_read(tmp_path):
 def test_a_type_that_is_another_is_refused(tmp_path):
     """A topic of ours with a message of another type is not read as if it were."""
     with BagWriter(tmp_path / "bag") as bag:
-        bag.write(topics.Topic("/microphone/level", topics.RPM.type[:-2] + "32", "any"), 0, b"x")
+        bag.write(
+            topics.Topic("/microphone/level", topics.CAM_RPM.type[:-2] + "32", "any"), 0, b"x"
+        )
     with pytest.raises(BagError, match="is std_msgs/msg/Float32; wanted: std_msgs/msg/Float64"):
         list(messages(tmp_path / "bag", (topics.LEVEL,)))
 

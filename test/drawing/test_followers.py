@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cam_rig.arrays import FloatArray
 from cam_rig.drawing.follower import FollowerShape
 from cam_rig.drawing.followers import follower_shape
 from cam_rig.drawing.outlines import turned
-from cam_rig.dynamics import FloatArray
 from cam_rig.laws import Law, build_law
 from cam_rig.profile import contours_at, turn_angles
 from cam_rig.schema.load import config_root, load_cam

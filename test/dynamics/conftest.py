@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import MODELS, NS, Event, FollowerParameters, FollowerState, Interval
-from cam_rig.laws import TURN, Law, bernstein
+from cam_rig.dynamics import MODELS, Event, FollowerParameters, FollowerState, Interval
+from cam_rig.laws import Law, bernstein
 from cam_rig.laws import fit as analytic
+from cam_rig.units import NS, TURN
 
 
 @dataclass

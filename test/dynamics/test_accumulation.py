@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import MODELS, NS, FollowerParameters, FollowerState, Interval
+from cam_rig.dynamics import MODELS, FollowerParameters, FollowerState, Interval
 from cam_rig.dynamics.one_mass import trajectory as course
 from cam_rig.dynamics.two_mass import trajectory as two_mass
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import TURN, Law
+from cam_rig.laws import Law
+from cam_rig.units import NS, TURN
 
 SPEED, THROWN, PRELOAD = 0.1, 0.2, 30.0
 #: The end mass is a wall, and the stem the roller's spring.

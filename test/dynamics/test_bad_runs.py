@@ -9,8 +9,9 @@ import pytest
 
 from cam_rig.dynamics import MODELS, FollowerState, Interval
 from cam_rig.errors import CamRigError
-from cam_rig.laws import TURN, Law
+from cam_rig.laws import Law
 from cam_rig.schema import load_rig
+from cam_rig.units import TURN
 
 NAN, INF = math.nan, math.inf
 pytestmark = pytest.mark.usefixtures("at_once")

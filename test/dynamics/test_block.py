@@ -7,7 +7,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cam_rig.dynamics import NS, Interval
+from cam_rig.dynamics import Interval
+from cam_rig.units import NS
 
 times_ns = st.integers(0, 20 * NS)
 rates = st.integers(100, 1_000_000)

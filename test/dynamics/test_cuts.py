@@ -5,11 +5,9 @@ import itertools
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import MODELS, NS, FollowerParameters, Interval, TwoMassParameters
+from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
 from cam_rig.dynamics.two_mass.trajectory import Separation
-from cam_rig.laws import TURN
-
-RPM = np.pi / 30.0
+from cam_rig.units import NS, RPM, TURN
 
 
 def ticked(law, model, p, rpm, total, tick):

@@ -6,12 +6,12 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import MODELS, NS, FollowerParameters, Interval
+from cam_rig.dynamics import MODELS, FollowerParameters, Interval
 from cam_rig.dynamics.elastic_stem import motion, outputs, response
 from cam_rig.dynamics.linear.response import LinearResponse
 from cam_rig.dynamics.linear.sampling import sample
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import TURN
+from cam_rig.units import NS, TURN
 
 SPEED = 300.0 * np.pi / 30.0
 

@@ -6,10 +6,10 @@ import itertools
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import NS, Interval
+from cam_rig.dynamics import Interval
 from cam_rig.dynamics.contact import force_weights
 from cam_rig.dynamics.one_mass.trajectory import Course
-from cam_rig.laws import TURN
+from cam_rig.units import NS, TURN
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(20)
 

@@ -5,8 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import NS, FollowerState
+from cam_rig.dynamics import FollowerState
 from cam_rig.laws import build_law
+from cam_rig.units import NS
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cam_rig.dynamics import NS, Interval
+from cam_rig.dynamics import Interval
 from cam_rig.errors import DynamicsError
+from cam_rig.units import NS
 
 speeds = st.floats(0.0, 1e3)
 

@@ -9,8 +9,8 @@ from cam_rig.bench import rig
 from cam_rig.bench.cases.case import Case
 from cam_rig.bench.cases.models import Oscillator, TwoMasses
 from cam_rig.bench.reference import exact
-from cam_rig.dynamics import MODELS, NS, Interval, TwoMassParameters
-from cam_rig.laws import TURN
+from cam_rig.dynamics import MODELS, Interval, TwoMassParameters
+from cam_rig.units import NS, TURN
 
 SPEED = 120.0 * np.pi / 30.0
 #: Samples 1 ns apart, the finest instants that rig time has.

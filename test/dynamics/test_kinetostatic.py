@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import NS, Interval, kinetostatic
+from cam_rig.dynamics import Interval, kinetostatic
 from cam_rig.dynamics.contact import force_ordinates, loss_intervals
-from cam_rig.laws import TURN, bernstein
+from cam_rig.laws import bernstein
+from cam_rig.units import NS, TURN
 
 RPM = 400.0
 SPEED = RPM * np.pi / 30.0

@@ -11,11 +11,11 @@ from cam_rig.dynamics.one_mass.trajectory import Course
 from cam_rig.dynamics.root_scan import clear_cells, fall
 from cam_rig.dynamics.two_mass.model import _phase_states
 from cam_rig.dynamics.two_mass.trajectory import Separation
-from cam_rig.laws import TURN, Law, bernstein
+from cam_rig.laws import Law, bernstein
+from cam_rig.units import RPM, TURN
 
 TWO = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6)
 ONE = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)
-RPM = np.pi / 30.0
 
 
 def noisy(law, pieces, amplitude, seed):

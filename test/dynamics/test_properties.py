@@ -14,7 +14,8 @@ from cam_rig.bench.cases.case import Case
 from cam_rig.bench.cases.models import LANDING, LIFT_OFF, OneMass, Oscillator, TwoMasses
 from cam_rig.bench.cases.twist import Twist
 from cam_rig.bench.reference import exact, exact_twist
-from cam_rig.laws import TURN, Law
+from cam_rig.laws import Law
+from cam_rig.units import TURN
 
 FEW, FEWER = (settings.default.max_examples // n for n in (4, 8))
 EXAMPLES = settings(

@@ -8,11 +8,12 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import MODELS, NS, FollowerParameters, Interval, TwoMassParameters
+from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
 from cam_rig.dynamics.one_mass.model import advance as one_mass
 from cam_rig.dynamics.ramp import substitute
-from cam_rig.laws import TURN, Law
+from cam_rig.laws import Law
 from cam_rig.laws.bernstein import evaluate
+from cam_rig.units import NS, TURN
 
 MS = NS // 1000
 ONE = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)

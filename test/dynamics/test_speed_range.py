@@ -12,7 +12,8 @@ from cam_rig.bench.cases.twist import Twist
 from cam_rig.bench.reference import exact, exact_twist
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval
 from cam_rig.dynamics.torsional.solution import TorsionalParameters, TorsionalState, solve
-from cam_rig.laws import TURN, Law, bernstein
+from cam_rig.laws import Law, bernstein
+from cam_rig.units import TURN
 
 SPEEDS = [0.01, 1.0, 400.0, 1e4, 1e5]
 MASS, SPRING, DAMPING, PRELOAD = 1.3, 4030.0, 8.642, 30.6

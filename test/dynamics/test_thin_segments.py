@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import MODELS, NS, FollowerParameters, Interval
+from cam_rig.dynamics import MODELS, FollowerParameters, Interval
 from cam_rig.dynamics.elastic_stem import motion
-from cam_rig.laws import TURN, Law, bernstein, build_law
+from cam_rig.laws import Law, bernstein, build_law
 from cam_rig.schema import load_rig
+from cam_rig.units import NS, TURN
 
 SPEED = 600.0 * np.pi / 30.0
 TURN_NS = 60 * NS // 600

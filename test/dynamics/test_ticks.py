@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import MODELS, NS, Interval
+from cam_rig.dynamics import MODELS, Interval
 from cam_rig.schema import load_rig
+from cam_rig.units import NS
 
 #: A prime rate: no sample falls on an event, where rounding would choose its side.
 TOTAL, RATE = 400_000_000, 12_007

@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import MODELS, NS, FollowerParameters, FollowerState, Interval, wrap
+from cam_rig.dynamics import MODELS, FollowerParameters, FollowerState, Interval, wrap
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import TURN, Law
+from cam_rig.laws import Law
 from cam_rig.schema import load_rig
+from cam_rig.units import NS, TURN
 
 #: 480 rpm: a turn is 125 ms, and so many turns are whole seconds: the grid of samples is the same.
 RPM, PERIOD, RATE = 480.0, NS // 8, 12_007

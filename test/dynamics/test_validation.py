@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import MODELS, NS, FollowerParameters, FollowerState, Interval
+from cam_rig.dynamics import MODELS, FollowerParameters, FollowerState, Interval
 from cam_rig.dynamics.elastic_stem import motion
 from cam_rig.dynamics.two_mass.model import states
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters
 from cam_rig.dynamics.two_mass.trajectory import Separation
 from cam_rig.errors import DynamicsError
+from cam_rig.units import NS
 
 NAN, INF = math.nan, math.inf
 FOLLOWER = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)

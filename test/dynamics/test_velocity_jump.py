@@ -7,12 +7,13 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import MODELS, NS, FollowerParameters, Interval, TwoMassParameters
+from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
 from cam_rig.dynamics.elastic_stem import motion, response
 from cam_rig.dynamics.one_mass.trajectory import Course
 from cam_rig.dynamics.two_mass.model import states
 from cam_rig.dynamics.two_mass.trajectory import Separation
-from cam_rig.laws import TURN, Law
+from cam_rig.laws import Law
+from cam_rig.units import NS, TURN
 
 LIFT, RISE = 0.05, np.radians(90.0)
 STEP = LIFT / RISE

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import MODELS, NS, Interval
+from cam_rig.dynamics import MODELS, Interval
 from cam_rig.dynamics.velocity_jumps import (
     SLACK,
     KinksAhead,
@@ -14,7 +14,8 @@ from cam_rig.dynamics.velocity_jumps import (
     short_of_kink,
 )
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import TURN, Law
+from cam_rig.laws import Law
+from cam_rig.units import NS, TURN
 
 LIFT, RISE = 0.05, np.radians(90.0)
 STEP = LIFT / RISE

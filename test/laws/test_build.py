@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from cam_rig.errors import LawError
-from cam_rig.laws import TURN, build_law
+from cam_rig.laws import build_law
+from cam_rig.units import TURN
 
 
 def dwell(span):

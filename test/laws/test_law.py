@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from cam_rig.errors import LawError
-from cam_rig.laws import TURN, Law
+from cam_rig.laws import Law
+from cam_rig.units import TURN
 
 ANGLES = np.linspace(0.0, TURN, 1237, endpoint=False) + 1e-3
 #: Highest derivative without a jump anywhere. Four ordinates of zero make Bézier 15 begin and end

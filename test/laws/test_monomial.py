@@ -9,8 +9,9 @@ from cam_rig.bench.cases.case import Case, output_times
 from cam_rig.bench.cases.models import Oscillator
 from cam_rig.bench.reference import exact as exact_solution
 from cam_rig.bench.reference.exact_law import polynomial, powers
-from cam_rig.laws import TURN, Law, bernstein
+from cam_rig.laws import Law, bernstein
 from cam_rig.laws.sampling import sample
+from cam_rig.units import TURN
 
 U = np.linspace(0.0, 1.0, 201)
 EPS = float(np.finfo(float).eps)

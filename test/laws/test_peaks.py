@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from cam_rig.laws import TURN, build_law
+from cam_rig.laws import build_law
 from cam_rig.laws.peaks import extremes, peak
+from cam_rig.units import TURN
 
 
 def test_no_sample_is_beyond_the_extremes(law):

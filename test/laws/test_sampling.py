@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cam_rig.laws import TURN
 from cam_rig.laws.sampling import sample
+from cam_rig.units import TURN
 
 EPS = np.finfo(float).eps
 IDENTITY = np.eye(3)

@@ -4,8 +4,7 @@ import pytest
 
 from cam_rig.errors import ConfigError
 from cam_rig.live.pacing import Pacing, factor_of
-
-NS = 1_000_000_000
+from cam_rig.units import NS
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """The turntable under commands: rig time and θ go on without a jump, whatever is asked."""
 
 import itertools
-import math
 
 import pytest
 from hypothesis import given
@@ -13,13 +12,13 @@ from cam_rig.schema.load import config_root
 from cam_rig.schema.quantity import Quantity
 from cam_rig.simulation.scene import open_stage
 from cam_rig.simulation.schedule import cam_states
+from cam_rig.units import RPM
 
 SCENE = open_stage(config_root() / "scenes" / "quick.yaml").scene
 RAMP = Quantity.model_validate({"assumed": 0.7, "unit": "s", "source": "a test"})
 PROGRAM = SCENE.program.model_copy(update={"ramp": RAMP, "ticks_per_turn": 2})
 #: The same from rest, each speed reached along a ramp.
 RAMPED = SCENE.model_copy(update={"program": PROGRAM})
-RPM = math.pi / 30.0
 
 
 def run_out(table, at=()):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cam_rig.errors import RefusedError
-from cam_rig.laws import TURN, build_law
+from cam_rig.laws import build_law
 from cam_rig.messages.codec import (
     BLOCK_LABEL,
     CAM_JOINTS,
@@ -20,6 +20,7 @@ from cam_rig.messages.codec import (
 from cam_rig.schema import load_cam
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.schedule import CamState
+from cam_rig.units import TURN
 
 
 @pytest.mark.parametrize("cam", ["poly345", "cycloidal", "bezier15", "tm21"])

@@ -13,9 +13,9 @@ from cam_rig.live.admission import Admission, StateGate
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of
 from cam_rig.runner.graph import Graph
+from cam_rig.units import RPM
 
 pytestmark = pytest.mark.ros
-RPM = math.pi / 30.0
 
 
 def states_of(bag):

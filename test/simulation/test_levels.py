@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from cam_rig.acoustics import level_db
-from cam_rig.dynamics import NS
 from cam_rig.errors import CamRigError
 from cam_rig.schema import PublishedNoise
 from cam_rig.simulation.levels import (
@@ -16,6 +15,7 @@ from cam_rig.simulation.levels import (
     step_levels,
 )
 from cam_rig.simulation.schedule import CamState
+from cam_rig.units import NS
 
 RPM = np.arange(200.0, 401.0, 10.0)
 ONE = np.array([25.93808, 0.57355, -0.002045, 2.483e-6])

@@ -6,10 +6,8 @@ from itertools import groupby, pairwise
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import NS
 from cam_rig.simulation.schedule import CamState, cam_states, tick_count
-
-TURN = 2.0 * np.pi
+from cam_rig.units import NS, TURN
 
 
 @pytest.fixture(params=[1, 7, 64])

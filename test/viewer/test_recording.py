@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from cam_rig.dynamics import NS
 from cam_rig.errors import BagError, CamRigError
 from cam_rig.messages import topics
+from cam_rig.units import NS
 from cam_rig.viewer import recording
 from cam_rig.viewer.charts.series import FORCE, LANDING, LEVEL, LIFT, SPEED, ZERO
 from cam_rig.viewer.recording import WHOLE_BELOW, Wish, bucket_for, save_recording

@@ -7,9 +7,9 @@ import re
 import numpy as np
 import pytest
 
+from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
 from cam_rig.drawing.outlines import turned
-from cam_rig.dynamics import FloatArray
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.scene import open_stage
 from cam_rig.viewer.scene2d import ARROW, FRAMES_PER_TURN, frame_mask, greatest_force, shapes

@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.bench.cases.models import Model
 from cam_rig.bench.cases.twist import Twist
-from cam_rig.laws import TURN, Law
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.laws import Law
+from cam_rig.units import TURN
 
 
 @dataclass(frozen=True, eq=False)

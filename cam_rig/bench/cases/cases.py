@@ -8,8 +8,9 @@ from collections.abc import Callable
 from cam_rig.bench.cases.case import Case, output_times
 from cam_rig.bench.cases.models import Model, OneMass, Oscillator, TwoMasses
 from cam_rig.bench.cases.twist import Twist
-from cam_rig.laws import TURN, Law, build_law
+from cam_rig.laws import Law, build_law
 from cam_rig.schema.load import config_root, load_cam
+from cam_rig.units import TURN
 
 #: Table 1 of the paper, and what is assumed with it.
 MASS, SPRING, STEM, DAMPING = 1.3, 4030.0, 3.3e8, 8.642

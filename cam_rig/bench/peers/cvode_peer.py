@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.bench.peers.problem import Arrival, Floats, PeerError, Problem
 from cam_rig.bench.peers.scipy_peer import ABSOLUTE
 from cam_rig.errors import CamRigError
-from cam_rig.laws.bernstein import FloatArray
 
 OPTIONS = "dense Newton with Jacobian, root finding, atol = 0.001 rtol x usual size"
 #: Steps to the next output time before CVODE gives up: never a limit here.

@@ -8,12 +8,12 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import brentq
 
+from cam_rig.arrays import FloatArray
 from cam_rig.bench.cases.case import Case, Solution
 from cam_rig.bench.cases.models import Model
 from cam_rig.bench.cases.phase import Vector
 from cam_rig.bench.peers.problem import Arrival, Integrator, PeerError, Problem, linear_problem
 from cam_rig.bench.peers.stretch import Scalar, Stretch, stretches
-from cam_rig.laws.bernstein import FloatArray
 
 #: No case has so many: a peer that finds more is lost.
 MOST_EVENTS = 20_000

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from cam_rig.arrays import FloatArray
 from cam_rig.bench.cases.case import Case, Solution
 from cam_rig.bench.cases.twist import Twist
 from cam_rig.bench.peers import march, twist_peer
@@ -16,7 +17,6 @@ from cam_rig.bench.peers.problem import Arrival, Floats, Integrator, PeerError, 
 from cam_rig.bench.peers.scipy_peer import OPTIONS as SCIPY_OPTIONS
 from cam_rig.bench.peers.scipy_peer import ScipyPeer
 from cam_rig.errors import CamRigError
-from cam_rig.laws.bernstein import FloatArray
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from typing import Protocol
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.bench.cases.phase import Phase
 from cam_rig.bench.peers.stretch import Scalar, Stretch
-from cam_rig.laws.bernstein import FloatArray
 
 Floats = Sequence[float]
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from cam_rig.arrays import FloatArray
 from cam_rig.bench.peers.problem import Arrival, Floats, PeerError, Problem
-from cam_rig.laws.bernstein import FloatArray
 
 OPTIONS = "solve_ivp, atol = 0.001 rtol x usual size, t_eval, terminal event"
 #: Absolute tolerance in units of the relative one and of a state's usual size.

@@ -13,8 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.laws import Law, bernstein
-from cam_rig.laws.bernstein import FloatArray
 
 Scalar = Callable[[float], float]
 

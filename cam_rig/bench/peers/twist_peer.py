@@ -10,11 +10,11 @@ from bisect import bisect_right
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.bench.cases.case import Case, Solution
 from cam_rig.bench.cases.twist import Twist
 from cam_rig.bench.peers.problem import Floats, Integrator, Problem
 from cam_rig.bench.peers.stretch import Stretch, stretches
-from cam_rig.laws.bernstein import FloatArray
 
 #: Usual size of a twist, rad.
 TWIST = 1e-3

@@ -15,7 +15,7 @@ from cam_rig.bench.cases.models import Model
 from cam_rig.bench.cases.phase import Number, Vector
 from cam_rig.bench.reference.exact_flow import Flow, first_crossing, flow
 from cam_rig.bench.reference.exact_law import ExactPiece, exact_pieces
-from cam_rig.laws import TURN
+from cam_rig.units import TURN
 
 DIGITS = 60
 

@@ -16,7 +16,7 @@ from cam_rig.bench.cases.case import Case, Solution
 from cam_rig.bench.cases.phase import Number
 from cam_rig.bench.cases.twist import Twist
 from cam_rig.bench.reference.exact_law import derivative, polynomial, powers
-from cam_rig.laws import TURN
+from cam_rig.units import TURN
 
 DIGITS = 45
 ORDER = 40

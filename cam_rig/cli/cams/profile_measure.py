@@ -11,9 +11,9 @@ from cam_rig.cli.common.outputs import write_json, writing
 from cam_rig.errors import OutputError
 
 if TYPE_CHECKING:
+    from cam_rig.arrays import FloatArray
     from cam_rig.cli.cams.profile_files import Request
     from cam_rig.laws import Law
-    from cam_rig.laws.bernstein import FloatArray
     from cam_rig.schema import CamConfig
 
 #: Cam angles at which a follower is read on the contour of a file.

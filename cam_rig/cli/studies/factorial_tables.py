@@ -10,10 +10,10 @@ from rich.table import Table
 
 from cam_rig.cli.common.console import console
 from cam_rig.studies.factorial.conclusions import answer
-from cam_rig.studies.factorial.criteria import RPM
 from cam_rig.studies.factorial.decomposition import advantages
 from cam_rig.studies.factorial.design import EFFECTS
 from cam_rig.studies.factorial.in_contact import fastest, left, staying
+from cam_rig.units import RPM_PER_RAD_S
 
 if TYPE_CHECKING:
     from cam_rig.schema import FactorialConfig
@@ -108,7 +108,7 @@ def _design(design: Design, config: FactorialConfig) -> dict[str, Any]:
 
 
 def _rpm(speed: float | None) -> float | None:
-    return None if speed is None else round(speed * RPM, 9)
+    return None if speed is None else round(speed * RPM_PER_RAD_S, 9)
 
 
 def _in_contact(stay: Design | None, effect: Effect) -> dict[str, Any] | None:

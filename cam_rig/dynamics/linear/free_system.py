@@ -14,9 +14,9 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy.linalg import expm
 
+from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.linear.impulse_response import response
 from cam_rig.laws import bernstein
-from cam_rig.laws.bernstein import FloatArray
 
 #: Degree of the acceleration's power series within a window, and |A| t of the window: what is left
 #: out is 2^25/25!, below a rounding.

@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.arrays import FloatArray
 
 #: Below this time, in units of the fastest rate, the power series is used.
 SHORT = 0.5

@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.linear.matrix_exponential import free_motion
 from cam_rig.dynamics.linear.propagator import exponential, piece
 from cam_rig.dynamics.linear.turn_map import TurnMap
@@ -27,8 +28,8 @@ from cam_rig.dynamics.validation import (
 )
 from cam_rig.dynamics.velocity_jumps import SLACK
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import TURN, Law, bernstein
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.laws import Law, bernstein
+from cam_rig.units import TURN
 
 
 @dataclass(frozen=True, eq=False)

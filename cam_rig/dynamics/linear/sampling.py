@@ -13,10 +13,10 @@ from functools import lru_cache
 import numpy as np
 from scipy.linalg import expm
 
+from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.linear.matrix_exponential import free_grid, free_motion
 from cam_rig.dynamics.linear.response import LinearResponse, Part, Run
 from cam_rig.laws import bernstein
-from cam_rig.laws.bernstein import FloatArray
 from cam_rig.laws.sampling import CHUNK, MIDDLE, WIDEST_CHUNK, chunk_powers
 
 

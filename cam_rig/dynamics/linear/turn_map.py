@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.arrays import FloatArray
 
 #: A mode that a turn changes by less than this (in phase and size) is in resonance.
 RESONANT = 1e-11

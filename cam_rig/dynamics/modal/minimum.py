@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cam_rig.dynamics.modal.response import ComplexArray, Ringing
-from cam_rig.laws import TURN, bernstein
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.arrays import ComplexArray, FloatArray
+from cam_rig.dynamics.modal.response import Ringing
+from cam_rig.laws import bernstein
+from cam_rig.units import TURN
 
 #: Grid points a period of the mode, and at least, of a turn.
 PER_PERIOD, LEAST_PER_TURN = 24, 256

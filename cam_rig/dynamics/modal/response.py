@@ -12,16 +12,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cam_rig.arrays import ComplexArray, FloatArray
 from cam_rig.dynamics.linear.response import LinearResponse
 from cam_rig.dynamics.linear.sampling import Outputs
 from cam_rig.dynamics.linear.turn_map import RESONANT
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import TURN, Law
-from cam_rig.laws.bernstein import FloatArray
-
-ComplexArray = NDArray[np.complex128]
+from cam_rig.laws import Law
+from cam_rig.units import TURN
 
 #: Terms of the series after two below this fraction of the largest are rounding of a fit.
 SETTLED = 1e-14

@@ -15,15 +15,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import kinetostatic
 from cam_rig.dynamics.impacts import show_impulses
-from cam_rig.dynamics.interval import NS, Block, FollowerState, Interval, SampleGrid
+from cam_rig.dynamics.interval import Block, FollowerState, Interval, SampleGrid
 from cam_rig.dynamics.one_mass.trajectory import Course, Phase
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.ramp import with_ramps
 from cam_rig.dynamics.validation import require_turning
 from cam_rig.laws import Law
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.units import NS
 
 
 @with_ramps

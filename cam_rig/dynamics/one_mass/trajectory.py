@@ -16,7 +16,8 @@ from cam_rig.dynamics.one_mass.flight import thrown
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.velocity_jumps import KinksAhead, short_of_kink
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import TURN, Law
+from cam_rig.laws import Law
+from cam_rig.units import TURN
 
 #: A change of the cam's velocity below this fraction of (cam speed x lift) is rounding: no step.
 STILL = 1e-12

@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.arrays import FloatArray
 
 #: Samples evaluated together: their basis values stay in the processor's cache.
 BATCH = 2048

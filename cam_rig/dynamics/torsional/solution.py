@@ -18,13 +18,14 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.torsional.collocation import Path
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.torsional.stepper import March
 from cam_rig.dynamics.validation import require_number
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import TURN, Law, bernstein
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.laws import Law, bernstein
+from cam_rig.units import TURN
 
 __all__ = [
     "ROWS",

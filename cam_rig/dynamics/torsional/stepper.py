@@ -14,13 +14,14 @@ from functools import lru_cache
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.torsional.collocation import basis, basis_at, table
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.torsional.window import Piece, Window, largest
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import TURN, Law, bernstein
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.laws import Law, bernstein
+from cam_rig.units import TURN
 
 #: Degrees of a window, and the phase of the shaft's free vibration (rad) each resolves: half of
 #: it is the argument of the Bessel functions that are the coefficients of an oscillation.

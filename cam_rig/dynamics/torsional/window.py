@@ -16,10 +16,10 @@ import numpy as np
 from scipy.linalg.blas import idamax
 from scipy.linalg.lapack import dgetrf, dgetrs
 
+from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.linear.impulse_response import response
 from cam_rig.dynamics.torsional.collocation import Table
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
-from cam_rig.laws.bernstein import FloatArray
 
 #: Newton's method has converged when the next correction would be below this, relatively ...
 CONVERGED = 1e-15

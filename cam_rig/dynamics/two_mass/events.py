@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.landing import Approach, Gap
 from cam_rig.dynamics.linear.free_system import REACH, SERIES_DEGREE, Flight, bernstein_from_powers
 from cam_rig.dynamics.linear.matrix_exponential import free_motion
@@ -17,7 +18,7 @@ from cam_rig.dynamics.root_scan import TOGETHER, clear_cells, fall, step
 from cam_rig.dynamics.two_mass.flight import free_masses, from_inner, to_inner
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
 from cam_rig.laws import Law, bernstein
-from cam_rig.laws.bernstein import EPS, FloatArray
+from cam_rig.laws.bernstein import EPS
 from cam_rig.laws.law import Scalar
 
 #: A force this many rounding errors below zero is below zero.

@@ -6,9 +6,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.linear.free_system import FreeSystem, Pairs
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters
-from cam_rig.laws.bernstein import FloatArray
 
 #: Pairs whose shapes are more alike than this are not told apart: their digits would cancel.
 WORST_CONDITION = 1e3

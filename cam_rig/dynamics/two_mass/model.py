@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.impacts import show_impulses
-from cam_rig.dynamics.interval import NS, Block, FollowerState, Interval, SampleGrid
+from cam_rig.dynamics.interval import Block, FollowerState, Interval, SampleGrid
 from cam_rig.dynamics.linear.free_system import Flight
 from cam_rig.dynamics.linear.sampling import sample
 from cam_rig.dynamics.ramp import with_ramps
@@ -15,7 +16,7 @@ from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_resp
 from cam_rig.dynamics.two_mass.trajectory import Phase, Separation
 from cam_rig.dynamics.validation import times_of
 from cam_rig.laws import Law
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.units import NS
 
 
 def states(course: Separation, times: FloatArray) -> FloatArray:

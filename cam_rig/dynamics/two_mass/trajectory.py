@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.bounce import least_bounce, rises
 from cam_rig.dynamics.interval import Event, EventKind
 from cam_rig.dynamics.linear.free_system import Flight
@@ -24,7 +25,6 @@ from cam_rig.dynamics.validation import require_angle, require_number, state_of
 from cam_rig.dynamics.velocity_jumps import KinksAhead, short_of_kink
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
-from cam_rig.laws.bernstein import FloatArray
 
 #: More events in one call than any physical series has.
 MOST_EVENTS = 20_000

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.errors import LawError
-from cam_rig.laws.bernstein import FloatArray
 
 
 @dataclass(frozen=True)

@@ -14,14 +14,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.errors import LawError
 from cam_rig.laws import fit as analytic
 from cam_rig.laws.arcs.chain import Chain, Circle, Line, Part
 from cam_rig.laws.arcs.geometry import Arc
-from cam_rig.laws.bernstein import FloatArray
 from cam_rig.laws.fit import Curve
-from cam_rig.laws.law import TURN
 from cam_rig.laws.pieces import Pieces, turned_to_zero
+from cam_rig.units import TURN
 
 #: The pitch point of a joint and the polar radius of its parts agree to this, relative.
 AGREE = 1e-9

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.arrays import FloatArray
 from cam_rig.laws.pieces import Pieces
 
 if TYPE_CHECKING:  # a quarter of a node's imports, which few cams need

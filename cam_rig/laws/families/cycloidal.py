@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.arrays import FloatArray
 
 
 def cycloidal(u: FloatArray, order: int) -> FloatArray:

@@ -7,8 +7,8 @@ from math import comb, perm
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.errors import LawError
-from cam_rig.laws.bernstein import FloatArray
 
 
 def polynomial_through(u: list[float], order: list[int], value: list[float]) -> FloatArray:

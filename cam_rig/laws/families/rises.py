@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.arrays import FloatArray
 
 
 def constant_velocity() -> FloatArray:

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.errors import LawError
-from cam_rig.laws.bernstein import FloatArray
 from cam_rig.laws.families.b_spline import bezier_pieces
-from cam_rig.laws.law import TURN
 from cam_rig.laws.pieces import Pieces, turned_to_zero
+from cam_rig.units import TURN
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline

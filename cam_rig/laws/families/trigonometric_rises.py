@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.arrays import FloatArray
 from cam_rig.laws.fit import Curve, Section
 
 PI = np.pi

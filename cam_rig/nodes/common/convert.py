@@ -13,10 +13,10 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension
 
-from cam_rig.dynamics import NS
 from cam_rig.messages.codec import CAM_JOINTS, Dimensions, cam_positions
 from cam_rig.messages.topics import Topic
 from cam_rig.simulation.schedule import CamState
+from cam_rig.units import NS
 
 
 def message_class(topic: Topic) -> Any:

@@ -10,10 +10,11 @@ from rclpy.parameter import Parameter
 
 from cam_rig.errors import RefusedError, RunError
 from cam_rig.live.checkpoint import Handover
-from cam_rig.live.drive import RPM, DriveProgram, Orders
+from cam_rig.live.drive import DriveProgram, Orders
 from cam_rig.messages import topics
 from cam_rig.nodes.common.clock_source import Pacemaker
 from cam_rig.simulation.schedule import CamState
+from cam_rig.units import RPM
 
 
 class Controls:
@@ -35,7 +36,7 @@ class Controls:
     ) -> None:
         self._node, self._program, self._send, self._left = node, program, send, left
         node.add_on_set_parameters_callback(self._refuse)
-        node.subscribe(topics.RPM, self._on_rpm)
+        node.subscribe(topics.CAM_RPM, self._on_rpm)
         node.add_post_set_parameters_callback(self._on_parameters)
         for service in (self.start, self.stop, self.reset, self.emergency_stop):
             node.serve(service.__name__, service)
@@ -100,4 +101,4 @@ class Controls:
         asked = [Parameter("rpm", value=float(message.data))]
         result = self._node.set_parameters(asked)[0]
         if not result.successful:
-            raise RefusedError(f"{topics.RPM.name}: is {message.data:g}: {result.reason}")
+            raise RefusedError(f"{topics.CAM_RPM.name}: is {message.data:g}: {result.reason}")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from geometry_msgs.msg import Point32, PolygonStamped
 from rclpy.duration import Duration
@@ -14,6 +12,7 @@ from cam_rig.live.cam_check import contour_of
 from cam_rig.nodes.common.convert import to_header
 from cam_rig.schema import CamConfig
 from cam_rig.simulation.schedule import CamState
+from cam_rig.units import TURN
 
 #: Intervals of the sampled law over one turn.
 POINTS = 180
@@ -31,7 +30,7 @@ def to_polygon(cam: CamConfig, law: Law) -> PolygonStamped:
 def to_trajectory(law: Law, state: CamState) -> JointTrajectory:
     """The law over one turn at the cam's present speed."""
     message = JointTrajectory(header=to_header(state.time_ns, law.name), joint_names=["follower"])
-    angle = np.linspace(0.0, 2.0 * math.pi, POINTS + 1)
+    angle = np.linspace(0.0, TURN, POINTS + 1)
     motion = np.stack([law(angle, order) * state.speed**order for order in range(3)])
     message.points = [
         JointTrajectoryPoint(

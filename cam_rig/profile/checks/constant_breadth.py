@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from cam_rig.laws import TURN, Law
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.arrays import FloatArray
+from cam_rig.laws import Law
 from cam_rig.profile.checks.check import Check
 from cam_rig.profile.extremes import greatest_between, stroke
+from cam_rig.units import TURN
 
 #: The sum may differ from s_max by this fraction of the lift.
 TOLERANCE = 1e-9

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.laws import Law
-from cam_rig.laws.bernstein import FloatArray
 from cam_rig.laws.peaks import Extreme
 from cam_rig.profile.checks.check import Check
 from cam_rig.profile.contact import Touch

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from shapely import LinearRing
 
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.arrays import FloatArray
 
 #: A step from point to point beyond so many of the usual one is a gap. Contours written at equal
 #: steps of the cam angle stay below 2.

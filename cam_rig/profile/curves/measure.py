@@ -11,12 +11,12 @@ from collections.abc import Callable
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from cam_rig.arrays import ComplexArray, FloatArray
 from cam_rig.errors import ProfileError
-from cam_rig.laws import TURN
-from cam_rig.laws.bernstein import FloatArray
-from cam_rig.profile.contact import ComplexArray, Element
+from cam_rig.profile.contact import Element
 from cam_rig.profile.motion import turn_angles
 from cam_rig.profile.roller import GuidedCentre, SwungCentre
+from cam_rig.units import TURN
 
 #: A closed curve in the cam's frame: parameters, of period 2π, to points x + iy, m.
 Curve = Callable[[FloatArray], ComplexArray]

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError, ProfileError
 from cam_rig.laws import Law
-from cam_rig.laws.bernstein import FloatArray
 from cam_rig.profile.checks.curvature import sharpest_concave
 from cam_rig.profile.contour import Contour
 from cam_rig.profile.disc import Disc, discs

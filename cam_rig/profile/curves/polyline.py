@@ -10,11 +10,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.errors import ProfileError
-from cam_rig.laws import TURN, Law
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.laws import Law
 from cam_rig.laws.continuity import joints
 from cam_rig.profile.curves.path import Path
+from cam_rig.units import TURN
 
 #: Samples of the path for a first guess, and at least so many in each chord for the proof.
 GUESS, IN_CHORD = 8192, 12

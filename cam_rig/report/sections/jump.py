@@ -10,7 +10,7 @@ from cam_rig.report.results import Results
 from cam_rig.studies.jump.comparison import JumpRow, rms_words, same_ranking, turn_of
 from cam_rig.studies.jump.contact_limit import FROM_REST
 from cam_rig.studies.jump.refit import ROUNDED_TO
-from cam_rig.studies.jump.search import RPM
+from cam_rig.units import RPM
 
 
 def section(results: Results) -> Section:

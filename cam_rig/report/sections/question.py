@@ -13,8 +13,7 @@ from cam_rig.studies.factorial.conclusions import answer
 from cam_rig.studies.factorial.decomposition import advantages
 from cam_rig.studies.factorial.design import EFFECTS, Design, Effect
 from cam_rig.studies.factorial.in_contact import left, staying
-
-RPM = 30.0 / math.pi
+from cam_rig.units import RPM_PER_RAD_S
 
 
 def section(results: Results) -> Section:
@@ -145,8 +144,8 @@ def _squeezed(results: Results) -> Grid:
     rows = tuple(
         (
             f"{math.degrees(span):.4g}°",
-            f"{m.jump * RPM:.1f}",
-            f"{m.rigid_jump * RPM:.1f}",
+            f"{m.jump * RPM_PER_RAD_S:.1f}",
+            f"{m.rigid_jump * RPM_PER_RAD_S:.1f}",
             f"{m.acceleration:.1f}",
             f"{1e6 * m.residual:.2f}",
             f"{m.noise:.1f}",

@@ -9,8 +9,9 @@ from typing import Annotated
 from pydantic import BaseModel, model_validator
 
 from cam_rig.schema.quantity import Quantity, Strict, must_be
+from cam_rig.units import TURN
 
-Span = Annotated[Quantity, must_be("angle", above=0.0, most=2.0 * math.pi * (1.0 + 1e-12))]
+Span = Annotated[Quantity, must_be("angle", above=0.0, most=TURN * (1.0 + 1e-12))]
 #: Ordinates, levels and coefficients in fractions of the lift.
 Ratios = Annotated[Quantity, must_be("ratio", many=True, least=-100.0, most=100.0)]
 #: A length of the cam's own shape.

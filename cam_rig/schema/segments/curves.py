@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from cam_rig.schema.quantity import Quantity, must_be
 from cam_rig.schema.segments.base import Ratios, SegmentBase, WholeTurn
+from cam_rig.units import TURN
 
 #: Degree 100 is far beyond any cam, and still stable.
 MOST_ORDINATES = 101
@@ -19,7 +20,7 @@ MOST_HARMONICS = 50
 MOST_B_SPLINE_DEGREE = 15
 MOST_B_SPLINE_ORDINATES = 500
 
-Angles = Annotated[Quantity, must_be("angle", many=True, least=0.0, most=2.0 * math.pi + 1e-12)]
+Angles = Annotated[Quantity, must_be("angle", many=True, least=0.0, most=TURN + 1e-12)]
 Order = Annotated[int, Field(ge=0, lt=MOST_CONDITIONS, strict=True)]
 
 

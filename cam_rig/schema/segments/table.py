@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Field, FiniteFloat, ValidationInfo, model_
 from cam_rig.schema.points import read_points
 from cam_rig.schema.quantity import Quantity, Strict, must_be
 from cam_rig.schema.segments.base import WholeTurn
+from cam_rig.units import TURN
 
 #: Fewer points than this over a turn do not hold a cam's law, more are slow to no use.
 FEWEST_POINTS, MOST_POINTS = 12, 7200
@@ -95,7 +96,7 @@ class Table(WholeTurn):
             )
         limit = CLOSING_TOLERANCES * self.tolerance.si + 1e-12 * height
         step = lifts[-1] - lifts[0]
-        repeated = abs(angles[-1] - angles[0] - 2.0 * math.pi) < 1e-9
+        repeated = abs(angles[-1] - angles[0] - TURN) < 1e-9
         if repeated and abs(step) > limit:
             raise ValueError(
                 f"{self.file.file}: does not close, the lift at 360° is {step:.6g} m above that "

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from cam_rig.dynamics import FloatArray
+from cam_rig.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

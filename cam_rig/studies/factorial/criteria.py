@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from cam_rig.schema import FactorialConfig
 from cam_rig.studies.factorial.design import EFFECTS, Design, Effect
 from cam_rig.studies.factorial.in_contact import fastest, laws_left, staying
+from cam_rig.units import RPM_PER_RAD_S
 
 BY_KEY = {effect.key: effect for effect in EFFECTS}
 #: A share of at least this much decides an effect.
 DECIDES = 0.6
-RPM = 30.0 / math.pi
 #: What decides an effect, in words.
 FOLLOWS = {
     "continuity": "follows continuity",
@@ -80,8 +78,8 @@ def held(design: Design, effect: Effect, config: FactorialConfig) -> str:
         said = f"over {count} {share_of_law(stay, effect)}"
     return (
         f" Of {len(design.rises) * design.angles.size} cells with {design.name} "
-        f"{sum(gone.values())} leave the cam below {speed * RPM:g} rpm, the fastest it was "
-        f"measured at ({laws}); {said}."
+        f"{sum(gone.values())} leave the cam below {speed * RPM_PER_RAD_S:g} rpm, the fastest it "
+        f"was measured at ({laws}); {said}."
     )
 
 

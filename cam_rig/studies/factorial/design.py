@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cam_rig.dynamics import FloatArray
+from cam_rig.arrays import FloatArray
 from cam_rig.laws import Law
 from cam_rig.laws.catalogue import figures
 from cam_rig.schema import FactorialConfig

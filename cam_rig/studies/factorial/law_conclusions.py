@@ -10,13 +10,13 @@ from cam_rig.laws.catalogue import figures
 from cam_rig.studies.factorial.criteria import (
     BY_KEY,
     FOLLOWS,
-    RPM,
     decided_by,
     falls_with_class,
     held,
     share_of_law,
 )
 from cam_rig.studies.factorial.design import Design, Factorial
+from cam_rig.units import RPM_PER_RAD_S
 
 JUMP = BY_KEY["jump"]
 
@@ -100,12 +100,12 @@ def price(found: Factorial) -> str:
 def squeezed_words(found: Factorial) -> str:
     """The proposed cam in less and less of the turn."""
     spans = sorted(found.squeezed, reverse=True)
-    speeds = [found.squeezed[span].jump * RPM for span in spans]
+    speeds = [found.squeezed[span].jump * RPM_PER_RAD_S for span in spans]
     told = ", ".join(
         f"{math.degrees(span):.4g}° {v:.0f} rpm" for span, v in zip(spans, speeds, strict=True)
     )
-    own, proposed = found.cams[found.config.proposed].jump * RPM, found.config.proposed
-    others = [m.jump * RPM for cam, m in found.cams.items() if cam != proposed]
+    own, proposed = found.cams[found.config.proposed].jump * RPM_PER_RAD_S, found.config.proposed
+    others = [m.jump * RPM_PER_RAD_S for cam, m in found.cams.items() if cam != proposed]
     said = f"{proposed}, left at {own:.0f} rpm, squeezed with a low dwell for the rest: {told}."
     if others:
         said += f" The other cams are left between {min(others):.0f} and {max(others):.0f} rpm."

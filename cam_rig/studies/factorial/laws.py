@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from cam_rig.errors import ConfigError
-from cam_rig.laws import TURN, Law
+from cam_rig.laws import Law
 from cam_rig.laws.catalogue import figures
 from cam_rig.laws.named import NAMED_RISES, unit_rise
 from cam_rig.laws.pieces import joined
 from cam_rig.schema import FactorialConfig, load_factorial
+from cam_rig.units import TURN
 
 #: A dwell narrower than this (rad) is none.
 LEAST_DWELL = 1e-9

@@ -14,7 +14,7 @@ from cam_rig.laws import Law
 from cam_rig.studies.jump.jump_speed import Jump, jump_speed
 from cam_rig.studies.jump.published import Reference
 from cam_rig.studies.jump.ramp import jump_along_ramp
-from cam_rig.studies.jump.search import RPM
+from cam_rig.units import RPM
 
 #: Longest run from rest, s: after a minute little but the steady state is left.
 LONGEST = 60.0

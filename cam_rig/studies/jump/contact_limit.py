@@ -9,7 +9,8 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.studies.jump.rigid import rigid_jump_speed
-from cam_rig.studies.jump.search import RPM, SLOWEST, force_run, sought_speed
+from cam_rig.studies.jump.search import SLOWEST, force_run, sought_speed
+from cam_rig.units import RPM
 
 #: Length of the run from rest, s, as in Table 2.
 FROM_REST = 1.7

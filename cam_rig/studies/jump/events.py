@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 
 from cam_rig.errors import ConfigError
 from cam_rig.schema import CamConfig
+from cam_rig.units import TURN
 
 
 def event_of(cams: Iterable[CamConfig]) -> float:
@@ -31,7 +31,7 @@ def with_event(cam: CamConfig, event: float) -> CamConfig:
         id(s): f
         for group, f in (
             (moving, 2.0 * event / sum(s.span.si for s in moving)),
-            (dwells, (2.0 * math.pi - 2.0 * event) / sum(s.span.si for s in dwells)),
+            (dwells, (TURN - 2.0 * event) / sum(s.span.si for s in dwells)),
         )
         for s in group
     }

@@ -7,7 +7,8 @@ import re
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.laws import build_law
 from cam_rig.schema import CamConfig
-from cam_rig.studies.jump.search import RPM, sought_speed
+from cam_rig.studies.jump.search import sought_speed
+from cam_rig.units import RPM
 
 #: The half-rises there are (laws thesis, eq. 3.4-3.9).
 DEGREES = (4, 6, 8)

@@ -15,8 +15,9 @@ from cam_rig.dynamics.two_mass.events import lift_off
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import TURN, Law
-from cam_rig.studies.jump.search import RPM, Sought, sought
+from cam_rig.laws import Law
+from cam_rig.studies.jump.search import Sought, sought
+from cam_rig.units import RPM, TURN
 
 #: Half of what a speed is known to, relative: 0.002 rpm at 400 rpm.
 TOLERANCE = 5e-6

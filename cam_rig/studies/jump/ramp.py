@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 
-from cam_rig.dynamics import MODELS, NS, Interval, TwoMassParameters
+from cam_rig.dynamics import MODELS, Interval, TwoMassParameters
 from cam_rig.dynamics.interval import FollowerState
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import TURN, Law
+from cam_rig.laws import Law
 from cam_rig.studies.jump.jump_speed import Jump
-from cam_rig.studies.jump.search import FASTEST, RPM
+from cam_rig.studies.jump.search import FASTEST
+from cam_rig.units import NS, RPM, TURN
 
 #: Slowest and steepest ramp, rpm/s: hours of turns, and a jump within the first turn.
 SLOWEST, STEEPEST = 1.0, 1e5

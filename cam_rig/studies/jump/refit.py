@@ -14,12 +14,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
-from cam_rig.dynamics import FloatArray, TwoMassParameters
+from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import TwoMassParameters
 from cam_rig.errors import CamRigError
 from cam_rig.laws import Law, build_law
 from cam_rig.schema import CamConfig
 from cam_rig.studies.jump.events import event_of, with_event
-from cam_rig.studies.jump.search import RPM, sought_speed
+from cam_rig.studies.jump.search import sought_speed
+from cam_rig.units import RPM
 
 #: Largest factor on either side of a start, and the step of a numerical derivative.
 REACH, STEP = 3.0, 1e-3

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from cam_rig.dynamics import FloatArray, FollowerParameters
+from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.laws import Law, bernstein
 

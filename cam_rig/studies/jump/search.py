@@ -8,21 +8,20 @@ radian over as long as it is remembered: half of a resonance's half-width in ste
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
+from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.modal.minimum import Run
 from cam_rig.dynamics.modal.response import Ringing
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.units import RPM
 
-RPM = math.pi / 30.0
 #: Where the search begins and ends, rpm.
 SLOWEST, FASTEST = 1.0, 1e5
 #: The ringing's phase turns by this much (rad) from one speed to the next.

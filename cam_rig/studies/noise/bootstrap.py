@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cam_rig.dynamics import FloatArray
+from cam_rig.arrays import FloatArray
 from cam_rig.simulation.levels import REGRESSION_DEGREE, real_roots
 
 #: Neighbouring speeds that are drawn together: a third of the range.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from cam_rig.dynamics import FloatArray
+from cam_rig.arrays import FloatArray
 from cam_rig.simulation.settled_turns import Acoustics, Turns
 
 #: Terms of the speed response: with its gain a cubic, like a published regression.

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cam_rig.dynamics import FloatArray
+from cam_rig.arrays import FloatArray
 from cam_rig.simulation.levels import cubic, regression
 from cam_rig.simulation.settled_turns import Acoustics
 from cam_rig.studies.noise import bootstrap

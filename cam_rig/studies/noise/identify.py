@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import Bounds, differential_evolution, minimize
 
-from cam_rig.dynamics import FloatArray
+from cam_rig.arrays import FloatArray
 from cam_rig.errors import LawError
 from cam_rig.laws import build_law
 from cam_rig.laws.cam import arc_cam

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cam_rig.dynamics import FloatArray, TwoMassParameters
+from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import TwoMassParameters
 from cam_rig.schema import RigConfig
 from cam_rig.simulation.scene import Stage
 from cam_rig.studies.noise.calibration_methods import Method, with_substitution, with_two_constants

@@ -15,7 +15,8 @@ import numpy as np
 from scipy.optimize import Bounds, differential_evolution
 
 from cam_rig.acoustics import RadiationParameters
-from cam_rig.dynamics import FloatArray, FollowerParameters, TwoMassParameters
+from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.errors import CamRigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig

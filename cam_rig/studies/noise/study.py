@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cam_rig.dynamics import FloatArray
+from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.simulation.scene import Stage

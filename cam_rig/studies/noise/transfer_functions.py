@@ -15,10 +15,12 @@ from scipy.optimize import least_squares
 
 from cam_rig.acoustics import RadiationParameters, level_db
 from cam_rig.acoustics.weighting import weighting_power
-from cam_rig.dynamics import FloatArray, FollowerParameters
+from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.contact import force_weights
-from cam_rig.laws import TURN, Law
+from cam_rig.laws import Law
 from cam_rig.studies.noise.calibration import rms
+from cam_rig.units import TURN
 
 #: Samples of a turn and harmonics of it: up to 500 Hz at 200 rpm.
 SAMPLES, HARMONICS = 1024, 150

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cam_rig.laws import TURN, Law
-from cam_rig.laws.bernstein import FloatArray
+from cam_rig.arrays import FloatArray
+from cam_rig.laws import Law
+from cam_rig.units import TURN
 
 #: A piece no higher above the lowest lift than this fraction of the lift is flat.
 FLAT = 1e-12

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.errors import DynamicsError
+from cam_rig.units import RPM
 
-RPM = math.pi / 30.0
 #: A stem must swing this often in a turn, or what rings cannot be told from what follows the law.
 SWINGS = 3.0
 #: Slowest and fastest speed, rpm; below, a turn has more swings of the stem than can be sampled.

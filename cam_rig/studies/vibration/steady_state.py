@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cam_rig.dynamics import FloatArray, FollowerParameters
+from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics import elastic_stem as residual
 from cam_rig.dynamics.linear.sampling import sample
 from cam_rig.dynamics.modal.response import Ringing
@@ -15,9 +16,10 @@ from cam_rig.dynamics.torsional.parameters import TorsionalParameters
 from cam_rig.dynamics.torsional.solution import periodic_state, solve
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import TURN, Law
+from cam_rig.laws import Law
 from cam_rig.studies.vibration.dwell import Window, low_dwell
-from cam_rig.studies.vibration.speeds import RPM, require_speeds
+from cam_rig.studies.vibration.speeds import require_speeds
+from cam_rig.units import RPM, TURN
 
 #: Samples of a turn at least, and of a period of the stem.
 LEAST_SAMPLES, PER_PERIOD = 4096, 32

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import rerun as rr
 
+from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
-from cam_rig.dynamics import FloatArray
 
 #: Radii on the screen: Rerun takes a negative one as points, not as the plane's unit.
 THIN, UNSEEN = -0.5, -0.1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
-from cam_rig.dynamics import FloatArray
+from cam_rig.arrays import FloatArray
 from cam_rig.viewer.charts.axes import Axes, round_marks
 from cam_rig.viewer.charts.bands import band_numbers
 from cam_rig.viewer.timeline import time_columns

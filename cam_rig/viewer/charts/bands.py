@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from cam_rig.acoustics import RadiationParameters, level_db
-from cam_rig.dynamics import FloatArray
+from cam_rig.arrays import FloatArray
 
 #: Band numbers 10 lg(f/Hz): 5 is 3.15 Hz, slower than any turn's own frequency.
 LOWEST_BAND = 5

@@ -8,17 +8,17 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
+from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
-from cam_rig.dynamics import FloatArray
 from cam_rig.simulation.levels import HeardTick, step_levels
 from cam_rig.simulation.scene import Stage
+from cam_rig.units import RPM_PER_RAD_S
 from cam_rig.viewer.charts.axes import UNSEEN, Axes, round_marks
 from cam_rig.viewer.timeline import time_columns
 
 VIEW = "noise"
 #: dB shown where nothing is published.
 LEVELS = (50.0, 110.0)
-RAD_S_TO_RPM = 30.0 / np.pi
 #: Radii on the screen: of dashes, of points as they come, of those of a finished run.
 LINE, POINT, FINAL = -1.2, -4.0, -2.5
 DASHES = 40
@@ -28,7 +28,7 @@ WIDTH = 200.0
 
 def noise_axes(stage: Stage) -> Axes:
     """All speeds of the scene, and the published levels with room around them."""
-    speeds = np.array(stage.scene.program.speeds.si_list) * RAD_S_TO_RPM
+    speeds = np.array(stage.scene.program.speeds.si_list) * RPM_PER_RAD_S
     low, high = float(speeds.min()), float(speeds.max())
     if high == low:
         low, high = low - 50.0, high + 50.0
@@ -103,7 +103,7 @@ class NoiseChart:
     def _points(self, cam: str) -> FloatArray:
         """``(n, 2)`` places of a cam's points so far."""
         steps = self._levels[cam]
-        return self._axes.place(np.array(list(steps)) * RAD_S_TO_RPM, np.array([*steps.values()]))
+        return self._axes.place(np.array(list(steps)) * RPM_PER_RAD_S, np.array([*steps.values()]))
 
     def _draw_published(self, cam: str) -> None:
         published = self._stage.published

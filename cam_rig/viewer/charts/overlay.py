@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import rerun as rr
 
+from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
-from cam_rig.dynamics import FloatArray
 from cam_rig.simulation.scene import Stage
 from cam_rig.simulation.schedule import CamState
 from cam_rig.viewer.charts.band_chart import BandChart

@@ -11,10 +11,11 @@ import math
 import numpy as np
 import rerun as rr
 
+from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
-from cam_rig.dynamics import NS, FloatArray
 from cam_rig.simulation.scene import Stage
 from cam_rig.simulation.schedule import CamState
+from cam_rig.units import NS
 from cam_rig.viewer.charts.band_chart import BandChart
 from cam_rig.viewer.charts.bands import third_octaves
 from cam_rig.viewer.charts.time_series import Traces

@@ -9,8 +9,8 @@ import rerun as rr
 from numpy.typing import NDArray
 from rerun.components import AggregationPolicy, InterpolationMode
 
+from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
-from cam_rig.dynamics import FloatArray
 from cam_rig.viewer.timeline import Times, time_columns
 
 #: Rows sent at once: big enough to be fast, small enough to stay out of the way in memory.

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from cam_rig.dynamics import MODELS, NS, FloatArray
+from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import MODELS
 from cam_rig.dynamics.torsional.parameters import TorsionalState
 from cam_rig.dynamics.torsional.solution import solve
 from cam_rig.simulation.scene import Stage
 from cam_rig.simulation.schedule import CamState
+from cam_rig.units import NS
 
 MODEL = "torsional"
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
-from cam_rig.dynamics import NS, FloatArray
+from cam_rig.arrays import FloatArray
 from cam_rig.laws.sampling import sample
 from cam_rig.simulation.scene import Stage
 from cam_rig.simulation.schedule import CamState
+from cam_rig.units import NS
 from cam_rig.viewer.charts import series
 from cam_rig.viewer.charts import shaft_twist as twist
 from cam_rig.viewer.charts.series import Line, Mark, SeriesWriter

@@ -13,7 +13,8 @@ from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.elastic_stem import response
 from cam_rig.dynamics.linear.response import LinearResponse
 from cam_rig.dynamics.two_mass.events import fly
-from cam_rig.laws import TURN, bernstein
+from cam_rig.laws import bernstein
+from cam_rig.units import TURN
 
 SPEED = 300.0 * np.pi / 30.0
 

@@ -11,8 +11,7 @@ from cam_rig.dynamics.modal.response import Ringing
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
 from cam_rig.errors import DynamicsError
 from cam_rig.schema import load_rig
-
-RPM = np.pi / 30.0
+from cam_rig.units import RPM
 
 
 @pytest.fixture(scope="module")

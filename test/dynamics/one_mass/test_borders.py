@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cam_rig.dynamics import NS
+from cam_rig.units import NS
 
 RPM = 600.0
 TURN_NS = 60 * NS // 600

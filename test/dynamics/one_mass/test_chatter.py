@@ -10,7 +10,7 @@ from cam_rig.bench.cases.cases import CASES
 from cam_rig.bench.reference import stored
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.two_mass.trajectory import Separation
-from cam_rig.laws import TURN
+from cam_rig.units import TURN
 
 STEM = TwoMassParameters(0.52, 0.78, 3.3e8, 4030.0, 8.642, 8.642, 12.753)
 SPEED = 450.0 * np.pi / 30.0

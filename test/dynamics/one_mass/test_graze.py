@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from cam_rig.dynamics import MODELS, NS, FollowerParameters, Interval, TwoMassParameters
+from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
 from cam_rig.dynamics.two_mass.model import states
 from cam_rig.dynamics.two_mass.trajectory import Separation
-from cam_rig.laws import TURN
+from cam_rig.units import NS, TURN
 
 SPEED = 450.0 * np.pi / 30.0
 FOLLOWER = FollowerParameters(1.3, 4030.0, 8.642, 0.0, 3.3e8)

@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import MODELS, NS, FollowerParameters, Interval, TwoMassParameters
+from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
 from cam_rig.dynamics.linear.free_system import Flight
 from cam_rig.dynamics.two_mass.events import landing
 from cam_rig.dynamics.two_mass.flight import free_masses, to_inner
 from cam_rig.dynamics.two_mass.trajectory import Separation
 from cam_rig.laws import Law
+from cam_rig.units import NS
 
 MS = NS // 1000
 PAPER = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6, 0.0, 0.5)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from cam_rig.dynamics import NS, FollowerParameters, Interval
+from cam_rig.dynamics import FollowerParameters, Interval
 from cam_rig.dynamics.one_mass.trajectory import Course
-from cam_rig.laws import TURN
+from cam_rig.units import NS, TURN
 
 JUMPING = 600.0  # rpm, above the jump speed of every 50 mm cam
 

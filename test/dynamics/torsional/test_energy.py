@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics.torsional.solution import TorsionalParameters, TorsionalState, solve
-from cam_rig.laws import TURN, Law
+from cam_rig.laws import Law
+from cam_rig.units import TURN
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(48)
 SPEED = 350.0 * np.pi / 30.0

@@ -5,9 +5,10 @@ import itertools
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import MODELS, NS, Interval
+from cam_rig.dynamics import MODELS, Interval
 from cam_rig.errors import ConfigError
 from cam_rig.schema import load_rig
+from cam_rig.units import NS
 
 SPEED = 350.0 * np.pi / 30.0
 

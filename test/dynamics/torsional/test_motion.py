@@ -14,7 +14,8 @@ from cam_rig.dynamics.torsional.solution import (
     solve,
 )
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import TURN, Law
+from cam_rig.laws import Law
+from cam_rig.units import TURN
 
 SPEED = 350.0 * np.pi / 30.0
 REST = TorsionalState(0.0, 0.0, 0.0, SPEED)

@@ -10,9 +10,10 @@ import pytest
 from cam_rig.bench.cases.case import Case
 from cam_rig.bench.cases.twist import Twist
 from cam_rig.bench.reference import exact_twist
-from cam_rig.dynamics import MODELS, NS, FollowerParameters, Interval
+from cam_rig.dynamics import MODELS, FollowerParameters, Interval
 from cam_rig.dynamics.torsional.solution import TorsionalParameters, TorsionalState, solve
 from cam_rig.errors import DynamicsError
+from cam_rig.units import NS
 
 FOLLOWER = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)
 #: Without a damper in the shaft, as the reference has it.

@@ -12,7 +12,8 @@ from scipy.interpolate import BPoly
 
 from cam_rig.dynamics.linear.propagator import piece
 from cam_rig.dynamics.torsional.solution import TorsionalParameters, TorsionalState, solve
-from cam_rig.laws import TURN, Law, bernstein
+from cam_rig.laws import Law, bernstein
+from cam_rig.units import TURN
 
 SPEED = 400.0 * np.pi / 30.0
 

@@ -13,7 +13,7 @@ import pytest
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.two_mass.model import _phase_states
 from cam_rig.dynamics.two_mass.trajectory import Separation
-from cam_rig.laws import TURN
+from cam_rig.units import TURN
 
 SOFT = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6)
 STEM = TwoMassParameters(0.52, 0.78, 3.3e8, 4030.0, 8.642, 8.642, 12.753)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from cam_rig.bench.reference.exact_law import polynomial, powers
-from cam_rig.dynamics import NS, FollowerParameters, FollowerState, Interval
+from cam_rig.dynamics import FollowerParameters, FollowerState, Interval
 from cam_rig.dynamics.contact import force_weights
 from cam_rig.dynamics.landing import Approach
 from cam_rig.dynamics.one_mass.flight import thrown
 from cam_rig.dynamics.one_mass.trajectory import Course
-from cam_rig.laws import TURN
+from cam_rig.units import NS, TURN
 
 P = FollowerParameters(1.3, 4030.0, 8.642, 30.0, 3.3e8)
 SPEED = 300.0 * np.pi / 30.0

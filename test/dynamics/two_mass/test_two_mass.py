@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cam_rig.dynamics import MODELS, NS, Interval, TwoMassParameters
+from cam_rig.dynamics import MODELS, Interval, TwoMassParameters
 from cam_rig.dynamics.two_mass.model import _phase_states
 from cam_rig.dynamics.two_mass.trajectory import Separation
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import TURN
 from cam_rig.schema import load_rig
+from cam_rig.units import NS, TURN
 
 SOFT = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6)
 STEM = TwoMassParameters(0.52, 0.78, 3.3e8, 4030.0, 8.642, 8.642, 12.753)

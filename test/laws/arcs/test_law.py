@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from cam_rig.errors import LawError
-from cam_rig.laws import TURN, Law, build_law
+from cam_rig.laws import Law, build_law
 from cam_rig.laws.arcs.chain import Blend, Circle, Line, close
 from cam_rig.laws.arcs.law import ArcFollower, arc_pieces
 from cam_rig.laws.arcs.segments import arc_follower
 from cam_rig.laws.continuity import continuity
 from cam_rig.laws.pieces import joined
+from cam_rig.units import TURN
 
 BASE, LIFT, NOSE = 0.025, 0.01, 0.012
 FLANKS = {"convex": Blend(0.08), "straight": Blend(None), "concave": Blend(-0.06)}

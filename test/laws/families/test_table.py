@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from cam_rig.errors import LawError
-from cam_rig.laws import TURN, Law, build_law
+from cam_rig.laws import Law, build_law
 from cam_rig.laws.continuity import SMOOTHEST, continuity
 from cam_rig.laws.families.table import smooth
 from cam_rig.laws.pieces import joined, turned_to_zero
 from cam_rig.laws.segments import smoothed
+from cam_rig.units import TURN
 
 
 def law_of(found):

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from cam_rig.errors import ConfigError
-from cam_rig.laws import TURN
 from cam_rig.laws.continuity import joints
 from cam_rig.laws.peaks import peak
 from cam_rig.schema import load_factorial, load_rig
@@ -18,6 +17,7 @@ from cam_rig.studies.factorial.design import EFFECTS, run_factorial
 from cam_rig.studies.factorial.in_contact import fastest, left, staying
 from cam_rig.studies.factorial.laws import as_gentle, squeezed, up_and_down
 from cam_rig.studies.factorial.measures import Bench
+from cam_rig.units import TURN
 
 RISES = ("simple_harmonic", "poly345", "cycloidal", "poly4567", "bezier9", "modified_sine")
 

@@ -23,7 +23,8 @@ from cam_rig.studies.jump.jump_speed import jump_speed
 from cam_rig.studies.jump.published import Reference, references
 from cam_rig.studies.jump.ramp import jump_along_ramp
 from cam_rig.studies.jump.refit import Numbers, refit, refitted
-from cam_rig.studies.jump.search import RPM, sought_speed
+from cam_rig.studies.jump.search import sought_speed
+from cam_rig.units import RPM
 
 FIVE = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
 

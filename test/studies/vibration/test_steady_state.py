@@ -16,11 +16,11 @@ from cam_rig.studies.factorial.laws import squeezed
 from cam_rig.studies.jump.contact_limit import leaving_speed
 from cam_rig.studies.jump.jump_speed import jump_speed
 from cam_rig.studies.jump.rigid import rigid_jump_speed
-from cam_rig.studies.jump.search import RPM
 from cam_rig.studies.vibration.claims import Claim, vibration_claims
 from cam_rig.studies.vibration.comparison import vibration_table
 from cam_rig.studies.vibration.dwell import low_dwell
 from cam_rig.studies.vibration.steady_state import ringing, steady_turn, steady_twist, vibration
+from cam_rig.units import RPM
 
 FIVE = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
 
