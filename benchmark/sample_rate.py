@@ -14,7 +14,7 @@ from pathlib import Path
 from cam_rig.acoustics import level_db, steady_power
 from cam_rig.schema import SceneConfig
 from cam_rig.simulation.levels import step_levels
-from cam_rig.simulation.scene import Stage, open_stage
+from cam_rig.simulation.scene import LoadedScene, open_scene
 from cam_rig.simulation.simulate import simulate
 
 REFERENCE_HZ = 384_000
@@ -49,19 +49,19 @@ Made by `benchmark/sample_rate.py`.
 """
 
 
-def at_rate(stage: Stage, rate: int) -> Stage:
+def at_rate(loaded: LoadedScene, rate: int) -> LoadedScene:
     """The same scene at another sample rate."""
-    data = stage.scene.model_dump(exclude_none=True)
+    data = loaded.scene.model_dump(exclude_none=True)
     data["sample_rate"] = {"assumed": rate, "unit": "Hz"}
-    return replace(stage, scene=SceneConfig.model_validate(data))
+    return replace(loaded, scene=SceneConfig.model_validate(data))
 
 
-def measure(stage: Stage) -> tuple[dict[str, dict[float, float]], float, float]:
+def measure(loaded: LoadedScene) -> tuple[dict[str, dict[float, float]], float, float]:
     """Levels of all steps, wall time (s), and rig time (s)."""
     begun = time.perf_counter()
-    ticks = list(simulate(stage))
+    ticks = list(simulate(loaded))
     took = time.perf_counter() - begun
-    settle = stage.scene.program.settle_turns.si
+    settle = loaded.scene.program.settle_turns.si
     return step_levels(ticks, settle), took, ticks[-1].stop_ns * 1e-9
 
 
@@ -70,28 +70,30 @@ def difference(one: dict[float, float], other: dict[float, float]) -> float:
     return max(abs(one[speed] - other[speed]) for speed in one)
 
 
-def exact_levels(stage: Stage, cam: str, speeds: list[float]) -> dict[float, float]:
+def exact_levels(loaded: LoadedScene, cam: str, speeds: list[float]) -> dict[float, float]:
     """The levels of a cam that keeps contact, without samples."""
-    power = {s: steady_power(stage.laws[cam], stage.follower, stage.radiation, s) for s in speeds}
+    power = {
+        s: steady_power(loaded.laws[cam], loaded.follower, loaded.radiation, s) for s in speeds
+    }
     return {speed: float(level_db(value**0.5)) for speed, value in power.items()}
 
 
 def main() -> None:
     """Measure and write the page."""
-    stage = open_stage(Path("config/scenes/tm21_sweep.yaml"))
-    reference, _, rig_time = measure(at_rate(stage, REFERENCE_HZ))
+    loaded = open_scene(Path("config/scenes/tm21_sweep.yaml"))
+    reference, _, rig_time = measure(at_rate(loaded, REFERENCE_HZ))
     lines = []
     for rate in RATES_HZ:
-        runs = [measure(at_rate(stage, rate)) for _ in range(REPEATS)]
+        runs = [measure(at_rate(loaded, rate)) for _ in range(REPEATS)]
         took = statistics.median(run[1] for run in runs)
-        errors = [difference(runs[0][0][cam], reference[cam]) for cam in stage.scene.cams]
+        errors = [difference(runs[0][0][cam], reference[cam]) for cam in loaded.scene.cams]
         size = rig_time * rate * COLUMNS * BYTES / 1e6
         cells = [f"{rate / 1000:g} kHz", *(f"{error:.5f} dB" for error in errors)]
         cells += [f"{took:.2f} s", f"{rig_time / took:.0f}", f"{size:.0f} MB"]
         lines.append("| " + " | ".join(cells) + " |")
         print(lines[-1])
     exact = max(
-        difference(reference[cam], exact_levels(stage, cam, list(reference[cam])))
+        difference(reference[cam], exact_levels(loaded, cam, list(reference[cam])))
         for cam in ("poly345", "bezier15")
     )
     facts = {"reference": REFERENCE_HZ // 1000, "cores": os.cpu_count(), "repeats": REPEATS}

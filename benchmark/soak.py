@@ -1,7 +1,7 @@
 """Memory of each node over a long run: a table, and whether it is flat after the first tenth.
 
 Run it from the project's root: .venv/bin/python benchmark/soak.py [ticks] [scene] [pacing]
-Exit code 1 when a node grew by more than `MOST_GROWTH` MB after the first tenth of the ticks. The
+Exit code 1 when a node grew by more than `MAX_GROWTH` MB after the first tenth of the ticks. The
 bag of 100 000 ticks of the scene `quick` takes 1 GB of the temporary folder while it runs.
 """
 
@@ -25,7 +25,7 @@ from cam_rig.simulation.schedule import tick_count
 #: Wall time (s) between two rows.
 EVERY = 15.0
 #: MB that a node may grow by after the first tenth: the recorder keeps an index of its bag.
-MOST_GROWTH = 20.0
+MAX_GROWTH = 20.0
 
 
 def prolonged(folder: Path, scene: str, ticks: int) -> Path:
@@ -72,7 +72,7 @@ def main(ticks: str = "100000", scene: str = "quick", pacing: str = "free") -> i
             f"{total} ticks in {time.monotonic() - begun:.0f} s; grown since the first tenth, MB:"
         )
         print(*(f"{name} {mb:+.1f}" for name, mb in grown.items()), sep=", ")
-        return int(max(grown.values()) > MOST_GROWTH)
+        return int(max(grown.values()) > MAX_GROWTH)
 
 
 if __name__ == "__main__":

@@ -11,13 +11,13 @@ from cam_rig.errors import ConfigError
 
 MIB = 2**20
 #: Characters of a wrong value that an error shows.
-MOST_SHOWN = 60
+MAX_SHOWN = 60
 
 
 def shown(text: str, quoted: bool = True) -> str:
     """A text from a file as an error shows it: one line, the end of a long one left out."""
     whole = repr(text) if quoted else repr(text)[1:-1]
-    return whole if len(whole) <= MOST_SHOWN else f"{whole[: MOST_SHOWN - 3]}..."
+    return whole if len(whole) <= MAX_SHOWN else f"{whole[: MAX_SHOWN - 3]}..."
 
 
 def read_bytes(path: Path, most: int, follow: bool = True) -> bytes:

@@ -21,9 +21,9 @@ from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
 
 from .preloaded import Preloaded
 from .references import many_digits
-from .small_scenes import make_scene, make_stage
+from .small_scenes import make_loaded_scene, make_scene
 
-__all__ = ["make_scene", "make_stage", "many_digits"]
+__all__ = ["make_loaded_scene", "make_scene", "many_digits"]
 
 #: Domains that tests take: below the ports that Linux hands out by itself, beside a user's own.
 DOMAINS = range(40, 101)
@@ -42,13 +42,13 @@ GROUPS = {
     "test/nodes/test_security.py::test_what_anybody_may_say_changes_nothing": SHORT,
 }
 #: More workers than this only take memory.
-MOST_WORKERS = 8
+MAX_WORKERS = 8
 
 
 def pytest_xdist_auto_num_workers() -> int:
     """One worker more than there are cores to use: many tests wait for a run to get on."""
     usable = getattr(os, "sched_getaffinity", lambda _: range(os.cpu_count() or 1))
-    return min(len(usable(0)) + 1, MOST_WORKERS)
+    return min(len(usable(0)) + 1, MAX_WORKERS)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

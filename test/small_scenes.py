@@ -1,4 +1,4 @@
-"""Small scenes made on the spot, and the stage they play on."""
+"""Small scenes made on the spot, and their files read."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from cam_rig.schema import SceneConfig
-from cam_rig.simulation.scene import Stage, open_stage
+from cam_rig.simulation.scene import LoadedScene, open_scene
 
 
 def scene_data(**changes: Any) -> dict[str, Any]:
@@ -44,14 +44,14 @@ def make_scene() -> Callable[..., SceneConfig]:
 
 
 @pytest.fixture
-def make_stage(tmp_path: Path) -> Callable[..., Stage]:
+def make_loaded_scene(tmp_path: Path) -> Callable[..., LoadedScene]:
     """Write a scene file, with changes, and open it with all it names."""
 
-    def make(**changes: Any) -> Stage:
+    def make(**changes: Any) -> LoadedScene:
         path = tmp_path / "scenes" / "small.yaml"
         path.parent.mkdir(exist_ok=True)
         with path.open("w", encoding="utf-8") as file:
             YAML(typ="safe").dump(scene_data(**changes), file)
-        return open_stage(path)
+        return open_scene(path)
 
     return make

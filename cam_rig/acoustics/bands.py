@@ -18,7 +18,7 @@ ORDER = 6
 ROOM = 0.5 / 0.44
 #: A band is filtered at the lowest rate whose half is so many times its upper edge; a rate is not
 #: lowered by more than the other.
-HEADROOM, MOST_DECIMATION = 1.25, 500
+HEADROOM, MAX_DECIMATION = 1.25, 500
 #: r.m.s. pressure (Pa) that silence counts as.
 LEAST = float(np.finfo(float).eps)
 
@@ -51,7 +51,7 @@ def _passed(pressure: FloatArray, rate: int, middle: float) -> float:
     from scipy.signal import butter, resample_poly, sosfilt
 
     edges = middle * 10.0 ** np.array([-0.05, 0.05])
-    factor = min(max(int(rate / 2.0 / (HEADROOM * edges[1])), 1), MOST_DECIMATION)
+    factor = min(max(int(rate / 2.0 / (HEADROOM * edges[1])), 1), MAX_DECIMATION)
     slower = resample_poly(pressure, 1, factor) if factor > 1 else pressure
     sections = butter(ORDER, edges, "bandpass", fs=rate / factor, output="sos")
     band = sosfilt(sections, slower)

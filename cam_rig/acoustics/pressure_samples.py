@@ -21,7 +21,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.errors import RunError
 
 #: Hz, well above what a meter needs for class 1 up to 20 kHz.
-LEAST_RATE = 96_000
+MIN_RATE = 96_000
 #: Seed of the background noise: a run repeats sample by sample.
 SEED = 1
 
@@ -55,7 +55,7 @@ class SoundSource:
 
     parameters: RadiationParameters
     block_rate: int
-    least_rate: int = LEAST_RATE
+    least_rate: int = MIN_RATE
     seed: int = SEED
     _structure: float | None = field(default=None, init=False)
     _force: float = field(default=0.0, init=False)

@@ -18,9 +18,9 @@ from cam_rig.temporary import no_room
 #: Attached to a bag that was recovered and lacks something: what.
 RECOVERED = "recovered.txt"
 #: Files attached to a bag, and their bytes; a scene with a hundred cams and their tables has less.
-MOST_ATTACHED, MOST_ATTACHED_BYTES = 1000, 64 * MIB
+MAX_ATTACHED, MAX_ATTACHED_BYTES = 1000, 64 * MIB
 #: Bytes of a path of an attached file, and of one name in it.
-MOST_PATH, MOST_NAME = 1000, 255
+MAX_PATH, MAX_NAME = 1000, 255
 
 
 def unpack(bag: Path, folder: Path) -> Path:
@@ -80,10 +80,10 @@ def attachments(file: Path) -> Iterator[Attachment]:
             if piece.opcode != Opcode.ATTACHMENT or not piece.whole:
                 continue
             number, size = number + 1, size + piece.length
-            if number > MOST_ATTACHED or size > MOST_ATTACHED_BYTES:
+            if number > MAX_ATTACHED or size > MAX_ATTACHED_BYTES:
                 raise BagError(
-                    f"{file}: {number} attachments of {size} bytes; allowed: {MOST_ATTACHED} of "
-                    f"{MOST_ATTACHED_BYTES}"
+                    f"{file}: {number} attachments of {size} bytes; allowed: {MAX_ATTACHED} of "
+                    f"{MAX_ATTACHED_BYTES}"
                 )
             yield attachment_of(content(stream, piece))
 
@@ -99,10 +99,10 @@ def _safe(bag: Path, name: str) -> Path:
     if name.startswith("/") or ".." in parts or "\0" in name:
         raise BagError(f"{bag}: attachment {name[:80]!r} points elsewhere")
     longest = max(len(part.encode()) for part in parts)
-    if longest > MOST_NAME or len(name.encode()) > MOST_PATH or not Path(name).name:
+    if longest > MAX_NAME or len(name.encode()) > MAX_PATH or not Path(name).name:
         raise BagError(
             f"{bag}: attachment {name[:80]!r} has a name of {longest} bytes; allowed: 1 to "
-            f"{MOST_NAME}, and {MOST_PATH} with its folders"
+            f"{MAX_NAME}, and {MAX_PATH} with its folders"
         )
     return Path(name)
 

@@ -23,7 +23,7 @@ from cam_rig.bag.files import METADATA
 from cam_rig.bag.pieces import (
     MIB,
     ChunkHead,
-    Piece,
+    Record,
     chunk_head,
     content,
     fields,
@@ -34,9 +34,9 @@ from cam_rig.bag.pieces import (
 from cam_rig.errors import BagError
 
 #: What a file's compressed chunks may unpack to: this, and so many times the file's size.
-FREE_UNPACKED, MOST_RATIO = 16 * MIB, 100
+FREE_UNPACKED, MAX_RATIO = 16 * MIB, 100
 #: What readers hold at once, for they bring chunks of overlapping times into order, bytes.
-MOST_AT_ONCE = 128 * MIB
+MAX_AT_ONCE = 128 * MIB
 #: A bag whose messages or files are compressed one by one.
 COMPRESSED = re.compile(rb"compression_mode[\"']?\s*:\s*[\"']?(file|message)", re.IGNORECASE)
 
@@ -52,7 +52,7 @@ def require_bounded(file: Path) -> None:
     OSError : it cannot be read
     """
     spans: list[Span] = []
-    chunks: dict[int, tuple[Piece, ChunkHead]] = {}
+    chunks: dict[int, tuple[Record, ChunkHead]] = {}
     with file.open("rb") as stream:
         try:
             for piece in pieces(stream):
@@ -66,15 +66,15 @@ def require_bounded(file: Path) -> None:
         except (ValueError, EOFError, struct.error, McapError) as error:
             raise BagError(f"{file}: {reason(error)}") from None
     size, total = file.stat().st_size, sum(unpacked for *_, unpacked in spans)
-    most = FREE_UNPACKED + MOST_RATIO * size
+    most = FREE_UNPACKED + MAX_RATIO * size
     if total > most:
         raise BagError(
-            f"{file}: {size} bytes that unpack to {total}; allowed: {most}, {MOST_RATIO} times as "
+            f"{file}: {size} bytes that unpack to {total}; allowed: {most}, {MAX_RATIO} times as "
             f"much and {FREE_UNPACKED // MIB} MiB"
         )
-    if (held := _at_once(spans)) > MOST_AT_ONCE:
+    if (held := _at_once(spans)) > MAX_AT_ONCE:
         raise BagError(
-            f"{file}: compressed chunks of {held} bytes are of one time; allowed: {MOST_AT_ONCE}"
+            f"{file}: compressed chunks of {held} bytes are of one time; allowed: {MAX_AT_ONCE}"
         )
 
 
@@ -96,7 +96,7 @@ def require_plain(bag: Path) -> None:
             )
 
 
-def _chunk(stream: BinaryIO, piece: Piece) -> tuple[tuple[Piece, ChunkHead], list[Span]]:
+def _chunk(stream: BinaryIO, piece: Record) -> tuple[tuple[Record, ChunkHead], list[Span]]:
     head = chunk_head(stream, piece)
     require_modest(head)
     if not head.compression:
@@ -111,7 +111,7 @@ def _chunk(stream: BinaryIO, piece: Piece) -> tuple[tuple[Piece, ChunkHead], lis
     return (piece, head), [(head.begin, head.end, head.unpacked)]
 
 
-def _require_true(index: ChunkIndex, chunks: dict[int, tuple[Piece, ChunkHead]]) -> None:
+def _require_true(index: ChunkIndex, chunks: dict[int, tuple[Record, ChunkHead]]) -> None:
     """Refuse an index that says of a chunk what the chunk itself does not say; each once."""
     start = index.chunk_start_offset + 9
     if start not in chunks:

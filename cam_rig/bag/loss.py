@@ -20,7 +20,7 @@ from cam_rig.schema import SceneConfig
 from cam_rig.simulation.schedule import CamState, cam_states, tick_count
 
 #: Gaps that are named one by one; of more, the number is said.
-MOST_NAMED = 6
+MAX_NAMED = 6
 
 Lacking = list[tuple[int, frozenset[str]]]
 
@@ -75,8 +75,8 @@ class Loss:
         """The gaps in words; empty where there is none."""
         if not self.gaps:
             return ""
-        more = len(self.gaps) - MOST_NAMED
-        named = [*self.gaps[:MOST_NAMED], *([f"{more} gaps more"] if more > 0 else [])]
+        more = len(self.gaps) - MAX_NAMED
+        named = [*self.gaps[:MAX_NAMED], *([f"{more} gaps more"] if more > 0 else [])]
         return f"{'; '.join(named)} ({self.messages} messages)"
 
 

@@ -14,7 +14,7 @@ from mcap.records import Attachment, Channel, Header, Message, Schema
 
 from cam_rig.bag.attached import attachment_of
 from cam_rig.bag.damage import DAMAGE, reason
-from cam_rig.bag.pieces import INSIDE, Piece, chunk_head, content, fields, inside, pieces, unpack
+from cam_rig.bag.pieces import INSIDE, Record, chunk_head, content, fields, inside, pieces, unpack
 from cam_rig.errors import BagError, RefusedError
 from cam_rig.messages import topics
 from cam_rig.messages.serialization import RawMessages, stamp_of
@@ -31,7 +31,7 @@ INDEXES = {
     Opcode.SUMMARY_OFFSET,
 }
 #: More topics than any rig has.
-MOST_CHANNELS = 1000
+MAX_CHANNELS = 1000
 Found = tuple[Schema, Channel, Message] | Attachment
 
 
@@ -86,7 +86,7 @@ class Salvage:
                 else:
                     yield from self._at_the_top(stream, piece)
 
-    def _at_the_top(self, stream: BinaryIO, piece: Piece) -> Iterator[Found]:
+    def _at_the_top(self, stream: BinaryIO, piece: Record) -> Iterator[Found]:
         try:
             if piece.opcode == Opcode.ATTACHMENT:
                 yield attachment_of(content(stream, piece))
@@ -97,7 +97,7 @@ class Salvage:
         except DAMAGE as error:
             self._note(error)
 
-    def _of_chunk(self, stream: BinaryIO, piece: Piece) -> Iterator[Found]:
+    def _of_chunk(self, stream: BinaryIO, piece: Record) -> Iterator[Found]:
         """What a chunk holds, as far as it goes."""
         count, sound, read, wrong = 0, False, 0, None
         try:
@@ -130,8 +130,8 @@ class Salvage:
         if isinstance(record, Schema):
             self._schemas[record.id] = record
         elif isinstance(record, Channel):
-            if record.id not in self._channels and len(self._channels) >= MOST_CHANNELS:
-                raise ValueError(f"more than {MOST_CHANNELS} channels")
+            if record.id not in self._channels and len(self._channels) >= MAX_CHANNELS:
+                raise ValueError(f"more than {MAX_CHANNELS} channels")
             self._channels[record.id] = record
         elif (channel := self._channels.get(record.channel_id)) is not None:
             schema = self._schemas.get(channel.schema_id)

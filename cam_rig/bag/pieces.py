@@ -24,7 +24,7 @@ from cam_rig.errors import BagError
 
 MIB = 2**20
 #: What one compressed chunk may unpack to, bytes; those of ROS 2 have 1 to 4 MiB.
-MOST_UNPACKED = 64 * MIB
+MAX_UNPACKED = 64 * MIB
 #: Bytes unpacked at once.
 STEP = 256 * 1024
 #: Bytes read at once of a row of small records.
@@ -42,7 +42,7 @@ CHUNK_LIKE = re.compile(
 MESSAGE_HEAD = struct.Struct("<HIQQ")
 
 
-class Piece(NamedTuple):
+class Record(NamedTuple):
     """A record at the top of a file: its opcode, where its content begins, and bytes.
 
     ``length`` is what the record claims, ``there`` what the file has of it.
@@ -59,7 +59,7 @@ class Piece(NamedTuple):
         return self.length <= self.there
 
 
-def pieces(stream: BinaryIO) -> Iterator[Piece]:
+def pieces(stream: BinaryIO) -> Iterator[Record]:
     """The records of a file in order; after one that is not whole, from the next whole chunk on.
 
     There are none in a file that is empty yet.
@@ -80,7 +80,7 @@ def pieces(stream: BinaryIO) -> Iterator[Piece]:
         start = place + HEAD.size
         if not opcode:  # of no record: a power cut may leave zeros
             length = size
-        yield Piece(opcode, start, length, min(length, size - start))
+        yield Record(opcode, start, length, min(length, size - start))
         if opcode == Opcode.FOOTER and start + length + len(MCAP0_MAGIC) == size:
             return
         place = start + length
@@ -104,7 +104,7 @@ def _next_chunk(number: int, place: int, size: int) -> int:
     return size
 
 
-def content(stream: BinaryIO, piece: Piece) -> bytes:
+def content(stream: BinaryIO, piece: Record) -> bytes:
     """What the file holds of a record."""
     return os.pread(stream.fileno(), piece.there, piece.start)
 
@@ -146,7 +146,7 @@ class ChunkHead:
     packed_at: int
 
 
-def chunk_head(stream: BinaryIO, piece: Piece) -> ChunkHead:
+def chunk_head(stream: BinaryIO, piece: Record) -> ChunkHead:
     """The head of a chunk, which may be cut off behind it.
 
     Raises
@@ -163,7 +163,7 @@ def chunk_head(stream: BinaryIO, piece: Piece) -> ChunkHead:
     return ChunkHead(begin, end, unpacked, crc, name.decode(), packed, piece.start + inside)
 
 
-def unpack(stream: BinaryIO, piece: Piece, head: ChunkHead) -> bytes:
+def unpack(stream: BinaryIO, piece: Record, head: ChunkHead) -> bytes:
     """The bytes of a chunk as far as they can be had, never more than it claims.
 
     Raises
@@ -195,10 +195,10 @@ def require_modest(head: ChunkHead) -> None:
     """
     if head.compression not in ("", "zstd", "lz4"):
         raise ValueError(f"a chunk compressed by {head.compression!r}; allowed: zstd, lz4")
-    if head.compression and head.unpacked > MOST_UNPACKED:
+    if head.compression and head.unpacked > MAX_UNPACKED:
         raise ValueError(
             f"a chunk of {head.packed} bytes claims {head.unpacked} unpacked; allowed: "
-            f"{MOST_UNPACKED}"
+            f"{MAX_UNPACKED}"
         )
 
 

@@ -22,7 +22,7 @@ from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of, stamp_ns
 from cam_rig.messages.topics import Topic
 from cam_rig.simulation.levels import HeardTick
-from cam_rig.simulation.scene import Stage, open_stage
+from cam_rig.simulation.scene import LoadedScene, open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.temporary import temporary_folder
 
@@ -31,7 +31,7 @@ from cam_rig.temporary import temporary_folder
 class Recording:
     """A recorded run: its scene, its ticks, and how many messages each topic has."""
 
-    stage: Stage
+    loaded: LoadedScene
     ticks: list[HeardTick]
     counts: dict[str, int]
 
@@ -116,7 +116,7 @@ def read_recording(bag: Path, scene: Path | None = None) -> Recording:
     ------
     BagError : the bag is missing, was not closed, or holds another kind of run
     """
-    stage = read_stage(bag) if scene is None else open_stage(scene)
+    loaded = read_scene(bag) if scene is None else open_scene(scene)
     states: list[CamState] = []
     pressures: dict[int, float] = {}
     try:
@@ -132,7 +132,7 @@ def read_recording(bag: Path, scene: Path | None = None) -> Recording:
         for start, end in pairwise(states)
         if end.time_ns in pressures and start.turns_until(end)
     ]
-    return Recording(stage, ticks, read_counts(bag))
+    return Recording(loaded, ticks, read_counts(bag))
 
 
 def read_counts(bag: Path) -> dict[str, int]:
@@ -149,7 +149,7 @@ def read_counts(bag: Path) -> dict[str, int]:
     return dict(sorted(counts.items()))
 
 
-def read_stage(bag: Path) -> Stage:
+def read_scene(bag: Path) -> LoadedScene:
     """The scene with its cams, rig and published curves as they were attached.
 
     Raises
@@ -159,10 +159,10 @@ def read_stage(bag: Path) -> Stage:
     with temporary_folder() as folder:
         scene = unpack(bag, folder)
         try:
-            stage = open_stage(scene)
+            loaded = open_scene(scene)
             for cam in sorted((scene.parent.parent / "cams").glob("*.yaml")):
-                stage.mount(cam.stem)  # by hand, while it ran
-            return stage
+                loaded.mount(cam.stem)  # by hand, while it ran
+            return loaded
         except CamRigError as error:
             inside = str(error).replace(f"{folder}/config/", "")
             raise BagError(f"{bag}: its attached files do not fit: {inside}") from None

@@ -10,7 +10,7 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
-from cam_rig.bench.result import CaseResult, Study
+from cam_rig.bench.result import CaseResult, WorkPrecisionStudy
 
 #: Okabe-Ito colours and distinct markers: readable in print and by the colour-blind.
 STYLES = {
@@ -22,10 +22,10 @@ STYLES = {
 }
 RIG = ("#000000", "*")
 #: Errors below this are drawn here: rounding may be zero.
-LEAST_ERROR = 1e-17
+MIN_ERROR = 1e-17
 
 
-def draw(study: Study, path: Path) -> None:
+def draw(study: WorkPrecisionStudy, path: Path) -> None:
     """Write the plot as PNG (or any format matplotlib knows by the suffix)."""
     count = max(1, len(study.cases))
     columns = min(3, count)
@@ -46,13 +46,13 @@ def draw(study: Study, path: Path) -> None:
 def _panel(axes: Axes, result: CaseResult) -> None:
     for sweep in result.sweeps:
         colour, marker = STYLES[sweep.peer.title]
-        errors = [max(p.error, LEAST_ERROR) for p in sweep.points]
+        errors = [max(p.error, MIN_ERROR) for p in sweep.points]
         times = [p.time_s for p in sweep.points]
         label = sweep.peer.title
         axes.loglog(times, errors, color=colour, marker=marker, ms=4.5, lw=1.2, label=label)
     if result.rig is not None:
         colour, marker = RIG
-        error = max(result.rig.error, LEAST_ERROR)
+        error = max(result.rig.error, MIN_ERROR)
         axes.loglog([result.rig.time_s], [error], marker, color=colour, ms=13, label="this rig")
     axes.set_title(result.case.name, fontsize=10)
     axes.set(xlabel="wall time [s]", ylabel="error / largest value")

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from cam_rig.bench.cases.cases import QUICK_TURNS
-from cam_rig.bench.result import CaseResult, Point, Study, Sweep
+from cam_rig.bench.result import CaseResult, Sweep, WorkPrecisionPoint, WorkPrecisionStudy
 
 HEADER = ("case", "solver, rtol", "time", "error", "events", "x rig")
 #: What a reader of the rows must know.
@@ -16,7 +16,7 @@ KEY = (
 )
 
 
-def to_json(study: Study) -> dict[str, Any]:
+def to_json(study: WorkPrecisionStudy) -> dict[str, Any]:
     """The promised keys, and beside them what a reader needs to judge them."""
     return {
         "cases": {name: _case(result) for name, result in study.cases.items()},
@@ -52,13 +52,13 @@ def _case(result: CaseResult) -> dict[str, Any]:
     return {"title": result.case.title, "rig": rig, "peers": peers, "sweeps": sweeps}
 
 
-def _point(point: Point) -> dict[str, Any]:
+def _point(point: WorkPrecisionPoint) -> dict[str, Any]:
     data = {"time_s": point.time_s, "error": point.error, "repeats": point.repeats}
     extra = {"event_error_s": point.event_error_s, "rtol": point.rtol}
     return data | {key: value for key, value in extra.items() if value is not None}
 
 
-def rows(study: Study) -> list[tuple[str, ...]]:
+def rows(study: WorkPrecisionStudy) -> list[tuple[str, ...]]:
     """Rows as in `HEADER`: the rig, then each peer at the setting it is compared at."""
     out: list[tuple[str, ...]] = []
     for name, result in study.cases.items():
@@ -72,13 +72,13 @@ def rows(study: Study) -> list[tuple[str, ...]]:
     return out
 
 
-def _cells(point: Point) -> tuple[str, str, str]:
+def _cells(point: WorkPrecisionPoint) -> tuple[str, str, str]:
     events = "" if point.event_error_s is None else f"{point.event_error_s:.1e} s"
     digits = max(0, 1 - math.floor(math.log10(1e3 * point.time_s)))
     return f"{1e3 * point.time_s:.{digits}f} ms", f"{point.error:.1e}", events
 
 
-def _peer(result: CaseResult, sweep: Sweep, point: Point) -> tuple[str, ...]:
+def _peer(result: CaseResult, sweep: Sweep, point: WorkPrecisionPoint) -> tuple[str, ...]:
     ratio = result.ratio(point)
     bound = "" if result.as_good(point) else "> "
     title = f"{sweep.peer.title} {point.rtol:.0e}"
@@ -91,7 +91,7 @@ def _absent(result: CaseResult, peer: str) -> tuple[str, ...]:
     return (f"{peer}: {notes[0] if notes else 'not measured'}", "", "", "", "")
 
 
-def notes(study: Study) -> list[str]:
+def notes(study: WorkPrecisionStudy) -> list[str]:
     """What was left out or cut short, one line each."""
     out = [
         f"{name}: {sweep.peer.title}: {note}"

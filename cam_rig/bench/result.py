@@ -9,7 +9,7 @@ from cam_rig.bench.peers.peers import Peer
 
 
 @dataclass(frozen=True)
-class Point:
+class WorkPrecisionPoint:
     """One setting of one solver: median wall time of ``repeats`` runs, and error."""
 
     time_s: float
@@ -24,7 +24,7 @@ class Sweep:
     """One peer over its tolerances; ``notes`` say what was left out and why."""
 
     peer: Peer
-    points: list[Point] = field(default_factory=list)
+    points: list[WorkPrecisionPoint] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
 
@@ -33,11 +33,11 @@ class CaseResult:
     """One case: the rig's point, or why there is none, and the peers' sweeps."""
 
     case: Case
-    rig: Point | None = None
+    rig: WorkPrecisionPoint | None = None
     missing: str | None = None
     sweeps: list[Sweep] = field(default_factory=list)
 
-    def best(self, peer: str) -> tuple[Sweep, Point] | None:
+    def best(self, peer: str) -> tuple[Sweep, WorkPrecisionPoint] | None:
         """The peer's cheapest point that is no worse than the rig, else its most accurate."""
         all_points = [(s, p) for s in self.sweeps if s.peer.name == peer for p in s.points]
         if not all_points:
@@ -47,11 +47,11 @@ class CaseResult:
             return min(good, key=lambda pair: pair[1].time_s)
         return min(all_points, key=lambda pair: (pair[1].error, pair[1].time_s))
 
-    def as_good(self, point: Point) -> bool:
+    def as_good(self, point: WorkPrecisionPoint) -> bool:
         """Whether a point's error is no larger than the rig's."""
         return self.rig is not None and point.error <= self.rig.error
 
-    def ratio(self, point: Point) -> float | None:
+    def ratio(self, point: WorkPrecisionPoint) -> float | None:
         """How many times longer than the rig it took."""
         return None if self.rig is None else point.time_s / self.rig.time_s
 
@@ -62,7 +62,7 @@ class CaseResult:
 
 
 @dataclass(frozen=True)
-class Study:
+class WorkPrecisionStudy:
     """All cases in order, the sampling rates (1/s) by model, and the conditions."""
 
     cases: dict[str, CaseResult]

@@ -12,7 +12,7 @@ from cam_rig.bench.cases.models import OneMass, Oscillator, TwoMasses
 from cam_rig.bench.cases.twist import Twist
 from cam_rig.dynamics import FollowerParameters, Interval
 from cam_rig.dynamics import elastic_stem as residual
-from cam_rig.dynamics.one_mass.trajectory import Course
+from cam_rig.dynamics.one_mass.trajectory import OneMassTrajectory
 from cam_rig.dynamics.torsional import solution as torsion
 from cam_rig.dynamics.two_mass.model import states
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters
@@ -61,7 +61,9 @@ def _one_mass(case: Case) -> Solution:
     follower = FollowerParameters(
         p.mass, p.stiffness, p.damping, p.preload, ANY_STIFFNESS, p.restitution
     )
-    course = Course(case.law, follower, Interval(0, math.ceil(case.duration * NS), 0.0, case.speed))
+    course = OneMassTrajectory(
+        case.law, follower, Interval(0, math.ceil(case.duration * NS), 0.0, case.speed)
+    )
     course.run(None)
     motion = np.empty((2, case.times.size))
     for phase in course.phases:

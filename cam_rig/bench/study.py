@@ -18,7 +18,7 @@ from cam_rig.bench.peers.peers import PEERS, Peer
 from cam_rig.bench.peers.problem import PeerError
 from cam_rig.bench.rate import rates
 from cam_rig.bench.reference import stored
-from cam_rig.bench.result import CaseResult, Point, Study, Sweep
+from cam_rig.bench.result import CaseResult, Sweep, WorkPrecisionPoint, WorkPrecisionStudy
 from cam_rig.errors import CamRigError
 
 #: Cases in the order they run: cheap ones leave time to the dear ones.
@@ -31,7 +31,7 @@ ORDER = (
     "residual_stem",
 )
 #: A setting takes this many times as long as the one before it, at least and at most.
-LEAST_GROWTH, MOST_GROWTH = 1.3, 4.0
+MIN_GROWTH, MAX_GROWTH = 1.3, 4.0
 #: Runs of a peer's setting, as long as they take no more than this fraction of the sweep's share.
 PEER_REPEATS, REPEAT_SHARE = 3, 0.15
 #: A run may take so many times the time that is left before it is stopped.
@@ -55,7 +55,7 @@ FULL = Effort(235.0, 25, (1e-4, 1e-6, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 3e
 
 def run(
     quick: bool, advance: Callable[[str], None], names: tuple[str, ...] = ORDER, cores: int = 1
-) -> Study:
+) -> WorkPrecisionStudy:
     """Run the study; ``advance`` is told what comes next, once for each sweep."""
     begun = time.perf_counter()
     effort = QUICK if quick else FULL
@@ -74,7 +74,7 @@ def run(
             rtols = QUICK_AND_SLOW if quick and peer.slow else effort.rtols
             found[name].sweeps.append(sweep(case, peer, reference, rtols, share))
     ordered = {name: found[name] for name in CASES if name in found}
-    return Study(ordered, rates(), quick, cores, time.perf_counter() - begun)
+    return WorkPrecisionStudy(ordered, rates(), quick, cores, time.perf_counter() - begun)
 
 
 def _rig(case: Case, reference: Solution, repeats: int) -> CaseResult:
@@ -119,16 +119,16 @@ def sweep(
     return out
 
 
-def _predicted(points: list[Point]) -> float:
+def _predicted(points: list[WorkPrecisionPoint]) -> float:
     if len(points) < 2:
-        return LEAST_GROWTH * points[0].time_s if points else 0.0
+        return MIN_GROWTH * points[0].time_s if points else 0.0
     last, before = points[-1].time_s, points[-2].time_s
-    return last * min(max(LEAST_GROWTH, last / before), MOST_GROWTH)
+    return last * min(max(MIN_GROWTH, last / before), MAX_GROWTH)
 
 
 def _measure(
     case: Case, peer: Peer, reference: Solution, rtol: float, limit: float, spare: float
-) -> Point:
+) -> WorkPrecisionPoint:
     """Median of up to `PEER_REPEATS` runs, one at least, more only within ``limit`` seconds.
 
     A run that takes much longer than the ``spare`` seconds it was let in for is given up.
@@ -143,8 +143,8 @@ def _measure(
 
 def _point(
     solution: Solution, reference: Solution, times: list[float], rtol: float | None = None
-) -> Point:
-    return Point(
+) -> WorkPrecisionPoint:
+    return WorkPrecisionPoint(
         statistics.median(times),
         solution.error(reference),
         solution.event_error(reference),

@@ -11,17 +11,17 @@ import numpy as np
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError, ProfileError
 from cam_rig.files import MIB, read_bytes, shown
-from cam_rig.profile.curves.path import Path as Curve
+from cam_rig.profile.curves.path import ContourPath
 from cam_rig.schema.quantity import UNITS
 from cam_rig.units import TURN
 
 MM = 1e3
 #: Bytes of a file of contours that is read: 80 000 points as `write_contour` writes them.
-MOST_BYTES = 8 * MIB
+MAX_BYTES = 8 * MIB
 HEADER = ("angle_deg", "x_mm", "y_mm", "curvature_radius_mm", "pressure_angle_deg")
 
 
-def write_contour(path: Path, curves: list[Curve], count: int) -> None:
+def write_contour(path: Path, curves: list[ContourPath], count: int) -> None:
     """One row for each of ``count`` equal steps of the cam angle; a column more for two discs."""
     several = len(curves) > 1
     degrees = np.arange(count) * (360.0 / count)
@@ -53,7 +53,7 @@ def read_contour(path: Path) -> list[FloatArray]:
     ProfileError : no such columns, or something else than numbers in them
     """
     try:
-        text = io.StringIO(read_bytes(path, MOST_BYTES).decode("utf-8-sig"), newline="")
+        text = io.StringIO(read_bytes(path, MAX_BYTES).decode("utf-8-sig"), newline="")
         rows = [row for row in csv.reader(text) if row and not row[0].startswith("#")]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ProfileError(f"{path}: cannot be read ({error})") from None

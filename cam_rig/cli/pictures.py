@@ -47,13 +47,13 @@ def _draw(bag: Path, to: Path) -> None:
     with progress_bar() as bar:
         task = bar.add_task(bag.name, total=read_counts(bag).get(FOLLOWER_SAMPLES.name, 0))
         album = read_album(bag, lambda: bar.advance(task))
-    stage = album.stage
-    levels = step_levels(read_recording(bag).ticks, stage.scene.program.settle_turns.si)
-    result = compare(levels, {cam: stage.role(cam) for cam in levels}, stage.published)
+    loaded = album.loaded
+    levels = step_levels(read_recording(bag).ticks, loaded.scene.program.settle_turns.si)
+    result = compare(levels, {cam: loaded.role(cam) for cam in levels}, loaded.published)
     with temporary_folder() as folder:
-        drawn = draw_pictures(album, lambda path: noise_plot.draw(result, stage, path), folder)
+        drawn = draw_pictures(album, lambda path: noise_plot.draw(result, loaded, path), folder)
         try:
-            drawn += photograph_run(bag, stage, folder)
+            drawn += photograph_run(bag, loaded, folder)
         except CamRigError as error:
             console.print(f"{to / VIEWER}: left as it is ({error})", soft_wrap=True)
         for path in drawn:

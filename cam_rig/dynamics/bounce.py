@@ -6,12 +6,12 @@ from cam_rig.laws import Law
 
 #: A bounce is contact when it is lower than this fraction of the lift, or than so many metres,
 #: a hundred thousandth of an atom.
-LEAST_OF_LIFT, LEAST_HEIGHT = 1e-12, 1e-15
+MIN_OF_LIFT, MIN_HEIGHT = 1e-12, 1e-15
 
 
 def least_bounce(law: Law) -> float:
     """Height (m) below which a bounce is contact."""
-    return max(LEAST_OF_LIFT * law.lift, LEAST_HEIGHT)
+    return max(MIN_OF_LIFT * law.lift, MIN_HEIGHT)
 
 
 def rises(rebound: float, pull: float, least: float) -> bool:

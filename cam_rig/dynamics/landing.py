@@ -31,7 +31,7 @@ SLIP = 4.0
 #: Longest time (s) before a kink that may be none.
 KINK_S = 1e-7
 #: A look at the gap takes steps of this part of a window at least; below that it is a polynomial.
-LEAST_STEP = 1.0 / 16.0
+MIN_STEP = 1.0 / 16.0
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ class Approach:
     def _open_until(self, now: Gap, limit: float) -> Gap:
         """The gap as far from ``now`` on as steps prove that it is open."""
         begin, value, law, piece = now.time, now.gap, self.law, -1
-        least = LEAST_STEP * self.flight.system.window
+        least = MIN_STEP * self.flight.system.window
         while begin < limit:
             bend = self.flight.largest_acceleration(begin)
             wide = min(step(value, bend + self.speed**2 * law.bounds[2], least), limit)

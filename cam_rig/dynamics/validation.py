@@ -17,11 +17,11 @@ from cam_rig.errors import DynamicsError
 #: A number above zero is between these, one of either sign no farther from zero, all in SI.
 LEAST, MOST = 1e-15, 1e15
 #: Largest cam angle, rad: beyond it less than four digits of the phase are left.
-MOST_ANGLE = 1e12
+MAX_ANGLE = 1e12
 #: Slowest and fastest cam, rad/s.
-LEAST_SPEED, MOST_SPEED = 1e-30, 1e9
+MIN_SPEED, MAX_SPEED = 1e-30, 1e9
 #: Finest grid of samples, Hz: rig time is counted in ns.
-MOST_RATE = 1_000_000_000
+MAX_RATE = 1_000_000_000
 #: What a number may be, by the words that say so.
 LIMITS = {
     "> 0": (LEAST, MOST),
@@ -51,19 +51,19 @@ def require_number(name: str, value: object, words: str) -> None:
 
 def require_angle(angle: object, name: str = "angle") -> None:
     """Refuse a cam angle (rad) that is none, or so large that its phase is lost."""
-    if not (is_number(angle) and abs(angle) <= MOST_ANGLE):
+    if not (is_number(angle) and abs(angle) <= MAX_ANGLE):
         raise DynamicsError(
-            f"{name} is {angle!r}; allowed: finite and up to {MOST_ANGLE:g} rad, beyond which "
+            f"{name} is {angle!r}; allowed: finite and up to {MAX_ANGLE:g} rad, beyond which "
             "the phase is lost"
         )
 
 
 def require_turning(speed: object) -> None:
     """Refuse a cam that stands, turns backwards, or at no number at all; ``speed`` in rad/s."""
-    if not (is_number(speed) and LEAST_SPEED <= speed <= MOST_SPEED):
+    if not (is_number(speed) and MIN_SPEED <= speed <= MAX_SPEED):
         raise DynamicsError(
             f"speed is {speed!r} rad/s; allowed: finite and above 0, "
-            f"{LEAST_SPEED:g} to {MOST_SPEED:g} rad/s"
+            f"{MIN_SPEED:g} to {MAX_SPEED:g} rad/s"
         )
 
 
@@ -75,9 +75,9 @@ def require_stamp(name: str, value: object) -> None:
 
 def require_rate(sample_rate: object) -> None:
     """Refuse a sample rate (Hz) without a grid."""
-    if not (isinstance(sample_rate, int | np.integer) and 1 <= sample_rate <= MOST_RATE):
+    if not (isinstance(sample_rate, int | np.integer) and 1 <= sample_rate <= MAX_RATE):
         raise DynamicsError(
-            f"sample_rate is {sample_rate!r}; allowed: a whole number of Hz, 1 to {MOST_RATE}"
+            f"sample_rate is {sample_rate!r}; allowed: a whole number of Hz, 1 to {MAX_RATE}"
         )
 
 

@@ -7,7 +7,7 @@ from collections import deque
 from enum import Enum
 
 from cam_rig.dynamics import ANGLE_TOLERANCE
-from cam_rig.dynamics.validation import MOST_ANGLE
+from cam_rig.dynamics.validation import MAX_ANGLE
 from cam_rig.errors import RefusedError
 from cam_rig.schema import SceneConfig
 from cam_rig.simulation.schedule import CamState
@@ -16,7 +16,7 @@ from cam_rig.units import NS, TURN
 #: The fastest cam, rad/s; a scene is bound by the same.
 FASTEST = 1e5 * math.pi / 30.0
 #: Samples in one tick at most: a message of 48 MB.
-MOST_SAMPLES = 1_000_000
+MAX_SAMPLES = 1_000_000
 
 
 def speeds(scene: SceneConfig) -> tuple[float, float]:
@@ -25,7 +25,7 @@ def speeds(scene: SceneConfig) -> tuple[float, float]:
     Two at least, as the scene's own; a tick that starts from rest takes twice the time.
     """
     turned = TURN / scene.program.ticks_per_turn * scene.sample_rate.si
-    return 2.0 * turned / MOST_SAMPLES, min(FASTEST, 0.5 * turned)
+    return 2.0 * turned / MAX_SAMPLES, min(FASTEST, 0.5 * turned)
 
 
 #: States remembered, to know one that is sent again.
@@ -36,11 +36,11 @@ class Admission(Enum):
     """What a state is to those who were there before."""
 
     NEXT = "goes on from the state before"
-    ANEW = "begins a new course: the first, or the first after the cam stood"
+    NEW_SEQUENCE = "begins a new course: the first, or the first after the cam stood"
     SEEN = "was here already"
 
 
-class StateGate:
+class StateValidator:
     """Admits the states of one drive, in order, each once.
 
     A drive that was started again repeats its last states; these are known and passed over. After
@@ -62,14 +62,16 @@ class StateGate:
         tick_angle: float = math.inf,
         since: int = -1,
     ) -> None:
-        self._longest, self._rate = MOST_SAMPLES / sample_rate, int(sample_rate)
+        self._longest, self._rate = MAX_SAMPLES / sample_rate, int(sample_rate)
         self._tick_angle = tick_angle
         self._floor = since if last is None else last.time_ns
         self._recent: deque[CamState] = deque(maxlen=REMEMBERED)
         self.last = last
 
     @classmethod
-    def of(cls, scene: SceneConfig, last: CamState | None = None, since: int = -1) -> StateGate:
+    def of(
+        cls, scene: SceneConfig, last: CamState | None = None, since: int = -1
+    ) -> StateValidator:
         """The gate for the states of a scene."""
         angle = TURN / scene.program.ticks_per_turn
         return cls(scene.sample_rate.si, last, angle, since)
@@ -92,7 +94,7 @@ class StateGate:
         self._recent.append(state)
         if state.speed == 0.0:
             self._floor = -1
-        return Admission.ANEW if anew else Admission.NEXT
+        return Admission.NEW_SEQUENCE if anew else Admission.NEXT
 
     def _require_next(self, last: CamState, state: CamState) -> None:
         duration = (state.time_ns - last.time_ns) / NS
@@ -129,11 +131,11 @@ def require_possible(state: CamState) -> None:
     ------
     RefusedError : names the number and what is allowed
     """
-    known = math.isfinite(state.angle) and abs(state.unwrapped) <= MOST_ANGLE
+    known = math.isfinite(state.angle) and abs(state.unwrapped) <= MAX_ANGLE
     if not (known and math.isfinite(state.speed) and state.time_ns >= 0):
         raise RefusedError(
             f"cam state: {state.time_ns} ns, θ {state.unwrapped} rad, ω {state.speed} rad/s; "
-            f"allowed: finite numbers, θ up to {MOST_ANGLE:g} rad, time from zero"
+            f"allowed: finite numbers, θ up to {MAX_ANGLE:g} rad, time from zero"
         )
     if not 0.0 <= state.speed <= FASTEST:
         raise RefusedError(f"cam state: ω {state.speed:g} rad/s; allowed: 0 to {FASTEST:.6g} rad/s")

@@ -9,7 +9,7 @@ from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.laws import Law
 from cam_rig.profile import contours
 from cam_rig.schema import CamConfig
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 
 #: Points of the contour over one turn.
 CONTOUR_POINTS = 180
@@ -24,45 +24,45 @@ def contour_of(cam: CamConfig, law: Law) -> FloatArray:
     return contours(cam.follower, law, CONTOUR_POINTS)[0].points
 
 
-def require_own_law(stage: Stage, law: Law) -> None:
+def require_own_law(loaded: LoadedScene, law: Law) -> None:
     """Refuse a law that is not that of the cam's file in the scene's library.
 
     Raises
     ------
     RefusedError : names the cam, and by how much its law differs
     """
-    _mount(stage, law.name)
-    own = stage.laws[law.name]
+    _mount(loaded, law.name)
+    own = loaded.laws[law.name]
     for said, known, what in (
         (law.breaks, own.breaks, "breaks"),
         (law.ordinates, own.ordinates, "ordinates"),
     ):
-        _require_same(said, known, SAME, f"law {law.name!r}: its {what}", stage, law.name)
+        _require_same(said, known, SAME, f"law {law.name!r}: its {what}", loaded, law.name)
 
 
-def require_own_contour(stage: Stage, cam: str, points: FloatArray) -> None:
+def require_own_contour(loaded: LoadedScene, cam: str, points: FloatArray) -> None:
     """Refuse a contour ``(2, n)`` (m) that is not that of the cam's file.
 
     Raises
     ------
     RefusedError : names the cam, and by how much its contour differs
     """
-    _mount(stage, cam)
-    known = contour_of(stage.cams[cam], stage.laws[cam])
-    _require_same(points, known, SAME_POINT, f"contour of {cam!r}: its points", stage, cam)
+    _mount(loaded, cam)
+    known = contour_of(loaded.cams[cam], loaded.laws[cam])
+    _require_same(points, known, SAME_POINT, f"contour of {cam!r}: its points", loaded, cam)
 
 
-def _mount(stage: Stage, cam: str) -> None:
+def _mount(loaded: LoadedScene, cam: str) -> None:
     try:
-        stage.mount(cam)
+        loaded.mount(cam)
     except CamRigError as error:
         raise RefusedError(f"cam {cam[:80]!r}: not in the scene's library ({error})") from None
 
 
 def _require_same(
-    said: FloatArray, known: FloatArray, tolerance: float, what: str, stage: Stage, cam: str
+    said: FloatArray, known: FloatArray, tolerance: float, what: str, loaded: LoadedScene, cam: str
 ) -> None:
-    file = stage.cam_files[cam]
+    file = loaded.cam_files[cam]
     if said.shape != known.shape:
         raise RefusedError(f"{what} are {said.shape}; {file} has {known.shape}")
     away, most = float(np.abs(said - known).max()), tolerance * float(np.abs(known).max())

@@ -36,7 +36,7 @@ TICKS_KEPT = {
     "cam_drive": _LOST + 2 * _AHEAD,
 }
 #: Bytes of a file, at most; those of the shipped scenes have less than a thousandth of it.
-MOST_BYTES = 64 * MIB
+MAX_BYTES = 64 * MIB
 #: Kinds of numbers that an array may hold: bool, int, unsigned, float, complex.
 NUMBERS = "biufc"
 
@@ -91,9 +91,9 @@ class Handover:
         self._until = None
         self._kept.append(json.dumps([stamp_ns, to_plain(memory)]))
         text = f"[{','.join(self._kept)}]"
-        if len(text) > MOST_BYTES:  # JSON here is ASCII
+        if len(text) > MAX_BYTES:  # JSON here is ASCII
             size = len(text) / MIB
-            raise RunError(f"{self._file}: has {size:.3g} MiB; allowed: {MOST_BYTES / MIB:g} MiB")
+            raise RunError(f"{self._file}: has {size:.3g} MiB; allowed: {MAX_BYTES / MIB:g} MiB")
         part = self._file.with_suffix(".part")
         try:
             part.write_text(text, encoding="ascii")
@@ -119,7 +119,7 @@ class Handover:
         if self._file is None or not self._file.is_file():
             return []
         try:
-            found = json.loads(read_bytes(self._file, MOST_BYTES, follow=False))
+            found = json.loads(read_bytes(self._file, MAX_BYTES, follow=False))
             records = [from_plain(memory) for _, memory in found]
             self._until = int(found[-1][0])
         except UNREADABLE as error:

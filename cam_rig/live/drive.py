@@ -10,10 +10,10 @@ from cam_rig.errors import RefusedError
 from cam_rig.laws import Law
 from cam_rig.live.admission import speeds
 from cam_rig.live.checkpoint import TICKS_KEPT
-from cam_rig.live.flow_control import Credit
-from cam_rig.live.follower_queue import MOST_LAWS, require_same
+from cam_rig.live.flow_control import FlowControl
+from cam_rig.live.follower_queue import MAX_LAWS, require_same
 from cam_rig.live.pacing import Pacing
-from cam_rig.live.setpoints import Place, Turntable
+from cam_rig.live.setpoints import ScheduleState, SetpointSchedule
 from cam_rig.schema import SceneConfig
 from cam_rig.simulation.schedule import CamState, tick_count
 from cam_rig.units import RPM
@@ -26,17 +26,17 @@ ASK_AGAIN = 1.0
 class DriveMemory:
     """What a drive's successor must know: where it is, and the state that may be on its way."""
 
-    place: Place
+    place: ScheduleState
     state: CamState
     sent: int
     running: bool
 
 
 @dataclass(frozen=True)
-class Orders:
+class OperatorCommands:
     """What hands have asked of a drive, and where it was then: its successor must know at once."""
 
-    place: Place
+    place: ScheduleState
     running: bool
     rpm: float
     pacing: str
@@ -52,7 +52,7 @@ class DriveProgram:
     Parameters
     ----------
     scene : what to run
-    consumers, limit : see `Credit`
+    consumers, limit : see `FlowControl`
     mount : asks the law server for a cam; False when it cannot be asked yet
     memories : of the predecessor, the oldest first, whose states are sent again
     orders : the last that the predecessor was given; they hold where no state came after them
@@ -65,16 +65,16 @@ class DriveProgram:
         limit: int,
         mount: Callable[[str], bool],
         memories: Sequence[DriveMemory] = (),
-        orders: Orders | None = None,
+        orders: OperatorCommands | None = None,
     ) -> None:
         self.laws: dict[str, Law] = {}
-        self.credit = Credit(consumers, limit)
+        self.credit = FlowControl(consumers, limit)
         self.pacing = Pacing()
         self.ticks = tick_count(scene)
         self.sent, self._speeds = 0, speeds(scene)
         left = _newest(memories, orders)
         self.running = left.running if left else True
-        self.table = Turntable(scene, left.place if left else None)
+        self.table = SetpointSchedule(scene, left.place if left else None)
         self._halting = False
         self._recent: deque[CamState] = deque(maxlen=max(TICKS_KEPT["cam_drive"], limit + 1))
         self._again: deque[CamState] = deque()
@@ -99,8 +99,8 @@ class DriveProgram:
         """
         if self.sent > 0:
             require_same(self.laws.get(law.name), law)
-        if len(self.laws) >= MOST_LAWS and law.name not in self.laws:
-            raise RefusedError(f"law {law.name!r}: is one more than {MOST_LAWS}; restart the node")
+        if len(self.laws) >= MAX_LAWS and law.name not in self.laws:
+            raise RefusedError(f"law {law.name!r}: is one more than {MAX_LAWS}; restart the node")
         self.laws[law.name] = law
 
     @property
@@ -241,7 +241,9 @@ class DriveProgram:
         return state.cam in self.laws
 
 
-def _newest(memories: Sequence[DriveMemory], orders: Orders | None) -> DriveMemory | Orders | None:
+def _newest(
+    memories: Sequence[DriveMemory], orders: OperatorCommands | None
+) -> DriveMemory | OperatorCommands | None:
     """The last state's memory, or the orders where no state was sent after them."""
     if not memories or orders is None:
         return orders or (memories[-1] if memories else None)

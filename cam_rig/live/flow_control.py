@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 
 
-class Credit:
+class FlowControl:
     """Keeps account of the ticks sent and of what each consumer has dealt with.
 
     A consumer acknowledges with the stamp of the state that closed the tick.

@@ -10,13 +10,13 @@ import numpy as np
 from cam_rig.dynamics import Block, FollowerState
 from cam_rig.errors import DynamicsError, RefusedError
 from cam_rig.laws import Law
-from cam_rig.live.admission import Admission, StateGate
+from cam_rig.live.admission import Admission, StateValidator
 from cam_rig.schema import SceneConfig
 from cam_rig.simulation.schedule import CamState
-from cam_rig.simulation.simulate import FollowerBench, FollowerMemory
+from cam_rig.simulation.simulate import FollowerCheckpoint, FollowerSimulator
 
 #: States that wait for the law of their cam, and laws that are kept.
-MOST_WAITING, MOST_LAWS = 64, 256
+MAX_WAITING, MAX_LAWS = 64, 256
 
 
 class FollowerTicks:
@@ -30,16 +30,16 @@ class FollowerTicks:
     """
 
     def __init__(
-        self, bench: FollowerBench, scene: SceneConfig, memory: FollowerMemory | None = None
+        self, bench: FollowerSimulator, scene: SceneConfig, memory: FollowerCheckpoint | None = None
     ) -> None:
         self._bench = bench
         if memory is not None:
             bench.memory = memory
-        self._gate = StateGate.of(scene, bench.memory.last)
+        self._gate = StateValidator.of(scene, bench.memory.last)
         self._waiting: deque[CamState] = deque()
 
     @property
-    def memory(self) -> FollowerMemory:
+    def memory(self) -> FollowerCheckpoint:
         """To hand over after each tick."""
         return self._bench.memory
 
@@ -57,8 +57,8 @@ class FollowerTicks:
             raise RefusedError(str(error)) from None
         laws, last = self._bench.laws, self._gate.last
         known = laws.get(law.name)
-        if known is None and len(laws) >= MOST_LAWS:
-            raise RefusedError(f"law {law.name!r}: is one more than {MOST_LAWS}; restart the node")
+        if known is None and len(laws) >= MAX_LAWS:
+            raise RefusedError(f"law {law.name!r}: is one more than {MAX_LAWS}; restart the node")
         if last is not None and last.speed > 0.0:
             require_same(known, law)
         laws[law.name] = law
@@ -70,9 +70,9 @@ class FollowerTicks:
         ------
         RefusedError : it cannot follow the one before
         """
-        if len(self._waiting) >= MOST_WAITING:
+        if len(self._waiting) >= MAX_WAITING:
             raise RefusedError(
-                f"cam state at {state.time_ns} ns: {MOST_WAITING} others wait for the law of "
+                f"cam state at {state.time_ns} ns: {MAX_WAITING} others wait for the law of "
                 f"{self._waiting[0].cam!r}"
             )
         if (admission := self._gate.admit(state)) is not Admission.SEEN:

@@ -16,7 +16,7 @@ STANDS = NS
 
 
 @dataclass(frozen=True)
-class Place:
+class ScheduleState:
     """Where a turntable is: states done, and how far commands have moved it from the plan.
 
     The angle is moved by whole turns and a rest (rad). ``last`` is the state that was sent last,
@@ -33,7 +33,7 @@ class Place:
     last: CamState | None = None
 
 
-class Turntable:
+class SetpointSchedule:
     """The states of a scene one after the other, under live commands.
 
     A commanded speed (rad/s) or cam holds from the next state on: each tick turns by the planned
@@ -41,11 +41,11 @@ class Turntable:
     is carried on. Without a command the states are the scene's own, bit for bit.
     """
 
-    def __init__(self, scene: SceneConfig, place: Place | None = None) -> None:
+    def __init__(self, scene: SceneConfig, place: ScheduleState | None = None) -> None:
         self._scene = scene
         #: A tick (ns) holds a sample at least: a short one of a ramp, sped up, would hold none.
         self._least = math.ceil(NS / scene.sample_rate.si)
-        self.place = place or Place()
+        self.place = place or ScheduleState()
         self._begin(self.place.index)
 
     def _begin(self, index: int) -> None:
@@ -120,7 +120,7 @@ class Turntable:
         else:
             end = self._as(self._moved(at), begin.speed)
         self._begin(0)
-        self.place = Place(0, end.time_ns - begin.time_ns, last=here.last)
+        self.place = ScheduleState(0, end.time_ns - begin.time_ns, last=here.last)
         self._shift(0, end.angle - begin.angle, end.turns - begin.turns)
 
     @property

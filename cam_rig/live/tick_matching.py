@@ -13,7 +13,7 @@ from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS
 
 #: Blocks and states kept of ticks that are not complete; more than are ever in flight.
-MOST_WAITING = 64
+MAX_WAITING = 64
 
 
 class TickPairing:
@@ -29,8 +29,8 @@ class TickPairing:
     def __init__(self, sample_rate: int | None = None, since: int = 0) -> None:
         self._sample_rate, self._since = sample_rate, since
         self._began = since > 0
-        self._states: deque[CamState] = deque(maxlen=MOST_WAITING)
-        self._blocks: deque[FloatArray] = deque(maxlen=MOST_WAITING)
+        self._states: deque[CamState] = deque(maxlen=MAX_WAITING)
+        self._blocks: deque[FloatArray] = deque(maxlen=MAX_WAITING)
 
     def add_state(self, state: CamState) -> None:
         """Take the next state of the cam."""

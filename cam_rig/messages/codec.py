@@ -17,7 +17,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import ANGLE_TOLERANCE, COLUMNS
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.laws import Law
-from cam_rig.live.admission import MOST_SAMPLES, require_possible
+from cam_rig.live.admission import MAX_SAMPLES, require_possible
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN
 
@@ -33,11 +33,11 @@ CAM_NAME = re.compile(r"[a-z][a-z0-9_]{0,99}")
 #: its turn, with all its digits. Bags of before have the first alone.
 CAM_JOINTS = ("cam", "cam_in_turn")
 #: More pieces or a higher degree than any cam has: its receiver would compute for minutes.
-MOST_PIECES, MOST_DEGREE = 1000, 64
+MAX_PIECES, MAX_DEGREE = 1000, 64
 #: A shorter piece, in rad, would have accelerations beyond what numbers hold.
 SHORTEST_PIECE = 1e-9
 #: No cam lifts farther, m; no sample of a test rig is larger, in SI units.
-MOST_LIFT, MOST_VALUE = 10.0, 1e12
+MAX_LIFT, MAX_VALUE = 10.0, 1e12
 
 
 def array_of(message: Any) -> tuple[Dimensions, FloatArray]:
@@ -62,15 +62,15 @@ def decode_law(dimensions: Dimensions, data: FloatArray) -> Law:
     rows = _shaped(dimensions, data, "law coefficients")
     if dimensions[1][0] != PIECE_LABEL or rows.shape[1] < 2:
         raise RefusedError(f"law coefficients: dimension {dimensions[1]}; allowed: {PIECE_LABEL!r}")
-    if rows.shape[0] > MOST_PIECES or rows.shape[1] > MOST_DEGREE + 2:
+    if rows.shape[0] > MAX_PIECES or rows.shape[1] > MAX_DEGREE + 2:
         raise RefusedError(
             f"law coefficients: {rows.shape[0]} pieces of degree {rows.shape[1] - 2}; allowed: "
-            f"{MOST_PIECES} of {MOST_DEGREE}"
+            f"{MAX_PIECES} of {MAX_DEGREE}"
         )
     if not CAM_NAME.fullmatch(dimensions[0][0]):
         raise RefusedError(f"law coefficients: of {dimensions[0][0][:80]!r}; allowed: a cam's name")
-    if not np.abs(rows[:, 1:]).max() <= MOST_LIFT:
-        raise RefusedError(f"law coefficients: allowed: finite, at most {MOST_LIFT:g} m")
+    if not np.abs(rows[:, 1:]).max() <= MAX_LIFT:
+        raise RefusedError(f"law coefficients: allowed: finite, at most {MAX_LIFT:g} m")
     try:
         law = Law(dimensions[0][0], np.append(rows[:, 0], TURN), rows[:, 1:].T)
         if law.spans.min() < SHORTEST_PIECE:
@@ -95,10 +95,10 @@ def decode_block(dimensions: Dimensions, data: FloatArray) -> FloatArray:
     rows = _shaped(dimensions, data, "follower samples")
     if dimensions[0] != (BLOCK_LABEL, len(COLUMNS)):
         raise RefusedError(f"follower samples: dimension {dimensions[0]}; allowed: {BLOCK_LABEL!r}")
-    if rows.shape[1] > MOST_SAMPLES:
-        raise RefusedError(f"follower samples: {rows.shape[1]}; allowed: {MOST_SAMPLES} a tick")
-    if not max(rows.max(), -rows.min()) <= MOST_VALUE:
-        raise RefusedError(f"follower samples: allowed: finite, at most {MOST_VALUE:g}")
+    if rows.shape[1] > MAX_SAMPLES:
+        raise RefusedError(f"follower samples: {rows.shape[1]}; allowed: {MAX_SAMPLES} a tick")
+    if not max(rows.max(), -rows.min()) <= MAX_VALUE:
+        raise RefusedError(f"follower samples: allowed: finite, at most {MAX_VALUE:g}")
     return rows
 
 

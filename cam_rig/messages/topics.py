@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from cam_rig.live.admission import MOST_SAMPLES
+from cam_rig.live.admission import MAX_SAMPLES
 
 #: A tick's messages are few and bounded by the drive, so a history this deep cannot overflow,
 #: and a node that is discovered late still gets the first ticks.
@@ -72,7 +72,7 @@ FOLLOWER_SAMPLES = Topic(
     stamped=False,
     twin="/follower/state",
     owner="follower",
-    most_bytes=MOST_SAMPLES * 6 * 8 + 1024,
+    most_bytes=MAX_SAMPLES * 6 * 8 + 1024,
 )
 LEVEL = Topic(
     "/microphone/level",

@@ -19,7 +19,7 @@ from cam_rig.nodes.common.clock_source import Pacemaker
 from cam_rig.nodes.common.diagnostics import ERROR, OK, WARN, Diagnostics
 from cam_rig.nodes.common.drive_controls import Controls
 from cam_rig.nodes.common.law_server_client import LAW_SERVER, LawServerClient
-from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import RPM
 
@@ -29,8 +29,8 @@ class CamDrive(Pacemaker):
 
     def __init__(self) -> None:
         super().__init__("cam_drive")
-        self._stage = open_stage(Path(self.given["scene"]))
-        self._mechanics = self._stage.follower
+        self._loaded = open_scene(Path(self.given["scene"]))
+        self._mechanics = self._loaded.follower
         self._pace = Diagnostics(self.publisher(topics.DIAGNOSTICS), topics.PACE)
         left = self.handover.all()
         memories = [memory for memory, _ in left]
@@ -42,7 +42,7 @@ class CamDrive(Pacemaker):
         given = Handover(self.given["handover"], "orders")
         orders = given.newest()
         self._program = DriveProgram(
-            self._stage.scene, waits, TICKS_IN_FLIGHT, server.ask_for, memories, orders
+            self._loaded.scene, waits, TICKS_IN_FLIGHT, server.ask_for, memories, orders
         )
         if orders is not None:
             asked = {"rpm": orders.rpm, "pacing": orders.pacing}
@@ -62,7 +62,7 @@ class CamDrive(Pacemaker):
 
     def _on_law(self, message: Any) -> None:
         law = decode_law(*array_of(message))
-        require_own_law(self._stage, law)
+        require_own_law(self._loaded, law)
         self._program.add_law(law)
         self.turn()
 

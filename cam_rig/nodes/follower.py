@@ -20,9 +20,9 @@ from cam_rig.nodes.common.base import RigNode
 from cam_rig.nodes.common.convert import to_array, to_header, to_joint_state
 from cam_rig.nodes.common.diagnostics import OK, WARN
 from cam_rig.nodes.common.resend import Repeats
-from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState
-from cam_rig.simulation.simulate import FollowerBench
+from cam_rig.simulation.simulate import FollowerSimulator
 
 
 class Follower(RigNode):
@@ -30,11 +30,11 @@ class Follower(RigNode):
 
     def __init__(self) -> None:
         super().__init__("follower")
-        self._stage = open_stage(Path(self.given["scene"]))
-        bench = FollowerBench.of(self._stage)
+        self._loaded = open_scene(Path(self.given["scene"]))
+        bench = FollowerSimulator.of(self._loaded)
         bench.laws.clear()  # the law server's word counts, not the file
         memory, self.health.said = self.handover.oldest() or (None, self.health.said)
-        self._ticks = FollowerTicks(bench, self._stage.scene, memory)
+        self._ticks = FollowerTicks(bench, self._loaded.scene, memory)
         out = (topics.FOLLOWER_SAMPLES, topics.FOLLOWER_CONTACT, topics.FOLLOWER_STATE)
         self._out, self._repeats = [self.publisher(topic) for topic in out], Repeats()
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
@@ -42,7 +42,7 @@ class Follower(RigNode):
 
     def _on_law(self, message: Float64MultiArray) -> None:
         law = decode_law(*array_of(message))
-        require_own_law(self._stage, law)
+        require_own_law(self._loaded, law)
         self._ticks.add_law(law)
         self._turn()
 

@@ -11,7 +11,7 @@ from sensor_msgs.msg import JointState
 from cam_rig.dynamics import MODELS
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.laws import Law, build_law
-from cam_rig.live.admission import Admission, StateGate
+from cam_rig.live.admission import Admission, StateValidator
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of, encode_law
 from cam_rig.nodes.common.base import RigNode
@@ -42,7 +42,7 @@ class LawServer(RigNode):
         self._left = self.handover.all()
         begun = next((last.time_ns for _, last, _ in self._left if last), -1)
         # Nobody waits for the law server, so the drive may have gone far while it was away.
-        self._gate = StateGate.of(scene, since=begun)
+        self._gate = StateValidator.of(scene, since=begun)
         mounted = self._left[-1][0] if self._left else self.given["cam"]
         self._mount(mounted or scene.cams[0])
         self.add_on_set_parameters_callback(self._on_parameters)

@@ -8,7 +8,7 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Float64, Float64MultiArray
 
-from cam_rig.live.admission import Admission, StateGate
+from cam_rig.live.admission import Admission, StateValidator
 from cam_rig.live.tick_matching import TickPairing
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_block
@@ -17,9 +17,9 @@ from cam_rig.nodes.common.convert import to_header
 from cam_rig.nodes.common.diagnostics import OK, WARN
 from cam_rig.nodes.common.resend import Repeats
 from cam_rig.nodes.common.weightings import weightings
-from cam_rig.simulation.audio import MeterBench
-from cam_rig.simulation.scene import open_stage
-from cam_rig.simulation.simulate import MicrophoneBench
+from cam_rig.simulation.audio import MeterSimulator
+from cam_rig.simulation.scene import open_scene
+from cam_rig.simulation.simulate import MicrophoneSimulator
 
 
 class Microphone(RigNode):
@@ -27,15 +27,15 @@ class Microphone(RigNode):
 
     def __init__(self) -> None:
         super().__init__("microphone")
-        stage = open_stage(Path(self.given["scene"]))
-        self._bench, self._meter = MicrophoneBench.of(stage), MeterBench.of(stage)
+        loaded = open_scene(Path(self.given["scene"]))
+        self._bench, self._meter = MicrophoneSimulator.of(loaded), MeterSimulator.of(loaded)
         self._meter.weigh(self.given["frequency_weighting"], self.given["time_weighting"])
         begun = 0
         if left := self.handover.oldest():
             last, self._bench.memory, self.health.said, meter = left
             begun, self._meter.memory = last.time_ns, meter
             self.set_parameters(weightings(self._meter.quantity))
-        self._gate = StateGate.of(stage.scene)
+        self._gate = StateValidator.of(loaded.scene)
         self._ticks = TickPairing(self._bench.sample_rate, begun)
         self.add_post_set_parameters_callback(self._on_parameters)
         self._level, self._pressure = map(self.publisher, (topics.LEVEL, topics.PRESSURE))

@@ -8,7 +8,7 @@ from rclpy.parameter_client import AsyncParameterClient
 
 from cam_rig.bag.playback import PLAYED, Played, played
 from cam_rig.live.checkpoint import TICKS_IN_FLIGHT
-from cam_rig.live.flow_control import Credit
+from cam_rig.live.flow_control import FlowControl
 from cam_rig.messages import topics
 from cam_rig.nodes.common.clock_source import Pacemaker
 from cam_rig.nodes.common.parameters import CONSUMERS
@@ -27,7 +27,7 @@ class Player(Pacemaker):
         known = {topics.CLOCK: self._clock_out, topics.CAM_STATE: self._state_out}
         self._out = {t: known.get(t) or self.publisher(t) for t in PLAYED}
         consumers = list(CONSUMERS)
-        self._waits = Credit(consumers, TICKS_IN_FLIGHT)
+        self._waits = FlowControl(consumers, TICKS_IN_FLIGHT)
         self.set_going(consumers, self._waits)
 
     def send_next(self) -> bool:

@@ -16,10 +16,10 @@ from cam_rig.messages import topics
 from cam_rig.nodes.common.base import RigNode, require_length, take_rest
 from cam_rig.nodes.common.convert import message_class, qos, to_header
 from cam_rig.nodes.common.diagnostics import OK
-from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.scene import open_scene
 
 #: Nodes that may speak on one topic (/diagnostics) and all have something to tell at once.
-MOST_NODES = 16
+MAX_NODES = 16
 
 
 class Recorder(RigNode):
@@ -29,17 +29,17 @@ class Recorder(RigNode):
 
     def __init__(self) -> None:
         super().__init__("recorder")
-        stage = open_stage(Path(self.given["scene"]))
-        default = time.strftime(f"bags/{stage.scene.name}_%Y-%m-%d_%H-%M-%S")
+        loaded = open_scene(Path(self.given["scene"]))
+        default = time.strftime(f"bags/{loaded.scene.name}_%Y-%m-%d_%H-%M-%S")
         bag = Path(self.given["bag"] or default)
         publishers = Publishers(self.starts.count, self._name_of)
-        self._bag = open_bag(self.handover, bag, stage, publishers)
+        self._bag = open_bag(self.handover, bag, loaded, publishers)
         self._written, self._quiet = self.publisher(topics.RECORDED), True
         self._newest: int | None = None
         self._tell(self._bag.resumed)
         for topic in topics.RECORDING:
             kind, take = message_class(topic), self._on(topic)
-            depth = qos(topic, MOST_NODES if topic is topics.DIAGNOSTICS else 1)
+            depth = qos(topic, MAX_NODES if topic is topics.DIAGNOSTICS else 1)
             self.create_subscription(kind, topic.name, take, depth, raw=True)
         self.every(0.25, self._idle)
 

@@ -16,7 +16,7 @@ from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
 from cam_rig.nodes.common.base import RigNode
 from cam_rig.nodes.common.convert import to_header
-from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.scene import open_scene
 from cam_rig.viewer.live import LivePicture
 from cam_rig.viewer.recording import polygon
 from cam_rig.viewer.server.process import require_display, window
@@ -36,12 +36,12 @@ class Viewer(RigNode):
 
     def __init__(self) -> None:
         super().__init__("viewer")
-        self._stage, self._windows = open_stage(Path(self.given["scene"])), ExitStack()
+        self._loaded, self._windows = open_scene(Path(self.given["scene"])), ExitStack()
         address = self.given["address"]
         if not address:
             require_display()
             _, address = self._windows.enter_context(window())
-        self._picture, self._taken = LivePicture(self._stage, address), 0
+        self._picture, self._taken = LivePicture(self._loaded, address), 0
         self._shown, feed = self.publisher(topics.SHOWN), self._picture.feed
         takes: dict[topics.Topic, Callable[[Any], None]] = {
             topics.PROFILE: self._on_profile,
@@ -56,7 +56,7 @@ class Viewer(RigNode):
 
     def _on_profile(self, message: PolygonStamped) -> None:
         cam = message.header.frame_id
-        self._stage.mount(cam)
+        self._loaded.mount(cam)
         self._picture.feed.profile(cam, polygon(message))
 
     def _on(self, take: Callable[[Any], None]) -> Callable[[Any], None]:

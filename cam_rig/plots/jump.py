@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.plots.styles import line
-from cam_rig.studies.cam_set import Lineup
+from cam_rig.studies.cam_set import CamSet
 from cam_rig.studies.jump.comparison import JumpRow
 from cam_rig.studies.jump.search import force_run
 from cam_rig.units import RPM
@@ -23,23 +23,23 @@ from cam_rig.units import RPM
 POINTS = 400
 
 
-def draw(rows: list[JumpRow], lineup: Lineup, duration: float | None, path: Path) -> None:
+def draw(rows: list[JumpRow], cam_set: CamSet, duration: float | None, path: Path) -> None:
     """Write the plot as PNG (or any format matplotlib knows by the suffix)."""
-    shown = figure(rows, lineup, duration)
+    shown = figure(rows, cam_set, duration)
     shown.savefig(path, dpi=130)
     plt.close(shown)
 
 
-def figure(rows: list[JumpRow], lineup: Lineup, duration: float | None) -> Figure:
+def figure(rows: list[JumpRow], cam_set: CamSet, duration: float | None) -> Figure:
     """The least force of a run of ``duration`` s from rest (None: in steady state) by speed."""
-    parameters = TwoMassParameters.from_rig(lineup.rig)
+    parameters = TwoMassParameters.from_rig(cam_set.rig)
     out, axes = plt.subplots(figsize=(8.0, 4.6), layout="constrained")
     last = 1.08 * max(row.found.rpm for row in rows)
     rpm = np.linspace(0.35 * min(row.found.rpm for row in rows), last, POINTS)
     for i, row in enumerate(rows):
-        least = force_run(lineup.laws[row.cam], parameters, duration).least(rpm * RPM)
+        least = force_run(cam_set.laws[row.cam], parameters, duration).least(rpm * RPM)
         axes.plot(
-            rpm, least, lw=1.6, label=f"{lineup.titles[row.cam]}: {row.found.rpm:.2f}", **line(i)
+            rpm, least, lw=1.6, label=f"{cam_set.titles[row.cam]}: {row.found.rpm:.2f}", **line(i)
         )
         _mark(axes, row, line(i)["color"])
     axes.axhline(0.0, color="0.3", lw=0.9)

@@ -12,16 +12,16 @@ import matplotlib.pyplot as plt
 
 from cam_rig.plots import styles
 from cam_rig.simulation.levels import NoiseResult
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 
 
-def draw(result: NoiseResult, stage: Stage, path: Path) -> None:
+def draw(result: NoiseResult, loaded: LoadedScene, path: Path) -> None:
     """Write the plot as PNG (or any format matplotlib knows by the suffix)."""
     figure, axes = plt.subplots(figsize=(8.0, 5.2), layout="constrained")
     for index, curve in enumerate(result.curves.values()):
         style = styles.marker(index)
         colour = style["color"]
-        title = stage.cams[curve.cam].title
+        title = loaded.cams[curve.cam].title
         note = "" if curve.rmse_db is None else f", {curve.role}, {curve.rmse_db:.2f} dB RMS"
         label = f"{title}{note}"
         axes.plot(curve.rpm, curve.level_db, **style, ls="", ms=5, label=label)
@@ -29,10 +29,10 @@ def draw(result: NoiseResult, stage: Stage, path: Path) -> None:
         if np.isfinite(curve.coefficients).all():
             fit = np.polynomial.polynomial.polyval(fine, curve.coefficients)
             axes.plot(fine, fit, color=colour, lw=1.6)
-        if curve.rmse_db is not None and stage.published is not None:
-            axes.plot(fine, stage.published.level(curve.cam, fine), "--", color=colour, lw=1.2)
+        if curve.rmse_db is not None and loaded.published is not None:
+            axes.plot(fine, loaded.published.level(curve.cam, fine), "--", color=colour, lw=1.2)
     axes.plot([], [], "k-", lw=1.6, label="cubic regression of the run")
-    if stage.published is not None:
+    if loaded.published is not None:
         axes.plot([], [], "k--", lw=1.2, label="published regression")
     if result.crossover_rpm is not None:
         axes.axvline(result.crossover_rpm, color="0.5", lw=0.8)
@@ -43,7 +43,7 @@ def draw(result: NoiseResult, stage: Stage, path: Path) -> None:
             textcoords="offset points",
             color="0.35",
         )
-    axes.set(xlabel="cam speed [rpm]", ylabel="sound level [dB]", title=stage.scene.title)
+    axes.set(xlabel="cam speed [rpm]", ylabel="sound level [dB]", title=loaded.scene.title)
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8, loc="upper left")
     figure.savefig(path, dpi=130)

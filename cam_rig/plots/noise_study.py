@@ -14,18 +14,18 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from cam_rig.plots import styles
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.studies.noise.calibration_methods import Method
 from cam_rig.studies.noise.run import NoiseStudy
 
 
-def draw(study: NoiseStudy, stage: Stage, path: Path) -> None:
+def draw(study: NoiseStudy, loaded: LoadedScene, path: Path) -> None:
     """Write the plot as PNG (or any format matplotlib knows by the suffix)."""
     figure, axes = plt.subplots(
         1, len(study.methods), figsize=(15.0, 5.4), layout="constrained", sharex=True, sharey=True
     )
     for panel, method in zip(axes, study.methods, strict=True):
-        _panel(panel, method, study, stage)
+        _panel(panel, method, study, loaded)
     axes[0].set_ylabel("sound level [dB]")
     handles = [
         Line2D([], [], color="k", marker="o", ls="", ms=4, label="simulated"),
@@ -38,12 +38,12 @@ def draw(study: NoiseStudy, stage: Stage, path: Path) -> None:
     plt.close(figure)
 
 
-def _panel(panel: Axes, method: Method, study: NoiseStudy, stage: Stage) -> None:
+def _panel(panel: Axes, method: Method, study: NoiseStudy, loaded: LoadedScene) -> None:
     rpm = study.rpm
     for index, curve in enumerate(method.curves.values()):
         style = styles.marker(index)
         colour = style["color"]
-        label = f"{stage.cams[curve.cam].title}: {curve.role}, {curve.rms_db:.2f} dB RMS"
+        label = f"{loaded.cams[curve.cam].title}: {curve.role}, {curve.rms_db:.2f} dB RMS"
         band = curve.expected
         panel.fill_between(rpm, band.low, band.high, color=colour, alpha=0.16, lw=0)
         panel.plot(rpm, curve.level_db, **style, ls="", ms=4, label=label)

@@ -15,33 +15,33 @@ from matplotlib.figure import Figure
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.plots.styles import line
-from cam_rig.studies.cam_set import Lineup
-from cam_rig.studies.vibration.dwell import Window, low_dwell
+from cam_rig.studies.cam_set import CamSet
+from cam_rig.studies.vibration.dwell import LowDwell, low_dwell
 from cam_rig.studies.vibration.steady_state import SteadyTurn, steady_turn, steady_twist
 from cam_rig.units import RPM
 
 
-def draw(lineup: Lineup, rpm: float, path: Path) -> None:
+def draw(cam_set: CamSet, rpm: float, path: Path) -> None:
     """Write the plot as PNG (or any format matplotlib knows by the suffix)."""
-    out = figure(lineup, rpm)
+    out = figure(cam_set, rpm)
     out.savefig(path, dpi=130)
     plt.close(out)
 
 
-def figure(lineup: Lineup, rpm: float) -> Figure:
+def figure(cam_set: CamSet, rpm: float) -> Figure:
     """Four panels at one speed in steady state: displacement, residual, acceleration, twist."""
     out, panels = plt.subplots(2, 2, figsize=(11.0, 7.4), layout="constrained")
-    follower = FollowerParameters.from_rig(lineup.rig)
-    for i, (cam, law) in enumerate(lineup.laws.items()):
-        turn, title = steady_turn(law, follower, rpm * RPM), lineup.titles[cam]
+    follower = FollowerParameters.from_rig(cam_set.rig)
+    for i, (cam, law) in enumerate(cam_set.laws.items()):
+        turn, title = steady_turn(law, follower, rpm * RPM), cam_set.titles[cam]
         degrees = np.degrees(turn.angle)
         panels[0, 0].plot(degrees, 1e3 * turn.displacement, lw=1.5, label=title, **line(i))
         _residual(panels[0, 1], turn, low_dwell(law), i)
         panels[1, 0].plot(degrees, turn.acceleration, lw=1.2, **line(i))
-        if lineup.rig.shaft is not None:
-            angle, twist = steady_twist(law, shaft_of(lineup.rig), rpm * RPM)
+        if cam_set.rig.shaft is not None:
+            angle, twist = steady_twist(law, shaft_of(cam_set.rig), rpm * RPM)
             panels[1, 1].plot(np.degrees(angle), np.degrees(twist), lw=1.2, **line(i))
-    _label(panels, lineup, rpm)
+    _label(panels, cam_set, rpm)
     handles, labels = panels[0, 0].get_legend_handles_labels()
     out.legend(
         handles, labels, loc="outside lower center", ncols=5, frameon=False, handlelength=3.4
@@ -49,7 +49,7 @@ def figure(lineup: Lineup, rpm: float) -> Figure:
     return out
 
 
-def _residual(axes: Axes, turn: SteadyTurn, window: Window, index: int) -> None:
+def _residual(axes: Axes, turn: SteadyTurn, window: LowDwell, index: int) -> None:
     """About the low dwell: what is left of the vibration there."""
     degrees = (np.degrees(turn.angle - window.middle) + 180.0) % 360.0 - 180.0
     order = np.argsort(degrees)
@@ -58,8 +58,8 @@ def _residual(axes: Axes, turn: SteadyTurn, window: Window, index: int) -> None:
     axes.plot(degrees[inside], 1e6 * turn.vibration[inside], lw=1.2, **style)
 
 
-def _label(panels: np.ndarray, lineup: Lineup, rpm: float) -> None:
-    laws = lineup.laws.values()
+def _label(panels: np.ndarray, cam_set: CamSet, rpm: float) -> None:
+    laws = cam_set.laws.values()
     titles = (
         ("Displacement (fig. 4)", "x [mm]"),
         ("Vibration about the low dwell (fig. 5)", "x less static share of lift [µm]"),
@@ -76,8 +76,8 @@ def _label(panels: np.ndarray, lineup: Lineup, rpm: float) -> None:
                 axes.axvspan(-half, half, color="0.5", alpha=0.10, lw=0)
         else:
             axes.set(xlim=(0.0, 360.0), xticks=range(0, 361, 60))
-    if lineup.rig.shaft is None:
+    if cam_set.rig.shaft is None:
         panels[1, 1].text(
             0.5, 0.5, "this rig has no shaft", ha="center", transform=panels[1, 1].transAxes
         )
-    panels[0, 0].figure.suptitle(f"Steady state at {rpm:g} rpm on {lineup.rig.name}")
+    panels[0, 0].figure.suptitle(f"Steady state at {rpm:g} rpm on {cam_set.rig.name}")

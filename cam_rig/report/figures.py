@@ -41,29 +41,29 @@ def uri(draw: Callable[[Path], None]) -> str:
 
 def early_figures(sources: Sources, jumps: list[JumpRow]) -> dict[str, str]:
     """Those that need no study: URIs by key."""
-    lineup, arcs = sources.lineup, _arc_cam(sources)
-    cam, law = lineup.cams[PROPOSED], lineup.laws[PROPOSED]
-    tm21, tm21_law = sources.stage.cams[arcs], sources.stage.laws[arcs]
+    cam_set, arcs = sources.cam_set, _arc_cam(sources)
+    cam, law = cam_set.cams[PROPOSED], cam_set.laws[PROPOSED]
+    tm21, tm21_law = sources.loaded.cams[arcs], sources.loaded.laws[arcs]
     checks = check_cam(cam, law)
     return {
         "fig1": uri(lambda path: law_plot.draw(tm21, tm21_law, path)),
         "fig2": uri(lambda path: law_plot.draw(cam, law, path)),
-        "fig4": uri(lambda path: vibration_plot.draw(lineup, STEADY_RPM, path)),
-        "fig11": uri(lambda path: takeoff_plot.draw(lineup, TAKEOFF_RPM, path)),
+        "fig4": uri(lambda path: vibration_plot.draw(cam_set, STEADY_RPM, path)),
+        "fig11": uri(lambda path: takeoff_plot.draw(cam_set, TAKEOFF_RPM, path)),
         "fig12": uri(lambda path: profile_plot.draw(cam, law, checks, path)),
-        "jump": uri(lambda path: jump_plot.draw(jumps, lineup, FROM_REST, path)),
+        "jump": uri(lambda path: jump_plot.draw(jumps, cam_set, FROM_REST, path)),
     }
 
 
 def late_figures(sources: Sources, noise: NoiseStudy, factorial: Factorial) -> dict[str, str]:
     """Those of the two studies."""
     return {
-        "fig16": uri(lambda path: noise_study_plot.draw(noise, sources.stage, path)),
+        "fig16": uri(lambda path: noise_study_plot.draw(noise, sources.loaded, path)),
         "factorial": uri(lambda path: factorial_plot.draw(factorial, path)),
     }
 
 
 def _arc_cam(sources: Sources) -> str:
     """The scene's identified cam, which stands in for the TM21's own."""
-    stage = sources.stage
-    return next(cam for cam in stage.cams if stage.role(cam) == "identified")
+    loaded = sources.loaded
+    return next(cam for cam in loaded.cams if loaded.role(cam) == "identified")

@@ -12,7 +12,7 @@ from cam_rig.bag.complete import require_complete
 from cam_rig.bag.reader import read_recording
 from cam_rig.errors import BagError
 from cam_rig.simulation.levels import step_levels
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,22 +24,22 @@ class Recorded:
     messages: int
 
 
-def read_recorded(bag: Path, stage: Stage) -> Recorded:
-    """Read a bag of the stage's own scene.
+def read_recorded(bag: Path, loaded: LoadedScene) -> Recorded:
+    """Read a bag of that scene.
 
     Raises
     ------
     BagError : missing, damaged, not complete, or of another scene
     """
     recording = read_recording(bag)
-    _require_same(bag, recording.stage, stage)
-    require_complete(bag, stage.scene)
-    levels = step_levels(recording.ticks, stage.scene.program.settle_turns.si)
+    _require_same(bag, recording.loaded, loaded)
+    require_complete(bag, loaded.scene)
+    levels = step_levels(recording.ticks, loaded.scene.program.settle_turns.si)
     by_cam = {cam: np.array([steps[s] for s in sorted(steps)]) for cam, steps in levels.items()}
     return Recorded(bag, by_cam, sum(recording.counts.values()))
 
 
-def _require_same(bag: Path, found: Stage, wanted: Stage) -> None:
+def _require_same(bag: Path, found: LoadedScene, wanted: LoadedScene) -> None:
     if found.scene.name != wanted.scene.name:
         raise BagError(
             f"{bag}: is a recording of the scene {found.scene.name!r}; allowed: of "
@@ -52,7 +52,7 @@ def _require_same(bag: Path, found: Stage, wanted: Stage) -> None:
         )
 
 
-def _changed(found: Stage, wanted: Stage) -> list[str]:
+def _changed(found: LoadedScene, wanted: LoadedScene) -> list[str]:
     """What would make other levels: not what a file's words say, only its numbers."""
     pairs = {
         "program": (found.scene.program.speeds.si_list, wanted.scene.program.speeds.si_list),
@@ -64,6 +64,8 @@ def _changed(found: Stage, wanted: Stage) -> list[str]:
     return [name for name, (one, other) in pairs.items() if one != other]
 
 
-def _numbers(stage: Stage) -> dict[str, tuple[bytes, bytes]]:
-    """The laws of a stage as their exact numbers."""
-    return {cam: (law.breaks.tobytes(), law.ordinates.tobytes()) for cam, law in stage.laws.items()}
+def _numbers(loaded: LoadedScene) -> dict[str, tuple[bytes, bytes]]:
+    """The laws of a loaded scene as their exact numbers."""
+    return {
+        cam: (law.breaks.tobytes(), law.ordinates.tobytes()) for cam, law in loaded.laws.items()
+    }

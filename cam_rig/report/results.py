@@ -17,8 +17,8 @@ from cam_rig.schema import (
     load_rig,
     load_tables,
 )
-from cam_rig.simulation.scene import Stage, open_stage
-from cam_rig.studies.cam_set import Lineup, open_lineup
+from cam_rig.simulation.scene import LoadedScene, open_scene
+from cam_rig.studies.cam_set import CamSet, open_cam_set
 from cam_rig.studies.factorial.design import Factorial, run_factorial
 from cam_rig.studies.factorial.laws import open_factorial
 from cam_rig.studies.factorial.measures import Bench
@@ -44,8 +44,8 @@ class Sources:
     ``stiff`` is the rig of the noise study, whose stem is the paper's Table 1.
     """
 
-    lineup: Lineup
-    stage: Stage
+    cam_set: CamSet
+    loaded: LoadedScene
     tables: PublishedTables
     factorial: FactorialConfig
     stiff: RigConfig
@@ -53,7 +53,7 @@ class Sources:
 
 
 @dataclass(frozen=True, eq=False)
-class Results:
+class Findings:
     """All experiments of a report.
 
     ``degrees`` are jump speeds (rpm) of the law by segments by the degree of its half-rises;
@@ -85,18 +85,18 @@ def open_sources(scene: Path, rig: str, factorial: str, bag: Path | None) -> Sou
     """
     library = Library.beside(scene)
     tables = load_tables(library.path("published/tables", "paper"))
-    stage = open_stage(scene)
+    loaded = open_scene(scene)
     cams = [library.path("cams", cam) for cam in tables.table_2_jump]
-    lineup = open_lineup(cams, library.path("rigs", rig))
-    TwoMassParameters.from_rig(lineup.rig)  # refused now rather than later
+    cam_set = open_cam_set(cams, library.path("rigs", rig))
+    TwoMassParameters.from_rig(cam_set.rig)  # refused now rather than later
     config = open_factorial(library.path("factorials", factorial))
     return Sources(
-        lineup=lineup,
-        stage=stage,
+        cam_set=cam_set,
+        loaded=loaded,
         tables=tables,
         factorial=config,
         stiff=load_rig(library.path("rigs", config.noise_rig)),
-        recorded=None if bag is None else read_recorded(bag, stage),
+        recorded=None if bag is None else read_recorded(bag, loaded),
     )
 
 
@@ -105,7 +105,7 @@ def find(
     pool: Executor,
     on_part: Callable[[str], None],
     meanwhile: Callable[[list[JumpRow]], None],
-) -> Results:
+) -> Findings:
     """Run every experiment, the two long ones in processes of their own.
 
     Parameters
@@ -115,13 +115,13 @@ def find(
     """
     noise = pool.submit(_noise, sources)
     factorial = pool.submit(_factorial, sources)
-    lineup = sources.lineup
-    parameters = TwoMassParameters.from_rig(lineup.rig)
-    jumps = find_jumps(lineup.laws, parameters, references(lineup, sources.tables), FROM_REST)
-    degrees = jump_by_degree(lineup.cams[BY_SEGMENTS], parameters, FROM_REST)
+    cam_set = sources.cam_set
+    parameters = TwoMassParameters.from_rig(cam_set.rig)
+    jumps = find_jumps(cam_set.laws, parameters, references(cam_set, sources.tables), FROM_REST)
+    degrees = jump_by_degree(cam_set.cams[BY_SEGMENTS], parameters, FROM_REST)
     on_part(PARTS[0])
-    vibration = vibration_table(lineup, VIBRATION_RPM)
-    stiff = vibration_table(Lineup(lineup.cams, lineup.laws, sources.stiff), VIBRATION_RPM)
+    vibration = vibration_table(cam_set, VIBRATION_RPM)
+    stiff = vibration_table(CamSet(cam_set.cams, cam_set.laws, sources.stiff), VIBRATION_RPM)
     on_part(PARTS[1])
     meanwhile(jumps)
     on_part(PARTS[2])
@@ -129,13 +129,13 @@ def find(
     on_part(PARTS[3])
     answered = factorial.result()
     on_part(PARTS[4])
-    return Results(sources, jumps, degrees, vibration, stiff, heard, answered)
+    return Findings(sources, jumps, degrees, vibration, stiff, heard, answered)
 
 
 def _noise(sources: Sources) -> NoiseStudy:
-    return study_noise(sources.stage, sources.lineup.rig)
+    return study_noise(sources.loaded, sources.cam_set.rig)
 
 
 def _factorial(sources: Sources) -> Factorial:
-    bench = Bench.of(sources.factorial, sources.lineup.rig, sources.stiff)
-    return run_factorial(sources.factorial, bench, sources.lineup.laws)
+    bench = Bench.of(sources.factorial, sources.cam_set.rig, sources.stiff)
+    return run_factorial(sources.factorial, bench, sources.cam_set.laws)

@@ -23,7 +23,7 @@ STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 #: Wall time (s) without an answer after which the drive of a run gives up.
 PATIENCE = 120.0
 #: A node that was killed this often is not started again.
-MOST_RESPAWNS = 20
+MAX_RESPAWNS = 20
 
 Arguments = dict[str, str | bool | float | list[str]]
 
@@ -244,7 +244,7 @@ class Graph:
         """Whether a dead node is to be started again."""
         # A spectator must not cost the measurement.
         again = (self._respawn or name == VIEWER) and self.processes[name].was_killed
-        return again and self._respawned[name] < MOST_RESPAWNS
+        return again and self._respawned[name] < MAX_RESPAWNS
 
     def _start_again(self, name: str) -> None:
         clean(self._begun)

@@ -22,7 +22,7 @@ GRACE = 10.0
 #: Where Fast DDS looks for its profile.
 PROFILES = "FASTDDS_DEFAULT_PROFILES_FILE"
 #: Lines of its errors that are kept.
-MOST_WORDS = 1000
+MAX_WORDS = 1000
 
 
 class NodeProcess:
@@ -122,7 +122,7 @@ class NodeProcess:
             thread.join(GRACE)
 
     def _hear_words(self, line: str) -> None:
-        if len(self.words) < MOST_WORDS:
+        if len(self.words) < MAX_WORDS:
             self.words.append(line)
         else:
             self.words[-1] = line

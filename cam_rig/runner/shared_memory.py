@@ -18,7 +18,7 @@ from cam_rig.errors import OutputError
 from cam_rig.files import MIB
 
 #: Bytes that must be free: a page for each lock of seven nodes, several times over.
-LEAST_ROOM = MIB
+MIN_ROOM = MIB
 REMEDY = "remove what fills it, or give a container more (docker run --shm-size=256m)"
 FOLDER = Path("/dev/shm")
 #: A segment or a port has a lock file beside it, which its owner holds while it lives.
@@ -33,13 +33,13 @@ def require_room(folder: Path = FOLDER) -> None:
 
     Raises
     ------
-    OutputError : there is less than `LEAST_ROOM`
+    OutputError : there is less than `MIN_ROOM`
     """
     free = _free(folder)
-    if free is not None and free < LEAST_ROOM:
+    if free is not None and free < MIN_ROOM:
         raise OutputError(
             f"{folder}: has {free / 1024:.0f} KiB free; allowed: at least "
-            f"{LEAST_ROOM // 1024} KiB, so {REMEDY}"
+            f"{MIN_ROOM // 1024} KiB, so {REMEDY}"
         )
 
 

@@ -23,7 +23,7 @@ from cam_rig.schema.yaml_text import parse_yaml
 
 Config = TypeVar("Config", bound=BaseModel)
 #: Bytes of a YAML file, at most.
-MOST_BYTES = MIB
+MAX_BYTES = MIB
 NAME = re.compile(r"[a-z][a-z0-9_]{0,99}")
 
 
@@ -39,7 +39,7 @@ def config_root() -> Path:
     return Path(sysconfig.get_path("data")) / "share" / "cam_rig" / "config"
 
 
-def read_yaml(path: Path, most: int = MOST_BYTES) -> Any:
+def read_yaml(path: Path, most: int = MAX_BYTES) -> Any:
     """The one document of a YAML file of at most ``most`` bytes.
 
     Raises

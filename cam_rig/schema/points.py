@@ -11,7 +11,7 @@ from cam_rig.files import MIB, read_bytes, shown
 from cam_rig.schema.quantity import UNITS
 
 #: Bytes of a file: of as many points as a law may have, each has room for 290.
-MOST_BYTES = 2 * MIB
+MAX_BYTES = 2 * MIB
 COLUMNS = {"angle": "angle", "lift": "length"}
 
 
@@ -40,7 +40,7 @@ def read_points(path: Path) -> tuple[list[float], list[float]]:
 def _lines(path: Path) -> list[tuple[int, list[str]]]:
     """Cells of each line that holds any, with its number."""
     try:
-        text = read_bytes(path, MOST_BYTES).decode("utf-8-sig")
+        text = read_bytes(path, MAX_BYTES).decode("utf-8-sig")
     except FileNotFoundError:
         near = sorted(other.name for other in path.parent.glob("*.csv"))
         known = f"; there are: {', '.join(near)}" if near else ""

@@ -16,11 +16,11 @@ import yaml
 from cam_rig.errors import ConfigError
 
 #: Levels of lists and mappings within each other.
-MOST_DEPTH = 32
+MAX_DEPTH = 32
 #: Characters of a number.
-MOST_DIGITS = 300
+MAX_DIGITS = 300
 #: Values in all, those that aliases repeat included.
-MOST_VALUES = 1_000_000
+MAX_VALUES = 1_000_000
 #: Without libyaml the same, but slower.
 LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -168,8 +168,8 @@ class _Builder:
 
     def _count(self, values: int, line: int) -> None:
         self._values += values
-        if self._values > MOST_VALUES:
-            raise _wrong(line, f"has more than {MOST_VALUES} values, counting those of aliases")
+        if self._values > MAX_VALUES:
+            raise _wrong(line, f"has more than {MAX_VALUES} values, counting those of aliases")
 
 
 def _key(value: Value, mapping: dict[Value, Value], line: int) -> Value:
@@ -202,11 +202,11 @@ def _plain(text: str, line: int) -> Value:
         return WORDS[text]
     if text[0] not in DIGITS:
         return text
-    if len(text) > MOST_DIGITS:
+    if len(text) > MAX_DIGITS:
         if text.strip("-+.0123456789_abcdefoxABCDEF"):
             return text
         raise ConfigError(
-            f"a number in line {line} has {len(text)} characters; allowed: {MOST_DIGITS}"
+            f"a number in line {line} has {len(text)} characters; allowed: {MAX_DIGITS}"
         )
     for pattern, number in NUMBERS:
         if pattern.fullmatch(text):
@@ -223,8 +223,8 @@ def _require_tag(tag: str | None, value: Value, line: int) -> None:
 
 
 def _require_depth(levels: int, line: int) -> None:
-    if levels > MOST_DEPTH:
-        raise ConfigError(f"is nested too deeply, in line {line}; allowed: {MOST_DEPTH} levels")
+    if levels > MAX_DEPTH:
+        raise ConfigError(f"is nested too deeply, in line {line}; allowed: {MAX_DEPTH} levels")
 
 
 def _wrong(line: int, words: str) -> ConfigError:

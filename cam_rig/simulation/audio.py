@@ -11,9 +11,9 @@ from cam_rig.acoustics.pressure_samples import SourceMemory
 from cam_rig.acoustics.sound_level_meter import MeterMemory
 from cam_rig.arrays import FloatArray
 from cam_rig.schema import SceneConfig
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import cam_states
-from cam_rig.simulation.simulate import FollowerBench
+from cam_rig.simulation.simulate import FollowerSimulator
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class MeterBenchMemory:
 
 
 @dataclass
-class MeterBench:
+class MeterSimulator:
     """The sound of a scene at a sound-level meter. Used by the node too.
 
     Another weighting begins a new measurement with the next block; the sound goes on. One that was
@@ -41,9 +41,9 @@ class MeterBench:
         self.meter = self._next = SoundLevelMeter(self.source.rate)
 
     @classmethod
-    def of(cls, stage: Stage) -> MeterBench:
+    def of(cls, loaded: LoadedScene) -> MeterSimulator:
         """The meter of a scene."""
-        return cls(SoundSource(stage.radiation, int(stage.scene.sample_rate.si)))
+        return cls(SoundSource(loaded.radiation, int(loaded.scene.sample_rate.si)))
 
     @property
     def quantity(self) -> str:
@@ -77,7 +77,9 @@ class MeterBench:
         return self.meter.read(self.source.pressure(block_rows[4], block_rows[5], speed))
 
 
-def audition(stage: Stage, cam: str | None, rpm: float | None, seconds: float, rate: int) -> Stage:
+def audition(
+    loaded: LoadedScene, cam: str | None, rpm: float | None, seconds: float, rate: int
+) -> LoadedScene:
     """The scene as it is listened to: sampled at ``rate`` Hz, one cam or one speed of it.
 
     Parameters
@@ -90,21 +92,21 @@ def audition(stage: Stage, cam: str | None, rpm: float | None, seconds: float, r
     ConfigError : the scene has no such cam
     """
     if cam is not None:
-        stage = stage.only(cam, stage.law_of(cam))
-    data = stage.scene.model_dump(exclude_none=True)
+        loaded = loaded.only(cam, loaded.law_of(cam))
+    data = loaded.scene.model_dump(exclude_none=True)
     data["sample_rate"] = {"assumed": rate, "unit": "Hz"}
     if rpm is not None:
         turns = max(1, math.ceil(seconds * rpm / 60.0))
         data["program"]["speeds"] = {"assumed": [rpm], "unit": "rpm"}
         data["program"]["turns"] = {"assumed": turns, "unit": "turns"}
         data["program"]["settle_turns"] = {"assumed": 0, "unit": "turns"}
-    return replace(stage, scene=SceneConfig.model_validate(data))
+    return replace(loaded, scene=SceneConfig.model_validate(data))
 
 
-def sounds(stage: Stage, source: SoundSource) -> Iterator[FloatArray]:
+def sounds(loaded: LoadedScene, source: SoundSource) -> Iterator[FloatArray]:
     """Sound pressure (Pa) of each tick of a scene, at the rate of ``source``."""
-    follower = FollowerBench.of(stage)
-    for state in cam_states(stage.scene):
+    follower = FollowerSimulator.of(loaded)
+    for state in cam_states(loaded.scene):
         turned = follower.turn_to(state)
         if turned is not None:
             block = turned[1]

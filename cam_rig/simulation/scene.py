@@ -25,7 +25,7 @@ from cam_rig.simulation.cam_files import law_of, require_sprung
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class LoadedScene:
     """Everything a run needs, checked before anything starts."""
 
     scene: SceneConfig
@@ -114,13 +114,13 @@ class Stage:
             )
         return self.published.level(cam, rpm)
 
-    def only(self, cam: str, law: Law) -> Stage:
+    def only(self, cam: str, law: Law) -> LoadedScene:
         """The same scene with one cam alone, and another law for it."""
         scene = self.scene.model_copy(update={"cams": [cam]})
         return replace(self, scene=scene, laws={cam: law})
 
 
-def open_stage(scene_path: Path) -> Stage:
+def open_scene(scene_path: Path) -> LoadedScene:
     """Read a scene and every file it names.
 
     Raises
@@ -139,7 +139,7 @@ def open_stage(scene_path: Path) -> Stage:
     published_path = None
     if scene.published is not None:
         published_path = library.path("published", scene.published)
-    return Stage(
+    return LoadedScene(
         scene=scene,
         rig=load_rig(rig_path),
         cams={cam.name: cam for cam in cams},

@@ -11,12 +11,12 @@ from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import MODELS, Block, FollowerState, Model
 from cam_rig.laws import Law
 from cam_rig.simulation.levels import HeardTick
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState, cam_states
 
 
 @dataclass(frozen=True)
-class FollowerMemory:
+class FollowerCheckpoint:
     """What a follower carries from tick to tick: the last cam state, its own, an impulse owed."""
 
     last: CamState | None = None
@@ -25,20 +25,20 @@ class FollowerMemory:
 
 
 @dataclass
-class FollowerBench:
+class FollowerSimulator:
     """The follower under the mounted cam: takes cam states, gives blocks. Used by the node too."""
 
     model: Model
     parameters: Any
     sample_rate: int
     laws: dict[str, Law] = field(default_factory=dict)
-    memory: FollowerMemory = field(default_factory=FollowerMemory)
+    memory: FollowerCheckpoint = field(default_factory=FollowerCheckpoint)
 
     @classmethod
-    def of(cls, stage: Stage) -> FollowerBench:
+    def of(cls, loaded: LoadedScene) -> FollowerSimulator:
         """The follower of a scene."""
-        model, rate = MODELS[stage.scene.model], int(stage.scene.sample_rate.si)
-        return cls(model, model.parameters(stage.rig), rate, dict(stage.laws))
+        model, rate = MODELS[loaded.scene.model], int(loaded.scene.sample_rate.si)
+        return cls(model, model.parameters(loaded.rig), rate, dict(loaded.laws))
 
     def turn_to(self, state: CamState) -> tuple[FollowerState, Block] | None:
         """The tick that ends at ``state``; None at the first state, which only begins one.
@@ -47,7 +47,7 @@ class FollowerBench:
         """
         start, before = self.memory.last, self.memory
         if start is None or not start.turns_until(state):
-            self.memory = FollowerMemory(state)
+            self.memory = FollowerCheckpoint(state)
             return None
         law = self.laws[start.cam]
         end, block = self.model.advance(
@@ -55,14 +55,14 @@ class FollowerBench:
         )
         block.rows[5, 0] += before.owed
         if state.cam == start.cam:
-            self.memory = FollowerMemory(state, end)
+            self.memory = FollowerCheckpoint(state, end)
         else:  # struck by the cam before
-            self.memory = FollowerMemory(state, None, end.pending_impulse)
+            self.memory = FollowerCheckpoint(state, None, end.pending_impulse)
         return end, block
 
 
 @dataclass
-class MicrophoneBench:
+class MicrophoneSimulator:
     """The microphone with its memory: takes blocks, gives r.m.s. pressure. Used by the node too."""
 
     parameters: RadiationParameters
@@ -70,9 +70,9 @@ class MicrophoneBench:
     memory: MicrophoneState | None = None
 
     @classmethod
-    def of(cls, stage: Stage) -> MicrophoneBench:
+    def of(cls, loaded: LoadedScene) -> MicrophoneSimulator:
         """The microphone of a scene."""
-        return cls(stage.radiation, int(stage.scene.sample_rate.si))
+        return cls(loaded.radiation, int(loaded.scene.sample_rate.si))
 
     def listen(self, block_rows: FloatArray, speed: float) -> float:
         """r.m.s. pressure (Pa) over a block, ``(6, n)`` rows, at cam speed ``speed`` (rad/s)."""
@@ -82,11 +82,11 @@ class MicrophoneBench:
         return pressure
 
 
-def simulate(stage: Stage) -> Iterator[HeardTick]:
+def simulate(loaded: LoadedScene) -> Iterator[HeardTick]:
     """Run the scene tick by tick."""
-    follower, microphone = FollowerBench.of(stage), MicrophoneBench.of(stage)
+    follower, microphone = FollowerSimulator.of(loaded), MicrophoneSimulator.of(loaded)
     start: CamState | None = None
-    for state in cam_states(stage.scene):
+    for state in cam_states(loaded.scene):
         turned = follower.turn_to(state)
         if turned is not None and start is not None:
             interval = turned[1].interval

@@ -13,7 +13,7 @@ from cam_rig.simulation.cam_files import law_of, require_sprung
 
 
 @dataclass(frozen=True)
-class Lineup:
+class CamSet:
     """Cams by name in order, their laws, and the rig they turn on."""
 
     cams: dict[str, CamConfig]
@@ -26,7 +26,7 @@ class Lineup:
         return {name: cam.title for name, cam in self.cams.items()}
 
 
-def open_lineup(cam_paths: Iterable[Path], rig_path: Path) -> Lineup:
+def open_cam_set(cam_paths: Iterable[Path], rig_path: Path) -> CamSet:
     """Read cam files and a rig file.
 
     Raises
@@ -42,4 +42,4 @@ def open_lineup(cam_paths: Iterable[Path], rig_path: Path) -> Lineup:
             raise ConfigError(f"{path}: cam {cam.name!r} is named twice; allowed: each once")
         require_sprung(path, cam)
         cams[cam.name], laws[cam.name] = cam, law_of(path, cam)
-    return Lineup(cams, laws, rig)
+    return CamSet(cams, laws, rig)

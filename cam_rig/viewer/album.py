@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.bag.reader import read_stage
+from cam_rig.bag.reader import read_scene
 from cam_rig.errors import BagError
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.viewer.feed import RunFeed
 from cam_rig.viewer.recording import draw
@@ -19,16 +19,16 @@ from cam_rig.viewer.turns import Turn, TurnCollector, sample_angles
 
 
 @dataclass
-class Album:
+class TurnArchive:
     """Takes a run as a drawing does, and keeps a turn for each cam and speed (rpm)."""
 
-    stage: Stage
+    loaded: LoadedScene
     profiles: dict[str, FloatArray] = field(default_factory=dict)
     turns: dict[tuple[str, float], Turn] = field(default_factory=dict)
     _newest: TurnCollector = field(init=False)
 
     def __post_init__(self) -> None:
-        self._newest = TurnCollector(self.stage.scene.program.ticks_per_turn)
+        self._newest = TurnCollector(self.loaded.scene.program.ticks_per_turn)
 
     def tick(self, start: CamState, end: CamState, rows: FloatArray) -> None:
         """Take one tick."""
@@ -57,19 +57,19 @@ class Album:
         return self.turns[cam, rpm]
 
 
-def read_album(bag: Path, on_tick: Callable[[], None] = lambda: None) -> Album:
+def read_album(bag: Path, on_tick: Callable[[], None] = lambda: None) -> TurnArchive:
     """The album of a bag.
 
     Raises
     ------
     BagError : it cannot be read
     """
-    album = Album(read_stage(bag))
-    draw(bag, album.stage, RunFeed(album), on_tick)
+    album = TurnArchive(read_scene(bag))
+    draw(bag, album.loaded, RunFeed(album), on_tick)
     return album
 
 
-def gap(stage: Stage, turn: Turn) -> FloatArray:
+def gap(loaded: LoadedScene, turn: Turn) -> FloatArray:
     """``(n,)`` how far (m) the follower is off the cam; 0 in contact."""
     flies = turn.rows[4] == 0.0
-    return np.where(flies, turn.rows[1] - stage.laws[turn.cam](turn.angle), 0.0)
+    return np.where(flies, turn.rows[1] - loaded.laws[turn.cam](turn.angle), 0.0)

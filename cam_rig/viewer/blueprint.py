@@ -8,7 +8,7 @@ import rerun.blueprint as rrb
 
 from cam_rig.drawing.outlines import MM
 from cam_rig.errors import ConfigError
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.viewer import scene2d
 from cam_rig.viewer.charts import noise_chart, overlay, series
 from cam_rig.viewer.charts import shaft_twist as twist
@@ -32,7 +32,7 @@ FORCE_NAME = "Contact force [N]: orange, dark red line at 0"
 
 def blueprint(
     layout: Layout,
-    stage: Stage,
+    loaded: LoadedScene,
     duration: float,
     bucket: int,
     compared: float,
@@ -55,7 +55,7 @@ def blueprint(
             playback_speed=PLAYBACK_SPEED,
             play_state="playing" if window is None else "following",
         )
-        return _blueprint(_run(stage, duration, bucket, window), timeline)
+        return _blueprint(_run(loaded, duration, bucket, window), timeline)
     timeline = rrb.TimePanel(
         state="collapsed",
         timeline=TURN_DEGREES,
@@ -64,17 +64,17 @@ def blueprint(
         loop_mode="all",
     )
     views = _compare if layout is Layout.COMPARE else _report
-    return _blueprint(views(stage, compared), timeline)
+    return _blueprint(views(loaded, compared), timeline)
 
 
-def compared_rpm(stage: Stage, rpm: float | None) -> float:
+def compared_rpm(loaded: LoadedScene, rpm: float | None) -> float:
     """The speed at which cams are compared: one of the scene's, by default the highest.
 
     Raises
     ------
     ConfigError : the scene does not run at this speed
     """
-    speeds = [round(speed * 30.0 / np.pi, 9) for speed in stage.scene.program.speeds.si_list]
+    speeds = [round(speed * 30.0 / np.pi, 9) for speed in loaded.scene.program.speeds.si_list]
     if rpm is None:
         return max(speeds)
     nearest = min(speeds, key=lambda speed: abs(speed - rpm))
@@ -89,7 +89,7 @@ def _blueprint(view: rrb.Container, timeline: rrb.TimePanel) -> rrb.Blueprint:
     return rrb.Blueprint(view, *panels, timeline, auto_views=False, auto_layout=False)
 
 
-def _run(stage: Stage, duration: float, bucket: int, window: float | None) -> rrb.Container:
+def _run(loaded: LoadedScene, duration: float, bucket: int, window: float | None) -> rrb.Container:
     kept = f"; min, max of every {bucket}" if bucket > 1 else ""
     near, whole = _near(window), _whole(duration)
     words = rrb.Tabs(
@@ -97,12 +97,12 @@ def _run(stage: Stage, duration: float, bucket: int, window: float | None) -> rr
         rrb.TextDocumentView(origin=ABOUT, name="About"),
         rrb.TextLogView(origin=EVENTS, name="Speeds and landings"),
     )
-    left = rrb.Vertical(_scene(stage, scene2d.VIEW), _noise(stage), words, row_shares=[5, 4, 3])
+    left = rrb.Vertical(_scene(loaded, scene2d.VIEW), _noise(loaded), words, row_shares=[5, 4, 3])
     slopes = [
         _plot("plots/velocity", "Velocity [m/s]", near),
         _plot("plots/acceleration", "Acceleration [m/s²]", near),
     ]
-    if stage.scene.model == twist.MODEL:
+    if loaded.scene.model == twist.MODEL:
         slopes.append(_plot(series.TWIST.entity, "Twist of the shaft [°]", near))
     level = _plot(series.LEVEL.entity, "Sound level [dB]", whole)
     speed = _plot(series.SPEED.entity, "Cam speed [rpm]", whole)
@@ -110,31 +110,31 @@ def _run(stage: Stage, duration: float, bucket: int, window: float | None) -> rr
         _plot("plots/lift", LIFT_NAME + kept, near),
         rrb.Horizontal(*slopes),
         _plot("plots/force", FORCE_NAME, near),
-        rrb.Horizontal(level, speed, _bands(stage, BANDS), column_shares=[3, 3, 4]),
+        rrb.Horizontal(level, speed, _bands(loaded, BANDS), column_shares=[3, 3, 4]),
     )
     return rrb.Horizontal(left, right, column_shares=[2, 3])
 
 
-def _compare(stage: Stage, rpm: float) -> rrb.Container:
-    bars = [_bands(stage, f"{overlay.COMPARE}/{cam}/bands") for cam in stage.cams]
-    rows = rrb.Horizontal(*_cams(stage)), rrb.Horizontal(*_turns(rpm)), rrb.Horizontal(*bars)
+def _compare(loaded: LoadedScene, rpm: float) -> rrb.Container:
+    bars = [_bands(loaded, f"{overlay.COMPARE}/{cam}/bands") for cam in loaded.cams]
+    rows = rrb.Horizontal(*_cams(loaded)), rrb.Horizontal(*_turns(rpm)), rrb.Horizontal(*bars)
     return rrb.Vertical(*rows, row_shares=[4, 3, 3])
 
 
-def _report(stage: Stage, rpm: float) -> rrb.Container:
+def _report(loaded: LoadedScene, rpm: float) -> rrb.Container:
     words = rrb.Horizontal(
         rrb.TextDocumentView(origin=RESULTS, name="Results"),
         rrb.TextDocumentView(origin=ABOUT, name="About"),
     )
-    upper = rrb.Horizontal(_noise(stage), rrb.Horizontal(*_cams(stage)))
+    upper = rrb.Horizontal(_noise(loaded), rrb.Horizontal(*_cams(loaded)))
     return rrb.Vertical(upper, rrb.Horizontal(*_turns(rpm)), words, row_shares=[4, 3, 3])
 
 
-def _cams(stage: Stage) -> list[rrb.Spatial2DView]:
+def _cams(loaded: LoadedScene) -> list[rrb.Spatial2DView]:
     """The cams side by side, each turning under its follower."""
     return [
-        _scene(stage, f"{overlay.COMPARE}/{name}/scene", cam.title)
-        for name, cam in stage.cams.items()
+        _scene(loaded, f"{overlay.COMPARE}/{name}/scene", cam.title)
+        for name, cam in loaded.cams.items()
     ]
 
 
@@ -150,21 +150,21 @@ def _turns(rpm: float) -> list[rrb.TimeSeriesView]:
     ]
 
 
-def _scene(stage: Stage, origin: str, name: str = "Cam and follower") -> rrb.Spatial2DView:
-    side = scene2d.reach(stage) * MM
+def _scene(loaded: LoadedScene, origin: str, name: str = "Cam and follower") -> rrb.Spatial2DView:
+    side = scene2d.reach(loaded) * MM
     bounds = rrb.VisualBounds2D(
         x_range=[-1.3 * side, 1.3 * side], y_range=[-1.55 * side, 1.5 * side]
     )
     return rrb.Spatial2DView(origin=origin, name=name, visual_bounds=bounds)
 
 
-def _noise(stage: Stage) -> rrb.Spatial2DView:
+def _noise(loaded: LoadedScene) -> rrb.Spatial2DView:
     name = "Sound level against rpm: published - - -, measured •"
-    return _chart(noise_chart.VIEW, name, *noise_chart.noise_axes(stage).bounds(right=0.32))
+    return _chart(noise_chart.VIEW, name, *noise_chart.noise_axes(loaded).bounds(right=0.32))
 
 
-def _bands(stage: Stage, view: str) -> rrb.Spatial2DView:
-    return _chart(view, BANDS_NAME, *band_axes(stage.scene.sample_rate.si).bounds())
+def _bands(loaded: LoadedScene, view: str) -> rrb.Spatial2DView:
+    return _chart(view, BANDS_NAME, *band_axes(loaded.scene.sample_rate.si).bounds())
 
 
 def _chart(

@@ -9,7 +9,7 @@ import rerun as rr
 
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import CamRigError
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.units import NS
 from cam_rig.viewer.blueprint import blueprint, compared_rpm
@@ -34,19 +34,19 @@ class LivePicture:
     address : the viewer's, ``rerun+http://127.0.0.1:9876/proxy`` for one
     """
 
-    def __init__(self, stage: Stage, address: str) -> None:
-        times = np.array([state.time_ns for state in cam_states(stage.scene)]) / NS
+    def __init__(self, loaded: LoadedScene, address: str) -> None:
+        times = np.array([state.time_ns for state in cam_states(loaded.scene)]) / NS
         duration, window = float(times[-1]), live_window(times)
-        bucket = bucket_for(round(duration * stage.scene.sample_rate.si), WHOLE_BELOW)
-        rpm = compared_rpm(stage, None)
-        plan = blueprint(Layout.RUN, stage, duration, bucket, rpm, window)
+        bucket = bucket_for(round(duration * loaded.scene.sample_rate.si), WHOLE_BELOW)
+        rpm = compared_rpm(loaded, None)
+        plan = blueprint(Layout.RUN, loaded, duration, bucket, rpm, window)
         self._address, self._stream = address, rr.RecordingStream(APPLICATION)
         try:
             self._stream.connect_grpc(address, default_blueprint=plan)
         except (RuntimeError, ValueError) as error:
             raise CamRigError(f"{address}: no viewer can be reached there ({error})") from None
-        name_recording(self._stream, stage.scene.title)
-        self._drawing = RunDrawing(self._stream, stage, bucket, rpm, window=window)
+        name_recording(self._stream, loaded.scene.title)
+        self._drawing = RunDrawing(self._stream, loaded, bucket, rpm, window=window)
         self.feed = RunFeed(self._drawing)
 
     def flush(self) -> None:

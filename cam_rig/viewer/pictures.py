@@ -24,10 +24,10 @@ from cam_rig.drawing import follower as follower_shape
 from cam_rig.drawing import outlines as shapes
 from cam_rig.plots import noise as noise_plot
 from cam_rig.plots import styles
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.viewer import album as albums
 from cam_rig.viewer import blueprint, scene2d, stills, viewer_picture
-from cam_rig.viewer.album import Album, gap
+from cam_rig.viewer.album import TurnArchive, gap
 from cam_rig.viewer.charts import axes, band_chart, bands, noise_chart, results, series
 from cam_rig.viewer.turns import Turn
 
@@ -67,7 +67,7 @@ LAID_OUT_BY = (
 )
 
 
-def draw_pictures(album: Album, noise: Callable[[Path], None], folder: Path) -> list[Path]:
+def draw_pictures(album: TurnArchive, noise: Callable[[Path], None], folder: Path) -> list[Path]:
     """Write the animation, the still, the noise plot and the note; gives their paths.
 
     Parameters
@@ -75,22 +75,22 @@ def draw_pictures(album: Album, noise: Callable[[Path], None], folder: Path) -> 
     noise : draws noise against rpm into a file
     folder : must exist
     """
-    rpm = blueprint.compared_rpm(album.stage, None)
-    turns = [album.turn(cam, rpm) for cam in album.stage.cams]
-    jumps = max(turns, key=lambda turn: float(gap(album.stage, turn).max()))
+    rpm = blueprint.compared_rpm(album.loaded, None)
+    turns = [album.turn(cam, rpm) for cam in album.loaded.cams]
+    jumps = max(turns, key=lambda turn: float(gap(album.loaded, turn).max()))
     animate(album, jumps, folder / ANIMATION)
     side_by_side(album, turns, folder / STILL)
-    plot = folder / f"{album.stage.scene.name}.png"
+    plot = folder / f"{album.loaded.scene.name}.png"
     noise(plot)
     note = {
-        **inputs(album.stage),
-        "numbers": {turn.cam: numbers(album.stage, turn) for turn in turns},
+        **inputs(album.loaded),
+        "numbers": {turn.cam: numbers(album.loaded, turn) for turn in turns},
     }
     (folder / NOTE).write_text(json.dumps(note, indent=2) + "\n", encoding="utf-8")
     return [folder / ANIMATION, folder / STILL, plot, folder / NOTE]
 
 
-def photograph_run(bag: Path, stage: Stage, folder: Path) -> list[Path]:
+def photograph_run(bag: Path, loaded: LoadedScene, folder: Path) -> list[Path]:
     """Write a picture of the viewer that shows a bag, and its note; gives their paths.
 
     Raises
@@ -98,16 +98,16 @@ def photograph_run(bag: Path, stage: Stage, folder: Path) -> list[Path]:
     CamRigError : there is no browser, or it does not show it all
     """
     viewer_picture.photograph_viewer(bag, folder / VIEWER)
-    note = json.dumps(inputs(stage, LAID_OUT_BY), indent=2)
+    note = json.dumps(inputs(loaded, LAID_OUT_BY), indent=2)
     (folder / VIEWER_NOTE).write_text(note + "\n", encoding="utf-8")
     return [folder / VIEWER, folder / VIEWER_NOTE]
 
 
-def inputs(stage: Stage, modules: tuple[ModuleType, ...] = DRAWN_BY) -> dict[str, Any]:
+def inputs(loaded: LoadedScene, modules: tuple[ModuleType, ...] = DRAWN_BY) -> dict[str, Any]:
     """What pictures depend on: digests of what the config says, and of the code that draws."""
-    config: dict[str, BaseModel] = {"scene": stage.scene, "rig": stage.rig, **stage.cams}
-    if stage.published is not None:
-        config["published"] = stage.published
+    config: dict[str, BaseModel] = {"scene": loaded.scene, "rig": loaded.rig, **loaded.cams}
+    if loaded.published is not None:
+        config["published"] = loaded.published
     code = [Path(str(module.__file__)) for module in modules]
     return {
         "config": {name: _digest(c.model_dump_json().encode()) for name, c in config.items()},
@@ -115,7 +115,7 @@ def inputs(stage: Stage, modules: tuple[ModuleType, ...] = DRAWN_BY) -> dict[str
     }
 
 
-def numbers(stage: Stage, turn: Turn) -> dict[str, float]:
+def numbers(loaded: LoadedScene, turn: Turn) -> dict[str, float]:
     """What a picture of a turn shows, in figures."""
     _, lift, _, acceleration, force, _ = turn.rows
     figures = {
@@ -123,12 +123,12 @@ def numbers(stage: Stage, turn: Turn) -> dict[str, float]:
         "greatest_lift_mm": lift.max() * 1e3,
         "greatest_force_n": force.max(),
         "least_acceleration_m_s2": acceleration.min(),
-        "greatest_gap_mm": gap(stage, turn).max() * 1e3,
+        "greatest_gap_mm": gap(loaded, turn).max() * 1e3,
     }
     return {name: round(float(value), 6) for name, value in figures.items()}
 
 
-def animate(album: Album, turn: Turn, path: Path) -> None:
+def animate(album: TurnArchive, turn: Turn, path: Path) -> None:
     """One turn: the rig left, lift and contact force with a cursor right."""
     figure = plt.figure(figsize=(8.0, 4.0), dpi=90, layout="constrained")
     parts = figure.add_gridspec(2, 2, width_ratios=[2, 3])
@@ -136,9 +136,9 @@ def animate(album: Album, turn: Turn, path: Path) -> None:
         figure.add_subplot(parts[where]) for where in (np.s_[:, 0], np.s_[0, 1], np.s_[1, 1])
     )
     stills.frame_rig(rig, album, turn)
-    title = album.stage.cams[turn.cam].title
+    title = album.loaded.cams[turn.cam].title
     rig.set_title(f"{title}, {turn.rpm:.0f} rpm", fontsize=10)
-    cursors = stills.draw_curves(lift, force, album.stage, turn)
+    cursors = stills.draw_curves(lift, force, album.loaded, turn)
     figure.canvas.draw()
     figure.set_layout_engine("none")  # it would be laid out anew for every frame
     frames = []
@@ -161,7 +161,7 @@ def animate(album: Album, turn: Turn, path: Path) -> None:
     )
 
 
-def side_by_side(album: Album, turns: list[Turn], path: Path) -> None:
+def side_by_side(album: TurnArchive, turns: list[Turn], path: Path) -> None:
     """All cams at one speed, each where its contact force is greatest, and their curves."""
     size = (3.6 * len(turns), 7.0)
     figure, axes = plt.subplots(
@@ -171,8 +171,8 @@ def side_by_side(album: Album, turns: list[Turn], path: Path) -> None:
         sample = int(turn.rows[4].argmax())
         stills.frame_rig(rig, album, turn)
         stills.draw_rig(rig, album, turn, sample)
-        rig.set_title(f"{album.stage.cams[turn.cam].title}, {turn.rpm:.0f} rpm", fontsize=10)
-        for cursor in stills.draw_curves(lift, force, album.stage, turn):
+        rig.set_title(f"{album.loaded.cams[turn.cam].title}, {turn.rpm:.0f} rpm", fontsize=10)
+        for cursor in stills.draw_curves(lift, force, album.loaded, turn):
             cursor.set_xdata([stills.degrees(turn)[sample]] * 2)
     figure.savefig(path, dpi=90)
     plt.close(figure)

@@ -13,11 +13,11 @@ import numpy as np
 import rerun as rr
 
 from cam_rig.arrays import FloatArray
-from cam_rig.bag.reader import messages, read_counts, read_stage
+from cam_rig.bag.reader import messages, read_counts, read_scene
 from cam_rig.errors import BagError
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState, cam_states
 from cam_rig.units import NS
 from cam_rig.viewer.blueprint import blueprint, compared_rpm
@@ -41,7 +41,7 @@ TOPICS = (
 
 
 @dataclass(frozen=True)
-class Wish:
+class ViewOptions:
     """How a picture is wanted.
 
     Parameters
@@ -59,9 +59,9 @@ class Wish:
 def save_recording(
     bag: Path,
     path: Path,
-    wish: Wish | None = None,
+    view_options: ViewOptions | None = None,
     *,
-    stage: Stage | None = None,
+    loaded: LoadedScene | None = None,
     overwrite: bool = False,
     on_tick: Callable[[], None] = lambda: None,
 ) -> None:
@@ -69,8 +69,8 @@ def save_recording(
 
     Parameters
     ----------
-    wish : how it is wanted
-    stage : the scene that was run, for a bag without one attached
+    view_options : how it is wanted
+    loaded : the scene that was run, for a bag without one attached
     overwrite : replace the file when it exists
     on_tick : called after each tick
 
@@ -80,17 +80,17 @@ def save_recording(
     CamRigError : the file exists already, or cannot be written; or no such speed
     """
     require_free(path, overwrite)
-    stage, wish = stage or read_stage(bag), wish or Wish()
-    duration, rpm = run_duration(bag, stage), compared_rpm(stage, wish.rpm)
-    samples = round(duration * stage.scene.sample_rate.si)
+    loaded, view_options = loaded or read_scene(bag), view_options or ViewOptions()
+    duration, rpm = run_duration(bag, loaded), compared_rpm(loaded, view_options.rpm)
+    samples = round(duration * loaded.scene.sample_rate.si)
     whole, bucket = (
-        wish.layout is Layout.RUN,
-        1 if wish.all_samples else bucket_for(samples, WHOLE_BELOW),
+        view_options.layout is Layout.RUN,
+        1 if view_options.all_samples else bucket_for(samples, WHOLE_BELOW),
     )
-    plan = blueprint(wish.layout, stage, duration, bucket, rpm)
+    plan = blueprint(view_options.layout, loaded, duration, bucket, rpm)
     with rrd_stream(path, APPLICATION, plan) as stream:
-        name_recording(stream, f"{stage.scene.title} ({bag.name})")
-        draw(bag, stage, RunFeed(RunDrawing(stream, stage, bucket, rpm, whole)), on_tick)
+        name_recording(stream, f"{loaded.scene.title} ({bag.name})")
+        draw(bag, loaded, RunFeed(RunDrawing(stream, loaded, bucket, rpm, whole)), on_tick)
 
 
 def name_recording(stream: rr.RecordingStream, name: str) -> None:
@@ -100,7 +100,7 @@ def name_recording(stream: rr.RecordingStream, name: str) -> None:
     stream.send_recording_name(name)
 
 
-def draw(bag: Path, stage: Stage, feed: RunFeed, on_tick: Callable[[], None]) -> None:
+def draw(bag: Path, loaded: LoadedScene, feed: RunFeed, on_tick: Callable[[], None]) -> None:
     """Draw every tick of a bag."""
     for topic, _, message in messages(bag, TOPICS):
         if topic is topics.PROFILE:
@@ -110,7 +110,7 @@ def draw(bag: Path, stage: Stage, feed: RunFeed, on_tick: Callable[[], None]) ->
         elif topic is topics.PRESSURE:
             feed.pressure(stamp_ns(message.header.stamp), float(message.fluid_pressure))
         elif topic is topics.CAM_STATE:
-            feed.state(cam_state(message, stage))
+            feed.state(cam_state(message, loaded))
         else:
             feed.block(decode_block(*array_of(message)))
         for _ in feed.draw():
@@ -118,12 +118,12 @@ def draw(bag: Path, stage: Stage, feed: RunFeed, on_tick: Callable[[], None]) ->
     feed.close()
 
 
-def run_duration(bag: Path, stage: Stage) -> float:
+def run_duration(bag: Path, loaded: LoadedScene) -> float:
     """Rig time (s) of the ticks in a bag, all of its scene's or those before an interruption."""
     ticks = read_counts(bag).get(topics.FOLLOWER_SAMPLES.name, 0)
     if ticks == 0:
         raise BagError(f"{bag}: has no {topics.FOLLOWER_SAMPLES.name}, so nothing to show")
-    *_, last = islice(cam_states(stage.scene), ticks + 1)
+    *_, last = islice(cam_states(loaded.scene), ticks + 1)
     return last.time_ns / NS
 
 
@@ -132,10 +132,10 @@ def bucket_for(samples: int, whole_below: int) -> int:
     return 1 if samples < whole_below else math.ceil(samples / BUCKETS)
 
 
-def cam_state(message: Any, stage: Stage) -> CamState:
+def cam_state(message: Any, loaded: LoadedScene) -> CamState:
     """The cam's state from its message, of a cam that the scene knows."""
     state = cam_state_of(message)
-    stage.law_of(state.cam)
+    loaded.law_of(state.cam)
     return state
 
 

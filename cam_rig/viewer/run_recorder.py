@@ -9,14 +9,14 @@ import rerun as rr
 
 from cam_rig.arrays import FloatArray
 from cam_rig.simulation.levels import HeardTick
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS
 from cam_rig.viewer.charts import overlay
 from cam_rig.viewer.charts.about import about
 from cam_rig.viewer.charts.noise_chart import NoiseChart
-from cam_rig.viewer.charts.results import Results
-from cam_rig.viewer.charts.run_view import Course
+from cam_rig.viewer.charts.results import ResultLines
+from cam_rig.viewer.charts.run_view import RunView
 from cam_rig.viewer.timeline import time_columns
 from cam_rig.viewer.turns import TurnCollector, sample_angles
 
@@ -31,7 +31,7 @@ class RunDrawing:
     Parameters
     ----------
     stream : where to draw
-    stage : the scene that was run
+    loaded : the scene that was run
     bucket : samples of which the least and the greatest are kept, 1 for all
     compared : speed (rpm) at which the cams are laid over each other and put side by side
     whole : draw the run as it went too; else only what its turns and speeds came to
@@ -42,26 +42,26 @@ class RunDrawing:
     def __init__(
         self,
         stream: rr.RecordingStream,
-        stage: Stage,
+        loaded: LoadedScene,
         bucket: int,
         compared: float,
         whole: bool = True,
         window: float | None = None,
     ) -> None:
-        self._stream, self._stage, self._compared = stream, stage, compared
+        self._stream, self._loaded, self._compared = stream, loaded, compared
         self._grows, self._finished = whole, window is None
         # No tick of a scene is longer than the other half, so a block fits into the window.
         self._at_once = AT_ONCE if window is None else 0.5 * window
-        self._course = Course(stream, stage, bucket) if whole else None
-        self._noise, self._results = NoiseChart(stream, stage), Results(stage)
-        self._turns = TurnCollector(stage.scene.program.ticks_per_turn)
+        self._course = RunView(stream, loaded, bucket) if whole else None
+        self._noise, self._results = NoiseChart(stream, loaded), ResultLines(loaded)
+        self._turns = TurnCollector(loaded.scene.program.ticks_per_turn)
         self._unheard: dict[int, tuple[CamState, CamState]] = {}
         self._last: tuple[CamState, CamState] | None = None
         self._told: CamState | None = None
         self._sent = 0
         #: The contour of each cam that has been told, ``(n, 2)`` in its own frame, m.
         self.profiles: dict[str, FloatArray] = {}
-        words = rr.TextDocument(about(stage, bucket), media_type="text/markdown")
+        words = rr.TextDocument(about(loaded, bucket), media_type="text/markdown")
         stream.log(ABOUT, words, static=True)
         if not self._finished:
             markdown = rr.TextDocument.from_fields(media_type="text/markdown")
@@ -127,6 +127,6 @@ class RunDrawing:
         """Lay the step's last turn over those of the other cams."""
         turn = self._turns.turn()
         if turn is not None and math.isclose(turn.rpm, self._compared, rel_tol=1e-9):
-            overlay.draw_turn(self._stream, self._stage, turn)
+            overlay.draw_turn(self._stream, self._loaded, turn)
             profile = self.profiles[turn.cam]
-            overlay.draw_side_by_side(self._stream, self._stage, turn, profile)
+            overlay.draw_side_by_side(self._stream, self._loaded, turn, profile)

@@ -13,7 +13,7 @@ from cam_rig.drawing.followers import follower_shape
 from cam_rig.drawing.outlines import MM, circle, closed
 from cam_rig.dynamics.contact import force_weights
 from cam_rig.profile import turn_angles
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.viewer.timeline import Times, time_columns
 
@@ -27,20 +27,20 @@ LINE, THIN, THICK, SHAFT, UNSEEN = -1.5, -0.7, -2.5, -3.0, -0.1
 ARROW = 0.5
 
 
-def shapes(stage: Stage) -> dict[str, FollowerShape]:
+def shapes(loaded: LoadedScene) -> dict[str, FollowerShape]:
     """The follower of each cam."""
-    return {name: follower_shape(cam, stage.laws[name]) for name, cam in stage.cams.items()}
+    return {name: follower_shape(cam, loaded.laws[name]) for name, cam in loaded.cams.items()}
 
 
-def reach(stage: Stage) -> float:
+def reach(loaded: LoadedScene) -> float:
     """How far from the cam shaft a follower is at most over all cams of the scene, m."""
-    return max(shape.reach for shape in shapes(stage).values())
+    return max(shape.reach for shape in shapes(loaded).values())
 
 
-def greatest_force(stage: Stage, cam: str, speed: float) -> float:
+def greatest_force(loaded: LoadedScene, cam: str, speed: float) -> float:
     """Greatest contact force (N) of a follower that stays on this cam at a speed (rad/s)."""
-    follower, angle = stage.follower, turn_angles(720)
-    motion = np.stack([stage.laws[cam](angle, order) for order in range(3)])
+    follower, angle = loaded.follower, turn_angles(720)
+    motion = np.stack([loaded.laws[cam](angle, order) for order in range(3)])
     return follower.preload + float((force_weights(follower, speed) @ motion).max())
 
 
@@ -55,7 +55,7 @@ class Scene2D:
 
     Parameters
     ----------
-    stream, stage : where to draw, and what runs
+    stream, loaded : where to draw, and what runs
     view : the entity that the view shows
     times : the timelines of its frames
 
@@ -66,13 +66,13 @@ class Scene2D:
     def __init__(
         self,
         stream: rr.RecordingStream,
-        stage: Stage,
+        loaded: LoadedScene,
         view: str = VIEW,
         times: Times = time_columns,
     ) -> None:
-        self._stream, self._stage, self._times = stream, stage, times
+        self._stream, self._loaded, self._times = stream, loaded, times
         self._root = f"{view}/rig"
-        self._shapes, self._reach = shapes(stage), reach(stage)
+        self._shapes, self._reach = shapes(loaded), reach(loaded)
         self._waiting = list[FloatArray]()
         shaft = rr.Points2D([[0.0, 0.0]], colors=colours.GREY, radii=SHAFT)
         stream.log(f"{self._root}/shaft", shaft, static=True)
@@ -84,13 +84,13 @@ class Scene2D:
     def mount(self, state: CamState, profile: FloatArray) -> None:
         """Put a cam in place of the one before; ``profile`` ``(n, 2)`` in its own frame, m."""
         self.flush()
-        self._shape, self._law = self._shapes[state.cam], self._stage.laws[state.cam]
+        self._shape, self._law = self._shapes[state.cam], self._loaded.laws[state.cam]
         zoom = self._reach / self._shape.reach
         # A plane in Rerun has y down.
         flip = rr.Transform3D.columns(mat3x3=np.diag([zoom, -zoom, 1.0])[None])
         self._stream.send_columns(self._root, self._at(state), flip)
-        outline, base = closed(profile) * MM, self._stage.cams[state.cam].follower.base_radius.si
-        colour = colours.of_cam(self._stage, state.cam)
+        outline, base = closed(profile) * MM, self._loaded.cams[state.cam].follower.base_radius.si
+        colour = colours.of_cam(self._loaded, state.cam)
         mark = np.stack([np.zeros(2), outline[0]])
         self._strips(state, "cam/contour", [outline], colour, LINE)
         self._strips(state, "cam/mark", [mark], colour, THIN)
@@ -103,13 +103,13 @@ class Scene2D:
     def speed(self, state: CamState, title: str = "") -> None:
         """Scale the force to the speed from this state on, and say so in words under the cam."""
         self.flush()
-        longest = greatest_force(self._stage, state.cam, state.speed)
+        longest = greatest_force(self._loaded, state.cam, state.speed)
         self._arrow = ARROW * self._shape.reach / longest
         rpm = state.speed * 30.0 / np.pi
         columns = rr.Points2D.columns(
             positions=[[0.0, -1.2 * self._shape.reach * MM]],
             labels=[f"{title}{rpm:.0f} rpm, longest arrow {longest:.0f} N"],
-            colors=[colours.of_cam(self._stage, state.cam)],
+            colors=[colours.of_cam(self._loaded, state.cam)],
             radii=[UNSEEN],
             show_labels=[True],
         )

@@ -12,16 +12,16 @@ from cam_rig.drawing import colours
 from cam_rig.drawing.colours import web
 from cam_rig.drawing.followers import follower_shape
 from cam_rig.drawing.outlines import MM, circle, closed, turned
-from cam_rig.simulation.scene import Stage
-from cam_rig.viewer.album import Album, gap
+from cam_rig.simulation.scene import LoadedScene
+from cam_rig.viewer.album import TurnArchive, gap
 from cam_rig.viewer.scene2d import ARROW, greatest_force
 from cam_rig.viewer.turns import Turn
 
 
-def draw_rig(axes: Axes, album: Album, turn: Turn, sample: int) -> list[Artist]:
+def draw_rig(axes: Axes, album: TurnArchive, turn: Turn, sample: int) -> list[Artist]:
     """The cam and its follower at one sample of a turn, mm; gives what was drawn."""
-    stage, cam = album.stage, album.stage.cams[turn.cam]
-    law, shape = stage.laws[turn.cam], follower_shape(cam, stage.laws[turn.cam])
+    loaded, cam = album.loaded, album.loaded.cams[turn.cam]
+    law, shape = loaded.laws[turn.cam], follower_shape(cam, loaded.laws[turn.cam])
     angle, lift = turn.angle[sample : sample + 1], turn.rows[1, sample : sample + 1]
     contact = law(angle)
     point, normal = shape.contact(contact, law(angle, 1))
@@ -31,8 +31,8 @@ def draw_rig(axes: Axes, album: Album, turn: Turn, sample: int) -> list[Artist]:
         drawn.extend(axes.plot(*(points * MM).T, color=web(colour), lw=width))
 
     outline = turned(closed(album.profiles[turn.cam]), float(angle[0]))
-    line(outline, colours.of_cam(stage, turn.cam), 2.0)
-    line(np.stack([np.zeros(2), outline[0]]), colours.of_cam(stage, turn.cam), 0.8)
+    line(outline, colours.of_cam(loaded, turn.cam), 2.0)
+    line(np.stack([np.zeros(2), outline[0]]), colours.of_cam(loaded, turn.cam), 0.8)
     line(circle(cam.follower.base_radius.si), colours.GREY, 0.6)
     for strip in shape.support():
         line(strip, colours.GREY, 0.8)
@@ -50,7 +50,7 @@ def draw_rig(axes: Axes, album: Album, turn: Turn, sample: int) -> list[Artist]:
             / along
             * ARROW
             * shape.reach
-            / greatest_force(stage, turn.cam, turn.speed)
+            / greatest_force(loaded, turn.cam, turn.speed)
         )
         drawn.append(
             axes.annotate(
@@ -64,10 +64,10 @@ def draw_rig(axes: Axes, album: Album, turn: Turn, sample: int) -> list[Artist]:
     return drawn
 
 
-def frame_rig(axes: Axes, album: Album, turn: Turn) -> None:
+def frame_rig(axes: Axes, album: TurnArchive, turn: Turn) -> None:
     """Room for the whole of cam and follower, without axes."""
-    law = album.stage.laws[turn.cam]
-    side = follower_shape(album.stage.cams[turn.cam], law).reach * MM
+    law = album.loaded.laws[turn.cam]
+    side = follower_shape(album.loaded.cams[turn.cam], law).reach * MM
     low = 1.05 * float(np.hypot(*album.profiles[turn.cam].T).max()) * MM
     axes.set(xlim=(-1.1 * side, 1.1 * side), ylim=(-low, 1.55 * side), aspect="equal")
     axes.set_axis_off()
@@ -78,13 +78,13 @@ def degrees(turn: Turn) -> FloatArray:
     return np.asarray(np.degrees(turn.angle - turn.angle[0]))
 
 
-def draw_curves(lift: Axes, force: Axes, stage: Stage, turn: Turn) -> list[Line2D]:
+def draw_curves(lift: Axes, force: Axes, loaded: LoadedScene, turn: Turn) -> list[Line2D]:
     """Lift of law and follower, and contact force, over a turn; gives the cursors."""
-    x, law = degrees(turn), stage.laws[turn.cam](turn.angle)
+    x, law = degrees(turn), loaded.laws[turn.cam](turn.angle)
     lift.plot(x, turn.rows[1] * MM, color=web(colours.LIFT), lw=2.4, label="follower")
     lift.plot(x, law * MM, "--", color=web(colours.LAW), lw=1.0, label="law")
     force.plot(x, turn.rows[4], color=web(colours.FORCE), lw=1.4)
-    flies = gap(stage, turn) > 0.0
+    flies = gap(loaded, turn) > 0.0
     for axes in (lift, force):
         axes.fill_between(
             x,

@@ -13,16 +13,16 @@ from cam_rig.bag.complete import require_complete
 from cam_rig.bag.files import mcap_file
 from cam_rig.bag.pieces import pieces
 from cam_rig.bag.playback import played
-from cam_rig.bag.reader import read_counts, read_recording, read_stage
+from cam_rig.bag.reader import read_counts, read_recording, read_scene
 from cam_rig.bag.recording.recorder import BagRecorder
 from cam_rig.bag.recording.recover import examine, recover, state_words
 from cam_rig.cli.main import app
 from cam_rig.errors import CamRigError
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.scene import open_scene
 
 BAG = config_root().parent / "bags" / "golden"
-STAGE = open_stage(config_root() / "scenes" / "quick.yaml")
+STAGE = open_scene(config_root() / "scenes" / "quick.yaml")
 LENGTHS = (0, 1, 8, 22, 255, 2**16, 2**20, 2**31, 2**32 - 1, 2**40, 2**63, 2**64 - 1)
 
 
@@ -126,7 +126,7 @@ def test_a_damaged_bag_is_read_or_refused(tmp_path, originals, bounded, seed):
     (bag / "bag_0.mcap").write_bytes(data)
     readers = (
         read_counts,
-        read_stage,
+        read_scene,
         read_recording,
         examine,
         lambda one: require_complete(one, STAGE.scene),

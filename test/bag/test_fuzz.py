@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from cam_rig.bag.recording.session import RecordingSession
 from cam_rig.errors import DynamicsError, RefusedError
-from cam_rig.live.admission import StateGate
+from cam_rig.live.admission import StateValidator
 from cam_rig.live.follower_queue import FollowerTicks
 from cam_rig.messages import topics
 from cam_rig.messages.codec import (
@@ -24,10 +24,10 @@ from cam_rig.messages.codec import (
     encode_block,
 )
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_stage
-from cam_rig.simulation.simulate import FollowerBench, MicrophoneBench
+from cam_rig.simulation.scene import open_scene
+from cam_rig.simulation.simulate import FollowerSimulator, MicrophoneSimulator
 
-STAGE = open_stage(config_root() / "scenes" / "quick.yaml")
+STAGE = open_scene(config_root() / "scenes" / "quick.yaml")
 
 
 NUMBERS = st.floats() | st.sampled_from([0.0, 1e-300, 1e300, math.inf, -math.inf, math.nan])
@@ -80,7 +80,7 @@ STATES = st.builds(
 @given(st.lists(STATES | laws(), max_size=12))
 def test_a_follower_that_is_told_anything_stays_finite(told):
     """What it refuses is refused by name; what it publishes of the rest is finite."""
-    bench = FollowerBench.of(STAGE)
+    bench = FollowerSimulator.of(STAGE)
     follower = FollowerTicks(bench, STAGE.scene)
     for one in told:
         try:
@@ -111,7 +111,7 @@ def test_a_microphone_stays_finite(forces, speed):
     rows = np.zeros((6, len(forces)))
     rows[4], rows[5] = forces, forces[::-1]
     dimensions, data = encode_block(rows)
-    microphone = MicrophoneBench.of(STAGE)
+    microphone = MicrophoneSimulator.of(STAGE)
     try:
         passed = decode_block(dimensions, data.ravel())
     except RefusedError:
@@ -122,7 +122,7 @@ def test_a_microphone_stays_finite(forces, speed):
 @given(st.lists(st.tuples(st.sampled_from(topics.RECORDING), st.binary(max_size=80)), max_size=10))
 def test_a_recorder_that_hears_anything_lives_on(kept, heard):
     """Raw bytes are a message, or refused."""
-    session = RecordingSession(kept, StateGate(1000.0))
+    session = RecordingSession(kept, StateValidator(1000.0))
     for topic, cdr in heard:
         try:
             session.take(topic, b"\0\1\0\0" + cdr, b"x", 1)
@@ -138,7 +138,7 @@ def test_a_flipped_byte_in_a_state_is_no_accident(kept, golden, place):
     if place >= len(cdr):
         pytest.skip("shorter")
     cdr[place] ^= 0xFF
-    session = RecordingSession(kept, StateGate(1000.0))
+    session = RecordingSession(kept, StateValidator(1000.0))
     try:
         session.take(topics.CAM_STATE, bytes(cdr))
     except RefusedError as error:

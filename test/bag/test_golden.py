@@ -16,16 +16,16 @@ def test_the_golden_bag_is_small_and_complete():
     """Under 300 kB, with every tick of its scene by count."""
     assert sum(f.stat().st_size for f in GOLDEN.iterdir()) < 300_000
     recording = read_recording(GOLDEN)
-    counts = require_complete(GOLDEN, recording.stage.scene)
+    counts = require_complete(GOLDEN, recording.loaded.scene)
     assert counts["/follower/samples"] == len(recording.ticks)
 
 
 def test_the_golden_bag_is_reproduced():
     """The scene attached to it, simulated now, gives the recorded levels to 1e-9 dB."""
     recording = read_recording(GOLDEN)
-    settle = recording.stage.scene.program.settle_turns.si
+    settle = recording.loaded.scene.program.settle_turns.si
     recorded = step_levels(recording.ticks, settle)
-    now = step_levels(simulate(recording.stage), settle)
+    now = step_levels(simulate(recording.loaded), settle)
     assert recorded.keys() == now.keys() == {"tm21", "bezier15"}
     for cam, steps in recorded.items():
         assert steps == pytest.approx(now[cam], abs=1e-9)

@@ -13,14 +13,14 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Chunk, ChunkIndex, DataEnd, Footer, Header, Schema
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
-from cam_rig.bag.attached import MOST_ATTACHED
+from cam_rig.bag.attached import MAX_ATTACHED
 from cam_rig.bag.files import mcap_file
 from cam_rig.bag.reader import (
     messages,
     raw_messages,
     read_counts,
     read_recording,
-    read_stage,
+    read_scene,
 )
 from cam_rig.bag.recording.recover import recover
 from cam_rig.bag.recording.writer import BagWriter, require_new_bag
@@ -87,7 +87,7 @@ def read_all(file):
     said = []
     for read in (
         read_counts,
-        read_stage,
+        read_scene,
         read_recording,
         lambda bag: list(messages(bag, topics.RECORDING)),
         lambda bag: list(raw_messages(bag, {"/x"})),
@@ -203,7 +203,7 @@ def attached(path, *names, data=b"x: 1"):
 def test_the_name_of_an_attachment_is_checked(tmp_path, name, words):
     """It is a file's path below its folder, and one that a disk can have."""
     with pytest.raises(BagError, match="attachment") as refused:
-        read_stage(attached(tmp_path / "bag", name))
+        read_scene(attached(tmp_path / "bag", name))
     assert words in str(refused.value)
     assert list(tmp_path.rglob("evil*")) == []
 
@@ -212,16 +212,16 @@ def test_a_file_that_is_a_folder_as_well_is_refused(tmp_path):
     """Of two attachments, the one stands where the other's folder would be."""
     for number, names in enumerate([("a", "a/b"), ("a/b", "a")]):
         with pytest.raises(BagError, match="is a file here and a folder there"):
-            read_stage(attached(tmp_path / f"bag{number}", *names))
+            read_scene(attached(tmp_path / f"bag{number}", *names))
 
 
 def test_attachments_are_few_and_small(tmp_path, frugal):
     """Nobody makes a million files of a bag."""
-    names = [f"cams/c{i}.yaml" for i in range(MOST_ATTACHED + 1)]
-    with pytest.raises(BagError, match=f"{MOST_ATTACHED + 1} attachments .* allowed: 1000"):
-        read_stage(attached(tmp_path / "many", *names))
+    names = [f"cams/c{i}.yaml" for i in range(MAX_ATTACHED + 1)]
+    with pytest.raises(BagError, match=f"{MAX_ATTACHED + 1} attachments .* allowed: 1000"):
+        read_scene(attached(tmp_path / "many", *names))
     with pytest.raises(BagError, match=r"1 attachments of .* allowed: 1000 of 67108864"):
-        read_stage(attached(tmp_path / "big", "scenes/a.yaml", data=bytes(65 * 2**20)))
+        read_scene(attached(tmp_path / "big", "scenes/a.yaml", data=bytes(65 * 2**20)))
 
 
 def test_an_attachment_that_was_changed_is_not_read(tmp_path):
@@ -230,7 +230,7 @@ def test_an_attachment_that_was_changed_is_not_read(tmp_path):
     data[data.index(b"mass")] ^= 1
     (tmp_path / "a.mcap").write_bytes(data)
     with pytest.raises(BagError, match="has a wrong checksum"):
-        read_stage(tmp_path / "a.mcap")
+        read_scene(tmp_path / "a.mcap")
     assert recover(tmp_path / "a.mcap", tmp_path / "mended").salvage.damaged == 1
 
 

@@ -13,7 +13,7 @@ from cam_rig.bag.recording.recover import examine, recover, recover_in_place, st
 from cam_rig.errors import BagError
 from cam_rig.messages.topics import RECORDING
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.scene import open_scene
 
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 NAMES = {topic.name for topic in RECORDING}
@@ -73,23 +73,23 @@ def test_a_copy_may_be_killed_at_any_step(tmp_path, killed_at, stride):
         assert [p.suffix for p in sorted(target.iterdir())] == [".mcap", ".yaml"]
 
 
-def record(bag, stage, golden, resume=False):
-    recorder = BagRecorder(bag, stage, resume=resume)
+def record(bag, loaded, golden, resume=False):
+    recorder = BagRecorder(bag, loaded, resume=resume)
     for topic, number, cdr in golden:
         recorder.take(topic, cdr, b"live", number)
     return recorder
 
 
 @pytest.fixture(scope="module")
-def stage():
-    return open_stage(config_root() / "scenes" / "quick.yaml")
+def loaded():
+    return open_scene(config_root() / "scenes" / "quick.yaml")
 
 
 @pytest.mark.parametrize("stride", STRIDES)
 @pytest.mark.parametrize("part", [0.1, 0.35])
-def test_a_successor_may_be_killed_at_any_step(tmp_path, killed_at, stage, golden, stride, part):
+def test_a_successor_may_be_killed_at_any_step(tmp_path, killed_at, loaded, golden, stride, part):
     """While it takes over: what the first recorder had written, the next successor still has."""
-    record(tmp_path / "straight", stage, golden).close()
+    record(tmp_path / "straight", loaded, golden).close()
     whole = mcap_file(tmp_path / "straight").read_bytes()
     expected = payloads(tmp_path / "straight")
     for at in count(0, stride):
@@ -97,11 +97,11 @@ def test_a_successor_may_be_killed_at_any_step(tmp_path, killed_at, stage, golde
         bag.mkdir()
         (bag / f"{bag.name}_0.mcap").write_bytes(whole[: int(part * len(whole))])
         before = examine(bag).counts
-        if not killed_at(at, lambda bag=bag: record(bag, stage, golden[:60], resume=True).close()):
+        if not killed_at(at, lambda bag=bag: record(bag, loaded, golden[:60], resume=True).close()):
             break
         after = examine(bag).counts
         assert all(after.get(topic, 0) >= number for topic, number in before.items())
-        record(bag, stage, golden, resume=True).close()
+        record(bag, loaded, golden, resume=True).close()
         assert {t: sorted(m) for t, m in payloads(bag).items()} == {
             t: sorted(m) for t, m in expected.items()
         }
@@ -110,13 +110,13 @@ def test_a_successor_may_be_killed_at_any_step(tmp_path, killed_at, stage, golde
 
 
 @pytest.mark.parametrize("stride", STRIDES)
-def test_a_recorder_may_be_killed_while_it_closes(tmp_path, killed_at, stage, golden, stride):
+def test_a_recorder_may_be_killed_while_it_closes(tmp_path, killed_at, loaded, golden, stride):
     """All was flushed: mended, it is the bag that would have been closed."""
-    record(tmp_path / "straight", stage, golden).close()
+    record(tmp_path / "straight", loaded, golden).close()
     expected = payloads(tmp_path / "straight")
     for at in count(0, stride):
         bag = tmp_path / f"bag{at}"
-        recorder = record(bag, stage, golden)
+        recorder = record(bag, loaded, golden)
         recorder._session.close()
         recorder._flush()
         if not killed_at(at, recorder.close):
@@ -162,11 +162,11 @@ def test_a_file_beside_its_torn_one_is_not_taken_for_all(tmp_path):
         assert sum(saved.counts.values()) == 150
 
 
-def test_a_successor_of_a_recorder_that_had_closed_goes_on(tmp_path, stage, golden):
+def test_a_successor_of_a_recorder_that_had_closed_goes_on(tmp_path, loaded, golden):
     """Killed between its last byte and its end: the closed bag is not begun anew."""
     bag = tmp_path / "bag"
-    record(bag, stage, golden[: len(golden) // 2]).close()
-    record(bag, stage, golden, resume=True).close()
+    record(bag, loaded, golden[: len(golden) // 2]).close()
+    record(bag, loaded, golden, resume=True).close()
     assert len(read_recording(bag).ticks) == 16
 
 

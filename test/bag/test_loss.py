@@ -17,19 +17,19 @@ from cam_rig.bag.files import is_torn, mcap_file
 from cam_rig.bag.loss import Holdings, loss_of
 from cam_rig.bag.partial_reader import Salvage
 from cam_rig.bag.pieces import pieces
-from cam_rig.bag.reader import read_counts, read_stage
+from cam_rig.bag.reader import read_counts, read_scene
 from cam_rig.bag.recording.recorder import BagRecorder
 from cam_rig.bag.recording.recover import examine, recover, recover_in_place, state_words
 from cam_rig.errors import BagError
 from cam_rig.messages.topics import RECORDING
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import cam_states
 
 from .wrapped_file import WrappedFile
 
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
-SCENE = read_stage(GOLDEN).scene
+SCENE = read_scene(GOLDEN).scene
 
 
 def held(keep=lambda topic, message: True):
@@ -121,9 +121,9 @@ def test_a_diagnosis_that_is_gone_is_counted():
 
 def test_a_run_that_was_interrupted_has_lost_nothing(tmp_path):
     """Closed after tick 6 of 16: what was never recorded is not lost."""
-    stage = open_stage(config_root() / "scenes" / "quick.yaml")
+    loaded = open_scene(config_root() / "scenes" / "quick.yaml")
     bag = tmp_path / "bag"
-    recorder = BagRecorder(bag, stage)
+    recorder = BagRecorder(bag, loaded)
     for record in Salvage(mcap_file(GOLDEN)).records():
         if not isinstance(record, Attachment) and record[2].log_time <= TIMES[6] + 10:
             _, channel, message = record
@@ -217,10 +217,10 @@ def test_a_copy_that_finds_no_room_leaves_nothing(tmp_path, monkeypatch):
 @pytest.mark.parametrize("room", [30_000, 150_000])
 def test_a_recorder_on_a_full_disk_keeps_what_was_written(tmp_path, monkeypatch, golden, room):
     """It says so once and for all, writes no more, and every byte that found room counts."""
-    stage, bag = open_stage(config_root() / "scenes" / "quick.yaml"), tmp_path / "bag"
+    loaded, bag = open_scene(config_root() / "scenes" / "quick.yaml"), tmp_path / "bag"
     with monkeypatch.context() as patch:
         full_after(patch, room)
-        recorder = BagRecorder(bag, stage)
+        recorder = BagRecorder(bag, loaded)
         with pytest.raises(BagError, match=r"cannot be written \(No space left on device\)"):
             for topic, number, cdr in golden:
                 recorder.take(topic, cdr, b"live", number)

@@ -11,7 +11,7 @@ from cam_rig.bench.peers.peers import PEERS
 from cam_rig.bench.plot import draw
 from cam_rig.bench.reference import stored
 from cam_rig.bench.report import HEADER, notes, rows, to_json
-from cam_rig.bench.result import CaseResult, Point, Study, Sweep
+from cam_rig.bench.result import CaseResult, Sweep, WorkPrecisionPoint, WorkPrecisionStudy
 
 
 def solution(events=(), shift=0.0):
@@ -19,7 +19,7 @@ def solution(events=(), shift=0.0):
 
 
 def point(time_s, error, rtol=None):
-    return Point(time_s, error, None, 3, rtol)
+    return WorkPrecisionPoint(time_s, error, None, 3, rtol)
 
 
 @pytest.fixture
@@ -34,7 +34,7 @@ def study(cases):
     done = CaseResult(cases["resonance"], point(0.01, 2e-12), None, sweeps)
     absent = CaseResult(cases["torsional"], None, "not written yet", [Sweep(dop853)])
     rates = {"kinetostatic": 6e7, "residual": 5e7}
-    return Study({"resonance": done, "torsional": absent}, rates, True, 2, 1.0)
+    return WorkPrecisionStudy({"resonance": done, "torsional": absent}, rates, True, 2, 1.0)
 
 
 def test_error_is_relative_to_the_largest_value():

@@ -40,10 +40,10 @@ def found():
 def one_study(found, monkeypatch):
     """The commands compute a study that was not computed before; see `GROUPS`."""
 
-    def study(stage, rig, arcs=False, *told):
-        key = (stage.scene.model_dump_json(), rig.model_dump_json(), arcs)
+    def study(loaded, rig, arcs=False, *told):
+        key = (loaded.scene.model_dump_json(), rig.model_dump_json(), arcs)
         if key not in found:
-            found[key] = study_noise(stage, rig, arcs, *told)
+            found[key] = study_noise(loaded, rig, arcs, *told)
         return found[key]
 
     for module in ("cam_rig.studies.noise.run", "cam_rig.report.results"):

@@ -8,7 +8,7 @@ import pytest
 
 from cam_rig.dynamics import Interval
 from cam_rig.dynamics.contact import force_weights
-from cam_rig.dynamics.one_mass.trajectory import Course
+from cam_rig.dynamics.one_mass.trajectory import OneMassTrajectory
 from cam_rig.units import NS, TURN
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(20)
@@ -71,7 +71,7 @@ def test_energy_balance(laws, follower, name, restitution, milliseconds):
     """Over a run with flights the account closes to 1e-10 of the work done."""
     p = dataclasses.replace(follower, restitution=restitution)
     interval = Interval(0, milliseconds * NS // 1000, 0.0, 600.0 * np.pi / 30.0)
-    course = Course(laws[name], p, interval)
+    course = OneMassTrajectory(laws[name], p, interval)
     course.run(None)
     account = Account(course)
     assert any(event.kind == "landing" for event in course.events)

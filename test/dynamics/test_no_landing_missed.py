@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import FollowerParameters, Interval, TwoMassParameters
-from cam_rig.dynamics.one_mass.trajectory import Course
+from cam_rig.dynamics.one_mass.trajectory import OneMassTrajectory
 from cam_rig.dynamics.root_scan import clear_cells, fall
 from cam_rig.dynamics.two_mass.model import _phase_states
 from cam_rig.dynamics.two_mass.trajectory import Separation
@@ -72,7 +72,7 @@ def two_masses(law, p, rpm, turns, samples):
 def one_mass(law, p, rpm, turns, samples):
     """The same of one mass."""
     speed = rpm * RPM
-    course = Course(law, p, Interval(0, round(turns * TURN / speed * 1e9), 0.0, speed))
+    course = OneMassTrajectory(law, p, Interval(0, round(turns * TURN / speed * 1e9), 0.0, speed))
     course.run(None)
     gap, force = 0.0, np.inf
     for phase in course.phases:

@@ -9,7 +9,7 @@ import pytest
 
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
 from cam_rig.dynamics.elastic_stem import motion, response
-from cam_rig.dynamics.one_mass.trajectory import Course
+from cam_rig.dynamics.one_mass.trajectory import OneMassTrajectory
 from cam_rig.dynamics.two_mass.model import states
 from cam_rig.dynamics.two_mass.trajectory import Separation
 from cam_rig.laws import Law
@@ -154,7 +154,7 @@ def test_rounding_neither_loses_nor_doubles_a_kick(edge, nudge):
 def test_energy_of_one_mass(edge, restitution):
     """Work of the cam, blows at its new velocity among it, less damping and losses, is stored."""
     p = dataclasses.replace(ONE, restitution=restitution)
-    course = Course(edge, p, Interval(0, 1150 * MS, 0.0, SPEED))
+    course = OneMassTrajectory(edge, p, Interval(0, 1150 * MS, 0.0, SPEED))
     course.run(None)
     work = burnt = 0.0
     for phase in course.phases:
@@ -279,7 +279,7 @@ def test_stem_comes_back_after_a_turn(edge):
 def test_flight_over_the_joints(edge):
     """At 700 rpm it flies over the corners: never under the cam, and back on it exactly."""
     speed = 700.0 * np.pi / 30.0
-    course = Course(edge, ONE, Interval(0, 300 * MS, 0.0, speed))
+    course = OneMassTrajectory(edge, ONE, Interval(0, 300 * MS, 0.0, speed))
     course.run(None)
     flights = [phase for phase in course.phases if phase.flight is not None]
     joints = (edge.breaks[:-1] + TURN * np.arange(4)[:, None]).ravel() / speed

@@ -5,36 +5,36 @@ from dataclasses import replace
 import pytest
 
 from cam_rig.errors import RefusedError
-from cam_rig.live.admission import Admission, StateGate
+from cam_rig.live.admission import Admission, StateValidator
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState, cam_states
 
-SCENE = open_stage(config_root() / "scenes" / "quick.yaml").scene
+SCENE = open_scene(config_root() / "scenes" / "quick.yaml").scene
 STATES = list(cam_states(SCENE))
 
 
 def test_a_scene_is_admitted_and_its_repetition_known():
     """A drive that was started again says its last states once more."""
-    gate = StateGate(1000.0)
-    assert gate.admit(STATES[0]) is Admission.ANEW
+    gate = StateValidator(1000.0)
+    assert gate.admit(STATES[0]) is Admission.NEW_SEQUENCE
     assert {gate.admit(state) for state in STATES[1:]} == {Admission.NEXT}
     assert {gate.admit(state) for state in STATES[-9:]} == {Admission.SEEN}
 
 
 def test_after_standing_a_new_run_may_begin_at_any_time():
     """Nodes outlive a drive: the next one begins at zero again."""
-    gate = StateGate(1000.0)
+    gate = StateValidator(1000.0)
     for state in STATES:
         gate.admit(state)
     again = [replace(state, angle=state.angle + 1.0) for state in STATES]
-    assert gate.admit(again[0]) is Admission.ANEW
+    assert gate.admit(again[0]) is Admission.NEW_SEQUENCE
     assert gate.admit(again[1]) is Admission.NEXT
 
 
 def test_a_successor_passes_over_what_was_done():
     """Histories begin long before the state to go on from."""
-    gate = StateGate(1000.0, STATES[5])
+    gate = StateValidator(1000.0, STATES[5])
     assert {gate.admit(state) for state in STATES[:6]} == {Admission.SEEN}
     assert gate.admit(STATES[6]) is Admission.NEXT
 
@@ -58,7 +58,7 @@ LAST = CamState(1_000_000_000, 10.0, 20.0, "tm21")
 )
 def test_what_cannot_follow_is_refused(state, words):
     """The words name the number and what is allowed; the gate stays as it was."""
-    gate = StateGate(1000.0)
+    gate = StateValidator(1000.0)
     gate.admit(LAST)
     with pytest.raises(RefusedError, match=words):
         gate.admit(state)
@@ -67,7 +67,7 @@ def test_what_cannot_follow_is_refused(state, words):
 
 def test_a_lost_state_is_noticed():
     """At constant speed the next but one leads on too, but a tick is never two turns."""
-    gate = StateGate.of(SCENE)
+    gate = StateValidator.of(SCENE)
     gate.admit(STATES[0])
     with pytest.raises(RefusedError, match="one was lost, or is another's"):
         gate.admit(STATES[2])
@@ -76,15 +76,15 @@ def test_a_lost_state_is_noticed():
 
 def test_a_linear_ramp_is_no_jump():
     """Half the sum of both speeds leads on too."""
-    gate = StateGate(1000.0)
+    gate = StateValidator(1000.0)
     gate.admit(LAST)
     assert gate.admit(CamState(1_100_000_000, 12.5, 30.0, "tm21")) is Admission.NEXT
 
 
 def test_who_is_not_waited_for_may_miss_states():
     """Histories begin later than where the predecessor ended: what is left is admitted."""
-    gate = StateGate(1000.0, tick_angle=1e-3, since=STATES[5].time_ns)
+    gate = StateValidator(1000.0, tick_angle=1e-3, since=STATES[5].time_ns)
     assert {gate.admit(state) for state in STATES[:6]} == {Admission.SEEN}
-    assert gate.admit(STATES[9]) is Admission.ANEW
+    assert gate.admit(STATES[9]) is Admission.NEW_SEQUENCE
     with pytest.raises(RefusedError, match="one was lost"):
         gate.admit(STATES[12])

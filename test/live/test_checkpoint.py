@@ -15,7 +15,7 @@ from cam_rig.acoustics import MicrophoneState
 from cam_rig.dynamics import FollowerState
 from cam_rig.errors import RunError
 from cam_rig.live.checkpoint import (
-    MOST_BYTES,
+    MAX_BYTES,
     STATES_UNFLUSHED,
     TICKS_IN_FLIGHT,
     TICKS_KEPT,
@@ -25,18 +25,18 @@ from cam_rig.live.checkpoint import (
 )
 from cam_rig.messages.topics import TICK_DEPTH
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState
-from cam_rig.simulation.simulate import FollowerBench, FollowerMemory, MicrophoneBench
+from cam_rig.simulation.simulate import FollowerCheckpoint, FollowerSimulator, MicrophoneSimulator
 
-STAGE = open_stage(config_root() / "scenes" / "quick.yaml")
+STAGE = open_scene(config_root() / "scenes" / "quick.yaml")
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False), st.integers(0, 2**62), st.text())
 def test_every_float_comes_back(number, time_ns, text):
     """Huge, signed zero, subnormal: a file in between changes nothing."""
     state = FollowerState(number, -0.0, 5e-324, True, inner=(number, 1.0))
-    memory = (FollowerMemory(CamState(time_ns, number, 1.0, text), state), [text], None)
+    memory = (FollowerCheckpoint(CamState(time_ns, number, 1.0, text), state), [text], None)
     back = from_plain(json.loads(json.dumps(to_plain(memory))))
     assert repr(back) == repr(memory)
 
@@ -51,7 +51,7 @@ def test_arrays_and_tables_come_back():
 def test_the_benches_memories_can_be_handed_over():
     """Whatever a follower or microphone comes to remember must pass."""
     states = [CamState(0, 0.0, 20.0, "tm21"), CamState(10**8, 2.0, 20.0, "tm21")]
-    follower, microphone = FollowerBench.of(STAGE), MicrophoneBench.of(STAGE)
+    follower, microphone = FollowerSimulator.of(STAGE), MicrophoneSimulator.of(STAGE)
     follower.turn_to(states[0])
     _, block = follower.turn_to(states[1])
     microphone.listen(block.rows, 20.0)
@@ -147,12 +147,12 @@ def test_only_a_plain_file_of_its_size_is_read(tmp_path):
         Handover(str(tmp_path), "follower").oldest()
     file.unlink()
     with file.open("wb") as stream:
-        stream.truncate(MOST_BYTES + 1)
+        stream.truncate(MAX_BYTES + 1)
     with pytest.raises(RunError, match="allowed: 64 MiB"):
         Handover(str(tmp_path), "follower").oldest()
     keeper = Handover(str(tmp_path), "microphone")
     with pytest.raises(RunError, match=r"microphone\.json: has .* MiB; allowed: 64 MiB"):
-        keeper.keep("x" * MOST_BYTES)
+        keeper.keep("x" * MAX_BYTES)
 
 
 @given(st.data())

@@ -7,16 +7,16 @@ from cam_rig.errors import RefusedError
 from cam_rig.laws import Law
 from cam_rig.live.follower_queue import FollowerTicks
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState, cam_states
-from cam_rig.simulation.simulate import FollowerBench
+from cam_rig.simulation.simulate import FollowerSimulator
 
-STAGE = open_stage(config_root() / "scenes" / "quick.yaml")
+STAGE = open_scene(config_root() / "scenes" / "quick.yaml")
 STATES = list(cam_states(STAGE.scene))
 
 
 def ticks(memory=None):
-    bench = FollowerBench.of(STAGE)
+    bench = FollowerSimulator.of(STAGE)
     bench.laws.clear()
     return FollowerTicks(bench, STAGE.scene, memory)
 

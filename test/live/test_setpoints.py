@@ -6,15 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cam_rig.live.admission import Admission, StateGate, speeds
-from cam_rig.live.setpoints import STANDS, Turntable
+from cam_rig.live.admission import Admission, StateValidator, speeds
+from cam_rig.live.setpoints import STANDS, SetpointSchedule
 from cam_rig.schema.load import config_root
 from cam_rig.schema.quantity import Quantity
-from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.units import RPM
 
-SCENE = open_stage(config_root() / "scenes" / "quick.yaml").scene
+SCENE = open_scene(config_root() / "scenes" / "quick.yaml").scene
 RAMP = Quantity.model_validate({"assumed": 0.7, "unit": "s", "source": "a test"})
 PROGRAM = SCENE.program.model_copy(update={"ramp": RAMP, "ticks_per_turn": 2})
 #: The same from rest, each speed reached along a ramp.
@@ -35,13 +35,13 @@ def run_out(table, at=()):
 @pytest.mark.parametrize("scene", [SCENE, RAMPED], ids=["steps", "ramps"])
 def test_without_a_command_it_is_the_scene(scene):
     """Bit for bit, so that a live run is the simulated one."""
-    assert run_out(Turntable(scene)) == list(cam_states(scene))
+    assert run_out(SetpointSchedule(scene)) == list(cam_states(scene))
 
 
 def test_an_emergency_stop_on_a_ramp_stands_where_the_tick_ends():
     """The ramp is broken off, its first speed held; or, at rest, nothing turns."""
     for done in range(1, len(list(cam_states(RAMPED)))):
-        table, gate = Turntable(RAMPED), StateGate.of(RAMPED)
+        table, gate = SetpointSchedule(RAMPED), StateValidator.of(RAMPED)
         for _ in range(done):
             gate.admit(table.state)
             table.advance()
@@ -53,7 +53,7 @@ def test_an_emergency_stop_on_a_ramp_stands_where_the_tick_ends():
 
 def test_a_commanded_speed_holds_from_the_next_state_on():
     """Each tick turns by its planned angle at the commanded speed; 0 gives the scene back."""
-    table = Turntable(SCENE)
+    table = SetpointSchedule(SCENE)
     out = run_out(table, {3: lambda: table.command(240 * RPM), 6: lambda: table.command(None)})
     plan = list(cam_states(SCENE))
     assert [s.speed for s in out[3:6]] == [240 * RPM] * 3
@@ -64,7 +64,7 @@ def test_a_commanded_speed_holds_from_the_next_state_on():
 
 def test_a_cam_by_hand_stays_until_the_scenes_next():
     """θ goes on under the other cam."""
-    table = Turntable(SCENE)
+    table = SetpointSchedule(SCENE)
     out = run_out(table, {2: lambda: table.mount("cycloidal")})
     assert [s.cam for s in out[:9]] == ["tm21"] * 2 + ["cycloidal"] * 6 + ["bezier15"]
     assert [s.angle for s in out] == [s.angle for s in cam_states(SCENE)]
@@ -89,12 +89,12 @@ COMMANDS = st.lists(
 @pytest.mark.parametrize("scene", [SCENE, RAMPED], ids=["steps", "ramps"])
 def test_no_command_makes_theta_or_time_jump(scene, commands):
     """Whatever is commanded when, everyone who checks the drive's states admits them all."""
-    table = Turntable(scene)
+    table = SetpointSchedule(scene)
     at = {n: lambda call=call: getattr(table, call[0])(*call[1:]) for n, call in commands}
-    gate = StateGate.of(scene)
+    gate = StateValidator.of(scene)
     out = run_out(table, at)
     admitted = [gate.admit(state) for state in out]
-    assert admitted[0] is Admission.ANEW and Admission.SEEN not in admitted
+    assert admitted[0] is Admission.NEW_SEQUENCE and Admission.SEEN not in admitted
     for before, state, admission in zip(out, out[1:], admitted[1:], strict=False):
         stood = before.speed == 0.0 and before.angle == state.angle
         assert admission is Admission.NEXT or stood
@@ -103,7 +103,7 @@ def test_no_command_makes_theta_or_time_jump(scene, commands):
 
 def test_a_halt_stands_where_the_tick_ends_and_a_rewind_begins_again():
     """The cam stops with its last tick; after a second it runs the scene from there."""
-    table = Turntable(SCENE)
+    table = SetpointSchedule(SCENE)
     for _ in range(5):
         table.advance()
     due = table.state
@@ -119,10 +119,10 @@ def test_a_halt_stands_where_the_tick_ends_and_a_rewind_begins_again():
 
 def test_a_successor_goes_on_at_its_place():
     """The place alone says what comes next."""
-    table = Turntable(SCENE)
+    table = SetpointSchedule(SCENE)
     table.command(222 * RPM)
     for _ in range(5):
         table.advance()
     table.mount("poly345")
-    rest = Turntable(SCENE, table.place)
+    rest = SetpointSchedule(SCENE, table.place)
     assert run_out(rest) == run_out(table)

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from cam_rig.bag.complete import expected_counts
 from cam_rig.bag.reader import messages, read_counts, read_recording
 from cam_rig.cli.main import app
-from cam_rig.live.admission import Admission, StateGate
+from cam_rig.live.admission import Admission, StateValidator
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of
 from cam_rig.runner.graph import Graph
@@ -63,7 +63,7 @@ def test_a_whole_session_by_hand(user, rig, short_scene, tmp_path):
         for _ in reports:
             pass
     states = states_of(bag)
-    gate = StateGate(2000.0)
+    gate = StateValidator(2000.0)
     assert all(gate.admit(state) is not Admission.SEEN for state in states)
     assert all(a.time_ns < b.time_ns for a, b in pairwise(states))
     stands = [i for i, state in enumerate(states) if state.speed == 0.0]
@@ -77,6 +77,6 @@ def test_a_whole_session_by_hand(user, rig, short_scene, tmp_path):
     for topic in topics.RECORDING:
         if topic.per in expected:
             assert counts[topic.name] == expected[topic.per], topic.name
-    assert "cycloidal" in read_recording(bag).stage.cams  # the bag can be analysed alone
+    assert "cycloidal" in read_recording(bag).loaded.cams  # the bag can be analysed alone
     # cam and weighting change where they did
     assert CliRunner().invoke(app, ["replay", str(bag)]).exit_code == 0

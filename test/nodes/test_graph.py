@@ -27,10 +27,10 @@ def test_the_graph_gives_the_numbers_of_the_core(rig, undisturbed_bag):
     """Levels from the live graph's bag and from simulate agree to 1e-9 dB; no tick is missing."""
     recording = read_recording(undisturbed_bag)
     assert len(recording.ticks) == rig.ticks
-    require_complete(undisturbed_bag, recording.stage.scene)
-    settle = recording.stage.scene.program.settle_turns.si
+    require_complete(undisturbed_bag, recording.loaded.scene)
+    settle = recording.loaded.scene.program.settle_turns.si
     heard = step_levels(recording.ticks, settle)
-    alone = step_levels(simulate(recording.stage), settle)
+    alone = step_levels(simulate(recording.loaded), settle)
     for cam in ("tm21", "bezier15"):
         assert heard[cam] == pytest.approx(alone[cam], abs=1e-9)
     assert rig.processes(undisturbed_bag) == []
@@ -64,8 +64,8 @@ def require_as_simulated(rig, folder, *changes):
         ticks = [report["tick"] for report in graph.progress()]
     assert ticks == list(range(len(ticks)))
     recording = read_recording(bag)
-    require_complete(bag, recording.stage.scene)
-    alone = list(simulate(recording.stage))
+    require_complete(bag, recording.loaded.scene)
+    alone = list(simulate(recording.loaded))
     assert [tick.start for tick in recording.ticks] == [tick.start for tick in alone]
     assert [tick.pressure for tick in recording.ticks] == [tick.pressure for tick in alone]
 

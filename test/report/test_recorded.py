@@ -9,14 +9,14 @@ import pytest
 from cam_rig.errors import BagError
 from cam_rig.report.recorded import read_recorded
 from cam_rig.simulation.levels import step_levels
-from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.simulate import simulate
 
 
 @pytest.fixture
 def quick(config_dir):
     """The scene of the golden bag."""
-    return open_stage(config_dir / "scenes" / "quick.yaml")
+    return open_scene(config_dir / "scenes" / "quick.yaml")
 
 
 @pytest.fixture
@@ -37,9 +37,9 @@ def test_recorded_levels_are_the_simulated(quick, golden):
 
 def test_bag_of_another_scene(golden, config_dir):
     """The scene it is of, the scene it should be of, and what to do."""
-    stage = open_stage(config_dir / "scenes" / "tm21_sweep.yaml")
+    loaded = open_scene(config_dir / "scenes" / "tm21_sweep.yaml")
     with pytest.raises(BagError, match=r"scene 'quick'; allowed: of 'tm21_sweep'.*cam-rig run"):
-        read_recorded(golden, stage)
+        read_recorded(golden, loaded)
 
 
 def test_bag_of_an_older_rig(quick, golden):

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import pytest
 
 from cam_rig.errors import OutputError
-from cam_rig.runner.shared_memory import LEAST_ROOM, clean, require_room, why_killed
+from cam_rig.runner.shared_memory import MIN_ROOM, clean, require_room, why_killed
 
 DEAD, LIVE, OLD = "fastdds_0123456789abcdef", "fastdds_port7411", "fastdds_fedcba9876543210"
 
@@ -59,9 +59,9 @@ def leave(monkeypatch, free):
 
 def test_a_full_shared_memory_is_seen_before_a_run(monkeypatch, tmp_path):
     """One line that names the place, the room, the limit and the remedy."""
-    leave(monkeypatch, LEAST_ROOM)
+    leave(monkeypatch, MIN_ROOM)
     require_room(tmp_path)
-    leave(monkeypatch, LEAST_ROOM - 512)
+    leave(monkeypatch, MIN_ROOM - 512)
     with pytest.raises(OutputError, match=r"has 10\d\d KiB free; allowed: at least 1024 KiB, so "):
         require_room(tmp_path)
 

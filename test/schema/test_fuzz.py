@@ -14,7 +14,7 @@ from ruamel.yaml import YAML
 from cam_rig.errors import CamRigError
 from cam_rig.schema import load_cam, load_published, load_rig, load_scene
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.scene import open_scene
 
 LOADERS = {
     "cams/tm21.yaml": load_cam,
@@ -92,7 +92,7 @@ def test_a_scene_may_name_anything(tmp_path, text):
     with (folder / "quick.yaml").open("w", encoding="utf-8") as stream:
         YAML(typ="safe").dump(data, stream)
     try:
-        open_stage(folder / "quick.yaml")
+        open_scene(folder / "quick.yaml")
     except CamRigError as error:
         assert "\n" not in str(error)
 

@@ -10,8 +10,8 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from cam_rig.errors import ConfigError
-from cam_rig.schema.load import MOST_BYTES, config_root, read_yaml
-from cam_rig.schema.yaml_text import MOST_DEPTH, MOST_DIGITS, MOST_VALUES, parse_yaml
+from cam_rig.schema.load import MAX_BYTES, config_root, read_yaml
+from cam_rig.schema.yaml_text import MAX_DEPTH, MAX_DIGITS, MAX_VALUES, parse_yaml
 
 
 @pytest.mark.parametrize(
@@ -66,7 +66,7 @@ def test_nothing_is_a_number_that_is_none():
         ("[a, b]: 3", "not YAML: line 1: a list or a mapping is a key; allowed: a text"),
         ("a: 1\n<<: 3", "not YAML: line 2: << merges mappings alone"),
         ("\n\na: 0b" + "1" * 50_000, "a number in line 3 has 50002 characters; allowed: 300"),
-        ("a: 1" + "0" * MOST_DIGITS, "a number in line 1 has 301 characters; allowed: 300"),
+        ("a: 1" + "0" * MAX_DIGITS, "a number in line 1 has 301 characters; allowed: 300"),
         ("[" * 1000, "is nested too deeply, in line 1; allowed: 32 levels"),
         ("\n".join("  " * i + "a:" for i in range(40)), "is nested too deeply, in line 33"),
     ],
@@ -89,7 +89,7 @@ def test_aliases_count():
     """Ten lists of ten lists of ten: a million values from a few lines are counted, not made."""
     bomb = "a0: &a0 [1, 1, 1]\n"
     bomb += "".join(f"a{i}: &a{i} [{f'*a{i - 1}, ' * 10}]\n" for i in range(1, 9))
-    with pytest.raises(ConfigError, match=f"line 7: has more than {MOST_VALUES} values"):
+    with pytest.raises(ConfigError, match=f"line 7: has more than {MAX_VALUES} values"):
         parse_yaml(bomb)
     chain = "b0: &b0 [1]\n" + "".join(f"b{i}: &b{i} [*b{i - 1}]\n" for i in range(1, 5000))
     with pytest.raises(ConfigError, match="nested too deeply, in line 32"):
@@ -98,9 +98,9 @@ def test_aliases_count():
 
 def test_as_deep_as_is_allowed():
     """One level more is refused."""
-    parse_yaml("[" * MOST_DEPTH + "]" * MOST_DEPTH)
+    parse_yaml("[" * MAX_DEPTH + "]" * MAX_DEPTH)
     with pytest.raises(ConfigError, match="nested too deeply"):
-        parse_yaml("[" * (MOST_DEPTH + 1) + "]" * (MOST_DEPTH + 1))
+        parse_yaml("[" * (MAX_DEPTH + 1) + "]" * (MAX_DEPTH + 1))
 
 
 def test_a_file_that_is_too_long_is_not_read(tmp_path):
@@ -109,7 +109,7 @@ def test_a_file_that_is_too_long_is_not_read(tmp_path):
     path.write_text("title: '" + "word " * 2_000_000 + "'")
     with pytest.raises(ConfigError, match=r"long\.yaml: has 9\.54 MiB; allowed: 1 MiB"):
         read_yaml(path)
-    path.write_bytes(b"#" * MOST_BYTES)
+    path.write_bytes(b"#" * MAX_BYTES)
     assert read_yaml(path) is None
     with pytest.raises(ConfigError, match="zero: is a pipe or a device; allowed: a file"):
         read_yaml(path.__class__("/dev/zero"))

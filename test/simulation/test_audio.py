@@ -9,20 +9,20 @@ import pytest
 from cam_rig.acoustics import SoundSource, level_db
 from cam_rig.errors import ConfigError, RunError
 from cam_rig.live.checkpoint import from_plain, to_plain
-from cam_rig.simulation.audio import MeterBench
+from cam_rig.simulation.audio import MeterSimulator
 from cam_rig.simulation.schedule import cam_states
-from cam_rig.simulation.simulate import FollowerBench, MicrophoneBench
+from cam_rig.simulation.simulate import FollowerSimulator, MicrophoneSimulator
 
 
-def listen(stage, background, frequency="Z", time="F"):
+def listen(loaded, background, frequency="Z", time="F"):
     """Each tick's reading, and its level by the energy account, with a background in dB."""
-    radiation = dataclasses.replace(stage.radiation, background=background)
-    rate = int(stage.scene.sample_rate.si)
-    follower, account = FollowerBench.of(stage), MicrophoneBench(radiation, rate)
-    meter = MeterBench(SoundSource(radiation, rate))
+    radiation = dataclasses.replace(loaded.radiation, background=background)
+    rate = int(loaded.scene.sample_rate.si)
+    follower, account = FollowerSimulator.of(loaded), MicrophoneSimulator(radiation, rate)
+    meter = MeterSimulator(SoundSource(radiation, rate))
     meter.weigh(frequency, time)
     before = None
-    for state in cam_states(stage.scene):
+    for state in cam_states(loaded.scene):
         turned = follower.turn_to(state)
         if turned is not None:
             rows = turned[1].rows
@@ -32,25 +32,27 @@ def listen(stage, background, frequency="Z", time="F"):
 
 
 @pytest.mark.parametrize("cam", ["poly345", "tm21"])
-def test_the_meter_reads_the_account(make_stage, cam):
+def test_the_meter_reads_the_account(make_loaded_scene, cam):
     """Without background LZeq of each tick is the account's level.
 
     To 0.03 dB in contact, since arcs make the force jump between samples. A landing's pulse
     meets the force there is and what it does to the structure itself, which the account leaves
     out: 0.1 dB where landings make all the sound.
     """
-    stage = make_stage(cams=[cam], speeds=[200, 400], turns=3, sample_rate=12_000)
-    for reading, level in listen(stage, background=-400.0):
+    loaded = make_loaded_scene(cams=[cam], speeds=[200, 400], turns=3, sample_rate=12_000)
+    for reading, level in listen(loaded, background=-400.0):
         assert reading.equivalent == pytest.approx(level, abs=0.15 if level > 95.0 else 0.03)
         assert not reading.overload
         assert not reading.under_range
 
 
-def levels(stage, *settings):
+def levels(loaded, *settings):
     """Each tick's level; before tick 2 the meter is set to each of these, one after the other."""
-    follower = FollowerBench.of(stage)
-    meter = MeterBench.of(stage)
-    blocks = (turned[1] for state in cam_states(stage.scene) if (turned := follower.turn_to(state)))
+    follower = FollowerSimulator.of(loaded)
+    meter = MeterSimulator.of(loaded)
+    blocks = (
+        turned[1] for state in cam_states(loaded.scene) if (turned := follower.turn_to(state))
+    )
     found = []
     for number, block in enumerate(blocks):
         for setting in settings if number == 2 else ():
@@ -59,43 +61,43 @@ def levels(stage, *settings):
     return found
 
 
-def test_a_weighting_that_is_set_already_changes_nothing(make_stage):
+def test_a_weighting_that_is_set_already_changes_nothing(make_loaded_scene):
     """The measurement goes on, else a recording of it could not be repeated."""
-    stage = make_stage(cams=["poly345"], speeds=[300], turns=5)
-    assert levels(stage, ("Z", "F")) == levels(stage)
-    assert levels(stage, ("A", "S"), ("Z", "F")) == levels(stage), "changed back in between"
-    other = levels(stage, ("A", "F"))
-    assert other[:2] == levels(stage)[:2] and other[2:] != levels(stage)[2:]
+    loaded = make_loaded_scene(cams=["poly345"], speeds=[300], turns=5)
+    assert levels(loaded, ("Z", "F")) == levels(loaded)
+    assert levels(loaded, ("A", "S"), ("Z", "F")) == levels(loaded), "changed back in between"
+    other = levels(loaded, ("A", "F"))
+    assert other[:2] == levels(loaded)[:2] and other[2:] != levels(loaded)[2:]
 
 
-def test_background_adds_its_energy(make_stage):
+def test_background_adds_its_energy(make_loaded_scene):
     """With background too, on the mean over many ticks: it is noise, a tick is short."""
-    stage = make_stage(cams=["tm21"], speeds=[200], turns=20)
-    heard = np.array([(10 ** (r.equivalent / 10), 10 ** (a / 10)) for r, a in listen(stage, 73.0)])
+    loaded = make_loaded_scene(cams=["tm21"], speeds=[200], turns=20)
+    heard = np.array([(10 ** (r.equivalent / 10), 10 ** (a / 10)) for r, a in listen(loaded, 73.0)])
     measured, account = 10.0 * np.log10(heard.mean(axis=0))
     assert measured == pytest.approx(account, abs=0.15)
 
 
-def test_fast_level_settles_to_the_account(make_stage):
+def test_fast_level_settles_to_the_account(make_loaded_scene):
     """After ten turns (two seconds) the Fast level, averaged over a turn, is the level there."""
-    stage = make_stage(cams=["poly345"], speeds=[300], turns=12, sample_rate=12_000)
-    *_, (reading, level) = listen(stage, background=-400.0)
+    loaded = make_loaded_scene(cams=["poly345"], speeds=[300], turns=12, sample_rate=12_000)
+    *_, (reading, level) = listen(loaded, background=-400.0)
     assert reading.level == pytest.approx(level, abs=0.01)
 
 
-def test_most_of_the_sound_is_below_hearing(make_stage):
+def test_most_of_the_sound_is_below_hearing(make_loaded_scene):
     """The structure passes the cam's low harmonics, which A weighs down: LA is far below LZ."""
-    stage = make_stage(cams=["poly345"], speeds=[300], turns=4)
+    loaded = make_loaded_scene(cams=["poly345"], speeds=[300], turns=4)
     last = {}
     for weighting in "ACZ":
-        *_, (reading, _) = listen(stage, -400.0, weighting)
+        *_, (reading, _) = listen(loaded, -400.0, weighting)
         last[weighting] = reading.equivalent
     assert last["A"] < last["C"] - 5.0 < last["Z"] - 10.0
 
 
-def test_weighting_begins_anew(make_stage):
+def test_weighting_begins_anew(make_loaded_scene):
     """A change of weighting begins a new measurement; an unknown one leaves the old."""
-    bench = MeterBench.of(make_stage())
+    bench = MeterSimulator.of(make_loaded_scene())
     before = bench.meter
     with pytest.raises(ConfigError, match="time_weighting is 'I'"):
         bench.weigh("A", "I")
@@ -106,22 +108,22 @@ def test_weighting_begins_anew(make_stage):
 
 @pytest.mark.parametrize("frequency", "ACZ")
 @pytest.mark.parametrize("changed", [False, True])
-def test_a_successor_reads_on_bit_for_bit(make_stage, frequency, changed):
+def test_a_successor_reads_on_bit_for_bit(make_loaded_scene, frequency, changed):
     """What a bench remembers passes through a handover's file, landings, noise and filters with
     it; a weighting that was asked for and not yet begun as well.
     """
-    stage = make_stage(cams=["tm21"], speeds=[380], turns=8)
-    follower = FollowerBench.of(stage)
+    loaded = make_loaded_scene(cams=["tm21"], speeds=[380], turns=8)
+    follower = FollowerSimulator.of(loaded)
     blocks = [
-        turned[1].rows for state in cam_states(stage.scene) if (turned := follower.turn_to(state))
+        turned[1].rows for state in cam_states(loaded.scene) if (turned := follower.turn_to(state))
     ]
-    bench = MeterBench.of(stage)
+    bench = MeterSimulator.of(loaded)
     bench.weigh(frequency, "S")
     for rows in blocks[:4]:
         bench.read(rows, 39.8)
     if changed:
         bench.weigh("C", "F")
-    successor = MeterBench.of(stage)
+    successor = MeterSimulator.of(loaded)
     successor.memory = from_plain(json.loads(json.dumps(to_plain(bench.memory))))
     assert successor.quantity == bench.quantity
     for rows in blocks[4:]:
@@ -130,16 +132,16 @@ def test_a_successor_reads_on_bit_for_bit(make_stage, frequency, changed):
     assert successor.meter.highest == bench.meter.highest
 
 
-def test_the_sound_of_another_rate_is_not_gone_on_with(make_stage):
+def test_the_sound_of_another_rate_is_not_gone_on_with(make_loaded_scene):
     """A memory of filters and pulses that are not this scene's is refused."""
-    mine, other = make_stage(), make_stage(sample_rate=200_000)
-    bench, foreign = MeterBench.of(mine), MeterBench.of(other)
+    mine, other = make_loaded_scene(), make_loaded_scene(sample_rate=200_000)
+    bench, foreign = MeterSimulator.of(mine), MeterSimulator.of(other)
     with pytest.raises(RunError, match="a sound's memory has pulses of"):
         bench.memory = foreign.memory
 
 
 @pytest.mark.parametrize("rate", [100, 999, 12_000, 44_100, 48_000, 95_999, 10**6])
-def test_what_the_node_reads_is_class_1(make_stage, rate):
+def test_what_the_node_reads_is_class_1(make_loaded_scene, rate):
     """Whatever rate a scene is sampled at, the meter's own suffices for all of class 1."""
-    source = SoundSource(make_stage().radiation, rate)
-    assert MeterBench(source).meter.class_1_up_to_hz == 20_000.0
+    source = SoundSource(make_loaded_scene().radiation, rate)
+    assert MeterSimulator(source).meter.class_1_up_to_hz == 20_000.0

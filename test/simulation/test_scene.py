@@ -3,7 +3,7 @@
 import pytest
 
 from cam_rig.errors import CamRigError, ConfigError, LawError
-from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.scene import open_scene
 
 
 def test_shipped_scenes_open(config_dir):
@@ -11,9 +11,9 @@ def test_shipped_scenes_open(config_dir):
     paths = sorted((config_dir / "scenes").glob("*.yaml"))
     assert paths
     for path in paths:
-        stage = open_stage(path)
-        assert list(stage.laws) == stage.scene.cams
-        assert all(file.is_file() for file in stage.files)
+        loaded = open_scene(path)
+        assert list(loaded.laws) == loaded.scene.cams
+        assert all(file.is_file() for file in loaded.files)
 
 
 @pytest.mark.parametrize(
@@ -24,10 +24,10 @@ def test_shipped_scenes_open(config_dir):
         ({"published": "no_such_paper"}, "no_such_paper.yaml"),
     ],
 )
-def test_missing_part(make_stage, changes, file):
+def test_missing_part(make_loaded_scene, changes, file):
     """A name without a file is an error that names the file it stands for."""
     with pytest.raises(ConfigError, match=file) as caught:
-        make_stage(**changes)
+        make_loaded_scene(**changes)
     assert caught.value.exit_code == 2
     assert "\n" not in str(caught.value)
 
@@ -42,14 +42,14 @@ def own_cam(tmp_path, config_dir, name, old, new):
     return path
 
 
-def test_name_differs_from_file(make_stage, tmp_path, config_dir):
+def test_name_differs_from_file(make_loaded_scene, tmp_path, config_dir):
     """A cam file must have its own name inside: results are told apart by it."""
     own_cam(tmp_path, config_dir, "mine", "name: poly345", "name: yours")
     with pytest.raises(ConfigError, match=r"mine\.yaml: name is 'yours'; allowed: .*'mine'"):
-        make_stage(cams=["mine"])
+        make_loaded_scene(cams=["mine"])
 
 
-def test_level_step_names_the_file(make_stage, tmp_path, config_dir):
+def test_level_step_names_the_file(make_loaded_scene, tmp_path, config_dir):
     """A cam whose segments do not join is refused in one line that names its file."""
     path = own_cam(
         tmp_path,
@@ -60,7 +60,7 @@ def test_level_step_names_the_file(make_stage, tmp_path, config_dir):
         "span: {identified: 117.5, unit: deg",
     )
     with pytest.raises(LawError) as caught:
-        make_stage(cams=["poly345"])
+        make_loaded_scene(cams=["poly345"])
     assert caught.value.exit_code == 2
     message = str(caught.value)
     assert "segments[3]" in message
@@ -70,16 +70,16 @@ def test_level_step_names_the_file(make_stage, tmp_path, config_dir):
     assert str(path) in message
 
 
-def test_roles(make_stage):
+def test_roles(make_loaded_scene):
     """A cam's comparison is worth what its numbers were fitted to."""
-    stage = make_stage(cams=["poly345", "bezier15", "tm21"])
-    roles = {cam: stage.role(cam) for cam in stage.scene.cams}
+    loaded = make_loaded_scene(cams=["poly345", "bezier15", "tm21"])
+    roles = {cam: loaded.role(cam) for cam in loaded.scene.cams}
     assert roles == {"poly345": "calibrated", "bezier15": "predicted", "tm21": "identified"}
 
 
-def test_only_one_cam(make_stage, laws):
+def test_only_one_cam(make_loaded_scene, laws):
     """The same scene with one cam, and another law in its place."""
-    trial = make_stage().only("bezier15", laws["poly4567"])
+    trial = make_loaded_scene().only("bezier15", laws["poly4567"])
     assert trial.scene.cams == ["bezier15"]
     assert trial.laws == {"bezier15": laws["poly4567"]}
 
@@ -91,29 +91,29 @@ def test_all_errors_share_one_root():
 
 
 @pytest.mark.parametrize("cam", ["constant_breadth", "constant_diameter", "conjugate"])
-def test_a_follower_that_the_models_do_not_know(make_stage, cam):
+def test_a_follower_that_the_models_do_not_know(make_loaded_scene, cam):
     """No second contact in the dynamics: refused by the cam file and the key."""
     words = rf"{cam}\.yaml: follower\.type is '{cam}'; allowed on a rig: one that a closing spring"
     with pytest.raises(ConfigError, match=words):
-        make_stage(cams=[cam])
+        make_loaded_scene(cams=[cam])
 
 
-def test_faces_arms_and_eccentric_rollers_are_known(make_stage):
+def test_faces_arms_and_eccentric_rollers_are_known(make_loaded_scene):
     """They move against the closing spring like any other."""
     cams = ["flat", "inclined_flat", "eccentric_roller", "oscillating_roller", "oscillating_flat"]
-    assert list(make_stage(cams=cams).laws) == cams
+    assert list(make_loaded_scene(cams=cams).laws) == cams
 
 
-def test_a_table_brings_its_points(make_stage, tmp_path):
+def test_a_table_brings_its_points(make_loaded_scene, tmp_path):
     """The file of points is one of the scene's files: a bag holds it, and can be analysed alone."""
-    from cam_rig.bag.reader import read_stage
+    from cam_rig.bag.reader import read_scene
     from cam_rig.bag.recording.writer import BagWriter
 
-    stage = make_stage(cams=["measured"], published=None)
-    assert "measured.csv" in [path.name for path in stage.files]
+    loaded = make_loaded_scene(cams=["measured"], published=None)
+    assert "measured.csv" in [path.name for path in loaded.files]
     writer = BagWriter(tmp_path / "bag")
-    for path in stage.files:
+    for path in loaded.files:
         writer.attach(f"{path.parent.name}/{path.name}", path.read_bytes())
     writer.close()
-    again = read_stage(tmp_path / "bag")
-    assert again.cams["measured"] == stage.cams["measured"]
+    again = read_scene(tmp_path / "bag")
+    assert again.cams["measured"] == loaded.cams["measured"]

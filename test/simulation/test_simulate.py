@@ -7,31 +7,33 @@ from cam_rig.acoustics import level_db, steady_power
 from cam_rig.dynamics import MODELS
 from cam_rig.simulation.levels import step_levels
 from cam_rig.simulation.schedule import cam_states, tick_count
-from cam_rig.simulation.simulate import FollowerBench, simulate
+from cam_rig.simulation.simulate import FollowerSimulator, simulate
 
 
-def levels_of(stage):
-    return step_levels(simulate(stage), stage.scene.program.settle_turns.si)
+def levels_of(loaded):
+    return step_levels(simulate(loaded), loaded.scene.program.settle_turns.si)
 
 
-def test_every_tick_is_heard(make_stage):
+def test_every_tick_is_heard(make_loaded_scene):
     """One pressure a tick, in order, each above the background."""
-    stage = make_stage(ticks_per_turn=3)
-    heard = list(simulate(stage))
-    assert len(heard) == tick_count(stage.scene)
-    states = list(cam_states(stage.scene))
+    loaded = make_loaded_scene(ticks_per_turn=3)
+    heard = list(simulate(loaded))
+    assert len(heard) == tick_count(loaded.scene)
+    states = list(cam_states(loaded.scene))
     assert [tick.start for tick in heard] == states[:-1]
     assert [tick.stop_ns for tick in heard] == [state.time_ns for state in states[1:]]
     for tick in heard:
-        assert tick.pressure**2 >= stage.radiation.background_power(tick.start.speed)
+        assert tick.pressure**2 >= loaded.radiation.background_power(tick.start.speed)
 
 
 @pytest.mark.parametrize("sample_rate", [8000, 48_000])
-def test_levels_do_not_depend_on_the_ticks(make_stage, sample_rate):
+def test_levels_do_not_depend_on_the_ticks(make_loaded_scene, sample_rate):
     """One or seven ticks a turn: the same step levels within 1e-2 dB, with jumps at 600 rpm."""
     one, seven = (
         levels_of(
-            make_stage(ticks_per_turn=n, sample_rate=sample_rate, speeds=[200, 300, 400, 600])
+            make_loaded_scene(
+                ticks_per_turn=n, sample_rate=sample_rate, speeds=[200, 300, 400, 600]
+            )
         )
         for n in (1, 7)
     )
@@ -42,32 +44,32 @@ def test_levels_do_not_depend_on_the_ticks(make_stage, sample_rate):
             assert seven[cam][speed] == pytest.approx(level, abs=1e-2)
 
 
-def test_levels_are_the_steady_ones(make_stage):
+def test_levels_are_the_steady_ones(make_loaded_scene):
     """Where the follower keeps contact a step's level is the exact steady one, to 1e-2 dB."""
-    stage = make_stage(sample_rate=48_000, turns=4, settle_turns=2)
-    for cam, steps in levels_of(stage).items():
+    loaded = make_loaded_scene(sample_rate=48_000, turns=4, settle_turns=2)
+    for cam, steps in levels_of(loaded).items():
         for speed, level in steps.items():
-            power = steady_power(stage.laws[cam], stage.follower, stage.radiation, speed)
+            power = steady_power(loaded.laws[cam], loaded.follower, loaded.radiation, speed)
             assert level == pytest.approx(float(level_db(np.sqrt(power))), abs=1e-2)
 
 
-def test_twice_the_same(make_stage):
+def test_twice_the_same(make_loaded_scene):
     """A run repeated gives the same bits."""
-    stage = make_stage(speeds=[600])
-    pressures = [[tick.pressure for tick in simulate(stage)] for _ in range(2)]
+    loaded = make_loaded_scene(speeds=[600])
+    pressures = [[tick.pressure for tick in simulate(loaded)] for _ in range(2)]
     assert pressures[0] == pressures[1]
 
 
-def test_no_impulse_is_lost(make_stage):
+def test_no_impulse_is_lost(make_loaded_scene):
     """Over a scene, impulses in the blocks are those of the events: each landing is heard.
 
     A change of cam puts the follower down on the new one; an impulse that fell after the last
     sample on the old one waits for the next block all the same. At 670 rpm and 100 Hz there is one.
     """
-    stage = make_stage(speeds=[670], sample_rate=100)
-    bench = FollowerBench(MODELS["one_mass"], stage.follower, 100, stage.laws)
+    loaded = make_loaded_scene(speeds=[670], sample_rate=100)
+    bench = FollowerSimulator(MODELS["one_mass"], loaded.follower, 100, loaded.laws)
     due = shown = pending = 0.0
-    for state in cam_states(stage.scene):
+    for state in cam_states(loaded.scene):
         turned = bench.turn_to(state)
         if turned is not None:
             due += sum(event.impulse for event in turned[1].events)
@@ -77,11 +79,11 @@ def test_no_impulse_is_lost(make_stage):
     assert shown + pending == pytest.approx(due, rel=1e-12)
 
 
-def test_first_state_only_begins_a_tick(make_stage):
+def test_first_state_only_begins_a_tick(make_loaded_scene):
     """One state is no tick."""
-    stage = make_stage()
-    bench = FollowerBench(MODELS["one_mass"], stage.follower, 8000, stage.laws)
-    assert bench.turn_to(next(iter(cam_states(stage.scene)))) is None
+    loaded = make_loaded_scene()
+    bench = FollowerSimulator(MODELS["one_mass"], loaded.follower, 8000, loaded.laws)
+    assert bench.turn_to(next(iter(cam_states(loaded.scene)))) is None
 
 
 def ramped(**changes):
@@ -95,32 +97,32 @@ def ramped(**changes):
 
 
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "residual"])
-def test_levels_along_ramps_are_left_out(make_stage, model):
+def test_levels_along_ramps_are_left_out(make_loaded_scene, model):
     """A scene with ramps has levels of the held speeds alone, and they are the steady ones."""
-    stage = make_stage(program=ramped(), model=model, sample_rate=24_000)
-    heard = list(simulate(stage))
-    assert len(heard) == tick_count(stage.scene)
-    assert sum(not tick.steady for tick in heard) == tick_count(stage.scene) - 2 * 2 * 3
+    loaded = make_loaded_scene(program=ramped(), model=model, sample_rate=24_000)
+    heard = list(simulate(loaded))
+    assert len(heard) == tick_count(loaded.scene)
+    assert sum(not tick.steady for tick in heard) == tick_count(loaded.scene) - 2 * 2 * 3
     levels = step_levels(heard, 1.0)
-    held = [float(speed) for speed in stage.scene.program.speeds.si_list]
+    held = [float(speed) for speed in loaded.scene.program.speeds.si_list]
     assert {cam: list(steps) for cam, steps in levels.items()} == {
         "poly345": held,
         "bezier15": held,
     }
     for cam, steps in levels.items():
         for speed, level in steps.items():
-            power = steady_power(stage.laws[cam], stage.follower, stage.radiation, speed)
+            power = steady_power(loaded.laws[cam], loaded.follower, loaded.radiation, speed)
             close = 2e-2 if model != "residual" else 0.1  # there the stem rings
             assert level == pytest.approx(float(level_db(np.sqrt(power))), abs=close)
 
 
-def test_ramps_do_not_depend_on_the_ticks(make_stage):
+def test_ramps_do_not_depend_on_the_ticks(make_loaded_scene):
     """One or nine ticks a turn: the samples of the whole run are the same to rounding."""
     rows = []
     for ticks in (1, 9):
-        stage = make_stage(program=ramped(ticks_per_turn=ticks))
-        follower = FollowerBench.of(stage)
-        blocks = [follower.turn_to(state) for state in cam_states(stage.scene)]
+        loaded = make_loaded_scene(program=ramped(ticks_per_turn=ticks))
+        follower = FollowerSimulator.of(loaded)
+        blocks = [follower.turn_to(state) for state in cam_states(loaded.scene)]
         # the ticks of a held speed end at whole nanoseconds, which differ
         first = [block for _, block in filter(None, blocks) if block.interval.stop_ns <= 4 * 10**8]
         rows.append(np.hstack([block.rows for block in first]))

@@ -20,9 +20,9 @@ from cam_rig.messages import topics
 from cam_rig.messages.codec import Dimensions, encode_block
 from cam_rig.messages.topics import Topic
 from cam_rig.profile import contours
-from cam_rig.simulation.scene import Stage, open_stage
+from cam_rig.simulation.scene import LoadedScene, open_scene
 from cam_rig.simulation.schedule import CamState, cam_states
-from cam_rig.simulation.simulate import FollowerBench, MicrophoneBench
+from cam_rig.simulation.simulate import FollowerSimulator, MicrophoneSimulator
 from cam_rig.units import NS
 from cam_rig.viewer.recording import save_recording
 
@@ -46,7 +46,7 @@ class SmallBag:
     """A bag, and what was written into it."""
 
     path: Path
-    stage: Stage
+    loaded: LoadedScene
     rows: list[FloatArray] = field(default_factory=list)
     angles: list[FloatArray] = field(default_factory=list)
     levels: list[tuple[int, float]] = field(default_factory=list)
@@ -117,22 +117,22 @@ def make_bag(folder: Path, config: Path, leave_out: tuple[Topic, ...] = ()) -> S
     scene = folder / "config" / "scenes" / "small.yaml"
     scene.parent.mkdir()
     scene.write_text(SCENE, encoding="utf-8")
-    stage = open_stage(scene)
-    made, messages = SmallBag(folder / "small", stage), Messages()
+    loaded = open_scene(scene)
+    made, messages = SmallBag(folder / "small", loaded), Messages()
     with BagWriter(made.path) as writer:
 
         def write(topic: Topic, time_ns: int, message: Any) -> None:
             if topic not in leave_out:
                 writer.write(topic, time_ns, messages.cdr(topic, message))
 
-        for path in stage.files:
+        for path in loaded.files:
             writer.attach(f"{path.parent.name}/{path.name}", path.read_bytes())
-        for name, cam in stage.cams.items():
-            made.profiles[name] = contours(cam.follower, stage.laws[name], 360)[0].points.T
+        for name, cam in loaded.cams.items():
+            made.profiles[name] = contours(cam.follower, loaded.laws[name], 360)[0].points.T
             write(topics.PROFILE, 0, messages.profile(name, made.profiles[name]))
-        follower, microphone = FollowerBench.of(stage), MicrophoneBench.of(stage)
+        follower, microphone = FollowerSimulator.of(loaded), MicrophoneSimulator.of(loaded)
         last: CamState | None = None
-        for state in cam_states(stage.scene):
+        for state in cam_states(loaded.scene):
             write(topics.CAM_STATE, state.time_ns, messages.state(state))
             turned = follower.turn_to(state)
             if turned is not None and last is not None:

@@ -54,7 +54,7 @@ def test_any_order_of_topics_gives_the_ticks_in_order(
     feed = RunFeed(notes)
     queues = [
         [lambda c=c, p=p: feed.profile(c, p) for c, p in bag.profiles.items()],
-        [lambda s=s: feed.state(s) for s in cam_states(bag.stage.scene)],
+        [lambda s=s: feed.state(s) for s in cam_states(bag.loaded.scene)],
         [lambda r=r: feed.block(r) for r in bag.rows],
         [lambda v=v: feed.level(v) for _, v in bag.levels],
         [
@@ -81,7 +81,7 @@ def test_a_cam_without_a_profile_waits_and_is_named_at_the_end(bag: SmallBag) ->
     """Nothing is drawn of it; the end says which cam it was."""
     notes = Notes()
     feed = RunFeed(notes)
-    for state in cam_states(bag.stage.scene):
+    for state in cam_states(bag.loaded.scene):
         feed.state(state)
     for rows in bag.rows:
         feed.block(rows)

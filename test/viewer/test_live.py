@@ -26,8 +26,8 @@ WINDOW = 0.2
 
 def show(bag: SmallBag, address: str) -> None:
     """The small run as its nodes would tell it, as fast as it can be drawn."""
-    picture = LivePicture(bag.stage, address)
-    feed, states = picture.feed, list(cam_states(bag.stage.scene))
+    picture = LivePicture(bag.loaded, address)
+    feed, states = picture.feed, list(cam_states(bag.loaded.scene))
     for cam, points in bag.profiles.items():
         feed.profile(cam, points)
     feed.state(states[0])

@@ -15,11 +15,11 @@ from PIL import Image
 from cam_rig.errors import BagError
 from cam_rig.schema.load import config_root
 from cam_rig.schema.quantity import Quantity
-from cam_rig.simulation.scene import Stage, open_stage
+from cam_rig.simulation.scene import LoadedScene, open_scene
 from cam_rig.simulation.schedule import CamState, cam_states
-from cam_rig.simulation.simulate import FollowerBench
+from cam_rig.simulation.simulate import FollowerSimulator
 from cam_rig.viewer import pictures, viewer_picture
-from cam_rig.viewer.album import Album, gap, read_album
+from cam_rig.viewer.album import TurnArchive, gap, read_album
 from cam_rig.viewer.browser import HEIGHT, WIDTH, Pixels, count, why_no_browser
 from cam_rig.viewer.pictures import (
     ANIMATION,
@@ -41,8 +41,8 @@ STALE = "the pictures in docs/ are of another rig: run `make pictures`"
 
 
 @pytest.fixture(scope="module")
-def sweep() -> Stage:
-    return open_stage(config_root() / "scenes" / "tm21_sweep.yaml")
+def sweep() -> LoadedScene:
+    return open_scene(config_root() / "scenes" / "tm21_sweep.yaml")
 
 
 @pytest.fixture(scope="module")
@@ -51,13 +51,13 @@ def note() -> dict[str, dict[str, dict[str, float]]]:
     return loaded
 
 
-def at_the_highest_speed(stage: Stage) -> Album:
+def at_the_highest_speed(loaded: LoadedScene) -> TurnArchive:
     """The sweep's last step alone, simulated."""
-    fastest = max(stage.scene.program.speeds.numbers)
-    speeds = Quantity(assumed=[fastest], unit=stage.scene.program.speeds.unit)
-    program = stage.scene.program.model_copy(update={"speeds": speeds})
-    alone = replace(stage, scene=stage.scene.model_copy(update={"program": program}))
-    album, bench = Album(alone), FollowerBench.of(alone)
+    fastest = max(loaded.scene.program.speeds.numbers)
+    speeds = Quantity(assumed=[fastest], unit=loaded.scene.program.speeds.unit)
+    program = loaded.scene.program.model_copy(update={"speeds": speeds})
+    alone = replace(loaded, scene=loaded.scene.model_copy(update={"program": program}))
+    album, bench = TurnArchive(alone), FollowerSimulator.of(alone)
     last: CamState | None = None
     for state in cam_states(alone.scene):
         turned = bench.turn_to(state)
@@ -67,14 +67,16 @@ def at_the_highest_speed(stage: Stage) -> Album:
     return album
 
 
-def test_the_pictures_are_of_todays_config_and_code(sweep: Stage, note: dict[str, object]) -> None:
+def test_the_pictures_are_of_todays_config_and_code(
+    sweep: LoadedScene, note: dict[str, object]
+) -> None:
     """Digests of the scene's files as read, and of the code that draws."""
     for kind, digests in inputs(sweep).items():
         assert note[kind] == digests, STALE
 
 
 @pytest.mark.skipif(why_no_browser() is not None, reason=f"no browser: {why_no_browser()}")
-def test_the_viewers_picture_is_of_todays_layout(sweep: Stage) -> None:
+def test_the_viewers_picture_is_of_todays_layout(sweep: LoadedScene) -> None:
     """Asked for only where a browser is, for nowhere else can it be made anew."""
     note = json.loads((DOCS / VIEWER_NOTE).read_text())
     assert note == inputs(sweep, LAID_OUT_BY), STALE
@@ -101,25 +103,25 @@ def test_a_photograph_is_of_the_bags_own_layout(
         return pixels
 
     monkeypatch.setattr(viewer_picture, "photograph", photograph)
-    files = photograph_run(bag.path, bag.stage, tmp_path)
+    files = photograph_run(bag.path, bag.loaded, tmp_path)
     assert [path.name for path in files] == [VIEWER, VIEWER_NOTE]
     with Image.open(tmp_path / VIEWER) as picture:
         np.testing.assert_array_equal(np.asarray(picture), pixels)
-    assert json.loads((tmp_path / VIEWER_NOTE).read_text()) == inputs(bag.stage, LAID_OUT_BY)
+    assert json.loads((tmp_path / VIEWER_NOTE).read_text()) == inputs(bag.loaded, LAID_OUT_BY)
 
 
 @pytest.mark.long
 @pytest.mark.skipif(why_no_browser() is not None, reason=f"no browser: {why_no_browser()}")
 def test_the_viewer_is_photographed(bag: SmallBag, tmp_path: Path) -> None:
     """A bag's own layout in Chromium, when it is loaded, and a note beside it."""
-    files = photograph_run(bag.path, bag.stage, tmp_path)
+    files = photograph_run(bag.path, bag.loaded, tmp_path)
     assert [path.name for path in files] == [VIEWER, VIEWER_NOTE]
     with Image.open(tmp_path / VIEWER) as picture:
         assert picture.size == (WIDTH, HEIGHT)
 
 
 def test_the_pictures_show_todays_motion(
-    sweep: Stage, note: dict[str, dict[str, dict[str, float]]]
+    sweep: LoadedScene, note: dict[str, dict[str, dict[str, float]]]
 ) -> None:
     """Lift, force, acceleration and gap at the highest speed, simulated anew.
 
@@ -131,7 +133,7 @@ def test_the_pictures_show_todays_motion(
         assert numbers(sweep, turn) == pytest.approx(note["numbers"][cam], rel=0.01), STALE
 
 
-def test_another_cam_would_be_noticed(sweep: Stage, note: dict[str, object]) -> None:
+def test_another_cam_would_be_noticed(sweep: LoadedScene, note: dict[str, object]) -> None:
     """A number of a cam that changes makes the note old."""
     cam = sweep.cams["tm21"]
     other = cam.model_copy(update={"lift": Quantity(assumed=0.006, unit="m")})
@@ -161,7 +163,7 @@ def test_pictures_of_a_bag(bag: SmallBag, tmp_path: Path, monkeypatch: pytest.Mo
     assert [path.name for path in files] == [ANIMATION, STILL, "small.png", NOTE]
     found = json.loads((tmp_path / NOTE).read_text())["numbers"]
     turn = album.turn("poly345", 700.0)
-    assert found["poly345"]["greatest_gap_mm"] == round(float(gap(bag.stage, turn).max()) * 1e3, 6)
+    assert found["poly345"]["greatest_gap_mm"] == round(float(gap(bag.loaded, turn).max()) * 1e3, 6)
     with Image.open(tmp_path / STILL) as still:
         assert still.size[0] > 500
     with pytest.raises(BagError, match="no whole turn of 'poly345' at 500 rpm"):

@@ -13,7 +13,7 @@ from cam_rig.messages import topics
 from cam_rig.units import NS
 from cam_rig.viewer import recording
 from cam_rig.viewer.charts.series import FORCE, LANDING, LEVEL, LIFT, SPEED, ZERO
-from cam_rig.viewer.recording import WHOLE_BELOW, Wish, bucket_for, save_recording
+from cam_rig.viewer.recording import WHOLE_BELOW, ViewOptions, bucket_for, save_recording
 
 from .conftest import Picture, SmallBag, make_bag
 
@@ -76,7 +76,7 @@ def test_a_long_run_keeps_its_peaks(
         for rows in bag.rows:
             for peak in (rows[row].max(), rows[row].min()):
                 assert np.isclose(values, peak * line.factor, rtol=1e-12).any()
-    save_recording(bag.path, tmp_path / "all.rrd", Wish(all_samples=True))
+    save_recording(bag.path, tmp_path / "all.rrd", ViewOptions(all_samples=True))
     assert Picture(tmp_path / "all.rrd").time(LIFT.entity).size == bag.samples.shape[1]
 
 

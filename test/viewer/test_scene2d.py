@@ -11,7 +11,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
 from cam_rig.drawing.outlines import turned
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.scene import open_scene
 from cam_rig.viewer.scene2d import ARROW, FRAMES_PER_TURN, frame_mask, greatest_force, shapes
 
 from .conftest import Picture, SmallBag
@@ -96,7 +96,7 @@ def test_the_gap_is_drawn_in_flight_and_nowhere_else(bag: SmallBag, picture: Pic
     half = bag.samples.shape[1] // 2
     for row, i in zip(strips, sample, strict=True):
         if row:
-            law = list(bag.stage.laws.values())[int(i >= half)]
+            law = list(bag.loaded.laws.values())[int(i >= half)]
             (x0, y0), (x1, y1) = row[0]
             gap = bag.samples[1, i] - float(law(bag.angle[i]))
             assert x1 == pytest.approx(x0, abs=1e-4)
@@ -116,11 +116,11 @@ def test_the_arrow_is_the_contact_force(bag: SmallBag, picture: Picture) -> None
     scale = height / force[sample < half][[k for k in touching]]
     slow = picture.time("scene/rig/force")[touching] < 0.4 - 1e-6
     for step, rpm in ((slow, 300.0), (~slow, 700.0)):
-        longest = greatest_force(bag.stage, "poly345", rpm * np.pi / 30.0)
-        reach = shapes(bag.stage)["poly345"].reach * 1e3
+        longest = greatest_force(bag.loaded, "poly345", rpm * np.pi / 30.0)
+        reach = shapes(bag.loaded)["poly345"].reach * 1e3
         np.testing.assert_allclose(scale[step], ARROW * reach / longest, rtol=1e-5)
-    law = bag.stage.laws["poly345"]
-    config = bag.stage.cams["poly345"].follower
+    law = bag.loaded.laws["poly345"]
+    config = bag.loaded.cams["poly345"].follower
     for k in touching[::20]:
         angle = bag.angle[sample[k]]
         distance = config.base_radius.si + config.roller + float(law(angle))
@@ -146,8 +146,8 @@ def test_the_words_under_the_cam_say_speed_and_scale_in_the_cams_colour(
 @pytest.mark.parametrize("scene", ["tm21_sweep", "quick"])
 def test_the_greatest_force_is_seen_at_every_speed(scene: str) -> None:
     """The preload alone, as in the low dwell, gives an arrow of a few per cent of the reach."""
-    stage = open_stage(config_root() / "scenes" / f"{scene}.yaml")
-    for cam in stage.cams:
-        slowest = min(stage.scene.program.speeds.si_list)
-        share = ARROW * stage.follower.preload / greatest_force(stage, cam, slowest)
+    loaded = open_scene(config_root() / "scenes" / f"{scene}.yaml")
+    for cam in loaded.cams:
+        slowest = min(loaded.scene.program.speeds.si_list)
+        share = ARROW * loaded.follower.preload / greatest_force(loaded, cam, slowest)
         assert share > 0.025

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from cam_rig.bag.recording.pending import MOST_WAITING, make_room
+from cam_rig.bag.recording.pending import MAX_WAITING, make_room
 from cam_rig.errors import RefusedError
 from cam_rig.messages import topics
 
@@ -27,7 +27,7 @@ class Diagnoses:
 
     def __init__(self) -> None:
         self._waiting: dict[Diagnosis, None] = {}
-        self._said: deque[Diagnosis] = deque(maxlen=4 * MOST_WAITING)
+        self._said: deque[Diagnosis] = deque(maxlen=4 * MAX_WAITING)
 
     def take(self, stamp: int, speaker: str, cdr: bytes) -> None:
         """Keep a diagnosis that was not here before.
@@ -49,7 +49,7 @@ class Diagnoses:
         self._waiting[diagnosis] = None
         if make_room(self._waiting):
             raise RefusedError(
-                f"{topics.DIAGNOSTICS.name}: more than {MOST_WAITING} of no known time"
+                f"{topics.DIAGNOSTICS.name}: more than {MAX_WAITING} of no known time"
             )
 
     def due(self, until: int) -> Iterator[tuple[int, bytes]]:

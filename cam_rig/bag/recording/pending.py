@@ -10,9 +10,9 @@ from cam_rig.messages import topics
 from cam_rig.messages.topics import Topic
 
 #: Messages kept of states that are not known yet; more than are ever in flight.
-MOST_WAITING = 4 * topics.TICK_DEPTH
+MAX_WAITING = 4 * topics.TICK_DEPTH
 #: Messages dropped at once when there are more: a flood shall not cost a search for each.
-DROPPED = MOST_WAITING // 8
+DROPPED = MAX_WAITING // 8
 #: The unstamped topics of each stamped one.
 TWINS = {
     stamped.name: [topic for topic in topics.RECORDING if topic.twin == stamped.name]
@@ -22,7 +22,7 @@ TWINS = {
 Key = TypeVar("Key", bound=Hashable)
 
 
-class Heard(NamedTuple):
+class ReceivedMessage(NamedTuple):
     """A serialized message and the process that it is from."""
 
     source: bytes
@@ -31,7 +31,7 @@ class Heard(NamedTuple):
 
 def make_room(held: dict[Key, Any], is_awaited: Callable[[Key], bool] = lambda _: False) -> bool:
     """Drop the oldest of too many that nobody awaits; whether there were too many."""
-    if len(held) <= MOST_WAITING:
+    if len(held) <= MAX_WAITING:
         return False
     for key in [key for key in held if not is_awaited(key)][:DROPPED]:
         del held[key]
@@ -70,7 +70,7 @@ class Waiting:
             for stamp in [stamp for stamp in held if stamp <= until]:
                 del held[stamp]
 
-    def keep_stamped(self, topic: Topic, stamp: int, heard: Heard, number: int) -> None:
+    def keep_stamped(self, topic: Topic, stamp: int, heard: ReceivedMessage, number: int) -> None:
         """Keep a message by its stamp, which its twin has too.
 
         Parameters
@@ -87,7 +87,7 @@ class Waiting:
             for twin in TWINS.get(topic.name, ()):
                 self._pair(twin, heard.source, number, stamp)
 
-    def keep_twin(self, topic: Topic, heard: Heard, number: int) -> None:
+    def keep_twin(self, topic: Topic, heard: ReceivedMessage, number: int) -> None:
         """Keep a message that has no stamp, for its twin tells it; as `keep_stamped`."""
         self._pair(topic, heard.source, number, heard.cdr)
 
@@ -111,4 +111,4 @@ class Waiting:
         if held.setdefault(stamp, cdr) != cdr:
             raise RefusedError(f"{topic.name} at {stamp} ns: two messages that differ")
         if make_room(held, self._known.__contains__) and stamp not in self._known:
-            raise RefusedError(f"{topic.name}: more than {MOST_WAITING} messages of no known state")
+            raise RefusedError(f"{topic.name}: more than {MAX_WAITING} messages of no known state")

@@ -19,13 +19,13 @@ from cam_rig.bag.publishers import Publishers
 from cam_rig.bag.recording.session import RecordingSession
 from cam_rig.bag.recording.writer import BagWriter, require_new_bag
 from cam_rig.errors import CamRigError, RefusedError
-from cam_rig.live.admission import StateGate
+from cam_rig.live.admission import StateValidator
 from cam_rig.live.cam_check import require_own_contour, require_own_law
 from cam_rig.live.checkpoint import STATES_UNFLUSHED, Handover
 from cam_rig.messages.codec import array_of, decode_law
 from cam_rig.messages.serialization import cam_of, stamp_of
 from cam_rig.messages.topics import DIAGNOSTICS, LAW_COEFFICIENTS, PROFILE, Topic
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 
 PACKAGES = ("cam_rig", "numpy", "scipy", "pydantic", "mcap", "rosbags", "ros-kilted-rclpy")
 
@@ -39,7 +39,7 @@ class BagRecorder:
     Parameters
     ----------
     bag : folder to record into
-    stage : the scene, attached with its files
+    loaded : the scene, attached with its files
     publishers : who may publish what
     resume : go on with a bag that a killed recorder left, instead of refusing it
 
@@ -49,14 +49,18 @@ class BagRecorder:
     """
 
     def __init__(
-        self, bag: Path, stage: Stage, publishers: Publishers | None = None, resume: bool = False
+        self,
+        bag: Path,
+        loaded: LoadedScene,
+        publishers: Publishers | None = None,
+        resume: bool = False,
     ) -> None:
         self._left = _left(bag) if resume else None
         self._writer = BagWriter(bag, anew=resume)
-        self._stage, self._attached = stage, set[Path]()
+        self._loaded, self._attached = loaded, set[Path]()
         self._attach()
         self._writer.attach("versions.json", versions())
-        gate = StateGate.of(stage.scene)
+        gate = StateValidator.of(loaded.scene)
         self._session = RecordingSession(self._writer, gate, publishers, self._check)
         self._unflushed = 0
         #: Stamps (ns) of the states that a predecessor had written.
@@ -92,21 +96,21 @@ class BagRecorder:
     def _check(self, topic: Topic, message: Any) -> None:
         """Refuse a law or a contour that is not the one of the cam's file."""
         if topic is LAW_COEFFICIENTS:
-            require_own_law(self._stage, decode_law(*array_of(message)))
+            require_own_law(self._loaded, decode_law(*array_of(message)))
         else:
             points = [(point.x, point.y) for point in message.polygon.points]
-            require_own_contour(self._stage, cam_of(message), np.array(points).T)
+            require_own_contour(self._loaded, cam_of(message), np.array(points).T)
 
     def _know(self, cams: list[str]) -> None:
         """A cam that was mounted by hand belongs into the bag as well."""
         for cam in cams:
-            if cam not in self._stage.cams:
+            if cam not in self._loaded.cams:
                 with suppress(CamRigError):  # somebody else's word, or a file that is gone
-                    self._stage.mount(cam)
+                    self._loaded.mount(cam)
         self._attach()
 
     def _attach(self) -> None:
-        for path in self._stage.files:
+        for path in self._loaded.files:
             if path not in self._attached:
                 self._attached.add(path)
                 self._writer.attach(f"{path.parent.name}/{path.name}", path.read_bytes())
@@ -150,7 +154,9 @@ def _left(bag: Path) -> Path | None:
     return next((path for path in (file.with_suffix(TORN), file) if path.exists()), None)
 
 
-def open_bag(handover: Handover, wanted: Path, stage: Stage, publishers: Publishers) -> BagRecorder:
+def open_bag(
+    handover: Handover, wanted: Path, loaded: LoadedScene, publishers: Publishers
+) -> BagRecorder:
     """Begin a bag, or go on with the one that a killed predecessor was recording.
 
     That a bag is ours is written down before it is made, so that no moment is left in which a kill
@@ -162,10 +168,10 @@ def open_bag(handover: Handover, wanted: Path, stage: Stage, publishers: Publish
     BagError : another's bag is there, or it cannot be made
     """
     if mine := handover.newest():
-        return BagRecorder(Path(mine), stage, publishers, resume=True)
+        return BagRecorder(Path(mine), loaded, publishers, resume=True)
     require_new_bag(wanted)
     handover.keep(str(wanted))
-    return BagRecorder(wanted, stage, publishers)
+    return BagRecorder(wanted, loaded, publishers)
 
 
 def versions() -> bytes:

@@ -22,7 +22,7 @@ from cam_rig.bag.files import (
 )
 from cam_rig.bag.loss import Holdings, Loss, loss_of
 from cam_rig.bag.partial_reader import OURS, Salvage
-from cam_rig.bag.reader import read_counts, read_stage
+from cam_rig.bag.reader import read_counts, read_scene
 from cam_rig.bag.recording.writer import BagWriter, require_new_bag
 from cam_rig.errors import BagError, CamRigError
 from cam_rig.messages.topics import Topic
@@ -199,5 +199,5 @@ def _copy(file: Path, bag: Path, target: Path | None) -> Recovered:
 
 def _scene(bag: Path) -> SceneConfig | None:
     with suppress(CamRigError):
-        return read_stage(bag).scene
+        return read_scene(bag).scene
     return None

@@ -13,9 +13,9 @@ from typing import Any, Protocol
 
 from cam_rig.bag.publishers import Publishers
 from cam_rig.bag.recording.diagnostics import Diagnoses
-from cam_rig.bag.recording.pending import Heard, Waiting
+from cam_rig.bag.recording.pending import ReceivedMessage, Waiting
 from cam_rig.errors import RefusedError
-from cam_rig.live.admission import Admission, StateGate
+from cam_rig.live.admission import Admission, StateValidator
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of
 from cam_rig.messages.serialization import RawMessages, cam_of, speaker_of, stamp_of
@@ -23,7 +23,7 @@ from cam_rig.messages.topics import Topic
 from cam_rig.simulation.schedule import CamState
 
 #: Cams whose law is kept.
-MOST_CAMS = 256
+MAX_CAMS = 256
 
 #: A state begins with its stamp; the clock's message is that and no more.
 CLOCK_BYTES = 12
@@ -53,7 +53,7 @@ class RecordingSession:
     def __init__(
         self,
         writer: Writing,
-        gate: StateGate,
+        gate: StateValidator,
         publishers: Publishers | None = None,
         check: Callable[[Topic, Any], None] = lambda _topic, _message: None,
     ) -> None:
@@ -85,7 +85,7 @@ class RecordingSession:
         if topic.owner:
             self._publishers.require(topic.owner, topic, source)
         message, cdr = self._raw.read(topic, cdr)
-        heard = Heard(source, cdr)
+        heard = ReceivedMessage(source, cdr)
         if topic is topics.CAM_STATE:
             self._take_state(cam_state_of(message), cdr)
         elif topic in self._cams:
@@ -125,7 +125,7 @@ class RecordingSession:
             self._known.add(state.time_ns)
             self._newest = max(self._newest, state.time_ns)
 
-    def _take_diagnosis(self, speaker: str, heard: Heard) -> None:
+    def _take_diagnosis(self, speaker: str, heard: ReceivedMessage) -> None:
         if speaker in topics.SPEAKERS:
             self._publishers.require(speaker, topics.DIAGNOSTICS, heard.source)
         self._diagnoses.take(stamp_of(heard.cdr), speaker, heard.cdr)
@@ -134,9 +134,9 @@ class RecordingSession:
         known = self._cams[topic]
         if known.setdefault(name, cdr) != cdr:
             raise RefusedError(f"{topic.name}: another one of {name!r}; allowed: one a recording")
-        if len(known) > MOST_CAMS:
+        if len(known) > MAX_CAMS:
             del known[name]
-            raise RefusedError(f"{topic.name}: more than {MOST_CAMS} cams")
+            raise RefusedError(f"{topic.name}: more than {MAX_CAMS} cams")
 
     def _complete(self) -> bool:
         state = self._states[0][0]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.bench.cases.models import Model
+from cam_rig.bench.cases.models import BenchModel
 from cam_rig.bench.cases.twist import Twist
 from cam_rig.laws import Law
 from cam_rig.units import TURN
@@ -29,7 +29,7 @@ class Case:
     name: str
     title: str
     law: Law
-    model: Model | Twist
+    model: BenchModel | Twist
     speed: float
     turns: int
     quick_turns: int

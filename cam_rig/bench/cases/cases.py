@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 
 from cam_rig.bench.cases.case import Case, output_times
-from cam_rig.bench.cases.models import Model, OneMass, Oscillator, TwoMasses
+from cam_rig.bench.cases.models import BenchModel, OneMass, Oscillator, TwoMasses
 from cam_rig.bench.cases.twist import Twist
 from cam_rig.laws import Law, build_law
 from cam_rig.schema.load import config_root, load_cam
@@ -18,7 +18,7 @@ WEIGHT = 12.753
 #: Identified from the paper's jump speeds (its Table 2).
 SOFT_STEM, ROLLER_SHARE, PRELOAD = 1.26e6, 0.40, 30.6
 #: Bounces lower than this fraction of the lift are contact.
-LEAST_BOUNCE = 1e-12
+MIN_BOUNCE = 1e-12
 
 
 def law_of(cam: str) -> Law:
@@ -69,7 +69,7 @@ def separation_stem() -> Case:
 
 def one_mass_arc() -> Case:
     """A rigid follower that jumps off an arc cam and bounces back onto it."""
-    bounce = LEAST_BOUNCE * law_of("tm21").lift
+    bounce = MIN_BOUNCE * law_of("tm21").lift
     model = OneMass(MASS, DAMPING, SPRING, WEIGHT, 0.8, bounce)
     return _case("one_mass_arc", "one mass, arc cam, restitution 0.8", "tm21", model, 400, 10, 50)
 
@@ -95,7 +95,13 @@ def rad_per_s(rpm: float) -> float:
 
 
 def _case(
-    name: str, title: str, cam: str, model: Model | Twist, rpm: float, turns: int, per_turn: int
+    name: str,
+    title: str,
+    cam: str,
+    model: BenchModel | Twist,
+    rpm: float,
+    turns: int,
+    per_turn: int,
 ) -> Case:
     speed = rad_per_s(rpm)
     times = output_times(speed, turns, per_turn)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Self
 
-from cam_rig.bench.cases.phase import Number, Phase, Vector
+from cam_rig.bench.cases.phase import BenchPhase, Number, Vector
 
 CONTACT, FLIGHT = "contact", "flight"
 LIFT_OFF, LANDING = "lift-off", "landing"
@@ -19,14 +19,14 @@ Switch = tuple[str, Vector, tuple[str, ...]]
 
 
 @dataclass(frozen=True)
-class Model:
+class BenchModel:
     """A model of linear phases; all numbers in SI units."""
 
     def typed(self, number: Callable[[float], Number]) -> Self:
         """The same model with another type of numbers."""
         return replace(self, **{f.name: number(getattr(self, f.name)) for f in fields(self)})
 
-    def phases(self) -> Mapping[str, Phase]:
+    def phases(self) -> Mapping[str, BenchPhase]:
         """The phases by name."""
         raise NotImplementedError
 
@@ -40,7 +40,7 @@ class Model:
 
 
 @dataclass(frozen=True)
-class Oscillator(Model):
+class Oscillator(BenchModel):
     """m ẍ + c ẋ + (k_spring + k_stem) x = k_stem s (eq. 5)."""
 
     mass: Number
@@ -48,11 +48,11 @@ class Oscillator(Model):
     spring_stiffness: Number
     stem_stiffness: Number
 
-    def phases(self) -> Mapping[str, Phase]:
+    def phases(self) -> Mapping[str, BenchPhase]:
         """One phase without an end."""
         m = self.mass
         row = (-(self.spring_stiffness + self.stem_stiffness) / m, -self.damping / m)
-        return {CONTACT: Phase((row,), ((self.stem_stiffness / m, 0, 0, 0),), ((1,),), (0,))}
+        return {CONTACT: BenchPhase((row,), ((self.stem_stiffness / m, 0, 0, 0),), ((1,),), (0,))}
 
     def begin(self) -> tuple[str, Vector]:
         """At rest."""
@@ -60,7 +60,7 @@ class Oscillator(Model):
 
 
 @dataclass(frozen=True)
-class TwoMasses(Model):
+class TwoMasses(BenchModel):
     """Roller mass m₁ and stem mass m₂ (eq. 14-19), plastic re-contact; shown are z and y.
 
     The preload pulls m₂ towards the cam: m₂ÿ + (c₁+c₂)ẏ + (k₁+k₂)y = c₁ṡ + k₁s − preload in
@@ -76,12 +76,12 @@ class TwoMasses(Model):
     spring_damping: Number
     preload: Number
 
-    def phases(self) -> Mapping[str, Phase]:
+    def phases(self) -> Mapping[str, BenchPhase]:
         """Contact with q = (y, ẏ) and flight with q = (g, y, ġ, ẏ)."""
         m1, m2, k1, c1 = self.roller_mass, self.stem_mass, self.stem_stiffness, self.stem_damping
         k, c = k1 + self.spring_stiffness, c1 + self.spring_damping
         pull = (k1 / m2, c1 / m2, 0, -self.preload / m2)
-        contact = Phase(
+        contact = BenchPhase(
             rows=((-k / m2, -c / m2),),
             drive=(pull,),
             show=((0,), (1,)),
@@ -90,7 +90,7 @@ class TwoMasses(Model):
             guard_drive=(k1, c1, m1, 0),
             on_cam=True,
         )
-        flight = Phase(
+        flight = BenchPhase(
             rows=(
                 (-k1 / m1, k1 / m1, -c1 / m1, c1 / m1),
                 (k1 / m2, -k / m2, c1 / m2, -c / m2),
@@ -118,7 +118,7 @@ class TwoMasses(Model):
 
 
 @dataclass(frozen=True)
-class OneMass(Model):
+class OneMass(BenchModel):
     """One mass on a rigid stem with Newton's restitution.
 
     A rebound lower than ``least_bounce`` ends a series of bounces: there are endlessly many.
@@ -131,13 +131,13 @@ class OneMass(Model):
     restitution: Number
     least_bounce: Number
 
-    def phases(self) -> Mapping[str, Phase]:
+    def phases(self) -> Mapping[str, BenchPhase]:
         """Contact without a state (it is the law) and flight with q = (g, ġ)."""
         m, c, k = self.mass, self.damping, self.stiffness
         force = (k, c, m, self.preload)
-        contact = Phase((), (), ((),), (1,), (), force, on_cam=True)
+        contact = BenchPhase((), (), ((),), (1,), (), force, on_cam=True)
         drive = tuple(-weight / m for weight in force)
-        flight = Phase(((-k / m, -c / m),), (drive,), ((1,),), (1,), (1, 0))
+        flight = BenchPhase(((-k / m, -c / m),), (drive,), ((1,),), (1,), (1, 0))
         return {CONTACT: contact, FLIGHT: flight}
 
     def begin(self) -> tuple[str, Vector]:

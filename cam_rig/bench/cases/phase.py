@@ -19,7 +19,7 @@ Vector = Sequence[Number]
 
 
 @dataclass(frozen=True)
-class Phase:
+class BenchPhase:
     """One linear phase with m positions, q of length 2m.
 
     Parameters

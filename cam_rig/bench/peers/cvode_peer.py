@@ -17,7 +17,7 @@ from cam_rig.errors import CamRigError
 
 OPTIONS = "dense Newton with Jacobian, root finding, atol = 0.001 rtol x usual size"
 #: Steps to the next output time before CVODE gives up: never a limit here.
-MOST_STEPS = 100_000_000
+MAX_STEPS = 100_000_000
 ROOT_FOUND = 2
 
 
@@ -90,6 +90,6 @@ class CvodePeer:
             rtol=self.rtol,
             atol=ABSOLUTE * self.rtol * problem.scale,
             jacfn=fill,
-            max_num_steps=MOST_STEPS,
+            max_num_steps=MAX_STEPS,
             **options,
         )

@@ -10,13 +10,13 @@ from scipy.optimize import brentq
 
 from cam_rig.arrays import FloatArray
 from cam_rig.bench.cases.case import Case, Solution
-from cam_rig.bench.cases.models import Model
+from cam_rig.bench.cases.models import BenchModel
 from cam_rig.bench.cases.phase import Vector
 from cam_rig.bench.peers.problem import Arrival, Integrator, PeerError, Problem, linear_problem
-from cam_rig.bench.peers.stretch import Scalar, Stretch, stretches
+from cam_rig.bench.peers.stretch import PeerInterval, Scalar, stretches
 
 #: No case has so many: a peer that finds more is lost.
-MOST_EVENTS = 20_000
+MAX_EVENTS = 20_000
 #: Weights of s, ṡ, s̈ and 1, one by one.
 MOTION = np.eye(4).tolist()
 
@@ -24,7 +24,7 @@ MOTION = np.eye(4).tolist()
 @dataclass
 class _March:
     case: Case
-    model: Model
+    model: BenchModel
     integrate: Integrator
     shown: list[tuple[FloatArray, FloatArray]] = field(default_factory=list)
     events: list[tuple[str, float]] = field(default_factory=list)
@@ -34,7 +34,9 @@ class _March:
     def __post_init__(self) -> None:
         self.phases = self.model.phases()
 
-    def through(self, start: float, stretch: Stretch, name: str, q: Vector) -> tuple[str, Vector]:
+    def through(
+        self, start: float, stretch: PeerInterval, name: str, q: Vector
+    ) -> tuple[str, Vector]:
         """One stretch that begins at ``start`` (s)."""
         local = self.case.times - start
         local = local[(local >= 0.0) & (local < stretch.duration)]
@@ -52,7 +54,7 @@ class _March:
             name, q = self._switch(name, q, stretch, time, start)
 
     def _advance(
-        self, stretch: Stretch, name: str, q: Vector, time: float, times: FloatArray
+        self, stretch: PeerInterval, name: str, q: Vector, time: float, times: FloatArray
     ) -> Arrival:
         if self.phases[name].size == 0:
             return self._ride(stretch, name, time, times)
@@ -62,7 +64,7 @@ class _March:
             self._problems[key] = linear_problem(phase, stretch, self._scale(phase.size))
         return self.integrate(self._problems[key], q, time, stretch.duration, times)
 
-    def _ride(self, stretch: Stretch, name: str, time: float, times: FloatArray) -> Arrival:
+    def _ride(self, stretch: PeerInterval, name: str, time: float, times: FloatArray) -> Arrival:
         """Contact with nothing to integrate: the first sign change of the contact force."""
         force = stretch.function(self.phases[name].guard_drive)
         grid = np.linspace(time, stretch.duration, 65).tolist()
@@ -77,22 +79,22 @@ class _March:
         positions = np.full(size // 2, self.case.law.lift)
         return np.concatenate([positions, positions * self.case.speed])
 
-    def _show(self, stretch: Stretch, name: str, times: FloatArray, arrival: Arrival) -> None:
+    def _show(self, stretch: PeerInterval, name: str, times: FloatArray, arrival: Arrival) -> None:
         for time, q in zip(times, arrival.states.T, strict=False):
             motion = self._motion(stretch, float(time))
             x, v = self.phases[name].shown(q.tolist(), motion)
             self.shown.append((np.array(x), np.array(v)))
 
     def _switch(
-        self, name: str, q: Vector, stretch: Stretch, time: float, start: float
+        self, name: str, q: Vector, stretch: PeerInterval, time: float, start: float
     ) -> tuple[str, Vector]:
         name, q, kinds = self.model.switch(name, q, self._motion(stretch, time))
         self.events += [(kind, start + time) for kind in kinds]
-        if len(self.events) > MOST_EVENTS:
-            raise PeerError(f"more than {MOST_EVENTS} events")
+        if len(self.events) > MAX_EVENTS:
+            raise PeerError(f"more than {MAX_EVENTS} events")
         return name, q
 
-    def _motion(self, stretch: Stretch, time: float) -> list[float]:
+    def _motion(self, stretch: PeerInterval, time: float) -> list[float]:
         if id(stretch) not in self._motions:
             self._motions[id(stretch)] = [stretch.function(row) for row in MOTION]
         return [function(time) for function in self._motions[id(stretch)]]
@@ -100,7 +102,7 @@ class _March:
 
 def march(case: Case, integrate: Integrator) -> Solution:
     """Solve a case of linear phases with a peer."""
-    assert isinstance(case.model, Model)
+    assert isinstance(case.model, BenchModel)
     run = _March(case, case.model, integrate)
     name, q = case.model.begin()
     for start, stretch in stretches(case.law, case.speed, case.turns):

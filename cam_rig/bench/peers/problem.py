@@ -12,8 +12,8 @@ from typing import Protocol
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.bench.cases.phase import Phase
-from cam_rig.bench.peers.stretch import Scalar, Stretch
+from cam_rig.bench.cases.phase import BenchPhase
+from cam_rig.bench.peers.stretch import PeerInterval, Scalar
 
 Floats = Sequence[float]
 
@@ -63,7 +63,7 @@ class PeerError(Exception):
     """A peer gave up: its own message."""
 
 
-def linear_problem(phase: Phase, stretch: Stretch, scale: FloatArray) -> Problem:
+def linear_problem(phase: BenchPhase, stretch: PeerInterval, scale: FloatArray) -> Problem:
     """One phase on one stretch."""
     half = phase.size // 2
     jacobian = np.zeros((phase.size, phase.size))
@@ -74,7 +74,7 @@ def linear_problem(phase: Phase, stretch: Stretch, scale: FloatArray) -> Problem
     return Problem(rate, lambda t, q: jacobian, True, _guard(phase, stretch), scale)
 
 
-def _one_position(phase: Phase, force: Scalar) -> Callable[[float, list[float]], Floats]:
+def _one_position(phase: BenchPhase, force: Scalar) -> Callable[[float, list[float]], Floats]:
     a, b = (float(x) for x in phase.rows[0])
 
     def rate(time: float, q: list[float]) -> Floats:
@@ -84,7 +84,9 @@ def _one_position(phase: Phase, force: Scalar) -> Callable[[float, list[float]],
     return rate
 
 
-def _two_positions(phase: Phase, forces: list[Scalar]) -> Callable[[float, list[float]], Floats]:
+def _two_positions(
+    phase: BenchPhase, forces: list[Scalar]
+) -> Callable[[float, list[float]], Floats]:
     a, b, c, d = (float(x) for x in phase.rows[0])
     e, f, g, h = (float(x) for x in phase.rows[1])
     one, two = forces
@@ -101,7 +103,9 @@ def _two_positions(phase: Phase, forces: list[Scalar]) -> Callable[[float, list[
     return rate
 
 
-def _guard(phase: Phase, stretch: Stretch) -> Callable[[float, list[float]], float] | None:
+def _guard(
+    phase: BenchPhase, stretch: PeerInterval
+) -> Callable[[float, list[float]], float] | None:
     if phase.guard is None:
         return None
     weights = [float(x) for x in phase.guard]

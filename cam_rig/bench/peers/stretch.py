@@ -25,7 +25,7 @@ SMOOTH = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class PeerInterval:
     """Consecutive pieces without a jump between them.
 
     Parameters
@@ -111,7 +111,7 @@ def joints(law: Law) -> FloatArray:
     return found
 
 
-def stretches(law: Law, speed: float, turns: int) -> list[tuple[float, Stretch]]:
+def stretches(law: Law, speed: float, turns: int) -> list[tuple[float, PeerInterval]]:
     """Beginning (s) and stretch, in order, of ``turns`` turns; equal stretches are one object."""
     count, starts = law.spans.size, joints(law)
     runs: list[list[int]] = []
@@ -119,7 +119,7 @@ def stretches(law: Law, speed: float, turns: int) -> list[tuple[float, Stretch]]
         if not runs or starts[piece % count]:
             runs.append([])
         runs[-1].append(piece)
-    made: dict[tuple[int, ...], Stretch] = {}
+    made: dict[tuple[int, ...], PeerInterval] = {}
     period = float(law.breaks[-1]) / speed
     out = []
     for run in runs:
@@ -132,8 +132,8 @@ def stretches(law: Law, speed: float, turns: int) -> list[tuple[float, Stretch]]
     return out
 
 
-def _merged(ends: FloatArray, series: FloatArray) -> Stretch:
+def _merged(ends: FloatArray, series: FloatArray) -> PeerInterval:
     """A dwell of several pieces is one piece."""
     if np.all(series[:, 1:3] == 0.0) and np.ptp(series[:, 0, 0]) == 0.0:
-        return Stretch(ends[-1:], series[:1])
-    return Stretch(ends, series)
+        return PeerInterval(ends[-1:], series[:1])
+    return PeerInterval(ends, series)

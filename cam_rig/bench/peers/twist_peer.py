@@ -14,7 +14,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.bench.cases.case import Case, Solution
 from cam_rig.bench.cases.twist import Twist
 from cam_rig.bench.peers.problem import Floats, Integrator, Problem
-from cam_rig.bench.peers.stretch import Stretch, stretches
+from cam_rig.bench.peers.stretch import PeerInterval, stretches
 
 #: Usual size of a twist, rad.
 TWIST = 1e-3
@@ -22,7 +22,7 @@ TWIST = 1e-3
 REACH = 0.1
 
 
-def joint_problem(model: Twist, stretch: Stretch, speed: float) -> Problem:
+def joint_problem(model: Twist, stretch: PeerInterval, speed: float) -> Problem:
     """The equation of motion on one stretch, with the joint at its end as the guard.
 
     ``stretch`` is made for a speed of 1 rad/s: its time is the cam's angle.
@@ -58,7 +58,7 @@ def joint_problem(model: Twist, stretch: Stretch, speed: float) -> Problem:
 class _LawInAngle:
     """The law at an angle since the stretch's beginning, by Horner's rule."""
 
-    def __init__(self, stretch: Stretch) -> None:
+    def __init__(self, stretch: PeerInterval) -> None:
         ends = stretch.ends.tolist()
         self._inner = ends[:-1]
         lows = [0.0, *self._inner]

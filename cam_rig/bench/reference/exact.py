@@ -11,7 +11,7 @@ import mpmath as mp  # type: ignore[import-untyped]
 import numpy as np
 
 from cam_rig.bench.cases.case import Case, Solution
-from cam_rig.bench.cases.models import Model
+from cam_rig.bench.cases.models import BenchModel
 from cam_rig.bench.cases.phase import Number, Vector
 from cam_rig.bench.reference.exact_flow import Flow, first_crossing, flow
 from cam_rig.bench.reference.exact_law import ExactPiece, exact_pieces
@@ -25,7 +25,7 @@ class _Course:
     """Gathers what is shown at the output times, and the events."""
 
     case: Case
-    model: Model
+    model: BenchModel
     displacement: list[list[float]] = field(default_factory=list)
     velocity: list[list[float]] = field(default_factory=list)
     events: list[tuple[str, float]] = field(default_factory=list)
@@ -65,7 +65,7 @@ class _Course:
 
 def solve(case: Case) -> Solution:
     """The case to (at least) 50 digits, rounded to doubles at the end."""
-    assert isinstance(case.model, Model)
+    assert isinstance(case.model, BenchModel)
     with mp.workdps(DIGITS):
         course = _Course(case, case.model.typed(mp.mpf))
         pieces = exact_pieces(case.law, case.speed)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import mpmath as mp  # type: ignore[import-untyped]
 
-from cam_rig.bench.cases.phase import Number, Phase, Vector, dot
+from cam_rig.bench.cases.phase import BenchPhase, Number, Vector, dot
 from cam_rig.bench.reference.exact_law import ExactPiece, polynomial
 from cam_rig.errors import CamRigError
 
@@ -21,14 +21,14 @@ FEWEST = 32
 #: A rate with an imaginary part smaller than this share is real but for rounding at 60 digits.
 REAL = 1e-40
 #: A guard that rises from zero is positive after this time, s.
-LEAST_BRACKET = 1e-30
+MIN_BRACKET = 1e-30
 
 
 @dataclass(frozen=True)
 class Flow:
     """One phase on one piece from local time ``begin`` and state ``start``."""
 
-    phase: Phase
+    phase: BenchPhase
     piece: ExactPiece
     begin: Number
     forced: list[list[Number]]
@@ -63,7 +63,7 @@ class Flow:
         return [mp.exp(rate * (time - self.begin)) for rate in self.rates]
 
 
-def flow(phase: Phase, piece: ExactPiece, begin: Number, start: Vector) -> Flow:
+def flow(phase: BenchPhase, piece: ExactPiece, begin: Number, start: Vector) -> Flow:
     """Solve one phase on one piece: (n+1) X_{n+1} = A X_n + F_n from the highest power down."""
     size = phase.size
     if size == 0:
@@ -116,7 +116,7 @@ def _bracket(value: Callable[[Number], Number], low: Number, high: Number) -> tu
         low = (begin + high) / 2
         if value(low) <= 0:
             high, low = low, begin
-        if high - begin < LEAST_BRACKET:
+        if high - begin < MIN_BRACKET:
             raise CamRigError(f"a guard is not positive after {float(begin)!r} s: no phase begins")
     return low, high
 

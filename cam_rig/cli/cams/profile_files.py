@@ -12,7 +12,7 @@ from cam_rig.errors import ConfigError
 
 if TYPE_CHECKING:
     from cam_rig.laws import Law
-    from cam_rig.profile.curves.path import Path as Curve
+    from cam_rig.profile.curves.path import ContourPath
     from cam_rig.schema import CamConfig
 
 DRAWINGS, TABLES = (".dxf", ".svg"), (".csv",)
@@ -99,7 +99,7 @@ def write(request: Request, cam: CamConfig, law: Law, force: bool) -> None:
     console.print(f"{names}: {words}: {request.out}", markup=False, soft_wrap=True)
 
 
-def _curves(request: Request, cam: CamConfig, law: Law, force: bool) -> list[Curve]:
+def _curves(request: Request, cam: CamConfig, law: Law, force: bool) -> list[ContourPath]:
     from cam_rig.profile.curves import path
 
     if request.pitch:

@@ -13,7 +13,7 @@ from cam_rig.cli.common.outputs import write_json, write_plot
 
 if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
     from cam_rig.simulation.levels import NoiseResult
-    from cam_rig.simulation.scene import Stage
+    from cam_rig.simulation.scene import LoadedScene
 
 
 def to_json(result: NoiseResult, counts: dict[str, int]) -> dict[str, Any]:
@@ -34,9 +34,9 @@ def to_json(result: NoiseResult, counts: dict[str, int]) -> dict[str, Any]:
     }
 
 
-def table(result: NoiseResult, stage: Stage) -> Table:
+def table(result: NoiseResult, loaded: LoadedScene) -> Table:
     """Regression, difference to the published one, and what that difference is worth."""
-    out = Table(title=f"{stage.scene.title}: level in dB over x in rpm")
+    out = Table(title=f"{loaded.scene.title}: level in dB over x in rpm")
     out.add_column("cam")
     out.add_column("regression")
     out.add_column("RMS difference\nto published", justify="right")
@@ -59,21 +59,23 @@ def table(result: NoiseResult, stage: Stage) -> Table:
 
 def show(
     result: NoiseResult,
-    stage: Stage,
+    loaded: LoadedScene,
     counts: dict[str, int],
     json_target: str | None,
     plot: Path | None,
 ) -> None:
     """Print the table, draw the plot, write the JSON."""
-    console.print(table(result, stage))
-    if stage.published is not None and set(stage.published.crossover.between) <= set(result.curves):
+    console.print(table(result, loaded))
+    if loaded.published is not None and set(loaded.published.crossover.between) <= set(
+        result.curves
+    ):
         found = "none" if result.crossover_rpm is None else f"{result.crossover_rpm:.1f} rpm"
-        names = " and ".join(stage.published.crossover.between)
+        names = " and ".join(loaded.published.crossover.between)
         console.print(
-            f"{names} cross at {found} (published: {stage.published.crossover.rpm:g} rpm)"
+            f"{names} cross at {found} (published: {loaded.published.crossover.rpm:g} rpm)"
         )
     if plot is not None:
         from cam_rig.plots.noise import draw
 
-        write_plot(plot, lambda part: draw(result, stage, part))
+        write_plot(plot, lambda part: draw(result, loaded, part))
     write_json(to_json(result, counts), json_target)

@@ -49,18 +49,18 @@ def analyze_bag(
     from cam_rig.simulation.schedule import tick_count
 
     recording = read_recording(bag, scene)
-    stage = recording.stage
+    loaded = recording.loaded
     counted = f"{sum(recording.counts.values())} messages, {len(recording.ticks)} ticks"
     console.print(f"{escape(str(bag))}: {counted}")
     for words in recovered_words(bag):
         console.print(f"[bold]recovered:[/] {escape(words)}")
-    whole = tick_count(stage.scene)
+    whole = tick_count(loaded.scene)
     if len(recording.ticks) < whole:
         console.print(f"[bold]not complete:[/] {len(recording.ticks)} of {whole} ticks")
-    levels = step_levels(recording.ticks, stage.scene.program.settle_turns.si)
+    levels = step_levels(recording.ticks, loaded.scene.program.settle_turns.si)
     require_ticks(levels, str(bag))
-    result = compare(levels, {cam: stage.role(cam) for cam in levels}, stage.published)
-    show(result, stage, recording.counts, json_target, plot)
+    result = compare(levels, {cam: loaded.role(cam) for cam in levels}, loaded.published)
+    show(result, loaded, recording.counts, json_target, plot)
 
 
 def newest_bag() -> Path:

@@ -53,7 +53,7 @@ def listen(
         from cam_rig.acoustics import SoundSource
         from cam_rig.acoustics.wav import full_scale, measure, pcm
         from cam_rig.simulation.audio import audition, sounds
-        from cam_rig.simulation.scene import open_stage
+        from cam_rig.simulation.scene import open_scene
         from cam_rig.simulation.schedule import tick_count
 
         check_outputs(json_target, None)
@@ -66,11 +66,13 @@ def listen(
                 "times; allowed: both, or neither"
             )
         held = SECONDS if seconds is None else seconds
-        stage = audition(open_stage(scene_path(scene)), cam, rpm, held, RATE)
-        source = SoundSource(stage.radiation, RATE, least_rate=RATE)
+        loaded = audition(open_scene(scene_path(scene)), cam, rpm, held, RATE)
+        source = SoundSource(loaded.radiation, RATE, least_rate=RATE)
         with progress_bar() as bar:
             ticks = bar.track(
-                sounds(stage, source), total=tick_count(stage.scene), description=stage.scene.name
+                sounds(loaded, source),
+                total=tick_count(loaded.scene),
+                description=loaded.scene.name,
             )
             pressure = np.concatenate(list(ticks))
         heard = measure(pressure, RATE)

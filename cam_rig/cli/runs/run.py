@@ -82,10 +82,10 @@ def _run(
     from cam_rig.runner.domain_lock import own_domain
     from cam_rig.runner.graph import Graph, live
     from cam_rig.runner.process import PROFILES
-    from cam_rig.simulation.scene import open_stage
+    from cam_rig.simulation.scene import open_scene
     from cam_rig.simulation.schedule import tick_count
 
-    stage = open_stage(path)
+    loaded = open_scene(path)
     if PROFILES in os.environ and not network:
         console.print(
             f"the profile of {PROFILES} is not used: nobody outside may hear; --network uses it"
@@ -97,7 +97,7 @@ def _run(
         progress_bar() as bar,
         Graph(nodes, respawn, network, _say) as graph,
     ):
-        task = bar.add_task("starting the nodes", total=tick_count(stage.scene))
+        task = bar.add_task("starting the nodes", total=tick_count(loaded.scene))
         for report in graph.progress():
             words = f"{report['cam']} {report['rpm']:.0f} rpm"
             bar.update(task, completed=int(report["tick"]), description=words)
@@ -106,7 +106,7 @@ def _run(
             words = f"{name} warned {len(node.warnings)} times, last: {node.warnings[-1]}"
             console.print(escape(words))
     graph.require_closed()
-    counts = require_complete(target, stage.scene)
+    counts = require_complete(target, loaded.scene)
     took = time.perf_counter() - begun
     console.print(
         f"{counts['/follower/samples']} ticks, {sum(counts.values())} messages, none missing, "

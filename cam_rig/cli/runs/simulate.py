@@ -26,17 +26,19 @@ def simulate(
         import time
 
         from cam_rig.simulation.levels import compare, require_ticks, step_levels
-        from cam_rig.simulation.scene import open_stage
+        from cam_rig.simulation.scene import open_scene
         from cam_rig.simulation.schedule import tick_count
         from cam_rig.simulation.simulate import simulate as run
 
         check_outputs(json_target, plot)
         path = scene_path(scene)
-        stage = open_stage(path)
+        loaded = open_scene(path)
         begun = time.perf_counter()
         with progress_bar() as bar:
             ticks = list(
-                bar.track(run(stage), total=tick_count(stage.scene), description=stage.scene.name)
+                bar.track(
+                    run(loaded), total=tick_count(loaded.scene), description=loaded.scene.name
+                )
             )
         took = time.perf_counter() - begun
         rig_time = ticks[-1].stop_ns * 1e-9
@@ -44,7 +46,7 @@ def simulate(
             f"{len(ticks)} ticks, {rig_time:.1f} s of rig time in {took:.2f} s "
             f"({rig_time / took:.0f} x real time)"
         )
-        levels = step_levels(ticks, stage.scene.program.settle_turns.si)
+        levels = step_levels(ticks, loaded.scene.program.settle_turns.si)
         require_ticks(levels, str(path))
-        result = compare(levels, {cam: stage.role(cam) for cam in levels}, stage.published)
-        show(result, stage, {}, json_target, plot)
+        result = compare(levels, {cam: loaded.role(cam) for cam in levels}, loaded.published)
+        show(result, loaded, {}, json_target, plot)

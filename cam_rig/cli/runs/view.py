@@ -16,7 +16,7 @@ from cam_rig.cli.common.options import SceneOfBag
 from cam_rig.viewer.layout import Layout
 
 if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
-    from cam_rig.viewer.recording import Wish
+    from cam_rig.viewer.recording import ViewOptions
 
 
 def view(
@@ -63,29 +63,34 @@ def view(
     """
     with user_errors():
         from cam_rig.errors import ConfigError
-        from cam_rig.viewer.recording import Wish
+        from cam_rig.viewer.recording import ViewOptions
 
         if save is not None and web:
             raise ConfigError("--save and --web: a file is written or a page served; name one")
         if save is None and force:
             raise ConfigError("--force: overwrites the file of --save, and none is named")
-        wish = Wish(layout, rpm, all_samples)
-        _view(bag, scene_path(scene) if scene else None, save, web, wish, force)
+        view_options = ViewOptions(layout, rpm, all_samples)
+        _view(bag, scene_path(scene) if scene else None, save, web, view_options, force)
 
 
 def _view(
-    bag: Path | None, scene: Path | None, save: Path | None, web: bool, wish: Wish, force: bool
+    bag: Path | None,
+    scene: Path | None,
+    save: Path | None,
+    web: bool,
+    view_options: ViewOptions,
+    force: bool,
 ) -> None:
     from cam_rig.cli.runs.analyze import newest_bag
     from cam_rig.viewer.server.process import require_display, show
 
     with _tidy_end():
         if save is not None:
-            convert(bag or newest_bag(), scene, save, wish, force)
+            convert(bag or newest_bag(), scene, save, view_options, force)
             return
         if not web:
             require_display()
-        with _converted(bag or newest_bag(), scene, wish) as path:
+        with _converted(bag or newest_bag(), scene, view_options) as path:
             if web:
                 _serve(path)
             else:
@@ -106,29 +111,36 @@ def _tidy_end() -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def convert(bag: Path, scene: Path | None, path: Path, wish: Wish, force: bool) -> None:
+def convert(
+    bag: Path, scene: Path | None, path: Path, view_options: ViewOptions, force: bool
+) -> None:
     """Write the picture of a bag to a file, with the scene attached to it unless one is named."""
     from cam_rig.bag.reader import read_counts
     from cam_rig.messages.topics import FOLLOWER_SAMPLES
-    from cam_rig.simulation.scene import open_stage
+    from cam_rig.simulation.scene import open_scene
     from cam_rig.viewer.recording import save_recording
 
-    stage = open_stage(scene) if scene else None
+    loaded = open_scene(scene) if scene else None
     with progress_bar() as bar:
         task = bar.add_task(bag.name, total=read_counts(bag).get(FOLLOWER_SAMPLES.name, 0))
         save_recording(
-            bag, path, wish, stage=stage, overwrite=force, on_tick=lambda: bar.advance(task)
+            bag,
+            path,
+            view_options,
+            loaded=loaded,
+            overwrite=force,
+            on_tick=lambda: bar.advance(task),
         )
     console.print(f"{path}: {path.stat().st_size / 1e6:.1f} MB", soft_wrap=True)
 
 
 @contextmanager
-def _converted(bag: Path, scene: Path | None, wish: Wish) -> Iterator[Path]:
+def _converted(bag: Path, scene: Path | None, view_options: ViewOptions) -> Iterator[Path]:
     from cam_rig.temporary import temporary_folder
 
     with temporary_folder() as folder:
         path = folder / f"{bag.resolve().name}.rrd"
-        convert(bag, scene, path, wish, force=False)
+        convert(bag, scene, path, view_options, force=False)
         yield path
 
 

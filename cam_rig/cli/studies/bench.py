@@ -13,7 +13,7 @@ from cam_rig.cli.common.outputs import check_outputs, write_json, write_plot
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from cam_rig.bench.result import Study
+    from cam_rig.bench.result import WorkPrecisionStudy
 
 #: Columns of the table, which is not cut where a terminal has fewer.
 WIDTH = 110
@@ -49,7 +49,7 @@ def bench(
         write_json(to_json(study), json_target)
 
 
-def measure(quick: bool) -> Study:
+def measure(quick: bool) -> WorkPrecisionStudy:
     """Run the study behind a progress bar."""
     import os
 
@@ -65,7 +65,7 @@ def measure(quick: bool) -> Study:
         return run(quick, advance, cores=os.cpu_count() or 1)
 
 
-def table(study: Study) -> Table:
+def table(study: WorkPrecisionStudy) -> Table:
     """The measured points, each case's rig first."""
     from rich.box import SIMPLE
     from rich.table import Table

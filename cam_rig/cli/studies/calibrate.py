@@ -32,13 +32,13 @@ def calibrate(
 
         from cam_rig.acoustics import calibrate as fit
         from cam_rig.cli.common.edit import set_identified
-        from cam_rig.simulation.scene import open_stage
+        from cam_rig.simulation.scene import open_scene
 
-        stage = open_stage(scene_path(scene))
-        cam = stage.rig.radiation.calibrated_on
-        speeds = np.array(stage.scene.program.speeds.si_list)
-        levels = stage.published_levels(cam, speeds * 30.0 / np.pi)
-        found = fit(stage.law_of(cam), stage.follower, stage.radiation, speeds, levels)
+        loaded = open_scene(scene_path(scene))
+        cam = loaded.rig.radiation.calibrated_on
+        speeds = np.array(loaded.scene.program.speeds.si_list)
+        levels = loaded.published_levels(cam, speeds * 30.0 / np.pi)
+        found = fit(loaded.law_of(cam), loaded.follower, loaded.radiation, speeds, levels)
         console.print(
             f"{cam}: gain {found.radiation.gain:.4g} Pa·s/N, corner {found.radiation.corner:.4g} "
             f"Hz; {found.rmse_db:.3f} dB RMS over {found.points} speeds (2 numbers fitted)"
@@ -50,8 +50,8 @@ def calibrate(
             }
             source = f"cam-rig calibrate, published noise of {cam} alone"
             residual = f"{found.rmse_db:.3f} dB RMS over {found.points} speeds, 2 numbers fitted"
-            set_identified(stage.rig_file, numbers, source, residual)
-            console.print(f"written to {stage.rig_file}")
+            set_identified(loaded.rig_file, numbers, source, residual)
+            console.print(f"written to {loaded.rig_file}")
 
 
 def _round(value: float) -> float:

@@ -61,17 +61,17 @@ def measure(config: FactorialConfig) -> Factorial:
     """
     from cam_rig.cli.common.workers import workers
     from cam_rig.schema import load_rig, load_tables
-    from cam_rig.studies.cam_set import open_lineup
+    from cam_rig.studies.cam_set import open_cam_set
     from cam_rig.studies.factorial.design import run_factorial
     from cam_rig.studies.factorial.measures import Bench
 
     others = [cam for cam in load_tables(tables_path()).table_2_jump if cam != config.proposed]
-    lineup = open_lineup(map(cam_path, [config.proposed, *others]), rig_path(config.rig))
-    bench = Bench.of(config, lineup.rig, load_rig(rig_path(config.noise_rig)))
+    cam_set = open_cam_set(map(cam_path, [config.proposed, *others]), rig_path(config.rig))
+    bench = Bench.of(config, cam_set.rig, load_rig(rig_path(config.noise_rig)))
     with progress_bar() as bar, workers() as pool:
 
         def each(function: Callable[[Law], Measures], laws: Iterable[Law]) -> Iterable[Measures]:
             todo = list(laws)
             return bar.track(pool.map(function, todo), total=len(todo), description=config.name)
 
-        return run_factorial(config, bench, lineup.laws, each)
+        return run_factorial(config, bench, cam_set.laws, each)

@@ -31,17 +31,17 @@ def identify(
     with user_errors():
         from cam_rig.cli.common.edit import set_identified
         from cam_rig.errors import ConfigError
-        from cam_rig.simulation.scene import open_stage
+        from cam_rig.simulation.scene import open_scene
         from cam_rig.studies.noise.identify import identify as search
 
-        stage = open_stage(scene_path(scene))
-        if cam not in stage.cams or not stage.cams[cam].identified_from:
+        loaded = open_scene(scene_path(scene))
+        if cam not in loaded.cams or not loaded.cams[cam].identified_from:
             raise ConfigError(
                 f"{scene}: {cam!r} cannot be identified; allowed: a tangent-arc cam of the scene "
                 "whose file has identified_from"
             )
         with console.status("searching") as status:
-            found = search(stage, cam, seed, lambda rmse: status.update(f"best {rmse:.2f} dB RMS"))
+            found = search(loaded, cam, seed, lambda rmse: status.update(f"best {rmse:.2f} dB RMS"))
         console.print(
             f"{cam}: lift {found.lift_mm:.3f} mm, event {found.event_deg:.2f}°, nose "
             f"{found.nose_deg:.2f}°: {found.rmse_db:.2f} dB RMS, {found.evaluations} trials"
@@ -56,5 +56,5 @@ def identify(
             }
             source = "cam-rig identify, its published noise curve"
             residual = f"{found.rmse_db:.2f} dB RMS, 3 numbers fitted to one cubic"
-            set_identified(stage.cam_files[cam], numbers, source, residual)
-            console.print(f"written to {stage.cam_files[cam]}")
+            set_identified(loaded.cam_files[cam], numbers, source, residual)
+            console.print(f"written to {loaded.cam_files[cam]}")

@@ -12,7 +12,7 @@ from cam_rig.cli.common.options import Json, Plot, Rig, TableCams
 from cam_rig.cli.common.outputs import check_outputs, write_json, write_plot
 
 if TYPE_CHECKING:
-    from cam_rig.studies.cam_set import Lineup
+    from cam_rig.studies.cam_set import CamSet
     from cam_rig.studies.jump.comparison import JumpRow
     from cam_rig.studies.jump.published import Reference
 
@@ -56,26 +56,28 @@ def jump(
     with user_errors():
         from cam_rig.cli.studies import jump_tables
         from cam_rig.schema import load_tables
-        from cam_rig.studies.cam_set import open_lineup
+        from cam_rig.studies.cam_set import open_cam_set
         from cam_rig.studies.jump.published import references
 
         check_outputs(json_target, plot)
         _require_apart(steady, ramp, from_rest, refit, bool(plot), bool(json_target))
         published = load_tables(tables_path())
         names = cams or list(published.table_2_jump)
-        lineup = open_lineup(map(cam_path, names), rig_path(rig))
+        cam_set = open_cam_set(map(cam_path, names), rig_path(rig))
         if refit:
-            jump_tables.show_refit(lineup, published, FROM_REST if from_rest is None else from_rest)
+            jump_tables.show_refit(
+                cam_set, published, FROM_REST if from_rest is None else from_rest
+            )
             return
         duration = None if steady else FROM_REST if from_rest is None else from_rest
-        known = references(lineup, published)
-        rows = _find(lineup, known, duration, ramp)
-        console.print(jump_tables.table(rows, lineup.rig.name))
+        known = references(cam_set, published)
+        rows = _find(cam_set, known, duration, ramp)
+        console.print(jump_tables.table(rows, cam_set.rig.name))
         console.print(jump_tables.words(rows), soft_wrap=True)
         if plot is not None:
             from cam_rig.plots.jump import draw
 
-            write_plot(plot, lambda part: draw(rows, lineup, duration, part))
+            write_plot(plot, lambda part: draw(rows, cam_set, duration, part))
         write_json(jump_tables.to_json(rows), json_target)
 
 
@@ -97,17 +99,17 @@ def _require_apart(
 
 
 def _find(
-    lineup: Lineup, known: dict[str, Reference], duration: float | None, ramp: float | None
+    cam_set: CamSet, known: dict[str, Reference], duration: float | None, ramp: float | None
 ) -> list[JumpRow]:
     """Every cam's jump, behind a bar."""
     from cam_rig.dynamics import TwoMassParameters
     from cam_rig.studies.jump.comparison import find_jumps
 
-    follower = TwoMassParameters.from_rig(lineup.rig)
+    follower = TwoMassParameters.from_rig(cam_set.rig)
     with progress_bar() as bar:
-        task = bar.add_task("", total=len(lineup.cams), completed=-1)
+        task = bar.add_task("", total=len(cam_set.cams), completed=-1)
 
         def done(cam: str) -> None:
             bar.update(task, advance=1, description=cam)
 
-        return find_jumps(lineup.laws, follower, known, duration, ramp, done)
+        return find_jumps(cam_set.laws, follower, known, duration, ramp, done)

@@ -21,7 +21,7 @@ from cam_rig.studies.jump.published import Reference
 
 if TYPE_CHECKING:
     from cam_rig.schema import PublishedTables
-    from cam_rig.studies.cam_set import Lineup
+    from cam_rig.studies.cam_set import CamSet
     from cam_rig.studies.jump.comparison import JumpRow
     from cam_rig.studies.jump.refit import Refit
 
@@ -84,7 +84,7 @@ def words(rows: list[JumpRow]) -> str:
     return "; ".join(said)
 
 
-def show_refit(lineup: Lineup, published: PublishedTables, duration: float) -> None:
+def show_refit(cam_set: CamSet, published: PublishedTables, duration: float) -> None:
     """Fit event angle, stem, split and preload anew, and print them beside the rig's.
 
     Then what the refitted rig makes of all cams, those that were not fitted among them.
@@ -97,15 +97,15 @@ def show_refit(lineup: Lineup, published: PublishedTables, duration: float) -> N
     from cam_rig.studies.jump.refit import refit, refitted
 
     require_run(duration)
-    parameters = TwoMassParameters.from_rig(lineup.rig)
+    parameters = TwoMassParameters.from_rig(cam_set.rig)
     fitted = {cam: published.table_2_jump[cam].rpm for cam in published.table_2_defined}
-    if not set(fitted) <= set(lineup.cams):
+    if not set(fitted) <= set(cam_set.cams):
         raise ConfigError(
-            f"--refit: cams are {', '.join(lineup.cams)}; needed: {', '.join(fitted)}"
+            f"--refit: cams are {', '.join(cam_set.cams)}; needed: {', '.join(fitted)}"
         )
     with console.status("searching") as status:
         found = refit(
-            lineup.cams,
+            cam_set.cams,
             fitted,
             parameters,
             duration,
@@ -124,7 +124,7 @@ def show_refit(lineup: Lineup, published: PublishedTables, duration: float) -> N
         cam: Reference(row.rpm, row.time_s, "fitted" if cam in fitted else "test")
         for cam, row in published.table_2_jump.items()
     }
-    laws, follower = refitted(lineup.cams, parameters, found.numbers)
+    laws, follower = refitted(cam_set.cams, parameters, found.numbers)
     rows = find_jumps(laws, follower, known, duration)
     console.print(table(rows, "the refitted rig"))
     console.print(words(rows), soft_wrap=True)

@@ -39,24 +39,24 @@ def noise(
         from cam_rig.cli.studies.noise_json import to_json
         from cam_rig.cli.studies.noise_tables import show
         from cam_rig.schema import Library, load_rig
-        from cam_rig.simulation.scene import open_stage
+        from cam_rig.simulation.scene import open_scene
         from cam_rig.studies.noise.run import PARTS, study_noise
 
         check_outputs(json_target, plot)
         path = scene_path(scene)
-        stage, other = open_stage(path), load_rig(Library.beside(path).path("rigs", rig))
+        loaded, other = open_scene(path), load_rig(Library.beside(path).path("rigs", rig))
         with progress_bar() as bar:
             task = bar.add_task("", total=len(PARTS), completed=-1)
             found = study_noise(
-                stage,
+                loaded,
                 other,
                 one_rig,
                 lambda part: bar.update(task, advance=1, description=part),
                 lambda best: bar.update(task, description=f"one rig, best {best:.1f} dB"),
             )
-        show(found, stage)
+        show(found, loaded)
         if plot is not None:
             from cam_rig.plots.noise_study import draw
 
-            write_plot(plot, lambda part: draw(found, stage, part))
+            write_plot(plot, lambda part: draw(found, loaded, part))
         write_json(to_json(found), json_target)

@@ -11,7 +11,7 @@ from rich.table import Table
 from cam_rig.cli.common.console import console
 
 if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
-    from cam_rig.simulation.scene import Stage
+    from cam_rig.simulation.scene import LoadedScene
     from cam_rig.simulation.settled_turns import Acoustics
     from cam_rig.studies.noise.arc_shape import ArcShape
     from cam_rig.studies.noise.bootstrap import Crossing
@@ -20,12 +20,12 @@ if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
     from cam_rig.studies.noise.run import NoiseStudy
 
 
-def show(study: NoiseStudy, stage: Stage) -> None:
+def show(study: NoiseStudy, loaded: LoadedScene) -> None:
     """Print every table."""
     console.print(_structures(study))
     for method in study.methods:
-        console.print(_method(method, stage))
-        console.print(_crossing_words(method.crossing, stage))
+        console.print(_method(method, loaded))
+        console.print(_crossing_words(method.crossing, loaded))
     console.print(_left_out(study.left_out))
     console.print(_one_rig(study))
 
@@ -67,7 +67,7 @@ def shape_words(shape: ArcShape) -> str:
     return f"lift {1e3 * shape.lift:.2f} mm, event {event:.1f}°, flank {1 / shape.curvature:.2f} m"
 
 
-def _method(method: Method, stage: Stage) -> Table:
+def _method(method: Method, loaded: LoadedScene) -> Table:
     out = _table(
         f"{method.name}: {constants_words(method.acoustics)}",
         "cam",
@@ -93,14 +93,14 @@ def _method(method: Method, stage: Stage) -> Table:
     return out
 
 
-def _crossing_words(found: Crossing, stage: Stage) -> str:
-    assert stage.published is not None  # the study has its levels
-    names = " and ".join(stage.published.crossover.between)
+def _crossing_words(found: Crossing, loaded: LoadedScene) -> str:
+    assert loaded.published is not None  # the study has its levels
+    names = " and ".join(loaded.published.crossover.between)
     where = "nowhere" if found.rpm is None else f"at {found.rpm:.1f} ± {found.deviation:.1f} rpm"
     points = "nowhere" if found.points_rpm is None else f"at {found.points_rpm:.1f} rpm"
     return (
         f"regressions of {names} cross {where} (± one standard deviation of the draws; 95 %: "
-        f"{found.low:.0f} to {found.high:.0f}; published: {stage.published.crossover.rpm:g}); the "
+        f"{found.low:.0f} to {found.high:.0f}; published: {loaded.published.crossover.rpm:g}); the "
         f"simulated points themselves {points}"
     )
 

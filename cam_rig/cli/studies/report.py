@@ -13,7 +13,7 @@ from cam_rig.cli.common.options import Json
 from cam_rig.cli.common.outputs import check_outputs, check_place, write_json, writing
 
 if TYPE_CHECKING:
-    from cam_rig.report.results import Results, Sources
+    from cam_rig.report.results import Findings, Sources
     from cam_rig.studies.jump.comparison import JumpRow
 
 
@@ -62,7 +62,7 @@ def report(
         write_json(report_json.to_json(found), json_target)
 
 
-def _find(sources: Sources, with_figures: bool) -> tuple[Results, dict[str, str]]:
+def _find(sources: Sources, with_figures: bool) -> tuple[Findings, dict[str, str]]:
     """Results and figures by key, behind a bar."""
     from cam_rig.cli.common.workers import workers
     from cam_rig.report import figures

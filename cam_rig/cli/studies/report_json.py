@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 from cam_rig.cli.studies import factorial_tables, jump_tables, noise_json, vibration_tables
 
 if TYPE_CHECKING:
-    from cam_rig.report.results import Results
+    from cam_rig.report.results import Findings
 
 
-def to_json(results: Results) -> dict[str, Any]:
+def to_json(results: Findings) -> dict[str, Any]:
     """Every part by the name of its command."""
     return {
         "jump": jump_tables.to_json(results.jumps),

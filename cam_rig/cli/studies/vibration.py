@@ -39,21 +39,21 @@ def vibration(
     with user_errors():
         from cam_rig.cli.studies import vibration_tables
         from cam_rig.schema import load_tables
-        from cam_rig.studies.cam_set import open_lineup
+        from cam_rig.studies.cam_set import open_cam_set
         from cam_rig.studies.vibration.comparison import vibration_table
 
         check_outputs(json_target, plot)
         names = cams or list(load_tables(tables_path()).table_2_jump)
-        lineup = open_lineup(map(cam_path, names), rig_path(rig))
+        cam_set = open_cam_set(map(cam_path, names), rig_path(rig))
         with progress_bar() as bar:
-            task = bar.add_task("", total=len(lineup.cams), completed=-1)
+            task = bar.add_task("", total=len(cam_set.cams), completed=-1)
             speeds = tuple(rpm or SPEEDS)  # a speed given twice is one
             found = vibration_table(
-                lineup, speeds, lambda cam: bar.update(task, advance=1, description=cam)
+                cam_set, speeds, lambda cam: bar.update(task, advance=1, description=cam)
             )
-        vibration_tables.show(found, lineup)
+        vibration_tables.show(found, cam_set)
         if plot is not None:
             from cam_rig.plots.vibration import draw
 
-            write_plot(plot, lambda part: draw(lineup, speeds[-1], part))
+            write_plot(plot, lambda part: draw(cam_set, speeds[-1], part))
         write_json(vibration_tables.to_json(found), json_target)

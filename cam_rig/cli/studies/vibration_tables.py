@@ -12,16 +12,16 @@ from cam_rig.cli.common.console import console
 from cam_rig.studies.vibration.claims import vibration_claims
 
 if TYPE_CHECKING:
-    from cam_rig.studies.cam_set import Lineup
+    from cam_rig.studies.cam_set import CamSet
     from cam_rig.studies.vibration.claims import Claim
     from cam_rig.studies.vibration.comparison import VibrationTable
     from cam_rig.studies.vibration.steady_state import Vibration
 
 
-def show(table: VibrationTable, lineup: Lineup) -> None:
+def show(table: VibrationTable, cam_set: CamSet) -> None:
     """A table for each speed, then the paper's words."""
     for rpm in table.rpm:
-        title = f"{rpm:g} rpm on {lineup.rig.name}, steady state"
+        title = f"{rpm:g} rpm on {cam_set.rig.name}, steady state"
         console.print(_one(table.at(rpm), title, table.left(rpm)))
     for claim in vibration_claims(table):
         console.print(f"{claim.words} ({claim.source}): {claim.told}", soft_wrap=True)

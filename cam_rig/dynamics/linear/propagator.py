@@ -50,7 +50,7 @@ def exponential(matrix: FloatArray, time: float) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class ForcingPiece:
     """One piece of the response, in one or more equal parts.
 
     ``particular`` is ``(parts, n, p + 1)``, the ordinates of X on each part; ``part_flow`` is
@@ -97,7 +97,7 @@ class Piece:
         return states
 
 
-def piece(matrix: FloatArray, forcing: FloatArray, duration: float) -> Piece:
+def piece(matrix: FloatArray, forcing: FloatArray, duration: float) -> ForcingPiece:
     """Solve one piece.
 
     Parameters
@@ -126,7 +126,7 @@ def piece(matrix: FloatArray, forcing: FloatArray, duration: float) -> Piece:
         responses.append(np.hstack([grown, rest]) @ modes.T)
     top = max(response.shape[0] for response in responses) - 1
     particular = np.stack([bernstein.elevate(response, top).T for response in responses])
-    return Piece(matrix, particular, duration, exponential(matrix, length))
+    return ForcingPiece(matrix, particular, duration, exponential(matrix, length))
 
 
 def _modes(
@@ -180,7 +180,7 @@ def _picard(matrix: FloatArray, forcing: FloatArray, duration: float) -> FloatAr
     return np.asarray(total)
 
 
-def periodic_state(pieces: list[Piece]) -> FloatArray:
+def periodic_state(pieces: list[ForcingPiece]) -> FloatArray:
     """The state that returns to itself after all pieces: (I − Φ) x₀ = r, one linear solve."""
     size = pieces[0].matrix.shape[0]
     flow, rest = np.eye(size), np.zeros(size)

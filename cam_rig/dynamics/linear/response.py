@@ -54,7 +54,7 @@ class Part:
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class LinearRun:
     """A part as it is passed: from ``begin`` to ``end`` (s since the walk's start).
 
     ``local`` is where in the part it begins, in s; ``free`` the state there, less X.
@@ -111,7 +111,7 @@ class LinearResponse:
         step = self.law.kinks.get(piece) if self.kicked else None
         return None if step is None else self.drive[:, 2] * (self.speed * step)
 
-    def walk(self, start: FloatArray, angle: float, duration: float) -> Iterator[Run]:
+    def walk(self, start: FloatArray, angle: float, duration: float) -> Iterator[LinearRun]:
         """Run after run from state ``start`` at cam angle ``angle`` (rad) for ``duration`` s.
 
         A kick at the start is the walk's, one at its end is not (`kinks`).
@@ -132,7 +132,7 @@ class LinearResponse:
                 end = max(end, duration)
             at = part.forced(np.array([local]))[:, 0] if local > 0.0 else part.particular[:, 0]
             free = state - at
-            yield Run(part, now, min(end, duration), local, free)
+            yield LinearRun(part, now, min(end, duration), local, free)
             if end >= duration:
                 return
             # A part's own length, not end - now: the rounding of a late time would turn the phase.

@@ -15,7 +15,7 @@ from scipy.linalg import expm
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.linear.matrix_exponential import free_grid, free_motion
-from cam_rig.dynamics.linear.response import LinearResponse, Part, Run
+from cam_rig.dynamics.linear.response import LinearResponse, LinearRun, Part
 from cam_rig.laws import bernstein
 from cam_rig.laws.sampling import CHUNK, MIDDLE, WIDEST_CHUNK, chunk_powers
 
@@ -116,7 +116,12 @@ def _chunk(
 
 
 def _fill(
-    model: LinearResponse, run: Run, offset: float, step: float, outputs: Outputs, out: FloatArray
+    model: LinearResponse,
+    run: LinearRun,
+    offset: float,
+    step: float,
+    outputs: Outputs,
+    out: FloatArray,
 ) -> None:
     part, count = run.part, out.shape[1]
     ordinates, taylor = polynomial_part(model, part, outputs)

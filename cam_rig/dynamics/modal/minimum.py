@@ -13,7 +13,7 @@ from cam_rig.laws import bernstein
 from cam_rig.units import TURN
 
 #: Grid points a period of the mode, and at least, of a turn.
-PER_PERIOD, LEAST_PER_TURN = 24, 256
+PER_PERIOD, MIN_PER_TURN = 24, 256
 #: Points of a piece at which a bound looks at the polynomial.
 BOUND_POINTS = 33
 #: Points of a second look at one low point, and what the grid may miss of the ringing there.
@@ -47,7 +47,7 @@ class _Stretch:
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class ModalRun:
     """How long a model runs: ``duration`` s from rest at θ = 0, or settled for ever (None)."""
 
     model: Ringing
@@ -131,5 +131,5 @@ class Run:
     def _grid(self, speeds: FloatArray) -> list[int]:
         """Points of each piece."""
         rate = float(np.abs(self.model.rates.imag).max())
-        a_turn = max(LEAST_PER_TURN, PER_PERIOD * rate / float(speeds.min()))
+        a_turn = max(MIN_PER_TURN, PER_PERIOD * rate / float(speeds.min()))
         return [int(np.ceil(a_turn * span / TURN)) + 8 for span in self.model.law.spans]

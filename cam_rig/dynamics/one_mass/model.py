@@ -19,7 +19,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import kinetostatic
 from cam_rig.dynamics.impacts import show_impulses
 from cam_rig.dynamics.interval import Block, FollowerState, Interval, SampleGrid
-from cam_rig.dynamics.one_mass.trajectory import Course, Phase
+from cam_rig.dynamics.one_mass.trajectory import OneMassPhase, OneMassTrajectory
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.ramp import with_ramps
 from cam_rig.dynamics.validation import require_turning
@@ -45,7 +45,7 @@ def advance(
     step : by how much ṡ is more than where ``state`` ended, m/s
     """
     require_turning(interval.speed)
-    course = Course(law, parameters, interval)
+    course = OneMassTrajectory(law, parameters, interval)
     course.run(state, step)
     rows = kinetostatic.ride(law, parameters, interval, sample_rate)
     grid = interval.grid(sample_rate)
@@ -60,7 +60,7 @@ def advance(
     return end, Block(interval, rows, events)
 
 
-def _show_flight(rows: FloatArray, grid: SampleGrid, phase: Phase) -> None:
+def _show_flight(rows: FloatArray, grid: SampleGrid, phase: OneMassPhase) -> None:
     """Put the free motion in place of the law where the follower flies."""
     assert phase.flight is not None
     first, end = grid.index_after(phase.begin), min(grid.index_after(phase.end), grid.count)

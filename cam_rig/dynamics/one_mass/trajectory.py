@@ -24,11 +24,11 @@ STILL = 1e-12
 #: Angle (rad) of a loss interval too short to lift anything but a rounding error.
 GRAZE = 1e-9
 #: More events in one interval than any physical bounce series has.
-MOST_EVENTS = 10_000
+MAX_EVENTS = 10_000
 
 
 @dataclass(frozen=True)
-class Phase:
+class OneMassPhase:
     """Contact (no flight) or flight from ``begin`` to ``end``, in s since the interval's start."""
 
     begin: float
@@ -37,7 +37,7 @@ class Phase:
 
 
 @dataclass
-class Course:
+class OneMassTrajectory:
     """Finds phase after phase of an interval at constant speed; times since its start, in s.
 
     Nothing is stepped: contact ends where the force polynomial turns negative, flight ends
@@ -49,7 +49,7 @@ class Course:
     law: Law
     parameters: FollowerParameters
     interval: Interval
-    phases: list[Phase] = field(default_factory=list)
+    phases: list[OneMassPhase] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -73,7 +73,7 @@ class Course:
         """A phase of contact: its end, and what flies on then."""
         lift_off, bound = self._lift_off(time), self._kinks.bound
         end = self._kinks.no_later(lift_off) if lift_off < self._kinks.clear else bound
-        self.phases.append(Phase(time, end, None))
+        self.phases.append(OneMassPhase(time, end, None))
         return end, self._leave(end) if end < bound else self._strike(end)
 
     def _fly(self, time: float, flight: Flight) -> tuple[float, Flight | None]:
@@ -82,7 +82,7 @@ class Course:
         approach = Approach(flight, self.law, angle, self.interval.speed, self._force_noise)
         last = approach.run(bound - time)
         end = self._kinks.no_later(time + last.time) if last.landed else bound
-        self.phases.append(Phase(time, end, flight))
+        self.phases.append(OneMassPhase(time, end, flight))
         opening = last.rate - self._kinks.take(end)
         if last.landed and opening <= 0.0:
             self._require_progress()
@@ -99,10 +99,10 @@ class Course:
 
     def _require_progress(self) -> None:
         """An endless series of events would be a fault of the model: say so, do not hang."""
-        if len(self.events) > MOST_EVENTS:
+        if len(self.events) > MAX_EVENTS:
             raise DynamicsError(
                 f"{len(self.events)} events in {self.interval.duration:g} s at "
-                f"{self.interval.speed:g} rad/s; allowed: {MOST_EVENTS} an interval"
+                f"{self.interval.speed:g} rad/s; allowed: {MAX_EVENTS} an interval"
             )
 
     def angle(self, time: float) -> float:

@@ -19,7 +19,7 @@ BATCH = 2048
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class CollocationTable:
     """Chebyshev-Lobatto nodes on [0, 1] and what is linear in the values there.
 
     Parameters
@@ -37,7 +37,7 @@ class Table:
 
 
 @lru_cache(maxsize=32)
-def table(degree: int) -> Table:
+def table(degree: int) -> CollocationTable:
     """Nodes and matrices of one degree N."""
     k = np.arange(degree + 1)
     angles = np.pi * (degree - k) / degree
@@ -56,7 +56,7 @@ def table(degree: int) -> Table:
     nodes = np.sin(0.5 * np.pi * k / degree) ** 2
     for array in (nodes, series, first, second):
         array.setflags(write=False)
-    return Table(nodes, series, first, second)
+    return CollocationTable(nodes, series, first, second)
 
 
 def _integral(size: int) -> FloatArray:
@@ -92,7 +92,7 @@ def basis(size: int, u: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class ChebyshevPath:
     """Rows of functions of time, window after window, each a Chebyshev series.
 
     Parameters

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.torsional.collocation import Path
+from cam_rig.dynamics.torsional.collocation import ChebyshevPath
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.torsional.stepper import March
 from cam_rig.dynamics.validation import require_number
@@ -46,7 +46,7 @@ ROWS = (
 )
 #: A periodic state returns to itself to this fraction of the peak twist; it is sought to PERIODIC.
 RETURNS, PERIODIC = 1e-11, 1e-13
-MOST_TURNS = 25
+MAX_TURNS = 25
 #: Twist of the start taken for the slopes of the map, in peaks.
 NUDGE = 0.03
 #: A start that comes back to this fraction of its change: the shaft is in resonance with the cam.
@@ -65,7 +65,7 @@ class TorsionalMotion:
     law: Law
     parameters: TorsionalParameters
     start_time: float
-    path: Path
+    path: ChebyshevPath
     pieces: NDArray[np.intp]
     lows: FloatArray
     end: TorsionalState
@@ -145,7 +145,7 @@ def solve(
     end, done = March(law, parameters, ramp).run(state, duration)
     for stretch in done:
         stretch.series[2, 0] += stretch.low
-    path = Path(
+    path = ChebyshevPath(
         np.array([0.0, *(stretch.end for stretch in done)]),
         np.array([stretch.span for stretch in done]),
         [stretch.series for stretch in done],
@@ -188,7 +188,7 @@ def periodic_state(
     gap = miss(x)
     nudge = NUDGE * (march.peak or 1.0)
     slopes = np.stack([(miss(step) - gap) / nudge for step in nudge * np.eye(2)], axis=1)
-    for _ in range(MOST_TURNS):
+    for _ in range(MAX_TURNS):
         if np.linalg.norm(slopes, -2) < RESONANT:
             break
         step = np.linalg.solve(slopes, -gap)

@@ -17,7 +17,7 @@ import numpy as np
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.torsional.collocation import basis, basis_at, table
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
-from cam_rig.dynamics.torsional.window import Piece, Window, largest
+from cam_rig.dynamics.torsional.window import CollocationWindow, TwistPiece, largest
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
@@ -33,17 +33,17 @@ DEAD = 1e-250
 #: A window is resolved when its last coefficients are below this fraction of the largest.
 RESOLVED = 1e-13
 #: Halvings and other changes of one window before it is given up.
-MOST_TRIES = 40
+MAX_TRIES = 40
 #: Windows of one run: hours of turning, or a motion that is none.
-MOST_WINDOWS = 100_000
+MAX_WINDOWS = 100_000
 #: Windows without length that may follow one another at a joint.
-MOST_STALLS = 3
+MAX_STALLS = 3
 #: Newton's method for a crossing ends at this relative correction.
 STILL = 1e-10
 
 
 @lru_cache(maxsize=64)
-def pieces_of(law: Law) -> tuple[Piece, ...]:
+def pieces_of(law: Law) -> tuple[TwistPiece, ...]:
     """The law's pieces as a window takes them.
 
     Raises
@@ -54,7 +54,7 @@ def pieces_of(law: Law) -> tuple[Piece, ...]:
     stack = np.stack([law.derivative_ordinates(order).T for order in range(4)], axis=1)
     stack *= bernstein.binomials(law.degree)
     return tuple(
-        Piece(weights, float(span)) for weights, span in zip(stack, law.spans, strict=True)
+        TwistPiece(weights, float(span)) for weights, span in zip(stack, law.spans, strict=True)
     )
 
 
@@ -67,7 +67,7 @@ class Control:
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class SmoothInterval:
     """A finished window: ``[begin, end]`` (s), series over ``span`` (s) of its piece.
 
     ``low`` is the unwrapped cam angle (rad) at which the piece begins; the series count from it.
@@ -95,12 +95,14 @@ class March:
         self._controls = [Control(PHASES[-1] / self.rate) for _ in self.pieces]
 
     @np.errstate(over="ignore", invalid="ignore")  # a window that diverges is met by `_window`
-    def run(self, state: TorsionalState, duration: float) -> tuple[TorsionalState, list[Stretch]]:
+    def run(
+        self, state: TorsionalState, duration: float
+    ) -> tuple[TorsionalState, list[SmoothInterval]]:
         """The state after ``duration`` (s), and the windows up to there."""
         index = self._index(state.flywheel_angle + state.twist)
         state = self._from(state, -self._low(index))
         self.peak = max(self.peak, abs(state.twist))
-        time, stalls, done = 0.0, 0, list[Stretch]()
+        time, stalls, done = 0.0, 0, list[SmoothInterval]()
         while time < duration:
             window = self._window(state, index % len(self.pieces), duration - time)
             series = window.series()
@@ -108,11 +110,11 @@ class March:
             last = way == 0 and window.length >= duration - time
             end = duration if last else min(time + at, duration)
             stalls = stalls + 1 if end <= time else 0
-            if stalls > MOST_STALLS or len(done) >= MOST_WINDOWS:
+            if stalls > MAX_STALLS or len(done) >= MAX_WINDOWS:
                 raise self._stuck(index, time, len(done))
             if end > time:
                 piece, low = index % len(self.pieces), self._low(index)
-                done.append(Stretch(time, end, window.length, series, piece, low))
+                done.append(SmoothInterval(time, end, window.length, series, piece, low))
                 state = self._state(series, state, end - time, window.length)
             if way:  # spans, not differences of unwrapped angles, which are rounded
                 span = self.pieces[(index if way > 0 else index - 1) % len(self.pieces)].span
@@ -135,16 +137,16 @@ class March:
     def _from(state: TorsionalState, shift: float) -> TorsionalState:
         return replace(state, flywheel_angle=state.flywheel_angle + shift)
 
-    def _window(self, state: TorsionalState, piece: int, remaining: float) -> Window:
+    def _window(self, state: TorsionalState, piece: int, remaining: float) -> CollocationWindow:
         """A solved and resolved window from ``state`` on: as long as can be."""
         if max(abs(state.twist), abs(state.twist_rate)) < DEAD:
             state = replace(state, twist=0.0, twist_rate=0.0)
         control, length = self._controls[piece], 0.0
-        for _ in range(MOST_TRIES):
+        for _ in range(MAX_TRIES):
             length = self._length(state, piece, remaining)
             rung = bisect.bisect_left(PHASES, length * self.rate) + control.bump
             degree = DEGREES[min(rung, len(DEGREES) - 1)]
-            window = Window(
+            window = CollocationWindow(
                 self.parameters, self.pieces[piece], state, length, table(degree), self.ramp
             )
             solved = window.solve()
@@ -161,7 +163,7 @@ class March:
         raise DynamicsError(
             f"law {self.law.name!r}: a window of {length:.3g} s from twist {state.twist:.6g} rad, "
             f"rate {state.twist_rate:.6g} rad/s {'is not resolved' if solved else 'diverges'} "
-            f"after {MOST_TRIES} tries; check the state the run begins with, and that a shaft of "
+            f"after {MAX_TRIES} tries; check the state the run begins with, and that a shaft of "
             f"{self.parameters.shaft_stiffness:g} N·m/rad can carry the follower's torque"
         )
 
@@ -194,7 +196,7 @@ class March:
 
     def _stuck(self, index: int, time: float, windows: int) -> DynamicsError:
         why = "the cam stands still there"
-        if windows >= MOST_WINDOWS:
+        if windows >= MAX_WINDOWS:
             why = "solve a shorter span, and go on from its end"
         return DynamicsError(
             f"law {self.law.name!r}: after {windows} windows and {time:.6g} s at the joint at "
@@ -202,7 +204,7 @@ class March:
         )
 
 
-def leave(window: Window, series: FloatArray) -> tuple[float, int]:
+def leave(window: CollocationWindow, series: FloatArray) -> tuple[float, int]:
     """Time in the window (s) at which it leaves its piece, and which way: 1, −1, or 0 for never.
 
     Nodes are dense enough to see every exit of a cam that turns one way; where it turns back
@@ -221,11 +223,13 @@ def leave(window: Window, series: FloatArray) -> tuple[float, int]:
     return window.length * _root(window, series[2:4], joint, float(u[i]), float(u[i + 1])), way
 
 
-def _root(window: Window, series: FloatArray, joint: float, low: float, high: float) -> float:
+def _root(
+    window: CollocationWindow, series: FloatArray, joint: float, low: float, high: float
+) -> float:
     """U at which θ_c meets the joint: Newton's method, kept in its bracket by bisection."""
     sign = 1.0 if joint > 0.0 else -1.0
     u = 0.5 * (low + high)
-    for _ in range(MOST_TRIES):
+    for _ in range(MAX_TRIES):
         angle, speed = series @ basis_at(series.shape[1], u)
         gap = sign * (float(angle) - joint)
         low, high = (low, u) if gap > 0.0 else (u, high)

@@ -18,14 +18,14 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.linear.impulse_response import response
-from cam_rig.dynamics.torsional.collocation import Table
+from cam_rig.dynamics.torsional.collocation import CollocationTable
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 
 #: Newton's method has converged when the next correction would be below this, relatively ...
 CONVERGED = 1e-15
 #: ... and has reached rounding when corrections below this no longer shrink.
 ROUNDING = 1e-12
-MOST_ITERATIONS = 15
+MAX_ITERATIONS = 15
 #: A correction may be this fraction of the last before the matrix is made anew.
 SLOW = 0.01
 #: Chebyshev coefficients of u²/2, u and 1, what a ramp adds to angle, speed and acceleration.
@@ -33,7 +33,7 @@ RAMP = np.array([[3.0, 4.0, 1.0], [8.0, 8.0, 0.0], [16.0, 0.0, 0.0]]) / 16.0
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class TwistPiece:
     """One piece of a law, ``span`` rad long.
 
     ``weights`` is ``(4, p + 1)``: Bernstein ordinates of s and of its first three derivatives,
@@ -58,7 +58,7 @@ class Piece:
         return np.asarray(self.weights @ (powers[0] * powers[1, ::-1]))
 
 
-class Window:
+class CollocationWindow:
     """Eq. 10 over a time ``length`` (s) on one piece of the law, continued beyond its ends.
 
     ``start`` has the flywheel's angle measured from the beginning of the piece; ``ramp`` is α,
@@ -68,10 +68,10 @@ class Window:
     def __init__(
         self,
         parameters: TorsionalParameters,
-        piece: Piece,
+        piece: TwistPiece,
         start: TorsionalState,
         length: float,
-        table: Table,
+        table: CollocationTable,
         ramp: float = 0.0,
     ) -> None:
         self.parameters, self.piece, self.start, self.ramp = parameters, piece, start, ramp
@@ -126,7 +126,7 @@ class Window:
             self.scale = self._scale()
             return True
         last, ratio, factors = math.inf, 1.0, None
-        for i in range(MOST_ITERATIONS):
+        for i in range(MAX_ITERATIONS):
             residual, slopes = self._residual(with_slopes=i < 2 or ratio > SLOW)
             if slopes is not None:
                 factors = dgetrf(self._matrix(*slopes), overwrite_a=True)[:2]

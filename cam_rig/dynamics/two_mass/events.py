@@ -12,7 +12,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.landing import Approach, Gap
 from cam_rig.dynamics.linear.free_system import REACH, SERIES_DEGREE, Flight, bernstein_from_powers
 from cam_rig.dynamics.linear.matrix_exponential import free_motion
-from cam_rig.dynamics.linear.response import Run
+from cam_rig.dynamics.linear.response import LinearRun
 from cam_rig.dynamics.linear.sampling import polynomial_part
 from cam_rig.dynamics.root_scan import TOGETHER, clear_cells, fall, step
 from cam_rig.dynamics.two_mass.flight import free_masses, from_inner, to_inner
@@ -24,7 +24,7 @@ from cam_rig.laws.law import Scalar
 #: A force this many rounding errors below zero is below zero.
 ROUNDING_ERRORS = 64.0
 #: A look at the force takes steps of this part of a window at least.
-LEAST_STEP = 1.0 / 16.0
+MIN_STEP = 1.0 / 16.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +78,7 @@ class _Force:
             free = self._free(np.array([begin]))[:, 0]
             bend = self._forced_bend + self._largest_bend(free)
             value = self._forced((self.local + begin) / self.length) + float(self.row @ free)
-            wide = min(step(value, bend, LEAST_STEP * self._window), limit)
+            wide = min(step(value, bend, MIN_STEP * self._window), limit)
             times = np.minimum(begin + wide * np.arange(TOGETHER + 1), limit)
             times = times[: np.argmax(times) + 1]
             bends = np.full(times.size - 1, bend)
@@ -142,7 +142,7 @@ def lift_off(
     return None
 
 
-def _force_root(law: Law, p: TwoMassParameters, speed: float, run: Run) -> float | None:
+def _force_root(law: Law, p: TwoMassParameters, speed: float, run: LinearRun) -> float | None:
     response, output, part = contact_response(law, p, speed), force_output(p), run.part
     ordinates = polynomial_part(response, part, output)[0][0]
     rate = p.stiffness / p.end_mass

@@ -13,7 +13,7 @@ from cam_rig.dynamics.two_mass.parameters import TwoMassParameters
 #: Pairs whose shapes are more alike than this are not told apart: their digits would cancel.
 WORST_CONDITION = 1e3
 #: Newton's steps to a factor of the characteristic polynomial, and when it is found.
-MOST_STEPS, FOUND = 12, 1e-15
+MAX_STEPS, FOUND = 12, 1e-15
 
 
 @lru_cache(maxsize=64)
@@ -113,7 +113,7 @@ def _factors(polynomial: FloatArray) -> list[tuple[Factor, Factor]]:
 def _polished(polynomial: FloatArray, p: float, q: float) -> tuple[Factor, Factor] | None:
     """Newton's method for P q + p Q = a₁ and q Q = a₀, from a factor that is nearly one."""
     a3, a2, a1, a0 = polynomial.tolist()
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         high, highest = a3 - p, a2 - q - p * (a3 - p)
         off = np.array([high * q + p * highest - a1, q * highest - a0])
         slopes = np.array(

@@ -13,7 +13,7 @@ from cam_rig.dynamics.linear.free_system import Flight
 from cam_rig.dynamics.linear.sampling import sample
 from cam_rig.dynamics.ramp import with_ramps
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
-from cam_rig.dynamics.two_mass.trajectory import Phase, Separation
+from cam_rig.dynamics.two_mass.trajectory import Separation, TwoMassPhase
 from cam_rig.dynamics.validation import times_of
 from cam_rig.laws import Law
 from cam_rig.units import NS
@@ -33,7 +33,7 @@ def states(course: Separation, times: FloatArray) -> FloatArray:
     return out
 
 
-def _phase_states(course: Separation, phase: Phase, times: FloatArray) -> FloatArray:
+def _phase_states(course: Separation, phase: TwoMassPhase, times: FloatArray) -> FloatArray:
     if phase.flight is not None:
         flight = course.fly(phase.flight, times - phase.begin)
         return np.vstack([flight, np.zeros(times.size)])
@@ -96,7 +96,7 @@ def _start(course: Separation, state: FollowerState | None) -> FloatArray | Flig
     return course.thrown(np.array(state.inner[:4]), *state.inner[4:])
 
 
-def _show(rows: FloatArray, grid: SampleGrid, course: Separation, phase: Phase) -> None:
+def _show(rows: FloatArray, grid: SampleGrid, course: Separation, phase: TwoMassPhase) -> None:
     """Fill the samples of one phase."""
     first = grid.index_after(phase.begin)
     end = min(grid.index_after(phase.end), grid.count)

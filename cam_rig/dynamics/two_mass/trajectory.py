@@ -27,11 +27,11 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 
 #: More events in one call than any physical series has.
-MOST_EVENTS = 20_000
+MAX_EVENTS = 20_000
 
 
 @dataclass(frozen=True, eq=False)
-class Phase:
+class TwoMassPhase:
     """Contact, ``vibration`` (η, η̇), or a flight, from ``begin`` to ``end`` s."""
 
     begin: float
@@ -59,7 +59,7 @@ class Separation:
     parameters: TwoMassParameters
     speed: float
     angle: float = 0.0
-    phases: list[Phase] = field(default_factory=list)
+    phases: list[TwoMassPhase] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -88,9 +88,9 @@ class Separation:
         step += kinks.take(0.0)
         now, state = 0.0, self._cross(0.0, step, start)
         while now < duration:
-            if len(self.events) > MOST_EVENTS:
+            if len(self.events) > MAX_EVENTS:
                 raise DynamicsError(
-                    f"{len(self.events)} events in {now:g} s; allowed: {MOST_EVENTS} a run"
+                    f"{len(self.events)} events in {now:g} s; allowed: {MAX_EVENTS} a run"
                 )
             if isinstance(state, Flight):
                 now, state = self._fly(now, state, kinks)
@@ -105,7 +105,7 @@ class Separation:
         limit, angle = min(kinks.bound, kinks.clear), self.angle + self.speed * now
         left = lift_off(self.law, self.parameters, self.speed, angle, vibration, limit - now)
         end = kinks.bound if left is None else kinks.no_later(now + left[0])
-        self.phases.append(Phase(now, end, vibration))
+        self.phases.append(TwoMassPhase(now, end, vibration))
         struck, step = kinks.at(end), kinks.take(end)
         if left is not None and not struck:
             cam = self._cam_at(end)
@@ -126,7 +126,7 @@ class Separation:
         angle, limit = self.angle + self.speed * now, kinks.bound - now
         gap = landing(self.law, self.parameters, self.speed, angle, flight, limit)
         end = kinks.no_later(now + gap.time) if gap.landed else kinks.bound
-        self.phases.append(Phase(now, end, np.zeros(2), flight))
+        self.phases.append(TwoMassPhase(now, end, np.zeros(2), flight))
         inner, opening = flight.at(end - now), gap.rate - kinks.take(end)
         if gap.landed and opening <= 0.0:
             return end, self._meet(end, inner[:2], opening)

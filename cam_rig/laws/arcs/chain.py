@@ -35,14 +35,14 @@ class Blend:
 
 
 @dataclass(frozen=True)
-class Line:
+class StraightLine:
     """The straight line of all points z with Re(z·n*) = distance, n the outward unit normal."""
 
     normal: complex
     distance: float
 
 
-Part = Circle | Line
+Part = Circle | StraightLine
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def close(specs: list[Circle | Blend]) -> Chain:
     return Chain(tuple(parts), tuple(normals))
 
 
-def _line(before: Circle, after: Circle, _: float, name: str) -> Line:
+def _line(before: Circle, after: Circle, _: float, name: str) -> StraightLine:
     """The common outer tangent that leads from one circle to the other."""
     apart = after.centre - before.centre
     difference = before.radius - after.radius
@@ -92,7 +92,7 @@ def _line(before: Circle, after: Circle, _: float, name: str) -> Line:
             f"{abs(apart) * 1e3:g} mm"
         )
     normal = cmath.rect(1.0, cmath.phase(apart) - math.acos(difference / abs(apart)))
-    return Line(normal, (before.centre * normal.conjugate()).real + before.radius)
+    return StraightLine(normal, (before.centre * normal.conjugate()).real + before.radius)
 
 
 def _arc(before: Circle, after: Circle, radius: float, name: str) -> Circle:
@@ -133,9 +133,9 @@ def _normal(one: Circle, other: Circle) -> complex:
 
 
 def _touch(one: Part, other: Part, i: int) -> complex:
-    if isinstance(one, Line):
+    if isinstance(one, StraightLine):
         return one.normal
-    if isinstance(other, Line):
+    if isinstance(other, StraightLine):
         return other.normal
     apart, needed = abs(other.centre - one.centre), abs(one.radius - other.radius)
     size = abs(one.radius) + abs(other.radius)

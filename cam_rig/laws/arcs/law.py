@@ -17,7 +17,7 @@ import numpy as np
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import LawError
 from cam_rig.laws import fit as analytic
-from cam_rig.laws.arcs.chain import Chain, Circle, Line, Part
+from cam_rig.laws.arcs.chain import Chain, Circle, Part, StraightLine
 from cam_rig.laws.arcs.geometry import Arc
 from cam_rig.laws.fit import Curve
 from cam_rig.laws.pieces import Pieces, turned_to_zero
@@ -65,7 +65,7 @@ def _flat_angles(chain: Chain) -> list[float]:
     """Cam angles (rad) at which the face leaves each part, from where it meets the first."""
     for i, part in enumerate(chain.parts):
         if not (isinstance(part, Circle) and part.radius > 0.0):
-            kind = "straight" if isinstance(part, Line) else "concave"
+            kind = "straight" if isinstance(part, StraightLine) else "concave"
             raise LawError(
                 f"arcs[{i}]: is {kind}, which a flat face bridges; allowed under a flat "
                 "follower: convex arcs only"
@@ -144,7 +144,7 @@ def _polar(part: Part, base_radius: float, roller: float) -> Curve:
 
 
 def _polar_radius(part: Part, roller: float) -> Curve:
-    if isinstance(part, Line):
+    if isinstance(part, StraightLine):
         return _secant(part.distance + roller, cmath.phase(part.normal))
     direction = cmath.phase(part.centre) if part.centre else 0.0
     grown = part.radius + roller

@@ -11,7 +11,7 @@ from typing import Any
 from rosgraph_msgs.msg import Clock
 
 from cam_rig.errors import RunError
-from cam_rig.live.flow_control import Credit
+from cam_rig.live.flow_control import FlowControl
 from cam_rig.messages import topics
 from cam_rig.messages.codec import stamp_ns
 from cam_rig.nodes.common.base import RigNode
@@ -40,7 +40,7 @@ class Pacemaker(RigNode):
         self.clock_ns = -1
         self._clock_out, self._state_out = map(self.publisher, (topics.CLOCK, topics.CAM_STATE))
 
-    def set_going(self, consumers: list[str], credit: Credit) -> None:
+    def set_going(self, consumers: list[str], credit: FlowControl) -> None:
         """Begin: listen to the consumers, and turn when all are ready."""
         self._credit, self._awaited = credit, set(consumers)
         for name in consumers:

@@ -10,7 +10,7 @@ from rclpy.parameter import Parameter
 
 from cam_rig.errors import RefusedError, RunError
 from cam_rig.live.checkpoint import Handover
-from cam_rig.live.drive import DriveProgram, Orders
+from cam_rig.live.drive import DriveProgram, OperatorCommands
 from cam_rig.messages import topics
 from cam_rig.nodes.common.clock_source import Pacemaker
 from cam_rig.simulation.schedule import CamState
@@ -86,7 +86,7 @@ class Controls:
         """Leave the orders as they are now."""
         rpm, pacing = (self._node.get_parameter(name).value for name in ("rpm", "pacing"))
         program = self._program
-        self._left.keep(Orders(program.table.place, program.running, rpm, pacing))
+        self._left.keep(OperatorCommands(program.table.place, program.running, rpm, pacing))
 
     def _refuse(self, parameters: list[Parameter]) -> SetParametersResult:
         """A speed may be possible, and its ticks may not."""

@@ -22,7 +22,7 @@ from cam_rig.schema.follower import Follower
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class ContourPath:
     """A closed curve ``offset`` (m) outside a disc's contour."""
 
     name: str
@@ -59,12 +59,12 @@ class Path:
             )
 
 
-def contour_paths(follower: Follower, law: Law) -> list[Path]:
+def contour_paths(follower: Follower, law: Law) -> list[ContourPath]:
     """The contours themselves, one a disc."""
-    return [Path(_layer("CAM", disc), disc, law) for disc in discs(follower, law)]
+    return [ContourPath(_layer("CAM", disc), disc, law) for disc in discs(follower, law)]
 
 
-def pitch_paths(follower: Follower, law: Law) -> list[Path]:
+def pitch_paths(follower: Follower, law: Law) -> list[ContourPath]:
     """The pitch curves; of a point follower the contours.
 
     Raises
@@ -77,12 +77,12 @@ def pitch_paths(follower: Follower, law: Law) -> list[Path]:
             f"a {follower.type} follower has no pitch curve; allowed: a roller or a point, or the "
             "path of a cutter by its radius"
         )
-    return [Path(_layer("PITCH", disc), disc, law, disc.element.roller) for disc in plates]
+    return [ContourPath(_layer("PITCH", disc), disc, law, disc.element.roller) for disc in plates]
 
 
-def cutter_paths(follower: Follower, law: Law, radius: float) -> list[Path]:
+def cutter_paths(follower: Follower, law: Law, radius: float) -> list[ContourPath]:
     """Path of the centre of a cutter with this radius, m."""
-    return [Path(_layer("CUTTER", disc), disc, law, radius) for disc in discs(follower, law)]
+    return [ContourPath(_layer("CUTTER", disc), disc, law, radius) for disc in discs(follower, law)]
 
 
 def _layer(kind: str, disc: Disc) -> str:

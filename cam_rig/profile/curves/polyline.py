@@ -14,7 +14,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.errors import ProfileError
 from cam_rig.laws import Law
 from cam_rig.laws.continuity import joints
-from cam_rig.profile.curves.path import Path
+from cam_rig.profile.curves.path import ContourPath
 from cam_rig.units import TURN
 
 #: Samples of the path for a first guess, and at least so many in each chord for the proof.
@@ -27,7 +27,7 @@ MORE, TRIALS = 1.08, 12
 FINEST = 1e-11
 
 
-def polyline(path: Path, tolerance: float) -> FloatArray:
+def polyline(path: ContourPath, tolerance: float) -> FloatArray:
     """``(2, n)`` points on the path, m; no chord between two is farther than ``tolerance`` (m).
 
     Points are dense where the curvature is. The chord error is measured on samples of the path
@@ -54,7 +54,9 @@ def _cuts(law: Law) -> list[float]:
     return sorted({0.0, TURN, *rough})
 
 
-def _samples(path: Path, low: float, high: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _samples(
+    path: ContourPath, low: float, high: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Cam angles of a smooth stretch (rad), the steps of the path between (m), its bend (1/m).
 
     The stretch ends just before ``high``, where the law still is that of the stretch.
@@ -68,7 +70,7 @@ def _samples(path: Path, low: float, high: float) -> tuple[FloatArray, FloatArra
 
 
 def _stretch(
-    path: Path,
+    path: ContourPath,
     angle: FloatArray,
     step: FloatArray,
     bend: FloatArray,
@@ -92,7 +94,7 @@ def _stretch(
     )
 
 
-def _chord_error(path: Path, nodes: FloatArray) -> tuple[FloatArray, float]:
+def _chord_error(path: ContourPath, nodes: FloatArray) -> tuple[FloatArray, float]:
     """Points at the nodes, and how far the path is from the chords between them, m."""
     share = np.arange(IN_CHORD) / IN_CHORD
     angle = nodes[:-1, None] + share * np.diff(nodes)[:, None]

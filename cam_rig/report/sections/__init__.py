@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cam_rig.report.blocks import Section
-from cam_rig.report.results import Results
+from cam_rig.report.results import Findings
 from cam_rig.report.sections import (
     cams,
     jump,
@@ -18,6 +18,6 @@ from cam_rig.report.sections import (
 ORDER = (summary, cams, vibration, jump, noise, question, numbers, misprints)
 
 
-def sections(results: Results) -> list[Section]:
+def sections(results: Findings) -> list[Section]:
     """Every section, written from the results."""
     return [module.section(results) for module in ORDER]

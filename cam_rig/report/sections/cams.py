@@ -5,11 +5,11 @@ from __future__ import annotations
 from cam_rig.laws.continuity import SMOOTHEST, joints
 from cam_rig.laws.peaks import extremes
 from cam_rig.report.blocks import Grid, Picture, Section
-from cam_rig.report.results import Results
+from cam_rig.report.results import Findings
 from cam_rig.report.words import number
 
 
-def section(results: Results) -> Section:
+def section(results: Findings) -> Section:
     """The five laws, the TM21's own cam, and the follower's numbers."""
     return Section(
         "cams",
@@ -37,16 +37,16 @@ def section(results: Results) -> Section:
     )
 
 
-def _table_1(results: Results) -> Grid:
+def _table_1(results: Findings) -> Grid:
     follower = results.sources.stiff.follower
     names = {
         "spring_stiffness_N_per_m": ("closing spring [N/m]", follower.spring_stiffness.si),
         "stem_stiffness_N_per_m": ("follower's stem [N/m]", follower.stem_stiffness.si),
         "damping_N_s_per_m": ("damping [N·s/m]", follower.damping.si),
         "mass_kg": ("mass [kg]", follower.mass.si),
-        "lift_m": ("lift [m]", results.sources.lineup.cams["bezier15"].lift.si),
+        "lift_m": ("lift [m]", results.sources.cam_set.cams["bezier15"].lift.si),
     }
-    elastic = results.sources.lineup.rig.follower
+    elastic = results.sources.cam_set.rig.follower
     other = {
         "spring_stiffness_N_per_m": elastic.spring_stiffness.si,
         "stem_stiffness_N_per_m": elastic.stem_stiffness.si,
@@ -68,7 +68,7 @@ def _table_1(results: Results) -> Grid:
             "",
             "paper",
             f"rig {results.sources.stiff.name}",
-            f"rig {results.sources.lineup.rig.name}",
+            f"rig {results.sources.cam_set.rig.name}",
         ),
         rows,
         note="The paper prints the mass as 13 kg, a misprint. Its jump speeds do not come out with "
@@ -76,16 +76,16 @@ def _table_1(results: Results) -> Grid:
     )
 
 
-def _laws(results: Results) -> Grid:
-    lineup = results.sources.lineup
+def _laws(results: Findings) -> Grid:
+    cam_set = results.sources.cam_set
     rows = []
-    for cam, law in lineup.laws.items():
+    for cam, law in cam_set.laws.items():
         inside = [j.continuity for j in joints(law) if j.continuity < SMOOTHEST]
         low, high = extremes(law, 2)
         speed = max(abs(e.value) for e in extremes(law, 1))
         worst = f"C{min(inside)}" if inside else f"C{SMOOTHEST} or smoother"
         peaks = f"{high.value / law.lift:.2f} / {low.value / law.lift:.2f}"
-        rows.append((lineup.titles[cam], worst, f"{speed / law.lift:.3f}", peaks))
+        rows.append((cam_set.titles[cam], worst, f"{speed / law.lift:.3f}", peaks))
     return Grid(
         "The laws at their event angles",
         ("law", "continuity", "peak s′ / lift", "peak s″ / lift, up / down"),

@@ -6,14 +6,14 @@ import math
 
 from cam_rig.report.blocks import Block, Grid, Picture, Section, Words
 from cam_rig.report.figures import TAKEOFF_RPM
-from cam_rig.report.results import Results
+from cam_rig.report.results import Findings
 from cam_rig.studies.jump.comparison import JumpRow, rms_words, same_ranking, turn_of
 from cam_rig.studies.jump.contact_limit import FROM_REST
 from cam_rig.studies.jump.refit import ROUNDED_TO
 from cam_rig.units import RPM
 
 
-def section(results: Results) -> Section:
+def section(results: Findings) -> Section:
     """The table, the force behind it, and what it is worth."""
     blocks: tuple[Block, ...] = (
         _table(results),
@@ -34,9 +34,9 @@ def section(results: Results) -> Section:
     return Section("jump", "Jump speed", blocks)
 
 
-def _table(results: Results) -> Grid:
+def _table(results: Findings) -> Grid:
     rigid = {cam: m.rigid_jump / RPM for cam, m in results.factorial.cams.items()}
-    titles = results.sources.lineup.titles
+    titles = results.sources.cam_set.titles
     rows = [_row(row, titles[row.cam], rigid[row.cam]) for row in results.jumps]
     head = (
         "law",
@@ -77,7 +77,7 @@ def _row(row: JumpRow, title: str, rigid: float) -> tuple[str, ...]:
     )
 
 
-def _worth(results: Results) -> str:
+def _worth(results: Findings) -> str:
     rows = results.jumps
     turns = [turn for turn in map(turn_of, rows) if turn is not None]
     ours, theirs = ([turn[i] for turn in turns] for i in (0, 1))

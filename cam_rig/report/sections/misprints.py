@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cam_rig import __version__
 from cam_rig.report.blocks import Grid, Section, Words
-from cam_rig.report.results import Results
+from cam_rig.report.results import Findings
 
 MISPRINTS = (
     ("Table 1, mass", "13 kg", "1.3 kg"),
@@ -14,7 +14,7 @@ MISPRINTS = (
 )
 
 
-def section(results: Results) -> Section:
+def section(results: Findings) -> Section:
     """Misprints taken as corrected, and the commands behind each part."""
     return Section(
         "reading",

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from cam_rig.report.blocks import Block, Grid, Picture, Section, Words
-from cam_rig.report.results import Results
+from cam_rig.report.results import Findings
 from cam_rig.report.words import number
 from cam_rig.studies.noise.calibration_methods import Method
 
@@ -15,7 +15,7 @@ from cam_rig.studies.noise.calibration_methods import Method
 EVERY = 2
 
 
-def section(results: Results) -> Section:
+def section(results: Findings) -> Section:
     """Levels, what they are worth, and the recorded run beside them."""
     blocks: list[Block] = [
         Words(
@@ -41,7 +41,7 @@ def section(results: Results) -> Section:
     return Section("noise", "Noise", tuple(blocks))
 
 
-def _methods(results: Results) -> Grid:
+def _methods(results: Findings) -> Grid:
     rows = []
     for method in results.noise.methods:
         for i, curve in enumerate(method.curves.values()):
@@ -69,7 +69,7 @@ def _methods(results: Results) -> Grid:
         "crosses TM21 at [rpm]",
         "its points at [rpm]",
     )
-    published = results.sources.stage.published
+    published = results.sources.loaded.published
     assert published is not None  # the study has its levels
     return Grid(
         "Three cams, three ways to calibrate",
@@ -95,7 +95,7 @@ def _points(method: Method) -> str:
     return "nowhere" if found is None else f"{found:.1f}"
 
 
-def _left_out(results: Results) -> Grid:
+def _left_out(results: Findings) -> Grid:
     rows = tuple(
         (
             row.cam,
@@ -118,7 +118,7 @@ def _left_out(results: Results) -> Grid:
     return Grid("Each cam left out, the constants from the other two", head, rows)
 
 
-def _one_rig(results: Results) -> Grid:
+def _one_rig(results: Findings) -> Grid:
     cams = list(results.noise.methods[0].curves)
     rows = tuple(
         (
@@ -138,7 +138,7 @@ def _one_rig(results: Results) -> Grid:
     )
 
 
-def _table_3(results: Results) -> Grid:
+def _table_3(results: Findings) -> Grid:
     curves = results.noise.methods[-1].curves
     rpm = results.noise.rpm
     rows = [
@@ -158,7 +158,7 @@ def _table_3(results: Results) -> Grid:
     )
 
 
-def _recorded(results: Results) -> Grid:
+def _recorded(results: Findings) -> Grid:
     recorded = results.sources.recorded
     assert recorded is not None
     curves = results.noise.methods[0].curves

@@ -8,21 +8,21 @@ from collections.abc import Iterator
 from pydantic import BaseModel
 
 from cam_rig.report.blocks import Block, Grid, Section, Words
-from cam_rig.report.results import Results
+from cam_rig.report.results import Findings
 from cam_rig.report.words import number
 from cam_rig.schema.quantity import ORIGINS, Quantity
 from cam_rig.schema.segments.base import quantities
 
 
-def section(results: Results) -> Section:
+def section(results: Findings) -> Section:
     """A table for each file."""
     sources = results.sources
     files: dict[str, BaseModel] = {
-        f"rig {sources.lineup.rig.name}": sources.lineup.rig,
+        f"rig {sources.cam_set.rig.name}": sources.cam_set.rig,
         f"rig {sources.stiff.name}": sources.stiff,
-        **{f"cam {name}": cam for name, cam in sources.lineup.cams.items()},
-        **{f"cam {name}": cam for name, cam in sources.stage.cams.items()},
-        f"scene {sources.stage.scene.name}": sources.stage.scene,
+        **{f"cam {name}": cam for name, cam in sources.cam_set.cams.items()},
+        **{f"cam {name}": cam for name, cam in sources.loaded.cams.items()},
+        f"scene {sources.loaded.scene.name}": sources.loaded.scene,
         f"factorial {sources.factorial.name}": sources.factorial,
     }
     counts = Counter(q.origin for model in files.values() for _, q in quantities(model, ""))

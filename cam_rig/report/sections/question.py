@@ -6,7 +6,7 @@ import math
 
 from cam_rig.report.blocks import Grid, Picture, Points, Section, Words
 from cam_rig.report.figures import STEADY_RPM
-from cam_rig.report.results import Results
+from cam_rig.report.results import Findings
 from cam_rig.report.words import number
 from cam_rig.schema import FactorialConfig
 from cam_rig.studies.factorial.conclusions import answer
@@ -16,7 +16,7 @@ from cam_rig.studies.factorial.in_contact import left, staying
 from cam_rig.units import RPM_PER_RAD_S
 
 
-def section(results: Results) -> Section:
+def section(results: Findings) -> Section:
     """The answer first, then what it rests on."""
     found = results.factorial
     classes = found.same_angles.classes
@@ -46,9 +46,9 @@ def section(results: Results) -> Section:
     )
 
 
-def _reach(results: Results) -> str:
+def _reach(results: Findings) -> str:
     soft, stiff = (
-        results.sources.lineup.rig.follower.stem_stiffness.si,
+        results.sources.cam_set.rig.follower.stem_stiffness.si,
         results.sources.stiff.follower.stem_stiffness.si,
     )
     pairs = zip(
@@ -108,10 +108,10 @@ def _parts(design: Design, effect: Effect) -> tuple[str, ...]:
     return (*(f"{100.0 * part:.1f}" for part in parts), *(number(value, 3) for value in sums))
 
 
-def _advantage(results: Results) -> Grid:
+def _advantage(results: Findings) -> Grid:
     rows = tuple(
         (
-            results.sources.lineup.titles[row.cam],
+            results.sources.cam_set.titles[row.cam],
             f"{100.0 * math.expm1(row.jump):+.1f} %",
             f"{100.0 * row.jump_share:.0f} %",
             f"{100.0 * math.expm1(-row.acceleration):+.1f} %",
@@ -140,7 +140,7 @@ def _advantage(results: Results) -> Grid:
     )
 
 
-def _squeezed(results: Results) -> Grid:
+def _squeezed(results: Findings) -> Grid:
     rows = tuple(
         (
             f"{math.degrees(span):.4g}°",

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from cam_rig.report.blocks import Points, Section, Words
-from cam_rig.report.results import Results
+from cam_rig.report.results import Findings
 from cam_rig.studies.factorial.conclusions import answer
 from cam_rig.studies.jump.comparison import rms_words, same_ranking
 from cam_rig.studies.noise.bootstrap import Crossing
 from cam_rig.studies.vibration.claims import jump_claims, vibration_claims
 
 
-def section(results: Results) -> Section:
+def section(results: Findings) -> Section:
     """What was found, a line each."""
     return Section(
         "summary",
@@ -26,11 +26,11 @@ def section(results: Results) -> Section:
     )
 
 
-def _question(results: Results) -> str:
+def _question(results: Findings) -> str:
     return f"Continuity, or gentler slopes? {answer(results.factorial)[0]}"
 
 
-def _jump(results: Results) -> str:
+def _jump(results: Findings) -> str:
     tests = [
         f"{row.cam} {100.0 * row.difference:+.2f} %"
         for row in results.jumps
@@ -44,7 +44,7 @@ def _jump(results: Results) -> str:
     )
 
 
-def _noise(results: Results) -> str:
+def _noise(results: Findings) -> str:
     """The way with the fewest fitted numbers first, for it claims most; then the crossings."""
     best = results.noise.methods[0]
     curves = ", ".join(
@@ -64,13 +64,13 @@ def _crossing(found: Crossing) -> str:
     return "no speed" if found.rpm is None else f"{found.rpm:.1f} ± {found.deviation:.1f} rpm"
 
 
-def _published(results: Results) -> str:
-    published = results.sources.stage.published
+def _published(results: Findings) -> str:
+    published = results.sources.loaded.published
     assert published is not None  # the study has its levels
     return f"{published.crossover.rpm:g} rpm"
 
 
-def _claims(results: Results) -> str:
+def _claims(results: Findings) -> str:
     claims = [*vibration_claims(results.vibration), *jump_claims(results.jumps)]
     agreed = sum(claim.verdict == "agrees" for claim in claims)
     either = "; ".join(f"{c.words}: {c.told}" for c in claims if c.otherwise is not None)

@@ -6,16 +6,16 @@ import math
 
 from cam_rig.report.blocks import Block, Grid, Picture, Section, Words
 from cam_rig.report.figures import STEADY_RPM
-from cam_rig.report.results import Results
+from cam_rig.report.results import Findings
 from cam_rig.report.words import number
 from cam_rig.studies.vibration.claims import PROPOSED, Claim, jump_claims, vibration_claims
 from cam_rig.studies.vibration.comparison import VibrationTable
 from cam_rig.studies.vibration.dwell import STAND_IN
 
 
-def section(results: Results) -> Section:
+def section(results: Findings) -> Section:
     """One table for each stem, then the paper's claims."""
-    elastic, stiff = results.sources.lineup.rig, results.sources.stiff
+    elastic, stiff = results.sources.cam_set.rig, results.sources.stiff
     blocks: list[Block] = [
         Words(
             "Eq. 5 and eq. 10 in steady state: periodic states by one linear solve (residual) and "
@@ -37,14 +37,14 @@ def section(results: Results) -> Section:
     return Section("vibration", "Residual and torsional vibration", tuple(blocks))
 
 
-def _moves(results: Results) -> float:
+def _moves(results: Findings) -> float:
     """Lift of Bézier 15 at the edge of the stand-in for its low dwell, as a fraction."""
-    law = results.sources.lineup.laws[PROPOSED]
-    return float(law(0.5 * STAND_IN)) / results.sources.lineup.cams[PROPOSED].lift.si
+    law = results.sources.cam_set.laws[PROPOSED]
+    return float(law(0.5 * STAND_IN)) / results.sources.cam_set.cams[PROPOSED].lift.si
 
 
-def _table(table: VibrationTable, caption: str, results: Results) -> Grid:
-    titles, rows = results.sources.lineup.titles, []
+def _table(table: VibrationTable, caption: str, results: Findings) -> Grid:
+    titles, rows = results.sources.cam_set.titles, []
     left = table.left(STEADY_RPM)
     for cam, v in table.at(STEADY_RPM).items():
         twist = "" if v.twist is None else f"{math.degrees(v.twist):.4f}"
@@ -71,7 +71,7 @@ def _small(value: float) -> str:
     return number(value, 3 if value >= 1e-3 else 2)
 
 
-def _claims(results: Results) -> Grid:
+def _claims(results: Findings) -> Grid:
     stiff = vibration_claims(results.stiff_vibration)
     by_words = {claim.words: claim for claim in stiff}
     rows = [
@@ -84,7 +84,7 @@ def _claims(results: Results) -> Grid:
         (
             "claim",
             "where",
-            f"rig {results.sources.lineup.rig.name}",
+            f"rig {results.sources.cam_set.rig.name}",
             f"rig {results.sources.stiff.name}",
         ),
         tuple(rows),

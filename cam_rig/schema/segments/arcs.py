@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from cam_rig.schema.quantity import Quantity, Strict, must_be
 from cam_rig.schema.segments.base import Length, SegmentBase, Span, WholeTurn
 
-MOST_ARCS = 100
+MAX_ARCS = 100
 
 Coordinate = Annotated[Quantity, must_be("length", least=-100.0, most=100.0)]
 SignedLength = Annotated[Quantity, must_be("length", least=-100.0, most=100.0)]
@@ -76,4 +76,4 @@ class ArcsByCentres(WholeTurn):
     """
 
     law: Literal["arcs_by_centres"]
-    arcs: list[ArcSpec] = Field(min_length=2, max_length=MOST_ARCS)
+    arcs: list[ArcSpec] = Field(min_length=2, max_length=MAX_ARCS)

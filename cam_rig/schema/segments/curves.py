@@ -13,15 +13,15 @@ from cam_rig.schema.segments.base import Ratios, SegmentBase, WholeTurn
 from cam_rig.units import TURN
 
 #: Degree 100 is far beyond any cam, and still stable.
-MOST_ORDINATES = 101
+MAX_ORDINATES = 101
 #: A polynomial through more conditions than this swings between them.
-MOST_CONDITIONS = 21
-MOST_HARMONICS = 50
-MOST_B_SPLINE_DEGREE = 15
-MOST_B_SPLINE_ORDINATES = 500
+MAX_CONDITIONS = 21
+MAX_HARMONICS = 50
+MAX_B_SPLINE_DEGREE = 15
+MAX_B_SPLINE_ORDINATES = 500
 
 Angles = Annotated[Quantity, must_be("angle", many=True, least=0.0, most=TURN + 1e-12)]
-Order = Annotated[int, Field(ge=0, lt=MOST_CONDITIONS, strict=True)]
+Order = Annotated[int, Field(ge=0, lt=MAX_CONDITIONS, strict=True)]
 
 
 class Bezier(SegmentBase):
@@ -33,8 +33,8 @@ class Bezier(SegmentBase):
     @model_validator(mode="after")
     def _degree(self) -> Bezier:
         count = len(self.ordinates.numbers)
-        if not 2 <= count <= MOST_ORDINATES:
-            raise ValueError(f"ordinates: are {count}; allowed: 2 to {MOST_ORDINATES}")
+        if not 2 <= count <= MAX_ORDINATES:
+            raise ValueError(f"ordinates: are {count}; allowed: 2 to {MAX_ORDINATES}")
         return self
 
 
@@ -47,17 +47,17 @@ class BSpline(SegmentBase):
     """
 
     law: Literal["b_spline"]
-    degree: int = Field(ge=1, le=MOST_B_SPLINE_DEGREE, strict=True)
+    degree: int = Field(ge=1, le=MAX_B_SPLINE_DEGREE, strict=True)
     knots: Annotated[Quantity, must_be("ratio", many=True)]
     ordinates: Ratios
 
     @model_validator(mode="after")
     def _fit_each_other(self) -> BSpline:
         knots, count = self.knots.numbers, len(self.ordinates.numbers)
-        if not self.degree + 1 <= count <= MOST_B_SPLINE_ORDINATES:
+        if not self.degree + 1 <= count <= MAX_B_SPLINE_ORDINATES:
             raise ValueError(
                 f"ordinates: are {count}; allowed for degree {self.degree}: "
-                f"{self.degree + 1} to {MOST_B_SPLINE_ORDINATES}"
+                f"{self.degree + 1} to {MAX_B_SPLINE_ORDINATES}"
             )
         if len(knots) != count + self.degree - 1:
             raise ValueError(
@@ -90,8 +90,8 @@ class Trigonometric(WholeTurn):
     def _harmonics(self) -> Trigonometric:
         for key in ("cosine", "sine"):
             count = len(getattr(self, key).numbers) if getattr(self, key) is not None else 0
-            if count > MOST_HARMONICS:
-                raise ValueError(f"{key}: are {count}; allowed: at most {MOST_HARMONICS}")
+            if count > MAX_HARMONICS:
+                raise ValueError(f"{key}: are {count}; allowed: at most {MAX_HARMONICS}")
         return self
 
 
@@ -116,8 +116,8 @@ class Polynomial(SegmentBase):
                 f"{len(self.value.numbers)} numbers; allowed: one of each for a condition"
             )
         count = len(self.order)
-        if not 1 <= count <= MOST_CONDITIONS:
-            raise ValueError(f"at: {count} conditions; allowed: 1 to {MOST_CONDITIONS}")
+        if not 1 <= count <= MAX_CONDITIONS:
+            raise ValueError(f"at: {count} conditions; allowed: 1 to {MAX_CONDITIONS}")
         for angle, order in zip(self.at.si_list, self.order, strict=True):
             if angle > self.span.si * (1.0 + 1e-12):
                 raise ValueError(

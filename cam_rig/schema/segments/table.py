@@ -15,14 +15,14 @@ from cam_rig.schema.segments.base import WholeTurn
 from cam_rig.units import TURN
 
 #: Fewer points than this over a turn do not hold a cam's law, more are slow to no use.
-FEWEST_POINTS, MOST_POINTS = 12, 7200
+FEWEST_POINTS, MAX_POINTS = 12, 7200
 #: A wider gap than this (deg) leaves the law there to chance.
 WIDEST_GAP_DEG = 45.0
 #: Where a table repeats its first point at 360°, the two may differ by so many tolerances.
 CLOSING_TOLERANCES = 3.0
 
 #: A spline that may be further from the points than this fraction of their lift is no cam's.
-MOST_TOLERANCE = 0.05
+MAX_TOLERANCE = 0.05
 
 
 class MeasuredPoints(Strict):
@@ -47,9 +47,9 @@ def _read(value: Any, info: ValidationInfo) -> Any:
 
 def _check(name: str, angles: list[float]) -> None:
     """Enough points, rising, all around the turn."""
-    if not FEWEST_POINTS <= len(angles) <= MOST_POINTS:
+    if not FEWEST_POINTS <= len(angles) <= MAX_POINTS:
         raise ValueError(
-            f"{name}: has {len(angles)} points; allowed: {FEWEST_POINTS} to {MOST_POINTS}"
+            f"{name}: has {len(angles)} points; allowed: {FEWEST_POINTS} to {MAX_POINTS}"
         )
     degrees = [math.degrees(angle) for angle in angles]
     for i, (one, other) in enumerate(pairwise(degrees)):
@@ -89,10 +89,10 @@ class Table(WholeTurn):
         height = max(lifts) - min(lifts)
         if not height > 0.0:
             raise ValueError(f"{self.file.file}: all lifts are {lifts[0]:g} m; allowed: a lift")
-        if self.tolerance.si > MOST_TOLERANCE * height:
+        if self.tolerance.si > MAX_TOLERANCE * height:
             raise ValueError(
                 f"tolerance: is {self.tolerance.si:g} m; allowed: at most "
-                f"{MOST_TOLERANCE * height:g} m, {MOST_TOLERANCE:g} of the points' lift"
+                f"{MAX_TOLERANCE * height:g} m, {MAX_TOLERANCE:g} of the points' lift"
             )
         limit = CLOSING_TOLERANCES * self.tolerance.si + 1e-12 * height
         step = lifts[-1] - lifts[0]

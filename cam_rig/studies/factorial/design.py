@@ -25,7 +25,7 @@ from cam_rig.studies.factorial.measures import Bench, Measures
 #: A map that may work in several processes: (function, items) -> results in order.
 Each = Callable[[Callable[[Law], Measures], Iterable[Law]], Iterable[Measures]]
 #: Fewer laws have no variance to analyse.
-LEAST_LAWS = 2
+MIN_LAWS = 2
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Design:
     def from_class(self, least: int) -> Design | None:
         """The same with the laws of class C^least and above alone; None for fewer than two."""
         keep = [i for i, order in enumerate(self.classes) if order >= least]
-        if len(keep) < LEAST_LAWS:
+        if len(keep) < MIN_LAWS:
             return None
         rises = tuple(self.rises[i] for i in keep)
         name = f"{self.name}, C{least} and above"

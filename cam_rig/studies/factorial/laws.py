@@ -16,7 +16,7 @@ from cam_rig.schema import FactorialConfig, load_factorial
 from cam_rig.units import TURN
 
 #: A dwell narrower than this (rad) is none.
-LEAST_DWELL = 1e-9
+MIN_DWELL = 1e-9
 
 
 def open_factorial(path: Path) -> FactorialConfig:
@@ -51,13 +51,13 @@ def up_and_down(rise: str, event: float, lift: float) -> Law:
     dwell = math.pi - event
     breaks, pieces = [0.0], []
     for height, base, before in ((lift, 0.0, 0.5 * dwell), (-lift, lift, dwell)):
-        if before > LEAST_DWELL:
+        if before > MIN_DWELL:
             breaks.append(breaks[-1] + before)
             pieces.append(np.array([base]))
         start = breaks[-1]
         breaks += [start + event * u for u in steps[1:]]
         pieces += [base + height * column for column in columns]
-    if dwell > LEAST_DWELL:
+    if dwell > MIN_DWELL:
         breaks.append(TURN)
         pieces.append(np.array([0.0]))
     breaks[-1] = TURN
@@ -72,7 +72,7 @@ def as_gentle(rise: str, reference: str, event: float) -> float:
 
 def squeezed(law: Law, span: float) -> Law:
     """A cam's whole turn pressed into ``span`` rad, and its lift at θ = 0 held for the rest."""
-    if span > TURN - LEAST_DWELL:
+    if span > TURN - MIN_DWELL:
         return law
     rest = np.full_like(law.ordinates[:, :1], law.ordinates[0, 0])
     breaks = np.append(law.breaks * (span / TURN), TURN)

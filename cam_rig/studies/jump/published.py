@@ -14,7 +14,7 @@ from pydantic import BaseModel
 
 from cam_rig.schema import CamConfig, PublishedTables, RigConfig, load_cam, load_rig
 from cam_rig.schema.load import config_root
-from cam_rig.studies.cam_set import Lineup
+from cam_rig.studies.cam_set import CamSet
 
 #: The rig that was identified from the jump speeds.
 IDENTIFIED = "paper_table2"
@@ -31,11 +31,11 @@ class Reference:
     role: str = ""
 
 
-def references(lineup: Lineup, published: PublishedTables) -> dict[str, Reference]:
-    """What is published of the cams of a lineup, by cam."""
-    rig = is_identified(lineup.rig)
+def references(cam_set: CamSet, published: PublishedTables) -> dict[str, Reference]:
+    """What is published of a set of cams, by cam."""
+    rig = is_identified(cam_set.rig)
     found = {}
-    for name, cam in lineup.cams.items():
+    for name, cam in cam_set.cams.items():
         known = published.table_2_jump.get(name)
         if known is None or not _same(cam, WORDS | {"span"}):
             continue

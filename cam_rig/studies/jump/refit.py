@@ -30,7 +30,7 @@ ABOUT = 0.02
 #: Starts, the file's own first; how far they scatter; and their seed.
 STARTS, SCATTER, SEED = 3, np.array([0.02, 0.4, 0.15, 0.3]), 1
 #: Most steps of one start.
-MOST_STEPS = 20
+MAX_STEPS = 20
 #: A search begins at this part of the published speed.
 BELOW = 0.6
 #: Table 2 prints its speeds in steps of this, rpm.
@@ -159,7 +159,7 @@ def _solutions(
                 bounds=(-most, most),
                 diff_step=np.full(4, STEP),
                 x_scale=SCATTER,
-                max_nfev=MOST_STEPS,
+                max_nfev=MAX_STEPS,
             )
         )
     return sorted(solutions, key=lambda s: float(s.cost))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
 from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.modal.minimum import Run
+from cam_rig.dynamics.modal.minimum import ModalRun
 from cam_rig.dynamics.modal.response import Ringing
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
 from cam_rig.errors import DynamicsError
@@ -33,7 +33,7 @@ UNDAMPED = 1e-7
 #: A zero is polished to this part of the speed, and of the bracket it was found in.
 POLISHED, POLISHED_IN = 5e-7, 1e-3
 #: Finer than this rounding decides.
-MOST_POLISHED = 1e-13
+MAX_POLISHED = 1e-13
 
 
 @dataclass(frozen=True)
@@ -48,10 +48,10 @@ class Sought:
     high: float
 
 
-def force_run(law: Law, parameters: TwoMassParameters, duration: float | None) -> Run:
+def force_run(law: Law, parameters: TwoMassParameters, duration: float | None) -> ModalRun:
     """The contact force of the two-mass follower over a run, at any speeds."""
     model = Ringing.of(contact_response(law, parameters, RPM), force_output(parameters))
-    return Run(model, duration)
+    return ModalRun(model, duration)
 
 
 def sought_speed(
@@ -77,11 +77,11 @@ def sought(
             "speed louder turn after turn; allowed: damping, or a run from rest"
         )
     low, high = _bracket(run, law, slowest)
-    fine = max(MOST_POLISHED, min(POLISHED, POLISHED_IN * (high / low - 1.0)))
+    fine = max(MAX_POLISHED, min(POLISHED, POLISHED_IN * (high / low - 1.0)))
     return Sought(low, float(brentq(run.lowest, low, high, rtol=fine)), high)
 
 
-def step(run: Run) -> float:
+def step(run: ModalRun) -> float:
     """Relative step of the speed from which the force is as good as continuous."""
     rates = run.model.rates
     memory = 1.0 / max(float(-rates.real.max()), 1e-300)
@@ -90,7 +90,7 @@ def step(run: Run) -> float:
     return min(0.02, PHASE_STEP / (float(np.abs(rates).max()) * memory))
 
 
-def _bracket(run: Run, law: Law, slowest: float) -> tuple[float, float]:
+def _bracket(run: ModalRun, law: Law, slowest: float) -> tuple[float, float]:
     """Two speeds (rad/s): the least force is above zero at the lower and below at the upper."""
     ratio = 1.0 + step(run)
     first = slowest
@@ -113,7 +113,7 @@ def _bracket(run: Run, law: Law, slowest: float) -> tuple[float, float]:
     )
 
 
-def _first_below(run: Run, speeds: FloatArray, slowest: float) -> tuple[float, float] | None:
+def _first_below(run: ModalRun, speeds: FloatArray, slowest: float) -> tuple[float, float] | None:
     """The first bracket of a zero among neighbouring speeds, in a dip between two of them too."""
     least = run.least(speeds)
     below = np.flatnonzero(least <= 0.0)
@@ -132,7 +132,7 @@ def _first_below(run: Run, speeds: FloatArray, slowest: float) -> tuple[float, f
     return low, float(speeds[stop])
 
 
-def _with_lowest(run: Run, speeds: FloatArray) -> tuple[FloatArray, int] | None:
+def _with_lowest(run: ModalRun, speeds: FloatArray) -> tuple[FloatArray, int] | None:
     """The speeds, and which is the first below zero; None where none is.
 
     Where the grid leaves it open the lowest place is sought between its points, and put among the

@@ -20,7 +20,7 @@ from cam_rig.laws.cam import arc_cam
 from cam_rig.schema import CamConfig
 from cam_rig.simulation.levels import cubic
 from cam_rig.simulation.settled_turns import Acoustics, Turns
-from cam_rig.studies.noise.calibration import Heard, rms
+from cam_rig.studies.noise.calibration import PublishedCam, rms
 from cam_rig.studies.noise.identify import IMPOSSIBLE, with_geometry
 
 #: Lifts tried as a start, in terms of the given one, and events in terms of the valley's: shapes
@@ -86,7 +86,7 @@ class ShapeFit:
 
     shape: ArcShape
     acoustics: Acoustics
-    heard: Heard
+    heard: PublishedCam
     sensitivity: FloatArray
 
 
@@ -104,13 +104,13 @@ class ShapeProblem:
     cam: CamConfig
     published: FloatArray
     turn: Callable[[Law], Turns]
-    _known: dict[ArcShape, Heard] = field(default_factory=dict, init=False, compare=False)
+    _known: dict[ArcShape, PublishedCam] = field(default_factory=dict, init=False, compare=False)
 
-    def heard(self, shape: ArcShape) -> Heard:
+    def heard(self, shape: ArcShape) -> PublishedCam:
         """The shape's turns; kept, since fits to other constants begin at the same shapes."""
         if shape not in self._known:
             turns = self.turn(shape.law(self.cam))
-            self._known[shape] = Heard(self.cam.name, turns, self.published)
+            self._known[shape] = PublishedCam(self.cam.name, turns, self.published)
         return self._known[shape]
 
     def seen(self, shape: ArcShape, acoustics: Acoustics) -> ShapeFit:

@@ -18,16 +18,16 @@ STEP = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Heard:
+class PublishedCam:
     """A cam's settled turns and its published level (dB) at the same speeds."""
 
     cam: str
     turns: Turns
     published: FloatArray
 
-    def every(self, step: int) -> Heard:
+    def every(self, step: int) -> PublishedCam:
         """Only each ``step``-th speed."""
-        return Heard(self.cam, self.turns.every(step), self.published[::step])
+        return PublishedCam(self.cam, self.turns.every(step), self.published[::step])
 
     def difference(self, acoustics: Acoustics) -> FloatArray:
         """Simulated less published level, dB."""
@@ -43,7 +43,7 @@ def rms(difference: FloatArray) -> float:
     return float(np.sqrt(np.mean(difference**2)))
 
 
-def two_constants(heard: Sequence[Heard], start: Acoustics) -> Acoustics:
+def two_constants(heard: Sequence[PublishedCam], start: Acoustics) -> Acoustics:
     """Gain and corner of least r.m.s. difference over the cams: two numbers."""
 
     def residual(x: FloatArray) -> FloatArray:
@@ -59,7 +59,7 @@ def _at(start: Acoustics, x: FloatArray) -> Acoustics:
     return start.with_constants(gain, corner)
 
 
-def by_substitution(reference: Heard, start: Acoustics) -> Acoustics:
+def by_substitution(reference: PublishedCam, start: Acoustics) -> Acoustics:
     """Gain and speed response of the reference cam, the corner as two constants have it.
 
     Five numbers to one cubic, which has four: the reference's own curve says nothing any more.
@@ -79,7 +79,7 @@ def by_substitution(reference: Heard, start: Acoustics) -> Acoustics:
     return at(found.x)
 
 
-def sensitivity(heard: Heard, acoustics: Acoustics) -> FloatArray:
+def sensitivity(heard: PublishedCam, acoustics: Acoustics) -> FloatArray:
     """``(n, k)``: how the levels (dB) change with each fitted constant.
 
     Two constants: log gain and log corner. By substitution: log gain and the response's terms.

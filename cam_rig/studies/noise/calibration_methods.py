@@ -21,13 +21,13 @@ from cam_rig.studies.noise import bootstrap
 from cam_rig.studies.noise.arc_shape import ArcShape, ShapeFit
 from cam_rig.studies.noise.bootstrap import Band, Crossing
 from cam_rig.studies.noise.calibration import (
-    Heard,
+    PublishedCam,
     by_substitution,
     rms,
     sensitivity,
     two_constants,
 )
-from cam_rig.studies.noise.study import Study
+from cam_rig.studies.noise.study import NoiseSetup
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class Method:
     crossing: Crossing
 
 
-def with_two_constants(study: Study, refit: bool) -> Method:
+def with_two_constants(study: NoiseSetup, refit: bool) -> Method:
     """Gain and corner from the reference; the arc cam as its file has it, or fitted anew."""
     reference = study.heard[study.cast.reference]
     acoustics = two_constants([reference], study.start)
@@ -77,7 +77,7 @@ def with_two_constants(study: Study, refit: bool) -> Method:
     return _method("two constants", study, fit, np.eye(study.rpm.size), unseen)
 
 
-def with_substitution(study: Study) -> Method:
+def with_substitution(study: NoiseSetup) -> Method:
     """Gain and speed response from the reference; the arc cam's geometry fitted to that."""
     reference = study.heard[study.cast.reference]
     acoustics = by_substitution(reference, study.start)
@@ -88,7 +88,7 @@ def with_substitution(study: Study) -> Method:
 
 
 def _method(
-    name: str, study: Study, fit: ShapeFit, compared: FloatArray, unseen: FloatArray
+    name: str, study: NoiseSetup, fit: ShapeFit, compared: FloatArray, unseen: FloatArray
 ) -> Method:
     """Curves and bands.
 
@@ -132,16 +132,16 @@ def _refit(slope: FloatArray, compared: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.pinv(slope, rcond=1e-2) @ compared)
 
 
-def _crossing_cams(study: Study) -> tuple[str, str, float]:
-    published = study.stage.published
+def _crossing_cams(study: NoiseSetup) -> tuple[str, str, float]:
+    published = study.loaded.published
     assert published is not None  # the study has its levels
     one, two = published.crossover.between
     return one, two, published.crossover.rpm
 
 
 def _curve(
-    study: Study,
-    heard: Heard,
+    study: NoiseSetup,
+    heard: PublishedCam,
     acoustics: Acoustics,
     numbers: int,
     moved: FloatArray,
@@ -151,7 +151,7 @@ def _curve(
     fitted = cubic(study.rpm) @ level
     return StudiedCurve(
         cam=heard.cam,
-        role=study.stage.role(heard.cam),
+        role=study.loaded.role(heard.cam),
         numbers=numbers,
         level_db=level,
         regression_db=fitted,

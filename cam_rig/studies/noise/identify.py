@@ -20,14 +20,14 @@ from cam_rig.laws import build_law
 from cam_rig.laws.cam import arc_cam
 from cam_rig.schema import CamConfig, SceneConfig
 from cam_rig.simulation.levels import step_levels
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import simulate
 
 #: Bounds of lift (m), event span (deg) and nose span as a fraction of the event span.
 BOUNDS = np.array([[0.002, 0.05], [60.0, 300.0], [0.05, 0.95]])
 #: Largest pitch radius (m) of a flank that still is concave to the eye: the paper calls the cam
 #: concave, and beyond this a flank of some millimetres is straight.
-MOST_FLANK = 0.5
+MAX_FLANK = 0.5
 #: What a geometry that cannot exist costs, dB.
 IMPOSSIBLE = 50.0
 #: Sample rate of a trial.
@@ -61,26 +61,26 @@ def with_geometry(cam: CamConfig, lift_mm: float, event_deg: float, nose_deg: fl
     return CamConfig.model_validate(data)
 
 
-def trial_stage(stage: Stage) -> Stage:
+def trial_stage(loaded: LoadedScene) -> LoadedScene:
     """The same scene, shorter and coarser: within 0.01 dB of the whole one, much faster."""
-    data = stage.scene.model_dump(exclude_none=True)
+    data = loaded.scene.model_dump(exclude_none=True)
     data["sample_rate"] = {"assumed": TRIAL_RATE_HZ, "unit": "Hz"}
     data["program"]["turns"] = {"assumed": 3, "unit": "turns"}
     data["program"]["settle_turns"] = {"assumed": 1, "unit": "turns"}
-    return replace(stage, scene=SceneConfig.model_validate(data))
+    return replace(loaded, scene=SceneConfig.model_validate(data))
 
 
 def identify(
-    stage: Stage, cam: str, seed: int, on_progress: Callable[[float], None] = lambda _: None
+    loaded: LoadedScene, cam: str, seed: int, on_progress: Callable[[float], None] = lambda _: None
 ) -> Geometry:
-    """Search lift and angles of an arc cam; ``stage`` holds the scene to run for each trial.
+    """Search lift and angles of an arc cam; ``loaded`` holds the scene to run for each trial.
 
     A global search (differential evolution, seeded) followed by a local one.
     """
-    arc_cam(stage.cams[cam])  # it must have arcs to move
-    trial = trial_stage(stage)
-    rpm = np.array(stage.scene.program.speeds.si_list) * 30.0 / math.pi
-    target = stage.published_levels(cam, rpm)
+    arc_cam(loaded.cams[cam])  # it must have arcs to move
+    trial = trial_stage(loaded)
+    rpm = np.array(loaded.scene.program.speeds.si_list) * 30.0 / math.pi
+    target = loaded.published_levels(cam, rpm)
     evaluations = 0
 
     def rmse(x: FloatArray) -> float:
@@ -112,15 +112,15 @@ def identify(
     raise LawError(f"cam {cam!r}: no arc cam within the bounds comes near its published noise")
 
 
-def _levels(stage: Stage, cam: str, x: FloatArray) -> FloatArray | None:
+def _levels(loaded: LoadedScene, cam: str, x: FloatArray) -> FloatArray | None:
     lift, event, fraction = (float(v) for v in x)
     if np.any(x < BOUNDS[:, 0]) or np.any(x > BOUNDS[:, 1]):
         return None
     try:
-        config = with_geometry(stage.cams[cam], 1e3 * lift, event, event * fraction)
-        if arc_cam(config).radii()[0] > MOST_FLANK:
+        config = with_geometry(loaded.cams[cam], 1e3 * lift, event, event * fraction)
+        if arc_cam(config).radii()[0] > MAX_FLANK:
             return None
-        trial = stage.only(cam, build_law(config))
+        trial = loaded.only(cam, build_law(config))
     except LawError:
         return None
     steps = step_levels(simulate(trial), trial.scene.program.settle_turns.si)[cam]

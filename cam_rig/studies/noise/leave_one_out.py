@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from cam_rig.simulation.levels import cubic
 from cam_rig.simulation.settled_turns import Acoustics
 from cam_rig.studies.noise.calibration import rms, two_constants
-from cam_rig.studies.noise.study import Study
+from cam_rig.studies.noise.study import NoiseSetup
 
 #: Rounds of fitting shape and constants in turn.
 ROUNDS = 2
@@ -31,12 +31,12 @@ class LeftOut:
     rms_trained_db: dict[str, float]
 
 
-def leave_one_out(study: Study) -> list[LeftOut]:
+def leave_one_out(study: NoiseSetup) -> list[LeftOut]:
     """All three, in the order of the scene."""
     return [_leave_out(study, cam) for cam in study.heard]
 
 
-def _leave_out(study: Study, cam: str) -> LeftOut:
+def _leave_out(study: NoiseSetup, cam: str) -> LeftOut:
     arcs = study.cast.arcs
     trained = tuple(name for name in study.heard if name != cam)
     known = [study.heard[name] for name in trained if name != arcs]

@@ -10,11 +10,11 @@ import numpy as np
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.schema import RigConfig
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.studies.noise.calibration_methods import Method, with_substitution, with_two_constants
 from cam_rig.studies.noise.leave_one_out import LeftOut, leave_one_out
 from cam_rig.studies.noise.shared_rig import OneRig, with_elastic_stem, with_rigid_stem
-from cam_rig.studies.noise.study import Cast, Study
+from cam_rig.studies.noise.study import NoiseSetup, StudyRoles
 from cam_rig.studies.noise.transfer_functions import StructureFit, compare_structures
 
 #: What a study does, in order, as it is told to who waits.
@@ -32,7 +32,7 @@ PARTS = (
 class NoiseStudy:
     """All that a noise study finds; `structures` by the cam that they were fitted to."""
 
-    cast: Cast
+    cast: StudyRoles
     rpm: FloatArray
     structures: dict[str, list[StructureFit]]
     methods: tuple[Method, ...]
@@ -41,7 +41,7 @@ class NoiseStudy:
 
 
 def study_noise(
-    stage: Stage,
+    loaded: LoadedScene,
     rig: RigConfig,
     arcs: bool = False,
     on_part: Callable[[str], None] = lambda _: None,
@@ -57,12 +57,12 @@ def study_noise(
 
     Raises
     ------
-    ConfigError : a scene without the three parts (`Cast`) or published levels, or a rig without
+    ConfigError : a scene without the three `StudyRoles` or published levels, or a rig without
         two masses
     """
     on_part(PARTS[0])
     TwoMassParameters.from_rig(rig)  # refused now rather than at the end
-    study = Study.of(stage)
+    study = NoiseSetup.of(loaded)
     smooth = (study.cast.reference, study.cast.predicted)
     on_part(PARTS[1])
     structures = {cam: _structures(study, cam) for cam in smooth}
@@ -77,13 +77,13 @@ def study_noise(
     return NoiseStudy(study.cast, study.rpm, structures, tuple(methods), left_out, rigs)
 
 
-def _structures(study: Study, fitted: str) -> list[StructureFit]:
-    stage, cast = study.stage, study.cast
+def _structures(study: NoiseSetup, fitted: str) -> list[StructureFit]:
+    loaded, cast = study.loaded, study.cast
     cams = (cast.reference, cast.predicted)
     return compare_structures(
-        {cam: stage.laws[cam] for cam in cams},
-        stage.follower,
-        stage.radiation,
+        {cam: loaded.laws[cam] for cam in cams},
+        loaded.follower,
+        loaded.radiation,
         {cam: study.heard[cam].published for cam in cams},
         np.asarray(study.heard[fitted].turns.speeds),
         fitted,

@@ -24,12 +24,12 @@ from cam_rig.simulation.levels import cubic
 from cam_rig.simulation.settled_turns import Acoustics, Turns, settled_turns
 from cam_rig.studies.noise.arc_shape import ArcShape, ShapeProblem
 from cam_rig.studies.noise.bootstrap import crossing
-from cam_rig.studies.noise.calibration import Heard, two_constants
-from cam_rig.studies.noise.identify import IMPOSSIBLE, MOST_FLANK
-from cam_rig.studies.noise.study import EVERY, Study
+from cam_rig.studies.noise.calibration import PublishedCam, two_constants
+from cam_rig.studies.noise.identify import IMPOSSIBLE, MAX_FLANK
+from cam_rig.studies.noise.study import EVERY, NoiseSetup
 
 #: Lift (m), event (rad) and curvature of the flank (1/m) that the search goes through.
-SEARCHED = Bounds([0.002, 1.2, 1.0 / MOST_FLANK], [0.02, 3.5, 40.0])
+SEARCHED = Bounds([0.002, 1.2, 1.0 / MAX_FLANK], [0.02, 3.5, 40.0])
 #: Generations of the search, shapes a generation for each number, and its seed.
 GENERATIONS, POPULATION, SEED = 12, 7, 2
 
@@ -49,7 +49,7 @@ class OneRig:
     crossing_rpm: float | None
 
 
-def with_rigid_stem(study: Study, rig: RigConfig) -> OneRig:
+def with_rigid_stem(study: NoiseSetup, rig: RigConfig) -> OneRig:
     """The rig's masses, spring and preload on a rigid stem."""
     follower = FollowerParameters.from_rig(rig)
     smooth = _smooth(study, lambda law, speeds: settled_turns(law, "one_mass", follower, speeds))
@@ -60,16 +60,16 @@ def with_rigid_stem(study: Study, rig: RigConfig) -> OneRig:
         return settled_turns(law, "one_mass", follower, arcs.turns.speeds)
 
     # Lift-off stays at its speed when lift and preload grow together.
-    share = rig.follower.preload.si / study.stage.rig.follower.preload.si
+    share = rig.follower.preload.si / study.loaded.rig.follower.preload.si
     start = study.shape.scaled(share**0.5, 1.0)
-    problem = ShapeProblem(study.stage.cams[study.cast.arcs], arcs.published, turn)
+    problem = ShapeProblem(study.loaded.cams[study.cast.arcs], arcs.published, turn)
     shape = problem.fit(start, acoustics)
     name = f"{rig.name}, rigid stem"
     return _result(name, study, acoustics, smooth, shape, problem.heard(shape))
 
 
 def with_elastic_stem(
-    study: Study,
+    study: NoiseSetup,
     rig: RigConfig,
     arcs: bool = False,
     on_best: Callable[[float], None] = lambda _: None,
@@ -92,30 +92,30 @@ def with_elastic_stem(
     if not arcs:
         return _result(rig.name, study, acoustics, smooth, None, None)
     thin = study.heard[study.cast.arcs].every(EVERY)
-    cam = study.stage.cams[study.cast.arcs]
+    cam = study.loaded.cams[study.cast.arcs]
     problem = ShapeProblem(cam, thin.published, lambda law: turn(law, thin.turns.speeds))
     shape = _search(problem, acoustics, on_best)
     return _result(rig.name, study, acoustics, smooth, shape, problem.heard(shape))
 
 
-def _smooth(study: Study, turn: Callable[[Law, FloatArray], Turns]) -> dict[str, Heard]:
+def _smooth(study: NoiseSetup, turn: Callable[[Law, FloatArray], Turns]) -> dict[str, PublishedCam]:
     """Reference and predicted cam on another follower, at all speeds."""
     cams = {cam: study.heard[cam] for cam in (study.cast.reference, study.cast.predicted)}
     return {
-        cam: Heard(cam, turn(study.stage.laws[cam], h.turns.speeds), h.published)
+        cam: PublishedCam(cam, turn(study.loaded.laws[cam], h.turns.speeds), h.published)
         for cam, h in cams.items()
     }
 
 
-def _landing_on_roller(study: Study, follower: TwoMassParameters) -> RadiationParameters:
+def _landing_on_roller(study: NoiseSetup, follower: TwoMassParameters) -> RadiationParameters:
     """The radiation with a landing's pulse as long as the roller's mass takes on the cam.
 
     The stem's give is in the model; what is left is the contact itself, for which the paper
     prints nothing, so it is taken as stiff as the rigid rig's stem (its Table 1).
     """
-    stiffness = study.stage.follower.stem_stiffness
+    stiffness = study.loaded.follower.stem_stiffness
     time = np.pi * np.sqrt(follower.roller_mass / stiffness)
-    return replace(study.stage.radiation, contact_time=float(time))
+    return replace(study.loaded.radiation, contact_time=float(time))
 
 
 def _search(
@@ -143,11 +143,11 @@ def _search(
 
 def _result(
     name: str,
-    study: Study,
+    study: NoiseSetup,
     acoustics: Acoustics,
-    smooth: dict[str, Heard],
+    smooth: dict[str, PublishedCam],
     shape: ArcShape | None,
-    arcs: Heard | None,
+    arcs: PublishedCam | None,
 ) -> OneRig:
     heard = smooth if arcs is None else smooth | {study.cast.arcs: arcs}
     left = {cam: h.rms(acoustics) for cam, h in heard.items()}
@@ -155,8 +155,10 @@ def _result(
     return OneRig(name, acoustics, left, shape, crossed)
 
 
-def _crossing(study: Study, heard: dict[str, Heard], acoustics: Acoustics) -> float | None:
-    published = study.stage.published
+def _crossing(
+    study: NoiseSetup, heard: dict[str, PublishedCam], acoustics: Acoustics
+) -> float | None:
+    published = study.loaded.published
     assert published is not None  # the study has its levels
     rpm = heard[study.cast.arcs].turns.rpm
     thinned = {cam: h if cam == study.cast.arcs else h.every(EVERY) for cam, h in heard.items()}

@@ -14,19 +14,19 @@ import numpy as np
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.settled_turns import Acoustics, Turns, settled_turns
 from cam_rig.studies.noise.arc_shape import ArcShape, ShapeProblem
-from cam_rig.studies.noise.calibration import Heard
+from cam_rig.studies.noise.calibration import PublishedCam
 
 #: A shape is fitted at each of these of the study's speeds, and then heard at all.
 EVERY = 2
 #: Half of them still are more than a cubic has numbers.
-LEAST_SPEEDS = 9
+MIN_SPEEDS = 9
 
 
 @dataclass(frozen=True)
-class Cast:
+class StudyRoles:
     """Which cam plays which part in a scene."""
 
     reference: str
@@ -34,62 +34,64 @@ class Cast:
     arcs: str
 
     @classmethod
-    def of(cls, stage: Stage) -> Cast:
+    def of(cls, loaded: LoadedScene) -> StudyRoles:
         """The parts in a scene.
 
         Raises
         ------
         ConfigError : it has not one cam for each, or too few speeds for their regressions
         """
-        speeds = len(stage.scene.program.speeds.numbers)
-        if speeds < LEAST_SPEEDS:
+        speeds = len(loaded.scene.program.speeds.numbers)
+        if speeds < MIN_SPEEDS:
             raise ConfigError(
-                f"{stage.scene_file}: program.speeds has {speeds}; a noise study needs at least "
-                f"{LEAST_SPEEDS}"
+                f"{loaded.scene_file}: program.speeds has {speeds}; a noise study needs at least "
+                f"{MIN_SPEEDS}"
             )
-        roles = {stage.role(cam): cam for cam in stage.scene.cams}
-        if len(stage.scene.cams) != 3 or len(roles) != 3 or stage.scene.model != "one_mass":
+        roles = {loaded.role(cam): cam for cam in loaded.scene.cams}
+        if len(loaded.scene.cams) != 3 or len(roles) != 3 or loaded.scene.model != "one_mass":
             raise ConfigError(
-                f"{stage.scene_file}: cams are {', '.join(stage.scene.cams)}, model "
-                f"{stage.scene.model}; a noise study needs model one_mass and three published "
+                f"{loaded.scene_file}: cams are {', '.join(loaded.scene.cams)}, model "
+                f"{loaded.scene.model}; a noise study needs model one_mass and three published "
                 "cams: one that the rig is calibrated on, one identified, one predicted"
             )
         return cls(roles["calibrated"], roles["predicted"], roles["identified"])
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
-    """What all parts of a noise study share: the stage, the parts, the mechanics of each cam."""
+class NoiseSetup:
+    """What all parts of a noise study share: the scene, the roles, the mechanics of each cam."""
 
-    stage: Stage
-    cast: Cast
-    heard: dict[str, Heard]
+    loaded: LoadedScene
+    cast: StudyRoles
+    heard: dict[str, PublishedCam]
     start: Acoustics
 
     @classmethod
-    def of(cls, stage: Stage) -> Study:
+    def of(cls, loaded: LoadedScene) -> NoiseSetup:
         """Run the mechanics of a scene once.
 
         Raises
         ------
         ConfigError : a scene without the three parts, or without published levels
         """
-        cast = Cast.of(stage)
-        speeds = np.array(stage.scene.program.speeds.si_list)
+        cast = StudyRoles.of(loaded)
+        speeds = np.array(loaded.scene.program.speeds.si_list)
         published = {
-            cam: stage.published_levels(cam, speeds * 30.0 / np.pi) for cam in stage.scene.cams
+            cam: loaded.published_levels(cam, speeds * 30.0 / np.pi) for cam in loaded.scene.cams
         }
 
         def turn(law: Law) -> Turns:
-            return settled_turns(law, "one_mass", stage.follower, speeds)
+            return settled_turns(law, "one_mass", loaded.follower, speeds)
 
-        heard = {cam: Heard(cam, turn(stage.laws[cam]), published[cam]) for cam in published}
-        return cls(stage, cast, heard, Acoustics(stage.radiation))
+        heard = {
+            cam: PublishedCam(cam, turn(loaded.laws[cam]), published[cam]) for cam in published
+        }
+        return cls(loaded, cast, heard, Acoustics(loaded.radiation))
 
     @property
     def shape(self) -> ArcShape:
         """The arc cam's geometry as its file has it."""
-        return ArcShape.of(self.stage.cams[self.cast.arcs])
+        return ArcShape.of(self.loaded.cams[self.cast.arcs])
 
     @property
     def rpm(self) -> FloatArray:
@@ -109,9 +111,9 @@ class Study:
         arcs = self.heard[self.cast.arcs].every(every)
 
         def turn(law: Law) -> Turns:
-            return settled_turns(law, "one_mass", self.stage.follower, arcs.turns.speeds)
+            return settled_turns(law, "one_mass", self.loaded.follower, arcs.turns.speeds)
 
-        return ShapeProblem(self.stage.cams[self.cast.arcs], arcs.published, turn)
+        return ShapeProblem(self.loaded.cams[self.cast.arcs], arcs.published, turn)
 
     def fit_shape(self, acoustics: Acoustics) -> ArcShape:
         """Lift and event of the arc cam for these constants."""

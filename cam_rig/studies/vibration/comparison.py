@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
-from cam_rig.studies.cam_set import Lineup
+from cam_rig.studies.cam_set import CamSet
 from cam_rig.studies.jump.contact_limit import leaving_speed
 from cam_rig.studies.vibration.speeds import require_speeds
 from cam_rig.studies.vibration.steady_state import Vibration, vibration
@@ -40,7 +40,7 @@ class VibrationTable:
 
 
 def vibration_table(
-    lineup: Lineup, rpm: tuple[float, ...], on_cam: Callable[[str], None] = lambda _: None
+    cam_set: CamSet, rpm: tuple[float, ...], on_cam: Callable[[str], None] = lambda _: None
 ) -> VibrationTable:
     """Measure every cam at every speed (rpm), each speed once; twist where the rig has a shaft.
 
@@ -48,12 +48,12 @@ def vibration_table(
     ------
     DynamicsError : a speed out of `require_speeds`' limits, or without a steady state
     """
-    follower, rpm = FollowerParameters.from_rig(lineup.rig), tuple(dict.fromkeys(rpm))
+    follower, rpm = FollowerParameters.from_rig(cam_set.rig), tuple(dict.fromkeys(rpm))
     require_speeds(follower, rpm)
-    shaft = None if lineup.rig.shaft is None else shaft_of(lineup.rig)
+    shaft = None if cam_set.rig.shaft is None else shaft_of(cam_set.rig)
     found: dict[str, list[Vibration]] = {}
-    for cam, law in lineup.laws.items():
+    for cam, law in cam_set.laws.items():
         on_cam(cam)
         found[cam] = [vibration(law, follower, shaft, speed * RPM) for speed in rpm]
-    leaves = {cam: leaving_speed(law, lineup.rig) / RPM for cam, law in lineup.laws.items()}
+    leaves = {cam: leaving_speed(law, cam_set.rig) / RPM for cam, law in cam_set.laws.items()}
     return VibrationTable(rpm, found, leaves)

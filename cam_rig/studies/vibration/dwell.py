@@ -20,7 +20,7 @@ STAND_IN = float(np.radians(62.5))
 
 
 @dataclass(frozen=True)
-class Window:
+class LowDwell:
     """A stretch of the turn from ``start`` (rad), ``span`` wide; ``dwell`` says that it rests."""
 
     start: float
@@ -37,12 +37,12 @@ class Window:
         return np.asarray((angle - self.start) % TURN < self.span * (1.0 - 1e-9))
 
 
-def low_dwell(law: Law) -> Window:
+def low_dwell(law: Law) -> LowDwell:
     """The longest run of pieces at the lowest lift, around the turn; else the stand-in."""
     lowest = float(law.ordinates.min())
     height = np.abs(law.ordinates - lowest).max(axis=0)
     flat = height <= FLAT * law.lift
-    best = Window(0.0, 0.0, True)
+    best = LowDwell(0.0, 0.0, True)
     count = flat.size
     for i in np.flatnonzero(flat & ~np.roll(flat, 1)):
         run = 1
@@ -50,9 +50,9 @@ def low_dwell(law: Law) -> Window:
             run += 1
         span = float(sum(law.spans[(i + k) % count] for k in range(run)))
         if span > best.span:
-            best = Window(float(law.breaks[i]), span, True)
+            best = LowDwell(float(law.breaks[i]), span, True)
     if best.span > 0.0:
         return best
     angles = np.concatenate([law.breaks[:-1], np.linspace(0.0, TURN, GRID, endpoint=False)])
     middle = float(angles[np.argmin(law(angles))])
-    return Window((middle - 0.5 * STAND_IN) % TURN, STAND_IN, False)
+    return LowDwell((middle - 0.5 * STAND_IN) % TURN, STAND_IN, False)

@@ -17,14 +17,14 @@ from cam_rig.dynamics.torsional.solution import periodic_state, solve
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
-from cam_rig.studies.vibration.dwell import Window, low_dwell
+from cam_rig.studies.vibration.dwell import LowDwell, low_dwell
 from cam_rig.studies.vibration.speeds import require_speeds
 from cam_rig.units import RPM, TURN
 
 #: Samples of a turn at least, and of a period of the stem.
-LEAST_SAMPLES, PER_PERIOD = 4096, 32
+MIN_SAMPLES, PER_PERIOD = 4096, 32
 #: Ringing beyond this many times all of the vibration is no part of it.
-MOST_RINGING = 2.0
+MAX_RINGING = 2.0
 #: Samples of a turn of twist.
 TWIST_SAMPLES = 2048
 
@@ -51,7 +51,7 @@ def steady_turn(law: Law, follower: FollowerParameters, speed: float) -> SteadyT
     """
     model, out = residual.response(law, follower, speed), residual.outputs(follower)
     rate = math.sqrt(-model.matrix[1, 0])
-    count = max(LEAST_SAMPLES, math.ceil(PER_PERIOD * rate / speed))
+    count = max(MIN_SAMPLES, math.ceil(PER_PERIOD * rate / speed))
     step = TURN / speed / count
     rows = sample(model, model.periodic(), 0.0, 0.0, step, count, out)
     vibration = -(rows[3] - follower.preload) / follower.stem_stiffness
@@ -74,7 +74,7 @@ class Vibration:
     twist : rad, peak to peak of cam less flywheel; None for a rig without a shaft
     """
 
-    window: Window
+    window: LowDwell
     ringing: float
     swing: float
     acceleration: float
@@ -127,7 +127,7 @@ def ringing(law: Law, follower: FollowerParameters, speeds: FloatArray) -> Float
     found = np.max([model.amplitude_at(speeds, angle) for angle in at], axis=0)
     last = int(np.argmax(speeds))  # the faster, the less of the vibration follows the law
     whole = float(np.abs(steady_turn(law, follower, float(speeds[last])).vibration).max())
-    if not found[last] <= MOST_RINGING * whole:
+    if not found[last] <= MAX_RINGING * whole:
         raise DynamicsError(
             f"law {law.name!r}: ringing of {1e6 * found[last]:.3g} µm in a vibration of "
             f"{1e6 * whole:.3g} µm at {speeds[last] / RPM:g} rpm; allowed: speeds slow enough for "

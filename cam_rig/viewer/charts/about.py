@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from cam_rig.schema.quantity import ORIGINS, Quantity
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 
 
-def about(stage: Stage, bucket: int) -> str:
+def about(loaded: LoadedScene, bucket: int) -> str:
     """Markdown on the scene, its cams and its rig; of ``bucket`` samples two are shown."""
-    scene, rig = stage.scene, stage.rig
+    scene, rig = loaded.scene, loaded.rig
     lines = [
         f"# {scene.title}",
         f"Model `{scene.model}`, {scene.sample_rate.si:g} samples a second, "
@@ -17,7 +17,7 @@ def about(stage: Stage, bucket: int) -> str:
     ]
     if bucket > 1:
         lines.append(f"Of every {bucket} samples the curves show the least and the greatest.")
-    for name, cam in stage.cams.items():
+    for name, cam in loaded.cams.items():
         lines += [f"## {cam.title}", f"`{name}`, {cam.follower.type} follower"]
         lines += by_origin(cam.numbers())
     lines += [f"## {rig.title}", f"`{rig.name}`"]

@@ -11,7 +11,7 @@ import rerun as rr
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
 from cam_rig.simulation.levels import HeardTick, step_levels
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.units import RPM_PER_RAD_S
 from cam_rig.viewer.charts.axes import UNSEEN, Axes, round_marks
 from cam_rig.viewer.timeline import time_columns
@@ -26,16 +26,16 @@ DASHES = 40
 WIDTH = 200.0
 
 
-def noise_axes(stage: Stage) -> Axes:
+def noise_axes(loaded: LoadedScene) -> Axes:
     """All speeds of the scene, and the published levels with room around them."""
-    speeds = np.array(stage.scene.program.speeds.si_list) * RPM_PER_RAD_S
+    speeds = np.array(loaded.scene.program.speeds.si_list) * RPM_PER_RAD_S
     low, high = float(speeds.min()), float(speeds.max())
     if high == low:
         low, high = low - 50.0, high + 50.0
-    if stage.published is None:
+    if loaded.published is None:
         return Axes((low, high), LEVELS, WIDTH)
     fine = np.linspace(low, high, 100)
-    levels = np.array([stage.published.level(c, fine) for c in stage.published.regression_db])
+    levels = np.array([loaded.published.level(c, fine) for c in loaded.published.regression_db])
     least, most = 5.0 * np.floor(levels.min() / 5.0), 5.0 * np.ceil(levels.max() / 5.0)
     return Axes((low, high), (float(least) - 5.0, float(most) + 5.0), WIDTH)
 
@@ -43,17 +43,17 @@ def noise_axes(stage: Stage) -> Axes:
 class NoiseChart:
     """Draws the axes and what is published, then every step as far as it is measured."""
 
-    def __init__(self, stream: rr.RecordingStream, stage: Stage) -> None:
-        self._stream, self._stage, self._axes = stream, stage, noise_axes(stage)
-        self._settle = stage.scene.program.settle_turns.si
+    def __init__(self, stream: rr.RecordingStream, loaded: LoadedScene) -> None:
+        self._stream, self._loaded, self._axes = stream, loaded, noise_axes(loaded)
+        self._settle = loaded.scene.program.settle_turns.si
         self._step: list[HeardTick] = []
         self._levels: dict[str, dict[float, float]] = {}
         self._new: dict[str, tuple[int, float]] = {}
         self._drawn: set[str] = set()
         rpm, level = round_marks(*self._axes.x, "rpm"), round_marks(*self._axes.y, "dB")
         self._axes.draw(stream, f"{VIEW}/axes", rpm, level)
-        if stage.published is not None:
-            for cam in stage.published.regression_db:
+        if loaded.published is not None:
+            for cam in loaded.published.regression_db:
                 self._draw_published(cam)
 
     def hear(self, tick: HeardTick, end_angle: float) -> float | None:
@@ -85,7 +85,7 @@ class NoiseChart:
     def finish(self) -> None:
         """Draw all points so that they are there at every time, and on every timeline."""
         for cam in self._levels:
-            colour = colours.of_cam(self._stage, cam)
+            colour = colours.of_cam(self._loaded, cam)
             points = rr.Points2D(self._points(cam), colors=colour, radii=FINAL)
             self._stream.log(f"{VIEW}/final/{cam}", points, static=True)
 
@@ -96,7 +96,7 @@ class NoiseChart:
         entity = f"{VIEW}/measured/{cam}"
         if cam not in self._drawn:
             self._drawn.add(cam)
-            style = rr.Points2D.from_fields(colors=colours.of_cam(self._stage, cam), radii=POINT)
+            style = rr.Points2D.from_fields(colors=colours.of_cam(self._loaded, cam), radii=POINT)
             self._stream.log(entity, style, static=True)
         self._stream.send_columns(entity, at, columns)
 
@@ -106,12 +106,12 @@ class NoiseChart:
         return self._axes.place(np.array(list(steps)) * RPM_PER_RAD_S, np.array([*steps.values()]))
 
     def _draw_published(self, cam: str) -> None:
-        published = self._stage.published
+        published = self._loaded.published
         if published is None:
             return
-        known = cam in self._stage.cams
-        colour = colours.of_cam(self._stage, cam) if known else colours.GREY
-        title = self._stage.cams[cam].title if known else cam
+        known = cam in self._loaded.cams
+        colour = colours.of_cam(self._loaded, cam) if known else colours.GREY
+        title = self._loaded.cams[cam].title if known else cam
         rpm = np.linspace(*self._axes.x, 2 * DASHES)
         points = self._axes.place(rpm, published.level(cam, rpm))
         dashes = rr.LineStrips2D(list(points.reshape(DASHES, 2, 2)), colors=colour, radii=LINE)

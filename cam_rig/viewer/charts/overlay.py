@@ -6,11 +6,11 @@ import rerun as rr
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.viewer.charts.band_chart import BandChart
 from cam_rig.viewer.charts.bands import third_octaves
-from cam_rig.viewer.charts.series import Line, SeriesWriter
+from cam_rig.viewer.charts.series import SeriesLine, SeriesWriter
 from cam_rig.viewer.scene2d import Scene2D, frame_mask
 from cam_rig.viewer.timeline import within_turn
 from cam_rig.viewer.turns import Turn
@@ -29,25 +29,25 @@ def at_speed(rpm: float, quantity: str) -> str:
     return f"{TURNS}/{rpm:.6g}_rpm/{quantity}"
 
 
-def draw_turn(stream: rr.RecordingStream, stage: Stage, turn: Turn) -> None:
+def draw_turn(stream: rr.RecordingStream, loaded: LoadedScene, turn: Turn) -> None:
     """Curves of one turn over the angle within it."""
     for quantity, (row, factor, _) in QUANTITIES.items():
         entity, colour = (
             f"{at_speed(turn.rpm, quantity)}/{turn.cam}",
-            colours.of_cam(stage, turn.cam),
+            colours.of_cam(loaded, turn.cam),
         )
-        line = Line(entity, stage.cams[turn.cam].title, colour, factor=factor)
+        line = SeriesLine(entity, loaded.cams[turn.cam].title, colour, factor=factor)
         writer = SeriesWriter(stream, line, times=within_turn)
         writer.add(turn.rows[0], turn.angle, turn.rows[row])
         writer.flush()
 
 
 def draw_side_by_side(
-    stream: rr.RecordingStream, stage: Stage, turn: Turn, profile: FloatArray
+    stream: rr.RecordingStream, loaded: LoadedScene, turn: Turn, profile: FloatArray
 ) -> None:
     """One cam's moving picture and third-octave bars of one turn, in a view of its own."""
-    view, rate = f"{COMPARE}/{turn.cam}", stage.scene.sample_rate.si
-    scene = Scene2D(stream, stage, f"{view}/scene", within_turn)
+    view, rate = f"{COMPARE}/{turn.cam}", loaded.scene.sample_rate.si
+    scene = Scene2D(stream, loaded, f"{view}/scene", within_turn)
     begin = CamState(0, 0.0, turn.speed, turn.cam)
     scene.mount(begin, profile)
     scene.speed(begin)
@@ -55,6 +55,6 @@ def draw_side_by_side(
     time, lift, _, _, force, impulse = turn.rows
     scene.frames(time[frame], turn.angle[frame], lift[frame], force[frame])
     scene.flush()
-    bands = third_octaves(stage.radiation, force, impulse, rate)
-    chart = BandChart(stream, f"{view}/bands", rate, colours.of_cam(stage, turn.cam))
+    bands = third_octaves(loaded.radiation, force, impulse, rate)
+    chart = BandChart(stream, f"{view}/bands", rate, colours.of_cam(loaded, turn.cam))
     chart.draw_once(bands)

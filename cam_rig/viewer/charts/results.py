@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.viewer.turns import Turn, lift_offs
 
 HEAD = (
@@ -13,11 +13,11 @@ HEAD = (
 )
 
 
-class Results:
+class ResultLines:
     """A table that grows; the newest line is first."""
 
-    def __init__(self, stage: Stage) -> None:
-        self._stage = stage
+    def __init__(self, loaded: LoadedScene) -> None:
+        self._loaded = loaded
         self._motion: dict[tuple[str, float], str] = {}
         self._levels: dict[tuple[str, float], float] = {}
 
@@ -25,7 +25,9 @@ class Results:
         """Take the newest turn of a cam at a speed."""
         _, lift, _, _, force, _ = turn.rows
         flights = int(lift_offs(force, bool(force[-1] == 0.0)).sum())
-        gap = float((lift - self._stage.laws[turn.cam](turn.angle)).max()) * 1e3 if flights else 0.0
+        gap = (
+            float((lift - self._loaded.laws[turn.cam](turn.angle)).max()) * 1e3 if flights else 0.0
+        )
         words = f"| {force.max():.4g} | {force.min():.4g} | {flights} | {gap:.3g} |"
         self._motion[turn.cam, turn.speed] = words
 
@@ -41,5 +43,5 @@ class Results:
     def _line(self, cam: str, speed: float) -> str:
         level, rpm = self._levels.get((cam, speed)), speed * 30.0 / math.pi
         heard = "settling" if level is None else f"{level:.1f}"
-        title = self._stage.cams[cam].title
+        title = self._loaded.cams[cam].title
         return f"| {title} | {rpm:.0f} | {heard} {self._motion[cam, speed]}"

@@ -13,7 +13,7 @@ import rerun as rr
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS
 from cam_rig.viewer.charts.band_chart import BandChart
@@ -26,7 +26,7 @@ from cam_rig.viewer.turns import TurnCollector
 EVENTS, BANDS = "events", "bands"
 
 
-class Course:
+class RunView:
     """Draws a run tick by tick.
 
     Parameters
@@ -34,10 +34,10 @@ class Course:
     bucket : samples of which the least and the greatest are kept, 1 for all
     """
 
-    def __init__(self, stream: rr.RecordingStream, stage: Stage, bucket: int) -> None:
-        self._stream, self._stage, self._rate = stream, stage, stage.scene.sample_rate.si
-        self._scene, self._traces = Scene2D(stream, stage), Traces(stream, stage, bucket)
-        self._turns = TurnCollector(stage.scene.program.ticks_per_turn)
+    def __init__(self, stream: rr.RecordingStream, loaded: LoadedScene, bucket: int) -> None:
+        self._stream, self._loaded, self._rate = stream, loaded, loaded.scene.sample_rate.si
+        self._scene, self._traces = Scene2D(stream, loaded), Traces(stream, loaded, bucket)
+        self._turns = TurnCollector(loaded.scene.program.ticks_per_turn)
         self._last: CamState | None = None
         self._bands = BandChart(stream, BANDS, self._rate, colours.BANDS)
         self._said: list[tuple[float, float, str, str]] = []
@@ -65,7 +65,7 @@ class Course:
         self._turns.add(start, angle, rows)
         turn = self._turns.turn()
         if turn is not None:
-            bands = third_octaves(self._stage.radiation, turn.rows[4], turn.rows[5], self._rate)
+            bands = third_octaves(self._loaded.radiation, turn.rows[4], turn.rows[5], self._rate)
             self._bands.add(end.time_ns / NS, end.unwrapped, bands)
 
     def level(self, end: CamState, level: float) -> None:
@@ -97,7 +97,7 @@ class Course:
         self.flush()
         if last is None or state.cam != last.cam:
             self._scene.mount(state, profile)
-        title = f"{self._stage.cams[state.cam].title}, "
+        title = f"{self._loaded.cams[state.cam].title}, "
         self._scene.speed(state, title)
         words = f"{title}{state.speed * 30.0 / math.pi:.0f} rpm"
         self._said.append((state.time_ns / NS, state.unwrapped, words, "INFO"))

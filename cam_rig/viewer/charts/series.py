@@ -18,7 +18,7 @@ ROWS_AT_ONCE = 100_000
 
 
 @dataclass(frozen=True)
-class Line:
+class SeriesLine:
     """One curve: ``factor`` takes SI to the unit shown, ``colour`` is 0xRRGGBBAA."""
 
     entity: str
@@ -55,14 +55,14 @@ class Mark:
         return rr.SeriesPoints(colors=self.colour, names=self.name, marker_sizes=4.0)
 
 
-LIFT = Line("plots/lift/follower", "follower", colours.LIFT, factor=1e3, width=2.4)
-LAW = Line("plots/lift/law", "law", colours.LAW, factor=1e3)
-VELOCITY = Line("plots/velocity/follower", "velocity", colours.VELOCITY)
-ACCELERATION = Line("plots/acceleration/follower", "acceleration", colours.ACCELERATION)
-FORCE = Line("plots/force/contact", "contact", colours.FORCE)
-ZERO = Line("plots/force/zero", "0 N", colours.ZERO, width=1.6)
-TWIST = Line("plots/twist", "twist", colours.TWIST, factor=180.0 / np.pi)
-LEVEL = Line(
+LIFT = SeriesLine("plots/lift/follower", "follower", colours.LIFT, factor=1e3, width=2.4)
+LAW = SeriesLine("plots/lift/law", "law", colours.LAW, factor=1e3)
+VELOCITY = SeriesLine("plots/velocity/follower", "velocity", colours.VELOCITY)
+ACCELERATION = SeriesLine("plots/acceleration/follower", "acceleration", colours.ACCELERATION)
+FORCE = SeriesLine("plots/force/contact", "contact", colours.FORCE)
+ZERO = SeriesLine("plots/force/zero", "0 N", colours.ZERO, width=1.6)
+TWIST = SeriesLine("plots/twist", "twist", colours.TWIST, factor=180.0 / np.pi)
+LEVEL = SeriesLine(
     "plots/level",
     "sound level [dB]",
     colours.LEVEL,
@@ -70,7 +70,7 @@ LEVEL = Line(
     interpolation=InterpolationMode.StepBefore,
     aggregation=AggregationPolicy.Off,
 )
-SPEED = Line(
+SPEED = SeriesLine(
     "plots/speed",
     "cam speed [rpm]",
     colours.SPEED,
@@ -102,7 +102,7 @@ class SeriesWriter:
     """
 
     stream: rr.RecordingStream
-    series: Line | Mark
+    series: SeriesLine | Mark
     bucket: int = 1
     times: Times = time_columns
     _parts: list[FloatArray] = field(default_factory=list)

@@ -7,12 +7,12 @@ import rerun as rr
 
 from cam_rig.arrays import FloatArray
 from cam_rig.laws.sampling import sample
-from cam_rig.simulation.scene import Stage
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS
 from cam_rig.viewer.charts import series
 from cam_rig.viewer.charts import shaft_twist as twist
-from cam_rig.viewer.charts.series import Line, Mark, SeriesWriter
+from cam_rig.viewer.charts.series import Mark, SeriesLine, SeriesWriter
 from cam_rig.viewer.turns import lift_offs
 
 #: s alone, of s, s', s''.
@@ -27,14 +27,14 @@ class Traces:
     bucket : samples of which the least and the greatest are kept, 1 for all
     """
 
-    def __init__(self, stream: rr.RecordingStream, stage: Stage, bucket: int) -> None:
-        self._stage, self._flew = stage, False
-        self._twist = twist.ShaftTwist(stage) if stage.scene.model == twist.MODEL else None
+    def __init__(self, stream: rr.RecordingStream, loaded: LoadedScene, bucket: int) -> None:
+        self._loaded, self._flew = loaded, False
+        self._twist = twist.ShaftTwist(loaded) if loaded.scene.model == twist.MODEL else None
         thinned = [series.LIFT, series.LAW, series.VELOCITY, series.ACCELERATION, series.FORCE]
         if self._twist is not None:
             thinned.append(series.TWIST)
         whole = (series.ZERO, series.SPEED, series.LEVEL, series.LIFT_OFF, series.LANDING)
-        self._writers: dict[Line | Mark, SeriesWriter] = {}
+        self._writers: dict[SeriesLine | Mark, SeriesWriter] = {}
         for line in thinned:
             self._writers[line] = SeriesWriter(stream, line, bucket)
         for curve in whole:
@@ -79,12 +79,12 @@ class Traces:
         for writer in self._writers.values():
             writer.flush()
 
-    def _add(self, line: series.Line, at: CamState, value: float) -> None:
+    def _add(self, line: series.SeriesLine, at: CamState, value: float) -> None:
         place = np.array([at.time_ns / NS]), np.array([at.unwrapped])
         self._writers[line].add(*place, np.array([value]))
 
     def _law(self, start: CamState, end: CamState, angle: FloatArray) -> FloatArray:
-        law, step = self._stage.laws[start.cam], start.speed / self._stage.scene.sample_rate.si
+        law, step = self._loaded.laws[start.cam], start.speed / self._loaded.scene.sample_rate.si
         if not start.holds_until(end):
             return law(angle)
         return sample(law, float(angle[0]), step, angle.size, LIFT_OF_LAW, np.zeros(1))[0]

@@ -15,7 +15,7 @@ from cam_rig.errors import BagError
 from cam_rig.live.checkpoint import Handover
 from cam_rig.messages.topics import CAM_STATE, LEVEL
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.scene import open_scene
 
 GOLDEN = Path(__file__).parents[3] / "bags" / "golden"
 
@@ -93,12 +93,12 @@ def test_nothing_is_overwritten_and_nothing_made_of_nothing(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def stage():
-    return open_stage(config_root() / "scenes" / "quick.yaml")
+def loaded():
+    return open_scene(config_root() / "scenes" / "quick.yaml")
 
 
-def record(bag, stage, golden, resume=False):
-    recorder = BagRecorder(bag, stage, resume=resume)
+def record(bag, loaded, golden, resume=False):
+    recorder = BagRecorder(bag, loaded, resume=resume)
     for topic, number, cdr in golden:
         recorder.take(topic, cdr, b"live", number)
     return recorder
@@ -114,18 +114,18 @@ def contents(bag):
 
 
 @pytest.fixture(scope="module")
-def straight(tmp_path_factory, stage, golden):
+def straight(tmp_path_factory, loaded, golden):
     """What is in a bag whose recorder lived to its end."""
     bag = tmp_path_factory.mktemp("straight") / "bag"
-    record(bag, stage, golden).close()
+    record(bag, loaded, golden).close()
     return contents(bag)
 
 
 @pytest.mark.parametrize("part", [0.02, 0.4, 0.9])
-def test_a_recorder_takes_over_from_a_killed_one(tmp_path, stage, golden, straight, part):
+def test_a_recorder_takes_over_from_a_killed_one(tmp_path, loaded, golden, straight, part):
     """What the torn file lacks comes again from the histories; the bag is the undisturbed one."""
     bag = tmp_path / "bag"
-    killed = record(bag, stage, golden[: len(golden) // 2])
+    killed = record(bag, loaded, golden[: len(golden) // 2])
     killed._flush()
     file = mcap_file(bag)
     data = file.read_bytes()
@@ -133,7 +133,7 @@ def test_a_recorder_takes_over_from_a_killed_one(tmp_path, stage, golden, straig
     bag.mkdir()
     file.write_bytes(data[: int(len(data) * part)])
     assert is_torn(bag)
-    record(bag, stage, golden, resume=True).close()
+    record(bag, loaded, golden, resume=True).close()
     assert contents(bag) == straight
     assert [p.suffix for p in sorted(bag.iterdir())] == [".mcap", ".yaml"]
 
@@ -154,7 +154,7 @@ def begin_to_mend(bag):
 
 @pytest.mark.parametrize("killed", [lambda bag: None, make_folder, make_empty_file, begin_to_mend])
 def test_a_recorder_that_was_killed_at_once_has_a_successor(
-    tmp_path, stage, golden, straight, monkeypatch, killed
+    tmp_path, loaded, golden, straight, monkeypatch, killed
 ):
     """Before its folder was there, before the file, before the first byte, while it was mended."""
     bag, handover = tmp_path / "bag", Handover(str(tmp_path), "recorder")
@@ -165,9 +165,9 @@ def test_a_recorder_that_was_killed_at_once_has_a_successor(
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr("cam_rig.bag.recording.recorder.BagWriter", die)
-        open_bag(handover, bag, stage, Publishers())
+        open_bag(handover, bag, loaded, Publishers())
     successor = open_bag(
-        Handover(str(tmp_path), "recorder"), tmp_path / "other", stage, Publishers()
+        Handover(str(tmp_path), "recorder"), tmp_path / "other", loaded, Publishers()
     )
     for topic, number, cdr in golden:
         successor.take(topic, cdr, b"live", number)
@@ -176,20 +176,20 @@ def test_a_recorder_that_was_killed_at_once_has_a_successor(
     assert not (tmp_path / "other").exists()
 
 
-def test_a_folder_that_was_there_is_nobodys_to_take_over(tmp_path, stage):
+def test_a_folder_that_was_there_is_nobodys_to_take_over(tmp_path, loaded):
     """It is refused, and by a successor as well."""
     theirs = tmp_path / "theirs"
     theirs.mkdir()
     for _ in range(2):
         with pytest.raises(BagError, match="exists already, not overwriting"):
-            open_bag(Handover(str(tmp_path), "recorder"), theirs, stage, Publishers())
+            open_bag(Handover(str(tmp_path), "recorder"), theirs, loaded, Publishers())
     assert list(theirs.iterdir()) == []
 
 
-def test_a_torn_bag_is_mended_where_it_is(tmp_path, stage, golden):
+def test_a_torn_bag_is_mended_where_it_is(tmp_path, loaded, golden):
     """After a run whose recorder was killed, its bag can be read."""
     bag = tmp_path / "bag"
-    killed = record(bag, stage, golden)
+    killed = record(bag, loaded, golden)
     killed._flush()
     assert is_torn(bag)
     saved = recover_in_place(bag)

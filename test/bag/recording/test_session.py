@@ -9,7 +9,7 @@ import pytest
 from cam_rig.bag.publishers import Publishers
 from cam_rig.bag.recording.session import RecordingSession
 from cam_rig.errors import RefusedError, RunError
-from cam_rig.live.admission import StateGate
+from cam_rig.live.admission import StateValidator
 from cam_rig.messages import topics
 from cam_rig.messages.serialization import RawMessages, stamp_of
 
@@ -31,7 +31,7 @@ def shuffled(messages, seed):
 
 
 def record(messages, kept, starts=1):
-    session = RecordingSession(kept, StateGate(RATE), Publishers(lambda _node: starts))
+    session = RecordingSession(kept, StateValidator(RATE), Publishers(lambda _node: starts))
     told = []
     for topic, number, cdr, *source in messages:
         told += session.take(topic, cdr, *(source or [LIVE]), number)
@@ -121,7 +121,7 @@ def test_a_node_that_was_started_again_changes_nothing(golden, kept, back):
 
 def test_what_is_known_is_not_contradicted(golden, kept):
     """A node that was started again differs about a tick: what was here first stays."""
-    session = RecordingSession(kept, StateGate(RATE), Publishers(lambda _node: 2))
+    session = RecordingSession(kept, StateValidator(RATE), Publishers(lambda _node: 2))
     clock, state, *_ = (m for m in golden if m[0] in (topics.CLOCK, topics.CAM_STATE))
     contact = next(m for m in golden if m[0] is topics.FOLLOWER_CONTACT)
     for topic, number, cdr in (clock, state, contact):
@@ -141,7 +141,7 @@ def test_a_second_publisher_ends_a_recording(golden, kept, topic, forged_first):
     """Whoever comes first, and equal bytes or not: two publish for one node; the other is named."""
     name = {b"forger": "/rogue", LIVE: f"/rig/{topic.owner}"}
     publishers = Publishers(name_of=lambda _topic, source: name[source])
-    session = RecordingSession(kept, StateGate(RATE), publishers)
+    session = RecordingSession(kept, StateValidator(RATE), publishers)
     forger = {True: b"forger", False: LIVE}[forged_first]
     known = [m for m in golden if m[0].owner == topic.owner]
     example = next(cdr for other, _, cdr in golden if other is topic)
@@ -157,7 +157,7 @@ def test_a_second_publisher_ends_a_recording(golden, kept, topic, forged_first):
 
 def test_a_forged_diagnosis_ends_a_recording(golden, kept):
     """The microphone's word from another process than the levels' is somebody else's."""
-    session = RecordingSession(kept, StateGate(RATE))
+    session = RecordingSession(kept, StateValidator(RATE))
     level = next(m[2] for m in golden if m[0] is topics.LEVEL)
     session.take(topics.LEVEL, level, LIVE, 1)
     session.take(topics.DIAGNOSTICS, of_speaker("microphone", 0), LIVE, 1)
@@ -174,7 +174,7 @@ def test_a_law_that_is_not_the_files_is_refused(golden, kept):
         if topic is topics.LAW_COEFFICIENTS:
             raise RefusedError("not the file's")
 
-    session = RecordingSession(kept, StateGate(RATE), check=check)
+    session = RecordingSession(kept, StateValidator(RATE), check=check)
     refused = 0
     for topic, number, cdr in golden:
         try:
@@ -189,7 +189,7 @@ def test_a_law_that_is_not_the_files_is_refused(golden, kept):
 
 def test_a_cam_that_jumps_is_no_state(golden, kept):
     """A second drive's states do not lead on from the first's."""
-    session = RecordingSession(kept, StateGate(RATE))
+    session = RecordingSession(kept, StateValidator(RATE))
     first, second, third = [m for m in golden if m[0] is topics.CAM_STATE][:3]
     session.take(topics.CAM_STATE, first[2])
     session.take(topics.CAM_STATE, third[2])
@@ -199,7 +199,7 @@ def test_a_cam_that_jumps_is_no_state(golden, kept):
 
 def test_messages_of_no_known_state_are_bounded(golden, kept):
     """A flood of foreign stamps fills no memory."""
-    session, raw = RecordingSession(kept, StateGate(RATE)), RawMessages()
+    session, raw = RecordingSession(kept, StateValidator(RATE)), RawMessages()
     pressure, _ = raw.read(topics.PRESSURE, next(m[2] for m in golden if m[0] is topics.PRESSURE))
     types = raw._types
     with pytest.raises(RefusedError, match="of no known state"):
@@ -216,7 +216,7 @@ def stamped(cdr, stamp):
 
 def record_all(messages, kept):
     """Record what is not refused; the words of what is."""
-    session, refused = RecordingSession(kept, StateGate(RATE)), []
+    session, refused = RecordingSession(kept, StateValidator(RATE)), []
     for topic, number, cdr, source in messages:
         try:
             session.take(topic, cdr, source, number)
@@ -229,7 +229,7 @@ def record_all(messages, kept):
 def test_what_states_have_overtaken_is_let_go(golden, kept):
     """Stray stamps between two states take no room once the second is written."""
     contact = next(cdr for topic, _, cdr in golden if topic is topics.FOLLOWER_CONTACT)
-    session, number = RecordingSession(kept, StateGate(RATE)), 0
+    session, number = RecordingSession(kept, StateValidator(RATE)), 0
     for topic, n, cdr in golden:
         session.take(topic, cdr, LIVE, n)
         for i in range(9 if topic is topics.CAM_STATE else 0):  # 17 x 9 in all, more than are kept
@@ -268,7 +268,7 @@ def test_only_the_rig_is_diagnosed_in_its_own_time(golden, kept):
 def test_bytes_of_no_message_are_refused(kept, topic, cdr):
     """Raw subscriptions check nothing, so this does."""
     with pytest.raises(RefusedError):
-        RecordingSession(kept, StateGate(RATE)).take(topic, cdr)
+        RecordingSession(kept, StateValidator(RATE)).take(topic, cdr)
 
 
 def test_the_gaps_of_the_alignment_are_zero(golden):

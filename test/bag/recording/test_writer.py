@@ -10,13 +10,13 @@ from ruamel.yaml import YAML
 
 from cam_rig.bag.files import is_closed, is_torn, mcap_file
 from cam_rig.bag.partial_reader import Salvage
-from cam_rig.bag.reader import messages, read_counts, read_stage
+from cam_rig.bag.reader import messages, read_counts, read_scene
 from cam_rig.bag.recording.recorder import BagRecorder
 from cam_rig.bag.recording.writer import BagWriter
 from cam_rig.errors import BagError
 from cam_rig.messages import topics
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.scene import open_scene
 
 TYPES = get_typestore(Stores.ROS2_KILTED)
 
@@ -61,7 +61,7 @@ def test_a_bag_of_somebody_else_is_refused(tmp_path):
     with BagWriter(tmp_path / "bag") as bag:
         bag.write(topics.LEVEL, 0, level(70.0))
     with pytest.raises(BagError, match="no scene attached"):
-        read_stage(tmp_path / "bag")
+        read_scene(tmp_path / "bag")
 
 
 def test_an_attachment_cannot_leave_its_folder(tmp_path):
@@ -70,7 +70,7 @@ def test_an_attachment_cannot_leave_its_folder(tmp_path):
         bag.attach("../../evil.yaml", b"x: 1")
         bag.write(topics.LEVEL, 0, level(70.0))
     with pytest.raises(BagError, match="points elsewhere"):
-        read_stage(tmp_path / "bag")
+        read_scene(tmp_path / "bag")
     assert not (tmp_path / "evil.yaml").exists()
 
 
@@ -152,8 +152,8 @@ def test_a_message_alone_is_flushed(tmp_path, monkeypatch):
     """A diagnosis while the rig stands: half a second later a killed recorder cannot lose it."""
     now = [100.0]
     monkeypatch.setattr("cam_rig.bag.recording.writer.time.monotonic", lambda: now[0])
-    stage = open_stage(config_root() / "scenes" / "quick.yaml")
-    recorder = BagRecorder(tmp_path / "bag", stage)
+    loaded = open_scene(config_root() / "scenes" / "quick.yaml")
+    recorder = BagRecorder(tmp_path / "bag", loaded)
     recorder._writer.write(topics.DIAGNOSTICS, 1, b"\0\1\0\0" + bytes(20))
     assert b"/diagnostics" not in mcap_file(tmp_path / "bag").read_bytes()
     now[0] += 0.6

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics.linear.sampling import sample
-from cam_rig.dynamics.modal.minimum import Run
+from cam_rig.dynamics.modal.minimum import ModalRun
 from cam_rig.dynamics.modal.response import Ringing
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
 from cam_rig.errors import DynamicsError
@@ -35,7 +35,7 @@ def test_lowest_force_is_the_exact_models(laws, two_mass, cam, duration):
     start = np.zeros(2) if duration else response.periodic()
     length, count = duration or 2.0 * np.pi / speed, 400_000
     force = sample(response, start, 0.0, 0.0, length / count, count, force_output(two_mass))
-    run = Run(ringing(law, two_mass), duration)
+    run = ModalRun(ringing(law, two_mass), duration)
     assert run.lowest(speed) == pytest.approx(force.min(), abs=1e-3)
     least = run.least(np.array([0.5, 1.0, 1.5]) * speed)[1]
     assert run.lowest(speed) <= least + 1e-9
@@ -51,7 +51,9 @@ def test_any_damping(laws, two_mass, factor):
     law, speed, count = laws["poly345"], 300.0 * RPM, 200_000
     response = contact_response(law, parameters, speed)
     force = sample(response, np.zeros(2), 0.0, 0.0, 0.4 / count, count, force_output(parameters))
-    assert Run(ringing(law, parameters), 0.4).lowest(speed) == pytest.approx(force.min(), abs=1e-3)
+    assert ModalRun(ringing(law, parameters), 0.4).lowest(speed) == pytest.approx(
+        force.min(), abs=1e-3
+    )
 
 
 def test_exactly_critical_damping(laws, two_mass):
@@ -61,7 +63,9 @@ def test_exactly_critical_damping(laws, two_mass):
     law, speed, count = laws["poly345"], 300.0 * RPM, 200_000
     response = contact_response(law, parameters, speed)
     force = sample(response, np.zeros(2), 0.0, 0.0, 0.4 / count, count, force_output(parameters))
-    assert Run(ringing(law, parameters), 0.4).lowest(speed) == pytest.approx(force.min(), rel=1e-3)
+    assert ModalRun(ringing(law, parameters), 0.4).lowest(speed) == pytest.approx(
+        force.min(), rel=1e-3
+    )
 
 
 def test_only_joints_ring(laws, two_mass):

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from cam_rig.dynamics import FollowerParameters, Interval
-from cam_rig.dynamics.one_mass.trajectory import Course
+from cam_rig.dynamics.one_mass.trajectory import OneMassTrajectory
 from cam_rig.units import NS, TURN
 
 JUMPING = 600.0  # rpm, above the jump speed of every 50 mm cam
@@ -20,7 +20,9 @@ def speed_of(rpm):
 @pytest.fixture(params=["poly345", "bezier15", "cycloidal"])
 def course(request, laws, follower):
     """Three turns at a speed at which the follower jumps."""
-    c = Course(laws[request.param], follower, Interval(0, 3 * NS // 10, 0.0, speed_of(JUMPING)))
+    c = OneMassTrajectory(
+        laws[request.param], follower, Interval(0, 3 * NS // 10, 0.0, speed_of(JUMPING))
+    )
     c.run(None)
     return c
 
@@ -85,7 +87,7 @@ def test_contact_never_pulls(course):
 def test_impulse_is_the_change_of_momentum(laws, follower, restitution):
     """J = m Δv over a landing, and the energy lost is that of the two masses in one."""
     p = dataclasses.replace(follower, restitution=restitution)
-    course = Course(laws["poly345"], p, Interval(0, NS // 5, 0.0, speed_of(JUMPING)))
+    course = OneMassTrajectory(laws["poly345"], p, Interval(0, NS // 5, 0.0, speed_of(JUMPING)))
     course.run(None)
     landings = [event for event in course.events if event.kind == "landing"]
     flights = {phase.end: phase for phase in course.phases if phase.flight is not None}

@@ -12,7 +12,7 @@ from cam_rig.dynamics import FollowerParameters, FollowerState, Interval
 from cam_rig.dynamics.contact import force_weights
 from cam_rig.dynamics.landing import Approach
 from cam_rig.dynamics.one_mass.flight import thrown
-from cam_rig.dynamics.one_mass.trajectory import Course
+from cam_rig.dynamics.one_mass.trajectory import OneMassTrajectory
 from cam_rig.units import NS, TURN
 
 P = FollowerParameters(1.3, 4030.0, 8.642, 30.0, 3.3e8)
@@ -124,7 +124,7 @@ def test_a_series_of_bounces(laws, milliseconds):
     state = FollowerState(float(law(0.0)), 0.3, 0.0, in_contact=False)
     edges = [*range(0, total, milliseconds * NS // 1000), total]
     for a, b in itertools.pairwise(edges):
-        course = Course(law, p, Interval(a, b, 2.0 * a / NS, 2.0))
+        course = OneMassTrajectory(law, p, Interval(a, b, 2.0 * a / NS, 2.0))
         course.run(state)
         events += [(a / NS + e.time, e) for e in course.events if e.kind == "landing"]
         state = course.end

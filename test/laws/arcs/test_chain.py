@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cam_rig.errors import LawError
-from cam_rig.laws.arcs.chain import Blend, Circle, Line, close
+from cam_rig.laws.arcs.chain import Blend, Circle, StraightLine, close
 
 BASE, NOSE = Circle(0j, 0.025), Circle(-0.023 + 0j, 0.012)
 FLANKS = {"convex": Blend(0.08), "straight": Blend(None), "concave": Blend(-0.06)}
@@ -27,8 +27,8 @@ def test_neighbours_touch_with_one_normal(kind):
     for i, normal in enumerate(chain.normals):
         one, other = chain.parts[i], chain.parts[(i + 1) % 4]
         assert abs(normal) == pytest.approx(1.0, rel=1e-14)
-        if isinstance(one, Line) or isinstance(other, Line):
-            line, circle = (one, other) if isinstance(one, Line) else (other, one)
+        if isinstance(one, StraightLine) or isinstance(other, StraightLine):
+            line, circle = (one, other) if isinstance(one, StraightLine) else (other, one)
             reached = (point(circle, normal) * line.normal.conjugate()).real
             assert reached == pytest.approx(line.distance, rel=1e-14)
         else:

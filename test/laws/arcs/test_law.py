@@ -8,7 +8,7 @@ import pytest
 
 from cam_rig.errors import LawError
 from cam_rig.laws import Law, build_law
-from cam_rig.laws.arcs.chain import Blend, Circle, Line, close
+from cam_rig.laws.arcs.chain import Blend, Circle, StraightLine, close
 from cam_rig.laws.arcs.law import ArcFollower, arc_pieces
 from cam_rig.laws.arcs.segments import arc_follower
 from cam_rig.laws.continuity import continuity
@@ -39,7 +39,7 @@ def contour(chain, points=20_001):
     found = []
     for i, part in enumerate(chain.parts):
         start, stop = chain.normals[i - 1], chain.normals[i]
-        if isinstance(part, Line):
+        if isinstance(part, StraightLine):
             before, after = chain.parts[i - 1], chain.parts[(i + 1) % 4]
             ends = before.centre + before.radius * start, after.centre + after.radius * stop
             found.append(np.linspace(ends[0], ends[1], points))
@@ -78,7 +78,7 @@ def test_follower_on_the_finished_contour_is_at_s(flank, kind):
 def exact_lift(part, follower, angle):
     """Eq. of the ray's intersection, or the support function, in mpmath."""
     roller = mp.mpf(follower.roller_radius)
-    if isinstance(part, Line):
+    if isinstance(part, StraightLine):
         delta = angle - mp.arg(mp.mpc(part.normal))
         return (mp.mpf(part.distance) + roller) / mp.cos(delta) - BASE - roller
     centre, radius = mp.mpc(part.centre), mp.mpf(part.radius)

@@ -14,7 +14,7 @@ from cam_rig.dynamics.two_mass.parameters import contact_response
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import build_law
 from cam_rig.schema import load_rig, load_tables
-from cam_rig.studies.cam_set import open_lineup
+from cam_rig.studies.cam_set import open_cam_set
 from cam_rig.studies.jump import jump_speed as jump
 from cam_rig.studies.jump import refit as jump_refit
 from cam_rig.studies.jump.comparison import find_jumps, rms_difference, rms_words, same_ranking
@@ -42,16 +42,16 @@ def published(config_dir):
 
 
 @pytest.fixture(scope="module")
-def lineup(config_dir):
+def cam_set(config_dir):
     """The five laws of Table 2 on the rig that was identified from them."""
     cams = [config_dir / "cams" / f"{name}.yaml" for name in FIVE]
-    return open_lineup(cams, config_dir / "rigs" / "paper_table2.yaml")
+    return open_cam_set(cams, config_dir / "rigs" / "paper_table2.yaml")
 
 
 @pytest.fixture(scope="module")
-def rows(lineup, two_mass, published):
+def rows(cam_set, two_mass, published):
     """Their jumps."""
-    return find_jumps(lineup.laws, two_mass, references(lineup, published), 1.7)
+    return find_jumps(cam_set.laws, two_mass, references(cam_set, published), 1.7)
 
 
 def leaves(law, parameters, speed, duration):
@@ -204,21 +204,21 @@ def test_a_cam_that_throws_nothing(make_cam, two_mass):
         jump_speed(build_law(cam), two_mass, None)
 
 
-def test_fitted_is_told_by_content(lineup, published):
+def test_fitted_is_told_by_content(cam_set, published):
     """On another rig nothing was fitted; a cam with other angles was not, and is published still.
 
     A cam that moves otherwise has nothing published, whatever its name.
     """
-    roles = {cam: known.role for cam, known in references(lineup, published).items()}
+    roles = {cam: known.role for cam, known in references(cam_set, published).items()}
     assert roles == dict.fromkeys(FIVE, "fitted") | {"bezier_segments": "test"}
-    stem = lineup.rig.follower.stem_stiffness.model_copy(update={"identified": 2e6})
-    follower = lineup.rig.follower.model_copy(update={"stem_stiffness": stem})
-    other = replace(lineup, rig=lineup.rig.model_copy(update={"follower": follower}))
+    stem = cam_set.rig.follower.stem_stiffness.model_copy(update={"identified": 2e6})
+    follower = cam_set.rig.follower.model_copy(update={"stem_stiffness": stem})
+    other = replace(cam_set, rig=cam_set.rig.model_copy(update={"follower": follower}))
     assert {known.role for known in references(other, published).values()} == {""}
-    wider = with_event(lineup.cams["poly345"], 2.0)
-    poly4567 = lineup.cams["poly4567"].model_copy(update={"name": "cycloidal"})
-    cams = lineup.cams | {"poly345": wider, "cycloidal": poly4567}
-    found = references(replace(lineup, cams=cams), published)
+    wider = with_event(cam_set.cams["poly345"], 2.0)
+    poly4567 = cam_set.cams["poly4567"].model_copy(update={"name": "cycloidal"})
+    cams = cam_set.cams | {"poly345": wider, "cycloidal": poly4567}
+    found = references(replace(cam_set, cams=cams), published)
     assert found["poly345"].role == ""
     assert found["poly4567"].role == "fitted"
     assert "cycloidal" not in found

@@ -29,13 +29,13 @@ def test_impossible_shape_is_refused(cams):
 
 
 @pytest.fixture
-def problem(make_stage):
+def problem(make_loaded_scene):
     """A curve made by a shape like the filed one, 4 % lower and 2 % shorter."""
-    stage = make_stage(cams=["tm21"], speeds=[200])
-    cam, acoustics = stage.cams["tm21"], Acoustics(stage.radiation)
+    loaded = make_loaded_scene(cams=["tm21"], speeds=[200])
+    cam, acoustics = loaded.cams["tm21"], Acoustics(loaded.radiation)
 
     def turn(law):
-        return settled_turns(law, "one_mass", stage.follower, SPEEDS)
+        return settled_turns(law, "one_mass", loaded.follower, SPEEDS)
 
     true = ArcShape.of(cam).scaled(0.96, 0.98)
     return ShapeProblem(cam, acoustics.levels(turn(true.law(cam))), turn), acoustics, true
@@ -61,15 +61,15 @@ def test_sensitivity_is_the_derivative(problem):
         np.testing.assert_allclose(slope[:3, axis], (up - down)[:3] / 0.1, rtol=0.25, atol=0.7)
 
 
-def test_a_shape_is_run_once(make_stage):
+def test_a_shape_is_run_once(make_loaded_scene):
     """Fits to other constants begin at the same shapes, which are kept."""
-    stage, runs = make_stage(cams=["tm21"], speeds=[200]), []
+    loaded, runs = make_loaded_scene(cams=["tm21"], speeds=[200]), []
 
     def turn(law):
         runs.append(law)
-        return settled_turns(law, "one_mass", stage.follower, SPEEDS[:1])
+        return settled_turns(law, "one_mass", loaded.follower, SPEEDS[:1])
 
-    problem = ShapeProblem(stage.cams["tm21"], np.zeros(1), turn)
-    shape = ArcShape.of(stage.cams["tm21"])
+    problem = ShapeProblem(loaded.cams["tm21"], np.zeros(1), turn)
+    shape = ArcShape.of(loaded.cams["tm21"])
     assert problem.heard(shape) is problem.heard(shape)
     assert len(runs) == 1

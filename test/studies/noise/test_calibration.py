@@ -5,7 +5,7 @@ import pytest
 
 from cam_rig.simulation.settled_turns import Acoustics, settled_turns
 from cam_rig.studies.noise.calibration import (
-    Heard,
+    PublishedCam,
     by_substitution,
     rms,
     sensitivity,
@@ -16,20 +16,20 @@ SPEEDS = np.linspace(200.0, 400.0, 11) * np.pi / 30.0
 
 
 @pytest.fixture
-def heard(make_stage):
+def heard(make_loaded_scene):
     """A function that hears a cam whose published levels are those of given constants."""
-    stage = make_stage()
+    loaded = make_loaded_scene()
 
     def hear(cam, true):
-        turns = settled_turns(stage.laws[cam], "one_mass", stage.follower, SPEEDS)
-        return Heard(cam, turns, true.levels(turns))
+        turns = settled_turns(loaded.laws[cam], "one_mass", loaded.follower, SPEEDS)
+        return PublishedCam(cam, turns, true.levels(turns))
 
     return hear
 
 
-def test_two_constants_are_recovered(make_stage, heard):
+def test_two_constants_are_recovered(make_loaded_scene, heard):
     """From one cam or two: gain and corner come back."""
-    start = Acoustics(make_stage().radiation)
+    start = Acoustics(make_loaded_scene().radiation)
     true = start.with_constants(2e-4, 12.0)
     for cams in (["poly345"], ["poly345", "bezier15"]):
         found = two_constants([heard(cam, true) for cam in cams], start).radiation
@@ -37,12 +37,12 @@ def test_two_constants_are_recovered(make_stage, heard):
         assert found.corner == pytest.approx(12.0, rel=1e-5)
 
 
-def test_substitution_carries_over(make_stage, heard):
+def test_substitution_carries_over(make_loaded_scene, heard):
     """What one cam measures of the rig's speed response holds for another, to 0.05 dB.
 
     The reference's corner is first fitted as if there were no response, so not all of it is exact.
     """
-    start = Acoustics(make_stage().radiation)
+    start = Acoustics(make_loaded_scene().radiation)
     r = start.radiation
     true = start.with_constants(r.gain, r.corner, (0.5, -0.4, 0.3))
     found = by_substitution(heard("poly345", true), start)
@@ -53,9 +53,9 @@ def test_substitution_carries_over(make_stage, heard):
 
 
 @pytest.mark.parametrize("response", [(), (0.5, -0.4, 0.3)])
-def test_sensitivity_is_the_derivative(make_stage, heard, response):
+def test_sensitivity_is_the_derivative(make_loaded_scene, heard, response):
     """A small change of a constant moves the levels as the sensitivity says."""
-    r = make_stage().radiation
+    r = make_loaded_scene().radiation
     acoustics = Acoustics(r, response)
     cam = heard("bezier15", acoustics)
     slope = sensitivity(cam, acoustics)

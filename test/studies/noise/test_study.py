@@ -9,16 +9,16 @@ from cam_rig.errors import ConfigError
 from cam_rig.schema import load_rig
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.levels import cubic
-from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.scene import open_scene
 from cam_rig.studies.noise.calibration_methods import with_substitution, with_two_constants
 from cam_rig.studies.noise.leave_one_out import leave_one_out
 from cam_rig.studies.noise.shared_rig import with_elastic_stem, with_rigid_stem
-from cam_rig.studies.noise.study import Cast, Study
+from cam_rig.studies.noise.study import NoiseSetup, StudyRoles
 
 
 @pytest.fixture(scope="module")
 def study():
-    return Study.of(open_stage(config_root() / "scenes" / "tm21_sweep.yaml"))
+    return NoiseSetup.of(open_scene(config_root() / "scenes" / "tm21_sweep.yaml"))
 
 
 @pytest.fixture(scope="module")
@@ -37,15 +37,15 @@ def table2():
 
 def test_parts(study):
     """Who calibrates, who is predicted and who is identified follows from the files."""
-    assert study.cast == Cast(reference="poly345", predicted="bezier15", arcs="tm21")
+    assert study.cast == StudyRoles(reference="poly345", predicted="bezier15", arcs="tm21")
 
 
-def test_a_scene_without_the_parts_is_refused(make_stage):
+def test_a_scene_without_the_parts_is_refused(make_loaded_scene):
     """Two cams are no study, three speeds are no regression; the error says what is."""
     with pytest.raises(ConfigError, match="needs model one_mass and three published cams"):
-        Study.of(make_stage(speeds=list(range(200, 401, 25))))
+        NoiseSetup.of(make_loaded_scene(speeds=list(range(200, 401, 25))))
     with pytest.raises(ConfigError, match="speeds has 3; a noise study needs at least 9"):
-        Study.of(make_stage())
+        NoiseSetup.of(make_loaded_scene())
 
 
 def test_targets(methods):
@@ -80,7 +80,7 @@ def test_numbers_fitted_are_told(methods):
 
 def test_two_constants_are_the_rig_files(study, methods):
     """The study's calibration is that of `cam-rig calibrate`, and its levels those of the file."""
-    r, found = study.stage.radiation, methods[0].acoustics.radiation
+    r, found = study.loaded.radiation, methods[0].acoustics.radiation
     assert found.gain == pytest.approx(r.gain, rel=1e-3)
     assert found.corner == pytest.approx(r.corner, rel=1e-3)
     assert methods[0].shape == study.shape
@@ -139,5 +139,5 @@ def test_one_rig(study, methods, table2):
 def test_the_study_leaves_its_stage_alone(study):
     """Fitting changes nothing that was read: the acoustic constants are the file's."""
     assert dataclasses.replace(study.start) == study.start
-    assert study.start.radiation == study.stage.radiation
+    assert study.start.radiation == study.loaded.radiation
     assert study.start.response == ()

@@ -5,7 +5,7 @@ import pytest
 
 from cam_rig.acoustics import steady_power
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_stage
+from cam_rig.simulation.scene import open_scene
 from cam_rig.studies.noise.transfer_functions import (
     HARMONICS,
     STRUCTURES,
@@ -33,13 +33,13 @@ def test_harmonics_through_the_low_pass_are_the_steady_response(laws, follower, 
 def test_the_low_pass_predicts_best():
     """More constants fit the cam they see better, and the cam they do not see worse; an A-weighted
     level of this sound could not have had the published shape."""
-    stage = open_stage(config_root() / "scenes" / "tm21_sweep.yaml")
-    cams, speeds = ("poly345", "bezier15"), np.array(stage.scene.program.speeds.si_list)
+    loaded = open_scene(config_root() / "scenes" / "tm21_sweep.yaml")
+    cams, speeds = ("poly345", "bezier15"), np.array(loaded.scene.program.speeds.si_list)
     fits = compare_structures(
-        {cam: stage.laws[cam] for cam in cams},
-        stage.follower,
-        stage.radiation,
-        {cam: stage.published_levels(cam, speeds * 30.0 / np.pi) for cam in cams},
+        {cam: loaded.laws[cam] for cam in cams},
+        loaded.follower,
+        loaded.radiation,
+        {cam: loaded.published_levels(cam, speeds * 30.0 / np.pi) for cam in cams},
         speeds,
         "poly345",
     )
@@ -54,4 +54,4 @@ def test_the_low_pass_predicts_best():
 @pytest.fixture
 def radiation():
     """The shipped constants."""
-    return open_stage(config_root() / "scenes" / "tm21_sweep.yaml").radiation
+    return open_scene(config_root() / "scenes" / "tm21_sweep.yaml").radiation

@@ -11,7 +11,7 @@ from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import build_law
 from cam_rig.schema import load_rig
-from cam_rig.studies.cam_set import open_lineup
+from cam_rig.studies.cam_set import open_cam_set
 from cam_rig.studies.factorial.laws import squeezed
 from cam_rig.studies.jump.contact_limit import leaving_speed
 from cam_rig.studies.jump.jump_speed import jump_speed
@@ -26,16 +26,16 @@ FIVE = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
 
 
 @pytest.fixture(scope="module")
-def lineup(config_dir):
+def cam_set(config_dir):
     """The five laws on the rig of the paper's jump speeds."""
     cams = [config_dir / "cams" / f"{name}.yaml" for name in FIVE]
-    return open_lineup(cams, config_dir / "rigs" / "paper_table2.yaml")
+    return open_cam_set(cams, config_dir / "rigs" / "paper_table2.yaml")
 
 
 @pytest.fixture(scope="module")
-def soft(lineup):
+def soft(cam_set):
     """Its follower as one mass on the stem."""
-    return FollowerParameters.from_rig(lineup.rig)
+    return FollowerParameters.from_rig(cam_set.rig)
 
 
 def test_low_dwell_goes_around_the_turn(laws):
@@ -106,9 +106,9 @@ def test_ringing_at_many_speeds_is_that_at_one(laws, soft):
     assert ringing(laws["cycloidal"], soft, speeds) == pytest.approx(np.array(alone), rel=1e-9)
 
 
-def test_twist_on_a_stiff_shaft_is_torque_over_stiffness(laws, lineup):
+def test_twist_on_a_stiff_shaft_is_torque_over_stiffness(laws, cam_set):
     """A shaft that hardly gives twists by F s'/k as the cam's torque asks, to 1 %."""
-    shaft = replace(shaft_of(lineup.rig), shaft_stiffness=1e7, shaft_damping=10.0)
+    shaft = replace(shaft_of(cam_set.rig), shaft_stiffness=1e7, shaft_damping=10.0)
     speed = 300.0 * RPM
     angle, twist = steady_twist(laws["poly4567"], shaft, speed)
     forces = [
@@ -128,32 +128,32 @@ def test_no_steady_state(laws, soft):
         vibration(laws["poly345"], undamped, None, rate / 24.0)
 
 
-def test_what_the_paper_says(lineup):
+def test_what_the_paper_says(cam_set):
     """At 250 and 300 rpm: Bézier 15 is gentlest to follower, stem and shaft, as in the paper."""
-    table = vibration_table(lineup, (250.0, 300.0))
+    table = vibration_table(cam_set, (250.0, 300.0))
     claims = vibration_claims(table)
     assert len(claims) == 4
     assert {claim.verdict for claim in claims} == {"agrees"}
     assert list(table.at(300.0)) == list(FIVE)
 
 
-def test_residual_vibration_is_told_by_both_measures(lineup):
+def test_residual_vibration_is_told_by_both_measures(cam_set):
     """By what joints have kicked Bézier 15 leaves least, by what moves in the window it does not.
 
     The verdict says by what, and what the other measure says.
     """
-    table = vibration_table(lineup, (300.0,))
+    table = vibration_table(cam_set, (300.0,))
     (claim,) = [c for c in vibration_claims(table) if c.source == "fig. 5"]
     at = table.at(300.0)
     assert max(at, key=lambda cam: at[cam].swing) == "bezier15"
     assert claim.told == "by the ringing agrees; by the swing in the window disagrees"
 
 
-def test_a_cam_that_is_left_is_marked_and_not_asked(lineup):
+def test_a_cam_that_is_left_is_marked_and_not_asked(cam_set):
     """Beyond its jump speed eq. 5 holds on a follower that has left: no case for the paper."""
-    table = vibration_table(lineup, (300.0, 400.0, 500.0))
-    follower = TwoMassParameters.from_rig(lineup.rig)
-    jumps = {cam: jump_speed(law, follower).rpm for cam, law in lineup.laws.items()}
+    table = vibration_table(cam_set, (300.0, 400.0, 500.0))
+    follower = TwoMassParameters.from_rig(cam_set.rig)
+    jumps = {cam: jump_speed(law, follower).rpm for cam, law in cam_set.laws.items()}
     assert table.leaves == pytest.approx(jumps, rel=1e-4)
     assert table.left(300.0) == []
     assert set(table.left(400.0)) == {"poly4567", "bezier_segments"}
@@ -162,12 +162,14 @@ def test_a_cam_that_is_left_is_marked_and_not_asked(lineup):
     assert Claim("", "", 0, 0).verdict.startswith("cannot be told")
 
 
-def test_when_a_cam_is_left(config_dir, laws, lineup):
+def test_when_a_cam_is_left(config_dir, laws, cam_set):
     """Where its velocity jumps or nothing presses, at any speed; without two masses, as a rigid."""
-    assert leaving_speed(laws["worked_example_constant_velocity"], lineup.rig) == 0.0
-    slack = lineup.rig.follower.preload.model_copy(update={"identified": 0.0})
-    follower = lineup.rig.follower.model_copy(update={"preload": slack})
-    assert leaving_speed(laws["poly345"], lineup.rig.model_copy(update={"follower": follower})) == 0
+    assert leaving_speed(laws["worked_example_constant_velocity"], cam_set.rig) == 0.0
+    slack = cam_set.rig.follower.preload.model_copy(update={"identified": 0.0})
+    follower = cam_set.rig.follower.model_copy(update={"preload": slack})
+    assert (
+        leaving_speed(laws["poly345"], cam_set.rig.model_copy(update={"follower": follower})) == 0
+    )
     rigid = load_rig(config_dir / "rigs" / "tm21.yaml")
     expected = rigid_jump_speed(laws["poly345"], FollowerParameters.from_rig(rigid))
     assert leaving_speed(laws["poly345"], rigid) == expected
@@ -179,22 +181,22 @@ def test_verdicts():
     assert words == ["agrees", "agrees in part", "disagrees"]
 
 
-def test_a_rig_without_a_shaft(config_dir, lineup):
+def test_a_rig_without_a_shaft(config_dir, cam_set):
     """No shaft, no twist, and nothing is said of it."""
-    bare = replace(lineup, rig=load_rig(config_dir / "rigs" / "tm21.yaml"))
+    bare = replace(cam_set, rig=load_rig(config_dir / "rigs" / "tm21.yaml"))
     table = vibration_table(bare, (300.0,))
     assert all(row[0].twist is None for row in table.measures.values())
     assert not any("twist" in claim.words for claim in vibration_claims(table))
 
 
 @pytest.mark.parametrize("rpm", [0.0, -3.0, 1e-3, 3200.0, 8000.0, float("nan"), float("inf")])
-def test_speeds_that_mean_nothing(lineup, rpm):
+def test_speeds_that_mean_nothing(cam_set, rpm):
     """Too slow to sample, or so fast that the stem hardly swings in a turn: refused, with limits.
 
     At 8000 rpm the stem swings 1.2 times a turn: what is not ringing no longer follows the law.
     """
     with pytest.raises(DynamicsError, match=r"speed is .* rpm; allowed: 1 to 31\d\d rpm"):
-        vibration_table(lineup, (300.0, rpm))
+        vibration_table(cam_set, (300.0, rpm))
 
 
 @pytest.mark.parametrize("cam", FIVE)
@@ -224,6 +226,6 @@ def test_a_law_too_steep_to_split(laws, soft):
         ringing(law, soft, np.array([3000.0 * RPM]))
 
 
-def test_speeds_given_twice_count_once(lineup):
+def test_speeds_given_twice_count_once(cam_set):
     """The same speed again is no second case."""
-    assert vibration_table(lineup, (300.0, 300.0)).rpm == (300.0,)
+    assert vibration_table(cam_set, (300.0, 300.0)).rpm == (300.0,)

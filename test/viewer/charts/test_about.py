@@ -9,7 +9,7 @@ from ..conftest import SmallBag
 
 def test_numbers_are_listed_by_origin(bag: SmallBag) -> None:
     """Scene, cams and rig, each number with its unit under given, assumed or identified."""
-    words = about(bag.stage, 1)
+    words = about(bag.loaded, 1)
     assert words.startswith("# Two cams, two speeds\n")
     assert "## Polynomial 3-4-5" in words
     assert "**given:** lift 0.05 m" in words
@@ -21,4 +21,6 @@ def test_numbers_are_listed_by_origin(bag: SmallBag) -> None:
 
 def test_thinning_is_told(bag: SmallBag) -> None:
     """Whoever looks at the curves knows what they are."""
-    assert "Of every 26 samples the curves show the least and the greatest." in about(bag.stage, 26)
+    assert "Of every 26 samples the curves show the least and the greatest." in about(
+        bag.loaded, 26
+    )

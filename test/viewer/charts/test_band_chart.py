@@ -10,7 +10,7 @@ import pytest
 from cam_rig.viewer.charts.band_chart import LEVELS, band_axes
 from cam_rig.viewer.charts.bands import band_numbers, third_octaves
 from cam_rig.viewer.layout import Layout
-from cam_rig.viewer.recording import Wish, save_recording
+from cam_rig.viewer.recording import ViewOptions, save_recording
 
 from ..conftest import Picture, SmallBag
 
@@ -22,13 +22,13 @@ def test_each_bar_stands_around_its_band_and_is_as_high_as_its_level(
 ) -> None:
     """Both cams' bars in the same axes: middle n, foot at the lowest dB, top at the level."""
     path = tmp_path / "a.rrd"
-    save_recording(bag.path, path, Wish(Layout.COMPARE, 700.0))
-    shown, rate = Picture(path), bag.stage.scene.sample_rate.si
+    save_recording(bag.path, path, ViewOptions(Layout.COMPARE, 700.0))
+    shown, rate = Picture(path), bag.loaded.scene.sample_rate.si
     axes, numbers = band_axes(rate), band_numbers(rate)
-    for i, cam in enumerate(bag.stage.cams):
+    for i, cam in enumerate(bag.loaded.cams):
         ((skyline,),) = shown.column(f"compare/{cam}/bands/bars", STRIPS)
         rows = np.concatenate(bag.rows[8 * i + 6 : 8 * i + 8], axis=1)
-        levels = third_octaves(bag.stage.radiation, rows[4], rows[5], rate)
+        levels = third_octaves(bag.loaded.radiation, rows[4], rows[5], rate)
         bars = np.array(skyline).reshape(-1, 4, 2)
         middle = np.mean(bars[:, 1:3], axis=1)
         np.testing.assert_allclose(middle, axes.place(numbers, levels), atol=1e-4)

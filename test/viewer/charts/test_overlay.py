@@ -12,7 +12,7 @@ from cam_rig.simulation.schedule import cam_states
 from cam_rig.viewer.charts.noise_chart import noise_axes
 from cam_rig.viewer.charts.overlay import at_speed
 from cam_rig.viewer.layout import Layout
-from cam_rig.viewer.recording import Wish, save_recording
+from cam_rig.viewer.recording import ViewOptions, save_recording
 from cam_rig.viewer.scene2d import greatest_force
 from cam_rig.viewer.timeline import TURN, TURN_DEGREES
 
@@ -26,9 +26,9 @@ def test_the_last_turn_lies_over_those_of_the_others(
     bag: SmallBag, tmp_path: Path, rpm: float
 ) -> None:
     """Lift of the step's last turn, sample by sample, over 0 to 359 degrees."""
-    save_recording(bag.path, tmp_path / "a.rrd", Wish(rpm=rpm))
+    save_recording(bag.path, tmp_path / "a.rrd", ViewOptions(rpm=rpm))
     shown = Picture(tmp_path / "a.rrd")
-    for i, cam in enumerate(bag.stage.cams):
+    for i, cam in enumerate(bag.loaded.cams):
         entity = f"{at_speed(rpm, 'lift')}/{cam}"
         degrees = shown.numbers(entity, TURN_DEGREES)
         step = 4 * (2 * i + int(rpm > 500.0))
@@ -47,12 +47,12 @@ def test_turns_are_counted(bag: SmallBag, picture: Picture) -> None:
 
 def test_measured_points_are_the_steps_levels(bag: SmallBag, picture: Picture) -> None:
     """The chart's last points are the energy mean over each step's settled ticks, in its axes."""
-    states = list(cam_states(bag.stage.scene))
+    states = list(cam_states(bag.loaded.scene))
     ticks = [
         HeardTick(start, end.time_ns, pressure)
         for start, end, pressure in zip(states[:-1], states[1:], bag.pressures, strict=True)
     ]
-    axes = noise_axes(bag.stage)
+    axes = noise_axes(bag.loaded)
     for cam, steps in step_levels(ticks, 1.0).items():
         shown = picture.column(f"noise/measured/{cam}", "Points2D:positions")
         rpm = np.array(list(steps)) * 30.0 / np.pi
@@ -64,7 +64,7 @@ def test_measured_points_are_the_steps_levels(bag: SmallBag, picture: Picture) -
 
 def test_the_chart_has_speed_to_the_right_and_level_up(bag: SmallBag) -> None:
     """Corners of the axes are corners of the plane, whose y is down."""
-    axes = noise_axes(bag.stage)
+    axes = noise_axes(bag.loaded)
     corners = axes.place(np.array([300.0, 700.0]), np.array(axes.y))
     np.testing.assert_allclose(corners, [[0.0, axes.height], [axes.width, 0.0]])
 
@@ -86,12 +86,12 @@ def test_results_are_those_of_the_turns(bag: SmallBag, picture: Picture) -> None
 def test_cams_side_by_side_at_one_speed(bag: SmallBag, tmp_path: Path, layout: Layout) -> None:
     """A moving picture and bars a cam, at the speed asked for, and not the whole run."""
     path = tmp_path / "a.rrd"
-    save_recording(bag.path, path, Wish(layout, 300.0))
+    save_recording(bag.path, path, ViewOptions(layout, 300.0))
     shown = Picture(path)
     assert "/plots/lift/follower" not in shown.entities
-    for cam in bag.stage.cams:
+    for cam in bag.loaded.cams:
         label = shown.column(f"compare/{cam}/scene/rig/label", "Points2D:labels")
-        force = greatest_force(bag.stage, cam, 10.0 * np.pi)
+        force = greatest_force(bag.loaded, cam, 10.0 * np.pi)
         assert label == [[f"300 rpm, longest arrow {force:.0f} N"]]
         assert len(shown.column(f"compare/{cam}/scene/rig/cam", "Transform3D:quaternion")) == 72
         assert len(shown.column(f"compare/{cam}/bands/bars", "LineStrips2D:strips")) == 1
@@ -103,11 +103,11 @@ def test_a_finished_run_has_its_results_at_every_time(
 ) -> None:
     """On every timeline, also on that of a turn's degrees, all steps are in words and points."""
     path = tmp_path / "a.rrd"
-    save_recording(bag.path, path, Wish(layout))
+    save_recording(bag.path, path, ViewOptions(layout))
     shown = Picture(path)
     (words,) = shown.column("results", "TextDocument:text")
     assert len([line for line in words[0].splitlines() if line.startswith("| ")]) == 1 + 4
-    for cam in bag.stage.cams:
+    for cam in bag.loaded.cams:
         assert len(shown.column(f"noise/final/{cam}", "Points2D:positions")[0]) == 2
         assert shown.column(f"noise/final/{cam}", TURN_DEGREES) == []
     assert shown.column("results", TURN_DEGREES) == []
