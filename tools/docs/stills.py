@@ -13,9 +13,9 @@ from cam_rig.drawing.colours import web
 from cam_rig.drawing.followers import follower_shape
 from cam_rig.drawing.outlines import MM, circle, closed, turned
 from cam_rig.simulation.scene import LoadedScene
-from cam_rig.viewer.album import TurnArchive, gap
 from cam_rig.viewer.scene2d import ARROW, greatest_force
 from cam_rig.viewer.turns import Turn
+from tools.docs.album import TurnArchive, gap
 
 
 def draw_rig(axes: Axes, album: TurnArchive, turn: Turn, sample: int) -> list[Artist]:

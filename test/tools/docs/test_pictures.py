@@ -18,10 +18,10 @@ from cam_rig.schema.quantity import Quantity
 from cam_rig.simulation.scene import LoadedScene, open_scene
 from cam_rig.simulation.schedule import CamState, cam_states
 from cam_rig.simulation.simulate import FollowerSimulator
-from cam_rig.viewer import pictures, viewer_picture
-from cam_rig.viewer.album import TurnArchive, gap, read_album
-from cam_rig.viewer.browser import HEIGHT, WIDTH, Pixels, count, why_no_browser
-from cam_rig.viewer.pictures import (
+from tools.docs import pictures, screenshot
+from tools.docs.album import TurnArchive, gap, read_album
+from tools.docs.browser import HEIGHT, WIDTH, Pixels, count, why_no_browser
+from tools.docs.pictures import (
     ANIMATION,
     LAID_OUT_BY,
     NOTE,
@@ -34,9 +34,9 @@ from cam_rig.viewer.pictures import (
     photograph_run,
 )
 
-from .conftest import SmallBag
+from ...viewer.conftest import SmallBag
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[3] / "docs"
 STALE = "the pictures in docs/ are of another rig: run `make pictures`"
 
 
@@ -87,7 +87,7 @@ def test_the_viewers_picture_shows_every_curve() -> None:
     with Image.open(DOCS / VIEWER) as picture:
         pixels = np.asarray(picture.convert("RGB"))
     assert pixels.shape == (HEIGHT, WIDTH, 3)
-    for colour in viewer_picture.SHOWN:
+    for colour in screenshot.SHOWN:
         assert count(pixels, colour) > 40, f"#{colour >> 8:06x}"
 
 
@@ -99,10 +99,10 @@ def test_a_photograph_is_of_the_bags_own_layout(
 
     def photograph(address: str, colours: tuple[int, ...], settled: int) -> Pixels:
         assert urllib.request.urlopen(address).status == 200
-        assert settled in colours and colours == viewer_picture.SHOWN
+        assert settled in colours and colours == screenshot.SHOWN
         return pixels
 
-    monkeypatch.setattr(viewer_picture, "photograph", photograph)
+    monkeypatch.setattr(screenshot, "photograph", photograph)
     files = photograph_run(bag.path, bag.loaded, tmp_path)
     assert [path.name for path in files] == [VIEWER, VIEWER_NOTE]
     with Image.open(tmp_path / VIEWER) as picture:

@@ -25,11 +25,12 @@ from cam_rig.drawing import outlines as shapes
 from cam_rig.plots import noise as noise_plot
 from cam_rig.plots import styles
 from cam_rig.simulation.scene import LoadedScene
-from cam_rig.viewer import album as albums
-from cam_rig.viewer import blueprint, scene2d, stills, viewer_picture
-from cam_rig.viewer.album import TurnArchive, gap
+from cam_rig.viewer import blueprint, scene2d
 from cam_rig.viewer.charts import axes, band_chart, bands, noise_chart, results, series
 from cam_rig.viewer.turns import Turn
+from tools.docs import album as albums
+from tools.docs import screenshot, stills
+from tools.docs.album import TurnArchive, gap
 
 ANIMATION, STILL, NOTE = "turning.webp", "side_by_side.png", "made_from.json"
 #: The viewer's picture has a note of its own, for it is not made where there is no browser.
@@ -63,7 +64,7 @@ LAID_OUT_BY = (
     follower_shape,
     translating,
     swinging,
-    viewer_picture,
+    screenshot,
 )
 
 
@@ -97,7 +98,7 @@ def photograph_run(bag: Path, loaded: LoadedScene, folder: Path) -> list[Path]:
     ------
     CamRigError : there is no browser, or it does not show it all
     """
-    viewer_picture.photograph_viewer(bag, folder / VIEWER)
+    screenshot.photograph_viewer(bag, folder / VIEWER)
     note = json.dumps(inputs(loaded, LAID_OUT_BY), indent=2)
     (folder / VIEWER_NOTE).write_text(note + "\n", encoding="utf-8")
     return [folder / VIEWER, folder / VIEWER_NOTE]

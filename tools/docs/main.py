@@ -1,4 +1,4 @@
-"""cam-rig pictures: the pictures of the documents, from a recorded run."""
+"""The pictures of the documents, from a recorded run: `make pictures`."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ def pictures(
 
     Examples
     --------
-    cam-rig pictures
+    python -m tools.docs.main
 
-    cam-rig pictures bags/mine --to out
+    python -m tools.docs.main bags/mine --to out
     """
     with user_errors():
         from cam_rig.cli.runs.analyze import newest_bag
@@ -41,8 +41,8 @@ def _draw(bag: Path, to: Path) -> None:
     from cam_rig.plots import noise as noise_plot
     from cam_rig.simulation.levels import compare, step_levels
     from cam_rig.temporary import temporary_folder
-    from cam_rig.viewer.album import read_album
-    from cam_rig.viewer.pictures import VIEWER, draw_pictures, photograph_run
+    from tools.docs.album import read_album
+    from tools.docs.pictures import VIEWER, draw_pictures, photograph_run
 
     with progress_bar() as bar:
         task = bar.add_task(bag.name, total=read_counts(bag).get(FOLLOWER_SAMPLES.name, 0))
@@ -60,3 +60,7 @@ def _draw(bag: Path, to: Path) -> None:
             with writing(to / path.name) as part:
                 part.write_bytes(path.read_bytes())
             console.print(f"{to / path.name}: {path.stat().st_size / 1e3:.0f} kB", soft_wrap=True)
+
+
+if __name__ == "__main__":
+    typer.run(pictures)
