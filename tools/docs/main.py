@@ -7,8 +7,21 @@ from typing import Annotated
 
 import typer
 
+from cam_rig.bag.reader import read_counts, read_recording
 from cam_rig.cli.common.console import console, progress_bar, user_errors
 from cam_rig.cli.common.outputs import writing
+from cam_rig.cli.runs.analyze import newest_bag
+from cam_rig.errors import CamRigError
+from cam_rig.messages.topics import FOLLOWER_SAMPLES
+from cam_rig.plots import noise
+from cam_rig.simulation.levels import NoiseResult, compare, step_levels
+from cam_rig.temporary import temporary_folder
+from tools.docs.pictures import draw_pictures
+from tools.docs.screenshot import photograph_viewer
+from tools.docs.turn_archive import TurnArchive, read_turns
+
+#: The photograph of the viewer.
+VIEWER = "viewer.png"
 
 
 def pictures(
@@ -19,8 +32,8 @@ def pictures(
 ) -> None:
     """Draw a run for the documents: an animation, cams side by side, noise against rpm.
 
-    Files of the same names are replaced. Notes beside them say what they were drawn from. Where
-    Chromium is installed, the Rerun viewer is photographed in it too.
+    Files of the same names are replaced. Where Chromium is installed, the Rerun viewer is
+    photographed in it too.
 
     Examples
     --------
@@ -29,37 +42,35 @@ def pictures(
     python -m tools.docs.main bags/mine --to out
     """
     with user_errors():
-        from cam_rig.cli.runs.analyze import newest_bag
-
         _draw(bag or newest_bag(), to)
 
 
 def _draw(bag: Path, to: Path) -> None:
-    from cam_rig.bag.reader import read_counts, read_recording
-    from cam_rig.errors import CamRigError
-    from cam_rig.messages.topics import FOLLOWER_SAMPLES
-    from cam_rig.plots import noise as noise_plot
-    from cam_rig.simulation.levels import compare, step_levels
-    from cam_rig.temporary import temporary_folder
-    from tools.docs.album import read_album
-    from tools.docs.pictures import VIEWER, draw_pictures, photograph_run
-
-    with progress_bar() as bar:
-        task = bar.add_task(bag.name, total=read_counts(bag).get(FOLLOWER_SAMPLES.name, 0))
-        album = read_album(bag, lambda: bar.advance(task))
-    loaded = album.loaded
-    levels = step_levels(read_recording(bag).ticks, loaded.scene.program.settle_turns.si)
-    result = compare(levels, {cam: loaded.role(cam) for cam in levels}, loaded.published)
+    archive, result = _read(bag)
     with temporary_folder() as folder:
-        drawn = draw_pictures(album, lambda path: noise_plot.draw(result, loaded, path), folder)
+        drawn = draw_pictures(
+            archive, lambda path: noise.draw(result, archive.loaded, path), folder
+        )
         try:
-            drawn += photograph_run(bag, loaded, folder)
+            photograph_viewer(bag, folder / VIEWER)
+            drawn.append(folder / VIEWER)
         except CamRigError as error:
             console.print(f"{to / VIEWER}: left as it is ({error})", soft_wrap=True)
         for path in drawn:
             with writing(to / path.name) as part:
                 part.write_bytes(path.read_bytes())
             console.print(f"{to / path.name}: {path.stat().st_size / 1e3:.0f} kB", soft_wrap=True)
+
+
+def _read(bag: Path) -> tuple[TurnArchive, NoiseResult]:
+    """The last turns of a bag, and its levels against speed."""
+    with progress_bar() as bar:
+        task = bar.add_task(bag.name, total=read_counts(bag).get(FOLLOWER_SAMPLES.name, 0))
+        archive = read_turns(bag, lambda: bar.advance(task))
+    loaded = archive.loaded
+    levels = step_levels(read_recording(bag).ticks, loaded.scene.program.settle_turns.si)
+    roles = {cam: loaded.role(cam) for cam in levels}
+    return archive, compare(levels, roles, loaded.published)
 
 
 if __name__ == "__main__":
