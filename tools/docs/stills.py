@@ -10,8 +10,9 @@ from matplotlib.lines import Line2D
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
 from cam_rig.drawing.colours import web
-from cam_rig.drawing.followers import follower_shape
+from cam_rig.drawing.follower import follower_shape
 from cam_rig.drawing.outlines import MM, circle, closed, turned
+from cam_rig.profile.motion import Motion
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.viewer.scene2d import ARROW, greatest_force
 from cam_rig.viewer.turns import Turn
@@ -21,10 +22,11 @@ from tools.docs.turn_archive import TurnArchive, gap
 def draw_rig(axes: Axes, archive: TurnArchive, turn: Turn, sample: int) -> list[Artist]:
     """The cam and its follower at one sample of a turn, mm; gives what was drawn."""
     loaded, cam = archive.loaded, archive.loaded.cams[turn.cam]
-    law, shape = loaded.laws[turn.cam], follower_shape(cam, loaded.laws[turn.cam])
+    law = loaded.laws[turn.cam]
+    shape = follower_shape(cam, law)
     angle, lift = turn.angle[sample : sample + 1], turn.rows[1, sample : sample + 1]
-    contact = law(angle)
-    point, normal = shape.contact(contact, law(angle, 1))
+    motion = Motion.at(law, angle)
+    point, normal = shape.contact(motion)
     drawn: list[Artist] = []
 
     def line(points: FloatArray, colour: int, width: float = 1.4) -> None:
@@ -41,9 +43,9 @@ def draw_rig(axes: Axes, archive: TurnArchive, turn: Turn, sample: int) -> list[
         line(turned(strip, tilt) + place, colours.FOLLOWER, 1.6)
     force = float(turn.rows[4, sample])
     if force == 0.0:
-        line(np.concatenate([point, shape.carried(point, contact, lift)]), colours.GAP, 4.0)
+        line(np.concatenate([point, shape.carried(point, motion.s, lift)]), colours.GAP, 4.0)
     else:
-        along = float(np.sum(normal * shape.upward(contact)))
+        along = float(np.sum(normal * shape.upward(motion.s)))
         arrow = (
             normal[0]
             * force
