@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cam_rig.acoustics.level import REFERENCE_PRESSURE
-from cam_rig.acoustics.radiation import RadiationParameters
+from cam_rig.acoustics.radiation import REFERENCE_PRESSURE, RadiationParameters
 from cam_rig.acoustics.steady import mean_square_rate
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters

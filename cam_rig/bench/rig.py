@@ -8,8 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from cam_rig.bench.cases.case import Case, Solution
-from cam_rig.bench.cases.models import OneMass, Oscillator, TwoMasses
-from cam_rig.bench.cases.twist import Twist
+from cam_rig.bench.cases.models import OneMass, Oscillator, Twist, TwoMasses
 from cam_rig.dynamics import FollowerParameters, Interval
 from cam_rig.dynamics import elastic_stem as residual
 from cam_rig.dynamics.one_mass.trajectory import OneMassTrajectory

@@ -9,9 +9,12 @@ from functools import lru_cache
 from cam_rig.arrays import FloatArray
 from cam_rig.laws import fit as analytic
 from cam_rig.laws.families import rises
-from cam_rig.laws.families.cycloidal import cycloidal
-from cam_rig.laws.families.harmonic import simple_harmonic
-from cam_rig.laws.families.trigonometric_rises import MODIFIED_SINE, MODIFIED_TRAPEZOID
+from cam_rig.laws.families.trigonometric_rises import (
+    MODIFIED_SINE,
+    MODIFIED_TRAPEZOID,
+    cycloidal,
+    simple_harmonic,
+)
 from cam_rig.laws.fit import Section
 from cam_rig.laws.pieces import Pieces
 

@@ -14,9 +14,8 @@ from functools import cached_property
 import numpy as np
 
 from cam_rig.arrays import ComplexArray, FloatArray
-from cam_rig.dynamics.linear.response import LinearResponse
+from cam_rig.dynamics.linear.response import RESONANT, LinearResponse
 from cam_rig.dynamics.linear.sampling import Outputs
-from cam_rig.dynamics.linear.turn_map import RESONANT
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import TURN

@@ -15,8 +15,7 @@ from cam_rig.schema import FactorialConfig, RigConfig
 from cam_rig.simulation.settled_turns import Acoustics, settled_turns
 from cam_rig.studies.jump.rigid import rigid_jump_speed
 from cam_rig.studies.jump.search import sought_speed
-from cam_rig.studies.vibration.speeds import require_speeds
-from cam_rig.studies.vibration.steady_state import ringing, steady_turn
+from cam_rig.studies.vibration.steady_state import require_speeds, ringing, steady_turn
 from cam_rig.units import RPM
 
 
