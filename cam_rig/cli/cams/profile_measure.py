@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cam_rig.arrays import rms
 from cam_rig.cli.common.console import console
 from cam_rig.cli.common.outputs import write_json, writing
 from cam_rig.errors import OutputError
@@ -40,7 +41,7 @@ class Measured:
             "lift_mm": float(np.ptp(self.lift)) * 1e3,
             "largest_error_um": float(self.error[worst]) * 1e6,
             "at_deg": float(np.degrees(self.angle[worst])),
-            "rms_error_um": float(np.sqrt(np.mean(self.error**2))) * 1e6,
+            "rms_error_um": rms(self.error) * 1e6,
         }
 
 

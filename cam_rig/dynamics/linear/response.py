@@ -28,7 +28,7 @@ from cam_rig.dynamics.validation import (
 from cam_rig.dynamics.velocity_jumps import SLACK
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
-from cam_rig.units import TURN
+from cam_rig.units import TURN, to_rpm
 
 #: A mode that a turn changes by less than this (in phase and size) is in resonance.
 RESONANT = 1e-11
@@ -232,7 +232,7 @@ class LinearResponse:
         state = self.turn.fixed_point()
         if state is None:
             raise DynamicsError(
-                f"no steady state at {self.speed * 30.0 / math.pi:.6g} rpm: a mode without "
+                f"no steady state at {to_rpm(self.speed):.6g} rpm: a mode without "
                 "damping is at a harmonic of the speed; allowed: damping, or another speed"
             )
         return state

@@ -7,8 +7,7 @@ import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-import numpy as np
-
+from cam_rig.arrays import rms
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, build_law
@@ -126,7 +125,7 @@ def rms_words(rows: list[JumpRow]) -> str:
 def rms_difference(rows: Iterable[JumpRow]) -> float:
     """r.m.s. of the relative differences of the cams that have one; NaN for none."""
     known = [r.difference for r in rows if r.difference is not None]
-    return math.sqrt(float(np.mean(np.square(known)))) if known else math.nan
+    return rms(known) if known else math.nan
 
 
 def same_ranking(rows: Iterable[JumpRow]) -> bool:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
-from cam_rig.arrays import FloatArray
+from cam_rig.arrays import FloatArray, rms
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws import Law, build_law
@@ -107,7 +107,7 @@ class Refit:
     def rms(self) -> tuple[float, float]:
         """r.m.s. of the relative differences before and after."""
         before, after = (np.array(list(d.values())) for d in (self.before, self.after))
-        return float(np.sqrt(np.mean(before**2))), float(np.sqrt(np.mean(after**2)))
+        return rms(before), rms(after)
 
 
 def refit(
@@ -139,7 +139,7 @@ def refit(
             _relative(cams[cam], rpm, parameters, numbers, duration)
             for cam, rpm in published.items()
         ]
-        best[0] = min(best[0], float(np.sqrt(np.mean(np.square(found)))))
+        best[0] = min(best[0], rms(found))
         on_trial(best[0])
         return np.array(found)
 
@@ -154,10 +154,8 @@ def refit(
         before=dict(zip(names, differences(np.zeros(4)).tolist(), strict=True)),
         after=dict(zip(names, chosen.fun.tolist(), strict=True)),
         sure=np.sqrt((spread**2).sum(axis=1)),
-        rounding=float(np.sqrt(np.mean(rounding**2))),
-        solutions=tuple(
-            (start.times(s.x), float(np.sqrt(np.mean(np.square(s.fun))))) for s in ended
-        ),
+        rounding=rms(rounding),
+        solutions=tuple((start.times(s.x), rms(s.fun)) for s in ended),
     )
 
 
