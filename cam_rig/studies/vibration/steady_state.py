@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics import elastic_stem as residual
+from cam_rig.dynamics import FollowerParameters, elastic_stem
 from cam_rig.dynamics.linear.sampling import sample
 from cam_rig.dynamics.modal.response import Ringing
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters
@@ -77,7 +76,7 @@ def steady_turn(law: Law, follower: FollowerParameters, speed: float) -> SteadyT
     ------
     DynamicsError : no steady state at this speed, or a law whose velocity jumps
     """
-    model, out = residual.response(law, follower, speed), residual.outputs(follower)
+    model, out = elastic_stem.response(law, follower, speed), elastic_stem.outputs(follower)
     rate = math.sqrt(-model.matrix[1, 0])
     count = max(MIN_SAMPLES, math.ceil(PER_PERIOD * rate / speed))
     step = TURN / speed / count
@@ -150,7 +149,7 @@ def ringing(law: Law, follower: FollowerParameters, speeds: FloatArray) -> Float
     window = low_dwell(law)
     at = [window.start, *law.breaks[:-1][window.holds(law.breaks[:-1])].tolist()]
     model = Ringing.of(
-        residual.response(law, follower, float(speeds[0])), residual.outputs(follower)
+        elastic_stem.response(law, follower, float(speeds[0])), elastic_stem.outputs(follower)
     )
     found = np.max([model.amplitude_at(speeds, angle) for angle in at], axis=0)
     last = int(np.argmax(speeds))  # the faster, the less of the vibration follows the law
