@@ -12,10 +12,10 @@ from cam_rig.cli.common.console import console, progress_bar, user_errors
 from cam_rig.cli.common.outputs import writing
 from cam_rig.cli.runs.analyze import newest_bag
 from cam_rig.errors import CamRigError
+from cam_rig.files import temporary_folder
 from cam_rig.messages.topics import FOLLOWER_SAMPLES
 from cam_rig.plots import noise
 from cam_rig.simulation.levels import NoiseResult, compare, step_levels
-from cam_rig.temporary import temporary_folder
 from tools.docs.pictures import draw_pictures
 from tools.docs.screenshot import photograph_viewer
 from tools.docs.turn_archive import TurnArchive, read_turns
