@@ -81,7 +81,7 @@ def animate(archive: TurnArchive, turn: Turn, path: Path) -> None:
 
 
 def side_by_side(archive: TurnArchive, turns: list[Turn], path: Path) -> None:
-    """All cams at one speed, each where its contact force is greatest, and their curves."""
+    """All cams at one speed, each where its contact force is at its maximum, and their curves."""
     figure = empty(3.6 * len(turns), 7.0)
     axes = figure.subplots(3, len(turns), height_ratios=[3, 2, 2], squeeze=False)
     for (rig, lift, force), turn in zip(axes.T, turns, strict=True):

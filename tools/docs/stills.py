@@ -14,7 +14,7 @@ from cam_rig.drawing.follower import follower_shape
 from cam_rig.drawing.outlines import MM, circle, closed, turned
 from cam_rig.profile.motion import Motion
 from cam_rig.simulation.scene import LoadedScene
-from cam_rig.viewer.scene2d import ARROW, greatest_force
+from cam_rig.viewer.scene2d import ARROW, max_contact_force
 from cam_rig.viewer.turns import Turn
 from tools.docs.turn_archive import TurnArchive, gap
 
@@ -52,7 +52,7 @@ def draw_rig(axes: Axes, archive: TurnArchive, turn: Turn, sample: int) -> list[
             / along
             * ARROW
             * shape.reach
-            / greatest_force(loaded, turn.cam, turn.speed)
+            / max_contact_force(loaded, turn.cam, turn.speed)
         )
         drawn.append(
             axes.annotate(
@@ -86,13 +86,13 @@ def draw_curves(lift: Axes, force: Axes, loaded: LoadedScene, turn: Turn) -> lis
     lift.plot(x, turn.rows[1] * MM, color=web(colours.LIFT), lw=2.4, label="follower")
     lift.plot(x, law * MM, "--", color=web(colours.LAW), lw=1.0, label="law")
     force.plot(x, turn.rows[4], color=web(colours.FORCE), lw=1.4)
-    flies = gap(loaded, turn) > 0.0
+    off = gap(loaded, turn) > 0.0
     for axes in (lift, force):
         axes.fill_between(
             x,
             0.0,
             1.0,
-            where=flies.tolist(),
+            where=off.tolist(),
             transform=axes.get_xaxis_transform(),
             color=web(colours.GAP),
             alpha=0.12,
