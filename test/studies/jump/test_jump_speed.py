@@ -199,7 +199,7 @@ def test_a_cam_that_throws_nothing(make_cam, two_mass):
         {"law": "poly345", "to": 0, "span": 120},
         lift=1e-12,
     )
-    with pytest.raises(DynamicsError, match="does not leave it up to 100000 rpm"):
+    with pytest.raises(DynamicsError, match="keeps contact up to 100000 rpm"):
         jump_speed(build_law(cam), two_mass, None)
 
 
