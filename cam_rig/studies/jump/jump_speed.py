@@ -62,7 +62,7 @@ def jump_speed(law: Law, parameters: TwoMassParameters, duration: float | None =
 
 
 def _prove(leaves: Callable[[float], float | None], found: Sought) -> tuple[float, float, float]:
-    """A speed at which the exact model keeps contact, one at which it does not, and when it loses it.
+    """A speed at which the exact model keeps contact, one at which it does not, and when that is.
 
     They are `TOLERANCE` on either side of what was found, or bisected down to that. Upwards they
     stay in the bracket: a resonance of little damping is narrower than `TOLERANCE`, and beyond it
