@@ -1,4 +1,4 @@
-"""What a follower model takes and gives: an interval of constant speed, a block of samples."""
+"""What a follower model takes and gives: an interval of the cam's motion, a block of samples."""
 
 from __future__ import annotations
 
@@ -255,7 +255,7 @@ def require_joined(state: FollowerState | None, interval: Interval) -> None:
 
 
 def speed_change(state: FollowerState | None, interval: Interval) -> float:
-    """By how much (rad/s) the cam is faster than where the state ended; rounding is none."""
+    """By how much (rad/s) the cam is faster than where the state ended; rounding counts as 0."""
     if state is None or state.cam_speed is None:
         return 0.0
     change = interval.speed - state.cam_speed

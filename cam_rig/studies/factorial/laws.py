@@ -15,7 +15,7 @@ from cam_rig.laws.pieces import joined
 from cam_rig.schema import FactorialConfig, load_factorial
 from cam_rig.units import TURN
 
-#: A dwell narrower than this (rad) is none.
+#: A dwell narrower than this (rad) is left out.
 MIN_DWELL = 1e-9
 
 

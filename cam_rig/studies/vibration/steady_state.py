@@ -50,7 +50,7 @@ def require_speeds(follower: FollowerParameters, rpm: Iterable[float]) -> None:
 
 #: Samples of a turn at least, and of a period of the stem.
 MIN_SAMPLES, PER_PERIOD = 4096, 32
-#: Ringing beyond this many times all of the vibration is no part of it.
+#: Free vibration beyond this many times all of the vibration is not part of it.
 MAX_RINGING = 2.0
 #: Samples of a turn of twist.
 TWIST_SAMPLES = 2048
