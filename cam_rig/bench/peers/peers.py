@@ -46,8 +46,8 @@ class Peer:
         ------
         PeerError : it gave up, or took more than ``seconds``
         """
-        part = torsional_peer if isinstance(case.model, Twist) else integration
-        run = part.integrate_case
+        is_shaft = isinstance(case.model, Twist)
+        run = torsional_peer.integrate_case if is_shaft else integration.integrate_case
         return run(case, _limited(self.make(self.method, rtol), seconds))
 
     def missing(self) -> str | None:
