@@ -228,6 +228,14 @@ class Block(NamedRows):
     rows: FloatArray
     events: tuple[Event, ...] = field(default=())
 
+    def with_impulse(self, impulse: float) -> Block:
+        """The block with more impulse (N·s) at its first sample."""
+        if impulse == 0.0:
+            return self
+        changed = replace(self, rows=self.rows.copy())
+        changed.impulse[0] += impulse
+        return changed
+
 
 def ended(state: FollowerState, interval: Interval) -> FollowerState:
     """A state with the cam's angle and speed at the end of its interval."""

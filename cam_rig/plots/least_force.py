@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -18,7 +17,8 @@ POINTS = 300
 
 def figure(law: Law, parameters: TwoMassParameters, duration: float | None, jump: float) -> Figure:
     """Speeds to 8 % above ``jump`` (rpm), of runs of ``duration`` s from rest, or steady: None."""
-    out, axes = plt.subplots(figsize=(8.0, 4.4), layout="constrained")
+    out = Figure(figsize=(8.0, 4.4), layout="constrained")
+    axes = out.subplots()
     rpm = np.linspace(0.35 * jump, 1.08 * jump, POINTS)
     least = force_run(law, parameters, duration).least(rpm * RPM)
     axes.plot(rpm, least, color=colour(0), lw=1.6)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
 from cam_rig.arrays import FloatArray
@@ -17,7 +16,8 @@ def figure(samples: NamedRows, law_lift: FloatArray, title: str) -> Figure:
 
     Where the contact force is zero the follower flies, and the time is shaded.
     """
-    out, (lift, force) = plt.subplots(2, 1, figsize=(8.0, 5.4), sharex=True, layout="constrained")
+    out = Figure(figsize=(8.0, 5.4), layout="constrained")
+    lift, force = out.subplots(2, 1, sharex=True)
     time, flies = samples.time, (samples.force == 0.0).tolist()
     lift.plot(time, samples.lift * MM, color=web(colours.LIFT), lw=2.2, label="follower")
     lift.plot(time, law_lift * MM, "--", color=web(colours.LAW), lw=1.0, label="law")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -15,7 +14,8 @@ MARGIN_DB = 1.0
 
 def figure(by_turn: FloatArray, settle_turns: int, level: float, title: str) -> Figure:
     """Levels (dB) of turns ``(n,)``, and their energy mean ``level`` after ``settle_turns``."""
-    out, axes = plt.subplots(figsize=(8.0, 4.0), layout="constrained")
+    out = Figure(figsize=(8.0, 4.0), layout="constrained")
+    axes = out.subplots()
     turn = np.arange(1, by_turn.size + 1)
     axes.plot(turn, by_turn, "o", color=colour(0), label="one turn")
     settled = np.array([settle_turns + 0.5, by_turn.size + 0.5])

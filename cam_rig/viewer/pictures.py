@@ -117,7 +117,7 @@ def inputs(loaded: LoadedScene, modules: tuple[ModuleType, ...] = DRAWN_BY) -> d
 
 def numbers(loaded: LoadedScene, turn: Turn) -> dict[str, float]:
     """What a picture of a turn shows, in figures."""
-    _, lift, _, acceleration, force, _ = turn.rows
+    lift, acceleration, force = turn.lift, turn.acceleration, turn.force
     figures = {
         "rpm": turn.rpm,
         "greatest_lift_mm": lift.max() * 1e3,
@@ -168,7 +168,7 @@ def side_by_side(album: TurnArchive, turns: list[Turn], path: Path) -> None:
         3, len(turns), figsize=size, height_ratios=[3, 2, 2], layout="constrained", squeeze=False
     )
     for (rig, lift, force), turn in zip(axes.T, turns, strict=True):
-        sample = int(turn.rows[4].argmax())
+        sample = int(turn.force.argmax())
         stills.frame_rig(rig, album, turn)
         stills.draw_rig(rig, album, turn, sample)
         rig.set_title(f"{album.loaded.cams[turn.cam].title}, {turn.rpm:.0f} rpm", fontsize=10)
