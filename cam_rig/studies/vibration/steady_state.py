@@ -80,12 +80,14 @@ def steady_turn(law: Law, follower: FollowerParameters, speed: float) -> SteadyT
     rate = math.sqrt(-model.matrix[1, 0])
     count = max(MIN_SAMPLES, math.ceil(PER_PERIOD * rate / speed))
     step = TURN / speed / count
-    rows = sample(model, model.periodic(), 0.0, 0.0, step, count, out)
-    vibration = -(rows[3] - follower.preload) / follower.stem_stiffness
+    displacement, _, acceleration, force = sample(
+        model, model.periodic(), 0.0, 0.0, step, count, out
+    )
+    vibration = -(force - follower.preload) / follower.stem_stiffness
     angle = speed * step * np.arange(count, dtype=np.float64)
     share = follower.spring_stiffness / (follower.spring_stiffness + follower.stem_stiffness)
     vibration += share * law(angle)
-    return SteadyTurn(angle, rows[0], rows[2], vibration)
+    return SteadyTurn(angle, displacement, acceleration, vibration)
 
 
 @dataclass(frozen=True)
