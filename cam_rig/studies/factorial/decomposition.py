@@ -1,4 +1,4 @@
-"""What of a cam's advantage over another is in its slopes, and what in its ringing.
+"""How much of a cam's advantage is its lower acceleration, and how much less residual vibration.
 
 A follower that cannot ring feels the slopes alone. So the logarithm of a ratio of jump speeds, or
 of peak accelerations, is exactly the sum of two: that of the rigid follower, and the rest.

@@ -20,7 +20,7 @@ MIN_DWELL = 1e-9
 
 
 def open_factorial(path: Path) -> FactorialConfig:
-    """Read a study's file, and refuse rises that a follower is thrown off.
+    """Read a study's file, and refuse rises whose velocity jumps.
 
     Raises
     ------

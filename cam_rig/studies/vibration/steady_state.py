@@ -20,9 +20,9 @@ from cam_rig.laws import Law
 from cam_rig.studies.vibration.dwell import LowDwell, low_dwell
 from cam_rig.units import RPM, TURN
 
-#: A stem must swing this often in a turn, or what rings cannot be told from what follows the law.
+#: Least natural periods of the stem a turn: below, free and forced vibration cannot be told apart.
 SWINGS = 3.0
-#: Slowest and fastest speed, rpm; below, a turn has more swings of the stem than can be sampled.
+#: Slowest and fastest speed, rpm; below, a turn has more periods of the stem than can be sampled.
 SLOWEST, FASTEST = 1.0, 1e5
 
 
