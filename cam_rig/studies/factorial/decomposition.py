@@ -17,8 +17,8 @@ from cam_rig.studies.factorial.measures import Measures
 class Advantage:
     """By how much the proposed cam is better than ``cam``, as logarithms (0.01 is about 1 %).
 
-    ``jump`` = ``jump_slopes`` + vibration, and so for the acceleration; ``residual`` is all vibration.
-    ``noise`` in dB: of the slopes alone, on a follower that cannot ring.
+    ``jump`` = ``jump_slopes`` + vibration, the same for acceleration; ``residual`` is vibration.
+    ``noise`` in dB: of the slopes alone, on a rigid follower.
     """
 
     cam: str
