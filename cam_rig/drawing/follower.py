@@ -135,7 +135,7 @@ class Oscillating(FollowerShape):
 
     def turn(self, lift: FloatArray) -> FloatArray:
         """The outline is drawn with its arm along -x."""
-        return -self.element.swing(lift)
+        return -self.element.arm_angle(lift)
 
     def origin(self, lift: FloatArray) -> FloatArray:
         """The pivot."""
@@ -143,7 +143,7 @@ class Oscillating(FollowerShape):
 
     def upward(self, lift: FloatArray) -> FloatArray:
         """Square to the arm."""
-        return _points(1j * np.exp(-1j * self.element.swing(lift)))
+        return _points(1j * np.exp(-1j * self.element.arm_angle(lift)))
 
     def outline(self) -> list[FloatArray]:
         """The arm from the pivot, and what is at its end; or the face."""

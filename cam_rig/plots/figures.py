@@ -9,10 +9,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from cam_rig.drawing.colours import CAMS, web
+from cam_rig.arrays import FloatArray
+from cam_rig.drawing.colours import CAMS, GAP, web
 
 CAM_ANGLE, CAM_SPEED = "cam angle θ [°]", "cam speed [rpm]"
 LEVEL = "sound pressure level [dB re 20 µPa]"
@@ -45,6 +48,21 @@ def turn_axis(axes: Axes, step: int = 60) -> None:
     """One turn along x, marked every ``step`` degrees, with a grid."""
     axes.set(xlim=(0.0, 360.0), xticks=range(0, 361, step))
     axes.grid(alpha=0.25)
+
+
+def shade(axes: Axes, x: FloatArray, where: NDArray[np.bool_], label: str | None = None) -> None:
+    """Shade the whole height of the axes along ``x`` ``(n,)``, as where contact is lost."""
+    axes.fill_between(
+        x,
+        0.0,
+        1.0,
+        where=where.tolist(),
+        transform=axes.get_xaxis_transform(),
+        color=web(GAP),
+        alpha=0.15,
+        lw=0.0,
+        label=label,
+    )
 
 
 def line(index: int) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from cam_rig.drawing import colours
 from cam_rig.drawing.colours import web
 from cam_rig.drawing.follower import follower_shape
 from cam_rig.drawing.outlines import MM, circle, closed, turned
+from cam_rig.plots.figures import shade, turn_axis
 from cam_rig.profile.motion import Motion
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.viewer.scene2d import ARROW, max_contact_force
@@ -24,7 +25,7 @@ def draw_rig(axes: Axes, archive: TurnArchive, turn: Turn, sample: int) -> list[
     loaded, cam = archive.loaded, archive.loaded.cams[turn.cam]
     law = loaded.laws[turn.cam]
     shape = follower_shape(cam, law)
-    angle, lift = turn.angle[sample : sample + 1], turn.rows[1, sample : sample + 1]
+    angle, lift = turn.angle[sample : sample + 1], turn.lift[sample : sample + 1]
     motion = Motion.at(law, angle)
     point, normal = shape.contact(motion)
     drawn: list[Artist] = []
@@ -41,7 +42,7 @@ def draw_rig(axes: Axes, archive: TurnArchive, turn: Turn, sample: int) -> list[
     for strip in shape.outline():
         tilt, place = float(shape.turn(lift)[0]), shape.origin(lift)[0]
         line(turned(strip, tilt) + place, colours.FOLLOWER, 1.6)
-    force = float(turn.rows[4, sample])
+    force = float(turn.force[sample])
     if force == 0.0:
         line(np.concatenate([point, shape.carried(point, motion.s, lift)]), colours.GAP, 4.0)
     else:
@@ -83,25 +84,15 @@ def degrees(turn: Turn) -> FloatArray:
 def draw_curves(lift: Axes, force: Axes, loaded: LoadedScene, turn: Turn) -> list[Line2D]:
     """Lift of law and follower, and contact force, over a turn; gives the cursors."""
     x, law = degrees(turn), loaded.laws[turn.cam](turn.angle)
-    lift.plot(x, turn.rows[1] * MM, color=web(colours.LIFT), lw=2.4, label="follower")
+    lift.plot(x, turn.lift * MM, color=web(colours.LIFT), lw=2.4, label="follower")
     lift.plot(x, law * MM, "--", color=web(colours.LAW), lw=1.0, label="law")
-    force.plot(x, turn.rows[4], color=web(colours.FORCE), lw=1.4)
+    force.plot(x, turn.force, color=web(colours.FORCE), lw=1.4)
     off = gap(loaded, turn) > 0.0
     for axes in (lift, force):
-        axes.fill_between(
-            x,
-            0.0,
-            1.0,
-            where=off.tolist(),
-            transform=axes.get_xaxis_transform(),
-            color=web(colours.GAP),
-            alpha=0.12,
-            lw=0.0,
-        )
-        axes.set(xlim=(0.0, 360.0), xticks=range(0, 361, 90))
-        axes.grid(alpha=0.3)
+        shade(axes, x, off)
+        turn_axis(axes, 90)
     force.axhline(0.0, color=web(colours.ZERO), lw=0.8)
-    lift.set(ylabel="lift [mm]")
+    lift.set(ylabel="lift s [mm]")
     lift.legend(loc="upper left", fontsize=8)
     force.set(ylabel="contact force [N]", xlabel="cam angle in the turn [°]")
     return [axes.axvline(0.0, color="0.3", lw=1.0) for axes in (lift, force)]
