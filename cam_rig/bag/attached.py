@@ -11,7 +11,7 @@ from mcap.records import Attachment
 
 from cam_rig.bag.damage import UNREADABLE, damaged
 from cam_rig.bag.files import mcap_file
-from cam_rig.bag.pieces import MIB, content, fields, pieces
+from cam_rig.bag.records import MIB, content, fields, pieces
 from cam_rig.errors import BagError
 from cam_rig.temporary import no_room
 

@@ -20,7 +20,7 @@ from mcap.records import ChunkIndex
 
 from cam_rig.bag.damage import reason
 from cam_rig.bag.files import METADATA
-from cam_rig.bag.pieces import (
+from cam_rig.bag.records import (
     MIB,
     ChunkHead,
     Record,

@@ -14,7 +14,7 @@ from mcap.records import Attachment, Channel, Header, Message, Schema
 
 from cam_rig.bag.attached import attachment_of
 from cam_rig.bag.damage import DAMAGE, reason
-from cam_rig.bag.pieces import INSIDE, Record, chunk_head, content, fields, inside, pieces, unpack
+from cam_rig.bag.records import INSIDE, Record, chunk_head, content, fields, inside, pieces, unpack
 from cam_rig.errors import BagError, RefusedError
 from cam_rig.messages import topics
 from cam_rig.messages.serialization import RawMessages, stamp_of

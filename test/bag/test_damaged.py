@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from cam_rig.bag.compare import compare
 from cam_rig.bag.complete import require_complete
 from cam_rig.bag.files import mcap_file
-from cam_rig.bag.pieces import pieces
+from cam_rig.bag.records import pieces
 from cam_rig.bag.playback import played
 from cam_rig.bag.reader import read_counts, read_recording, read_scene
 from cam_rig.bag.recording.recorder import BagRecorder

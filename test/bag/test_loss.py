@@ -16,7 +16,7 @@ from cam_rig.bag.complete import belonging, expected_counts
 from cam_rig.bag.files import is_torn, mcap_file
 from cam_rig.bag.loss import Holdings, loss_of
 from cam_rig.bag.partial_reader import Salvage
-from cam_rig.bag.pieces import pieces
+from cam_rig.bag.records import pieces
 from cam_rig.bag.reader import read_counts, read_scene
 from cam_rig.bag.recording.recorder import BagRecorder
 from cam_rig.bag.recording.recover import examine, recover, recover_in_place, state_words
