@@ -26,9 +26,9 @@ DEPTH = 256
 #: Looks for a message before the end is believed, one a subscription and some.
 DRAIN = 10
 #: Wall time (s) that the level of the last tick is waited for: no drive waits until it is drawn.
-LEVEL_PATIENCE = 2.0
+LEVEL_PATIENCE_S = 2.0
 #: Wall time (s) between blocks of columns.
-SEND_EVERY = 0.1
+SEND_PERIOD_S = 0.1
 
 
 class Viewer(RigNode):
@@ -52,7 +52,7 @@ class Viewer(RigNode):
         }
         for topic, take in takes.items():
             self.subscribe(replace(topic, depth=DEPTH), self._on(take))
-        self.every(SEND_EVERY, self._picture.flush)
+        self.every(SEND_PERIOD_S, self._picture.flush)
 
     def _on_profile(self, message: PolygonStamped) -> None:
         cam = message.header.frame_id
@@ -73,7 +73,7 @@ class Viewer(RigNode):
 
     def drain(self, spin_once: Callable[..., None]) -> None:
         """Draw what has arrived but was not taken yet."""
-        before, deadline = -1, time.monotonic() + LEVEL_PATIENCE
+        before, deadline = -1, time.monotonic() + LEVEL_PATIENCE_S
         while before < self._taken or (
             self._picture.feed.is_behind and time.monotonic() < deadline
         ):

@@ -10,7 +10,7 @@ import time
 import pytest
 
 from cam_rig.bag.complete import require_complete
-from cam_rig.bag.files import is_torn
+from cam_rig.bag.files import is_unclosed
 from cam_rig.bag.reader import read_counts, read_recording
 from cam_rig.errors import RunError
 from cam_rig.runner.graph import Graph
@@ -80,7 +80,7 @@ def test_a_dead_node_ends_the_run_and_is_named(ros_domain, rig, tmp_path):
                     graph.processes["follower"].process.kill()
         started = list(graph.processes.values())
     assert all(node.has_ended for node in started)
-    assert not is_torn(bag)
+    assert not is_unclosed(bag)
 
 
 def start_run(rig, wait_for, tmp_path):

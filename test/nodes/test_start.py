@@ -55,7 +55,7 @@ def test_a_run_that_is_interrupted_before_it_began_has_recorded_nothing(
 ):
     """And says so, not that something was closed."""
     said = []
-    graph = Graph(rig.live(short_scene, tmp_path / "bag"), say=said.append)
+    graph = Graph(rig.live(short_scene, tmp_path / "bag"), log=said.append)
     with pytest.raises(InterruptError), graph:
         raise InterruptError(signal.SIGINT)
     assert said == ["nothing was recorded"]
