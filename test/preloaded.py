@@ -69,7 +69,7 @@ class Preloaded:
         )
         theirs.close()
 
-    def start(self, command: list[str], network: bool, pipe: int | None) -> Adopted:
+    def start(self, command: list[str], network: bool, pipe: int | None = None) -> Adopted:
         """What `cam_rig.runner.process` starts by this command."""
         (read_out, out), (read_err, err) = os.pipe(), os.pipe()
         request = {"argv": command[2:], "env": environment(network), "folder": os.getcwd()}

@@ -124,9 +124,9 @@ def test_nothing_is_sent_before_everybody_is_ready(ros_domain, rig, short_scene,
     with Graph(rig.live(short_scene, tmp_path / "bag")) as graph:
         recorder = graph.processes["recorder"]
         recorder.process.send_signal(signal.SIGSTOP)
-        reports = graph._lines
+        reports = graph._progress
         drive = graph.processes["cam_drive"]
-        while "follower is ready" not in "".join(drive.words):
+        while "follower is ready" not in "".join(drive.stderr_lines):
             time.sleep(0.02)
         assert reports.empty() and not drive.has_ended
         recorder.process.send_signal(signal.SIGCONT)
