@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from pydantic import BaseModel
 
+from cam_rig.arrays import rms
 from cam_rig.laws import Law
 from cam_rig.laws.continuity import SMOOTHEST, joints
 from cam_rig.laws.peaks import extremes
@@ -18,7 +19,6 @@ from cam_rig.studies.factorial import tables as factorial
 from cam_rig.studies.jump.contact_limit import FROM_REST
 from cam_rig.studies.jump.tables import jump_table
 from cam_rig.studies.noise import tables as noise
-from cam_rig.studies.noise.calibration import rms
 from cam_rig.studies.vibration.claims import jump_claims, vibration_claims
 from cam_rig.studies.vibration.tables import claims_table, speed_table
 from cam_rig.tables import Cell, Column, Table, number, tabulate

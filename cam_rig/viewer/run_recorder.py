@@ -8,15 +8,15 @@ import numpy as np
 import rerun as rr
 
 from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import Samples
 from cam_rig.simulation.levels import HeardTick
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS
 from cam_rig.viewer.charts import overlay
-from cam_rig.viewer.charts.about import about
 from cam_rig.viewer.charts.noise_chart import NoiseChart
-from cam_rig.viewer.charts.results import ResultLines
 from cam_rig.viewer.charts.run_view import RunView
+from cam_rig.viewer.charts.text_panels import ResultLines, about
 from cam_rig.viewer.timeline import time_columns
 from cam_rig.viewer.turns import TurnCollector, sample_angles
 
@@ -73,7 +73,7 @@ class RunDrawing:
         if (start.cam, start.speed) != (last.cam, last.speed):
             self._finish_step()
         self._last = self._unheard[end.time_ns] = (start, end)
-        angle = sample_angles(start, end, rows[0])
+        angle = sample_angles(start, end, Samples(rows).time)
         if self._course is not None:
             self._course.tick(start, end, angle, rows, self.profiles[start.cam])
         if start.holds_until(end):

@@ -41,13 +41,13 @@ def laws(
 
 
 def _table() -> Table:
-    from cam_rig.laws.catalogue import FREE_LAWS, Figures, figures
+    from cam_rig.laws.catalogue import Figures, figures, free_laws
     from cam_rig.laws.named import NAMED_RISES
     from cam_rig.tables import Cell, Column, tabulate
 
     rows: list[tuple[str, str, Figures | None]] = [
         *((name, rise.source, figures(name)) for name, rise in NAMED_RISES.items()),
-        *((name, shaped_by, None) for name, shaped_by in FREE_LAWS),
+        *((name, keys or "the level before", None) for name, keys in free_laws().items()),
     ]
 
     def peak(order: str) -> Callable[[tuple[str, str, Figures | None]], Cell]:

@@ -6,16 +6,15 @@ is of a tick waits for the tick's curves, and goes after them.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import rerun as rr
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
+from cam_rig.dynamics import Samples
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
-from cam_rig.units import NS
+from cam_rig.units import NS, to_rpm
 from cam_rig.viewer.charts.band_chart import BandChart
 from cam_rig.viewer.charts.bands import third_octaves
 from cam_rig.viewer.charts.time_series import Traces
@@ -52,7 +51,8 @@ class RunView:
     ) -> None:
         """Draw one tick: unwrapped cam ``angle`` (rad), ``(6, n)`` rows, the cam's contour."""
         self._change(start, profile)
-        time, lift, _, _, force, impulse = rows
+        block = Samples(rows)
+        time, lift, force, impulse = block.time, block.lift, block.force, block.impulse
         self._traces.tick(start, end, angle, rows)
         frame = frame_mask(angle, start.until(end).mean_speed / self._rate)
         if frame.any():
@@ -65,7 +65,7 @@ class RunView:
         self._turns.add(start, angle, rows)
         turn = self._turns.turn()
         if turn is not None:
-            bands = third_octaves(self._loaded.radiation, turn.rows[4], turn.rows[5], self._rate)
+            bands = third_octaves(self._loaded.radiation, turn.force, turn.impulse, self._rate)
             self._bands.add(end.time_ns / NS, end.unwrapped, bands)
 
     def level(self, end: CamState, level: float) -> None:
@@ -99,5 +99,5 @@ class RunView:
             self._scene.mount(state, profile)
         title = f"{self._loaded.cams[state.cam].title}, "
         self._scene.speed(state, title)
-        words = f"{title}{state.speed * 30.0 / math.pi:.0f} rpm"
+        words = f"{title}{to_rpm(state.speed):.0f} rpm"
         self._said.append((state.time_ns / NS, state.unwrapped, words, "INFO"))
