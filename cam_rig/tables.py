@@ -62,7 +62,7 @@ def number(value: float, shown: str = ".6g") -> str:
 
 
 @dataclass(frozen=True)
-class Table:
+class DataTable:
     """Caption, columns, rows of cells, and footnotes."""
 
     caption: str
@@ -84,7 +84,7 @@ def tabulate(
     items: Iterable[Item],
     fields: Iterable[tuple[Column, Callable[[Item], Cell]]],
     *notes: str,
-) -> Table:
+) -> DataTable:
     """Build a table of one row per item, each column beside what it takes from an item.
 
     A column in which nothing stands is left out, and so is an empty note.
@@ -98,7 +98,7 @@ def tabulate(
     columns, takes = zip(*fields, strict=True)
     rows = [[take(item) for take in takes] for item in items]
     kept = [i for i in range(len(columns)) if any(row[i] not in (None, "") for row in rows)]
-    return Table(
+    return DataTable(
         caption,
         tuple(columns[i] for i in kept),
         tuple(tuple(row[i] for i in kept) for row in rows),
@@ -106,7 +106,7 @@ def tabulate(
     )
 
 
-def to_csv(tables: Iterable[Table]) -> str:
+def to_csv(tables: Iterable[DataTable]) -> str:
     """Tables one under another: caption, headings with units, all digits of the numbers."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")

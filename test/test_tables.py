@@ -6,7 +6,7 @@ import doctest
 import pytest
 
 import cam_rig.tables
-from cam_rig.tables import Column, Table, number, tabulate, to_csv
+from cam_rig.tables import Column, DataTable, number, tabulate, to_csv
 
 FIELDS = (
     (Column("cam"), lambda row: row[0]),
@@ -47,7 +47,7 @@ def test_cells_are_shown_by_their_column():
 
 def test_a_table_without_rows():
     """Nothing to show is an empty table, not an error."""
-    assert tabulate("None", [], FIELDS) == Table("None", (), ())
+    assert tabulate("None", [], FIELDS) == DataTable("None", (), ())
 
 
 def test_csv_has_all_digits():

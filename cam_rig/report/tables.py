@@ -21,7 +21,7 @@ from cam_rig.studies.jump.tables import jump_table
 from cam_rig.studies.noise import tables as noise
 from cam_rig.studies.vibration.claims import jump_claims, vibration_claims
 from cam_rig.studies.vibration.tables import claims_table, speed_table
-from cam_rig.tables import Cell, Column, Table, number, tabulate
+from cam_rig.tables import Cell, Column, DataTable, number, tabulate
 from cam_rig.units import RPM
 
 #: Where the paper is misprinted, what stands there, and how it was read.
@@ -42,7 +42,7 @@ FOLLOWER = (
 MOST_SHOWN = 8
 
 
-def tables(found: Findings) -> dict[str, list[Table]]:
+def tables(found: Findings) -> dict[str, list[DataTable]]:
     """Every table of the report, by the section that shows it."""
     titles = found.sources.cam_set.titles
     rigid = {cam: m.rigid_jump / RPM for cam, m in found.factorial.cams.items()}
@@ -74,7 +74,7 @@ def files(found: Findings) -> dict[str, BaseModel]:
     }
 
 
-def _table_1(found: Findings) -> Table:
+def _table_1(found: Findings) -> DataTable:
     elastic, stiff = found.sources.cam_set.rig, found.sources.stiff
     lift = found.sources.cam_set.cams[PROPOSED].lift.si
     printed = found.sources.tables.table_1
@@ -97,7 +97,7 @@ def _table_1(found: Findings) -> Table:
     )
 
 
-def _laws(found: Findings) -> Table:
+def _laws(found: Findings) -> DataTable:
     titles = found.sources.cam_set.titles
 
     def peak(order: int, end: int) -> Callable[[tuple[str, Law]], Cell]:
@@ -125,13 +125,13 @@ def _continuity(law: Law) -> str:
     return f"C{min(rough)}" if rough else f"C{SMOOTHEST} or smoother"
 
 
-def _vibration(found: Findings) -> list[Table]:
+def _vibration(found: Findings) -> list[DataTable]:
     titles, sources = found.sources.cam_set.titles, found.sources
     pairs = ((found.vibration, sources.cam_set.rig), (found.stiff_vibration, sources.stiff))
     return [speed_table(table, STEADY_RPM, f"rig {rig.name}", titles) for table, rig in pairs]
 
 
-def _claims(found: Findings) -> Table:
+def _claims(found: Findings) -> DataTable:
     sources = found.sources
     by_rig = {
         f"rig {sources.cam_set.rig.name}": [
@@ -143,7 +143,7 @@ def _claims(found: Findings) -> Table:
     return claims_table(by_rig, found.vibration.rpm)
 
 
-def _recorded(found: Findings) -> Table:
+def _recorded(found: Findings) -> DataTable:
     recorded, curves = found.sources.recorded, found.noise.methods[0].curves
     assert recorded is not None
     return tabulate(
@@ -163,7 +163,7 @@ def _recorded(found: Findings) -> Table:
     )
 
 
-def _origins(name: str, model: BaseModel) -> Table:
+def _origins(name: str, model: BaseModel) -> DataTable:
     return tabulate(
         name,
         quantities(model, ""),
@@ -188,7 +188,7 @@ def _value(quantity: Quantity) -> str:
     return ", ".join(numbers) + unit
 
 
-def _misprints() -> Table:
+def _misprints() -> DataTable:
     return tabulate(
         "Misprints of the paper",
         MISPRINTS,

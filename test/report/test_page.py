@@ -3,9 +3,9 @@
 import pytest
 
 from cam_rig.report.page import environment, percent, to
-from cam_rig.tables import Column, Table
+from cam_rig.tables import Column, DataTable
 
-TABLE = Table(
+TABLE = DataTable(
     "A < table",
     (Column("name"), Column("value", "rpm", ".1f")),
     (("a & b", 1.0), ("c", None)),

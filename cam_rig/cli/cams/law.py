@@ -16,7 +16,7 @@ from cam_rig.cli.common.outputs import check_outputs, write_plot
 
 if TYPE_CHECKING:
     from cam_rig.laws import Law
-    from cam_rig.tables import Table
+    from cam_rig.tables import DataTable
 
 #: Rows of the CSV, one every so many degrees.
 CSV_STEP_DEG = 0.5
@@ -70,7 +70,7 @@ def law(
             write_plot(target, lambda part: draw(config, built, part))
 
 
-def _peaks(law: Law, unit: str, factor: float) -> Table:
+def _peaks(law: Law, unit: str, factor: float) -> DataTable:
     """Largest and smallest values in the unit of the file's lift."""
     from cam_rig.laws.peaks import extremes
     from cam_rig.tables import Column, tabulate

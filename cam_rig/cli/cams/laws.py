@@ -11,7 +11,7 @@ from cam_rig.cli.common.options import Csv, Json
 from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json
 
 if TYPE_CHECKING:
-    from cam_rig.tables import Table
+    from cam_rig.tables import DataTable
 
 
 def laws(
@@ -40,7 +40,7 @@ def laws(
         write_json({name: asdict(figures(name)) for name in NAMED_RISES}, json_target)
 
 
-def _table() -> Table:
+def _table() -> DataTable:
     from cam_rig.laws.catalogue import Figures, figures, free_laws
     from cam_rig.laws.named import NAMED_RISES
     from cam_rig.tables import Cell, Column, tabulate

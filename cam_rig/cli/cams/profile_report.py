@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from cam_rig.laws import Law
     from cam_rig.profile.checks.check import Check
     from cam_rig.schema import CamConfig
-    from cam_rig.tables import Cell, Table
+    from cam_rig.tables import Cell, DataTable
 
     Found = list[tuple[CamConfig, Law, list[Check]]]
 
@@ -52,7 +52,7 @@ def warn(cam: CamConfig, checks: list[Check], force: bool) -> None:
         say(f"warning: {cam.name}: {check}")
 
 
-def _one(cam: CamConfig, law: Law, checks: list[Check]) -> Table:
+def _one(cam: CamConfig, law: Law, checks: list[Check]) -> DataTable:
     from cam_rig.tables import Column, tabulate
 
     kind = cam.follower.type.replace("_", " ")
@@ -69,7 +69,7 @@ def _one(cam: CamConfig, law: Law, checks: list[Check]) -> Table:
     )
 
 
-def _several(found: Found) -> Table:
+def _several(found: Found) -> DataTable:
     from cam_rig.tables import Column, tabulate
 
     def worst(name: str) -> Callable[[tuple[CamConfig, Law, list[Check]]], Cell]:

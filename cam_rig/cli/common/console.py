@@ -14,7 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from cam_rig.errors import CamRigError
 
 if TYPE_CHECKING:
-    from cam_rig.tables import Table
+    from cam_rig.tables import DataTable
 
 #: People read stderr, programs read stdout.
 console = Console(stderr=True, highlight=False)
@@ -26,7 +26,7 @@ def say(*lines: str) -> None:
         console.print(line, markup=False, soft_wrap=True)
 
 
-def show(*tables: Table) -> None:
+def show(*tables: DataTable) -> None:
     """Print tables, as wide as the terminal at most."""
     from rich.box import SIMPLE
     from rich.table import Table as RichTable
@@ -46,7 +46,7 @@ def show(*tables: Table) -> None:
         console.print(out)
 
 
-def _widths(table: Table, room: int) -> tuple[int, list[int | None]]:
+def _widths(table: DataTable, room: int) -> tuple[int, list[int | None]]:
     """Gap and characters of each column, so that no word is broken; None where none does so."""
     least, wanted = [], []
     for i, column in enumerate(table.columns):

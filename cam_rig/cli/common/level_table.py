@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from cam_rig.cli.common import console
 from cam_rig.cli.common.outputs import write_json, write_plot
-from cam_rig.tables import Column, Table, tabulate
+from cam_rig.tables import Column, DataTable, tabulate
 
 if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
     from cam_rig.simulation.levels import NoiseCurve, NoiseResult
@@ -33,7 +33,7 @@ def to_json(result: NoiseResult, counts: dict[str, int]) -> dict[str, Any]:
     }
 
 
-def table(result: NoiseResult, loaded: LoadedScene) -> Table:
+def table(result: NoiseResult, loaded: LoadedScene) -> DataTable:
     """Regression, difference to the published one, and what that difference is worth."""
     return tabulate(
         f"{loaded.scene.title}: level in dB over x in rpm",

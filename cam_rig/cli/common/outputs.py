@@ -11,7 +11,7 @@ from typing import Any
 
 from cam_rig.cli.common.console import console
 from cam_rig.errors import ConfigError, OutputError
-from cam_rig.tables import Table, to_csv
+from cam_rig.tables import DataTable, to_csv
 
 #: Kinds of picture a plot can be written as.
 PICTURES = (".png", ".svg", ".pdf", ".jpg")
@@ -46,7 +46,7 @@ def write_json(data: dict[str, Any], target: str | None) -> None:
         part.write_text(text + "\n", encoding="utf-8")
 
 
-def write_csv(tables: Iterable[Table], target: Path | None) -> None:
+def write_csv(tables: Iterable[DataTable], target: Path | None) -> None:
     """Write tables to a file, nowhere for None.
 
     Raises

@@ -12,6 +12,8 @@ from cam_rig.cli.common.options import Csv, Json, Plot, Rig, TableCams
 from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from cam_rig.schema import PublishedTables
     from cam_rig.studies.cam_set import CamSet
     from cam_rig.studies.jump.comparison import JumpRow
@@ -53,7 +55,6 @@ def jump(
     cam-rig jump --ramp 350
     """
     with user_errors():
-        from cam_rig.errors import ConfigError
         from cam_rig.schema import load_tables
         from cam_rig.studies.cam_set import open_cam_set
         from cam_rig.studies.jump import tables
@@ -61,12 +62,7 @@ def jump(
         from cam_rig.studies.jump.published import references
 
         check_outputs(json_target, plot, csv)
-        _require_apart(steady, ramp, from_rest, refit, any((plot, json_target, csv)))
-        if ramp is not None and plot is not None:
-            raise ConfigError(
-                "--plot shows the least force of speeds that are held, and --ramp holds none; "
-                "allowed: one of them"
-            )
+        _require_apart(steady, ramp, from_rest, refit, plot, any((plot, json_target, csv)))
         published = load_tables(tables_path())
         cam_set = open_cam_set(map(cam_path, cams or published.table_2_jump), rig_path(rig))
         duration = None if steady else FROM_REST if from_rest is None else from_rest
@@ -109,13 +105,23 @@ def conclusion(rows: list[JumpRow]) -> str:
 
 
 def _require_apart(
-    steady: bool, ramp: float | None, from_rest: float | None, refit: bool, files: bool
+    steady: bool,
+    ramp: float | None,
+    from_rest: float | None,
+    refit: bool,
+    plot: Path | None,
+    files: bool,
 ) -> None:
     """Refuse options that do not go together, rather than pass one over."""
     from cam_rig.errors import ConfigError
 
     if sum((steady, ramp is not None, from_rest is not None)) > 1:
         raise ConfigError("--steady, --ramp and --from-rest; allowed: one of them")
+    if ramp is not None and plot is not None:
+        raise ConfigError(
+            "--plot shows the least force of speeds that are held, and --ramp holds none; "
+            "allowed: one of them"
+        )
     if refit and (steady or ramp is not None or files):
         raise ConfigError("--refit is of runs from rest, and prints; allowed: --refit alone")
 

@@ -13,11 +13,11 @@ from cam_rig.studies.factorial.conclusions import conclusions, governed_by, mean
 from cam_rig.studies.factorial.decomposition import advantages
 from cam_rig.studies.factorial.design import EFFECTS, Design, Effect, Factorial
 from cam_rig.studies.factorial.in_contact import fastest, left, staying
-from cam_rig.tables import Column, Table, tabulate
+from cam_rig.tables import Column, DataTable, tabulate
 from cam_rig.units import RPM_PER_RAD_S
 
 
-def tables(found: Factorial, titles: Mapping[str, str] | None = None) -> list[Table]:
+def tables(found: Factorial, titles: Mapping[str, str] | None = None) -> list[DataTable]:
     """Every table; ``titles`` are what cams are called, where that is not their names."""
     return [
         *(variance_table(design, found.config) for design in found.designs),
@@ -27,7 +27,7 @@ def tables(found: Factorial, titles: Mapping[str, str] | None = None) -> list[Ta
     ]
 
 
-def variance_table(design: Design, config: FactorialConfig) -> Table:
+def variance_table(design: Design, config: FactorialConfig) -> DataTable:
     """The analysis of variance of each effect, and again over what keeps contact."""
     rows: list[tuple[str, TwoWay, str, int | None]] = []
     for effect in EFFECTS:
@@ -62,7 +62,7 @@ def variance_table(design: Design, config: FactorialConfig) -> Table:
     )
 
 
-def laws_table(found: Factorial) -> Table:
+def laws_table(found: Factorial) -> DataTable:
     """The jump speed of each law in both designs."""
     same, alike = found.same_angles, found.same_acceleration
     rows = zip(same.rises, same.classes, mean_jumps(same), mean_jumps(alike), strict=True)
@@ -78,7 +78,7 @@ def laws_table(found: Factorial) -> Table:
     )
 
 
-def advantage_table(found: Factorial, titles: Mapping[str, str] | None = None) -> Table:
+def advantage_table(found: Factorial, titles: Mapping[str, str] | None = None) -> DataTable:
     """The proposed cam over each other, and how much of that a rigid follower has too."""
     called = titles or {}
     proposed = called.get(found.config.proposed, found.config.proposed)
@@ -102,7 +102,7 @@ def advantage_table(found: Factorial, titles: Mapping[str, str] | None = None) -
     )
 
 
-def compressed_table(found: Factorial) -> Table:
+def compressed_table(found: Factorial) -> DataTable:
     """The proposed cam with its whole turn in less than the turn."""
     return tabulate(
         f"{found.config.proposed} compressed, with a low dwell for the rest of the turn",

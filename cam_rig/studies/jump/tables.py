@@ -8,7 +8,7 @@ from typing import Any
 
 from cam_rig.studies.jump.comparison import JumpRow
 from cam_rig.studies.jump.refit import Numbers, Refit
-from cam_rig.tables import Cell, Column, Table, tabulate
+from cam_rig.tables import Cell, Column, DataTable, tabulate
 
 #: The four numbers of a refit: heading, unit, factor from SI.
 REFITTED = {
@@ -24,7 +24,7 @@ def jump_table(
     caption: str,
     titles: Mapping[str, str] | None = None,
     rigid_rpm: Mapping[str, float] | None = None,
-) -> Table:
+) -> DataTable:
     """One row per cam.
 
     Parameters
@@ -69,7 +69,7 @@ def _percent(share: float | None) -> float | None:
     return None if share is None else 100.0 * share
 
 
-def refit_table(found: Refit) -> Table:
+def refit_table(found: Refit) -> DataTable:
     """The rig's numbers, the refitted ones, and how well the rounding of Table 2 lets them be."""
     rows = zip(REFITTED.items(), found.sure.tolist(), strict=True)
     return tabulate(
@@ -86,7 +86,7 @@ def refit_table(found: Refit) -> Table:
     )
 
 
-def solutions_table(found: Refit) -> Table:
+def solutions_table(found: Refit) -> DataTable:
     """Where each start of the search ended, the best first."""
     return tabulate(
         "Where the searches ended",

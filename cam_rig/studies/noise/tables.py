@@ -16,13 +16,13 @@ from cam_rig.studies.noise.calibration_methods import Method
 from cam_rig.studies.noise.run import NoiseStudy
 from cam_rig.studies.noise.shared_rig import OneRig
 from cam_rig.studies.noise.transfer_functions import StructureFit
-from cam_rig.tables import Cell, Column, Table, tabulate
+from cam_rig.tables import Cell, Column, DataTable, tabulate
 
 #: Every so many speeds have a row in the table of levels.
 EVERY = 2
 
 
-def tables(study: NoiseStudy, published: PublishedNoise) -> list[Table]:
+def tables(study: NoiseStudy, published: PublishedNoise) -> list[DataTable]:
     """Every table, from the structures that were tried to the levels."""
     return [
         structures_table(study),
@@ -35,7 +35,7 @@ def tables(study: NoiseStudy, published: PublishedNoise) -> list[Table]:
     ]
 
 
-def structures_table(study: NoiseStudy) -> Table:
+def structures_table(study: NoiseStudy) -> DataTable:
     """The transfer functions between force and sound, fitted to one cam, tried on the other."""
     cams = list(study.structures)
 
@@ -64,7 +64,7 @@ def structures_table(study: NoiseStudy) -> Table:
     )
 
 
-def curves_table(study: NoiseStudy) -> Table:
+def curves_table(study: NoiseStudy) -> DataTable:
     """Each cam's curve by each way of calibrating, against the published regression."""
     return tabulate(
         "Noise of three cams by three ways of calibrating: r.m.s. difference to published",
@@ -90,7 +90,7 @@ def _half(band: Band) -> float:
     return 0.5 * float((band.high - band.low).mean())
 
 
-def constants_table(study: NoiseStudy) -> Table:
+def constants_table(study: NoiseStudy) -> DataTable:
     """What each way of calibrating fitted: the shared constants, and the arc cam's geometry."""
 
     def response(i: int) -> Callable[[Method], Cell]:
@@ -117,7 +117,7 @@ def constants_table(study: NoiseStudy) -> Table:
     )
 
 
-def crossings_table(study: NoiseStudy, published: PublishedNoise) -> Table:
+def crossings_table(study: NoiseStudy, published: PublishedNoise) -> DataTable:
     """Where the curves of two cams cross, by each way of calibrating."""
     crossover = published.crossover
     nowhere = "nowhere"
@@ -141,7 +141,7 @@ def _finite(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
 
 
-def left_out_table(study: NoiseStudy) -> Table:
+def left_out_table(study: NoiseStudy) -> DataTable:
     """Each cam left out of the calibration in turn."""
     return tabulate(
         "Each cam left out: gain and cut-off from the other two, r.m.s. difference on it",
@@ -157,7 +157,7 @@ def left_out_table(study: NoiseStudy) -> Table:
     )
 
 
-def one_rig_table(study: NoiseStudy) -> Table:
+def one_rig_table(study: NoiseStudy) -> DataTable:
     """The follower of the jump speeds heard, below the rigid one that the noise is fitted with."""
     base = study.methods[1]
     own = OneRig(
@@ -184,7 +184,7 @@ def one_rig_table(study: NoiseStudy) -> Table:
     )
 
 
-def levels_table(study: NoiseStudy) -> Table:
+def levels_table(study: NoiseStudy) -> DataTable:
     """Published regressions and simulated points by the last way of calibrating."""
     method = study.methods[-1]
 

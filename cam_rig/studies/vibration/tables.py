@@ -8,12 +8,12 @@ from typing import Any
 
 from cam_rig.studies.vibration.claims import Claim, vibration_claims
 from cam_rig.studies.vibration.comparison import VibrationTable
-from cam_rig.tables import Column, Table, tabulate
+from cam_rig.tables import Column, DataTable, tabulate
 
 
 def speed_table(
     table: VibrationTable, rpm: float, rig: str, titles: Mapping[str, str] | None = None
-) -> Table:
+) -> DataTable:
     """One speed, one row per cam; ``titles`` are what cams are called, where not by name."""
     called, lost, measures = titles or {}, table.left(rpm), table.at(rpm)
     moving = [cam for cam, v in measures.items() if not v.window.dwell]
@@ -43,7 +43,7 @@ def speed_table(
     )
 
 
-def claims_table(by_rig: Mapping[str, list[Claim]], rpm: tuple[float, ...]) -> Table:
+def claims_table(by_rig: Mapping[str, list[Claim]], rpm: tuple[float, ...]) -> DataTable:
     """The claims of the first rig, one row for each measure, and each rig's verdict."""
     verdicts = {
         rig: {(c.words, c.measure): _verdict(c) for c in _each(claims)}
