@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import csv
 import io
+import textwrap
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TypeVar
 
 Item = TypeVar("Item")
+#: Characters of a line of Markdown outside a table.
+MARKDOWN_WIDTH = 100
 #: Text, a number in the unit of its column, or nothing.
 Cell = str | float | None
 
@@ -117,3 +120,23 @@ def to_csv(tables: Iterable[DataTable]) -> str:
         writer.writerow([column.title for column in table.columns])
         writer.writerows(table.rows)
     return out.getvalue()
+
+
+def to_markdown(table: DataTable) -> str:
+    """Caption, table and notes, with a blank line between them and none at the end.
+
+    Examples
+    --------
+    >>> columns = (Column("cam"), Column("n", "rpm", "d"))
+    >>> print(to_markdown(DataTable("Speeds", columns, (("a", 9),))))
+    **Speeds**
+    <BLANKLINE>
+    | cam | n [rpm] |
+    | --- | ---: |
+    | a | 9 |
+    """
+    ruler = ["---:" if column.shown else "---" for column in table.columns]
+    lines = [[column.title for column in table.columns], ruler, *table.texts]
+    rows = "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    notes = (textwrap.fill(note, MARKDOWN_WIDTH, break_on_hyphens=False) for note in table.notes)
+    return "\n\n".join((f"**{table.caption}**", rows, *notes))

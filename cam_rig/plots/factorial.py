@@ -59,7 +59,7 @@ def _effects(out: FigureBase, found: Factorial) -> None:
     for axes in panels[0]:
         axes.set_xlabel("rise and fall [°]")
     for axes in panels[1]:
-        axes.set_xlabel(f"as gentle as {found.config.reference} over [°]")
+        axes.set_xlabel(f"peak acceleration of {found.config.reference} over [°]")
     handles, labels = panels[0, 0].get_legend_handles_labels()
     out.legend(
         handles, labels, loc="outside lower center", ncols=6, frameon=False, handlelength=3.4
@@ -67,7 +67,7 @@ def _effects(out: FigureBase, found: Factorial) -> None:
 
 
 def _curves(axes: Axes, design: Design, effect: Effect, gone: NDArray[np.bool_]) -> None:
-    """One curve a law; cells whose follower has left the cam are hollow."""
+    """One curve a law; cells that lose contact are hollow."""
     degrees, values = np.degrees(design.angles), effect.values(design.cells)
     for i, (rise, order) in enumerate(zip(design.rises, design.classes, strict=True)):
         label = f"{rise.replace('_', ' ')}, C{order}"

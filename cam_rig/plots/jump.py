@@ -55,7 +55,7 @@ def figure(rows: list[JumpRow], cam_set: CamSet, duration: float | None) -> Figu
         axes.plot([], [], "v", color="0.3", ms=7, mfc="none", label="published, Table 2")
     axes.grid(alpha=0.25)
     axes.legend(
-        title="leaves at [rpm]",
+        title="jump speed [rpm]",
         fontsize=8.5,
         title_fontsize=8.5,
         loc="lower left",

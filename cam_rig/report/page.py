@@ -19,7 +19,7 @@ from cam_rig.studies.factorial.conclusions import conclusions
 from cam_rig.studies.jump.comparison import compare
 from cam_rig.studies.jump.refit import ROUNDED_TO
 from cam_rig.studies.vibration.dwell import STAND_IN
-from cam_rig.tables import number
+from cam_rig.tables import number, to_markdown
 
 TITLE = "Cam rig: the paper's experiments, redone and taken further"
 #: The sections in the order they are read: template, title.
@@ -54,7 +54,7 @@ def environment(kind: str) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    found.filters |= {"percent": percent, "number": number, "to": to}
+    found.filters |= {"percent": percent, "number": number, "to": to, "markdown": to_markdown}
     return found
 
 
