@@ -52,7 +52,7 @@ def variance_table(design: Design, config: FactorialConfig) -> DataTable:
             ),
             (Column("angle", "%", ".1f"), lambda row: 100.0 * row[1].shares[1]),
             (Column("interaction", "%", ".1f"), lambda row: 100.0 * row[1].shares[2]),
-            (Column("sum of squares", "dB²", ".3g"), lambda row: row[1].total),
+            (Column("sum of squares", "dB²", ".1f"), lambda row: row[1].total),
             (Column("cells without contact", "", "d"), lambda row: row[3]),
             (Column("governed by"), lambda row: row[2]),
         ),
