@@ -52,8 +52,9 @@ def cam_and_forces(path: Path) -> None:
     top = centre.imag + 0.075
     axes.plot([0, 0], [centre.imag + roller, top], color=INK, lw=5, solid_capstyle="butt")
     for side in (-1, 1):
-        axes.fill([side * 0.006, side * 0.016, side * 0.016, side * 0.006],
-                  [top - 0.045, top - 0.045, top - 0.028, top - 0.028], fc="0.55", ec=INK)  # fmt: skip
+        x = side * np.array([0.006, 0.016, 0.016, 0.006])
+        y = top - np.array([0.045, 0.045, 0.028, 0.028])
+        axes.fill(x, y, fc="0.55", ec=INK)
     axes.plot([-0.022, 0.022], [top, top], color=INK, lw=3)
     spring(axes, 0.0, top, top + 0.045)
     axes.plot([-0.03, 0.03], [top + 0.045] * 2, color=INK, lw=3)
