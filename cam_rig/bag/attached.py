@@ -13,7 +13,7 @@ from cam_rig.bag.damage import UNREADABLE, damaged
 from cam_rig.bag.files import mcap_file
 from cam_rig.bag.pieces import MIB, content, fields, pieces
 from cam_rig.errors import BagError
-from cam_rig.temporary import no_room
+from cam_rig.files import no_room
 
 #: Attached to a bag that was recovered and lacks something: what.
 RECOVERED = "recovered.txt"

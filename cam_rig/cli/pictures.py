@@ -37,10 +37,10 @@ def pictures(
 def _draw(bag: Path, to: Path) -> None:
     from cam_rig.bag.reader import read_counts, read_recording
     from cam_rig.errors import CamRigError
+    from cam_rig.files import temporary_folder
     from cam_rig.messages.topics import FOLLOWER_SAMPLES
     from cam_rig.plots import noise as noise_plot
     from cam_rig.simulation.levels import compare, step_levels
-    from cam_rig.temporary import temporary_folder
     from cam_rig.viewer.album import read_album
     from cam_rig.viewer.pictures import VIEWER, draw_pictures, photograph_run
 

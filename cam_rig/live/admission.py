@@ -11,10 +11,10 @@ from cam_rig.dynamics.validation import MAX_ANGLE
 from cam_rig.errors import RefusedError
 from cam_rig.schema import SceneConfig
 from cam_rig.simulation.schedule import CamState
-from cam_rig.units import NS, TURN
+from cam_rig.units import NS, RPM, TURN
 
 #: The fastest cam, rad/s; a scene is bound by the same.
-FASTEST = 1e5 * math.pi / 30.0
+FASTEST = 1e5 * RPM
 #: Samples in one tick at most: a message of 48 MB.
 MAX_SAMPLES = 1_000_000
 

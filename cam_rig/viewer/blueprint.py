@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
 from cam_rig.drawing.outlines import MM
 from cam_rig.errors import ConfigError
 from cam_rig.simulation.scene import LoadedScene
+from cam_rig.units import to_rpm
 from cam_rig.viewer import scene2d
 from cam_rig.viewer.charts import noise_chart, overlay, series
 from cam_rig.viewer.charts import shaft_twist as twist
@@ -74,7 +74,7 @@ def compared_rpm(loaded: LoadedScene, rpm: float | None) -> float:
     ------
     ConfigError : the scene does not run at this speed
     """
-    speeds = [round(speed * 30.0 / np.pi, 9) for speed in loaded.scene.program.speeds.si_list]
+    speeds = [round(to_rpm(speed), 9) for speed in loaded.scene.program.speeds.si_list]
     if rpm is None:
         return max(speeds)
     nearest = min(speeds, key=lambda speed: abs(speed - rpm))

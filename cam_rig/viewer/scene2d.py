@@ -15,6 +15,7 @@ from cam_rig.dynamics.contact import force_weights
 from cam_rig.profile import turn_angles
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
+from cam_rig.units import to_rpm
 from cam_rig.viewer.timeline import Times, time_columns
 
 #: What the view shows; the rig hangs below, for a view is not moved by its own transform.
@@ -105,7 +106,7 @@ class Scene2D:
         self.flush()
         longest = greatest_force(self._loaded, state.cam, state.speed)
         self._arrow = ARROW * self._shape.reach / longest
-        rpm = state.speed * 30.0 / np.pi
+        rpm = to_rpm(state.speed)
         columns = rr.Points2D.columns(
             positions=[[0.0, -1.2 * self._shape.reach * MM]],
             labels=[f"{title}{rpm:.0f} rpm, longest arrow {longest:.0f} N"],

@@ -9,7 +9,7 @@ import numpy as np
 
 from cam_rig.arrays import FloatArray
 from cam_rig.simulation.schedule import CamState
-from cam_rig.units import NS
+from cam_rig.units import NS, to_rpm
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +24,7 @@ class Turn:
     @property
     def rpm(self) -> float:
         """The cam's speed."""
-        return self.speed * 30.0 / np.pi
+        return to_rpm(self.speed)
 
 
 class TurnCollector:

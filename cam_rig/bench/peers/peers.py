@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from cam_rig.arrays import FloatArray
 from cam_rig.bench.cases.case import Case, Solution
-from cam_rig.bench.cases.twist import Twist
+from cam_rig.bench.cases.models import Twist
 from cam_rig.bench.peers import march, twist_peer
 from cam_rig.bench.peers.cvode_peer import OPTIONS as CVODE_OPTIONS
 from cam_rig.bench.peers.cvode_peer import CvodePeer, cvode_class

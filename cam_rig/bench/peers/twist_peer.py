@@ -12,7 +12,7 @@ import numpy as np
 
 from cam_rig.arrays import FloatArray
 from cam_rig.bench.cases.case import Case, Solution
-from cam_rig.bench.cases.twist import Twist
+from cam_rig.bench.cases.models import Twist
 from cam_rig.bench.peers.problem import Floats, Integrator, Problem
 from cam_rig.bench.peers.stretch import PeerInterval, stretches
 

@@ -39,7 +39,7 @@ def _table() -> Table:
     from rich.box import SIMPLE
     from rich.table import Table
 
-    from cam_rig.laws.catalogue import FREE_LAWS, figures
+    from cam_rig.laws.catalogue import figures, free_laws
     from cam_rig.laws.named import NAMED_RISES
 
     out = Table(box=SIMPLE, padding=(0, 1, 0, 0), caption="peaks for unit rise and unit span")
@@ -53,6 +53,6 @@ def _table() -> Table:
         peaks = (f"{p:.4f}" for p in (f.peak_velocity, f.peak_acceleration, f.peak_jerk))
         out.add_row(name, rise.source, *peaks, f"C{f.continuity}")
     out.add_section()
-    for name, shaped_by in FREE_LAWS:
-        out.add_row(name, shaped_by, "any", "any", "any", "any")
+    for name, keys in free_laws().items():
+        out.add_row(name, keys or "the level before", "any", "any", "any", "any")
     return out

@@ -41,7 +41,7 @@ def replay(
     with user_errors():
         from cam_rig.bag.recording.writer import require_new_bag
         from cam_rig.errors import BagError
-        from cam_rig.temporary import temporary_folder
+        from cam_rig.files import temporary_folder
 
         if output is not None:
             require_new_bag(output)

@@ -136,7 +136,7 @@ def convert(
 
 @contextmanager
 def _converted(bag: Path, scene: Path | None, view_options: ViewOptions) -> Iterator[Path]:
-    from cam_rig.temporary import temporary_folder
+    from cam_rig.files import temporary_folder
 
     with temporary_folder() as folder:
         path = folder / f"{bag.resolve().name}.rrd"

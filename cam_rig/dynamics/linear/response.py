@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.linear.matrix_exponential import free_motion
 from cam_rig.dynamics.linear.propagator import exponential, piece
-from cam_rig.dynamics.linear.turn_map import TurnMap
 from cam_rig.dynamics.validation import (
     require_angle,
     require_number,
@@ -29,7 +28,34 @@ from cam_rig.dynamics.validation import (
 from cam_rig.dynamics.velocity_jumps import SLACK
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
-from cam_rig.units import TURN
+from cam_rig.units import TURN, to_rpm
+
+#: A mode that a turn changes by less than this (in phase and size) is in resonance.
+RESONANT = 1e-11
+
+
+@dataclass(frozen=True, eq=False)
+class TurnMap:
+    """Φ ``(n, n)`` and r ``(n,)`` of one turn from θ = 0."""
+
+    flow: FloatArray
+    rest: FloatArray
+
+    def after(self, state: FloatArray, turns: int) -> FloatArray:
+        """The state ``(n,)`` after whole turns: as many products as their number has bits."""
+        flow, rest = self.flow, self.rest
+        while turns:
+            if turns % 2:
+                state = flow @ state + rest
+            rest, flow, turns = flow @ rest + rest, flow @ flow, turns // 2
+        return state
+
+    def fixed_point(self) -> FloatArray | None:
+        """The state that a turn brings back, by one linear solve; None at resonance."""
+        gap = np.eye(self.rest.size) - self.flow
+        if np.abs(np.linalg.eigvals(gap)).min() < RESONANT:
+            return None
+        return np.asarray(np.linalg.solve(gap, self.rest))
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,7 +232,7 @@ class LinearResponse:
         state = self.turn.fixed_point()
         if state is None:
             raise DynamicsError(
-                f"no steady state at {self.speed * 30.0 / math.pi:.6g} rpm: a mode without "
+                f"no steady state at {to_rpm(self.speed):.6g} rpm: a mode without "
                 "damping is at a harmonic of the speed; allowed: damping, or another speed"
             )
         return state

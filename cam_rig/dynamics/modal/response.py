@@ -14,12 +14,11 @@ from functools import cached_property
 import numpy as np
 
 from cam_rig.arrays import ComplexArray, FloatArray
-from cam_rig.dynamics.linear.response import LinearResponse
+from cam_rig.dynamics.linear.response import RESONANT, LinearResponse
 from cam_rig.dynamics.linear.sampling import Outputs
-from cam_rig.dynamics.linear.turn_map import RESONANT
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
-from cam_rig.units import TURN
+from cam_rig.units import TURN, to_rpm
 
 #: Terms of the series after two below this fraction of the largest are rounding of a fit.
 SETTLED = 1e-14
@@ -163,7 +162,7 @@ class Ringing:
         worst = int(np.argmin(np.abs(gap).min(axis=1)))
         if np.abs(gap[worst]).min() < RESONANT:
             raise DynamicsError(
-                f"no steady state at {speeds[worst] * 30.0 / np.pi:.6g} rpm: a mode without "
+                f"no steady state at {to_rpm(speeds[worst]):.6g} rpm: a mode without "
                 "damping is at a harmonic of the speed; allowed: damping, or another speed"
             )
         return np.asarray(self.since_turn(speeds)[:, -1] / gap)

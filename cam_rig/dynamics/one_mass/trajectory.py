@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cam_rig.dynamics.bounce import least_bounce, rises
 from cam_rig.dynamics.contact import force_rounding, loss_intervals
+from cam_rig.dynamics.impacts import least_bounce, rises
 from cam_rig.dynamics.interval import Event, EventKind, FollowerState, Interval
 from cam_rig.dynamics.kinetostatic import state_at
 from cam_rig.dynamics.landing import Approach

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.bounce import least_bounce, rises
+from cam_rig.dynamics.impacts import least_bounce, rises
 from cam_rig.dynamics.interval import Event, EventKind
 from cam_rig.dynamics.linear.free_system import Flight
 from cam_rig.dynamics.linear.response import LinearResponse

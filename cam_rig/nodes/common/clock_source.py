@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Callable
 from typing import Any
@@ -17,6 +16,7 @@ from cam_rig.messages.codec import stamp_ns
 from cam_rig.nodes.common.base import RigNode
 from cam_rig.nodes.common.convert import to_cam_state, to_header, to_time
 from cam_rig.simulation.schedule import CamState
+from cam_rig.units import to_rpm
 
 #: Wall time (s) without an answer after which the states in flight are said again.
 SAY_AGAIN = 2.0
@@ -109,7 +109,7 @@ class Pacemaker(RigNode):
         """Note that a state went out, and tell who started us."""
         self._moved = time.monotonic()
         if self.given["report_progress"]:
-            rpm = state.speed * 30.0 / math.pi
+            rpm = to_rpm(state.speed)
             print(json.dumps({"tick": tick, "cam": state.cam, "rpm": rpm}), flush=True)
 
     def _on_alarm(self) -> None:

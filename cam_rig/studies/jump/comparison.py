@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-import numpy as np
-
+from cam_rig.arrays import rms
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import Law
+from cam_rig.laws import Law, build_law
+from cam_rig.schema import CamConfig
 from cam_rig.studies.jump.jump_speed import Jump, jump_speed
 from cam_rig.studies.jump.published import Reference
 from cam_rig.studies.jump.ramp import jump_along_ramp
+from cam_rig.studies.jump.search import sought_speed
 from cam_rig.units import RPM
 
 #: Longest run from rest, s: after a minute little but the steady state is left.
@@ -123,7 +125,7 @@ def rms_words(rows: list[JumpRow]) -> str:
 def rms_difference(rows: Iterable[JumpRow]) -> float:
     """r.m.s. of the relative differences of the cams that have one; NaN for none."""
     known = [r.difference for r in rows if r.difference is not None]
-    return math.sqrt(float(np.mean(np.square(known)))) if known else math.nan
+    return rms(known) if known else math.nan
 
 
 def same_ranking(rows: Iterable[JumpRow]) -> bool:
@@ -139,3 +141,33 @@ def turn_of(row: JumpRow) -> tuple[float, float] | None:
     if row.published_time is None or row.published_rpm is None:
         return None
     return row.found.time * row.found.rpm / 60.0, row.published_time * row.published_rpm / 60.0
+
+
+#: The half-rises there are (laws thesis, eq. 3.4-3.9).
+DEGREES = (4, 6, 8)
+
+
+def jump_by_degree(
+    cam: CamConfig, parameters: TwoMassParameters, duration: float
+) -> dict[int, float]:
+    """Jump speed (rpm) from rest with every half-rise of a cam of each degree.
+
+    Empty for a cam that has no half-rises.
+    """
+    if not any(_HALF.fullmatch(segment.law) for segment in cam.segments):
+        return {}
+    return {
+        degree: sought_speed(build_law(_with_degree(cam, degree)), parameters, duration) / RPM
+        for degree in DEGREES
+    }
+
+
+_HALF = re.compile(r"bezier\d+_(start|end)")
+
+
+def _with_degree(cam: CamConfig, degree: int) -> CamConfig:
+    segments = [
+        segment.model_copy(update={"law": _HALF.sub(rf"bezier{degree}_\1", segment.law)})
+        for segment in cam.segments
+    ]
+    return cam.model_copy(update={"segments": segments})

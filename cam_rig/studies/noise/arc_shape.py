@@ -13,14 +13,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import minimize
 
-from cam_rig.arrays import FloatArray
+from cam_rig.arrays import FloatArray, rms
 from cam_rig.errors import LawError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.cam import arc_cam
 from cam_rig.schema import CamConfig
-from cam_rig.simulation.levels import cubic
+from cam_rig.simulation.regression import cubic
 from cam_rig.simulation.settled_turns import Acoustics, Turns
-from cam_rig.studies.noise.calibration import PublishedCam, rms
+from cam_rig.studies.noise.calibration import PublishedCam
 from cam_rig.studies.noise.identify import IMPOSSIBLE, with_geometry
 
 #: Lifts tried as a start, in terms of the given one, and events in terms of the valley's: shapes
@@ -127,7 +127,7 @@ class ShapeProblem:
         Regressions are compared, since a regression is all that is published: the simulated
         levels' cubic with the published one.
         """
-        compared = cubic(self.heard(near).turns.rpm)
+        compared = cubic(self.heard(near).rpm)
 
         def cost(shape: ArcShape) -> float:
             try:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.simulation.levels import REGRESSION_DEGREE, real_roots
+from cam_rig.simulation.regression import REGRESSION_DEGREE, nearest_crossing
 
 #: Neighbouring speeds that are drawn together: a third of the range.
 BLOCK = 7
@@ -72,9 +72,7 @@ def crossing(rpm: FloatArray, one: FloatArray, two: FloatArray, near: float) -> 
     """Where two cubics, given by their values ``(n,)``, cross nearest to ``near`` rpm."""
     scale = rpm.mean()
     fit = np.polynomial.polynomial.polyfit(rpm / scale - 1.0, one - two, REGRESSION_DEGREE)
-    real = (real_roots(fit) + 1.0) * scale
-    inside = real[(real >= rpm[0]) & (real <= rpm[-1])]
-    return float(inside[np.argmin(np.abs(inside - near))]) if inside.size else None
+    return nearest_crossing(fit, (rpm[0], rpm[-1]), near, scale=scale, shift=1.0)
 
 
 def points_crossing(rpm: FloatArray, one: FloatArray, two: FloatArray, near: float) -> float | None:

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cam_rig.arrays import FloatArray
-from cam_rig.simulation.levels import cubic, regression
+from cam_rig.arrays import FloatArray, rms
+from cam_rig.simulation.regression import cubic, regression
 from cam_rig.simulation.settled_turns import Acoustics
 from cam_rig.studies.noise import bootstrap
 from cam_rig.studies.noise.arc_shape import ArcShape, ShapeFit
@@ -23,7 +23,6 @@ from cam_rig.studies.noise.bootstrap import Band, Crossing
 from cam_rig.studies.noise.calibration import (
     PublishedCam,
     by_substitution,
-    rms,
     sensitivity,
     two_constants,
 )

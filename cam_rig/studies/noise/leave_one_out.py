@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cam_rig.simulation.levels import cubic
+from cam_rig.arrays import rms
+from cam_rig.simulation.regression import cubic
 from cam_rig.simulation.settled_turns import Acoustics
-from cam_rig.studies.noise.calibration import rms, two_constants
+from cam_rig.studies.noise.calibration import two_constants
 from cam_rig.studies.noise.study import NoiseSetup
 
 #: Rounds of fitting shape and constants in turn.

@@ -20,7 +20,7 @@ from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.errors import CamRigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
-from cam_rig.simulation.levels import cubic
+from cam_rig.simulation.regression import cubic
 from cam_rig.simulation.settled_turns import Acoustics, Turns, settled_turns
 from cam_rig.studies.noise.arc_shape import ArcShape, ShapeProblem
 from cam_rig.studies.noise.bootstrap import crossing
@@ -160,7 +160,7 @@ def _crossing(
 ) -> float | None:
     published = study.loaded.published
     assert published is not None  # the study has its levels
-    rpm = heard[study.cast.arcs].turns.rpm
+    rpm = heard[study.cast.arcs].rpm
     thinned = {cam: h if cam == study.cast.arcs else h.every(EVERY) for cam, h in heard.items()}
     levels = [cubic(rpm) @ acoustics.levels(thinned[c].turns) for c in published.crossover.between]
     return crossing(rpm, levels[0], levels[1], published.crossover.rpm)

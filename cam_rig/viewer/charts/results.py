@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
-
 from cam_rig.simulation.scene import LoadedScene
+from cam_rig.units import to_rpm
 from cam_rig.viewer.turns import Turn, lift_offs
 
 HEAD = (
@@ -41,7 +40,7 @@ class ResultLines:
         return "\n".join(["# Results", "", *HEAD, *lines]) + "\n"
 
     def _line(self, cam: str, speed: float) -> str:
-        level, rpm = self._levels.get((cam, speed)), speed * 30.0 / math.pi
+        level, rpm = self._levels.get((cam, speed)), to_rpm(speed)
         heard = "settling" if level is None else f"{level:.1f}"
         title = self._loaded.cams[cam].title
         return f"| {title} | {rpm:.0f} | {heard} {self._motion[cam, speed]}"

@@ -6,8 +6,6 @@ is of a tick waits for the tick's curves, and goes after them.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import rerun as rr
 
@@ -15,7 +13,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
-from cam_rig.units import NS
+from cam_rig.units import NS, to_rpm
 from cam_rig.viewer.charts.band_chart import BandChart
 from cam_rig.viewer.charts.bands import third_octaves
 from cam_rig.viewer.charts.time_series import Traces
@@ -99,5 +97,5 @@ class RunView:
             self._scene.mount(state, profile)
         title = f"{self._loaded.cams[state.cam].title}, "
         self._scene.speed(state, title)
-        words = f"{title}{state.speed * 30.0 / math.pi:.0f} rpm"
+        words = f"{title}{to_rpm(state.speed):.0f} rpm"
         self._said.append((state.time_ns / NS, state.unwrapped, words, "INFO"))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cam_rig.bench.cases.case import Case
-from cam_rig.bench.cases.twist import Twist
+from cam_rig.bench.cases.models import Twist
 from cam_rig.bench.reference import exact_twist
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval
 from cam_rig.dynamics.torsional.solution import TorsionalParameters, TorsionalState, solve

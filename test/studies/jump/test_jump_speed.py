@@ -18,11 +18,10 @@ from cam_rig.studies.cam_set import open_cam_set
 from cam_rig.studies.jump import jump_speed as jump
 from cam_rig.studies.jump import refit as jump_refit
 from cam_rig.studies.jump.comparison import find_jumps, rms_difference, rms_words, same_ranking
-from cam_rig.studies.jump.events import with_event
 from cam_rig.studies.jump.jump_speed import jump_speed
 from cam_rig.studies.jump.published import Reference, references
 from cam_rig.studies.jump.ramp import jump_along_ramp
-from cam_rig.studies.jump.refit import Numbers, refit, refitted
+from cam_rig.studies.jump.refit import Numbers, refit, refitted, with_event
 from cam_rig.studies.jump.search import sought_speed
 from cam_rig.units import RPM
 
@@ -256,7 +255,7 @@ def test_ramp_must_rise(laws, two_mass, rate):
 def test_every_start_of_a_refit_is_told(cams, laws, two_mass, monkeypatch):
     """Four numbers to four speeds may have several solutions: each start's end, the best first."""
     monkeypatch.setattr(jump_refit, "STARTS", 2)
-    monkeypatch.setattr(jump_refit, "MOST_STEPS", 2)
+    monkeypatch.setattr(jump_refit, "MAX_STEPS", 2)
     speeds = {
         cam: 1.01 * jump_speed(laws[cam], two_mass, 0.4).rpm for cam in ("poly345", "poly4567")
     }
@@ -284,7 +283,7 @@ def test_with_event(cams):
 def test_refit_finds_the_numbers_again(cams, laws, two_mass, monkeypatch):
     """Speeds made with known numbers give these numbers back, from a start somewhat off."""
     monkeypatch.setattr(jump_refit, "STARTS", 1)
-    monkeypatch.setattr(jump_refit, "MOST_STEPS", 6)
+    monkeypatch.setattr(jump_refit, "MAX_STEPS", 6)
     four = ("bezier15", "poly345", "poly4567", "cycloidal")
     speeds = {cam: jump_speed(laws[cam], two_mass, 0.4).rpm for cam in four}
     off = replace(two_mass, preload=0.97 * two_mass.preload)

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from cam_rig.cli.main import app
 from cam_rig.errors import OutputError
-from cam_rig.temporary import temporary_folder
+from cam_rig.files import temporary_folder
 
 GOLDEN = str(Path(__file__).parents[1] / "bags" / "golden")
 
