@@ -38,7 +38,7 @@ def response(law: Law, parameters: FollowerParameters, speed: float) -> LinearRe
     share, damping = p.stem_stiffness / total, p.damping / p.mass
     matrix = np.array([[0.0, 1.0], [-total / p.mass, -damping]])
     drive = np.array([[0.0, 0.0, 0.0], [0.0, -share * damping, -share]])
-    return LinearResponse(law, speed, matrix, drive, np.zeros(2), kicked=True)
+    return LinearResponse(law, speed, matrix, drive, np.zeros(2), jumps_act=True)
 
 
 @lru_cache(maxsize=64)

@@ -220,6 +220,14 @@ class Block:
     rows: FloatArray
     events: tuple[Event, ...] = field(default=())
 
+    def with_impulse(self, impulse: float) -> Block:
+        """The block with more impulse (N·s) at its first sample."""
+        if impulse == 0.0:
+            return self
+        rows = self.rows.copy()
+        rows[5, 0] += impulse
+        return replace(self, rows=rows)
+
 
 def ended(state: FollowerState, interval: Interval) -> FollowerState:
     """A state with the cam's angle and speed at the end of its interval."""

@@ -53,10 +53,10 @@ class FollowerSimulator:
         end, block = self.model.advance(
             law, self.parameters, before.state, start.until(state), self.sample_rate
         )
-        block.rows[5, 0] += before.owed
+        block = block.with_impulse(before.owed)
         if state.cam == start.cam:
             self.memory = FollowerCheckpoint(state, end)
-        else:  # struck by the cam before
+        else:  # what the cam before gave and no sample has shown
             self.memory = FollowerCheckpoint(state, None, end.pending_impulse)
         return end, block
 

@@ -51,8 +51,8 @@ def test_refusals(tmp_path):
     assert result.exit_code == 1
     assert "speed is 0 rpm; allowed: 1 to 3139 rpm on this stem" in result.stderr
     assert call("no_such").exit_code == 2
-    thrown = call("worked_example_constant_velocity")
-    assert thrown.exit_code == 1
-    assert "or a rig without a shaft" in thrown.stderr
-    assert "model" not in thrown.stderr.replace("in this model", "")
+    lifted_off = call("worked_example_constant_velocity")
+    assert lifted_off.exit_code == 1
+    assert "or a rig without a shaft" in lifted_off.stderr
+    assert "model" not in lifted_off.stderr.replace("in this model", "")
     assert list(tmp_path.iterdir()) == []

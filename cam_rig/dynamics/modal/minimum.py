@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cam_rig.arrays import ComplexArray, FloatArray
-from cam_rig.dynamics.modal.response import Ringing
+from cam_rig.dynamics.modal.response import ModalResponse
 from cam_rig.laws import bernstein
 from cam_rig.units import TURN
 
@@ -29,7 +29,7 @@ class _Stretch:
     factors: ComplexArray
 
     @classmethod
-    def of(cls, model: Ringing, speeds: FloatArray, piece: int, u: FloatArray) -> _Stretch:
+    def of(cls, model: ModalResponse, speeds: FloatArray, piece: int, u: FloatArray) -> _Stretch:
         local = model.law.spans[piece] * u
         basis = bernstein.basis(model.law.degree, u)
         factors = model.fading(speeds, local) * model.shown
@@ -50,7 +50,7 @@ class _Stretch:
 class ModalRun:
     """How long a model runs: ``duration`` s from rest at θ = 0, or settled for ever (None)."""
 
-    model: Ringing
+    model: ModalResponse
     duration: float | None
 
     def turns(self, speeds: FloatArray) -> Iterator[ComplexArray]:
@@ -70,7 +70,7 @@ class ModalRun:
 
         The polynomial is seen at points, so this is no proof: it only tells where to look.
         """
-        model, ringing = self.model, self._ringing(speeds)
+        model, ringing = self.model, self._free_amplitude(speeds)
         basis = bernstein.basis(model.law.degree, np.linspace(0.0, 1.0, BOUND_POINTS))
         found = np.full(speeds.size, np.inf)
         for i in range(model.law.spans.size):
@@ -80,9 +80,9 @@ class ModalRun:
 
     def missed(self, speeds: FloatArray) -> FloatArray:
         """By how much `least` may lie above the least output between grid points, ``(m,)``."""
-        return np.asarray(GRID_MISSES * self._ringing(speeds).max(axis=1))
+        return np.asarray(GRID_MISSES * self._free_amplitude(speeds).max(axis=1))
 
-    def _ringing(self, speeds: FloatArray) -> FloatArray:
+    def _free_amplitude(self, speeds: FloatArray) -> FloatArray:
         """The largest that the output may ring in each piece, ``(m, n)``."""
         largest = np.max([np.abs(amplitude) for amplitude in self.turns(speeds)], axis=0)
         own = np.abs(self.model.since_turn(speeds))[:, :-1]

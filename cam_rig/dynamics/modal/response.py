@@ -3,7 +3,7 @@
 Between two joints of the law the response is a polynomial, Σ hₖ Ωᵏ s⁽ᵏ⁾(θ) with hₖ the Taylor
 coefficients of the transfer function: the same function of θ at every speed but for powers of Ω.
 Where a derivative of s jumps that polynomial jumps, and the mode makes up for it by ringing. So a
-joint kicks the mode, and nothing else does; between kicks the ringing dies out freely.
+joint state jumps the mode, and nothing else does; between state jumps the ringing dies out freely.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ APART = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
-class Ringing:
+class ModalResponse:
     """One output of a model with one mode, over one law, at any speeds.
 
     An amplitude is complex, ``(..., 2)``, one number for each rate λ: (η, η̇) = Σ a (1, λ) e^{λt}.
@@ -48,7 +48,7 @@ class Ringing:
     constant: float
 
     @classmethod
-    def of(cls, response: LinearResponse, outputs: Outputs, row: int = 0) -> Ringing:
+    def of(cls, response: LinearResponse, outputs: Outputs, row: int = 0) -> ModalResponse:
         """One row of a model's outputs; at which speed the response was made plays no part."""
         return cls(
             response.law,
@@ -125,7 +125,7 @@ class Ringing:
         amplitude = np.stack([rate - two * eta, one * eta - rate], axis=-1) / (one - two)
         return np.asarray(amplitude, dtype=np.complex128)
 
-    def kicks(self, speeds: FloatArray) -> ComplexArray:
+    def state_jumps(self, speeds: FloatArray) -> ComplexArray:
         """What the joint at the start of each piece adds to the amplitude, ``(m, n, 2)``."""
         return self._amplitude(speeds, self._edges[0])
 
@@ -139,16 +139,16 @@ class Ringing:
         return np.asarray(np.exp(times[:, :, None] * self.rates))
 
     def since_turn(self, speeds: FloatArray) -> ComplexArray:
-        """Amplitudes at the start of each piece from this turn's kicks alone, ``(m, n + 1, 2)``.
+        """Amplitudes where each piece begins, of this turn's state jumps alone, ``(m, n + 1, 2)``.
 
-        The last is at the end of the turn, with the kick of its first joint.
+        The last is at the end of the turn, with the state jump of its first joint.
         """
-        kicks = self.kicks(speeds)
+        state_jumps = self.state_jumps(speeds)
         steps = self.fading(speeds, self.law.spans)
-        found = [np.zeros_like(kicks[:, 0])]
+        found = [np.zeros_like(state_jumps[:, 0])]
         for i in range(self.law.spans.size):
             after = (i + 1) % self.law.spans.size
-            found.append(found[-1] * steps[:, i] + kicks[:, after])
+            found.append(found[-1] * steps[:, i] + state_jumps[:, after])
         return np.stack(found, axis=1)
 
     def steady(self, speeds: FloatArray) -> ComplexArray:
@@ -170,7 +170,7 @@ class Ringing:
     def amplitude_at(self, speeds: FloatArray, angle: float) -> FloatArray:
         """Size of the steady ringing in the output at a cam angle of the turn (rad), ``(m,)``.
 
-        At a joint that after its kick.
+        At a joint that after its state jump.
         """
         piece = self.law.piece(angle)
         start = float(self.law.breaks[piece])

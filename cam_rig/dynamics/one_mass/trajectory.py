@@ -12,9 +12,9 @@ from cam_rig.dynamics.interval import Event, EventKind, FollowerState, Interval
 from cam_rig.dynamics.kinetostatic import state_at
 from cam_rig.dynamics.landing import Approach
 from cam_rig.dynamics.linear.free_system import Flight
-from cam_rig.dynamics.one_mass.flight import thrown
+from cam_rig.dynamics.one_mass.flight import lifted_off
 from cam_rig.dynamics.parameters import FollowerParameters
-from cam_rig.dynamics.velocity_jumps import KinksAhead, short_of_kink
+from cam_rig.dynamics.velocity_jumps import VelocityJumpsAhead, short_of_velocity_jump
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import TURN
@@ -54,7 +54,9 @@ class OneMassTrajectory:
 
     def __post_init__(self) -> None:
         interval, speed = self.interval, self.interval.speed
-        self._kinks = KinksAhead(self.law, interval.angle, speed, interval.duration)
+        self._velocity_jumps = VelocityJumpsAhead(
+            self.law, interval.angle, speed, interval.duration
+        )
         rounding = force_rounding(self.law, self.parameters, speed)
         self._force_noise = rounding / self.parameters.mass
         self._last: Flight | None = None
@@ -71,28 +73,32 @@ class OneMassTrajectory:
 
     def _ride(self, time: float) -> tuple[float, Flight | None]:
         """A phase of contact: its end, and what flies on then."""
-        lift_off, bound = self._lift_off(time), self._kinks.bound
-        end = self._kinks.no_later(lift_off) if lift_off < self._kinks.clear else bound
+        lift_off, bound = self._lift_off(time), self._velocity_jumps.bound
+        end = (
+            self._velocity_jumps.no_later(lift_off)
+            if lift_off < self._velocity_jumps.clear
+            else bound
+        )
         self.phases.append(OneMassPhase(time, end, None))
         return end, self._leave(end) if end < bound else self._strike(end)
 
     def _fly(self, time: float, flight: Flight) -> tuple[float, Flight | None]:
-        """A phase of flight, at most to the next kink: its end, and what flies on then."""
-        angle, bound = self.angle(time), self._kinks.bound
+        """A phase of flight, at most to the next velocity jump: its end, and what flies on then."""
+        angle, bound = self.angle(time), self._velocity_jumps.bound
         approach = Approach(flight, self.law, angle, self.interval.speed, self._force_noise)
         last = approach.run(bound - time)
-        end = self._kinks.no_later(time + last.time) if last.landed else bound
+        end = self._velocity_jumps.no_later(time + last.time) if last.landed else bound
         self.phases.append(OneMassPhase(time, end, flight))
-        opening = last.rate - self._kinks.take(end)
+        opening = last.rate - self._velocity_jumps.take(end)
         if last.landed and opening <= 0.0:
             self._require_progress()
             return end, self._meet(end, -opening)
         y, velocity = flight.at(end - time).tolist()
-        return end, thrown(self.parameters, y, velocity, last.gap, opening)
+        return end, lifted_off(self.parameters, y, velocity, last.gap, opening)
 
     def _strike(self, time: float, step: float = 0.0) -> Flight | None:
-        """The cam's velocity gains ``step`` (m/s) under a follower that rides it, and a kink's."""
-        step += self._kinks.take(time)
+        """The velocity of the cam under a follower gains ``step`` (m/s), and what a joint adds."""
+        step += self._velocity_jumps.take(time)
         if abs(step) <= STILL * self.interval.speed * self.law.lift:
             return None
         return self._meet(time, step) if step > 0.0 else self._leave(time, -step)
@@ -115,22 +121,22 @@ class OneMassTrajectory:
 
     @property
     def end(self) -> FollowerState:
-        """The follower at the end of the interval, before a kink that begins the next one."""
+        """The follower at the end of the interval, before a velocity jump of the next one."""
         last = self._last
         if last is not None:
             y, v = last.start.tolist()
             return FollowerState(y, v, 0.0, in_contact=False, inner=last.known)
-        angle = short_of_kink(self.law, self.angle(self.phases[-1].end))
+        angle = short_of_velocity_jump(self.law, self.angle(self.phases[-1].end))
         return state_at(self.law, self.parameters, angle, self.interval.speed)
 
     def _begin(self, state: FollowerState | None, step: float) -> Flight | None:
         if state is None or state.in_contact:
             return self._strike(0.0, step)
         gap, opening = state.inner or (None, None)
-        kink = self._kinks.take(0.0)
+        velocity_jump = self._velocity_jumps.take(0.0)
         if opening is not None:
-            opening -= step + kink
-        return thrown(self.parameters, state.displacement, state.velocity, gap, opening)
+            opening -= step + velocity_jump
+        return lifted_off(self.parameters, state.displacement, state.velocity, gap, opening)
 
     def _lift_off(self, time: float) -> float:
         """Time of the next lift-off, infinity when the cam never has to pull."""
@@ -149,7 +155,7 @@ class OneMassTrajectory:
 
     def _off(self, cam: FollowerState, opening: float) -> Flight:
         velocity = cam.velocity + opening
-        return thrown(self.parameters, cam.displacement, velocity, 0.0, opening)
+        return lifted_off(self.parameters, cam.displacement, velocity, 0.0, opening)
 
     def _meet(self, time: float, approach: float) -> Flight | None:
         """The follower meets the cam at ``approach`` m/s: what flies on, or None for contact."""

@@ -93,7 +93,7 @@ def _start(course: Separation, state: FollowerState | None) -> FloatArray | Flig
         return np.zeros(2)
     if state.in_contact:
         return np.array(state.inner)
-    return course.thrown(np.array(state.inner[:4]), *state.inner[4:])
+    return course.lifted_off(np.array(state.inner[:4]), *state.inner[4:])
 
 
 def _show(rows: FloatArray, grid: SampleGrid, course: Separation, phase: TwoMassPhase) -> None:

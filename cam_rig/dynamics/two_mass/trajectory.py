@@ -22,7 +22,7 @@ from cam_rig.dynamics.two_mass.events import landing, lift_off
 from cam_rig.dynamics.two_mass.flight import free_masses, from_inner, to_inner
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
 from cam_rig.dynamics.validation import require_angle, require_number, state_of
-from cam_rig.dynamics.velocity_jumps import KinksAhead, short_of_kink
+from cam_rig.dynamics.velocity_jumps import VelocityJumpsAhead, short_of_velocity_jump
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 
@@ -78,14 +78,14 @@ class Separation:
         if state is None:
             state, contact = np.zeros(2), True
         state = state_of(state, 2 if contact else 4)
-        self.go(duration, state if contact else self.thrown(to_inner(self.parameters, state)))
+        self.go(duration, state if contact else self.lifted_off(to_inner(self.parameters, state)))
 
     def go(self, duration: float, start: FloatArray | Flight, step: float = 0.0) -> None:
         """The same from (η, η̇) or a flight, where ṡ has gained ``step`` m/s."""
         require_number("duration", duration, "> 0")
         require_angle(self.angle + self.speed * duration, "angle at the end")
-        kinks = KinksAhead(self.law, self.angle, self.speed, duration)
-        step += kinks.take(0.0)
+        velocity_jumps = VelocityJumpsAhead(self.law, self.angle, self.speed, duration)
+        step += velocity_jumps.take(0.0)
         now, state = 0.0, self._cross(0.0, step, start)
         while now < duration:
             if len(self.events) > MAX_EVENTS:
@@ -93,21 +93,24 @@ class Separation:
                     f"{len(self.events)} events in {now:g} s; allowed: {MAX_EVENTS} a run"
                 )
             if isinstance(state, Flight):
-                now, state = self._fly(now, state, kinks)
+                now, state = self._fly(now, state, velocity_jumps)
             else:
-                now, state = self._ride(now, state, kinks)
+                now, state = self._ride(now, state, velocity_jumps)
         self.last = state
 
     def _ride(
-        self, now: float, vibration: FloatArray, kinks: KinksAhead
+        self, now: float, vibration: FloatArray, velocity_jumps: VelocityJumpsAhead
     ) -> tuple[float, FloatArray | Flight]:
         """A phase of contact: its end, and what the roller is then."""
-        limit, angle = min(kinks.bound, kinks.clear), self.angle + self.speed * now
+        limit, angle = (
+            min(velocity_jumps.bound, velocity_jumps.clear),
+            self.angle + self.speed * now,
+        )
         left = lift_off(self.law, self.parameters, self.speed, angle, vibration, limit - now)
-        end = kinks.bound if left is None else kinks.no_later(now + left[0])
+        end = velocity_jumps.bound if left is None else velocity_jumps.no_later(now + left[0])
         self.phases.append(TwoMassPhase(now, end, vibration))
-        struck, step = kinks.at(end), kinks.take(end)
-        if left is not None and not struck:
+        impact, step = velocity_jumps.at(end), velocity_jumps.take(end)
+        if left is not None and not impact:
             cam = self._cam_at(end)
             vibration = self._later(left[1], cam, (end - now) - left[0])
             return end, self._leave(end, vibration, cam, 0.0)
@@ -120,17 +123,17 @@ class Separation:
         return np.asarray(vibration + time * (model.matrix @ vibration + model.drive @ cam))
 
     def _fly(
-        self, now: float, flight: Flight, kinks: KinksAhead
+        self, now: float, flight: Flight, velocity_jumps: VelocityJumpsAhead
     ) -> tuple[float, FloatArray | Flight]:
-        """A phase of flight, at most to the next kink: its end, and what the roller is then."""
-        angle, limit = self.angle + self.speed * now, kinks.bound - now
+        """A phase of flight, at most to the next velocity jump: its end, and the roller's state."""
+        angle, limit = self.angle + self.speed * now, velocity_jumps.bound - now
         gap = landing(self.law, self.parameters, self.speed, angle, flight, limit)
-        end = kinks.no_later(now + gap.time) if gap.landed else kinks.bound
+        end = velocity_jumps.no_later(now + gap.time) if gap.landed else velocity_jumps.bound
         self.phases.append(TwoMassPhase(now, end, np.zeros(2), flight))
-        inner, opening = flight.at(end - now), gap.rate - kinks.take(end)
+        inner, opening = flight.at(end - now), gap.rate - velocity_jumps.take(end)
         if gap.landed and opening <= 0.0:
             return end, self._meet(end, inner[:2], opening)
-        return end, self.thrown(inner, gap.gap, opening)
+        return end, self.lifted_off(inner, gap.gap, opening)
 
     def _cross(self, time: float, step: float, state: FloatArray | Flight) -> FloatArray | Flight:
         """Where ṡ gains ``step`` (m/s): a blow on a roller in contact, or it is thrown off.
@@ -141,7 +144,7 @@ class Separation:
             return state
         if isinstance(state, Flight):
             opening = None if state.opening is None else state.opening - step
-            return self.thrown(state.start, state.gap, opening)
+            return self.lifted_off(state.start, state.gap, opening)
         before = self._cam_at(time) - np.array([0.0, step, 0.0])
         if step < 0.0:
             return self._leave(time, state, before, -step)
@@ -152,7 +155,7 @@ class Separation:
         """Whether the roller is on the cam after the last phase and its event, if it had one."""
         return not isinstance(self.last, Flight)
 
-    def thrown(
+    def lifted_off(
         self, inner: FloatArray, gap: float | None = None, opening: float | None = None
     ) -> Flight:
         """The flight from a state (w, ẇ, Y, Ẏ); the rest as in `Flight`."""
@@ -173,8 +176,8 @@ class Separation:
         return self._cam_to(self.angle + self.speed * time)
 
     def cam_at_end(self, time: float) -> FloatArray:
-        """The same where an interval ends: before a kink that begins the next one."""
-        return self._cam_to(short_of_kink(self.law, self.angle + self.speed * time))
+        """The same where an interval ends: before a velocity jump that begins the next one."""
+        return self._cam_to(short_of_velocity_jump(self.law, self.angle + self.speed * time))
 
     def _cam_to(self, angle: float) -> FloatArray:
         s, slope, bend = self.law.at(angle)
@@ -206,7 +209,7 @@ class Separation:
         """The flight of a roller with (z, ż) on the cam, from which it opens at ``opening`` m/s."""
         p = self.parameters
         centre = roller + p.end_mass / (p.roller_mass + p.end_mass) * stretch
-        return self.thrown(np.concatenate([stretch, centre]), 0.0, opening)
+        return self.lifted_off(np.concatenate([stretch, centre]), 0.0, opening)
 
     def _meet(self, time: float, stretch: FloatArray, rate: float) -> FloatArray | Flight:
         """After a landing at ``rate`` (m/s, not above 0): what flies on, or (η, η̇) in contact.
@@ -225,8 +228,8 @@ class Separation:
         self._note("landing", time, impulse, lost)
         if not bounces:
             return vibration
-        thrown = np.array([0.0, rebound])
-        return self._off(cam[:2] + thrown, on_cam - thrown, rebound)
+        rising = np.array([0.0, rebound])
+        return self._off(cam[:2] + rising, on_cam - rising, rebound)
 
     def _note(self, kind: EventKind, time: float, impulse: float = 0.0, lost: float = 0.0) -> None:
         self.events.append(Event(kind, time, self.angle + self.speed * time, impulse, lost))

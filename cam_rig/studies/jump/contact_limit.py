@@ -21,7 +21,7 @@ def leaving_speed(law: Law, rig: RigConfig) -> float:
 
     That of two masses from rest, or of one rigid mass on a rig that does not say how they split.
     """
-    if law.kinks:  # where the velocity jumps down the follower is thrown off
+    if law.velocity_jumps:  # where the velocity jumps down the follower is thrown off
         return 0.0
     follower = rig.follower
     if follower.roller_share is None or follower.stem_damping is None:

@@ -16,7 +16,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.modal.minimum import ModalRun
-from cam_rig.dynamics.modal.response import Ringing
+from cam_rig.dynamics.modal.response import ModalResponse
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
@@ -50,7 +50,7 @@ class Sought:
 
 def force_run(law: Law, parameters: TwoMassParameters, duration: float | None) -> ModalRun:
     """The contact force of the two-mass follower over a run, at any speeds."""
-    model = Ringing.of(contact_response(law, parameters, RPM), force_output(parameters))
+    model = ModalResponse.of(contact_response(law, parameters, RPM), force_output(parameters))
     return ModalRun(model, duration)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters, elastic_stem
 from cam_rig.dynamics.linear.sampling import sample
-from cam_rig.dynamics.modal.response import Ringing
+from cam_rig.dynamics.modal.response import ModalResponse
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters
 from cam_rig.dynamics.torsional.solution import periodic_state, solve
 from cam_rig.dynamics.velocity_jumps import require_smooth
@@ -148,7 +148,7 @@ def ringing(law: Law, follower: FollowerParameters, speeds: FloatArray) -> Float
     require_speeds(follower, speeds / RPM)
     window = low_dwell(law)
     at = [window.start, *law.breaks[:-1][window.holds(law.breaks[:-1])].tolist()]
-    model = Ringing.of(
+    model = ModalResponse.of(
         elastic_stem.response(law, follower, float(speeds[0])), elastic_stem.outputs(follower)
     )
     found = np.max([model.amplitude_at(speeds, angle) for angle in at], axis=0)
