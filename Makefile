@@ -26,7 +26,7 @@ view: setup ## show the newest bag in Rerun; ARGS=--web for a browser
 pictures: setup ## run the sweep, and draw the pictures in docs/ from its bag
 	@rm -rf out/pictures
 	@$(BIN)/cam-rig run --bag out/pictures
-	@$(BIN)/cam-rig pictures out/pictures
+	@$(BIN)/python -m tools.docs.main out/pictures
 
 docs: setup ## build the documents as a site with search into out/site
 	@$(BIN)/python tools/docs/commands.py

@@ -188,7 +188,7 @@ class FollowerState:
     ``pending_impulse`` (N·s) fell after the interval's last sample: the next block shows it.
     ``inner`` is what else the model remembers. ``cam_angle`` (rad, within the turn) and
     ``cam_speed`` (rad/s) are the cam's there: what goes on from here must begin at that angle,
-    and a speed other than that strikes or throws the follower. None where nobody said.
+    and a speed other than that is an impact on the follower, or lifts it off. None: not known.
     """
 
     displacement: float

@@ -11,10 +11,10 @@ from cam_rig.simulation.scene import LoadedScene
 from cam_rig.units import to_rpm
 from cam_rig.viewer import scene2d
 from cam_rig.viewer.charts import noise_chart, overlay, series
-from cam_rig.viewer.charts import shaft_twist as twist
 from cam_rig.viewer.charts.band_chart import band_axes
 from cam_rig.viewer.charts.run_view import BANDS, EVENTS
-from cam_rig.viewer.layout import Layout
+from cam_rig.viewer.charts.time_series import TORSIONAL
+from cam_rig.viewer.options import Layout
 from cam_rig.viewer.run_recorder import ABOUT, RESULTS
 from cam_rig.viewer.timeline import RIG_TIME, TURN_DEGREES
 
@@ -102,7 +102,7 @@ def _run(loaded: LoadedScene, duration: float, bucket: int, window: float | None
         _plot("plots/velocity", "Velocity [m/s]", near),
         _plot("plots/acceleration", "Acceleration [m/s²]", near),
     ]
-    if loaded.scene.model == twist.MODEL:
+    if loaded.scene.model == TORSIONAL:
         slopes.append(_plot(series.TWIST.entity, "Twist of the shaft [°]", near))
     level = _plot(series.LEVEL.entity, "Sound level [dB]", whole)
     speed = _plot(series.SPEED.entity, "Cam speed [rpm]", whole)

@@ -14,7 +14,7 @@ from cam_rig.simulation.schedule import cam_states
 from cam_rig.units import NS
 from cam_rig.viewer.blueprint import blueprint, compared_rpm
 from cam_rig.viewer.feed import RunFeed
-from cam_rig.viewer.layout import Layout
+from cam_rig.viewer.options import Layout
 from cam_rig.viewer.recording import APPLICATION, bucket_for, name_recording
 from cam_rig.viewer.run_recorder import RunDrawing
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,7 @@ from cam_rig.simulation.schedule import CamState, cam_states
 from cam_rig.units import NS
 from cam_rig.viewer.blueprint import blueprint, compared_rpm
 from cam_rig.viewer.feed import RunFeed
-from cam_rig.viewer.layout import Layout
+from cam_rig.viewer.options import Layout, ViewOptions
 from cam_rig.viewer.rrd_file import require_free, rrd_stream
 from cam_rig.viewer.run_recorder import RunDrawing
 
@@ -38,22 +37,6 @@ TOPICS = (
     topics.LEVEL,
     topics.PRESSURE,
 )
-
-
-@dataclass(frozen=True)
-class ViewOptions:
-    """How a picture is wanted.
-
-    Parameters
-    ----------
-    layout : for running, for comparing cams, or for a report
-    rpm : the speed at which cams are compared; by default the scene's highest
-    all_samples : keep every sample, however many
-    """
-
-    layout: Layout = Layout.RUN
-    rpm: float | None = None
-    all_samples: bool = False
 
 
 def save_recording(

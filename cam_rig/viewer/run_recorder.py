@@ -13,10 +13,9 @@ from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS
 from cam_rig.viewer.charts import overlay
-from cam_rig.viewer.charts.about import about
 from cam_rig.viewer.charts.noise_chart import NoiseChart
-from cam_rig.viewer.charts.results import ResultLines
 from cam_rig.viewer.charts.run_view import RunView
+from cam_rig.viewer.charts.text_panels import ResultLines, about
 from cam_rig.viewer.timeline import time_columns
 from cam_rig.viewer.turns import TurnCollector, sample_angles
 

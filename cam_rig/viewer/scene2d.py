@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
-from cam_rig.drawing.follower import FollowerShape
-from cam_rig.drawing.followers import follower_shape
+from cam_rig.drawing.follower import FollowerShape, follower_shape
 from cam_rig.drawing.outlines import MM, circle, closed
 from cam_rig.dynamics.contact import force_weights
 from cam_rig.profile import turn_angles
+from cam_rig.profile.motion import Motion
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import to_rpm
@@ -132,17 +132,17 @@ class Scene2D:
             return
         time, angle, lift, force = np.concatenate(self._waiting, axis=1)
         self._waiting = []
-        times, shape, law = self._times(time, angle), self._shape, self._law(angle)
+        times, shape, motion = self._times(time, angle), self._shape, Motion.at(self._law, angle)
         flat = np.zeros_like(angle)
         origin = np.column_stack([shape.origin(lift) * MM, flat])
         self._stream.send_columns(f"{self._root}/cam", times, _pose(angle, None))
         self._stream.send_columns(f"{self._root}/follower", times, _pose(shape.turn(lift), origin))
-        point, normal = shape.contact(law, self._law(angle, 1))
+        point, normal = shape.contact(motion)
         flies = force == 0.0
-        ends = np.stack([point, shape.carried(point, law, lift)], axis=1) * MM
+        ends = np.stack([point, shape.carried(point, motion.s, lift)], axis=1) * MM
         gaps = rr.LineStrips2D.columns(strips=list(ends[flies])).partition(flies.astype(int))
         self._stream.send_columns(f"{self._root}/gap", times, gaps)
-        along = np.sum(normal * shape.upward(law), axis=1)
+        along = np.sum(normal * shape.upward(motion.s), axis=1)
         arrows = normal * (force / along * self._arrow)[:, None] * MM
         columns = rr.Arrows2D.columns(origins=point[~flies] * MM, vectors=arrows[~flies])
         columns = columns.partition((~flies).astype(int))

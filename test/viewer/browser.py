@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 
-from cam_rig.viewer.browser import ENOUGH, PATIENCE, Pixels, count, new_page, photographs
+from tools.docs.browser import ENOUGH, PATIENCE, Pixels, count, new_page, photographs
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

@@ -6,17 +6,14 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from cam_rig.cli.common.console import console, progress_bar, user_errors
 from cam_rig.cli.common.names import scene_path
 from cam_rig.cli.common.options import SceneOfBag
-from cam_rig.viewer.layout import Layout
-
-if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
-    from cam_rig.viewer.recording import ViewOptions
+from cam_rig.viewer.options import Layout, ViewOptions
 
 
 def view(
@@ -63,7 +60,6 @@ def view(
     """
     with user_errors():
         from cam_rig.errors import ConfigError
-        from cam_rig.viewer.recording import ViewOptions
 
         if save is not None and web:
             raise ConfigError("--save and --web: a file is written or a page served; name one")

@@ -11,7 +11,7 @@ from cam_rig.errors import DynamicsError
 
 @dataclass(frozen=True)
 class TorsionalParameters:
-    """A cam on a springy shaft, behind a flywheel.
+    """A cam on an elastic shaft, behind a flywheel.
 
     Parameters
     ----------

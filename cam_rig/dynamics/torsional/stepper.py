@@ -39,7 +39,7 @@ MAX_WINDOWS = 100_000
 #: Windows without length that may follow one another at a joint.
 MAX_STALLS = 3
 #: Newton's method for a crossing ends at this relative correction.
-STILL = 1e-10
+SETTLED = 1e-10
 
 
 @lru_cache(maxsize=64)
@@ -239,7 +239,7 @@ def _root(
             following = 0.5 * (low + high)
             if following in (low, high):
                 return following
-        if abs(following - u) <= STILL * u:  # and what follows is the square of it
+        if abs(following - u) <= SETTLED * u:  # and what follows is the square of it
             return following
         u = following
     return u

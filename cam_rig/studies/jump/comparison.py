@@ -137,7 +137,7 @@ def same_ranking(rows: Iterable[JumpRow]) -> bool:
 
 
 def turn_of(row: JumpRow) -> tuple[float, float] | None:
-    """How many turns after the start the cam is left, found and published."""
+    """How many turns after the start contact is lost, found and published."""
     if row.published_time is None or row.published_rpm is None:
         return None
     return row.found.time * row.found.rpm / 60.0, row.published_time * row.published_rpm / 60.0

@@ -11,8 +11,8 @@ from cam_rig.simulation.levels import HeardTick, step_levels
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.viewer.charts.noise_chart import noise_axes
 from cam_rig.viewer.charts.overlay import at_speed
-from cam_rig.viewer.layout import Layout
-from cam_rig.viewer.recording import ViewOptions, save_recording
+from cam_rig.viewer.options import Layout, ViewOptions
+from cam_rig.viewer.recording import save_recording
 from cam_rig.viewer.scene2d import greatest_force
 from cam_rig.viewer.timeline import TURN, TURN_DEGREES
 

@@ -8,10 +8,10 @@ from tempfile import TemporaryDirectory
 from PIL import Image
 
 from cam_rig.drawing import colours
-from cam_rig.viewer.browser import photograph
 from cam_rig.viewer.charts import series
 from cam_rig.viewer.recording import save_recording
 from cam_rig.viewer.server.web import serve_file
+from tools.docs.browser import photograph
 
 #: What has to be seen in it at once: the follower, the curves, and bars after the first turn.
 SHOWN = (

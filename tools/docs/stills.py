@@ -10,27 +10,29 @@ from matplotlib.lines import Line2D
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
 from cam_rig.drawing.colours import web
-from cam_rig.drawing.followers import follower_shape
+from cam_rig.drawing.follower import follower_shape
 from cam_rig.drawing.outlines import MM, circle, closed, turned
+from cam_rig.profile.motion import Motion
 from cam_rig.simulation.scene import LoadedScene
-from cam_rig.viewer.album import TurnArchive, gap
 from cam_rig.viewer.scene2d import ARROW, greatest_force
 from cam_rig.viewer.turns import Turn
+from tools.docs.turn_archive import TurnArchive, gap
 
 
-def draw_rig(axes: Axes, album: TurnArchive, turn: Turn, sample: int) -> list[Artist]:
+def draw_rig(axes: Axes, archive: TurnArchive, turn: Turn, sample: int) -> list[Artist]:
     """The cam and its follower at one sample of a turn, mm; gives what was drawn."""
-    loaded, cam = album.loaded, album.loaded.cams[turn.cam]
-    law, shape = loaded.laws[turn.cam], follower_shape(cam, loaded.laws[turn.cam])
+    loaded, cam = archive.loaded, archive.loaded.cams[turn.cam]
+    law = loaded.laws[turn.cam]
+    shape = follower_shape(cam, law)
     angle, lift = turn.angle[sample : sample + 1], turn.rows[1, sample : sample + 1]
-    contact = law(angle)
-    point, normal = shape.contact(contact, law(angle, 1))
+    motion = Motion.at(law, angle)
+    point, normal = shape.contact(motion)
     drawn: list[Artist] = []
 
     def line(points: FloatArray, colour: int, width: float = 1.4) -> None:
         drawn.extend(axes.plot(*(points * MM).T, color=web(colour), lw=width))
 
-    outline = turned(closed(album.profiles[turn.cam]), float(angle[0]))
+    outline = turned(closed(archive.profiles[turn.cam]), float(angle[0]))
     line(outline, colours.of_cam(loaded, turn.cam), 2.0)
     line(np.stack([np.zeros(2), outline[0]]), colours.of_cam(loaded, turn.cam), 0.8)
     line(circle(cam.follower.base_radius.si), colours.GREY, 0.6)
@@ -41,9 +43,9 @@ def draw_rig(axes: Axes, album: TurnArchive, turn: Turn, sample: int) -> list[Ar
         line(turned(strip, tilt) + place, colours.FOLLOWER, 1.6)
     force = float(turn.rows[4, sample])
     if force == 0.0:
-        line(np.concatenate([point, shape.carried(point, contact, lift)]), colours.GAP, 4.0)
+        line(np.concatenate([point, shape.carried(point, motion.s, lift)]), colours.GAP, 4.0)
     else:
-        along = float(np.sum(normal * shape.upward(contact)))
+        along = float(np.sum(normal * shape.upward(motion.s)))
         arrow = (
             normal[0]
             * force
@@ -64,11 +66,11 @@ def draw_rig(axes: Axes, album: TurnArchive, turn: Turn, sample: int) -> list[Ar
     return drawn
 
 
-def frame_rig(axes: Axes, album: TurnArchive, turn: Turn) -> None:
+def frame_rig(axes: Axes, archive: TurnArchive, turn: Turn) -> None:
     """Room for the whole of cam and follower, without axes."""
-    law = album.loaded.laws[turn.cam]
-    side = follower_shape(album.loaded.cams[turn.cam], law).reach * MM
-    low = 1.05 * float(np.hypot(*album.profiles[turn.cam].T).max()) * MM
+    law = archive.loaded.laws[turn.cam]
+    side = follower_shape(archive.loaded.cams[turn.cam], law).reach * MM
+    low = 1.05 * float(np.hypot(*archive.profiles[turn.cam].T).max()) * MM
     axes.set(xlim=(-1.1 * side, 1.1 * side), ylim=(-low, 1.55 * side), aspect="equal")
     axes.set_axis_off()
 

@@ -57,16 +57,16 @@ class TurnArchive:
         return self.turns[cam, rpm]
 
 
-def read_album(bag: Path, on_tick: Callable[[], None] = lambda: None) -> TurnArchive:
-    """The album of a bag.
+def read_turns(bag: Path, on_tick: Callable[[], None] = lambda: None) -> TurnArchive:
+    """The turns of a bag; ``on_tick`` is called after each tick.
 
     Raises
     ------
     BagError : it cannot be read
     """
-    album = TurnArchive(read_scene(bag))
-    draw(bag, album.loaded, RunFeed(album), on_tick)
-    return album
+    archive = TurnArchive(read_scene(bag))
+    draw(bag, archive.loaded, RunFeed(archive), on_tick)
+    return archive
 
 
 def gap(loaded: LoadedScene, turn: Turn) -> FloatArray:

@@ -10,8 +10,8 @@ import pytest
 from PIL import Image
 
 from cam_rig.errors import CamRigError
-from cam_rig.viewer import browser
-from cam_rig.viewer.browser import count, photographs
+from tools.docs import browser
+from tools.docs.browser import count, photographs
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
