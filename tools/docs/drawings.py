@@ -15,6 +15,7 @@ import numpy as np
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from cam_rig.laws import build_law
 from cam_rig.laws.bernstein import derivative, evaluate
@@ -250,7 +251,7 @@ def note(axes: Axes, at: complex, text: str, colour: str) -> None:
     axes.text(at.real, at.imag, text, color=colour, ha="center", va="center", fontsize=10)
 
 
-def save(figure: plt.Figure, path: Path) -> None:
+def save(figure: Figure, path: Path) -> None:
     """Write an SVG without date or random names."""
     figure.savefig(path, metadata={"Date": None})
     plt.close(figure)
