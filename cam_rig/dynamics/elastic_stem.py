@@ -95,10 +95,8 @@ def advance(
     if step != 0.0:
         start = start + model.drive[:, 2] * step
     grid = interval.grid(sample_rate)
-    rows = np.zeros((6, grid.count))
-    rows[0] = (grid.first + np.arange(grid.count)) / sample_rate
     out, apart = outputs(parameters), 1.0 / sample_rate
-    rows[1:5] = sample(model, start, interval.angle, grid.offset, apart, grid.count, out)
+    rows = grid.rows(sample(model, start, interval.angle, grid.offset, apart, grid.count, out))
     end, shown = end_of(model, start, interval.angle, interval.duration, out)
     x, v, _, force = shown.tolist()
     inner = tuple(end.tolist())

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.interval import Event, SampleGrid
+from cam_rig.dynamics.samples import Samples
 from cam_rig.laws import Law
 
 
@@ -21,7 +22,7 @@ def show_impulses(
     due = [(0, pending)] + [(grid.index_after(event.time), event.impulse) for event in events]
     for index, impulse in due:
         if index < grid.count:
-            rows[5, index] += impulse
+            Samples(rows).impulse[index] += impulse
         else:
             late += impulse
     return late

@@ -65,9 +65,7 @@ def contact_samples(
 ) -> FloatArray:
     """The samples ``(6, n)`` of a follower on the cam, rows as in `COLUMNS`, at one speed."""
     grid = interval.grid(sample_rate)
-    rows = np.zeros((6, grid.count))
-    rows[0] = (grid.first + np.arange(grid.count)) / sample_rate
-    rows[1:5] = sample(
+    motion = sample(
         law,
         interval.angle + interval.speed * grid.offset,
         interval.speed / sample_rate,
@@ -75,7 +73,7 @@ def contact_samples(
         motion_weights(parameters, interval.speed),
         np.array([0.0, 0.0, 0.0, parameters.preload]),
     )
-    return rows
+    return grid.rows(motion)
 
 
 def shaft_torque(law: Law, parameters: FollowerParameters, angle: float, speed: float) -> float:

@@ -47,6 +47,16 @@ class Law:
     Raises
     ------
     LawError : the arrays do not fit each other, are not finite, or do not span one turn
+
+    Examples
+    --------
+    Rise and fall of 20 mm, each a cubic piece:
+
+    >>> import numpy as np
+    >>> h = 0.02
+    >>> law = Law("smoothstep", [0.0, np.pi, 2.0 * np.pi], [[0.0, h], [0.0, h], [h, 0.0], [h, 0.0]])
+    >>> float(law(np.pi / 2)), round(float(law(np.pi / 2, 1)), 6)  # m, m/rad
+    (0.01, 0.009549)
     """
 
     name: str

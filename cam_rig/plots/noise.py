@@ -9,6 +9,7 @@ import numpy as np
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
+from matplotlib.figure import Figure
 
 from cam_rig.plots import styles
 from cam_rig.simulation.levels import NoiseResult
@@ -17,7 +18,14 @@ from cam_rig.simulation.scene import LoadedScene
 
 def draw(result: NoiseResult, loaded: LoadedScene, path: Path) -> None:
     """Write the plot as PNG (or any format matplotlib knows by the suffix)."""
-    figure, axes = plt.subplots(figsize=(8.0, 5.2), layout="constrained")
+    shown = figure(result, loaded)
+    shown.savefig(path, dpi=130)
+    plt.close(shown)
+
+
+def figure(result: NoiseResult, loaded: LoadedScene) -> Figure:
+    """Levels of every cam, their regressions, and those published."""
+    out, axes = plt.subplots(figsize=(8.0, 5.2), layout="constrained")
     for index, curve in enumerate(result.curves.values()):
         style = styles.marker(index)
         colour = style["color"]
@@ -46,5 +54,4 @@ def draw(result: NoiseResult, loaded: LoadedScene, path: Path) -> None:
     axes.set(xlabel="cam speed [rpm]", ylabel="sound level [dB]", title=loaded.scene.title)
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8, loc="upper left")
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
+    return out

@@ -11,6 +11,7 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
 
 from cam_rig.drawing.outlines import MM, circle
 from cam_rig.laws import Law
@@ -32,8 +33,15 @@ OFF = 2.5
 
 def draw(cam: CamConfig, law: Law, checks: list[Check], path: Path) -> None:
     """Write the drawing as PNG (or any format matplotlib knows by the suffix)."""
+    shown = figure(cam, law, checks)
+    shown.savefig(path, dpi=130)
+    plt.close(shown)
+
+
+def figure(cam: CamConfig, law: Law, checks: list[Check]) -> Figure:
+    """The cam with its follower around it, its curvature and its pressure angle."""
     discs = contours(cam.follower, law, POINTS)
-    figure, panels = plt.subplot_mosaic(
+    out, panels = plt.subplot_mosaic(
         [["plan", "curvature"], ["plan", "pressure"]],
         figsize=(12.5, 7.4),
         width_ratios=[1.45, 1.0],
@@ -47,9 +55,8 @@ def draw(cam: CamConfig, law: Law, checks: list[Check], path: Path) -> None:
     for check in (check for check in checks if not check.passed):
         where = "" if check.degrees is None else f" at {check.degrees:.4g}°"
         title.append(f"fails: {check.title} {check.shown(check.value)}{where}")
-    figure.suptitle("\n".join(title), fontsize=12)
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
+    out.suptitle("\n".join(title), fontsize=12)
+    return out
 
 
 def _plan(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...]) -> None:

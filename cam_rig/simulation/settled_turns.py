@@ -92,8 +92,8 @@ def settled_turns(
             state, block = MODELS[model].advance(law, parameters, state, interval, TURN_RATE_HZ)
             if model == "one_mass" and state.in_contact and state.pending_impulse == 0.0:
                 break
-        forces.append(block.rows[4])
-        impulses.append(block.rows[5])
+        forces.append(block.force)
+        impulses.append(block.impulse)
     return Turns(np.array(speeds, dtype=float), tuple(forces), tuple(impulses))
 
 

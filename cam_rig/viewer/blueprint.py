@@ -146,7 +146,7 @@ def _turns(rpm: float) -> list[rrb.TimeSeriesView]:
         _plot(
             overlay.at_speed(rpm, quantity), f"{title} at {rpm:g} rpm, coloured as the cams", axis
         )
-        for quantity, (_, _, title) in overlay.QUANTITIES.items()
+        for quantity, (_, title) in overlay.QUANTITIES.items()
     ]
 
 

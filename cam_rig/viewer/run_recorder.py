@@ -8,6 +8,7 @@ import numpy as np
 import rerun as rr
 
 from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import Samples
 from cam_rig.simulation.levels import HeardTick
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
@@ -72,7 +73,7 @@ class RunDrawing:
         if (start.cam, start.speed) != (last.cam, last.speed):
             self._finish_step()
         self._last = self._unheard[end.time_ns] = (start, end)
-        angle = sample_angles(start, end, rows[0])
+        angle = sample_angles(start, end, Samples(rows).time)
         if self._course is not None:
             self._course.tick(start, end, angle, rows, self.profiles[start.cam])
         if start.holds_until(end):

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from cam_rig.arrays import FloatArray
+from cam_rig.dynamics.samples import NamedRows
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, to_rpm
 
 
 @dataclass(frozen=True, eq=False)
-class Turn:
-    """One turn of a cam: unwrapped ``angle`` (rad) and ``(6, n)`` rows of its samples."""
+class Turn(NamedRows):
+    """One turn of a cam: unwrapped ``angle`` (rad) and ``(6, n)`` rows of its samples, named."""
 
     cam: str
     speed: float

@@ -89,7 +89,7 @@ def side_by_side(archive: TurnArchive, turns: list[Turn], path: Path) -> None:
         3, len(turns), figsize=size, height_ratios=[3, 2, 2], layout="constrained", squeeze=False
     )
     for (rig, lift, force), turn in zip(axes.T, turns, strict=True):
-        sample = int(turn.rows[4].argmax())
+        sample = int(turn.force.argmax())
         stills.frame_rig(rig, archive, turn)
         stills.draw_rig(rig, archive, turn, sample)
         rig.set_title(f"{archive.loaded.cams[turn.cam].title}, {turn.rpm:.0f} rpm", fontsize=10)

@@ -24,7 +24,7 @@ def draw_rig(axes: Axes, archive: TurnArchive, turn: Turn, sample: int) -> list[
     loaded, cam = archive.loaded, archive.loaded.cams[turn.cam]
     law = loaded.laws[turn.cam]
     shape = follower_shape(cam, law)
-    angle, lift = turn.angle[sample : sample + 1], turn.rows[1, sample : sample + 1]
+    angle, lift = turn.angle[sample : sample + 1], turn.lift[sample : sample + 1]
     motion = Motion.at(law, angle)
     point, normal = shape.contact(motion)
     drawn: list[Artist] = []
@@ -41,7 +41,7 @@ def draw_rig(axes: Axes, archive: TurnArchive, turn: Turn, sample: int) -> list[
     for strip in shape.outline():
         tilt, place = float(shape.turn(lift)[0]), shape.origin(lift)[0]
         line(turned(strip, tilt) + place, colours.FOLLOWER, 1.6)
-    force = float(turn.rows[4, sample])
+    force = float(turn.force[sample])
     if force == 0.0:
         line(np.concatenate([point, shape.carried(point, motion.s, lift)]), colours.GAP, 4.0)
     else:
@@ -83,9 +83,9 @@ def degrees(turn: Turn) -> FloatArray:
 def draw_curves(lift: Axes, force: Axes, loaded: LoadedScene, turn: Turn) -> list[Line2D]:
     """Lift of law and follower, and contact force, over a turn; gives the cursors."""
     x, law = degrees(turn), loaded.laws[turn.cam](turn.angle)
-    lift.plot(x, turn.rows[1] * MM, color=web(colours.LIFT), lw=2.4, label="follower")
+    lift.plot(x, turn.lift * MM, color=web(colours.LIFT), lw=2.4, label="follower")
     lift.plot(x, law * MM, "--", color=web(colours.LAW), lw=1.0, label="law")
-    force.plot(x, turn.rows[4], color=web(colours.FORCE), lw=1.4)
+    force.plot(x, turn.force, color=web(colours.FORCE), lw=1.4)
     flies = gap(loaded, turn) > 0.0
     for axes in (lift, force):
         axes.fill_between(

@@ -10,6 +10,7 @@ import numpy as np
 
 from cam_rig.arrays import FloatArray
 from cam_rig.bag.reader import read_scene
+from cam_rig.dynamics import Samples
 from cam_rig.errors import BagError
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
@@ -34,7 +35,7 @@ class TurnArchive:
         """Take one tick."""
         if not start.holds_until(end):
             return
-        self._newest.add(start, sample_angles(start, end, rows[0]), rows)
+        self._newest.add(start, sample_angles(start, end, Samples(rows).time), rows)
         turn = self._newest.turn()
         if turn is not None:
             self.turns[turn.cam, round(turn.rpm, 9)] = turn
@@ -71,5 +72,5 @@ def read_turns(bag: Path, on_tick: Callable[[], None] = lambda: None) -> TurnArc
 
 def gap(loaded: LoadedScene, turn: Turn) -> FloatArray:
     """``(n,)`` how far (m) the follower is off the cam; 0 in contact."""
-    flies = turn.rows[4] == 0.0
-    return np.where(flies, turn.rows[1] - loaded.laws[turn.cam](turn.angle), 0.0)
+    flies = turn.force == 0.0
+    return np.where(flies, turn.lift - loaded.laws[turn.cam](turn.angle), 0.0)

@@ -16,9 +16,6 @@ if TYPE_CHECKING:
     from cam_rig.studies.jump.comparison import JumpRow
     from cam_rig.studies.jump.published import Reference
 
-#: s, of the paper's runs from rest.
-FROM_REST = 1.7
-
 
 def jump(
     cams: TableCams = None,
@@ -57,6 +54,7 @@ def jump(
         from cam_rig.cli.studies import jump_tables
         from cam_rig.schema import load_tables
         from cam_rig.studies.cam_set import open_cam_set
+        from cam_rig.studies.jump.contact_limit import FROM_REST
         from cam_rig.studies.jump.published import references
 
         check_outputs(json_target, plot)

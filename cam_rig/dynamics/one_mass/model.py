@@ -22,6 +22,7 @@ from cam_rig.dynamics.interval import Block, FollowerState, Interval, SampleGrid
 from cam_rig.dynamics.one_mass.trajectory import OneMassPhase, OneMassTrajectory
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.ramp import with_ramps
+from cam_rig.dynamics.samples import Samples
 from cam_rig.dynamics.validation import require_turning
 from cam_rig.laws import Law
 from cam_rig.units import NS
@@ -66,5 +67,6 @@ def _show_flight(rows: FloatArray, grid: SampleGrid, phase: OneMassPhase) -> Non
     first, end = grid.index_after(phase.begin), min(grid.index_after(phase.end), grid.count)
     if first < end:
         times = grid.offset + np.arange(first, end) / grid.sample_rate - phase.begin
-        rows[1:4, first:end] = phase.flight.motion(times)
-        rows[4, first:end] = 0.0
+        shown = Samples(rows)
+        shown.motion[:, first:end] = phase.flight.motion(times)
+        shown.force[first:end] = 0.0

@@ -61,9 +61,7 @@ def advance(
     # From time zero: a late start takes no digits from the samples' times.
     motion = solve(law, parameters, start, 0.0, interval.duration, interval.acceleration)
     grid = interval.grid(sample_rate)
-    rows = np.zeros((6, grid.count))
-    rows[0] = (grid.first + np.arange(grid.count)) / sample_rate
-    rows[1:5] = follower_rows(motion, np.minimum(grid.since_start(), motion.stop_time))
+    rows = grid.rows(follower_rows(motion, np.minimum(grid.since_start(), motion.stop_time)))
     x, v, _, force = follower_rows(motion, np.array([motion.stop_time]))[:, 0].tolist()
     inner = (motion.end.twist, motion.end.twist_rate)
     end = FollowerState(x, v, force, in_contact=True, inner=inner)

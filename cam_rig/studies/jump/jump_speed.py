@@ -49,7 +49,7 @@ def jump_speed(law: Law, parameters: TwoMassParameters, duration: float | None =
 
     Raises
     ------
-    DynamicsError : it leaves at any speed, or at none; or there is no steady state
+    DynamicsError : contact is lost at every speed or at none, or there is no steady state
     """
     require_smooth(law, "; where it falls the follower is thrown off at any speed")
     found = sought(law, parameters, duration)

@@ -28,7 +28,7 @@ SLOWEST, FASTEST = 1.0, 1e5
 PHASE_STEP = 0.5
 #: Speeds looked at together, and a dip's second look.
 TOGETHER, CLOSER = 64, 33
-#: A damping ratio below this is none: a search in steady state would have no end.
+#: A damping ratio below this counts as 0: a search in steady state would have no end.
 UNDAMPED = 1e-7
 #: A zero is polished to this part of the speed, and of the bracket it was found in.
 POLISHED, POLISHED_IN = 5e-7, 1e-3
@@ -68,7 +68,7 @@ def sought(
 
     Raises
     ------
-    DynamicsError : it leaves at ``slowest`` or at no speed; or there is no steady state
+    DynamicsError : contact is lost at ``slowest`` already or at no speed; or no steady state
     """
     run = force_run(law, parameters, duration)
     if duration is None and run.model.rates.real.max() > -UNDAMPED * np.abs(run.model.rates).max():

@@ -11,6 +11,7 @@ import rerun as rr
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
+from cam_rig.dynamics import Samples
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, to_rpm
@@ -50,7 +51,8 @@ class RunView:
     ) -> None:
         """Draw one tick: unwrapped cam ``angle`` (rad), ``(6, n)`` rows, the cam's contour."""
         self._change(start, profile)
-        time, lift, _, _, force, impulse = rows
+        block = Samples(rows)
+        time, lift, force, impulse = block.time, block.lift, block.force, block.impulse
         self._traces.tick(start, end, angle, rows)
         frame = frame_mask(angle, start.until(end).mean_speed / self._rate)
         if frame.any():
@@ -63,7 +65,7 @@ class RunView:
         self._turns.add(start, angle, rows)
         turn = self._turns.turn()
         if turn is not None:
-            bands = third_octaves(self._loaded.radiation, turn.rows[4], turn.rows[5], self._rate)
+            bands = third_octaves(self._loaded.radiation, turn.force, turn.impulse, self._rate)
             self._bands.add(end.time_ns / NS, end.unwrapped, bands)
 
     def level(self, end: CamState, level: float) -> None:

@@ -23,7 +23,7 @@ class ResultLines:
 
     def motion(self, turn: Turn) -> None:
         """Take the newest turn of a cam at a speed."""
-        _, lift, _, _, force, _ = turn.rows
+        lift, force = turn.lift, turn.force
         flights = int(lift_offs(force, bool(force[-1] == 0.0)).sum())
         gap = (
             float((lift - self._loaded.laws[turn.cam](turn.angle)).max()) * 1e3 if flights else 0.0

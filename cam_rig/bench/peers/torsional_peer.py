@@ -1,6 +1,6 @@
 """Takes a peer through the torsional case; the joints of the law are its events.
 
-The peer's state is the twist φ and its rate. Its time begins, in each stretch, where an untwisted
+The peer's state is the twist φ and its rate. Its time begins, in each interval, where an untwisted
 cam would pass the joint, so that the right-hand side is the same in every turn.
 """
 
@@ -13,8 +13,8 @@ import numpy as np
 from cam_rig.arrays import FloatArray
 from cam_rig.bench.cases.case import Case, Solution
 from cam_rig.bench.cases.models import Twist
+from cam_rig.bench.peers.intervals import PeerInterval, intervals
 from cam_rig.bench.peers.problem import Floats, Integrator, Problem
-from cam_rig.bench.peers.stretch import PeerInterval, stretches
 
 #: Usual size of a twist, rad.
 TWIST = 1e-3
@@ -22,14 +22,14 @@ TWIST = 1e-3
 REACH = 0.1
 
 
-def joint_problem(model: Twist, stretch: PeerInterval, speed: float) -> Problem:
-    """The equation of motion on one stretch, with the joint at its end as the guard.
+def joint_problem(model: Twist, interval: PeerInterval, speed: float) -> Problem:
+    """The equation of motion on one interval, with the joint at its end as the guard.
 
-    ``stretch`` is made for a speed of 1 rad/s: its time is the cam's angle.
+    ``interval`` is made for a speed of 1 rad/s: its time is the cam's angle.
     """
     m, c, k, preload = model.mass, model.damping, model.stiffness, model.preload
-    inertia, shaft, span = model.inertia, model.shaft_stiffness, stretch.duration
-    law = _LawInAngle(stretch)
+    inertia, shaft, span = model.inertia, model.shaft_stiffness, interval.duration
+    law = _LawInAngle(interval)
 
     def rate(time: float, q: list[float]) -> Floats:
         twist, twist_rate = q
@@ -56,15 +56,15 @@ def joint_problem(model: Twist, stretch: PeerInterval, speed: float) -> Problem:
 
 
 class _LawInAngle:
-    """The law at an angle since the stretch's beginning, by Horner's rule."""
+    """The law at an angle since the interval's beginning, by Horner's rule."""
 
-    def __init__(self, stretch: PeerInterval) -> None:
-        ends = stretch.ends.tolist()
+    def __init__(self, interval: PeerInterval) -> None:
+        ends = interval.ends.tolist()
         self._inner = ends[:-1]
         lows = [0.0, *self._inner]
         self._middles = [0.5 * (low + high) for low, high in zip(lows, ends, strict=True)]
         self._terms = [
-            np.trim_zeros(row, "b").tolist()[::-1] or [0.0] for row in stretch.series[:, 0]
+            np.trim_zeros(row, "b").tolist()[::-1] or [0.0] for row in interval.series[:, 0]
         ]
 
     def motion(self, angle: float) -> tuple[float, float, float]:
@@ -89,21 +89,21 @@ class _LawInAngle:
         return total
 
 
-def march(case: Case, integrate: Integrator) -> Solution:
+def integrate_case(case: Case, integrate: Integrator) -> Solution:
     """Solve the torsional case with a peer."""
     assert isinstance(case.model, Twist)
     problems: dict[int, Problem] = {}
     state: Floats = (0.0, 0.0)
     now, shown = 0.0, []
-    for low, stretch in stretches(case.law, 1.0, case.turns):
-        if id(stretch) not in problems:
-            problems[id(stretch)] = joint_problem(case.model, stretch, case.speed)
+    for low, interval in intervals(case.law, 1.0, case.turns):
+        if id(interval) not in problems:
+            problems[id(interval)] = joint_problem(case.model, interval, case.speed)
         origin = low / case.speed
-        latest = min(origin + (stretch.duration + REACH) / case.speed, case.duration)
+        latest = min(origin + (interval.duration + REACH) / case.speed, case.duration)
         if now >= latest:
             break
         ahead = case.times[(case.times > now) & (case.times < latest)] - origin
-        done = integrate(problems[id(stretch)], state, now - origin, latest - origin, ahead)
+        done = integrate(problems[id(interval)], state, now - origin, latest - origin, ahead)
         shown.append(done.states)
         now, state = origin + done.time, done.state
     rows = np.hstack(shown)

@@ -1,7 +1,7 @@
-"""The law for the peers: stretches between its joints, as cheap scalar functions of time.
+"""The law for the peers: intervals between its joints, as cheap scalar functions of time.
 
 A peer restarts at every joint where a derivative of the law jumps, so it never steps across
-one. Within a stretch a polynomial is evaluated by Horner's rule about its piece's middle.
+one. Within a interval a polynomial is evaluated by Horner's rule about its piece's middle.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from cam_rig.laws import Law, bernstein
 
 Scalar = Callable[[float], float]
 
-#: Derivatives up to this order are continuous inside a stretch ...
+#: Derivatives up to this order are continuous inside a interval ...
 SMOOTH_ORDER = 4
 #: ... to this fraction of their largest value.
 SMOOTH = 1e-6
@@ -30,7 +30,7 @@ class PeerInterval:
 
     Parameters
     ----------
-    ends : ``(n,)`` end of each piece in s since the stretch's beginning
+    ends : ``(n,)`` end of each piece in s since the interval's beginning
     series : ``(n, 4, p + 1)`` s, ṡ, s̈ and 1 of each piece in powers of the time since its middle
     """
 
@@ -111,8 +111,8 @@ def joints(law: Law) -> FloatArray:
     return found
 
 
-def stretches(law: Law, speed: float, turns: int) -> list[tuple[float, PeerInterval]]:
-    """Beginning (s) and stretch, in order, of ``turns`` turns; equal stretches are one object."""
+def intervals(law: Law, speed: float, turns: int) -> list[tuple[float, PeerInterval]]:
+    """Beginning (s) and interval, in order, of ``turns`` turns; equal intervals are one object."""
     count, starts = law.spans.size, joints(law)
     runs: list[list[int]] = []
     for piece in range(turns * count):
