@@ -113,7 +113,7 @@ def models(path: Path) -> None:
     """The lumped models side by side."""
     figure, axes = plt.subplots(1, 4, figsize=(10.0, 4.2), layout="constrained")
     draw = (one_mass, elastic_stem, two_masses, shaft)
-    names = ("kinetostatic, one_mass", "residual (eq. 5)", "separation (eq. 14-19)",
+    names = ("kinetostatic, one_mass", "elastic_stem (eq. 5)", "two_mass (eq. 14-19)",
              "torsional (eq. 10)")  # fmt: skip
     for part, how, name in zip(axes, draw, names, strict=True):
         how(part)

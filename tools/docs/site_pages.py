@@ -8,9 +8,23 @@ from pathlib import Path
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
+import cam_rig
+
 ROOT = Path(__file__).parents[2]
 #: Rooms whose public names are documented, in the order of the menu; the face comes first.
-ROOMS = ("laws", "profile", "dynamics", "acoustics", "simulation", "studies", "bag", "messages")
+ROOMS = (
+    "api",
+    "laws",
+    "profile",
+    "dynamics",
+    "acoustics",
+    "simulation",
+    "studies",
+    "bag",
+    "messages",
+)
+#: The names of ``import cam_rig``.
+FACE = [f"cam_rig.{name}" for name in cam_rig.__all__ if not name.startswith("_")]
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
@@ -28,7 +42,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Make index.md of README.md, and the API pages."""
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     pages = {"index.md": re.sub(r"\]\(docs/", "](", readme)}
-    pages["api/cam_rig.md"] = "# cam_rig\n\n::: cam_rig\n    options: {show_submodules: false}\n"
+    pages["api/cam_rig.md"] = "# cam_rig\n\n" + "\n".join(f"::: {name}" for name in FACE)
     for room in ROOMS:
         pages[f"api/{room}.md"] = f"# cam_rig.{room}\n\n::: cam_rig.{room}\n"
     for path, text in pages.items():
