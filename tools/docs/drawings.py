@@ -111,14 +111,14 @@ def words(axes: Axes, base: float, top: float) -> None:
 
 def models(path: Path) -> None:
     """The lumped models side by side."""
-    figure, axes = plt.subplots(1, 4, figsize=(10.0, 4.2), layout="constrained")
+    figure, axes = plt.subplots(1, 4, figsize=(10.0, 3.9), layout="constrained")
     draw = (one_mass, elastic_stem, two_masses, shaft)
     names = ("kinetostatic, one_mass", "elastic_stem (eq. 5)", "two_mass (eq. 14-19)",
              "torsional (eq. 10)")  # fmt: skip
     for part, how, name in zip(axes, draw, names, strict=True):
         how(part)
         part.set_title(name, fontsize=10, family="monospace")
-        part.set(xlim=(-1.3, 1.7), ylim=(-1.0, 6.2), aspect="equal")
+        part.set(xlim=(-1.3, 1.7), ylim=(-0.8, 5.2), aspect="equal")
         part.axis("off")
     save(figure, path)
 
