@@ -26,8 +26,8 @@ HEAD = """# Commands
 Every command has `--help`. This page is made from it by `tools/docs/commands.py`.
 
 A file is given by path, or by name where it is a shipped one: `quick` is
-`config/scenes/quick.yaml`, `poly345` is `config/cams/poly345.yaml`. Results go to stdout, progress
-and messages to stderr; `--json -` writes JSON alone to stdout.
+`config/scenes/quick.yaml`, `poly345` is `config/cams/poly345.yaml`. Tables and messages for people
+go to stderr; JSON and CSV go to stdout.
 
 | exit code | meaning |
 |---:|---|
