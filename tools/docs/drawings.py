@@ -14,17 +14,13 @@ import numpy as np
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
-from cam_rig.plots.figures import line
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cam_rig.laws import build_law
 from cam_rig.laws.bernstein import derivative, evaluate
 from cam_rig.laws.named import unit_rise
-<<<<<<< HEAD
-=======
 from cam_rig.plots.figures import line
->>>>>>> docs
 from cam_rig.profile import contours_at
 from cam_rig.schema.load import config_root, load_cam
 
