@@ -19,7 +19,7 @@ from cam_rig.simulation.schedule import CamState
 class MountReply:
     """The answer to a request for a cam: its refusal, empty where it is mounted now.
 
-    ``is_new`` is False where it was mounted before: who asks did not get its law.
+    ``is_new`` is False where it was mounted before; then its law did not reach the drive.
     """
 
     refusal: str = ""

@@ -1,4 +1,4 @@
-"""The viewer's bridge: every message of the run, as it comes, into Rerun."""
+"""The viewer node: every message of the run, as received, into Rerun."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from cam_rig.viewer.live import LivePicture
 from cam_rig.viewer.recording import polygon
 from cam_rig.viewer.server.process import require_display, window
 
-#: A drive may not wait for the viewer: then this much can wait.
-DEPTH = 256
-#: Looks for a message before the end is believed, one a subscription and some.
-DRAIN = 10
+#: Messages per topic that can wait where the drive does not wait for the viewer.
+QUEUE_DEPTH = 256
+#: Spins without a message before the end: one per subscription, and some more.
+DRAIN_SPINS = 10
 #: Wall time (s) that the level of the last tick is waited for: no drive waits until it is drawn.
 LEVEL_PATIENCE_S = 2.0
 #: Wall time (s) between blocks of columns.
@@ -32,7 +32,7 @@ SEND_PERIOD_S = 0.1
 
 
 class Viewer(RigNode):
-    """Draws into the viewer at ``address``, or into a window of its own; tells how far it is."""
+    """Draws into the Rerun at ``address``, or into a window of its own; acknowledges each tick."""
 
     def __init__(self) -> None:
         super().__init__("viewer")
@@ -51,7 +51,7 @@ class Viewer(RigNode):
             topics.PRESSURE: lambda m: feed.pressure(stamp_ns(m.header.stamp), m.fluid_pressure),
         }
         for topic, take in takes.items():
-            self.subscribe(replace(topic, depth=DEPTH), self._on(take))
+            self.subscribe(replace(topic, depth=QUEUE_DEPTH), self._on(take))
         self.every(SEND_PERIOD_S, self._picture.flush)
 
     def _on_profile(self, message: PolygonStamped) -> None:
@@ -78,10 +78,10 @@ class Viewer(RigNode):
             self._picture.feed.is_behind and time.monotonic() < deadline
         ):
             before = self._taken
-            for _ in range(DRAIN):
+            for _ in range(DRAIN_SPINS):
                 spin_once(timeout_sec=0.02)
 
     def close(self) -> None:
-        """Send the rest; a window of our own closes."""
+        """Send the rest; a window of its own closes."""
         self._picture.close()
         self._windows.close()

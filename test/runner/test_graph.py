@@ -129,7 +129,7 @@ def test_a_run_goes_on_without_its_viewer(monkeypatch, tmp_path, code):
     assert said[3].endswith("; the run goes on without it") and len(said) == 4
 
 
-def test_a_drive_that_was_told_to_end_has_not_done_its_program(monkeypatch, tmp_path):
+def test_a_drive_that_was_stopped_has_not_done_its_program(monkeypatch, tmp_path):
     """It ends in order, with code 0, and the run is not complete all the same."""
 
     class Made(Process):
@@ -139,7 +139,7 @@ def test_a_drive_that_was_told_to_end_has_not_done_its_program(monkeypatch, tmp_
     monkeypatch.setattr("cam_rig.runner.graph.stop_all", lambda _: None)
     graph = Graph(live(tmp_path, tmp_path / "bag"))
     with (
-        pytest.raises(RunError, match="node cam_drive was told to end before the first tick"),
+        pytest.raises(RunError, match="node cam_drive was stopped before the first tick"),
         graph,
     ):
         list(graph.progress())
