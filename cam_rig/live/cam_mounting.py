@@ -61,8 +61,9 @@ class CamMounting:
         scene, self._library = load_scene(scene_file), Library.beside(scene_file)
         self._model = MODELS[scene.model]
         self._laws: dict[str, Law] = {}
-        since = next((one.last.time_ns for one in checkpoints if one.last), -1)
-        # No node waits for the law server, so the drive may be far ahead of a predecessor.
+        oldest = checkpoints[0].last if checkpoints else None  # None before the first state
+        since = -1 if oldest is None else oldest.time_ns
+        # The history may begin later than that: whatever state comes first is admitted.
         self._validator = StateValidator.of(scene, since=since)
         self._last: CamState | None = None
         first = checkpoints[-1].cam if checkpoints else cam
