@@ -18,8 +18,8 @@ KEYS = {
 }
 #: Libraries whose import has another name than the package.
 IMPORTED_AS = {"PIL": "pillow", "rerun": "rerun-sdk", "sksundae": "scikit-sundae", "yaml": "pyyaml"}
-#: What only the makers of the documents' pictures and reference numbers import.
-MAKERS = {"mpmath", "playwright"}
+#: What only the makers of reference numbers import, and of the documents' pictures.
+REFERENCES, PICTURES = {"mpmath"}, {"playwright"}
 IMPORTED_AS |= {"ruamel": "ruamel.yaml", "pydantic_core": "pydantic", "mpl_toolkits": "matplotlib"}
 
 
@@ -42,16 +42,16 @@ def declared():
     return keys, [set(words.split()) for words in without]
 
 
-def imported():
-    """Top-level names that the package imports, without Python's own and its own."""
+def imported(folder="cam_rig"):
+    """Top-level names that a folder imports, without Python's own and the project's."""
     names = set()
-    for path in (ROOT / "cam_rig").rglob("*.py"):
+    for path in (ROOT / folder).rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
                 names |= {alias.name.split(".")[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.level == 0:
                 names.add(node.module.split(".")[0])
-    return names - set(sys.stdlib_module_names) - {"cam_rig"}
+    return names - set(sys.stdlib_module_names) - {"cam_rig", "tools"}
 
 
 def test_what_is_imported_is_declared():
@@ -59,7 +59,9 @@ def test_what_is_imported_is_declared():
     lists, (keys, _) = lists_of_setup(), declared()
     known = lists["RUNTIME"] | lists["BENCH"] | keys
     missing = {n for n in imported() if IMPORTED_AS.get(n, n) not in known}
-    assert missing - {"builtin_interfaces"} == MAKERS <= lists["TEST"]
+    assert missing - {"builtin_interfaces"} == REFERENCES <= lists["TEST"]
+    unknown = {n for n in imported("tools") if IMPORTED_AS.get(n, n) not in known}
+    assert unknown == PICTURES <= lists["TEST"]
 
 
 def test_rosdep_and_pip_install_the_same():

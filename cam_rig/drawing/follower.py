@@ -32,16 +32,16 @@ class FollowerShape(ABC):
     Parameters
     ----------
     element : what touches the cam, a roller, a point or a flat face, as the profile has it
-    greatest_lift : of the law, m
+    max_lift : of the law, m
     """
 
     element: GuidedCentre | GuidedFace | SwungCentre | SwungFace
-    greatest_lift: float
+    max_lift: float
 
     @property
     def reach(self) -> float:
         """How far from the cam's axis the follower is at most."""
-        return float(np.hypot(*self.place(np.array([self.greatest_lift]))[0]))
+        return float(np.hypot(*self.place(np.array([self.max_lift]))[0]))
 
     def place(self, lift: FloatArray) -> FloatArray:
         """``(n, 2)`` the roller's centre, the point, or the middle of the face."""
@@ -119,7 +119,7 @@ class Translating(FollowerShape):
     def _bearing(self) -> float:
         """Height of the bearing's lower edge; a follower that has lifted off still clears it."""
         carried = max(self.element.roller, 0.06 * self.reach)
-        return self.reach + carried + LIFT_OFF * self.greatest_lift
+        return self.reach + carried + LIFT_OFF * self.max_lift
 
     @property
     def _length(self) -> float:

@@ -1,4 +1,4 @@
-"""How a run is to be shown. Apart from all that draws, whose imports take a second."""
+"""How a run is to be shown; apart from what draws it, whose imports take a second."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class Layout(StrEnum):
 
 @dataclass(frozen=True)
 class ViewOptions:
-    """How a picture is wanted.
+    """How a recording is laid out and thinned.
 
     Parameters
     ----------
-    layout : for running, for comparing cams, or for a report
+    layout : the run itself, cams side by side, or a report
     rpm : the speed at which cams are compared; by default the scene's highest
     all_samples : keep every sample, however many
     """

@@ -150,8 +150,6 @@ def test_what_the_stem_carries_stays_below_its_bearing(
     low = min(strip[:, 1].min() for strip in shape.support())
     high = max(strip[:, 1].max() for strip in shape.support())
     head, stem = shape.outline()[0], shape.outline()[-1]
-    highest, rest = (
-        shape.place(np.array([lift]))[0, 1] for lift in (1.1 * shape.greatest_lift, 0.0)
-    )
+    highest, rest = (shape.place(np.array([lift]))[0, 1] for lift in (1.1 * shape.max_lift, 0.0))
     assert head[:, 1].max() + highest < low
     assert stem[:, 1].max() + rest > high

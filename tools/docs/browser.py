@@ -34,15 +34,15 @@ FLAGS = (
 )
 WIDTH, HEIGHT = 1600, 1000
 #: Wall time (s) for a page to be complete, on a slow machine that does other things too.
-PATIENCE = 150.0
+TIMEOUT_S = 150.0
 #: Wall time (s) between two pictures, in which the page can go on.
-PAUSE = 0.3
+PAUSE_S = 0.3
 #: A pixel is of a colour when no channel is farther from it than this.
-NEAR = 14
+MAX_CHANNEL_DIFFERENCE = 14
 #: So many pixels make a curve; a point or a gap is small.
-ENOUGH = 12
+MIN_PIXELS = 12
 #: A curve has settled when its number of pixels differs by no more than this share.
-STILL = 0.01
+MAX_CHANGE = 0.01
 
 Pixels = NDArray[np.uint8]
 
@@ -71,7 +71,7 @@ def open_browser() -> Iterator[Browser]:
     found = next(filter(None, map(shutil.which, BROWSERS)))
     with sync_playwright() as playwright:
         chromium = playwright.chromium.launch(
-            executable_path=found, args=list(FLAGS), timeout=PATIENCE * 1e3
+            executable_path=found, args=list(FLAGS), timeout=TIMEOUT_S * 1e3
         )
         try:
             yield chromium
@@ -83,7 +83,7 @@ def new_page(browser: Browser) -> Page:
     """An empty page of `WIDTH` by `HEIGHT`, alone in its context."""
     context = browser.new_context(viewport={"width": WIDTH, "height": HEIGHT})
     context.add_init_script("console.debug = () => {}")
-    context.set_default_timeout(PATIENCE * 1e3)
+    context.set_default_timeout(TIMEOUT_S * 1e3)
     return context.new_page()
 
 
@@ -111,7 +111,7 @@ def photographs(page: Page, deadline: float) -> Iterator[Pixels]:
         else:
             taken += 1
             yield np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
-        time.sleep(PAUSE)
+        time.sleep(PAUSE_S)
 
 
 def photograph(address: str, colours: Collection[int], settled: int) -> Pixels:
@@ -126,20 +126,21 @@ def photograph(address: str, colours: Collection[int], settled: int) -> Pixels:
     CamRigError : no browser, or they never are
     """
     with open_browser() as browser:
-        page, deadline = new_page(browser), time.monotonic() + PATIENCE
+        page, deadline = new_page(browser), time.monotonic() + TIMEOUT_S
         page.goto(address)
         before = 0
         for pixels in photographs(page, deadline):
-            missing = [colour for colour in colours if count(pixels, colour) < ENOUGH]
+            missing = [colour for colour in colours if count(pixels, colour) < MIN_PIXELS]
             now = count(pixels, settled)
-            if not missing and abs(now - before) <= STILL * now:
+            if not missing and abs(now - before) <= MAX_CHANGE * now:
                 return pixels
             before = now
     words = ", ".join(f"#{colour >> 8:06x}" for colour in missing) or "the page is not still; none"
-    raise CamRigError(f"{address}: {words} not to be seen after {PATIENCE:g} s")
+    raise CamRigError(f"{address}: {words} not to be seen after {TIMEOUT_S:g} s")
 
 
 def count(pixels: Pixels, colour: int) -> int:
     """How many pixels are of a colour 0xRRGGBBAA."""
     wanted = np.array([colour >> 24 & 255, colour >> 16 & 255, colour >> 8 & 255])
-    return int((np.abs(pixels.astype(np.int16) - wanted).max(axis=2) <= NEAR).sum())
+    difference = np.abs(pixels.astype(np.int16) - wanted).max(axis=2)
+    return int((difference <= MAX_CHANNEL_DIFFERENCE).sum())

@@ -6,14 +6,11 @@ from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
-mpl.use("Agg")
-import matplotlib.pyplot as plt
-
+from cam_rig.plots.figures import empty, write
 from cam_rig.viewer.blueprint import compared_rpm
 from cam_rig.viewer.turns import Turn
 from tools.docs import stills
@@ -22,6 +19,8 @@ from tools.docs.turn_archive import TurnArchive, gap
 ANIMATION, SIDE_BY_SIDE = "turning.webp", "side_by_side.png"
 #: Frames of the animation, one turn, and how long each is shown, ms.
 FRAMES, FRAME_MS = 72, 50
+#: Dots per inch.
+DPI = 90
 
 
 def draw_pictures(archive: TurnArchive, noise: Callable[[Path], None], folder: Path) -> list[Path]:
@@ -51,7 +50,7 @@ def draw_pictures(archive: TurnArchive, noise: Callable[[Path], None], folder: P
 
 def animate(archive: TurnArchive, turn: Turn, path: Path) -> None:
     """One turn: the rig left, lift and contact force with a cursor right."""
-    figure = plt.figure(figsize=(8.0, 4.0), dpi=90, layout="constrained")
+    figure = empty(8.0, 4.0)
     parts = figure.add_gridspec(2, 2, width_ratios=[2, 3])
     rig, lift, force = (
         figure.add_subplot(parts[where]) for where in (np.s_[:, 0], np.s_[0, 1], np.s_[1, 1])
@@ -60,7 +59,7 @@ def animate(archive: TurnArchive, turn: Turn, path: Path) -> None:
     title = archive.loaded.cams[turn.cam].title
     rig.set_title(f"{title}, {turn.rpm:.0f} rpm", fontsize=10)
     cursors = stills.draw_curves(lift, force, archive.loaded, turn)
-    figure.canvas.draw()
+    figure.draw_without_rendering()
     figure.set_layout_engine("none")  # it would be laid out anew for every frame
     frames = []
     for sample in np.linspace(0, turn.angle.size, FRAMES, endpoint=False).astype(int):
@@ -70,7 +69,6 @@ def animate(archive: TurnArchive, turn: Turn, path: Path) -> None:
         frames.append(_rendered(figure))
         for part in drawn:
             part.remove()
-    plt.close(figure)
     frames[0].save(
         path,
         save_all=True,
@@ -83,11 +81,9 @@ def animate(archive: TurnArchive, turn: Turn, path: Path) -> None:
 
 
 def side_by_side(archive: TurnArchive, turns: list[Turn], path: Path) -> None:
-    """All cams at one speed, each where its contact force is greatest, and their curves."""
-    size = (3.6 * len(turns), 7.0)
-    figure, axes = plt.subplots(
-        3, len(turns), figsize=size, height_ratios=[3, 2, 2], layout="constrained", squeeze=False
-    )
+    """All cams at one speed, each where its contact force is at its maximum, and their curves."""
+    figure = empty(3.6 * len(turns), 7.0)
+    axes = figure.subplots(3, len(turns), height_ratios=[3, 2, 2], squeeze=False)
     for (rig, lift, force), turn in zip(axes.T, turns, strict=True):
         sample = int(turn.force.argmax())
         stills.frame_rig(rig, archive, turn)
@@ -95,11 +91,10 @@ def side_by_side(archive: TurnArchive, turns: list[Turn], path: Path) -> None:
         rig.set_title(f"{archive.loaded.cams[turn.cam].title}, {turn.rpm:.0f} rpm", fontsize=10)
         for cursor in stills.draw_curves(lift, force, archive.loaded, turn):
             cursor.set_xdata([stills.degrees(turn)[sample]] * 2)
-    figure.savefig(path, dpi=90)
-    plt.close(figure)
+    write(figure, path, DPI)
 
 
 def _rendered(figure: Figure) -> Image.Image:
     data = BytesIO()
-    figure.savefig(data, format="png", dpi=figure.dpi)
+    figure.savefig(data, format="png", dpi=DPI)
     return Image.open(data).convert("RGB")

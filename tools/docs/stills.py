@@ -12,9 +12,10 @@ from cam_rig.drawing import colours
 from cam_rig.drawing.colours import web
 from cam_rig.drawing.follower import follower_shape
 from cam_rig.drawing.outlines import MM, circle, closed, turned
+from cam_rig.plots.figures import shade, turn_axis
 from cam_rig.profile.motion import Motion
 from cam_rig.simulation.scene import LoadedScene
-from cam_rig.viewer.scene2d import ARROW, greatest_force
+from cam_rig.viewer.scene2d import ARROW, max_contact_force
 from cam_rig.viewer.turns import Turn
 from tools.docs.turn_archive import TurnArchive, gap
 
@@ -52,7 +53,7 @@ def draw_rig(axes: Axes, archive: TurnArchive, turn: Turn, sample: int) -> list[
             / along
             * ARROW
             * shape.reach
-            / greatest_force(loaded, turn.cam, turn.speed)
+            / max_contact_force(loaded, turn.cam, turn.speed)
         )
         drawn.append(
             axes.annotate(
@@ -86,22 +87,12 @@ def draw_curves(lift: Axes, force: Axes, loaded: LoadedScene, turn: Turn) -> lis
     lift.plot(x, turn.lift * MM, color=web(colours.LIFT), lw=2.4, label="follower")
     lift.plot(x, law * MM, "--", color=web(colours.LAW), lw=1.0, label="law")
     force.plot(x, turn.force, color=web(colours.FORCE), lw=1.4)
-    flies = gap(loaded, turn) > 0.0
+    off = gap(loaded, turn) > 0.0
     for axes in (lift, force):
-        axes.fill_between(
-            x,
-            0.0,
-            1.0,
-            where=flies.tolist(),
-            transform=axes.get_xaxis_transform(),
-            color=web(colours.GAP),
-            alpha=0.12,
-            lw=0.0,
-        )
-        axes.set(xlim=(0.0, 360.0), xticks=range(0, 361, 90))
-        axes.grid(alpha=0.3)
+        shade(axes, x, off)
+        turn_axis(axes, 90)
     force.axhline(0.0, color=web(colours.ZERO), lw=0.8)
-    lift.set(ylabel="lift [mm]")
+    lift.set(ylabel="lift s [mm]")
     lift.legend(loc="upper left", fontsize=8)
     force.set(ylabel="contact force [N]", xlabel="cam angle in the turn [°]")
     return [axes.axvline(0.0, color="0.3", lw=1.0) for axes in (lift, force)]

@@ -15,7 +15,7 @@ from cam_rig.errors import BagError
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.viewer.feed import RunFeed
-from cam_rig.viewer.recording import draw
+from cam_rig.viewer.recording import feed_bag
 from cam_rig.viewer.turns import Turn, TurnCollector, sample_angles
 
 
@@ -40,7 +40,7 @@ class TurnArchive:
         if turn is not None:
             self.turns[turn.cam, round(turn.rpm, 9)] = turn
 
-    def heard(self, end_ns: int, level: float, pressure: float) -> None:
+    def sound(self, end_ns: int, level: float, pressure: float) -> None:
         """Take nothing of the sound."""
 
     def close(self) -> None:
@@ -66,11 +66,11 @@ def read_turns(bag: Path, on_tick: Callable[[], None] = lambda: None) -> TurnArc
     BagError : it cannot be read
     """
     archive = TurnArchive(read_scene(bag))
-    draw(bag, archive.loaded, RunFeed(archive), on_tick)
+    feed_bag(bag, archive.loaded, RunFeed(archive), on_tick)
     return archive
 
 
 def gap(loaded: LoadedScene, turn: Turn) -> FloatArray:
     """``(n,)`` how far (m) the follower is off the cam; 0 in contact."""
-    flies = turn.force == 0.0
-    return np.where(flies, turn.lift - loaded.laws[turn.cam](turn.angle), 0.0)
+    off = turn.force == 0.0
+    return np.where(off, turn.lift - loaded.laws[turn.cam](turn.angle), 0.0)

@@ -1,4 +1,4 @@
-"""cam-rig view: a recorded run as a moving picture in Rerun."""
+"""cam-rig view: a recorded run in the Rerun viewer."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def view(
         bool,
         typer.Option(
             "--all-samples",
-            help="Keep every sample of a long run, not the least and greatest of each few.",
+            help="Keep every sample of a long run, not the minimum and maximum of every few.",
         ),
     ] = False,
 ) -> None:
@@ -110,7 +110,7 @@ def _tidy_end() -> Iterator[None]:
 def convert(
     bag: Path, scene: Path | None, path: Path, view_options: ViewOptions, force: bool
 ) -> None:
-    """Write the picture of a bag to a file, with the scene attached to it unless one is named."""
+    """Write a bag as a Rerun recording, with its own scene unless another is named."""
     from cam_rig.bag.reader import read_counts
     from cam_rig.messages.topics import FOLLOWER_SAMPLES
     from cam_rig.simulation.scene import open_scene

@@ -1,4 +1,4 @@
-"""What stands beside the picture as text: the scene with every number, and a table of results."""
+"""What the viewer shows as text: the scene with every number, and a table of results."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from cam_rig.units import to_rpm
 from cam_rig.viewer.turns import Turn, lift_offs
 
 HEAD = (
-    "| cam | rpm | level [dB] | greatest force [N] | least [N] | flights a turn | gap [mm] |",
+    "| cam | speed [rpm] | level [dB] | max force [N] | min force [N] | lift-offs | max gap [mm] |",
     "|---|---:|---:|---:|---:|---:|---:|",
 )
 
 
-class ResultLines:
+class ResultTable:
     """A table that grows; the newest line is first."""
 
     def __init__(self, loaded: LoadedScene) -> None:
@@ -24,11 +24,9 @@ class ResultLines:
     def motion(self, turn: Turn) -> None:
         """Take the newest turn of a cam at a speed."""
         lift, force = turn.lift, turn.force
-        flights = int(lift_offs(force, bool(force[-1] == 0.0)).sum())
-        gap = (
-            float((lift - self._loaded.laws[turn.cam](turn.angle)).max()) * 1e3 if flights else 0.0
-        )
-        words = f"| {force.max():.4g} | {force.min():.4g} | {flights} | {gap:.3g} |"
+        count = int(lift_offs(force, bool(force[-1] == 0.0)).sum())
+        gap = float((lift - self._loaded.laws[turn.cam](turn.angle)).max()) * 1e3 if count else 0.0
+        words = f"| {force.max():.4g} | {force.min():.4g} | {count} | {gap:.3g} |"
         self._motion[turn.cam, turn.speed] = words
 
     def level(self, cam: str, speed: float, level: float) -> None:
@@ -42,9 +40,9 @@ class ResultLines:
 
     def _line(self, cam: str, speed: float) -> str:
         level, rpm = self._levels.get((cam, speed)), to_rpm(speed)
-        heard = "settling" if level is None else f"{level:.1f}"
+        shown = "settling" if level is None else f"{level:.1f}"
         title = self._loaded.cams[cam].title
-        return f"| {title} | {rpm:.0f} | {heard} {self._motion[cam, speed]}"
+        return f"| {title} | {rpm:.0f} | {shown} {self._motion[cam, speed]}"
 
 
 def about(loaded: LoadedScene, bucket: int) -> str:
@@ -52,12 +50,12 @@ def about(loaded: LoadedScene, bucket: int) -> str:
     scene, rig = loaded.scene, loaded.rig
     lines = [
         f"# {scene.title}",
-        f"Model `{scene.model}`, {scene.sample_rate.si:g} samples a second, "
+        f"Model `{scene.model}`, {scene.sample_rate.si:g} samples per second, "
         f"{scene.program.turns.si:g} turns at each speed.",
-        "The follower is drawn at its simulated lift. Where the contact force is zero it flies.",
+        "The follower is drawn at its simulated lift; contact is lost where the force is zero.",
     ]
     if bucket > 1:
-        lines.append(f"Of every {bucket} samples the curves show the least and the greatest.")
+        lines.append(f"Of every {bucket} samples the curves show the minimum and the maximum.")
     for name, cam in loaded.cams.items():
         lines += [f"## {cam.title}", f"`{name}`, {cam.follower.type} follower"]
         lines += by_origin(cam.numbers())

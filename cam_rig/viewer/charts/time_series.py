@@ -23,12 +23,12 @@ TORSIONAL = "torsional"
 LIFT_OF_LAW = np.array([[1.0, 0.0, 0.0]])
 
 
-class Traces:
+class TimeSeries:
     """Writes the curves and the marks on them.
 
     Parameters
     ----------
-    bucket : samples of which the least and the greatest are kept, 1 for all
+    bucket : samples of which the minimum and the maximum are kept, 1 for all
     """
 
     def __init__(self, stream: rr.RecordingStream, loaded: LoadedScene, bucket: int) -> None:

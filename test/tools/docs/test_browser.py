@@ -38,7 +38,7 @@ class Page:
 
 @pytest.fixture(autouse=True)
 def fast(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(browser, "PAUSE", 0.001)
+    monkeypatch.setattr(browser, "PAUSE_S", 0.001)
 
 
 @pytest.mark.parametrize("failures", [0, 1, 7])

@@ -21,6 +21,6 @@ def test_numbers_are_listed_by_origin(bag: SmallBag) -> None:
 
 def test_thinning_is_told(bag: SmallBag) -> None:
     """Whoever looks at the curves knows what they are."""
-    assert "Of every 26 samples the curves show the least and the greatest." in about(
+    assert "Of every 26 samples the curves show the minimum and the maximum." in about(
         bag.loaded, 26
     )

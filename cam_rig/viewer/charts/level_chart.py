@@ -1,4 +1,4 @@
-"""Noise against rpm as a picture that grows: published curves, and each step as it is measured.
+"""Sound level against cam speed: the published curves, and each speed as it is simulated.
 
 A finished run has its points from the start, small, and the larger ones grow over them.
 """
@@ -26,7 +26,7 @@ DASHES = 40
 WIDTH = 200.0
 
 
-def noise_axes(loaded: LoadedScene) -> Axes:
+def level_axes(loaded: LoadedScene) -> Axes:
     """All speeds of the scene, and the published levels with room around them."""
     speeds = np.array(loaded.scene.program.speeds.si_list) * RPM_PER_RAD_S
     low, high = float(speeds.min()), float(speeds.max())
@@ -36,15 +36,15 @@ def noise_axes(loaded: LoadedScene) -> Axes:
         return Axes((low, high), LEVELS, WIDTH)
     fine = np.linspace(low, high, 100)
     levels = np.array([loaded.published.level(c, fine) for c in loaded.published.regression_db])
-    least, most = 5.0 * np.floor(levels.min() / 5.0), 5.0 * np.ceil(levels.max() / 5.0)
-    return Axes((low, high), (float(least) - 5.0, float(most) + 5.0), WIDTH)
+    lowest, highest = 5.0 * np.floor(levels.min() / 5.0), 5.0 * np.ceil(levels.max() / 5.0)
+    return Axes((low, high), (float(lowest) - 5.0, float(highest) + 5.0), WIDTH)
 
 
-class NoiseChart:
+class LevelChart:
     """Draws the axes and what is published, then every step as far as it is measured."""
 
     def __init__(self, stream: rr.RecordingStream, loaded: LoadedScene) -> None:
-        self._stream, self._loaded, self._axes = stream, loaded, noise_axes(loaded)
+        self._stream, self._loaded, self._axes = stream, loaded, level_axes(loaded)
         self._settle = loaded.scene.program.settle_turns.si
         self._step: list[HeardTick] = []
         self._levels: dict[str, dict[float, float]] = {}
@@ -56,7 +56,7 @@ class NoiseChart:
             for cam in loaded.published.regression_db:
                 self._draw_published(cam)
 
-    def hear(self, tick: HeardTick, end_angle: float) -> float | None:
+    def add(self, tick: HeardTick, end_angle: float) -> float | None:
         """Take the next tick; ``end_angle`` (rad) is the cam's at its end.
 
         Returns
