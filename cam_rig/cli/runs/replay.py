@@ -27,7 +27,7 @@ def replay(
     ] = None,
     scene: SceneOfBag = None,
 ) -> None:
-    """Feed recorded cam states and laws to live nodes, and compare what they say with the bag.
+    """Feed recorded cam states and laws to live nodes, and compare their messages with the bag.
 
     A regression test for any change of follower or microphone: code 1 when a number differs.
 
@@ -60,10 +60,11 @@ def _replay(bag: Path, folder: Path, scene: str | None, output: Path | None) -> 
     from cam_rig.bag.compare import compare
     from cam_rig.bag.reader import read_counts
     from cam_rig.errors import BagError
+    from cam_rig.messages.topics import CAM_STATE
     from cam_rig.runner.domain_lock import own_domain
     from cam_rig.runner.graph import Graph, replayed
 
-    total = read_counts(bag).get("/cam/state", 0)
+    total = read_counts(bag).get(CAM_STATE.name, 0)
     if total < 2:
         raise BagError(f"{bag}: has {total} states of the cam; allowed: two at least")
     path = scene_path(scene) if scene else unpack(bag, folder)
