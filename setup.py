@@ -49,6 +49,8 @@ ROS_WHEELS = [
 ]
 # The solvers that `cam-rig bench` measures against, beside scipy's.
 BENCH = ["scikit-sundae"]
+# What `make docs` builds the documents with.
+DOCS = ["mkdocs-material", "mkdocstrings[python]"]
 TEST = [
     "hypothesis",
     "import-linter",
@@ -94,7 +96,7 @@ setup(
     ],
     zip_safe=False,
     install_requires=RUNTIME,
-    extras_require={"ros-wheels": ROS_WHEELS, "bench": BENCH, "test": TEST},
+    extras_require={"ros-wheels": ROS_WHEELS, "bench": BENCH, "docs": DOCS, "test": TEST},
     entry_points={
         "console_scripts": [
             f"cam-rig = {NAME}.cli.main:main",
