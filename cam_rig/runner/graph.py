@@ -12,6 +12,7 @@ from types import FrameType, TracebackType
 from typing import Any
 
 from cam_rig.errors import RunError
+from cam_rig.extras import require
 from cam_rig.runner.checkpoint_folder import MemoryFolder
 from cam_rig.runner.process import NodeProcess, stop_all
 from cam_rig.runner.shared_memory import YOUNG, clean, require_room
@@ -87,6 +88,7 @@ class Graph:
         self._patience = float(str(nodes[self._drive].get("patience", PATIENCE)))
 
     def __enter__(self) -> Graph:
+        require("rclpy")
         require_room()
         for number in STOPPING:
             self._handlers[int(number)] = signal.signal(number, _interrupt)

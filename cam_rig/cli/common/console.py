@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from cam_rig.errors import CamRigError
+from cam_rig.extras import libraries_named
 
 #: People read stderr, programs read stdout.
 console = Console(stderr=True, highlight=False)
@@ -20,7 +21,8 @@ console = Console(stderr=True, highlight=False)
 def user_errors() -> Iterator[None]:
     """End the command with one line and the error's code; nothing else is caught."""
     try:
-        yield
+        with libraries_named():
+            yield
     except CamRigError as error:
         print(f"cam-rig: {error}", file=sys.stderr)
         raise typer.Exit(error.exit_code) from None

@@ -11,6 +11,7 @@ from typing import Any
 
 from cam_rig.cli.common.console import console
 from cam_rig.errors import ConfigError, OutputError
+from cam_rig.extras import require
 
 #: Kinds of picture a plot can be written as.
 PICTURES = (".png", ".svg", ".pdf", ".jpg")
@@ -69,6 +70,8 @@ def check_outputs(json_target: str | None, plot: Path | None) -> None:
     """Refuse, before anything runs, what could not be written afterwards."""
     if plot is not None and plot.suffix.lower() not in PICTURES:
         raise ConfigError(f"{plot}: unknown kind of picture; allowed: {', '.join(PICTURES)}")
+    if plot is not None:
+        require("matplotlib")
     asked = [plot, None if json_target in (None, "-") else Path(str(json_target))]
     for target in (path for path in asked if path is not None):
         check_place(target)
