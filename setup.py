@@ -20,7 +20,7 @@ NODES = [
 # of the extras below, by their rosdep keys; cam_rig/extras.py names the extra of a missing one.
 CORE = ["numpy", "pydantic>=2", "pyyaml", "scipy"]
 CLI = ["jinja2", "rich", "typer"]
-PLOTS = ["matplotlib", "pillow"]
+PLOTS = ["matplotlib"]
 BAGS = ["lz4", "mcap", "rosbags", "zstandard"]
 VIEW = ["rerun-sdk"]
 CAD = ["ezdxf", "shapely>=2"]
@@ -39,12 +39,15 @@ ROS_WHEELS = [
 ]
 # The solvers that `cam-rig bench` measures against, beside scipy's.
 BENCH = ["scikit-sundae"]
+# What `make docs` builds the documents with.
+DOCS = ["mkdocs-material", "mkdocstrings[python]"]
 TEST = [
     "hypothesis",
     "import-linter",
     "mpmath",
     "mypy",
     "pandas",
+    "pillow",
     "playwright",
     "pytest",
     "pytest-timeout",
@@ -101,6 +104,7 @@ setup(
         "all": ALL,
         "ros-wheels": ROS_WHEELS,
         "bench": BENCH,
+        "docs": DOCS,
         "test": TEST,
     },
     entry_points={

@@ -10,7 +10,6 @@ from cam_rig.errors import MissingLibraryError
 
 #: Extra of setup.py by what is imported; the rest is the core, which is always there.
 EXTRAS = {
-    "PIL": "plots",
     "ezdxf": "cad",
     "jinja2": "cli",
     "lz4": "bags",

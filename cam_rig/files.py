@@ -1,4 +1,4 @@
-"""Reading a file that anybody may have written: a plain file, up to a size, and nothing else."""
+"""Files: bounded reading of what anybody may have written, temporary folders, whole writes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def read_bytes(path: Path, most: int, follow: bool = True) -> bytes:
 
     Raises
     ------
-    ConfigError : it is no plain file, or longer; the words begin with "is" or "has"
+    ConfigError : it is not a plain file, or longer; the words begin with "is" or "has"
     OSError : it cannot be read
     """
     flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | (0 if follow else os.O_NOFOLLOW)

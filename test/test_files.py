@@ -32,7 +32,7 @@ def test_a_folder_is_there_and_gone():
 
 @pytest.mark.parametrize(
     "arguments",
-    [["analyze", GOLDEN], ["replay", GOLDEN], ["view", GOLDEN, "--web"], ["pictures", GOLDEN]],
+    [["analyze", GOLDEN], ["replay", GOLDEN], ["view", GOLDEN, "--web"]],
     ids=lambda arguments: arguments[0],
 )
 def test_no_place_for_temporary_files_is_one_line(monkeypatch, tmp_path, arguments):

@@ -18,7 +18,6 @@ ROOT = Path(__file__).parents[1]
 KEYS = {
     "lz4": "mcap-ros2-support",
     "mcap": "mcap-ros2-support",
-    "pillow": "python3-pil",
     "pyyaml": "python3-yaml",
     "rosbags": "python3-rosbags-pip",
     "zstandard": "mcap-ros2-support",
@@ -26,8 +25,9 @@ KEYS = {
 #: Libraries whose import has another name than the package.
 IMPORTED_AS = {"PIL": "pillow", "rerun": "rerun-sdk", "sksundae": "scikit-sundae", "yaml": "pyyaml"}
 IMPORTED_AS |= {"pydantic_core": "pydantic", "rerun_cli": "rerun-sdk"}
-#: What only the makers of the documents' pictures and reference numbers import.
-MAKERS = {"mpmath", "playwright"}
+IMPORTED_AS |= {"griffe": "mkdocstrings", "mkdocs": "mkdocs-material"}
+#: What only the makers of reference numbers import, and of the documents' pictures.
+REFERENCES, PICTURES = {"mpmath"}, {"pillow", "playwright"}
 #: The ten lines of the README, without the bag; a library outside the core cannot be imported.
 TEN_LINES = """
 import sys
@@ -70,16 +70,16 @@ def declared():
     return keys, [set(words.split()) for words in without]
 
 
-def imported():
-    """Top-level names that the package imports, without Python's own and its own."""
+def imported(folder="cam_rig"):
+    """Top-level names that a folder imports, without Python's own and the project's."""
     names = set()
-    for path in (ROOT / "cam_rig").rglob("*.py"):
+    for path in (ROOT / folder).rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
                 names |= {alias.name.split(".")[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.level == 0:
                 names.add(node.module.split(".")[0])
-    return names - set(sys.stdlib_module_names) - {"cam_rig"}
+    return names - set(sys.stdlib_module_names) - {"cam_rig", "tools"}
 
 
 def test_what_is_imported_is_declared():
@@ -87,7 +87,9 @@ def test_what_is_imported_is_declared():
     lists, (keys, _) = lists_of_setup(), declared()
     known = lists["CORE"] | lists["ALL"] | lists["BENCH"] | keys
     missing = {n for n in imported() if IMPORTED_AS.get(n, n) not in known}
-    assert missing - {"builtin_interfaces", *OPTIONAL} == MAKERS <= lists["TEST"]
+    assert missing - {"builtin_interfaces", *OPTIONAL} == REFERENCES <= lists["TEST"]
+    unknown = {IMPORTED_AS.get(n, n) for n in imported("tools")} - known
+    assert unknown - lists["DOCS"] == PICTURES <= lists["TEST"]
     assert set(OPTIONAL) <= lists["TEST"]
 
 
@@ -103,9 +105,10 @@ def test_rosdep_and_pip_install_the_same():
     assert without <= runtime
 
 
-def test_the_readme_names_what_rosdep_cannot_install():
-    """Its line of pip under "With ROS 2" has every library without a key."""
-    line = re.search(r"pip install (.*?)\s+# no rosdep key", (ROOT / "README.md").read_text())
+def test_the_documents_name_what_rosdep_cannot_install():
+    """The line of pip for ROS 2 has every library without a key."""
+    page = (ROOT / "docs" / "nodes.md").read_text(encoding="utf-8")
+    line = re.search(r"pip install (.*?)\s+# no rosdep key", page)
     named = {re.split(r"[>=]", word.strip("'"))[0] for word in line[1].split()}
     _, (without, *_) = declared()
     assert without <= named <= without | {"pydantic"}
@@ -147,7 +150,11 @@ def test_the_core_alone_runs_the_ten_lines():
     ("barred", "command", "remedy"),
     [
         ("typer", ["--help"], "typer is not installed: pip install 'cam_rig[cli]'"),
-        ("rerun", ["view", "bags/golden"], "rerun is not installed: pip install 'cam_rig[view]'"),
+        (
+            "rerun",
+            ["view", "bags/golden", "--save", "out/none.rrd"],
+            "rerun is not installed: pip install 'cam_rig[view]'",
+        ),
         ("mcap", ["analyze", "bags/golden"], "mcap is not installed: pip install 'cam_rig[bags]'"),
         (
             "matplotlib",

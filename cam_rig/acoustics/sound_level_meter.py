@@ -129,7 +129,7 @@ class SoundLevelMeter:
 
         Raises
         ------
-        RefusedError : a sample that is no number; the meter is as it was
+        RefusedError : a sample that is not a finite number; the meter is as it was
         """
         if pressure.size == 0:
             raise ValueError("a block must hold at least one sample")

@@ -43,16 +43,16 @@ class JumpSpeed(Jump):
         return DataFrame([row])
 
     def plot(self) -> Figure:
-        """The least contact force (N) of a run over the speed (rpm): zero at the jump speed.
+        """The minimum contact force (N) of a run over the speed (rpm): zero at the jump speed.
 
         Raises
         ------
         MissingLibraryError : matplotlib is not installed
         """
         with libraries_named():
-            from cam_rig.plots.least_force import figure
+            from cam_rig.plots.jump import one_cam
         parameters = TwoMassParameters.from_rig(self.rig)
-        return figure(self.law, parameters, self.duration, self.rpm)
+        return one_cam(self.law, parameters, self.duration, self.rpm)
 
 
 def jump_speed(law: Law, rig: RigConfig, *, duration: float | None = FROM_REST) -> JumpSpeed:

@@ -71,8 +71,8 @@ class SoundLevel:
         MissingLibraryError : matplotlib is not installed
         """
         with libraries_named():
-            from cam_rig.plots.turn_levels import figure
-        return figure(self.by_turn, self.settle_turns, self.level_db, str(self))
+            from cam_rig.plots.noise import turn_by_turn
+        return turn_by_turn(self.by_turn, self.settle_turns, self.level_db, str(self))
 
 
 def sound_level(motion: FollowerMotion, *, settle_turns: int = 1) -> SoundLevel:

@@ -1,4 +1,4 @@
-"""What a follower model takes and gives: an interval of constant speed, a block of samples."""
+"""What a follower model takes and gives: an interval of the cam's motion, a block of samples."""
 
 from __future__ import annotations
 
@@ -192,7 +192,7 @@ class FollowerState:
     ``pending_impulse`` (N·s) fell after the interval's last sample: the next block shows it.
     ``inner`` is what else the model remembers. ``cam_angle`` (rad, within the turn) and
     ``cam_speed`` (rad/s) are the cam's there: what goes on from here must begin at that angle,
-    and a speed other than that strikes or throws the follower. None where nobody said.
+    and a speed other than that is an impact on the follower, or lifts it off. None: not known.
     """
 
     displacement: float
@@ -263,7 +263,7 @@ def require_joined(state: FollowerState | None, interval: Interval) -> None:
 
 
 def speed_change(state: FollowerState | None, interval: Interval) -> float:
-    """By how much (rad/s) the cam is faster than where the state ended; rounding is none."""
+    """By how much (rad/s) the cam is faster than where the state ended; rounding counts as 0."""
     if state is None or state.cam_speed is None:
         return 0.0
     change = interval.speed - state.cam_speed

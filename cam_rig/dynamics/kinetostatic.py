@@ -56,11 +56,11 @@ def _advance(
     _step: float,
 ) -> tuple[FollowerState, Block]:
     end = interval.angle + interval.speed * interval.duration
-    rows = ride(law, parameters, interval, sample_rate)
+    rows = contact_samples(law, parameters, interval, sample_rate)
     return state_at(law, parameters, end, interval.speed), Block(interval, rows)
 
 
-def ride(
+def contact_samples(
     law: Law, parameters: FollowerParameters, interval: Interval, sample_rate: int
 ) -> FloatArray:
     """The samples ``(6, n)`` of a follower on the cam, rows as in `COLUMNS`, at one speed."""

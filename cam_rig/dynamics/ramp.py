@@ -115,7 +115,7 @@ def _velocity_jumps(
         for i, (begin, _, piece, low) in enumerate(stretches)
         if piece in law.velocity_jumps
         and (begin > 0.0 or interval.angle - low <= SLACK)
-        and interval.speed_at(begin) > 0.0  # a cam at rest strikes nothing
+        and interval.speed_at(begin) > 0.0  # a cam at rest has no velocity to jump
     }
 
 

@@ -115,7 +115,7 @@ def short_of_velocity_jump(law: Law, angle: float) -> float:
 
 #: What else there is for a law whose velocity jumps, where a model can be chosen.
 OTHER_MODELS = (
-    ", or one of the models residual, one_mass and separation, where it is a blow or throws the "
+    ", or one of the models residual, one_mass and separation, where it is an impact or lifts the "
     "follower off"
 )
 

@@ -1,4 +1,4 @@
-"""A factorial study: laws by continuity, event angles, and one cam that is squeezed."""
+"""A factorial study: laws by continuity, event angles, and one cam whose event is compressed."""
 
 from __future__ import annotations
 

@@ -123,7 +123,7 @@ class Library:
 
         Raises
         ------
-        ConfigError : the name is no name, but a path or worse
+        ConfigError : the name is not a plain name
         """
         if not NAME.fullmatch(name):
             raise ConfigError(

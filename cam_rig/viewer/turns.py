@@ -56,7 +56,7 @@ def sample_angles(start: CamState, end: CamState, time: FloatArray) -> FloatArra
     return start.unwrapped + since * (interval.speed + 0.5 * interval.acceleration * since)
 
 
-def lift_offs(force: FloatArray, was_flying: bool) -> FloatArray:
-    """``(n,)`` True at the first sample of each flight; no contact force is flight."""
-    flies = force == 0.0
-    return np.asarray(flies & ~np.append(was_flying, flies[:-1]))
+def lift_offs(force: FloatArray, was_off: bool) -> FloatArray:
+    """``(n,)`` True at the first sample of each loss of contact, where the force becomes zero."""
+    off = force == 0.0
+    return np.asarray(off & ~np.append(was_off, off[:-1]))

@@ -103,7 +103,7 @@ class LinearResponse:
     matrix : A, ``(n, n)``
     drive : G, ``(n, 3)``, what s, ṡ and s̈ contribute
     constant : g, ``(n,)``
-    kicked : whether a jump of ṡ, a blow of s̈, acts on the state; else the caller sees to it
+    jumps_act : whether a jump of ṡ, an impulse of s̈, acts on the state; else the caller does it
     """
 
     law: Law

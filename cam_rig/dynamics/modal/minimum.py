@@ -1,4 +1,4 @@
-"""The least output of a ringing model over a run, at many speeds at once."""
+"""The least output of one vibration mode over a run, at many speeds at once."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cam_rig.units import TURN
 PER_PERIOD, MIN_PER_TURN = 24, 256
 #: Points of a piece at which a bound looks at the polynomial.
 BOUND_POINTS = 33
-#: Points of a second look at one low point, and what the grid may miss of the ringing there.
+#: Points of a second look at one low point, and what the grid may miss of the vibration there.
 CLOSER, GRID_MISSES = 65, 0.01
 
 
@@ -66,15 +66,15 @@ class ModalRun:
             amplitude = flow * amplitude + turn
 
     def bound(self, speeds: FloatArray) -> FloatArray:
-        """What the output hardly falls below, ``(m,)``: polynomial less all of the ringing.
+        """What the output hardly falls below, ``(m,)``: polynomial less the whole amplitude.
 
         The polynomial is seen at points, so this is no proof: it only tells where to look.
         """
-        model, ringing = self.model, self._free_amplitude(speeds)
+        model, amplitude = self.model, self._free_amplitude(speeds)
         basis = bernstein.basis(model.law.degree, np.linspace(0.0, 1.0, BOUND_POINTS))
         found = np.full(speeds.size, np.inf)
         for i in range(model.law.spans.size):
-            lowest = model.forced(speeds, i, basis).min(axis=1) - ringing[:, i]
+            lowest = model.forced(speeds, i, basis).min(axis=1) - amplitude[:, i]
             found = np.minimum(found, lowest)
         return found
 

@@ -1,9 +1,9 @@
-"""One mode on a turning cam at many speeds at once: the law's own response, and the ringing.
+"""One mode on a turning cam at many speeds at once: forced response and free vibration.
 
 Between two joints of the law the response is a polynomial, Σ hₖ Ωᵏ s⁽ᵏ⁾(θ) with hₖ the Taylor
 coefficients of the transfer function: the same function of θ at every speed but for powers of Ω.
-Where a derivative of s jumps that polynomial jumps, and the mode makes up for it by ringing. So a
-joint state jumps the mode, and nothing else does; between state jumps the ringing dies out freely.
+Where a derivative of s jumps that polynomial jumps, and free vibration makes up for it. So joints
+excite the mode, and nothing else does; between joints the vibration decays freely.
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ class ModalResponse:
         return np.asarray(self.since_turn(speeds)[:, -1] / gap)
 
     def amplitude_at(self, speeds: FloatArray, angle: float) -> FloatArray:
-        """Size of the steady ringing in the output at a cam angle of the turn (rad), ``(m,)``.
+        """Amplitude of the steady free vibration in the output at a cam angle (rad), ``(m,)``.
 
         At a joint that after its state jump.
         """

@@ -1,11 +1,11 @@
-"""One mass on a rigid stem: it rides the cam, leaves it, flies, and lands again.
+"""One mass on a rigid stem: contact, lift-off, flight, landing.
 
 In contact the follower is the law. It leaves where the contact force crosses zero from above,
 flies freely, and lands where the gap closes: plastically, or with Newton's restitution. Each
 phase is a closed form and each change of phase a root, so neither a step nor the length of an
 interval enters the result.
 
-Where the law's velocity jumps up by Δs' the cam strikes the follower, a landing with the impulse
+Where the law's velocity jumps up by Δs' there is an impact, a landing with the impulse
 m (1 + e) ω Δs'; where it jumps down the follower is thrown off with the velocity it had.
 """
 
@@ -48,7 +48,7 @@ def advance(
     require_turning(interval.speed)
     course = OneMassTrajectory(law, parameters, interval)
     course.run(state, step)
-    rows = kinetostatic.ride(law, parameters, interval, sample_rate)
+    rows = kinetostatic.contact_samples(law, parameters, interval, sample_rate)
     grid = interval.grid(sample_rate)
     for phase in course.phases:
         if phase.flight is not None:

@@ -143,7 +143,7 @@ class TwoMassParameters:
 
 @lru_cache(maxsize=64)
 def contact_response(law: Law, parameters: TwoMassParameters, speed: float) -> LinearResponse:
-    """The end mass while the roller rides the cam; state (η, η̇).
+    """The end mass while the roller is in contact; state (η, η̇).
 
     A jump of the law's velocity is for the caller: the roller may not stay on the cam.
     """

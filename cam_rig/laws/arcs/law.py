@@ -28,7 +28,7 @@ AGREE = 1e-9
 
 @dataclass(frozen=True)
 class ArcFollower:
-    """What rides on the arcs: ``flat``, or a roller of a radius in m, 0 for a point."""
+    """The follower on the arcs: ``flat``, or a roller of a radius in m, 0 for a point."""
 
     flat: bool
     roller_radius: float

@@ -36,7 +36,7 @@ def circles(segment: TangentArcs, cam: CamConfig) -> ConcaveFlankCam:
 
 
 def arc_follower(cam: CamConfig) -> ArcFollower:
-    """What rides on a cam of arcs.
+    """The follower on a cam of arcs.
 
     Raises
     ------

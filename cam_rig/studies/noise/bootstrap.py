@@ -1,4 +1,4 @@
-"""How sure the noise curves and their crossing are: a bootstrap of what the model leaves over.
+"""Confidence intervals of the noise curves and their crossing, by a bootstrap of the fit errors.
 
 The measured levels are lost, so their scatter cannot be resampled. What can is the difference
 between a simulated and a published regression: it is smooth along the speeds, so it is cut into
@@ -20,7 +20,7 @@ from cam_rig.simulation.regression import REGRESSION_DEGREE, nearest_crossing
 BLOCK = 7
 #: Draws, and the seed of them.
 DRAWS, SEED = 2000, 1
-#: Percent on either side that a band leaves out.
+#: Percent outside a 95 % band, on either side.
 TAIL = 2.5
 
 
@@ -53,7 +53,7 @@ class Band:
 
 @dataclass(frozen=True)
 class Crossing:
-    """Speed in rpm at which two regressions cross, and how sure it is.
+    """Speed in rpm at which two regressions cross, with its confidence interval.
 
     ``low`` and ``high`` hold 95 % of the draws, ``deviation`` is their standard deviation;
     ``missing`` is the share of draws that do not cross at all within the speeds. ``points_rpm`` is
@@ -84,7 +84,7 @@ def points_crossing(rpm: FloatArray, one: FloatArray, two: FloatArray, near: flo
     return float(found[np.argmin(np.abs(found - near))]) if found.size else None
 
 
-def sure_crossing(
+def crossing_interval(
     rpm: FloatArray,
     best: tuple[FloatArray, FloatArray],
     draws: tuple[FloatArray, FloatArray],

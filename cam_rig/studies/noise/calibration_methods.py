@@ -120,7 +120,7 @@ def _method(
     one, two, near = _crossing_cams(study)
     draws = [curves[c].regression_db + (moved[c] + left[c]) @ project for c in (one, two)]
     best = (curves[one].regression_db, curves[two].regression_db)
-    found = bootstrap.sure_crossing(study.rpm, best, (draws[0], draws[1]), near)
+    found = bootstrap.crossing_interval(study.rpm, best, (draws[0], draws[1]), near)
     levels = (curves[one].level_db, curves[two].level_db)
     points = bootstrap.points_crossing(study.rpm, *levels, near)
     return Method(name, acoustics, fit.shape, curves, replace(found, points_rpm=points))

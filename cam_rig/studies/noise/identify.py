@@ -25,10 +25,10 @@ from cam_rig.units import to_rpm
 
 #: Bounds of lift (m), event span (deg) and nose span as a fraction of the event span.
 BOUNDS = np.array([[0.002, 0.05], [60.0, 300.0], [0.05, 0.95]])
-#: Largest pitch radius (m) of a flank that still is concave to the eye: the paper calls the cam
-#: concave, and beyond this a flank of some millimetres is straight.
+#: Largest pitch radius (m) of a flank that is visibly concave, as the paper calls the cam; beyond
+#: this a flank of some millimetres is straight.
 MAX_FLANK = 0.5
-#: What a geometry that cannot exist costs, dB.
+#: Fit error given to a geometry that cannot exist, dB.
 IMPOSSIBLE = 50.0
 #: Sample rate of a trial.
 TRIAL_RATE_HZ = 8000

@@ -16,7 +16,7 @@ ROUNDS = 2
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A cam left out, the constants of the other two, and what they leave (dB) on each cam.
+    """A cam left out, the constants of the other two, and the fit error (dB) on each cam.
 
     ``numbers`` were fitted together to the ``trained`` cams. The arc cam's geometry is its own:
     it is fitted with the constants where the cam is among the trained, and to its own curve,

@@ -1,4 +1,4 @@
-"""One rig for everything: the follower identified from the jump speeds, heard on all three cams.
+"""One rig for all: the follower identified from the jump speeds, its noise on all three cams.
 
 Event angles, preload, mass split and stem come from the jump speeds (Table 2); nothing of them is
 fitted to noise. Gain and corner are fitted to the reference anew. The arc cam, which the jump
@@ -36,7 +36,7 @@ GENERATIONS, POPULATION, SEED = 12, 7, 2
 
 @dataclass(frozen=True)
 class OneRig:
-    """What a follower from the jump speeds leaves on each cam's noise.
+    """The fit error on each cam's noise with a follower identified from the jump speeds.
 
     ``rms_db`` of the points to the published regressions; ``shape`` of the arc cam and
     ``crossing_rpm`` are None when it was left aside.

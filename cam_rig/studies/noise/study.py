@@ -1,4 +1,4 @@
-"""What a noise study begins with: which cam plays which part, and the mechanics of each, run once.
+"""The set-up of a noise study: the role of each cam, and the mechanics of each, run once.
 
 One cam calibrates the acoustic constants (the reference), one is predicted, one has its geometry
 identified.
@@ -20,7 +20,7 @@ from cam_rig.studies.noise.arc_shape import ArcShape, ShapeProblem
 from cam_rig.studies.noise.calibration import PublishedCam
 from cam_rig.units import to_rpm
 
-#: A shape is fitted at each of these of the study's speeds, and then heard at all.
+#: A shape is fitted at each of these of the study's speeds, and then compared at all.
 EVERY = 2
 #: Half of them still are more than a cubic has numbers.
 MIN_SPEEDS = 9
@@ -36,7 +36,7 @@ class StudyRoles:
 
     @classmethod
     def of(cls, loaded: LoadedScene) -> StudyRoles:
-        """The parts in a scene.
+        """The roles in a scene.
 
         Raises
         ------

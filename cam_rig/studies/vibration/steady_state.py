@@ -20,9 +20,9 @@ from cam_rig.laws import Law
 from cam_rig.studies.vibration.dwell import LowDwell, low_dwell
 from cam_rig.units import RPM, TURN
 
-#: A stem must swing this often in a turn, or what rings cannot be told from what follows the law.
+#: Least natural periods of the stem a turn: below, free and forced vibration cannot be told apart.
 SWINGS = 3.0
-#: Slowest and fastest speed, rpm; below, a turn has more swings of the stem than can be sampled.
+#: Slowest and fastest speed, rpm; below, a turn has more periods of the stem than can be sampled.
 SLOWEST, FASTEST = 1.0, 1e5
 
 
@@ -50,7 +50,7 @@ def require_speeds(follower: FollowerParameters, rpm: Iterable[float]) -> None:
 
 #: Samples of a turn at least, and of a period of the stem.
 MIN_SAMPLES, PER_PERIOD = 4096, 32
-#: Ringing beyond this many times all of the vibration is no part of it.
+#: Free vibration beyond this many times all of the vibration is not part of it.
 MAX_RINGING = 2.0
 #: Samples of a turn of twist.
 TWIST_SAMPLES = 2048

@@ -45,7 +45,7 @@ def draw_turn(stream: rr.RecordingStream, loaded: LoadedScene, turn: Turn) -> No
 def draw_side_by_side(
     stream: rr.RecordingStream, loaded: LoadedScene, turn: Turn, profile: FloatArray
 ) -> None:
-    """One cam's moving picture and third-octave bars of one turn, in a view of its own."""
+    """A cam under its follower, and third-octave bands, of one turn, in a view of its own."""
     view, rate = f"{COMPARE}/{turn.cam}", loaded.scene.sample_rate.si
     scene = Scene2D(stream, loaded, f"{view}/scene", within_turn)
     begin = CamState(0, 0.0, turn.speed, turn.cam)

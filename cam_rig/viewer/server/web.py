@@ -1,4 +1,4 @@
-"""Rerun's web viewer on this machine alone: nothing is asked of, or told to, any other.
+"""Rerun's web viewer on this machine alone: no request goes to any other.
 
 The viewer's own page loads a font, asks for a newer version and reports its use. This server
 hands the same page on with a guard before all of its code: a request to another host is answered
@@ -39,12 +39,12 @@ POLICY = (
 #: What may be asked for: a path of plain characters.
 PATH = re.compile(r"/[!-~]*")
 #: How long the viewer's own server may take to answer, s.
-PATIENCE = 20.0
+TIMEOUT_S = 20.0
 OUTSIDE = re.compile(rb'<link[^>]*"https://[^>]*>')
 
 
 class Pages(NamedTuple):
-    """The address for a browser, the one to which a live run sends its picture, and who serves."""
+    """The address for a browser, the one to which a live run is sent, and the viewer's process."""
 
     address: str
     stream: str
@@ -116,7 +116,7 @@ class _Handler(BaseHTTPRequestHandler):
     def _viewer(self, path: str) -> None:
         """A part of Rerun's own viewer."""
         try:
-            with closing(HTTPConnection(HOST, self.server.assets, timeout=PATIENCE)) as viewer:
+            with closing(HTTPConnection(HOST, self.server.assets, timeout=TIMEOUT_S)) as viewer:
                 viewer.request("GET", path)
                 answer = viewer.getresponse()
                 kind, body = answer.headers.get_content_type(), answer.read()

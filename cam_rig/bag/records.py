@@ -1,0 +1,248 @@
+"""The records of an MCAP file: none is read beyond the file, nor unpacked without bound.
+
+The length that a record claims is compared with the bytes of the file before anything is read.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from io import BytesIO
+from typing import Any, BinaryIO, NamedTuple
+
+import lz4.frame
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Channel, Message, Schema
+from mcap.writer import MCAP0_MAGIC
+
+from cam_rig.errors import BagError
+from cam_rig.files import MIB
+
+#: Bytes that one compressed chunk may unpack to; those of ROS 2 have 1 to 4 MiB.
+MAX_UNPACKED = 64 * MIB
+#: Bytes unpacked at once, and bytes read at once of a series of small records.
+UNPACK_BYTES, READ_BYTES = 256 * 1024, 4096
+#: Opcode and length of every record.
+HEAD = struct.Struct("<BQ")
+#: First and last log time, unpacked bytes, their CRC, letters of the compression's name.
+CHUNK_HEAD = struct.Struct("<QQQII")
+#: Bytes searched at once for a chunk, and the pattern of its beginning.
+SEARCH_BYTES = 16 * MIB
+CHUNK_PATTERN = re.compile(
+    rb"\x06.{5}\0{3}.{16}.{5}\0{3}.{4}(?:\0{4}|\x04\0{3}zstd|\x03\0{3}lz4).{5}\0{3}", re.DOTALL
+)
+#: A message's channel, number, log time and publish time; its data follow.
+MESSAGE_HEAD = struct.Struct("<HIQQ")
+
+
+class Record(NamedTuple):
+    """A record at the top level of a file: its opcode, where its content begins, its bytes.
+
+    ``length`` is what the record claims, ``available`` what the file has of it.
+    """
+
+    opcode: int
+    start: int
+    length: int
+    available: int
+
+    @property
+    def whole(self) -> bool:
+        """Whether the file holds all of it."""
+        return self.length <= self.available
+
+
+def records_of(stream: BinaryIO) -> Iterator[Record]:
+    """The records of a file in order; after one that is not whole, from the next whole chunk on.
+
+    There are none in a file that is empty yet.
+
+    Raises
+    ------
+    BagError : it does not begin as an MCAP file does
+    OSError : it cannot be read
+    """
+    number, size = stream.fileno(), os.fstat(stream.fileno()).st_size
+    if not MCAP0_MAGIC.startswith(os.pread(number, len(MCAP0_MAGIC), 0)):
+        raise BagError(f"{stream.name}: does not begin as an MCAP file does")
+    place, block, begin = len(MCAP0_MAGIC), b"", 0
+    while place + HEAD.size <= size:
+        if not begin <= place <= begin + len(block) - HEAD.size:
+            block, begin = os.pread(number, READ_BYTES, place), place
+        opcode, length = HEAD.unpack_from(block, place - begin)
+        start = place + HEAD.size
+        if not opcode:  # not a record: a power cut may leave zeros
+            length = size
+        yield Record(opcode, start, length, min(length, size - start))
+        if opcode == Opcode.FOOTER and start + length + len(MCAP0_MAGIC) == size:
+            return
+        place = start + length
+        if place > size:
+            place = _next_chunk(number, start, size)
+
+
+def _next_chunk(number: int, place: int, size: int) -> int:
+    """Where the next chunk begins that the file holds whole; its size where there is none."""
+    while place < size:
+        data = os.pread(number, SEARCH_BYTES, place)
+        for match in CHUNK_PATTERN.finditer(data):
+            _, length = HEAD.unpack_from(match.group())
+            begin, end, unpacked, _, letters = CHUNK_HEAD.unpack_from(match.group(), HEAD.size)
+            packed = int.from_bytes(match.group()[-8:], "little")
+            fits = place + match.start() + HEAD.size + length <= size and begin <= end
+            agrees = length == CHUNK_HEAD.size + letters + 8 + packed
+            if fits and agrees and (letters or unpacked == packed):
+                return place + match.start()
+        place += SEARCH_BYTES - 64  # one may lie across the border
+    return size
+
+
+def content(stream: BinaryIO, record: Record) -> bytes:
+    """What the file holds of a record."""
+    return os.pread(stream.fileno(), record.available, record.start)
+
+
+def fields(data: bytes) -> ReadDataStream:
+    """A record's content for the readers of the mcap package, which then cannot read beyond it."""
+    return ReadDataStream(BytesIO(data))
+
+
+def message(data: bytes) -> Message:
+    """A message of a record's bytes.
+
+    Raises
+    ------
+    struct.error : they are too few
+    """
+    channel, number, logged, published = MESSAGE_HEAD.unpack_from(data)
+    return Message(channel, logged, data[MESSAGE_HEAD.size :], published, number)
+
+
+#: What may be in a chunk, and at the top of a file as well: how to read it.
+INSIDE: dict[int, Callable[[bytes], Any]] = {
+    Opcode.SCHEMA: lambda data: Schema.read(fields(data)),
+    Opcode.CHANNEL: lambda data: Channel.read(fields(data)),
+    Opcode.MESSAGE: message,
+}
+
+
+@dataclass(frozen=True)
+class ChunkHead:
+    """What a chunk claims, times in ns, sizes in bytes; ``packed_at`` is the place in the file."""
+
+    begin: int
+    end: int
+    unpacked: int
+    crc: int
+    compression: str
+    packed: int
+    packed_at: int
+
+
+def chunk_head(stream: BinaryIO, record: Record) -> ChunkHead:
+    """The head of a chunk, which may be truncated behind it.
+
+    Raises
+    ------
+    ValueError, struct.error : it is not the head of a chunk
+    """
+    data = os.pread(stream.fileno(), min(record.available, CHUNK_HEAD.size + 32 + 8), record.start)
+    begin, end, unpacked, crc, letters = CHUNK_HEAD.unpack_from(data)
+    name = data[CHUNK_HEAD.size :][:letters]
+    (packed,) = struct.unpack_from("<Q", data, CHUNK_HEAD.size + letters)
+    inside = CHUNK_HEAD.size + letters + 8
+    if packed > record.length - inside:
+        raise ValueError(f"a chunk of {record.length} bytes claims {packed} of data")
+    return ChunkHead(begin, end, unpacked, crc, name.decode(), packed, record.start + inside)
+
+
+def unpack(stream: BinaryIO, record: Record, head: ChunkHead) -> bytes:
+    """The bytes of a chunk as far as they can be had, never more than it claims.
+
+    Raises
+    ------
+    ValueError : it claims more than a chunk may have, or is compressed in an unknown way
+    """
+    available = min(head.packed, record.start + record.available - head.packed_at)
+    if not head.compression:
+        return os.pread(stream.fileno(), max(available, 0), head.packed_at)
+    require_modest(head)
+    packed = os.pread(stream.fileno(), max(available, 0), head.packed_at)
+    out = bytearray()
+    try:
+        for part in _unpacked(head.compression, packed):
+            out += part
+            if len(out) > head.unpacked:
+                break
+    except (zstandard.ZstdError, RuntimeError, EOFError):
+        pass  # truncated or damaged; what came before counts
+    return bytes(out[: head.unpacked])
+
+
+def require_modest(head: ChunkHead) -> None:
+    """Refuse a compressed chunk by what it claims, before anything is unpacked.
+
+    Raises
+    ------
+    ValueError : it claims more than a chunk may have, or is compressed in an unknown way
+    """
+    if head.compression not in ("", "zstd", "lz4"):
+        raise ValueError(f"a chunk compressed by {head.compression!r}; allowed: zstd, lz4")
+    if head.compression and head.unpacked > MAX_UNPACKED:
+        raise ValueError(
+            f"a chunk of {head.packed} bytes claims {head.unpacked} unpacked; allowed: "
+            f"{MAX_UNPACKED}"
+        )
+
+
+def unpacked_size(stream: BinaryIO, head: ChunkHead) -> int:
+    """Bytes that a compressed chunk really unpacks to, counted to one more than it claims."""
+    packed, size = os.pread(stream.fileno(), head.packed, head.packed_at), 0
+    for part in _unpacked(head.compression, packed):
+        size += len(part)
+        if size > head.unpacked:
+            break
+    return size
+
+
+def inside(data: bytes) -> Iterator[Schema | Channel | Message]:
+    """What a chunk holds, up to the first record that is truncated or is not one.
+
+    Raises
+    ------
+    EndOfFile, ValueError, struct.error : what follows is not a record of a chunk
+    """
+    place = 0
+    while place + HEAD.size <= len(data):
+        opcode, length = HEAD.unpack_from(data, place)
+        place += HEAD.size
+        if opcode not in INSIDE:
+            raise ValueError(f"a record of kind {opcode} in a chunk")
+        if place + length > len(data):
+            raise ValueError(f"a record of {length} bytes where {len(data) - place} are left")
+        part = data[place : place + length]
+        place += length
+        yield INSIDE[opcode](part)
+    if place != len(data):
+        raise ValueError(f"{len(data) - place} bytes that are not a record")
+
+
+def _unpacked(compression: str, packed: bytes) -> Iterator[bytes]:
+    """What compressed bytes unpack to, in parts."""
+    if compression == "zstd":
+        with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as reader:
+            while part := reader.read(UNPACK_BYTES):
+                yield part
+        return
+    unpacker, rest = lz4.frame.LZ4FrameDecompressor(), packed
+    while not unpacker.eof:
+        part = unpacker.decompress(rest, max_length=UNPACK_BYTES)
+        rest = b""
+        if not part:
+            return
+        yield part
