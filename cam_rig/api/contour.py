@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cam_rig.api.notebook import shown
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError
 from cam_rig.extras import libraries_named
@@ -116,7 +117,7 @@ class CamContour:
         """
         with libraries_named():
             from cam_rig.plots.profile import figure
-        return figure(self.cam, self.law, self.checks)
+        return shown(figure(self.cam, self.law, self.checks))
 
 
 def contour(cam: CamConfig, points: int = 3600) -> CamContour:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from cam_rig.api.notebook import shown
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.extras import libraries_named
 from cam_rig.laws import Law
@@ -52,7 +53,7 @@ class JumpSpeed(Jump):
         with libraries_named():
             from cam_rig.plots.jump import one_cam
         parameters = TwoMassParameters.from_rig(self.rig)
-        return one_cam(self.law, parameters, self.duration, self.rpm)
+        return shown(one_cam(self.law, parameters, self.duration, self.rpm))
 
 
 def jump_speed(law: Law, rig: RigConfig, *, duration: float | None = FROM_REST) -> JumpSpeed:

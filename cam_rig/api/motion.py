@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import ValidationError
 
+from cam_rig.api.notebook import shown
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import MODELS, Block, Event
 from cam_rig.dynamics.samples import NamedRows
@@ -102,7 +103,7 @@ class FollowerMotion(NamedRows):
         """
         with libraries_named():
             from cam_rig.plots.motion import figure
-        return figure(self, self.law(self.angle), f"{self.law.name} at {self.rpm:g} rpm")
+        return shown(figure(self, self.law(self.angle), f"{self.law.name} at {self.rpm:g} rpm"))
 
 
 def simulate(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cam_rig.api.files import load_scene
+from cam_rig.api.notebook import shown
 from cam_rig.extras import libraries_named
 from cam_rig.schema.load import named_path
 from cam_rig.simulation.levels import HeardTick, NoiseResult, compare, require_ticks, step_levels
@@ -82,7 +83,7 @@ class SceneRun:
         """
         with libraries_named():
             from cam_rig.plots.noise import figure
-        return figure(self.noise, self.loaded)
+        return shown(figure(self.noise, self.loaded))
 
 
 def run_scene(

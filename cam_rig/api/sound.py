@@ -9,6 +9,7 @@ import numpy as np
 
 from cam_rig.acoustics import RadiationParameters, level_db
 from cam_rig.api.motion import CAM, FollowerMotion
+from cam_rig.api.notebook import shown
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError
 from cam_rig.extras import libraries_named
@@ -72,7 +73,7 @@ class SoundLevel:
         """
         with libraries_named():
             from cam_rig.plots.noise import turn_by_turn
-        return turn_by_turn(self.by_turn, self.settle_turns, self.level_db, str(self))
+        return shown(turn_by_turn(self.by_turn, self.settle_turns, self.level_db, str(self)))
 
 
 def sound_level(motion: FollowerMotion, *, settle_turns: int = 1) -> SoundLevel:

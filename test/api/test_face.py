@@ -5,10 +5,13 @@ import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from matplotlib.figure import Figure
 
 import cam_rig
+from cam_rig.api.notebook import shown
 
 #: Modules whose docstrings have examples of public names.
 WITH_EXAMPLES = (
@@ -55,3 +58,35 @@ def test_a_name_that_is_not_there_is_an_attribute_error():
     with pytest.raises(AttributeError, match="module 'cam_rig' has no attribute 'simulat'"):
         cam_rig.simulat
     assert set(cam_rig.__all__) <= set(dir(cam_rig))
+
+
+class Shell:
+    """IPython as far as pictures are concerned: a printer for each type, by what it makes."""
+
+    def __init__(self, known=()):
+        self.printers = {"image/png": Printers(), "image/svg+xml": Printers(known)}
+        self.display_formatter = SimpleNamespace(formatters=self.printers)
+
+
+class Printers:
+    """One of its formatters."""
+
+    def __init__(self, known=()):
+        self.type_printers = dict.fromkeys(known)
+
+    def for_type(self, kind, function):
+        self.type_printers[kind] = function
+
+
+@pytest.mark.parametrize("known", [(), (Figure,)])
+def test_a_notebook_shows_pictures(monkeypatch, known):
+    """As PNG, unless the notebook has its own way already."""
+    law = cam_rig.build_law(cam_rig.load_cam("poly345"))
+    motion = cam_rig.simulate(law, cam_rig.load_rig("tm21"), rpm=60, turns=1, sample_rate=1000)
+    figure, shell = motion.plot(), Shell(known)
+    with monkeypatch.context() as patched:
+        patched.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
+        assert shown(figure) is figure
+    printers = shell.printers["image/png"].type_printers
+    assert set(printers) == (set() if known else {Figure})
+    assert all(printer(figure).startswith(b"\x89PNG") for printer in printers.values())
