@@ -52,7 +52,7 @@ def main(ticks: str = "100000", scene: str = "quick", pacing: str = "free") -> i
         path = prolonged(Path(folder), scene, int(ticks))
         total, early, used = tick_count(load_scene(path)), {}, {}
         begun, shown = time.monotonic(), -EVERY
-        with Graph(live(path, Path(folder) / "bag", pacing=pacing), say=print) as graph:
+        with Graph(live(path, Path(folder) / "bag", pacing=pacing), log=print) as graph:
             print("wall s", "tick", *graph.processes, sep="\t")
             for report in graph.progress():
                 if int(report["tick"]) == total:

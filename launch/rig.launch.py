@@ -8,6 +8,7 @@ from time import strftime
 from launch import LaunchContext, LaunchDescription
 from launch.actions import (
     DeclareLaunchArgument,
+    LogInfo,
     OpaqueFunction,
     SetEnvironmentVariable,
     SetLaunchConfiguration,
@@ -19,6 +20,8 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
+
+from cam_rig.runner.node_table import NODES, NodeEntry
 
 
 def config(*path: str) -> PathJoinSubstitution:
@@ -32,36 +35,48 @@ def argument(name: str, kind: type = str) -> dict[str, ParameterValue]:
 
 
 def ended(event: ProcessExited, context: LaunchContext) -> Shutdown | None:
-    """End all when the drive has run its program, or when a node died and is not to return."""
+    """End all when the drive has run its program, or when a node ended that is not restarted."""
     again = LaunchConfiguration("respawn").perform(context).lower() in ("true", "1")
     if again and event.returncode != 0:
         return None
     return Shutdown(reason=f"{event.process_name} has ended")
 
 
-def handover(_context: LaunchContext) -> list[SetLaunchConfiguration]:
-    """Make a folder where nodes leave what their successors must know; it goes with the launch."""
+def left_out(event: ProcessExited, _context: LaunchContext) -> LogInfo:
+    """Report the end of a node that is not essential, as `cam-rig run` does."""
+    code, name = event.returncode, event.process_name
+    return LogInfo(msg=f"node {name} ended with code {code}: the run goes on without it")
+
+
+def checkpoint(_context: LaunchContext) -> list[SetLaunchConfiguration]:
+    """Make the folder of the nodes' checkpoints; it is removed with the launch."""
     folder = tempfile.mkdtemp(prefix="cam_rig-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return [SetLaunchConfiguration("handover", folder)]
+    return [SetLaunchConfiguration("checkpoint", folder)]
 
 
-def node(name: str, *more: dict[str, ParameterValue], condition: IfCondition | None = None) -> Node:
-    """Start the node of this name with the scene and any further parameters."""
+def node(entry: NodeEntry) -> Node:
+    """Start a node of the table with the scene and its further parameters."""
+    given = [argument(name, kind) for name, kind in entry.parameters.items()]
+    optional = {
+        "respawn": True,
+        "respawn_max_retries": entry.max_respawns,
+        "condition": IfCondition(LaunchConfiguration("view")),
+        "on_exit": left_out,
+    }
+    essential = {"respawn": LaunchConfiguration("respawn"), "on_exit": ended}
     return Node(
         package="cam_rig",
-        executable=name,
-        parameters=[argument("scene"), argument("handover"), *more],
+        executable=entry.name,
+        parameters=[argument("scene"), argument("checkpoint"), *given],
         output="screen",
-        respawn=LaunchConfiguration("respawn"),
         respawn_delay=0.5,
-        on_exit=ended,
-        condition=condition,
+        **(essential if entry.essential else optional),
     )
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Start who listens before who speaks, as `cam-rig run` does."""
+    """Start the nodes of the runner's table, in its order."""
     network = LaunchConfiguration("network")
     quiet, loud = UnlessCondition(network), IfCondition(network)
     profile = "FASTDDS_DEFAULT_PROFILES_FILE"
@@ -80,7 +95,12 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "view",
                 default_value="false",
-                description="open Rerun and show the run while it runs",
+                description="show the run in Rerun while it runs",
+            ),
+            DeclareLaunchArgument(
+                "address",
+                default_value="",
+                description="Rerun's address, with view:=true; empty opens a window",
             ),
             DeclareLaunchArgument(
                 "pacing",
@@ -96,10 +116,10 @@ def generate_launch_description() -> LaunchDescription:
                 description="wall time without an answer after which the drive gives up, s",
             ),
             DeclareLaunchArgument(
-                "respawn", default_value="false", description="start a node again that died"
+                "respawn", default_value="false", description="start a node again that was killed"
             ),
             DeclareLaunchArgument(
-                "network", default_value="false", description="true: the subnet may listen"
+                "network", default_value="false", description="true: the subnet may subscribe"
             ),
             SetEnvironmentVariable(profile, config("fastdds_loopback.xml"), condition=quiet),
             # Any other range, LOCALHOST too, would replace the profile's transports.
@@ -109,17 +129,7 @@ def generate_launch_description() -> LaunchDescription:
             # One in the working directory would open the subnet.
             SetEnvironmentVariable("SKIP_DEFAULT_XML_FILE", "1", condition=quiet),
             SetEnvironmentVariable(profile, config("fastdds_subnet.xml"), condition=loud),
-            OpaqueFunction(function=handover),
-            node("recorder", argument("bag")),
-            node("viewer", condition=IfCondition(LaunchConfiguration("view"))),
-            node("microphone"),
-            node("follower"),
-            node("law_server"),
-            node(
-                "cam_drive",
-                argument("pacing"),
-                argument("autostart", bool),
-                argument("patience", float),
-            ),
+            OpaqueFunction(function=checkpoint),
+            *map(node, NODES),
         ]
     )

@@ -6,6 +6,7 @@ A node's own start takes a second and a half of computing, five of them most of 
 from __future__ import annotations
 
 import ctypes
+import fcntl
 import json
 import os
 import select
@@ -68,12 +69,14 @@ class Preloaded:
         )
         theirs.close()
 
-    def start(self, command: list[str], network: bool) -> Adopted:
+    def start(self, command: list[str], network: bool, pipe: int | None = None) -> Adopted:
         """What `cam_rig.runner.process` starts by this command."""
         (read_out, out), (read_err, err) = os.pipe(), os.pipe()
         request = {"argv": command[2:], "env": environment(network), "folder": os.getcwd()}
+        numbers = {1: out, 2: err} | ({} if pipe is None else {pipe: pipe})
+        request["numbers"] = list(numbers)
         with _adopting():
-            socket.send_fds(self._ours, [json.dumps(request).encode()], [out, err])
+            socket.send_fds(self._ours, [json.dumps(request).encode()], list(numbers.values()))
             pid = int(self._ours.recv(32))
         os.close(out)
         os.close(err)
@@ -101,7 +104,7 @@ def serve(requests: socket.socket) -> None:
         import_module(f"cam_rig.nodes.{name}")
     read, write = os.pipe()
     while True:
-        data, streams, _, _ = socket.recv_fds(requests, 1 << 20, 2)
+        data, streams, _, _ = socket.recv_fds(requests, 1 << 20, 3)
         if not data:
             return
         if os.fork() == 0:
@@ -125,9 +128,12 @@ def serve(requests: socket.socket) -> None:
 def become(request: dict, streams: list[int]) -> None:
     """Be the node that was asked for."""
     PRCTL(DEATH_SIGNAL, 0)
-    for stream, number in zip(streams, (1, 2), strict=True):
-        os.dup2(stream, number)
+    apart = [fcntl.fcntl(stream, fcntl.F_DUPFD, 1000) for stream in streams]  # from all numbers
+    for stream in streams:
         os.close(stream)
+    for copy, number in zip(apart, request["numbers"], strict=True):
+        os.dup2(copy, number)
+        os.close(copy)
     os.chdir(request["folder"])
     os.environ.clear()
     os.environ.update(request["env"])

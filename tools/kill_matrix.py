@@ -83,7 +83,7 @@ class Case:
         """Run the scene and strike at the moment."""
         begun, stop_all = time.monotonic(), graph_module.stop_all
         nodes = live(scene, bag, patience=PATIENCE)
-        made = Graph(nodes, self.respawn, say=self.said.append)
+        made = Graph(nodes, self.respawn, log=self.said.append)
 
         def closing(processes: list[NodeProcess]) -> None:
             if self.moment == "closing":

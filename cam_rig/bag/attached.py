@@ -1,4 +1,4 @@
-"""The files attached to a bag: read with care, for names, sizes and bytes may be anybody's."""
+"""The files attached to a bag: read with care, since names, sizes and bytes are not trusted."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from mcap.records import Attachment
 
 from cam_rig.bag.damage import UNREADABLE, damaged
 from cam_rig.bag.files import mcap_file
-from cam_rig.bag.pieces import MIB, content, fields, pieces
+from cam_rig.bag.records import content, fields, records_of
 from cam_rig.errors import BagError
-from cam_rig.files import no_room
+from cam_rig.files import MIB, no_room
 
-#: Attached to a bag that was recovered and lacks something: what.
+#: Attached to a recovered bag that lacks something: it says what.
 RECOVERED = "recovered.txt"
 #: Files attached to a bag, and their bytes; a scene with a hundred cams and their tables has less.
 MAX_ATTACHED, MAX_ATTACHED_BYTES = 1000, 64 * MIB
@@ -48,7 +48,7 @@ def unpack(bag: Path, folder: Path) -> Path:
 
 
 def recovered_words(bag: Path) -> list[str]:
-    """What was said of a bag each time it was recovered: what it lacks, what may be wrong in it.
+    """The reports of a bag's recoveries: what it lacks, what may be wrong in it.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def recovered_words(bag: Path) -> list[str]:
 
 
 def attachments(file: Path) -> Iterator[Attachment]:
-    """What is attached to an MCAP file, of one that was not closed too.
+    """What is attached to an MCAP file, also to one that was not closed.
 
     Raises
     ------
@@ -76,16 +76,16 @@ def attachments(file: Path) -> Iterator[Attachment]:
     """
     number = size = 0
     with file.open("rb") as stream:
-        for piece in pieces(stream):
-            if piece.opcode != Opcode.ATTACHMENT or not piece.whole:
+        for record in records_of(stream):
+            if record.opcode != Opcode.ATTACHMENT or not record.whole:
                 continue
-            number, size = number + 1, size + piece.length
+            number, size = number + 1, size + record.length
             if number > MAX_ATTACHED or size > MAX_ATTACHED_BYTES:
                 raise BagError(
                     f"{file}: {number} attachments of {size} bytes; allowed: {MAX_ATTACHED} of "
                     f"{MAX_ATTACHED_BYTES}"
                 )
-            yield attachment_of(content(stream, piece))
+            yield attachment_of(content(stream, record))
 
 
 def _safe(bag: Path, name: str) -> Path:
@@ -93,7 +93,7 @@ def _safe(bag: Path, name: str) -> Path:
 
     Raises
     ------
-    BagError : it points out of the folder, or no file can have this name
+    BagError : it points out of the folder, or a file cannot have this name
     """
     parts = name.split("/")
     if name.startswith("/") or ".." in parts or "\0" in name:
@@ -124,7 +124,7 @@ def attachment_of(data: bytes) -> Attachment:
 
     Raises
     ------
-    EndOfFile, ValueError, struct.error : they are none, or are not those that were written
+    EndOfFile, ValueError, struct.error : they are not one, or not those that were written
     """
     found = Attachment.read(fields(data))
     crc = int.from_bytes(data[-4:], "little")

@@ -1,8 +1,8 @@
-"""What a file may ask of who reads it: bounded before any reader unpacks it.
+"""The memory that a file takes from its reader: bounded before any reader unpacks it.
 
 A few bytes may claim to unpack to gigabytes, and an index may lead a reader to chunks that a walk
-through the file does not meet. Here everything that a reader will follow is compared with what is
-there. A chunk that is not compressed needs what it has in the file, and is not bounded.
+through the file does not meet. Here everything that a reader will follow is compared with the
+file. A chunk that is not compressed needs what it has in the file, and is not bounded.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from mcap.records import ChunkIndex
 
 from cam_rig.bag.damage import reason
 from cam_rig.bag.files import METADATA
-from cam_rig.bag.pieces import (
-    MIB,
+from cam_rig.bag.records import (
     ChunkHead,
     Record,
     chunk_head,
     content,
     fields,
-    pieces,
+    records_of,
     require_modest,
     unpacked_size,
 )
 from cam_rig.errors import BagError
+from cam_rig.files import MIB
 
 #: What a file's compressed chunks may unpack to: this, and so many times the file's size.
 FREE_UNPACKED, MAX_RATIO = 16 * MIB, 100
@@ -55,14 +55,16 @@ def require_bounded(file: Path) -> None:
     chunks: dict[int, tuple[Record, ChunkHead]] = {}
     with file.open("rb") as stream:
         try:
-            for piece in pieces(stream):
-                if not piece.whole:
-                    raise ValueError(f"a record of {piece.length} bytes, {piece.there} are there")
-                if piece.opcode == Opcode.CHUNK:
-                    chunks[piece.start], span = _chunk(stream, piece)
+            for record in records_of(stream):
+                if not record.whole:
+                    raise ValueError(
+                        f"a record of {record.length} bytes, the file has {record.available}"
+                    )
+                if record.opcode == Opcode.CHUNK:
+                    chunks[record.start], span = _chunk(stream, record)
                     spans += span
-                elif piece.opcode == Opcode.CHUNK_INDEX:
-                    _require_true(ChunkIndex.read(fields(content(stream, piece))), chunks)
+                elif record.opcode == Opcode.CHUNK_INDEX:
+                    _require_true(ChunkIndex.read(fields(content(stream, record))), chunks)
         except (ValueError, EOFError, struct.error, McapError) as error:
             raise BagError(f"{file}: {reason(error)}") from None
     size, total = file.stat().st_size, sum(unpacked for *_, unpacked in spans)
@@ -79,7 +81,7 @@ def require_bounded(file: Path) -> None:
 
 
 def require_plain(bag: Path) -> None:
-    """Refuse a bag whose files or messages are compressed one by one, for nothing bounds those.
+    """Refuse a bag whose files or messages are compressed one by one, since nothing bounds those.
 
     Raises
     ------
@@ -96,11 +98,11 @@ def require_plain(bag: Path) -> None:
             )
 
 
-def _chunk(stream: BinaryIO, piece: Record) -> tuple[tuple[Record, ChunkHead], list[Span]]:
-    head = chunk_head(stream, piece)
+def _chunk(stream: BinaryIO, record: Record) -> tuple[tuple[Record, ChunkHead], list[Span]]:
+    head = chunk_head(stream, record)
     require_modest(head)
     if not head.compression:
-        return (piece, head), []
+        return (record, head), []
     try:
         size = unpacked_size(stream, head)
     except (zstandard.ZstdError, RuntimeError) as error:
@@ -108,19 +110,24 @@ def _chunk(stream: BinaryIO, piece: Record) -> tuple[tuple[Record, ChunkHead], l
     if size != head.unpacked:
         more = "more" if size > head.unpacked else f"{size}"
         raise ValueError(f"a chunk claims {head.unpacked} bytes unpacked and has {more}")
-    return (piece, head), [(head.begin, head.end, head.unpacked)]
+    return (record, head), [(head.begin, head.end, head.unpacked)]
 
 
 def _require_true(index: ChunkIndex, chunks: dict[int, tuple[Record, ChunkHead]]) -> None:
-    """Refuse an index that says of a chunk what the chunk itself does not say; each once."""
+    """Refuse an index that differs from the chunk it is of; each once."""
     start = index.chunk_start_offset + 9
     if start not in chunks:
-        raise ValueError(f"an index of a chunk at byte {index.chunk_start_offset}, which has none")
-    piece, head = chunks.pop(start)
-    said = index.compression, index.compressed_size, index.uncompressed_size, index.chunk_length
-    true = head.compression, head.packed, head.unpacked, piece.length + 9
-    if said != true or (index.message_start_time, index.message_end_time) != (head.begin, head.end):
-        raise ValueError(f"an index that says {said} of a chunk that says {true}")
+        raise ValueError(
+            f"an index of a chunk at byte {index.chunk_start_offset}, where there is none"
+        )
+    record, head = chunks.pop(start)
+    claimed = index.compression, index.compressed_size, index.uncompressed_size, index.chunk_length
+    true = head.compression, head.packed, head.unpacked, record.length + 9
+    if claimed != true or (index.message_start_time, index.message_end_time) != (
+        head.begin,
+        head.end,
+    ):
+        raise ValueError(f"an index that claims {claimed} of a chunk that is {true}")
 
 
 def _at_once(spans: Iterable[Span]) -> int:

@@ -18,8 +18,8 @@ from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, decode_block, stamp_ns
 from cam_rig.messages.topics import Topic
 
-#: What the follower and the microphone say of each tick.
-ANSWERS = tuple(topic for topic in topics.RECORDING if topic.per == "tick")
+#: What the follower and the microphone publish for each tick.
+COMPARED = tuple(topic for topic in topics.RECORDING if topic.per == "tick")
 
 
 @dataclass
@@ -41,14 +41,14 @@ class Difference:
 
 
 def compare(one: Path, other: Path) -> list[Difference]:
-    """The differences of all that follower and microphone said in two recordings.
+    """The differences of all that follower and microphone published in two recordings.
 
     Raises
     ------
     BagError : a bag cannot be read, or one has more messages than the other
     """
     found: dict[tuple[str, str], Difference] = {}
-    for topic in ANSWERS:
+    for topic in COMPARED:
         pairs = zip_longest(_quantities(one, topic), _quantities(other, topic))
         for number, (here, there) in enumerate(pairs):
             if here is None or there is None:

@@ -1,4 +1,4 @@
-"""Checking that a bag holds every message of every tick of its scene."""
+"""Whether a bag holds every message of every tick of its scene."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from cam_rig.simulation.schedule import CamState, tick_count
 def require_complete(bag: Path, scene: SceneConfig) -> dict[str, int]:
     """Messages a topic, when none is missing.
 
-    The states in the bag tell what there must be; there are as many as the scene has, or more
-    where the drive was set back to the beginning.
+    The states in the bag determine what it must hold; there are as many as the scene has, or more
+    where the drive was reset to the beginning.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a damaged bag may raise in its readers, and what is said of it."""
+"""What a damaged bag may raise in its readers, and the error that reports it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mcap.exceptions import McapError
 from rosbags.rosbag2 import ReaderError
 from rosbags.serde import SerdeError
 
-from cam_rig.bag.files import WANTED, no_bag
+from cam_rig.bag.files import ALLOWED, why_not_a_bag
 from cam_rig.errors import BagError
 
 #: What a file with wrong bytes in it may raise in the readers.
@@ -32,7 +32,7 @@ DAMAGE = (
     OverflowError,
     RuntimeError,
 )
-#: What rosbags raises on a bag that is none.
+#: What rosbags raises on a file or folder that is not a bag.
 UNREADABLE = (
     ReaderError,
     SerdeError,
@@ -50,10 +50,10 @@ def reason(error: Exception) -> str:
 
 
 def damaged(bag: Path, error: Exception) -> BagError:
-    """What to say of a bag that cannot be read: what it is instead, or how to mend it."""
-    if what := no_bag(bag):
-        return BagError(f"{bag}: {what}; {WANTED}")
+    """The error of a bag that cannot be read: why it is not a bag, or how to recover it."""
+    if what := why_not_a_bag(bag):
+        return BagError(f"{bag}: {what}; {ALLOWED}")
     return BagError(
-        f"{bag}: cannot be read as a rosbag2 bag ({reason(error)}); if it was not closed, mend it "
-        f"with: cam-rig recover {bag}"
+        f"{bag}: cannot be read as a rosbag2 bag ({reason(error)}); if it was not closed, recover "
+        f"it with: cam-rig recover {bag}"
     )

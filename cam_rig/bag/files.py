@@ -1,9 +1,9 @@
-"""The files of a bag: what they are called, which one counts, and how one takes another's place.
+"""The files of a bag: their names, which one counts, and how a new file replaces an old one.
 
 A recording is complete when its MCAP file ends with a footer and the magic, which are written last.
-What is written anew, by a recovery or by the successor of a killed recorder, has ``.part`` at the
-end of its name until it holds everything; then it takes its place in one step. So a kill, at
-whatever moment, leaves the old file or the new one, and what is called ``.part`` may always go.
+What a recovery or the successor of a killed recorder writes has ``.part`` at the end of its name
+until it holds everything; then it replaces the old file in one step. So a kill, at whatever moment,
+leaves the old file or the new one, and a ``.part`` may always be deleted.
 Versions before this one set the truncated file aside as ``.torn`` and wrote the new one in its
 place: where there is such a file, it is the one that holds everything.
 """
@@ -22,14 +22,14 @@ from mcap.writer import MCAP0_MAGIC
 from cam_rig.errors import BagError
 
 METADATA = "metadata.yaml"
-#: What is not yet whole has this at the end of its name.
+#: The end of the name of a file that is not yet complete.
 PART = ".part"
-#: What older versions called the truncated file while its good part was copied.
+#: The end of the name that older versions gave a truncated file while they copied it.
 TORN = ".torn"
 #: A footer's opcode and length; 20 bytes and the magic follow.
 FOOTER = b"\x02" + (20).to_bytes(8, "little")
-#: What may be named instead of what is no bag.
-WANTED = "name a folder with metadata.yaml and an .mcap file, or an .mcap file"
+#: What a bag is, for the error that refuses something else.
+ALLOWED = "allowed: a folder with metadata.yaml and an .mcap file, or an .mcap file"
 
 
 def bag_file(directory: Path) -> Path:
@@ -38,7 +38,7 @@ def bag_file(directory: Path) -> Path:
 
 
 def part_of(file: Path) -> Path:
-    """What a file is called until it is whole."""
+    """The name of a file until it is complete."""
     return file.with_name(file.name + PART)
 
 
@@ -59,7 +59,7 @@ def is_closed(file: Path) -> bool:
     return end.startswith(FOOTER) and end.endswith(MCAP0_MAGIC)
 
 
-def is_torn(bag: Path) -> bool:
+def is_unclosed(bag: Path) -> bool:
     """Whether a recording was begun here and not closed, or its recovery was not finished."""
     file = bag_file(bag)
     if file.with_suffix(TORN).exists():
@@ -78,8 +78,8 @@ def mcap_file(bag: Path) -> Path:
     ------
     BagError : there is none, or there are several
     """
-    if what := no_bag(bag):
-        raise BagError(f"{bag}: {what}; {WANTED}")
+    if what := why_not_a_bag(bag):
+        raise BagError(f"{bag}: {what}; {ALLOWED}")
     files = [bag]
     if bag.is_dir():
         files = sorted({file.with_suffix(".mcap") for file in _mcap_files(bag)})
@@ -89,34 +89,36 @@ def mcap_file(bag: Path) -> Path:
     return torn if torn.exists() else files[0]
 
 
-def no_bag(path: Path) -> str | None:
-    """Why a path is no bag and never was one, in words; None where it is or was."""
+def why_not_a_bag(path: Path) -> str | None:
+    """Why a path is not a bag and never was one, in words; None where it is or was."""
     try:
         if not path.exists():
             return "no such bag"
     except OSError as error:
-        return str(error.strerror)
+        return f"is not a bag: {error.strerror}"
     if path.is_dir():
-        return _no_bag_folder(path)
-    return _no_mcap(path) if path.suffix in (".mcap", TORN) else "is no bag"
+        return _why_not_a_bag_folder(path)
+    return (
+        _why_not_mcap(path) if path.suffix in (".mcap", TORN) else "is not a bag: not an .mcap file"
+    )
 
 
-def _no_bag_folder(path: Path) -> str | None:
+def _why_not_a_bag_folder(path: Path) -> str | None:
     if files := _mcap_files(path):
-        wrong = [_no_mcap(file) for file in files]
+        wrong = [_why_not_mcap(file) for file in files]
         return wrong[0] if all(wrong) else None
     if any(path.glob(f"*.mcap{PART}")):
-        return "was begun by a recovery that was interrupted; recover the bag it is of once more"
-    if not (path / METADATA).exists():  # else of another kind, as SQLite
-        return "has no .mcap file in it, so it is no bag"
+        return "is not a bag: a recovery was interrupted here; repeat it"
+    if not (path / METADATA).exists():  # else of another storage, as SQLite
+        return "is not a bag: no .mcap file in it"
     return None
 
 
-def _no_mcap(file: Path) -> str | None:
-    """Why a file is none of MCAP, in words."""
+def _why_not_mcap(file: Path) -> str | None:
+    """Why a file is not one of MCAP, in words."""
     with suppress(OSError), file.open("rb") as stream:
         if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
-            return f"{file.name} does not begin as an MCAP file does, so it is no bag"
+            return f"is not a bag: {file.name} does not begin as an MCAP file does"
     return None
 
 
@@ -125,7 +127,7 @@ def _mcap_files(folder: Path) -> list[Path]:
 
 
 def create(file: Path) -> BinaryIO:
-    """Open a file to be written; a ``.part`` that a killed process left is begun anew.
+    """Open a file to be written; a ``.part`` that a killed process left is truncated.
 
     Raises
     ------
@@ -146,7 +148,7 @@ def create(file: Path) -> BinaryIO:
 
 
 def sync(stream: BinaryIO) -> None:
-    """Put what was written onto the disk, where a power cut cannot take it.
+    """Write a file to the disk (fsync), where a power cut cannot take it.
 
     Raises
     ------
@@ -157,7 +159,7 @@ def sync(stream: BinaryIO) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Put the names in a folder onto the disk, where the folder and its disk let one do so.
+    """Write a folder's entries to the disk (fsync), where the folder and its disk allow it.
 
     Raises
     ------
@@ -170,14 +172,14 @@ def sync_folder(folder: Path) -> None:
     try:
         os.fsync(number)
     except OSError as error:
-        if error.errno != errno.EINVAL:  # some network disks know of no such thing
+        if error.errno != errno.EINVAL:  # some network disks do not support it
             raise
     finally:
         os.close(number)
 
 
-def take_place(part: Path, file: Path) -> None:
-    """Let a whole file, which is on the disk, take its place in one step.
+def replace(part: Path, file: Path) -> None:
+    """Let a complete file, which is on the disk, take another's place in one step.
 
     Raises
     ------
@@ -188,7 +190,7 @@ def take_place(part: Path, file: Path) -> None:
 
 
 def remove(file: Path) -> None:
-    """Remove what another file has taken the place of.
+    """Remove a file that another one has replaced.
 
     Raises
     ------
@@ -202,7 +204,7 @@ def remove(file: Path) -> None:
 
 
 def write_whole(file: Path, data: bytes) -> None:
-    """Write a small file, which is never seen half.
+    """Write a small file, of which no reader sees a part.
 
     Raises
     ------
@@ -211,4 +213,4 @@ def write_whole(file: Path, data: bytes) -> None:
     with create(part_of(file)) as stream:
         stream.write(data)
         sync(stream)
-    take_place(part_of(file), file)
+    replace(part_of(file), file)

@@ -1,6 +1,6 @@
-"""What a recording lacks, in numbers: by its scene, by its states, by the numbers of its messages.
+"""What a recording lacks, in numbers: by its scene, by its states, by its sequence numbers.
 
-A tick has its place in the scene, counted from 1; the messages of a topic are counted from 1 too.
+The ticks of a scene are counted from 1, and so are the messages of a topic.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from itertools import groupby, pairwise
 
 from cam_rig.bag.complete import belonging
-from cam_rig.bag.partial_reader import OURS
+from cam_rig.bag.partial_reader import RECORDED_TOPICS
 from cam_rig.errors import RefusedError
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of
@@ -19,7 +19,7 @@ from cam_rig.messages.topics import RECORDING
 from cam_rig.schema import SceneConfig
 from cam_rig.simulation.schedule import CamState, cam_states, tick_count
 
-#: Gaps that are named one by one; of more, the number is said.
+#: Gaps that are named one by one; of more, the number is given.
 MAX_NAMED = 6
 
 Lacking = list[tuple[int, frozenset[str]]]
@@ -36,7 +36,7 @@ class Holdings:
 
     def add(self, name: str, log_time: int, number: int, cdr: bytes) -> None:
         """Note a message, if it is of a topic of the rig."""
-        if name not in OURS:
+        if name not in RECORDED_TOPICS:
             return
         self.times.setdefault(name, set()).add(log_time)
         self.numbers.setdefault(name, set()).add(number)
@@ -44,11 +44,11 @@ class Holdings:
             try:
                 message = self._raw.read(topics.CAM_STATE, cdr)[0]
                 self.states.append((number, cam_state_of(message)))
-            except RefusedError:  # of a damaged part; it is counted where that is told of
+            except RefusedError:  # of a damaged part; it is counted where that is reported
                 pass
 
     def follows(self, scene: SceneConfig) -> bool:
-        """Whether every state is one of the scene's; not where a hand changed speed or cam."""
+        """Whether every state is one of the scene's; not where an operator overrode it."""
         known = {state.time_ns: state for state in cam_states(scene)}
         return bool(self.states) and all(
             (there := known.get(state.time_ns)) is not None and there.cam == state.cam
@@ -61,7 +61,7 @@ class Loss:
     """What is missing: each gap in words, how many messages, and where the recording ends.
 
     ``gaps`` are those that are known; ``open_end`` says that what came after the last message is
-    missing too, and nobody knows how much; ``ends`` is how far a recording went that was closed
+    missing too, and it is not known how much; ``ends`` is how far a recording went that was closed
     before its scene was at its end, empty for others.
     """
 
@@ -87,7 +87,7 @@ def loss_of(holdings: Holdings, scene: SceneConfig | None, whole: bool, ours: bo
     ----------
     scene : that was run; None where it is not known
     whole : whether the recording was closed, so that nothing was to come after its end
-    ours : whether each topic's messages were numbered from 1 when they were written
+    ours : whether this package wrote the file, numbering each topic's messages from 1
     """
     if scene is not None and holdings.follows(scene):
         states = list(enumerate(cam_states(scene)))
@@ -100,13 +100,13 @@ def loss_of(holdings: Holdings, scene: SceneConfig | None, whole: bool, ours: bo
         lacking = _lacking(holdings, list(_moves(states)))
         gaps = [_gap_words(run, total) for run in _runs(lacking)]
         last = max(holdings.times.get(topics.DIAGNOSTICS.name, {0}))
-        if not whole and last < states[-1][1].time_ns:  # nobody knows how many there were
+        if not whole and last < states[-1][1].time_ns:  # the number of them is not known
             gaps.append(f"and {topics.DIAGNOSTICS.name} after {last / 1e9:.6g} s, not counted here")
         open_end = False
     else:
         states = sorted((number - 1, state) for number, state in holdings.states) if ours else []
         known = [move for move in _moves(states) if move[0] == 0 or move[1] is not None]
-        lacking = _lacking(holdings, known, only_last=True)  # the rest is told by the numbers
+        lacking = _lacking(holdings, known, only_last=True)  # else by the sequence numbers
         gaps = [_gap_words(run, 0) for run in _runs(lacking)]
         ends, open_end, numbered = "", not whole, list(RECORDING)
     count = sum(len(names) for _, names in lacking)
@@ -165,7 +165,7 @@ def _runs(lacking: Lacking) -> Iterator[Lacking]:
 
 
 def _is_all(names: Iterable[str]) -> bool:
-    """Whether nothing of a tick is there, or nothing of the state that a run begins with."""
+    """Whether a tick lacks everything, or so does the state that a run begins with."""
     return topics.CAM_STATE.name in names
 
 

@@ -1,4 +1,4 @@
-"""Reading an MCAP file as far as it goes: cut off, or with damaged parts."""
+"""Reading an MCAP file as far as it goes: truncated, or with damaged parts."""
 
 from __future__ import annotations
 
@@ -14,14 +14,24 @@ from mcap.records import Attachment, Channel, Header, Message, Schema
 
 from cam_rig.bag.attached import attachment_of
 from cam_rig.bag.damage import DAMAGE, reason
-from cam_rig.bag.pieces import INSIDE, Record, chunk_head, content, fields, inside, pieces, unpack
+from cam_rig.bag.records import (
+    INSIDE,
+    Record,
+    chunk_head,
+    content,
+    fields,
+    inside,
+    records_of,
+    unpack,
+)
 from cam_rig.errors import BagError, RefusedError
 from cam_rig.messages import topics
 from cam_rig.messages.serialization import RawMessages, stamp_of
 
-#: Who wrote a file of ours.
+#: The writer's name in the header of this package's files.
 LIBRARY = "cam_rig"
-OURS = {topic.name: topic for topic in topics.RECORDING}
+#: The recorded topics by name.
+RECORDED_TOPICS = {topic.name: topic for topic in topics.RECORDING}
 INDEXES = {
     Opcode.MESSAGE_INDEX,
     Opcode.CHUNK_INDEX,
@@ -36,14 +46,14 @@ Found = tuple[Schema, Channel, Message] | Attachment
 
 
 @dataclass
-class Salvage:
-    """The attachments and messages of a file, in its order; what was lost is known afterwards.
+class PartialReader:
+    """The attachments and messages of a file, in its order; the losses are known afterwards.
 
     ``whole`` says that the file was closed and ``ours`` that this package wrote it; ``damaged`` is
     how many of its records were unreadable or not what was written, and ``why`` the first of them
     was; ``doubtful`` is how many messages were read out of them all the same, between the times
     ``doubt`` (ns). ``cut`` is how many messages were read out of truncated chunks, and
-    ``unread`` how many bytes nothing could be made of.
+    ``unread`` the number of bytes that could not be read.
     """
 
     file: Path
@@ -61,7 +71,7 @@ class Salvage:
 
         Raises
         ------
-        BagError : the file cannot be opened, or never was one
+        BagError : the file cannot be opened, or is not one of MCAP
         """
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
@@ -71,52 +81,52 @@ class Salvage:
         except OSError as error:
             raise BagError(f"{self.file}: cannot be read ({error.strerror})") from None
         with stream:
-            for piece in pieces(stream):  # the summary knows channels that a damaged chunk began
-                if piece.whole and piece.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            for record in records_of(stream):  # the summary repeats channels of a damaged chunk
+                if record.whole and record.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                     with suppress(*DAMAGE):
-                        list(self._known(INSIDE[piece.opcode](content(stream, piece))))
-            for piece in pieces(stream):
-                if piece.opcode == Opcode.CHUNK:
-                    yield from self._of_chunk(stream, piece)
-                elif not piece.whole:
-                    if not self.whole and piece.opcode not in INDEXES:  # which are made anew
-                        self.unread += piece.there
-                elif piece.opcode == Opcode.DATA_END:
+                        list(self._known(INSIDE[record.opcode](content(stream, record))))
+            for record in records_of(stream):
+                if record.opcode == Opcode.CHUNK:
+                    yield from self._of_chunk(stream, record)
+                elif not record.whole:
+                    if not self.whole and record.opcode not in INDEXES:  # which are made again
+                        self.unread += record.available
+                elif record.opcode == Opcode.DATA_END:
                     self.whole = True
                 else:
-                    yield from self._at_the_top(stream, piece)
+                    yield from self._at_the_top(stream, record)
 
-    def _at_the_top(self, stream: BinaryIO, piece: Record) -> Iterator[Found]:
+    def _at_the_top(self, stream: BinaryIO, record: Record) -> Iterator[Found]:
         try:
-            if piece.opcode == Opcode.ATTACHMENT:
-                yield attachment_of(content(stream, piece))
-            elif piece.opcode == Opcode.HEADER:
-                self.ours = Header.read(fields(content(stream, piece))).library == LIBRARY
-            elif piece.opcode in INSIDE:
-                yield from self._known(INSIDE[piece.opcode](content(stream, piece)))
+            if record.opcode == Opcode.ATTACHMENT:
+                yield attachment_of(content(stream, record))
+            elif record.opcode == Opcode.HEADER:
+                self.ours = Header.read(fields(content(stream, record))).library == LIBRARY
+            elif record.opcode in INSIDE:
+                yield from self._known(INSIDE[record.opcode](content(stream, record)))
         except DAMAGE as error:
             self._note(error)
 
-    def _of_chunk(self, stream: BinaryIO, piece: Record) -> Iterator[Found]:
+    def _of_chunk(self, stream: BinaryIO, chunk: Record) -> Iterator[Found]:
         """What a chunk holds, as far as it goes."""
         count, sound, read, wrong = 0, False, 0, None
         try:
-            head = chunk_head(stream, piece)
-            data = unpack(stream, piece, head)
+            head = chunk_head(stream, chunk)
+            data = unpack(stream, chunk, head)
             sound = len(data) == head.unpacked and head.crc in (0, zlib.crc32(data))
             for record in inside(data):
                 read += 1
                 for found in self._known(record):
-                    if sound or not piece.whole or self._believable(found, head.begin, head.end):
+                    if sound or not chunk.whole or self._is_plausible(found, head.begin, head.end):
                         count += 1
                         yield found
             if not sound:
                 raise ValueError("a chunk's checksum is wrong")
         except DAMAGE as error:
             sound, wrong = False, error
-        if not piece.whole:
+        if not chunk.whole:
             self.cut += count
-            self.unread += 0 if read else piece.there
+            self.unread += 0 if read else chunk.available
         elif not sound:
             self._note(wrong)
             self.doubtful += count
@@ -126,7 +136,7 @@ class Salvage:
         self.why = self.why or ("" if error is None else reason(error))
 
     def _known(self, record: Any) -> Iterator[tuple[Schema, Channel, Message]]:
-        """A message with what it is; of anything else, what it says is kept."""
+        """A message with its schema and channel; schemas and channels are kept."""
         if isinstance(record, Schema):
             self._schemas[record.id] = record
         elif isinstance(record, Channel):
@@ -138,10 +148,10 @@ class Salvage:
             if schema is not None:
                 yield schema, channel, record
 
-    def _believable(self, found: tuple[Schema, Channel, Message], begin: int, end: int) -> bool:
-        """Whether a message of a chunk with a wrong checksum says at least what a message may."""
+    def _is_plausible(self, found: tuple[Schema, Channel, Message], begin: int, end: int) -> bool:
+        """Whether a message of a chunk with a wrong checksum is a plausible one of its topic."""
         _, channel, message = found
-        topic = OURS.get(channel.topic)
+        topic = RECORDED_TOPICS.get(channel.topic)
         try:
             if topic is not None:
                 self._raw.read(topic, message.data)

@@ -1,4 +1,4 @@
-"""What a drive and a law server said, from a bag, to be said again."""
+"""A recorded drive's and law server's messages, to be published again."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cam_rig.simulation.schedule import CamState
 
 #: In the order in which they go out at one rig time.
 PLAYED = (topics.LAW_COEFFICIENTS, topics.PROFILE, topics.LAW, topics.CLOCK, topics.CAM_STATE)
-#: Read, not only passed on.
+#: Decoded, not only passed on.
 READ = (topics.CAM_STATE, topics.DIAGNOSTICS)
 #: A level's letter symbol at the end of the microphone's words.
 QUANTITY = re.compile(r"\bL[ACZ][FS]$")
@@ -27,8 +27,8 @@ QUANTITY = re.compile(r"\bL[ACZ][FS]$")
 class Played:
     """A state of the cam, and the serialized messages up to it and with it.
 
-    ``quantity`` is what the microphone said that it read of the tick that ends here; empty when it
-    said nothing.
+    ``quantity`` is what the microphone read of the tick that ends here, by its diagnostics; empty
+    without one.
     """
 
     state: CamState
@@ -37,12 +37,12 @@ class Played:
 
 
 def played(bag: Path) -> Iterator[Played]:
-    """What is to be said, state by state; what a bag holds after its last state is left out.
+    """The messages state by state; what a bag holds after its last state is left out.
 
     Raises
     ------
     BagError : no such bag, or one that was not closed
-    RefusedError : a state in it is none
+    RefusedError : a state in it is not possible
     """
     by_name, raw = {t.name: t for t in (*PLAYED, topics.DIAGNOSTICS)}, RawMessages()
     waiting: list[tuple[Topic, bytes]] = []
@@ -51,7 +51,7 @@ def played(bag: Path) -> Iterator[Played]:
         topic = by_name[connection.topic]
         message = raw.read(topic, bytes(data))[0] if topic in READ else None
         if topic is topics.DIAGNOSTICS:
-            last = last and replace(last, quantity=read_of(message) or last.quantity)
+            last = last and replace(last, quantity=quantity_of(message) or last.quantity)
             continue
         if topic is topics.LAW and last is not None:  # written after its state
             last = replace(last, messages=(*last.messages, (topic, bytes(data))))
@@ -66,9 +66,9 @@ def played(bag: Path) -> Iterator[Played]:
         yield last
 
 
-def read_of(diagnosis: Any) -> str:
-    """What the microphone reads, by its diagnosis; empty by anybody else's."""
-    for status in diagnosis.status:
+def quantity_of(diagnostic: Any) -> str:
+    """What the microphone reads, by its diagnostics; empty by another node's."""
+    for status in diagnostic.status:
         if status.name == "microphone" and (found := QUANTITY.search(status.message)):
             return found.group()
     return ""

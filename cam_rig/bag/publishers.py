@@ -13,21 +13,21 @@ class Publishers:
 
     Parameters
     ----------
-    starts : how often a node was started so far; one without a runner that starts it again
-    name_of : who publishes on a topic from a process, in words
+    launches : how often a node was launched so far; once, unless killed nodes are started again
+    name_of : the node that publishes on a topic from a process
     """
 
     def __init__(
         self,
-        starts: Callable[[str], int] = lambda _node: 1,
+        launches: Callable[[str], int] = lambda _node: 1,
         name_of: Callable[[Topic, bytes], str] = lambda _topic, source: source.hex(),
     ) -> None:
-        self._starts, self._name_of = starts, name_of
-        #: By node and process, the topic on which it was first heard.
+        self._launches, self._name_of = launches, name_of
+        #: By node and process, the topic of the first message.
         self._sources: dict[str, dict[bytes, Topic]] = {}
 
     def require(self, node: str, topic: Topic, source: bytes) -> None:
-        """Refuse to go on when another process than a node's own publishes what is that node's.
+        """Refuse to go on when another process than a node's own publishes on its topics.
 
         An empty ``source`` is the recorder itself.
 
@@ -38,23 +38,23 @@ class Publishers:
         known = self._sources.setdefault(node, {})
         if not source or source in known:
             return
-        if len(known) >= self._starts(node):
-            raise self._stranger(node, {source: topic, **known})
+        if len(known) >= self._launches(node):
+            raise self._second_publisher(node, {source: topic, **known})
         known[source] = topic
 
-    def _stranger(self, node: str, heard: dict[bytes, Topic]) -> RunError:
-        """The error that names who does not bear the node's name, be it the first that was heard.
+    def _second_publisher(self, node: str, sources: dict[bytes, Topic]) -> RunError:
+        """The error that names the process without the node's name, though it may be the first.
 
-        Where all bear it, the one that was heard last.
+        Where all bear the name, the newest.
         """
-        names = {source: self._name_of(topic, source) for source, topic in heard.items()}
-        strangers = [source for source, name in names.items() if name.split("/")[-1] != node]
-        source = next(iter(strangers or heard))
-        return second_publisher(heard[source], node, names[source])
+        names = {source: self._name_of(topic, source) for source, topic in sources.items()}
+        others = [source for source, name in names.items() if name.split("/")[-1] != node]
+        source = next(iter(others or sources))
+        return second_publisher(sources[source], node, names[source])
 
 
 def second_publisher(topic: Topic, node: str, other: str) -> RunError:
-    """The error that ends a run in which two speak for one node."""
+    """The error that ends a run in which two processes publish as one node."""
     return RunError(
         f"{topic.name}: has a second publisher, {other}; allowed: one, this rig's {node}; end the "
         "other, or set ROS_DOMAIN_ID to another number"

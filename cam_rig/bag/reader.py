@@ -71,9 +71,9 @@ def raw_messages(bag: Path, names: set[str]) -> Iterator[tuple[Connection, int, 
 
 @contextmanager
 def open_readers(bag: Path) -> Iterator[list[Reader]]:
-    """A reader of each file of a bag, none of which asks for more memory than its size warrants.
+    """A reader of each file of a bag, none of which takes more memory than its size warrants.
 
-    What metadata.yaml says is in the files too, so that it is not asked.
+    The content of metadata.yaml is in the files too, so it is not read.
 
     Raises
     ------
@@ -161,7 +161,7 @@ def read_scene(bag: Path) -> LoadedScene:
         try:
             loaded = open_scene(scene)
             for cam in sorted((scene.parent.parent / "cams").glob("*.yaml")):
-                loaded.mount(cam.stem)  # by hand, while it ran
+                loaded.mount(cam.stem)  # by an operator, while it ran
             return loaded
         except CamRigError as error:
             inside = str(error).replace(f"{folder}/config/", "")

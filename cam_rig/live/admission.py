@@ -1,4 +1,4 @@
-"""Which cam states can be true: the cam turns steadily, so time rises and θ goes on."""
+"""Which cam states are possible: the cam turns steadily, so time rises and θ is continuous."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from enum import Enum
 from cam_rig.dynamics import ANGLE_TOLERANCE
 from cam_rig.dynamics.validation import MAX_ANGLE
 from cam_rig.errors import RefusedError
+from cam_rig.live.flow_control import REMEMBERED_STATES
 from cam_rig.schema import SceneConfig
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, RPM, TURN
 
-#: The fastest cam, rad/s; a scene is bound by the same.
-FASTEST = 1e5 * RPM
+#: The greatest cam speed, rad/s; that of a scene has the same limit.
+MAX_SPEED = 1e5 * RPM
 #: Samples in one tick at most: a message of 48 MB.
 MAX_SAMPLES = 1_000_000
 
@@ -25,34 +26,30 @@ def speeds(scene: SceneConfig) -> tuple[float, float]:
     Two at least, as the scene's own; a tick that starts from rest takes twice the time.
     """
     turned = TURN / scene.program.ticks_per_turn * scene.sample_rate.si
-    return 2.0 * turned / MAX_SAMPLES, min(FASTEST, 0.5 * turned)
-
-
-#: States remembered, to know one that is sent again.
-REMEMBERED = 64
+    return 2.0 * turned / MAX_SAMPLES, min(MAX_SPEED, 0.5 * turned)
 
 
 class Admission(Enum):
-    """What a state is to those who were there before."""
+    """How a state relates to those received before."""
 
-    NEXT = "goes on from the state before"
-    NEW_SEQUENCE = "begins a new course: the first, or the first after the cam stood"
-    SEEN = "was here already"
+    NEXT = "follows the state before"
+    NEW_SEQUENCE = "begins a new sequence: the first, or the first after the cam stood"
+    SEEN = "was received already"
 
 
 class StateValidator:
     """Admits the states of one drive, in order, each once.
 
     A drive that was started again repeats its last states; these are known and passed over. After
-    the cam has stood, it may be set going anywhere, at any rig time. Anything else that does not
-    go on where the state before leads comes from somebody else, and is refused.
+    the cam has stood, it may start anywhere, at any rig time. Any other state that is not where
+    the state before leads comes from another publisher, and is refused.
 
     Parameters
     ----------
     sample_rate : Hz, to bound the length of a tick
-    last : the state to go on from; None at the beginning
+    last : the last state received; None at the beginning
     tick_angle : rad that the cam turns in a tick at most; more, and a state was lost
-    since : rig time (ns); states up to it were here already, whatever follows may come after a gap
+    since : rig time (ns); states up to it were received, whatever follows may come after a gap
     """
 
     def __init__(
@@ -65,36 +62,36 @@ class StateValidator:
         self._longest, self._rate = MAX_SAMPLES / sample_rate, int(sample_rate)
         self._tick_angle = tick_angle
         self._floor = since if last is None else last.time_ns
-        self._recent: deque[CamState] = deque(maxlen=REMEMBERED)
+        self._recent: deque[CamState] = deque(maxlen=REMEMBERED_STATES)
         self.last = last
 
     @classmethod
     def of(
         cls, scene: SceneConfig, last: CamState | None = None, since: int = -1
     ) -> StateValidator:
-        """The gate for the states of a scene."""
+        """The validator of the states of a scene."""
         angle = TURN / scene.program.ticks_per_turn
         return cls(scene.sample_rate.si, last, angle, since)
 
     def admit(self, state: CamState) -> Admission:
-        """What a state is.
+        """How a state relates to those before it.
 
         Raises
         ------
-        RefusedError : no state of this drive can be like that
+        RefusedError : it is not a possible state of this drive
         """
         require_possible(state)
         if state == self.last or state in self._recent or state.time_ns <= self._floor:
             return Admission.SEEN
         stands = self.last is not None and self.last.speed == 0.0
-        anew = self.last is None or (stands and not self.last.turns_until(state))
-        if self.last is not None and not anew:
+        starts = self.last is None or (stands and not self.last.turns_until(state))
+        if self.last is not None and not starts:
             self._require_next(self.last, state)
         self.last = state
         self._recent.append(state)
         if state.speed == 0.0:
             self._floor = -1
-        return Admission.NEW_SEQUENCE if anew else Admission.NEXT
+        return Admission.NEW_SEQUENCE if starts else Admission.NEXT
 
     def _require_next(self, last: CamState, state: CamState) -> None:
         duration = (state.time_ns - last.time_ns) / NS
@@ -113,7 +110,8 @@ class StateValidator:
         if turned > 1.5 * self._tick_angle:  # a state that was lost makes it twice
             raise RefusedError(
                 f"cam state at {state.time_ns} ns: the cam turned {turned:.6g} rad since the one "
-                f"before; allowed: {self._tick_angle:.6g} rad (one was lost, or is another's)"
+                f"before; allowed: {self._tick_angle:.6g} rad (was one lost, or is a second drive "
+                "at work?)"
             )
         held, ramped = last.speed * duration, 0.5 * (last.speed + state.speed) * duration
         away = min(abs(turned - held), abs(turned - ramped))
@@ -125,7 +123,7 @@ class StateValidator:
 
 
 def require_possible(state: CamState) -> None:
-    """Refuse numbers that no cam can have, whatever came before.
+    """Refuse numbers that no cam can have, whatever the state before.
 
     Raises
     ------
@@ -137,5 +135,7 @@ def require_possible(state: CamState) -> None:
             f"cam state: {state.time_ns} ns, θ {state.unwrapped} rad, ω {state.speed} rad/s; "
             f"allowed: finite numbers, θ up to {MAX_ANGLE:g} rad, time from zero"
         )
-    if not 0.0 <= state.speed <= FASTEST:
-        raise RefusedError(f"cam state: ω {state.speed:g} rad/s; allowed: 0 to {FASTEST:.6g} rad/s")
+    if not 0.0 <= state.speed <= MAX_SPEED:
+        raise RefusedError(
+            f"cam state: ω {state.speed:g} rad/s; allowed: 0 to {MAX_SPEED:.6g} rad/s"
+        )

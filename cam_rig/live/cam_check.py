@@ -1,4 +1,4 @@
-"""What is said of a cam, held against its file: the law server's word is not taken on trust."""
+"""Laws and contours received from the law server, compared with those of the cam's file."""
 
 from __future__ import annotations
 
@@ -13,10 +13,9 @@ from cam_rig.simulation.scene import LoadedScene
 
 #: Points of the contour over one turn.
 CONTOUR_POINTS = 180
-#: Two machines build one law from one file; they may round differently (of the largest number).
-SAME = 1e-9
-#: A contour is told in single precision.
-SAME_POINT = 1e-6
+#: Differences allowed, over the largest value: two machines that build one law from one file may
+#: round differently, and a contour is published in single precision.
+LAW_TOLERANCE, CONTOUR_TOLERANCE = 1e-9, 1e-6
 
 
 def contour_of(cam: CamConfig, law: Law) -> FloatArray:
@@ -33,11 +32,12 @@ def require_own_law(loaded: LoadedScene, law: Law) -> None:
     """
     _mount(loaded, law.name)
     own = loaded.laws[law.name]
-    for said, known, what in (
+    for received, known, what in (
         (law.breaks, own.breaks, "breaks"),
         (law.ordinates, own.ordinates, "ordinates"),
     ):
-        _require_same(said, known, SAME, f"law {law.name!r}: its {what}", loaded, law.name)
+        words = f"law {law.name!r}: its {what}"
+        _require_same(received, known, LAW_TOLERANCE, words, loaded, law.name)
 
 
 def require_own_contour(loaded: LoadedScene, cam: str, points: FloatArray) -> None:
@@ -49,7 +49,7 @@ def require_own_contour(loaded: LoadedScene, cam: str, points: FloatArray) -> No
     """
     _mount(loaded, cam)
     known = contour_of(loaded.cams[cam], loaded.laws[cam])
-    _require_same(points, known, SAME_POINT, f"contour of {cam!r}: its points", loaded, cam)
+    _require_same(points, known, CONTOUR_TOLERANCE, f"contour of {cam!r}: its points", loaded, cam)
 
 
 def _mount(loaded: LoadedScene, cam: str) -> None:
@@ -60,14 +60,20 @@ def _mount(loaded: LoadedScene, cam: str) -> None:
 
 
 def _require_same(
-    said: FloatArray, known: FloatArray, tolerance: float, what: str, loaded: LoadedScene, cam: str
+    received: FloatArray,
+    known: FloatArray,
+    tolerance: float,
+    what: str,
+    loaded: LoadedScene,
+    cam: str,
 ) -> None:
     file = loaded.cam_files[cam]
-    if said.shape != known.shape:
-        raise RefusedError(f"{what} are {said.shape}; {file} has {known.shape}")
-    away, most = float(np.abs(said - known).max()), tolerance * float(np.abs(known).max())
-    if not away <= most:
+    if received.shape != known.shape:
+        raise RefusedError(f"{what} are {received.shape}; {file} has {known.shape}")
+    difference = float(np.abs(received - known).max())
+    limit = tolerance * float(np.abs(known).max())
+    if not difference <= limit:
         raise RefusedError(
-            f"{what} differ by {away:.3g} from those of {file}; allowed: {most:.3g} "
+            f"{what} differ by {difference:.3g} from those of {file}; allowed: {limit:.3g} "
             "(was the file changed, or is a second law server at work?)"
         )

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from cam_rig.errors import RefusedError
 from cam_rig.laws import Law
 from cam_rig.live.admission import speeds
-from cam_rig.live.checkpoint import TICKS_KEPT
-from cam_rig.live.flow_control import FlowControl
+from cam_rig.live.flow_control import TICKS_KEPT, FlowControl
 from cam_rig.live.follower_queue import MAX_LAWS, require_same
 from cam_rig.live.pacing import Pacing
 from cam_rig.live.setpoints import ScheduleState, SetpointSchedule
@@ -18,15 +17,15 @@ from cam_rig.schema import SceneConfig
 from cam_rig.simulation.schedule import CamState, tick_count
 from cam_rig.units import RPM
 
-#: Wall time (s) after which an unanswered request for a cam is made again.
-ASK_AGAIN = 1.0
+#: Wall time (s) after which an unanswered request for a cam is repeated.
+REQUEST_RETRY_S = 1.0
 
 
 @dataclass(frozen=True)
-class DriveMemory:
-    """What a drive's successor must know: where it is, and the state that may be on its way."""
+class DriveCheckpoint:
+    """What a drive's successor must know: its schedule, and the state that may be in flight."""
 
-    place: ScheduleState
+    schedule: ScheduleState
     state: CamState
     sent: int
     running: bool
@@ -34,61 +33,60 @@ class DriveMemory:
 
 @dataclass(frozen=True)
 class OperatorCommands:
-    """What hands have asked of a drive, and where it was then: its successor must know at once."""
+    """What operators have commanded, and the schedule then: a successor must know it at once."""
 
-    place: ScheduleState
+    schedule: ScheduleState
     running: bool
     rpm: float
     pacing: str
 
 
 class DriveProgram:
-    """The scene's states in order, each held back until everyone is ready for it.
+    """The scene's states in order, each held back until every consumer is ready for it.
 
-    A state needs credit (few ticks in flight), the law of its cam, and its time. A new cam is asked
-    for when every tick of the one before is dealt with. So nothing is dropped, and a run repeats
-    message by message.
+    A state goes out when few ticks are in flight, the law of its cam is known, and its time has
+    come. A new cam is requested when every tick of the one before is acknowledged. So nothing is
+    dropped, and a run repeats message by message.
 
     Parameters
     ----------
     scene : what to run
-    consumers, limit : see `FlowControl`
-    mount : asks the law server for a cam; False when it cannot be asked yet
-    memories : of the predecessor, the oldest first, whose states are sent again
-    orders : the last that the predecessor was given; they hold where no state came after them
+    consumers : who acknowledges, see `FlowControl`
+    mount : requests a cam from the law server; False when that cannot be done yet
+    checkpoints : of the predecessor, the oldest first, whose states are sent again
+    commands : the last that the predecessor got; they hold where no state came after them
     """
 
     def __init__(
         self,
         scene: SceneConfig,
         consumers: list[str],
-        limit: int,
         mount: Callable[[str], bool],
-        memories: Sequence[DriveMemory] = (),
-        orders: OperatorCommands | None = None,
+        checkpoints: Sequence[DriveCheckpoint] = (),
+        commands: OperatorCommands | None = None,
     ) -> None:
         self.laws: dict[str, Law] = {}
-        self.credit = FlowControl(consumers, limit)
+        self.flow = FlowControl(consumers)
         self.pacing = Pacing()
         self.ticks = tick_count(scene)
         self.sent, self._speeds = 0, speeds(scene)
-        left = _newest(memories, orders)
-        self.running = left.running if left else True
-        self.table = SetpointSchedule(scene, left.place if left else None)
+        latest = _newest(checkpoints, commands)
+        self.running = latest.running if latest else True
+        self.schedule = SetpointSchedule(scene, latest.schedule if latest else None)
         self._halting = False
-        self._recent: deque[CamState] = deque(maxlen=max(TICKS_KEPT["cam_drive"], limit + 1))
-        self._again: deque[CamState] = deque()
+        self._recent: deque[CamState] = deque(maxlen=TICKS_KEPT["cam_drive"])
+        self._resending: deque[CamState] = deque()
         self._mount = mount
-        self._asked, self._asked_at = "", -ASK_AGAIN
+        self._asked, self._asked_at = "", -REQUEST_RETRY_S
         self._requests: Counter[str] = Counter()
-        if memories:
-            self._follow(memories)
+        if checkpoints:
+            self._resume(checkpoints)
 
-    def _follow(self, memories: Sequence[DriveMemory]) -> None:
-        self.sent = memories[0].sent - 1
-        for memory in memories:
-            self._again.append(memory.state)
-            self.credit.sent(memory.state.time_ns)
+    def _resume(self, checkpoints: Sequence[DriveCheckpoint]) -> None:
+        self.sent = checkpoints[0].sent - 1
+        for checkpoint in checkpoints:
+            self._resending.append(checkpoint.state)
+            self.flow.sent(checkpoint.state.time_ns)
 
     def add_law(self, law: Law) -> None:
         """Take a law.
@@ -105,59 +103,59 @@ class DriveProgram:
 
     @property
     def done(self) -> bool:
-        """Whether every state is sent and every tick dealt with; a halted drive is not done."""
-        at_end = self.table.state is None and not self.halted
-        return at_end and not self._again and self.credit.in_flight == 0
+        """Whether every state is sent and every tick acknowledged; a halted drive is not done."""
+        at_end = self.schedule.next_state is None and not self.halted
+        return at_end and not self._resending and self.flow.in_flight == 0
 
     @property
     def halted(self) -> bool:
         """Whether an emergency stop holds, until a reset."""
-        return self._halting or self.table.place.halted
+        return self._halting or self.schedule.state.halted
 
     @property
-    def memory(self) -> DriveMemory:
-        """To hand over before the state that was taken last goes out."""
-        return DriveMemory(self.table.place, self._recent[-1], self.sent, self.running)
+    def checkpoint(self) -> DriveCheckpoint:
+        """To be saved before the state that was taken last goes out."""
+        return DriveCheckpoint(self.schedule.state, self._recent[-1], self.sent, self.running)
 
     def take(self, now: float) -> CamState | None:
         """The next state, when it may go out at wall time ``now`` (s)."""
-        if self._again:
-            return self._repeat()
+        if self._resending:
+            return self._resend()
         if self._halting:
             return self.halt()
-        state = self.table.state
-        if state is None or not self.running or not self.credit.may_send():
+        state = self.schedule.next_state
+        if state is None or not self.running or not self.flow.may_send():
             return None
         if not self._ready(state, now) or self.pacing.wait(state.time_ns, now) > 0.0:
             return None
-        self.table.advance()
+        self.schedule.advance()
         self.pacing.sent(state.time_ns, now)
         return self._out(state)
 
     def expects(self, cam: str) -> bool:
-        """Whether the law server was asked for a cam and has not said yet that it is mounted."""
+        """Whether a cam was requested and the law server has not yet reported it mounted."""
         return self._requests[cam] > 0
 
     def mounted(self, cam: str) -> None:
-        """Note what the law server says is mounted: what it was asked for, or another by hand.
+        """Note a cam that the law server reports mounted: as requested, or an operator's override.
 
-        Its word may come when the drive has sent that cam's last state and looks at the next cam's,
-        or later still: each request has one answer.
+        The report may come when the drive has sent that cam's last state and is at the next cam's,
+        or later still: each request has one reply.
         """
         if self.expects(cam):
             self._requests[cam] -= 1
         else:
-            self.table.mount(cam)
+            self.schedule.mount(cam)
 
     def refused(self, cam: str) -> None:
-        """Note that the law server has no such cam: whoever said that it is mounted was wrong."""
+        """Note that the law server has no such cam: a report that it is mounted was wrong."""
         self._requests[cam] = 0
-        if self.table.state is not None and self.table.state.cam == cam:
-            self.table.mount("")
+        if self.schedule.next_state is not None and self.schedule.next_state.cam == cam:
+            self.schedule.mount("")
 
     def wait(self, now: float) -> float:
-        """Wall time (s) until the next state is due; zero when it waits for somebody instead."""
-        state = self.table.state
+        """Wall time (s) until the next state is due; zero when it waits for a node instead."""
+        state = self.schedule.next_state
         return 0.0 if state is None else self.pacing.wait(state.time_ns, now)
 
     def command(self, speed: float) -> None:
@@ -168,7 +166,7 @@ class DriveProgram:
         RefusedError : no cam can turn so fast
         """
         self.require_speed(speed)
-        self.table.command(speed or None)
+        self.schedule.command(speed or None)
 
     def require_speed(self, speed: float) -> None:
         """Refuse a speed (rad/s) that no cam, or no tick, can have.
@@ -191,49 +189,49 @@ class DriveProgram:
         self.running = running
 
     def unanswered(self) -> list[CamState]:
-        """The states in flight, to be said again when nobody answers: one may have been lost."""
-        return [state for state in self._recent if self.credit.is_in_flight(state.time_ns)]
+        """The states in flight, to be sent again without an answer: one may have been lost."""
+        return [state for state in self._recent if self.flow.is_in_flight(state.time_ns)]
 
     def halt(self) -> CamState | None:
         """Emergency stop: the state that makes the cam stand, to be sent at once."""
         self.run(False)
-        self._halting = bool(self._again)  # a successor says its predecessor's states first
-        state = None if self._halting else self.table.halt()
+        self._halting = bool(self._resending)  # a successor first sends its predecessor's
+        state = None if self._halting else self.schedule.halt()
         return None if state is None else self._out(state)
 
     def reset(self) -> None:
-        """Back to the scene's beginning, stopped; rig time and θ go on."""
+        """Back to the scene's beginning, stopped; rig time and θ continue."""
         self.run(False)
         self._halting = False
-        self.table.rewind()
+        self.schedule.rewind()
 
     def waits_for(self) -> list[str]:
-        """Who has not answered yet."""
-        return self.credit.behind() or ["law_server"]
+        """The nodes that have not answered yet."""
+        return self.flow.behind() or ["law_server"]
 
-    def _repeat(self) -> CamState | None:
-        if self._again[0].cam not in self.laws:
+    def _resend(self) -> CamState | None:
+        if self._resending[0].cam not in self.laws:
             return None
-        state = self._again.popleft()
+        state = self._resending.popleft()
         self._recent.append(state)
         self.sent += 1
         return state
 
     def _out(self, state: CamState) -> CamState:
-        self.credit.sent(state.time_ns)
+        self.flow.sent(state.time_ns)
         self._recent.append(state)
         self.sent += 1
         return state
 
     def _ready(self, state: CamState, now: float) -> bool:
-        known, by_hand = state.cam in self.laws, self.table.by_hand
-        if known and (by_hand or state.cam == self._asked):
+        known, overridden = state.cam in self.laws, self.schedule.overrides_cam
+        if known and (overridden or state.cam == self._asked):
             return True
-        if by_hand and state.cam != self._asked:  # its law is on its way, if there is one
+        if overridden and state.cam != self._asked:  # its law is on its way, if there is one
             self._asked, self._asked_at = state.cam, now
-        if state.cam != self._asked and self.credit.in_flight:
+        if state.cam != self._asked and self.flow.in_flight:
             return False
-        if state.cam != self._asked or now - self._asked_at > ASK_AGAIN:
+        if state.cam != self._asked or now - self._asked_at > REQUEST_RETRY_S:
             if not self._mount(state.cam):
                 return False
             self._asked, self._asked_at = state.cam, now
@@ -242,11 +240,11 @@ class DriveProgram:
 
 
 def _newest(
-    memories: Sequence[DriveMemory], orders: OperatorCommands | None
-) -> DriveMemory | OperatorCommands | None:
-    """The last state's memory, or the orders where no state was sent after them."""
-    if not memories or orders is None:
-        return orders or (memories[-1] if memories else None)
-    last = orders.place.last
-    obeyed = last is None or last.time_ns < memories[-1].state.time_ns
-    return memories[-1] if obeyed else orders
+    checkpoints: Sequence[DriveCheckpoint], commands: OperatorCommands | None
+) -> DriveCheckpoint | OperatorCommands | None:
+    """The last state's checkpoint, or the commands where no state was sent after them."""
+    if not checkpoints or commands is None:
+        return commands or (checkpoints[-1] if checkpoints else None)
+    last = commands.schedule.last
+    obeyed = last is None or last.time_ns < checkpoints[-1].state.time_ns
+    return checkpoints[-1] if obeyed else commands

@@ -1,4 +1,4 @@
-"""The follower's day: cam states and laws in any order, ticks out in theirs."""
+"""The follower's input queue: cam states and laws come in any order, ticks go out in theirs."""
 
 from __future__ import annotations
 
@@ -11,37 +11,41 @@ from cam_rig.dynamics import Block, FollowerState
 from cam_rig.errors import DynamicsError, RefusedError
 from cam_rig.laws import Law
 from cam_rig.live.admission import Admission, StateValidator
+from cam_rig.live.flow_control import MAX_WAITING
 from cam_rig.schema import SceneConfig
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import FollowerCheckpoint, FollowerSimulator
 
-#: States that wait for the law of their cam, and laws that are kept.
-MAX_WAITING, MAX_LAWS = 64, 256
+#: Laws that a node keeps.
+MAX_LAWS = 256
 
 
-class FollowerTicks:
-    """Takes what the drive and the law server say, and turns it into ticks.
+class FollowerQueue:
+    """Takes the drive's states and the law server's laws, and turns them into ticks.
 
     Parameters
     ----------
-    bench : the follower, without laws: the law server's word counts
+    simulator : the follower, without laws: those that are published count
     scene : what the drive runs
-    memory : of a predecessor, to go on from
+    checkpoint : of a predecessor, to go on from
     """
 
     def __init__(
-        self, bench: FollowerSimulator, scene: SceneConfig, memory: FollowerCheckpoint | None = None
+        self,
+        simulator: FollowerSimulator,
+        scene: SceneConfig,
+        checkpoint: FollowerCheckpoint | None = None,
     ) -> None:
-        self._bench = bench
-        if memory is not None:
-            bench.memory = memory
-        self._gate = StateValidator.of(scene, bench.memory.last)
+        self._simulator = simulator
+        if checkpoint is not None:
+            simulator.memory = checkpoint
+        self._validator = StateValidator.of(scene, simulator.memory.last)
         self._waiting: deque[CamState] = deque()
 
     @property
-    def memory(self) -> FollowerCheckpoint:
-        """To hand over after each tick."""
-        return self._bench.memory
+    def checkpoint(self) -> FollowerCheckpoint:
+        """To be saved after each tick."""
+        return self._simulator.memory
 
     def add_law(self, law: Law) -> None:
         """Take a law.
@@ -52,10 +56,10 @@ class FollowerTicks:
             model cannot take it
         """
         try:
-            self._bench.model.require(law)
+            self._simulator.model.require(law)
         except DynamicsError as error:
             raise RefusedError(str(error)) from None
-        laws, last = self._bench.laws, self._gate.last
+        laws, last = self._simulator.laws, self._validator.last
         known = laws.get(law.name)
         if known is None and len(laws) >= MAX_LAWS:
             raise RefusedError(f"law {law.name!r}: is one more than {MAX_LAWS}; restart the node")
@@ -64,7 +68,7 @@ class FollowerTicks:
         laws[law.name] = law
 
     def add_state(self, state: CamState) -> Admission:
-        """Take a state of the cam, and tell what it is to those before.
+        """Take a state of the cam; how it relates to those before.
 
         Raises
         ------
@@ -75,7 +79,7 @@ class FollowerTicks:
                 f"cam state at {state.time_ns} ns: {MAX_WAITING} others wait for the law of "
                 f"{self._waiting[0].cam!r}"
             )
-        if (admission := self._gate.admit(state)) is not Admission.SEEN:
+        if (admission := self._validator.admit(state)) is not Admission.SEEN:
             self._waiting.append(state)
         return admission
 
@@ -86,9 +90,9 @@ class FollowerTicks:
         ------
         DynamicsError : the model cannot pass through a tick
         """
-        while self._waiting and self._waiting[0].cam in self._bench.laws:
+        while self._waiting and self._waiting[0].cam in self._simulator.laws:
             state = self._waiting.popleft()
-            turned = self._bench.turn_to(state)
+            turned = self._simulator.turn_to(state)
             if turned is not None:
                 yield state, *turned
 

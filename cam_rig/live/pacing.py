@@ -1,4 +1,4 @@
-"""How fast rig time goes beside wall time."""
+"""Rig time against wall time: the real-time factor of a run."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from cam_rig.errors import ConfigError
 from cam_rig.units import NS
 
-#: Wall time (s) that a paced run may be late before it gives that time up and says so.
-TOLERANCE = 0.1
+#: Wall time (s) that a paced run may be late before it gives that time up and reports so.
+MAX_LATENESS_S = 0.1
+#: Least and greatest real-time factor.
 FACTORS = (1e-3, 1e3)
 
 
@@ -34,9 +35,9 @@ def factor_of(pacing: str) -> float | None:
 
 @dataclass
 class Pacing:
-    """Holds each state back until its rig time has come.
+    """Delays each state until its rig time has come.
 
-    A run that is late goes on from where it is: lost time is not made up in a rush.
+    A run that is late goes on from where it is: lost time is not made up.
 
     Parameters
     ----------
@@ -44,12 +45,12 @@ class Pacing:
     """
 
     factor: float | None = None
-    #: Wall time (s) given up at the last state; zero while the run keeps its pace.
+    #: Wall time (s) given up at the last state; zero while the run is on time.
     late: float = 0.0
     _begin: tuple[int, float] | None = field(default=None, repr=False)
 
     def set(self, pacing: str) -> None:
-        """Change the pace from the next state on."""
+        """Change the real-time factor from the next state on."""
         self.factor, self._begin, self.late = factor_of(pacing), None, 0.0
 
     def stand(self) -> None:
@@ -70,7 +71,7 @@ class Pacing:
         if self._begin is None:
             self._begin = (rig_ns, now)
         late = now - self._due(rig_ns)
-        if late > TOLERANCE:
+        if late > MAX_LATENESS_S:
             self.late, self._begin = late, (rig_ns, now)
 
     def _due(self, rig_ns: int) -> float:

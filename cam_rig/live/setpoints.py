@@ -1,4 +1,4 @@
-"""Which state comes next: the scene's, unless somebody commands another speed or cam."""
+"""Which cam state comes next: the scene's, unless an operator commands another speed or cam."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from cam_rig.simulation.schedule import CamState, cam_states
 from cam_rig.units import NS
 
 #: Rig time (ns) that a halted cam stands before it turns again.
-STANDS = NS
+STANDSTILL_NS = NS
 
 
 @dataclass(frozen=True)
 class ScheduleState:
-    """Where a turntable is: states done, and how far commands have moved it from the plan.
+    """How far a schedule has come, and how far commands have moved it from the scene's plan.
 
-    The angle is moved by whole turns and a rest (rad). ``last`` is the state that was sent last,
-    ``cam`` the scene's cam and the one in its place.
+    ``index`` counts the states done; rig time is shifted in ns, the angle by whole turns and a
+    remainder (rad). ``speed`` is the commanded one (rad/s), ``cam`` the scene's cam and the one
+    that overrides it, ``last`` the state that was sent last.
     """
 
     index: int = 0
@@ -37,16 +38,16 @@ class SetpointSchedule:
     """The states of a scene one after the other, under live commands.
 
     A commanded speed (rad/s) or cam holds from the next state on: each tick turns by the planned
-    angle, at the commanded speed; a cam stays until the scene mounts another. θ is never set, it
-    is carried on. Without a command the states are the scene's own, bit for bit.
+    angle, at the commanded speed; a cam stays until the scene mounts another. θ is never set, only
+    continued. Without a command the states are the scene's own, bit for bit.
     """
 
-    def __init__(self, scene: SceneConfig, place: ScheduleState | None = None) -> None:
+    def __init__(self, scene: SceneConfig, state: ScheduleState | None = None) -> None:
         self._scene = scene
         #: A tick (ns) holds a sample at least: a short one of a ramp, sped up, would hold none.
-        self._least = math.ceil(NS / scene.sample_rate.si)
-        self.place = place or ScheduleState()
-        self._begin(self.place.index)
+        self._min_tick = math.ceil(NS / scene.sample_rate.si)
+        self.state = state or ScheduleState()
+        self._begin(self.state.index)
 
     def _begin(self, index: int) -> None:
         self._plan = islice(cam_states(self._scene), index, None)
@@ -54,36 +55,36 @@ class SetpointSchedule:
         self._next: CamState | None = next(self._plan, None)
 
     @property
-    def state(self) -> CamState | None:
+    def next_state(self) -> CamState | None:
         """The next state; None after the last, and after a halt."""
-        if self._at is None or self.place.halted:
+        if self._at is None or self.state.halted:
             return None
         planned = self._moved(self._at)
         speed = planned.speed if self._commanded is None else self._commanded
         return self._as(planned, speed)
 
     @property
-    def by_hand(self) -> bool:
+    def overrides_cam(self) -> bool:
         """Whether the next state's cam is not the scene's."""
-        cams = self.place.cam
+        cams = self.state.cam
         return self._at is not None and cams is not None and cams[0] == self._at.cam
 
     def advance(self) -> None:
-        """Go on from the state that was sent."""
-        at, sent, commanded = self._at, self.state, self._commanded
+        """Step to the state after the one that was sent."""
+        at, sent, commanded = self._at, self.next_state, self._commanded
         assert at is not None and sent is not None
         planned = self._moved(at)
-        self.place = replace(self.place, index=self.place.index + 1, last=sent)
+        self.state = replace(self.state, index=self.state.index + 1, last=sent)
         self._shift(sent.time_ns - planned.time_ns, sent.since(planned))
         self._at, self._next = self._next, next(self._plan, None)
         if self._at is not None and commanded is not None:
             turn = self._at.since(at)
-            length = max(self._least, round(turn / commanded * NS))
+            length = max(self._min_tick, round(turn / commanded * NS))
             self._shift(length - (self._at.time_ns - at.time_ns), commanded * length / NS - turn)
 
     def command(self, speed: float | None) -> None:
         """Turn at a speed (rad/s) from the next state on; None as the scene says."""
-        self.place = replace(self.place, speed=speed)
+        self.state = replace(self.state, speed=speed)
 
     def mount(self, cam: str) -> None:
         """Turn another cam from the next state on, until the scene mounts its next one.
@@ -92,35 +93,35 @@ class SetpointSchedule:
         """
         planned = None if self._at is None else self._at.cam
         cams = None if planned is None or cam in (planned, "") else (planned, cam)
-        self.place = replace(self.place, cam=cams)
+        self.state = replace(self.state, cam=cams)
 
     def halt(self) -> CamState | None:
-        """Stand still: the closing state, where the last tick ends; None when it stands already.
+        """Emergency stop: the state of speed 0 where the last tick ends; None when it stands.
 
-        It is the state of the cam that turned, which need not be the next.
+        It is a state of the cam that turned, which need not be the next.
         """
-        last = self.place.last
-        if self._at is None or self.place.halted:
+        last = self.state.last
+        if self._at is None or self.state.halted:
             return None
-        self.place = replace(self.place, halted=True)
+        self.state = replace(self.state, halted=True)
         if last is None or not last.turns_until(self._moved(self._at)):
             return None
         standing = replace(self._as(self._moved(self._at), 0.0), cam=last.cam)
-        self.place = replace(self.place, last=standing)
+        self.state = replace(self.state, last=standing)
         return standing
 
     def rewind(self) -> None:
-        """Begin the scene again; rig time and θ go on from where they are, commands end."""
-        here, at = self.place, self._at
+        """Begin the scene again; rig time and θ continue from where they are, commands end."""
+        state, at = self.state, self._at
         if at is None:
             return
         begin = next(cam_states(self._scene))
-        if here.halted and here.last is not None:
-            end = replace(here.last, time_ns=here.last.time_ns + STANDS)
+        if state.halted and state.last is not None:
+            end = replace(state.last, time_ns=state.last.time_ns + STANDSTILL_NS)
         else:
             end = self._as(self._moved(at), begin.speed)
         self._begin(0)
-        self.place = ScheduleState(0, end.time_ns - begin.time_ns, last=here.last)
+        self.state = ScheduleState(0, end.time_ns - begin.time_ns, last=state.last)
         self._shift(0, end.angle - begin.angle, end.turns - begin.turns)
 
     @property
@@ -128,35 +129,35 @@ class SetpointSchedule:
         """The commanded speed (rad/s) of the tick that begins with the next state."""
         begins = self._at is not None and self._next is not None
         turns = begins and self._at.turns_until(self._next)  # type: ignore[union-attr,arg-type]
-        return self.place.speed if turns else None
+        return self.state.speed if turns else None
 
     def _as(self, planned: CamState, speed: float) -> CamState:
         """The state at another speed than planned, where the tick before then leads.
 
-        A ramp that is broken off turns by its planned angle all the same: at its first speed, or
+        A ramp that is interrupted turns by its planned angle all the same: at its first speed, or
         from rest to the new one.
         """
-        last = self.place.last
+        last = self.state.last
         if last is None or speed == planned.speed or not last.turns_until(planned):
             return replace(planned, speed=speed)
         mean = last.speed or 0.5 * speed
         if last.speed > 0.0 and last.holds_until(planned):
             return replace(planned, speed=speed)
-        if mean == 0.0:  # at rest, and told to stay so
+        if mean == 0.0:  # at rest, and commanded to stay so
             return replace(planned, speed=speed, angle=last.angle, turns=last.turns)
-        length = max(self._least, round(planned.since(last) / mean * NS))
+        length = max(self._min_tick, round(planned.since(last) / mean * NS))
         time_ns, angle = last.time_ns + length, last.angle + mean * length / NS
         return CamState(time_ns, angle, speed, planned.cam, last.turns)
 
     def _shift(self, time_ns: int, angle: float, turns: int = 0) -> None:
-        here = self.place
-        turns, angle = wrap(here.angle_shift + angle, here.turn_shift + turns)
-        time_ns += here.time_shift
-        self.place = replace(here, time_shift=time_ns, angle_shift=angle, turn_shift=turns)
+        state = self.state
+        turns, angle = wrap(state.angle_shift + angle, state.turn_shift + turns)
+        time_ns += state.time_shift
+        self.state = replace(state, time_shift=time_ns, angle_shift=angle, turn_shift=turns)
 
     def _moved(self, planned: CamState) -> CamState:
-        here, cam = self.place, planned.cam
-        if here.cam is not None and here.cam[0] == planned.cam:
-            cam = here.cam[1]
-        time_ns, angle = planned.time_ns + here.time_shift, planned.angle + here.angle_shift
-        return CamState(time_ns, angle, planned.speed, cam, planned.turns + here.turn_shift)
+        state, cam = self.state, planned.cam
+        if state.cam is not None and state.cam[0] == planned.cam:
+            cam = state.cam[1]
+        time_ns, angle = planned.time_ns + state.time_shift, planned.angle + state.angle_shift
+        return CamState(time_ns, angle, planned.speed, cam, planned.turns + state.turn_shift)

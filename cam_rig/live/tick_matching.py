@@ -1,4 +1,4 @@
-"""Bringing blocks of samples and cam states together: they come on two topics, in any order."""
+"""Matching blocks of samples with cam states: they come on two topics, in any order."""
 
 from __future__ import annotations
 
@@ -10,21 +10,19 @@ import numpy as np
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import Samples
 from cam_rig.errors import RefusedError
+from cam_rig.live.flow_control import MAX_WAITING
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS
 
-#: Blocks and states kept of ticks that are not complete; more than are ever in flight.
-MAX_WAITING = 64
 
-
-class TickPairing:
-    """Gives each block with the states that its tick begins and ends with, each tick once.
+class TickMatcher:
+    """Yields each block with the states that its tick begins and ends with, each tick once.
 
     Parameters
     ----------
     sample_rate : Hz; a block without its tick's samples is refused, and no tick left out. None
         takes any block, and leaves ticks out that have none.
-    since : rig time (ns); ticks that begin earlier are done already
+    since : rig time (ns); ticks that begin earlier were done by a predecessor
     """
 
     def __init__(self, sample_rate: int | None = None, since: int = 0) -> None:
@@ -37,7 +35,7 @@ class TickPairing:
         """Take the next state of the cam."""
         if state.time_ns >= self._since:
             self._states.append(state)
-        if state.speed == 0.0:  # whatever comes next begins anew, at any time
+        if state.speed == 0.0:  # the next sequence may begin at any time
             self._since = 0
 
     def add_block(self, rows: FloatArray) -> None:
@@ -45,11 +43,11 @@ class TickPairing:
         self._blocks.append(rows)
 
     def complete(self) -> Iterator[tuple[CamState, CamState, FloatArray]]:
-        """Start, end and rows of every tick that is complete, in order; each is given once.
+        """Start, end and rows of every tick that is complete, in order, each once.
 
         Raises
         ------
-        RefusedError : a block was none of its tick's; raised after the ticks that are complete
+        RefusedError : a block is not of its tick; raised after the ticks that are complete
         """
         refused = None
         while self._blocks and len(self._states) > 1:
@@ -64,7 +62,7 @@ class TickPairing:
                 refused = refused or self._refusal(start, rows)
             self._blocks.popleft()
             if later or middle < start.time_ns:
-                continue  # from before we listened, or sent again
+                continue  # from before the subscription, or sent again
             if self._fits(start, end, rows):
                 self._states.popleft()
                 self._began = True

@@ -1,4 +1,4 @@
-"""Laws and blocks as labelled arrays: what std_msgs/Float64MultiArray carries.
+"""Laws, blocks and cam states as the content of messages: labelled arrays, stamps, joints.
 
 No message class enters here, so nodes (rclpy) and analysis (rosbags) share it. A dimension is a
 (label, size) pair, outermost first.
@@ -23,19 +23,19 @@ from cam_rig.units import NS, TURN
 
 Dimensions = list[tuple[str, int]]
 
-#: A piece's row: the cam angle where it begins, then its Bernstein ordinates.
+#: The row of a piece: the cam angle where it begins, then its Bernstein ordinates.
 PIECE_LABEL = "break_rad, ordinates_m"
 BLOCK_LABEL = ", ".join(COLUMNS)
 SAMPLE_LABEL = "sample"
-#: How a cam may be called; its file has the same name.
+#: A cam's name; its file has the same.
 CAM_NAME = re.compile(r"[a-z][a-z0-9_]{0,99}")
-#: The joints of a cam's state: the angle as people read it, turns and all, and what it is within
-#: its turn, with all its digits. Bags of before have the first alone.
+#: The joints of a cam's state: the angle with all turns, and the angle within the turn, which has
+#: all its digits. Bags of earlier versions have the first alone.
 CAM_JOINTS = ("cam", "cam_in_turn")
-#: More pieces or a higher degree than any cam has: its receiver would compute for minutes.
+#: Limits beyond any cam's pieces and degree: a receiver would compute for minutes.
 MAX_PIECES, MAX_DEGREE = 1000, 64
 #: A shorter piece, in rad, would have accelerations beyond what numbers hold.
-SHORTEST_PIECE = 1e-9
+MIN_PIECE_SPAN = 1e-9
 #: No cam lifts farther, m; no sample of a test rig is larger, in SI units.
 MAX_LIFT, MAX_VALUE = 10.0, 1e12
 
@@ -47,7 +47,7 @@ def array_of(message: Any) -> tuple[Dimensions, FloatArray]:
 
 
 def encode_law(law: Law) -> tuple[Dimensions, FloatArray]:
-    """A law as ``(n, p + 2)``: one row a piece, labelled with the cam's name."""
+    """A law as ``(n, p + 2)``: one row per piece, labelled with the cam's name."""
     rows = np.column_stack([law.breaks[:-1], law.ordinates.T])
     return [(law.name, rows.shape[0]), (PIECE_LABEL, rows.shape[1])], rows
 
@@ -57,7 +57,7 @@ def decode_law(dimensions: Dimensions, data: FloatArray) -> Law:
 
     Raises
     ------
-    RefusedError : the layout is another, or the numbers are no law
+    RefusedError : the layout is another, or the numbers are not a law
     """
     rows = _shaped(dimensions, data, "law coefficients")
     if dimensions[1][0] != PIECE_LABEL or rows.shape[1] < 2:
@@ -73,8 +73,8 @@ def decode_law(dimensions: Dimensions, data: FloatArray) -> Law:
         raise RefusedError(f"law coefficients: allowed: finite, at most {MAX_LIFT:g} m")
     try:
         law = Law(dimensions[0][0], np.append(rows[:, 0], TURN), rows[:, 1:].T)
-        if law.spans.min() < SHORTEST_PIECE:
-            raise RefusedError(f"a piece shorter than {SHORTEST_PIECE:g} rad")
+        if law.spans.min() < MIN_PIECE_SPAN:
+            raise RefusedError(f"a piece shorter than {MIN_PIECE_SPAN:g} rad")
     except CamRigError as error:
         raise RefusedError(f"law coefficients: {error}") from None
     return law
@@ -90,7 +90,7 @@ def decode_block(dimensions: Dimensions, data: FloatArray) -> FloatArray:
 
     Raises
     ------
-    RefusedError : the layout is another, or the numbers are no samples
+    RefusedError : the layout is another, or the numbers are not samples
     """
     rows = _shaped(dimensions, data, "follower samples")
     if dimensions[0] != (BLOCK_LABEL, len(COLUMNS)):
@@ -107,7 +107,7 @@ def stamp_ns(stamp: Any) -> int:
 
     Raises
     ------
-    RefusedError : it is no time
+    RefusedError : it is not a time
     """
     seconds, nanoseconds = int(stamp.sec), int(stamp.nanosec)
     if seconds < 0 or nanoseconds >= NS:
@@ -125,7 +125,7 @@ def cam_state_of(message: Any) -> CamState:
 
     Raises
     ------
-    RefusedError : the message is no state of one cam
+    RefusedError : the message is not a state of one cam
     """
     cam, count = str(message.header.frame_id), len(message.position)
     if count not in (1, 2) or len(message.velocity) != count or not CAM_NAME.fullmatch(cam):
@@ -141,7 +141,7 @@ def cam_state_of(message: Any) -> CamState:
 
 
 def _within_turn(read: CamState, angle: float) -> CamState:
-    """A state whose angle (rad) within its turn is known; ``read`` has it with all turns.
+    """A state with its angle (rad) within the turn; ``read`` has the angle with all turns.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Serialized messages: what the recorder must know of them, and one form for each."""
+"""Serialized messages: read, and brought to one form; what the recorder must know of them."""
 
 from __future__ import annotations
 
@@ -39,24 +39,26 @@ class RawMessages:
 
         Raises
         ------
-        RefusedError : the bytes are no message
+        RefusedError : the bytes are not a message
         """
         try:
             message = self._types.deserialize_cdr(cdr, topic.type)
             return message, bytes(self._types.serialize_cdr(message, topic.type))
         except MALFORMED as error:
-            raise RefusedError(f"{topic.name}: {len(cdr)} bytes of no message ({error})") from None
+            raise RefusedError(
+                f"{topic.name}: {len(cdr)} bytes are not a message ({error})"
+            ) from None
 
 
 def cam_of(message: Any) -> str:
-    """The cam that a law or a profile is of."""
+    """The name of the cam of a law or a profile."""
     if hasattr(message, "header"):
         return str(message.header.frame_id)
     return str(message.layout.dim[0].label) if message.layout.dim else ""
 
 
-def speaker_of(message: Any) -> str:
-    """The node that a diagnosis is of."""
+def diagnosed_node(message: Any) -> str:
+    """The node that a /diagnostics message is of."""
     return " ".join(str(status.name) for status in message.status)
 
 
@@ -65,10 +67,10 @@ def stamp_of(cdr: bytes) -> int:
 
     Raises
     ------
-    RefusedError : the bytes are too few, or the time is none
+    RefusedError : the bytes are too few, or it is not a time
     """
     if len(cdr) < 12:
-        raise RefusedError(f"{len(cdr)} bytes are no message; allowed: 12 at least")
+        raise RefusedError(f"{len(cdr)} bytes are not a message; allowed: 12 at least")
     seconds, nanoseconds = struct.unpack_from("<iI" if cdr[1] == 1 else ">iI", cdr, 4)
     if seconds < 0 or nanoseconds >= NS:
         raise RefusedError(f"a stamp of {seconds} s and {nanoseconds} ns; allowed: from zero on")

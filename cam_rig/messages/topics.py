@@ -1,6 +1,6 @@
-"""The one table of topics: name, type, quality of service, who publishes it, and how many a tick.
+"""The one table of topics: name, type, quality of service, publisher, and how many per tick.
 
-Nodes, recorder and analysis read this table and nothing else knows a topic's name.
+Nodes, recorder, runner and analysis take a topic's name from this table.
 """
 
 from __future__ import annotations
@@ -9,10 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from cam_rig.live.admission import MAX_SAMPLES
-
-#: A tick's messages are few and bounded by the drive, so a history this deep cannot overflow,
-#: and a node that is discovered late still gets the first ticks.
-TICK_DEPTH = 32
+from cam_rig.live.flow_control import HISTORY_DEPTH
 
 
 @dataclass(frozen=True)
@@ -20,7 +17,7 @@ class Topic:
     """One topic. All are reliable.
 
     ``per`` says when it is published: for each ``state`` of the cam, each ``tick`` (the time
-    between two states), each ``cam`` mounted, each ``speed``, or when there is something to say.
+    between two states), each ``cam`` mounted, each ``speed``, or at ``any`` time.
 
     ``twin`` names the stamped topic that the same node publishes as often: the n-th message of the
     one belongs to the stamp of the n-th of the other.
@@ -33,7 +30,7 @@ class Topic:
     type: str
     per: Literal["state", "tick", "cam", "speed", "any"]
     latched: bool = True
-    depth: int = TICK_DEPTH
+    depth: int = HISTORY_DEPTH
     stamped: bool = True
     twin: str = ""
     owner: str = ""
@@ -86,22 +83,22 @@ PRESSURE = Topic(
     "/microphone/pressure", "sensor_msgs/msg/FluidPressure", "tick", owner="microphone"
 )
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "any")
-#: Who says on /diagnostics how it is, in the order of a bag.
-SPEAKERS = ("cam_drive", "law_server", "follower", "microphone", "recorder")
-#: Who says there how the drive keeps its pace. That depends on the wall clock, so no bag holds it.
+#: The nodes that report on /diagnostics, in the order of a bag.
+DIAGNOSED_NODES = ("cam_drive", "law_server", "follower", "microphone", "recorder")
+#: The name there of the drive's pacing. It depends on the wall clock, so bags do not hold it.
 PACE = "cam_drive: pace"
-#: How far the recorder is: the stamp of the newest tick of which it has written every message.
+#: The recorder's acknowledgement: the stamp of the newest tick whose messages are all written.
 RECORDED = Topic("/recorder/written", "std_msgs/msg/Header", "tick", owner="recorder")
-#: How far the law server is: the stamp of the newest state that it has dealt with.
+#: The law server's acknowledgement: the stamp of the newest state that it has processed.
 FOLLOWED = Topic("/law_server/followed", "std_msgs/msg/Header", "state", owner="law_server")
-#: How far the viewer is: the stamp of the newest tick that it has drawn.
+#: The viewer's acknowledgement: the stamp of the newest tick that it has drawn.
 SHOWN = Topic("/viewer/shown", "std_msgs/msg/Header", "tick")
-#: Each node, by the name in frame_id, once it takes messages; the recorder once its file is open.
+#: A node, by the name in frame_id, takes messages; the recorder once its file is open.
 READY = Topic("/rig/ready", "std_msgs/msg/Header", "any")
 
 #: A command to the drive: the cam's speed in rpm from the next tick on, 0 as the scene says.
 CAM_RPM = Topic("/cam/rpm", "std_msgs/msg/Float64", "any", latched=False, stamped=False)
-#: Every node's, of its parameters; the law server's tell which cam is mounted.
+#: Every node's, of its parameters; the law server's report which cam is mounted.
 PARAMETER_EVENTS = Topic(
     "/parameter_events",
     "rcl_interfaces/msg/ParameterEvent",

@@ -1,4 +1,4 @@
-"""The follower: takes the cam's states, publishes how the follower moved between them."""
+"""The follower: takes the cam's states, publishes the follower's motion between them."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from cam_rig.dynamics import Block, FollowerState
 from cam_rig.errors import DynamicsError
 from cam_rig.live.admission import Admission
 from cam_rig.live.cam_check import require_own_law
-from cam_rig.live.follower_queue import FollowerTicks
+from cam_rig.live.follower_queue import FollowerQueue
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_law, encode_block
 from cam_rig.nodes.common.base import RigNode
 from cam_rig.nodes.common.convert import to_array, to_header, to_joint_state
 from cam_rig.nodes.common.diagnostics import OK, WARN
-from cam_rig.nodes.common.resend import Repeats
+from cam_rig.nodes.common.resend import ResendBuffer
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import FollowerSimulator
@@ -31,12 +31,12 @@ class Follower(RigNode):
     def __init__(self) -> None:
         super().__init__("follower")
         self._loaded = open_scene(Path(self.given["scene"]))
-        bench = FollowerSimulator.of(self._loaded)
-        bench.laws.clear()  # the law server's word counts, not the file
-        memory, self.health.said = self.handover.oldest() or (None, self.health.said)
-        self._ticks = FollowerTicks(bench, self._loaded.scene, memory)
+        simulator = FollowerSimulator.of(self._loaded)
+        simulator.laws.clear()  # the law that the law server publishes counts, not the file's
+        predecessor = next(iter(self.restore()), None)
+        self._ticks = FollowerQueue(simulator, self._loaded.scene, predecessor)
         out = (topics.FOLLOWER_SAMPLES, topics.FOLLOWER_CONTACT, topics.FOLLOWER_STATE)
-        self._out, self._repeats = [self.publisher(topic) for topic in out], Repeats()
+        self._out, self._sent = [self.publisher(topic) for topic in out], ResendBuffer()
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
         self.subscribe(topics.CAM_STATE, self._on_state)
 
@@ -49,14 +49,14 @@ class Follower(RigNode):
     def _on_state(self, message: JointState) -> None:
         state = cam_state_of(message)
         if self._ticks.add_state(state) is Admission.SEEN:
-            self._repeats.again(state.time_ns)
+            self._sent.resend(state.time_ns)
         self._turn()
 
     def _turn(self) -> None:
         try:
             for end, state, block in self._ticks.complete():
                 self._publish(end, state, block)
-                self.handover.keep((self._ticks.memory, self.health.said), end.time_ns)
+                self.save(self._ticks.checkpoint, end.time_ns)
         except DynamicsError as error:
             self.fail(error)
 
@@ -69,9 +69,9 @@ class Follower(RigNode):
         contact = WrenchStamped(header=header)
         contact.wrench.force.y = float(state.contact_force)
         motion = (state.displacement, state.velocity, state.contact_force)
-        said = (
+        messages = (
             to_array(*encode_block(block.rows)),
             contact,
             to_joint_state("follower", header, *motion),
         )
-        self._repeats.publish(end.time_ns, list(zip(self._out, said, strict=True)))
+        self._sent.publish(end.time_ns, list(zip(self._out, messages, strict=True)))

@@ -1,4 +1,4 @@
-"""The player: says what the drive and the law server of a recorded run said, to live nodes."""
+"""The player: publishes a recorded drive's and law server's messages to live nodes."""
 
 from __future__ import annotations
 
@@ -7,15 +7,13 @@ from pathlib import Path
 from rclpy.parameter_client import AsyncParameterClient
 
 from cam_rig.bag.playback import PLAYED, Played, played
-from cam_rig.live.checkpoint import TICKS_IN_FLIGHT
 from cam_rig.live.flow_control import FlowControl
 from cam_rig.messages import topics
-from cam_rig.nodes.common.clock_source import Pacemaker
-from cam_rig.nodes.common.parameters import CONSUMERS
-from cam_rig.nodes.common.weightings import weightings
+from cam_rig.nodes.common.clock_source import ClockSource
+from cam_rig.nodes.common.parameters import CONSUMERS, weightings
 
 
-class Player(Pacemaker):
+class Player(ClockSource):
     """Publishes the recorded cam states and laws, byte by byte, as fast as they are answered."""
 
     def __init__(self) -> None:
@@ -27,14 +25,14 @@ class Player(Pacemaker):
         known = {topics.CLOCK: self._clock_out, topics.CAM_STATE: self._state_out}
         self._out = {t: known.get(t) or self.publisher(t) for t in PLAYED}
         consumers = list(CONSUMERS)
-        self._waits = FlowControl(consumers, TICKS_IN_FLIGHT)
-        self.set_going(consumers, self._waits)
+        self._flow = FlowControl(consumers)
+        self.begin(consumers, self._flow)
 
     def send_next(self) -> bool:
-        """Send the next state and what goes with it, if it may go out."""
-        if (now := self._next) is None or not self._waits.may_send() or not self._weighed(now):
+        """Send the next state and the messages that belong to it, if it may go out."""
+        if (now := self._next) is None or not self._flow.may_send() or not self._weighed(now):
             return False
-        self._waits.sent(now.state.time_ns)
+        self._flow.sent(now.state.time_ns)
         for topic, cdr in now.messages:
             self._out[topic].publish(cdr)
         self.note_sent(now.state, self._sent)
@@ -43,11 +41,11 @@ class Player(Pacemaker):
         return True
 
     def _weighed(self, now: Played) -> bool:
-        """Whether the microphone is set as it was for this tick; asks for it between two ticks."""
+        """Whether the microphone is set as it was for this tick; sets it between two ticks."""
         wanted = now.quantity or self._quantity
         if wanted == self._quantity:
             return True
-        if self._waits.in_flight or not self._microphone.services_are_ready():
+        if self._flow.in_flight or not self._microphone.services_are_ready():
             return False
         if wanted != self._asked:
             self._asked = wanted
@@ -60,9 +58,9 @@ class Player(Pacemaker):
         self.turn()
 
     def is_done(self) -> bool:
-        """Whether every state is sent and every tick dealt with."""
-        return self._next is None and self._waits.in_flight == 0
+        """Whether every state is sent and every tick acknowledged."""
+        return self._next is None and self._flow.in_flight == 0
 
     def stuck(self) -> str:
         """What is missing, in words."""
-        return f"{self._sent} states from: {', '.join(self._waits.behind())}"
+        return f"{self._sent} states from: {', '.join(self._flow.behind())}"

@@ -1,4 +1,4 @@
-"""The recorder: every message of the rig, as it came, into a rosbag2 MCAP bag."""
+"""The recorder: every message of the rig, as received, into a rosbag2 MCAP bag."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from cam_rig.nodes.common.convert import message_class, qos, to_header
 from cam_rig.nodes.common.diagnostics import OK
 from cam_rig.simulation.scene import open_scene
 
-#: Nodes that may speak on one topic (/diagnostics) and all have something to tell at once.
+#: Nodes that may publish on one topic (/diagnostics) at once.
 MAX_NODES = 16
 
 
 class Recorder(RigNode):
-    """Subscribes to all of the rig's topics; /recorder/written tells how far it is."""
+    """Subscribes to all of the rig's topics; /recorder/written acknowledges what is written."""
 
-    knows_senders = True
+    needs_message_info = True
 
     def __init__(self) -> None:
         super().__init__("recorder")
         loaded = open_scene(Path(self.given["scene"]))
         default = time.strftime(f"bags/{loaded.scene.name}_%Y-%m-%d_%H-%M-%S")
         bag = Path(self.given["bag"] or default)
-        publishers = Publishers(self.starts.count, self._name_of)
-        self._bag = open_bag(self.handover, bag, loaded, publishers)
+        publishers = Publishers(self.checkpoint.launches, self._name_of)
+        self._bag = open_bag(self.checkpoint, bag, loaded, publishers)
         self._written, self._quiet = self.publisher(topics.RECORDED), True
         self._newest: int | None = None
-        self._tell(self._bag.resumed)
+        self._acknowledge(self._bag.resumed)
         for topic in topics.RECORDING:
             kind, take = message_class(topic), self._on(topic)
             depth = qos(topic, MAX_NODES if topic is topics.DIAGNOSTICS else 1)
@@ -47,25 +47,25 @@ class Recorder(RigNode):
         def take(cdr: bytes, about: dict[str, Any]) -> None:
             require_length(topic, cdr)
             number = about["publication_sequence_number"] or 0
-            self._tell(self._bag.take(topic, cdr, process_of(about), number))
+            self._acknowledge(self._bag.take(topic, cdr, process_of(about), number))
 
         return take
 
     def _name_of(self, topic: topics.Topic, process: bytes) -> str:
-        """Who publishes on a topic from a process, by discovery."""
+        """The node that publishes on a topic from a process, by discovery."""
         known = self.publishers_of(topic).items()
         return next((name for gid, name in known if gid.startswith(process)), process.hex())
 
-    def _tell(self, stamps: list[int]) -> None:
+    def _acknowledge(self, stamps: list[int]) -> None:
         for stamp in stamps:
-            if said := self.health.report(stamp, OK, "recording"):  # needs no way round by DDS
-                self._bag.take(topics.DIAGNOSTICS, serialize_message(said))
+            if message := self.health.report(stamp, OK, "recording"):  # needs no way through DDS
+                self._bag.take(topics.DIAGNOSTICS, serialize_message(message))
         if stamps:
             self._newest, self._quiet = stamps[-1], False
             self._written.publish(to_header(self._newest, "recorder"))
 
     def _idle(self) -> None:
-        if self._quiet and self._newest is not None:  # the drive may not have got it
+        if self._quiet and self._newest is not None:  # the drive may not have received it
             self._written.publish(to_header(self._newest, "recorder"))
         self._quiet = True
         try:

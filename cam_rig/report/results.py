@@ -1,4 +1,4 @@
-"""All that a report tells, and the jobs that find it."""
+"""All findings of a report, and the jobs that compute them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from cam_rig.studies.vibration.comparison import VibrationTable, vibration_table
 VIBRATION_RPM = (200.0, 250.0, 300.0, 350.0)
 #: The paper's fifth law, whose degree it does not print.
 BY_SEGMENTS = "bezier_segments"
-#: What a report does, as it is told to who waits.
+#: What a report computes, as progress is shown.
 PARTS = ("jump speeds", "vibration", "figures", "noise", "continuity or slopes")
 
 
@@ -109,7 +109,7 @@ def find(
 
     Parameters
     ----------
-    on_part : told each of `PARTS` when it is done
+    on_part : called with each of `PARTS` when it is done
     meanwhile : done with the jump speeds while the long ones run
     """
     noise = pool.submit(_noise, sources)
@@ -124,11 +124,11 @@ def find(
     on_part(PARTS[1])
     meanwhile(jumps)
     on_part(PARTS[2])
-    heard = noise.result()
+    levels = noise.result()
     on_part(PARTS[3])
-    answered = factorial.result()
+    effects = factorial.result()
     on_part(PARTS[4])
-    return Findings(sources, jumps, degrees, vibration, stiff, heard, answered)
+    return Findings(sources, jumps, degrees, vibration, stiff, levels, effects)
 
 
 def _noise(sources: Sources) -> NoiseStudy:

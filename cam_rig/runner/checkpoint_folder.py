@@ -1,4 +1,4 @@
-"""The folder of a run's handovers: in memory, of this user alone, gone with the run."""
+"""The folder of a run's checkpoints: in memory, of this user alone, removed with the run."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from contextlib import suppress
 from pathlib import Path
 
 from cam_rig.files import no_room
-from cam_rig.runner.shared_memory import FOLDER, YOUNG
+from cam_rig.runner.shared_memory import FOLDER, LOCK_GRACE_S
 from cam_rig.runner.user_folder import runtime_folder, user_folder
 
-PREFIX = "cam_rig-handover-"
+PREFIX = "cam_rig-checkpoint-"
 
 
-class MemoryFolder:
+class CheckpointFolder:
     """A folder that nodes write to every tick.
 
-    It is locked for as long as the runner lives, whatever ends it; so the next run knows a folder
-    that a killed one left, and takes it away.
+    The runner holds its lock until it ends, whatever ends it; so the next run recognises a folder
+    that a killed runner left, and removes it.
 
     Raises
     ------
-    OutputError : there is nowhere to make one
+    OutputError : no place for it can be written
     """
 
     def __init__(self, place: Path | None = None) -> None:
@@ -39,7 +39,7 @@ class MemoryFolder:
         fcntl.flock(self._lock, fcntl.LOCK_EX)
 
     def remove(self) -> None:
-        """Take it away."""
+        """Remove it."""
         shutil.rmtree(self.path, ignore_errors=True)
         os.close(self._lock)
 
@@ -51,16 +51,16 @@ def _place() -> Path:
 
 
 def _clear(place: Path) -> None:
-    """Remove the folders of this user whose runner lives no more."""
+    """Remove the folders of this user whose runner has ended."""
     for folder in place.glob(f"{PREFIX}*"):
-        with suppress(OSError):  # another's, or another run takes it away just now
+        with suppress(OSError):  # another user's, or another run removes it now
             if _is_left(folder):
                 shutil.rmtree(folder, ignore_errors=True)
 
 
 def _is_left(folder: Path) -> bool:
     about = folder.lstat()
-    if about.st_uid != os.getuid() or about.st_mtime > time.time() - YOUNG:
+    if about.st_uid != os.getuid() or about.st_mtime > time.time() - LOCK_GRACE_S:
         return False  # one that was just made may yet get its lock
     lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     try:

@@ -12,45 +12,39 @@ from types import FrameType, TracebackType
 from typing import Any
 
 from cam_rig.errors import RunError
-from cam_rig.runner.checkpoint_folder import MemoryFolder
-from cam_rig.runner.process import NodeProcess, stop_all
-from cam_rig.runner.shared_memory import YOUNG, clean, require_room
+from cam_rig.runner.checkpoint_folder import CheckpointFolder
+from cam_rig.runner.node_table import DRIVE, ENTRIES, NODES, PATIENCE_S, PLAYER, RECORDER, VIEWER
+from cam_rig.runner.process import Arguments, NodeProcess, stop_all
+from cam_rig.runner.shared_memory import LOCK_GRACE_S, clean, require_room
 
-#: Started right after the recorder when a run is to be seen, and then waited for.
-VIEWER = "viewer"
 #: Signals that end a run; a closed terminal is one of them.
 STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-#: Wall time (s) without an answer after which the drive of a run gives up.
-PATIENCE = 120.0
-#: A node that was killed this often is not started again.
-MAX_RESPAWNS = 20
-
-Arguments = dict[str, str | bool | float | list[str]]
+#: Nodes that no consumer of the drive is.
+SOURCES = ("law_server", DRIVE)
 
 
 def live(
     scene: Path, bag: Path, screen: str | None = None, **drive: str | bool | float
 ) -> dict[str, Arguments]:
-    """The nodes of a run, who listens before who speaks, with their parameters.
+    """The nodes of a run in the order of the table, with their parameters.
 
-    ``screen`` is where a viewer takes the picture of the run; None starts no viewer node.
+    ``screen`` is the address that a viewer draws the run to; None starts no viewer.
     """
-    named: Arguments = {"scene": str(scene)}
-    nodes: dict[str, Arguments] = {"recorder": {**named, "bag": str(bag)}}
-    if screen is not None:
-        nodes[VIEWER] = {**named, "address": screen}
-    nodes |= {"microphone": named, "follower": named}
-    # who has ended is seen here at once, so a busy machine may take its time to answer
-    waited: Arguments = {"report_progress": True, "consumers": list(nodes), "patience": PATIENCE}
-    return nodes | {"law_server": named, "cam_drive": {**named, **waited, **drive}}
+    names = [entry.name for entry in NODES if screen is not None or entry.name != VIEWER]
+    consumers = [name for name in names if name not in SOURCES]
+    given: dict[str, Arguments] = {
+        RECORDER: {"bag": str(bag)},
+        VIEWER: {"address": screen or ""},
+        # a node that has ended is noticed here at once, so a busy machine may answer late
+        DRIVE: {"consumers": consumers, "patience": PATIENCE_S, **drive},
+    }
+    return {name: {"scene": str(scene), **given.get(name, {})} for name in names}
 
 
 def replayed(scene: Path, bag: Path, recorded: Path) -> dict[str, Arguments]:
-    """The nodes that hear a recorded drive and law server."""
-    nodes = live(scene, bag)
-    heard = {name: nodes[name] for name in ("recorder", "microphone", "follower")}
-    player: Arguments = {"bag": str(recorded), "report_progress": True, "patience": PATIENCE}
-    return heard | {"player": player}
+    """The nodes that take the place of a recorded run's consumers, and the player of its bag."""
+    nodes = {name: given for name, given in live(scene, bag).items() if name not in SOURCES}
+    return nodes | {PLAYER.name: {"bag": str(recorded), "patience": PATIENCE_S}}
 
 
 class Graph:
@@ -60,8 +54,8 @@ class Graph:
     ----------
     nodes : parameters by node, the last one being the drive, whose end is the run's
     respawn : start a node again that was killed, instead of ending the run
-    network : let the nodes be heard in the whole subnet, not on this machine alone
-    say : told what happened, a line at a time
+    network : let the nodes be discovered in the whole subnet, not on this machine alone
+    log : called with what happened, a line at a time
     """
 
     def __init__(
@@ -69,22 +63,23 @@ class Graph:
         nodes: dict[str, Arguments],
         respawn: bool = False,
         network: bool = False,
-        say: Callable[[str], None] = lambda _line: None,
+        log: Callable[[str], None] = lambda _line: None,
     ) -> None:
         self._nodes, self._respawn, self._network = nodes, respawn, network
-        self._say, self._last = say, "before the first tick"
+        self._log, self._when = log, "before the first tick"
         self._drive = list(nodes)[-1]
         self.processes: dict[str, NodeProcess] = {}
         self._respawned = dict.fromkeys(nodes, 0)
-        self._lines: Queue[str] = Queue()
+        self._left_out: set[str] = set()
+        self._progress: Queue[str] = Queue()
         self._handlers: dict[int, Any] = {}
-        self._handover = MemoryFolder() if respawn else None
+        self._checkpoints = CheckpointFolder() if respawn else None
         self._begun = time.time()
-        self._bag = Path(str(nodes["recorder"]["bag"]))
+        self._bag = Path(str(nodes[RECORDER]["bag"]))
         self._unclosed, self._kept = False, ""
         self._done = False
         self._suspended: dict[str, float] = {}
-        self._patience = float(str(nodes[self._drive].get("patience", PATIENCE)))
+        self._patience = float(str(nodes[self._drive].get("patience", PATIENCE_S)))
 
     def __enter__(self) -> Graph:
         require_room()
@@ -105,29 +100,29 @@ class Graph:
         trace: TracebackType | None,
     ) -> None:
         self._end()
-        from cam_rig.bag.recording.recover import NOTHING
+        from cam_rig.bag.recording.recover import NOTHING_RECORDED
 
         if error is not None or self._unclosed:
             there = f"what was recorded so far is in {self._bag}: "
-            self._say(self._kept if self._kept == NOTHING else there + self._kept)
+            self._log(self._kept if self._kept == NOTHING_RECORDED else there + self._kept)
 
     def _end(self) -> None:
-        from cam_rig.bag.files import is_torn
+        from cam_rig.bag.files import is_unclosed
         from cam_rig.bag.recording.recover import state_words
 
         for number in STOPPING:  # a second Ctrl-C must not leave nodes behind
             signal.signal(number, signal.SIG_IGN)
-        speakers = [self.processes[n] for n in reversed(self._nodes) if n in self.processes]
-        recorder = [process for process in speakers if process.name == "recorder"]
-        stop_all([process for process in speakers if process not in recorder])
-        stop_all(recorder)  # last, so that it hears the others to the end
-        self._unclosed = self._bag.is_dir() and is_torn(self._bag)
+        started = [self.processes[n] for n in reversed(self._nodes) if n in self.processes]
+        recorder = [process for process in started if process.name == RECORDER]
+        stop_all([process for process in started if process not in recorder])
+        stop_all(recorder)  # last, so that it receives the others' messages to the end
+        self._unclosed = self._bag.is_dir() and is_unclosed(self._bag)
         self._kept = state_words(self._bag)
-        if self._handover is not None:
-            self._handover.remove()
-        # who was killed leaves segments behind, and who could not write them whole
-        if any(process.code for process in speakers) or any(self._respawned.values()):
-            time.sleep(YOUNG)  # a port that was made anew at the end is none of a new run
+        if self._checkpoints is not None:
+            self._checkpoints.remove()
+        # a killed node leaves segments behind, and so does one that could not write them whole
+        if any(process.code for process in started) or any(self._respawned.values()):
+            time.sleep(LOCK_GRACE_S)  # by then, a port without a lock is not one of a new run
             clean(self._begun)
         for stopping, handler in self._handlers.items():
             signal.signal(stopping, handler)
@@ -137,114 +132,125 @@ class Graph:
 
         Raises
         ------
-        RunError : a node ended before its time, with what it said
+        RunError : a node ended before its time, with the last line of its stderr
         """
         while True:
-            dead = [name for name, process in self.processes.items() if process.has_ended]
-            if self._drive in dead:
+            ended = [name for name, process in self.processes.items() if process.has_ended]
+            ended = [name for name in ended if name not in self._left_out]
+            if self._drive in ended:
                 self.processes[self._drive].settle()
             yield from self._reports()
             self._require_moving()
-            if self._drive in dead and self.processes[self._drive].code == 0:
+            if self._drive in ended and self.processes[self._drive].code == 0:
                 if not self._done:
-                    raise RunError(f"node {self._drive} was told to end {self._last}, not yet done")
-                dead.remove(self._drive)
-                if not self._last_ticks_are_lost(dead):
+                    raise RunError(f"node {self._drive} was told to end {self._when}, not yet done")
+                ended.remove(self._drive)
+                if not self._last_ticks_are_lost(ended):
                     if self._recorder_closes():
                         return
-                    dead = ["recorder"]
-                self._start_again(self._drive)  # to say them to the recorder's successor
-            for name in dead:
-                self._mourn(name)
+                    ended = [RECORDER]
+                self._start_again(self._drive)  # to resend them to the recorder's successor
+            for name in ended:
+                self._handle_exit(name)
 
     def require_closed(self) -> None:
-        """To be asked when all have ended, for then the recorder has closed the bag.
+        """To be called when all have ended, since the recorder then has closed the bag.
 
         Raises
         ------
         RunError : it did not; how it ended instead
         """
-        recorder = self.processes["recorder"]
         if self._unclosed:
-            raise RunError(f"node {recorder.obituary()} {self._last}{_last_words(recorder)}")
+            raise RunError(self._exit_words(RECORDER) + self._last_line(RECORDER))
 
-    def _last_ticks_are_lost(self, dead: list[str]) -> bool:
-        """Whether the drive, which has ended as it should, must say its last ticks once more.
+    def _last_ticks_are_lost(self, ended: list[str]) -> bool:
+        """Whether the drive, which has ended in order, must send its last ticks once more.
 
-        A recorder may die with what it has not flushed, though it has answered for it. What else
-        dies now has said all it had to say.
+        A recorder may be killed with what it has not flushed, though it has acknowledged it. Any
+        other node that ends now has published all that it had to.
 
         Raises
         ------
         RunError : a node ended before its time, and is not to be started again
         """
-        for name in dead:
-            if name != VIEWER and not self._returns(name):
-                self._mourn(name)
-        if "recorder" in dead:
+        for name in ended:
+            if ENTRIES[name].essential and not self._returns(name):
+                self._handle_exit(name)
+        if RECORDER in ended:
             return True
-        for name in dead:
-            self._say(f"node {self.processes[name].obituary()} {self._last}, when all was said")
+        for name in ended:
+            self._log(f"{self._exit_words(name)}, when all was published")
         return False
 
     def _recorder_closes(self) -> bool:
-        """Ask the recorder to close the bag while all it has heard can still be said again.
+        """Ask the recorder to close the bag while everything can still be resent to a successor.
 
         False when it was killed instead, and is to be started again.
         """
-        from cam_rig.bag.files import is_torn
+        from cam_rig.bag.files import is_unclosed
 
-        recorder = self.processes["recorder"]
+        recorder = self.processes[RECORDER]
         stop_all([recorder])
-        return recorder.overdue or not (self._returns("recorder") and is_torn(self._bag))
+        return recorder.overdue or not (self._returns(RECORDER) and is_unclosed(self._bag))
 
     def _require_moving(self) -> None:
         """Suspended processes are waited for as the drive waits for an answer, no longer.
 
         Raises
         ------
-        RunError : one that has stood still for that long
+        RunError : an essential one that was suspended for that long
         """
         now = time.monotonic()
         for name, process in self.processes.items():
             since = self._suspended.setdefault(name, now) if process.is_suspended else None
             if since is None:
                 self._suspended.pop(name, None)
-            elif now - since > self._patience:
-                raise RunError(f"node {name} stands suspended (SIGSTOP) {self._last}")
+            elif ENTRIES[name].essential and now - since > self._patience:
+                raise RunError(f"node {name} is suspended (SIGSTOP) {self._when}")
 
     def _reports(self) -> Iterator[dict[str, float | str]]:
         try:
             while True:
-                line = self._lines.get(timeout=0.05)
-                try:
-                    report = json.loads(line)
-                except ValueError:  # the middleware's own words
-                    self._say(line.rstrip())
-                    continue
+                report = json.loads(self._progress.get(timeout=0.05))
                 if "done" in report:
                     self._done = True
                     continue
-                self._last = f"after tick {report['tick']} ({report['cam']}, {report['rpm']:g} rpm)"
+                self._when = f"after tick {report['tick']} ({report['cam']}, {report['rpm']:g} rpm)"
                 yield report
         except Empty:
             pass
 
-    def _mourn(self, name: str) -> None:
-        """Start a killed node again, where that is asked for; else the run is over."""
-        process = self.processes[name]
-        words = f"node {process.obituary()} {self._last}"
-        if not self._returns(name):
-            raise RunError(words + _last_words(process))
-        self._say(f"{words}: started again")
-        self._respawned[name] += 1
-        self._start_again(name)
+    def _handle_exit(self, name: str) -> None:
+        """Start a node again, where that is asked for, or go on without it; else the run is over.
+
+        Raises
+        ------
+        RunError : how it ended, and the last line of its stderr
+        """
+        words = self._exit_words(name)
+        if self._returns(name):
+            self._log(f"{words}: started again")
+            self._respawned[name] += 1
+            self._start_again(name)
+        elif ENTRIES[name].essential:
+            raise RunError(words + self._last_line(name))
+        else:
+            self._left_out.add(name)
+            self._log(f"{words}{self._last_line(name)}; the run goes on without it")
 
     def _returns(self, name: str) -> bool:
-        """Whether a dead node is to be started again."""
-        # A spectator must not cost the measurement.
-        again = (self._respawn or name == VIEWER) and self.processes[name].was_killed
-        return again and self._respawned[name] < MAX_RESPAWNS
+        """Whether a node that has ended is to be started again."""
+        entry = ENTRIES[name]
+        wanted = self._respawn and self.processes[name].was_killed
+        return (wanted or not entry.essential) and self._respawned[name] < entry.max_respawns
+
+    def _exit_words(self, name: str) -> str:
+        return f"node {self.processes[name].exit_summary()} {self._when}"
+
+    def _last_line(self, name: str) -> str:
+        """The last line of stderr of a node that was not killed."""
+        process = self.processes[name]
+        return "" if process.was_killed else f": {process.last_stderr_line()}"
 
     def _start_again(self, name: str) -> None:
         clean(self._begun)
@@ -252,15 +258,10 @@ class Graph:
 
     def _start(self, name: str) -> None:
         arguments = self._nodes[name]
-        if self._handover is not None:
-            arguments = arguments | {"handover": str(self._handover.path)}
-        hear = self._lines.put if name == self._drive else (lambda _line: None)
-        self.processes[name] = NodeProcess(name, arguments, self._network, hear)
-
-
-def _last_words(process: NodeProcess) -> str:
-    """What a node said that was not killed."""
-    return "" if process.was_killed else f": {process.last_words()}"
+        if self._checkpoints is not None:
+            arguments = arguments | {"checkpoint": str(self._checkpoints.path)}
+        report = self._progress.put if name == self._drive else None
+        self.processes[name] = NodeProcess(name, arguments, self._network, self._log, report)
 
 
 class InterruptError(RunError):

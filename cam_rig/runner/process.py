@@ -1,4 +1,4 @@
-"""One node as a process: started, listened to, ended."""
+"""One node as a process: started, its output read, ended."""
 
 from __future__ import annotations
 
@@ -18,11 +18,13 @@ from cam_rig.runner.user_folder import user_folder
 from cam_rig.schema.load import config_root
 
 #: Wall time (s) a node has to end when asked to, before it is killed.
-GRACE = 10.0
-#: Where Fast DDS looks for its profile.
+SHUTDOWN_GRACE_S = 10.0
+#: The variable that names Fast DDS's profile.
 PROFILES = "FASTDDS_DEFAULT_PROFILES_FILE"
-#: Lines of its errors that are kept.
-MAX_WORDS = 1000
+#: Lines of stderr that are kept.
+MAX_STDERR_LINES = 1000
+
+Arguments = dict[str, str | bool | float | list[str]]
 
 
 class NodeProcess:
@@ -33,7 +35,8 @@ class NodeProcess:
     name : the node's name, and its module's
     arguments : its parameters
     network : see `environment`
-    hear : told each line of its stdout
+    log : called with each line of its stdout; a node of the rig writes none, the middleware may
+    report : called with each line of its progress, which it writes into a pipe; None opens none
 
     Raises
     ------
@@ -43,26 +46,42 @@ class NodeProcess:
     def __init__(
         self,
         name: str,
-        arguments: dict[str, str | bool | float | list[str]],
+        arguments: Arguments,
         network: bool,
-        hear: Callable[[str], None],
+        log: Callable[[str], None],
+        report: Callable[[str], None] | None = None,
     ) -> None:
         self.name = name
-        self.words: list[str] = []
+        self.stderr_lines: list[str] = []
         self._threads: list[threading.Thread] = []
         #: Whether it did not end when it was asked to, so that it had to be killed.
         self.overdue = False
+        progress, pipe = os.pipe() if report is not None else (None, None)
+        if pipe is not None:
+            arguments = arguments | {"progress_fd": pipe}
         # as JSON, which is YAML too: a folder called yes or 1e3 stays a text
         pairs = (f"{key}:={json.dumps(value)}" for key, value in arguments.items())
         ros = [part for pair in pairs for part in ("-p", pair)]
         command = [sys.executable, "-m", "cam_rig.nodes", name, "--ros-args", *ros]
         try:
-            self.process = _started(command, network)
+            self.process = _started(command, network, pipe)
         except (OSError, MemoryError) as error:
+            if progress is not None:
+                os.close(progress)
             raise _none_left(name, getattr(error, "strerror", None) or "no memory") from None
+        finally:
+            if pipe is not None:
+                os.close(pipe)
+        takes = [
+            (self.process.stdout, lambda line: log(line.rstrip())),
+            (self.process.stderr, self._keep_stderr),
+        ]
+        if progress is not None and report is not None:
+            takes.append((os.fdopen(progress), report))
         try:
-            self._listen(hear)
-        except RuntimeError as error:  # of a thread: it cannot be heard, so it must not run
+            for stream, take in takes:
+                self._read(stream, take)
+        except RuntimeError as error:  # of a thread: its output cannot be read, so it must not run
             os.killpg(self.process.pid, signal.SIGKILL)
             self.process.wait()
             raise _none_left(name, str(error)) from None
@@ -74,7 +93,7 @@ class NodeProcess:
 
     @property
     def has_ended(self) -> bool:
-        """Whether it runs no more."""
+        """Whether it has ended."""
         return self.code is not None
 
     @property
@@ -84,58 +103,58 @@ class NodeProcess:
 
     @property
     def is_suspended(self) -> bool:
-        """Whether a signal made it stand still (SIGSTOP)."""
+        """Whether it is suspended by a signal (SIGSTOP)."""
         try:
             with open(f"/proc/{self.process.pid}/stat", encoding="ascii", errors="replace") as line:
                 return line.read(4096).rpartition(")")[2].split()[:1] == ["T"]
-        except OSError:  # it has ended, or this is no Linux
+        except OSError:  # it has ended, or this is not Linux
             return False
 
-    def obituary(self) -> str:
+    def exit_summary(self) -> str:
         """How it ended."""
         if self.overdue:
-            return f"{self.name} did not end within {GRACE:g} s and was killed"
+            return f"{self.name} did not end within {SHUTDOWN_GRACE_S:g} s and was killed"
         code = self.code or 0
         how = f"was ended by signal {-code}" if code < 0 else f"ended with code {code}"
         return f"{self.name} {how}{why_killed(code)}"
 
     @property
     def warnings(self) -> list[str]:
-        """What it warned of, without time and name."""
-        return [line.split("]: ", 1)[-1].strip() for line in self.words if "[WARN]" in line]
+        """The warnings in its stderr, without time and name."""
+        return [line.split("]: ", 1)[-1].strip() for line in self.stderr_lines if "[WARN]" in line]
 
-    def last_words(self) -> str:
+    def last_stderr_line(self) -> str:
         """The last line it wrote to stderr."""
         self.settle()
-        words = [line.strip() for line in self.words if line.strip()]
-        return words[-1] if words else "it said nothing"
-
-    def _listen(self, hear: Callable[[str], None]) -> None:
-        for stream, take in ((self.process.stdout, hear), (self.process.stderr, self._hear_words)):
-            thread = threading.Thread(target=_drain, args=(stream, take), daemon=True)
-            thread.start()
-            self._threads.append(thread)
+        lines = [line.strip() for line in self.stderr_lines if line.strip()]
+        return lines[-1] if lines else "nothing on stderr"
 
     def settle(self) -> None:
-        """Once it has ended: wait until all that it wrote has been read."""
+        """Once it has ended: wait until all its output has been read."""
         for thread in self._threads:
-            thread.join(GRACE)
+            thread.join(SHUTDOWN_GRACE_S)
 
-    def _hear_words(self, line: str) -> None:
-        if len(self.words) < MAX_WORDS:
-            self.words.append(line)
+    def _read(self, stream: Iterable[str] | None, take: Callable[[str], None]) -> None:
+        thread = threading.Thread(target=_drain, args=(stream, take), daemon=True)
+        thread.start()
+        self._threads.append(thread)
+
+    def _keep_stderr(self, line: str) -> None:
+        if len(self.stderr_lines) < MAX_STDERR_LINES:
+            self.stderr_lines.append(line)
         else:
-            self.words[-1] = line
+            self.stderr_lines[-1] = line
 
 
-def _started(command: list[str], network: bool) -> subprocess.Popen[str]:
-    with _signals_held_back():
+def _started(command: list[str], network: bool, pipe: int | None) -> subprocess.Popen[str]:
+    with _signals_blocked():
         return subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
+            pass_fds=() if pipe is None else (pipe,),
             env=environment(network),
             start_new_session=True,  # Ctrl-C reaches the runner alone, which ends all in order
         )
@@ -149,8 +168,8 @@ def _none_left(name: str, why: str) -> RunError:
 
 
 @contextmanager
-def _signals_held_back() -> Iterator[None]:
-    """What is started here has no signal that ends it until it lets them through itself."""
+def _signals_blocked() -> Iterator[None]:
+    """A process that is started here gets no signal that ends it until it unblocks them itself."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
     try:
         yield
@@ -159,12 +178,12 @@ def _signals_held_back() -> Iterator[None]:
 
 
 def stop_all(nodes: list[NodeProcess]) -> None:
-    """Ask all to end, wait for them, and kill who does not."""
+    """Ask all to end, wait for them, and kill those that do not."""
     for node in nodes:
         if not node.has_ended:
             node.process.send_signal(signal.SIGINT)
             node.process.send_signal(signal.SIGCONT)  # one that was suspended ends in order too
-    deadline = time.monotonic() + GRACE
+    deadline = time.monotonic() + SHUTDOWN_GRACE_S
     for node in nodes:
         try:
             node.process.wait(max(0.1, deadline - time.monotonic()))
@@ -175,15 +194,15 @@ def stop_all(nodes: list[NodeProcess]) -> None:
 
 
 def environment(network: bool = False) -> dict[str, str]:
-    """The nodes' environment: no socket leaves this machine, unless ``network`` says otherwise.
+    """The nodes' environment: no socket leaves this machine without ``network``.
 
-    Then a profile of the user's own counts, where there is one.
+    With it, a profile of the user's own counts, where there is one.
     """
     own = dict(os.environ)
     # The nodes' matrices are small: threads inside one node only take the cores of the others.
     for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         own.setdefault(threads, "1")
-    if not own.get("HOME"):  # a service or a cron job: ROS would find nowhere for its log files
+    if not own.get("HOME"):  # a service or a cron job: ROS would have no place for its log files
         own.setdefault("ROS_LOG_DIR", str(user_folder() / "cam_rig-ros-log"))
     own["CAM_RIG_RUNNER"] = str(os.getpid())
     if network:

@@ -8,8 +8,8 @@ from typing import Protocol
 
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import BagError
-from cam_rig.live.admission import REMEMBERED
-from cam_rig.live.tick_matching import TickPairing
+from cam_rig.live.flow_control import REMEMBERED_STATES
+from cam_rig.live.tick_matching import TickMatcher
 from cam_rig.simulation.schedule import CamState
 
 Tick = tuple[CamState, CamState, FloatArray]
@@ -38,12 +38,12 @@ class RunFeed:
     """
 
     def __init__(self, receiver: RunReceiver) -> None:
-        self._receiver, self._pairing = receiver, TickPairing()
+        self._receiver, self._pairing = receiver, TickMatcher()
         self._ticks: deque[Tick] = deque()
         self._levels: deque[float] = deque()
         self._pressures: deque[tuple[int, float]] = deque()
         self._sounds: deque[tuple[int, float, float]] = deque()
-        self._received: deque[CamState | tuple[int, float]] = deque(maxlen=2 * REMEMBERED)
+        self._received: deque[CamState | tuple[int, float]] = deque(maxlen=2 * REMEMBERED_STATES)
         self._drawn = self._sound_until = -1
 
     @property

@@ -11,11 +11,11 @@ from typer.testing import CliRunner
 from cam_rig.bag.compare import compare
 from cam_rig.bag.complete import require_complete
 from cam_rig.bag.files import mcap_file
-from cam_rig.bag.pieces import pieces
 from cam_rig.bag.playback import played
 from cam_rig.bag.reader import read_counts, read_recording, read_scene
 from cam_rig.bag.recording.recorder import BagRecorder
 from cam_rig.bag.recording.recover import examine, recover, state_words
+from cam_rig.bag.records import records_of
 from cam_rig.cli.main import app
 from cam_rig.errors import CamRigError
 from cam_rig.schema.load import config_root
@@ -57,7 +57,7 @@ def originals(tmp_path_factory):
     ]
     for file in files:
         with file.open("rb") as stream:
-            found.append((file.read_bytes(), [piece.start - 8 for piece in pieces(stream)]))
+            found.append((file.read_bytes(), [record.start - 8 for record in records_of(stream)]))
     return found
 
 
@@ -114,7 +114,7 @@ CASES = [
 
 @pytest.mark.parametrize("seed", CASES)
 def test_a_damaged_bag_is_read_or_refused(tmp_path, originals, bounded, seed):
-    """Every reader and every mending: a result or one line, within a gigabyte and ten seconds."""
+    """Every reader and every recovery: a result or one line, within a gigabyte and ten seconds."""
     chance = random.Random(seed)
     original, heads = originals[seed // len(WAYS) % 3]
     data = bytearray(original)
@@ -132,7 +132,7 @@ def test_a_damaged_bag_is_read_or_refused(tmp_path, originals, bounded, seed):
         lambda one: require_complete(one, STAGE.scene),
         lambda one: list(played(one)),
         lambda one: compare(one, BAG),
-        lambda one: recover(one, tmp_path / "mended"),
+        lambda one: recover(one, tmp_path / "recovered"),
         lambda one: BagRecorder(one, STAGE, resume=True).close() if seed % 3 else state_words(one),
         read_recording,
     )
@@ -160,18 +160,18 @@ def test_what_is_saved_was_recorded(tmp_path, originals, seed):
     (tmp_path / "b.mcap").write_bytes(data)
     whole = contents(tmp_path / "a.mcap")
     try:
-        saved = recover(tmp_path / "b.mcap", tmp_path / "mended")
+        saved = recover(tmp_path / "b.mcap", tmp_path / "recovered")
     except CamRigError as error:
         assert "nothing to recover" in str(error) or "does not begin" in str(error)
         return
-    found = contents(mcap_file(tmp_path / "mended"))
+    found = contents(mcap_file(tmp_path / "recovered"))
     wrong = 0
     for topic, part in found.items():
         true = [one for one in part if one in whole[topic]]
         rest = iter(whole[topic])
         assert all(any(one == other for other in rest) for one in true)  # in its order
         wrong += len(part) - len(true)
-    assert wrong <= saved.salvage.doubtful
+    assert wrong <= saved.reader.doubtful
 
 
 def contents(file):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from cam_rig.bag.recording.session import RecordingSession
 from cam_rig.errors import DynamicsError, RefusedError
 from cam_rig.live.admission import StateValidator
-from cam_rig.live.follower_queue import FollowerTicks
+from cam_rig.live.follower_queue import FollowerQueue
 from cam_rig.messages import topics
 from cam_rig.messages.codec import (
     BLOCK_LABEL,
@@ -81,7 +81,7 @@ STATES = st.builds(
 def test_a_follower_that_is_told_anything_stays_finite(told):
     """What it refuses is refused by name; what it publishes of the rest is finite."""
     bench = FollowerSimulator.of(STAGE)
-    follower = FollowerTicks(bench, STAGE.scene)
+    follower = FollowerQueue(bench, STAGE.scene)
     for one in told:
         try:
             if isinstance(one, tuple):

@@ -91,7 +91,7 @@ def read_all(file):
         read_recording,
         lambda bag: list(messages(bag, topics.RECORDING)),
         lambda bag: list(raw_messages(bag, {"/x"})),
-        lambda bag: recover(bag, bag.parent / f"mended{len(said)}"),
+        lambda bag: recover(bag, bag.parent / f"recovered{len(said)}"),
     ):
         try:
             read(file)
@@ -105,7 +105,7 @@ def read_all(file):
 @pytest.mark.parametrize("compression", ["zstd", "lz4"])
 @pytest.mark.parametrize("honest", [True, False])
 def test_a_few_bytes_that_unpack_to_a_gigabyte_are_refused(tmp_path, frugal, compression, honest):
-    """Whether the chunk says so or not: neither a reader nor a mending unpacks it."""
+    """Whether the chunk says so or not: neither a reader nor a recovery unpacks it."""
     data = packed_zeros(GIB, compression)
     one = chunk(data, compression, GIB if honest else 1000)
     file = file_of(tmp_path / "a.mcap", one, summary=[index_of(one, FIRST)])
@@ -231,7 +231,7 @@ def test_an_attachment_that_was_changed_is_not_read(tmp_path):
     (tmp_path / "a.mcap").write_bytes(data)
     with pytest.raises(BagError, match="has a wrong checksum"):
         read_scene(tmp_path / "a.mcap")
-    assert recover(tmp_path / "a.mcap", tmp_path / "mended").salvage.damaged == 1
+    assert recover(tmp_path / "a.mcap", tmp_path / "recovered").reader.damaged == 1
 
 
 def test_a_type_that_is_another_is_refused(tmp_path):
@@ -245,7 +245,7 @@ def test_a_type_that_is_another_is_refused(tmp_path):
 
 
 def test_ten_thousand_topics_are_bounded(tmp_path, frugal):
-    """A mending writes what a rig may have, and says that there was more."""
+    """A recovery writes what a rig may have, and says that there was more."""
     records = [Schema(1, b"", "ros2msg", "a/msg/B")]
     records += [Channel(i + 1, f"/t{i}", "cdr", {}, 1) for i in range(10_000)]
     out = RecordBuilder()
@@ -253,7 +253,7 @@ def test_ten_thousand_topics_are_bounded(tmp_path, frugal):
         out.write(struct.pack("<BQHIQQ", 5, 22, i + 1, 0, i, i))
     data = out.end()
     records.append(chunk(data, "", len(data), 0, 10_000))
-    saved = recover(file_of(tmp_path / "a.mcap", *records), tmp_path / "mended")
+    saved = recover(file_of(tmp_path / "a.mcap", *records), tmp_path / "recovered")
     assert len(saved.counts) == 1000 and "damaged" in saved.words
 
 
@@ -275,7 +275,7 @@ def test_an_honest_compressed_bag_is_read(tmp_path, kind):
     assert recover(bag, tmp_path / "all").counts == {topics.LEVEL.name: len(noise)}
     bag.write_bytes(bag.read_bytes()[:100_000])
     saved = recover(bag, tmp_path / "part")
-    assert saved.salvage.cut == saved.counts[topics.LEVEL.name] > 2000
+    assert saved.reader.cut == saved.counts[topics.LEVEL.name] > 2000
     part = [bytes(data) for _, _, data in raw_messages(tmp_path / "part", {topics.LEVEL.name})]
     assert part == noise[: len(part)]
 
@@ -316,7 +316,7 @@ def test_a_name_too_long_for_the_bags_file_is_refused_at_once(tmp_path, letters)
 
 @pytest.mark.parametrize("letters", [244, 250, 300])
 def test_names_that_no_disk_can_have_are_one_line_everywhere(tmp_path, letters):
-    """As the target of a mending, and as a bag to be read."""
+    """As the target of a recovery, and as a bag to be read."""
     with pytest.raises(BagError, match="too long"):
         recover(GOLDEN, tmp_path / ("a" * letters))
     assert all(read_all(tmp_path / ("a" * letters)))
@@ -330,14 +330,14 @@ def test_a_name_that_cannot_be_written_is_refused(tmp_path, name):
 
 
 def test_an_unsound_crc_is_not_hidden(tmp_path):
-    """A chunk whose checksum is wrong is refused by the readers, and read by a mending."""
+    """A chunk whose checksum is wrong is refused by the readers, and read by a recovery."""
     body = struct.pack("<BQHIQQ", 5, 30, 1, 1, 5, 5) + bytes(8)
     wrong = Chunk("", body, 5, 5, zlib.crc32(body) ^ 1, len(body))
     records = [Schema(1, b"x", "ros2msg", "a/msg/B"), Channel(1, "/x", "cdr", {}, 1)]
     file = file_of(tmp_path / "a.mcap", *records, wrong)
     with pytest.raises(BagError, match="checksum"):
         list(raw_messages(file, {"/x"}))
-    saved = recover(file, tmp_path / "mended")
+    saved = recover(file, tmp_path / "recovered")
     assert saved.counts == {"/x": 1} and "numbers may be wrong: 1, from 5e-09 s to 5e-09 s" in (
         saved.words
     )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cam_rig.bag.files import is_torn, mcap_file, no_bag
+from cam_rig.bag.files import is_unclosed, mcap_file, why_not_a_bag
 from cam_rig.bag.reader import messages, raw_messages, read_counts, read_recording
 from cam_rig.bag.recording.recorder import BagRecorder
 from cam_rig.bag.recording.recover import examine, recover, recover_in_place, state_words
@@ -47,7 +47,7 @@ def test_a_recovery_may_be_killed_at_any_step(tmp_path, killed_at, stride):
         if not killed_at(at, lambda bag=bag: recover_in_place(bag)):
             break
         killed += 1
-        if is_torn(bag):
+        if is_unclosed(bag):
             with pytest.raises(BagError, match="cam-rig recover"):
                 read_counts(bag)
             recover_in_place(bag)
@@ -64,13 +64,13 @@ def test_a_copy_may_be_killed_at_any_step(tmp_path, killed_at, stride):
     recover(torn, tmp_path / "all")
     expected = payloads(tmp_path / "all")
     for at in count(0, stride):
-        target = tmp_path / f"mended{at}"
+        target = tmp_path / f"recovered{at}"
         if not killed_at(at, lambda target=target: recover(torn, target)):
             break
-        if (target.exists() and (no_bag(target) or is_torn(target))) or not target.exists():
+        if not target.exists() or why_not_a_bag(target) or is_unclosed(target):
             recover(torn, target)
         assert payloads(target) == expected
-        assert [p.suffix for p in sorted(target.iterdir())] == [".mcap", ".yaml"]
+        assert sorted(p.suffix for p in target.iterdir()) == [".mcap", ".yaml"]
 
 
 def record(bag, loaded, golden, resume=False):
@@ -111,7 +111,7 @@ def test_a_successor_may_be_killed_at_any_step(tmp_path, killed_at, loaded, gold
 
 @pytest.mark.parametrize("stride", STRIDES)
 def test_a_recorder_may_be_killed_while_it_closes(tmp_path, killed_at, loaded, golden, stride):
-    """All was flushed: mended, it is the bag that would have been closed."""
+    """All was flushed: recovered, it is the bag that would have been closed."""
     record(tmp_path / "straight", loaded, golden).close()
     expected = payloads(tmp_path / "straight")
     for at in count(0, stride):
@@ -122,7 +122,7 @@ def test_a_recorder_may_be_killed_while_it_closes(tmp_path, killed_at, loaded, g
         if not killed_at(at, recorder.close):
             break
         recorder._writer._file.close()
-        if is_torn(bag):
+        if is_unclosed(bag):
             state_words(bag)
         assert payloads(bag) == expected
         assert len(read_recording(bag).ticks) == 16
@@ -140,16 +140,16 @@ def test_what_older_versions_left_of_a_recovery_is_understood(tmp_path, partial,
         (bag / "B_0.mcap").write_bytes(whole[:partial])
     if listed:
         shutil.copy(GOLDEN / "metadata.yaml", bag)
-    assert is_torn(bag)
-    with pytest.raises(BagError, match=r"B_0\.torn .*mend it with: cam-rig recover"):
+    assert is_unclosed(bag)
+    with pytest.raises(BagError, match=r"B_0\.torn .*recover it with: cam-rig recover"):
         read_counts(bag)
-    with pytest.raises(BagError, match="mend it with: cam-rig recover"):
+    with pytest.raises(BagError, match="recover it with: cam-rig recover"):
         list(messages(bag, RECORDING))
-    saved = recover(bag, tmp_path / "mended")
+    saved = recover(bag, tmp_path / "recovered")
     assert "read from B_0.torn, left by an interrupted recovery" in saved.words
     assert sum(saved.counts.values()) == 95
     assert recover_in_place(bag).counts == saved.counts
-    assert payloads(bag) == payloads(tmp_path / "mended")
+    assert payloads(bag) == payloads(tmp_path / "recovered")
     assert sorted(p.name for p in bag.iterdir()) == ["B_0.mcap", "metadata.yaml"]
 
 
@@ -175,5 +175,8 @@ def test_two_recoveries_at_once_are_refused(tmp_path):
     torn = torn_at(tmp_path / "torn", 60_000)
     from cam_rig.bag.recording.writer import BagWriter
 
-    with BagWriter(torn, anew=True), pytest.raises(BagError, match="is being written by another"):
+    with (
+        BagWriter(torn, rewrite=True),
+        pytest.raises(BagError, match="is being written by another"),
+    ):
         recover_in_place(torn)

@@ -13,13 +13,13 @@ from mcap.records import Attachment
 
 from cam_rig.bag import files
 from cam_rig.bag.complete import belonging, expected_counts
-from cam_rig.bag.files import is_torn, mcap_file
+from cam_rig.bag.files import is_unclosed, mcap_file
 from cam_rig.bag.loss import Holdings, loss_of
-from cam_rig.bag.partial_reader import Salvage
-from cam_rig.bag.pieces import pieces
+from cam_rig.bag.partial_reader import PartialReader
 from cam_rig.bag.reader import read_counts, read_scene
 from cam_rig.bag.recording.recorder import BagRecorder
 from cam_rig.bag.recording.recover import examine, recover, recover_in_place, state_words
+from cam_rig.bag.records import records_of
 from cam_rig.errors import BagError
 from cam_rig.messages.topics import RECORDING
 from cam_rig.schema.load import config_root
@@ -35,7 +35,7 @@ SCENE = read_scene(GOLDEN).scene
 def held(keep=lambda topic, message: True):
     """What the golden bag holds, of the messages that are kept."""
     found = Holdings()
-    for record in Salvage(mcap_file(GOLDEN)).records():
+    for record in PartialReader(mcap_file(GOLDEN)).records():
         if not isinstance(record, Attachment) and keep(record[1].topic, record[2]):
             _, channel, message = record
             found.add(channel.topic, message.log_time, message.sequence, message.data)
@@ -124,7 +124,7 @@ def test_a_run_that_was_interrupted_has_lost_nothing(tmp_path):
     loaded = open_scene(config_root() / "scenes" / "quick.yaml")
     bag = tmp_path / "bag"
     recorder = BagRecorder(bag, loaded)
-    for record in Salvage(mcap_file(GOLDEN)).records():
+    for record in PartialReader(mcap_file(GOLDEN)).records():
         if not isinstance(record, Attachment) and record[2].log_time <= TIMES[6] + 10:
             _, channel, message = record
             topic = next(t for t in RECORDING if t.name == channel.topic)
@@ -146,14 +146,14 @@ def test_expected_counts_are_those_of_the_golden_bag():
 
 @pytest.mark.parametrize("part", range(5, 100, 9))
 def test_the_words_agree_with_the_bag(tmp_path, part):
-    """Whatever was cut off: the ticks that are named are those that are not in the mended bag."""
+    """Whatever was cut off: the ticks that are named are those not in the recovered bag."""
     bag = tmp_path / "bag"
     bag.mkdir()
     data = mcap_file(GOLDEN).read_bytes()
     (bag / "bag_0.mcap").write_bytes(data[: len(data) * part // 100])
-    words = recover(bag, tmp_path / "mended").words
+    words = recover(bag, tmp_path / "recovered").words
     assert "flushed" not in words
-    ticks = read_counts(tmp_path / "mended").get("/microphone/level", 0)
+    ticks = read_counts(tmp_path / "recovered").get("/microphone/level", 0)
     if ticks == 16:
         assert "no tick is missing" in words or "nothing lost" in words
         return
@@ -185,7 +185,7 @@ def full_after(monkeypatch, size):
 
 @pytest.mark.parametrize("room", [0, 5_000, 100_000, 199_000])
 def test_on_a_full_disk_a_torn_bag_stays_as_it_is(tmp_path, monkeypatch, room):
-    """It cannot be mended beside itself; what it holds and lacks is said, and how to get it."""
+    """It cannot be recovered beside itself; what it holds and lacks is said, and how to get it."""
     bag = tmp_path / "my bag"
     bag.mkdir()
     data = mcap_file(GOLDEN).read_bytes()[:200_000]
@@ -201,7 +201,7 @@ def test_on_a_full_disk_a_torn_bag_stays_as_it_is(tmp_path, monkeypatch, room):
     assert file.read_bytes() == data
     assert {path.name for path in bag.iterdir()} <= {file.name, "metadata.yaml"}
     assert sum(recover(bag, tmp_path / "elsewhere").counts.values()) == 95
-    assert "saved" in state_words(bag) and not is_torn(bag)
+    assert "saved" in state_words(bag) and not is_unclosed(bag)
 
 
 def test_a_copy_that_finds_no_room_leaves_nothing(tmp_path, monkeypatch):
@@ -230,7 +230,7 @@ def test_a_recorder_on_a_full_disk_keeps_what_was_written(tmp_path, monkeypatch,
             recorder._writer.flush()
         recorder.close()
     assert mcap_file(bag).stat().st_size == size
-    assert is_torn(bag)
+    assert is_unclosed(bag)
     saved = recover_in_place(bag)
     assert sum(saved.counts.values()) >= 5 and "missing: " in saved.words
 
@@ -239,16 +239,16 @@ def test_a_damaged_length_costs_no_more_than_its_chunk(tmp_path):
     """Behind a record whose length is wrong, the next chunk is found by what it looks like."""
     file = mcap_file(GOLDEN)
     with file.open("rb") as stream:
-        chunks = [piece for piece in pieces(stream) if piece.opcode == 6]
+        chunks = [record for record in records_of(stream) if record.opcode == 6]
     data = bytearray(file.read_bytes())
     struct.pack_into("<Q", data, chunks[2].start - 8, 2**40)
     (tmp_path / "a.mcap").write_bytes(data)
-    saved = recover(tmp_path / "a.mcap", tmp_path / "mended")
+    saved = recover(tmp_path / "a.mcap", tmp_path / "recovered")
     assert sum(saved.counts.values()) == 150
-    shutil.rmtree(tmp_path / "mended")
+    shutil.rmtree(tmp_path / "recovered")
     data[chunks[2].start : chunks[2].start + 100_000] = bytes(100_000)
     (tmp_path / "a.mcap").write_bytes(data)
-    saved = recover(tmp_path / "a.mcap", tmp_path / "mended")
+    saved = recover(tmp_path / "a.mcap", tmp_path / "recovered")
     assert "missing: ticks 1 to 8 of 16" in saved.words or "ticks 1" in saved.words
     assert saved.counts["/microphone/level"] == 8
 

@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 from typer.testing import CliRunner
 
 from cam_rig.bag.files import mcap_file
-from cam_rig.bag.partial_reader import OURS, Salvage
+from cam_rig.bag.partial_reader import RECORDED_TOPICS, PartialReader
 from cam_rig.bag.reader import read_counts
 from cam_rig.bag.recording.writer import BagWriter
 from cam_rig.cli.main import app
@@ -184,13 +184,13 @@ def test_replay_finds_a_changed_number(tmp_path, monkeypatch):
     wrong = bytes(types.serialize_cdr(level, one.msgtype))
     bag = tmp_path / "bag"
     with BagWriter(bag) as writer:
-        for record in Salvage(mcap_file(GOLDEN)).records():
+        for record in PartialReader(mcap_file(GOLDEN)).records():
             if isinstance(record, Attachment):
                 writer.attach(record.name, record.data)
                 continue
             _, channel, message = record
             changed = wrong if message.data == bytes(data) else message.data
-            writer.write(OURS[channel.topic], message.log_time, changed)
+            writer.write(RECORDED_TOPICS[channel.topic], message.log_time, changed)
     result = call("replay", bag, "--tolerance", "1e-10")
     assert result.exit_code == 1
     assert "/microphone/level value differs by" in result.stderr
@@ -200,8 +200,8 @@ def test_replay_finds_a_changed_number(tmp_path, monkeypatch):
     ("make", "words"),
     [
         (lambda path: None, "no such bag"),
-        (lambda path: path.mkdir(), "has no .mcap file in it, so it is no bag"),
-        (lambda path: path.write_text("# Read me"), "is no bag"),
+        (lambda path: path.mkdir(), "is not a bag: no .mcap file in it"),
+        (lambda path: path.write_text("# Read me"), "is not a bag: not an .mcap file"),
         (
             lambda path: path.with_suffix(".mcap").write_bytes(b"garbage" * 99),
             "does not begin as an MCAP file does",

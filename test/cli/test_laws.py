@@ -88,7 +88,7 @@ def test_law_as_csv(laws):
         (["law", "poly345", "--out", "{tmp}/a.xyz"], 2, "unknown kind of picture; allowed: .png"),
         (["law", "poly345", "--out", "{tmp}"], 2, "unknown kind of picture"),
         (["law"], 2, "Missing argument"),
-        (["laws", "--json", "{tmp}"], 1, "cannot be written"),
+        (["laws", "--json", "{tmp}"], 1, "is a folder; allowed: a file"),
     ],
 )
 def test_errors_are_one_line_with_a_code(tmp_path, arguments, code, words):

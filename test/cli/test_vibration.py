@@ -39,9 +39,9 @@ def test_cams_that_are_left_are_marked():
     assert data["cams"]["poly345"]["leaves_rpm"] == pytest.approx(413.44, abs=0.01)
     assert "poly345 †" in result.stderr
     assert "bezier15 * †" not in result.stderr
-    assert "not asked at 1 of 2 speeds" in result.stderr
+    assert "contact is lost at 1 of 2 speeds" in result.stderr
     residual = data["claims"][1]
-    assert (residual["measure"], residual["verdict"]) == ("by the ringing", "agrees")
+    assert (residual["measure"], residual["verdict"]) == ("residual amplitude", "agrees")
     assert residual["otherwise"]["verdict"] == "disagrees"
 
 

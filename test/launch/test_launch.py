@@ -7,17 +7,18 @@ each action only keeps what it was given.
 import runpy
 import sys
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import pytest
 
 from cam_rig.nodes.common.parameters import PARAMETERS
 from cam_rig.runner.graph import live
+from cam_rig.runner.node_table import NODES, VIEWER
 
 LAUNCH = Path(__file__).parents[2] / "launch"
 NAMES = {
     "launch": "LaunchContext LaunchDescription",
-    "launch.actions": "DeclareLaunchArgument OpaqueFunction SetEnvironmentVariable "
+    "launch.actions": "DeclareLaunchArgument LogInfo OpaqueFunction SetEnvironmentVariable "
     "SetLaunchConfiguration Shutdown IncludeLaunchDescription",
     "launch.conditions": "IfCondition UnlessCondition",
     "launch.events": "",
@@ -66,7 +67,7 @@ def test_the_same_nodes_in_the_same_order(load):
         name = node.named["executable"]
         given = {key for parameters in node.named["parameters"] for key in parameters}
         assert given <= {spec.name for spec in PARAMETERS[name]}
-        assert set(runner[name]) - {"report_progress", "consumers", "address"} <= given
+        assert set(runner[name]) - {"consumers"} <= given
 
 
 def test_no_socket_leaves_the_machine_unless_asked(load):
@@ -81,12 +82,23 @@ def test_no_socket_leaves_the_machine_unless_asked(load):
 def test_every_argument_that_is_used_is_declared(load):
     """A misspelt argument would only fail on a full ROS installation."""
     actions = load("rig.launch.py")
-    declared = {action.given[0] for action in of(actions, "DeclareLaunchArgument")} | {"handover"}
+    declared = {action.given[0] for action in of(actions, "DeclareLaunchArgument")} | {"checkpoint"}
     for node in of(actions, "Node"):
         for parameters in node.named["parameters"]:
             for value in parameters.values():
                 assert value.given[0].given[0] in declared
-        assert node.named["respawn"].given[0] in declared
+        if node.named["respawn"] is not True:
+            assert node.named["respawn"].given[0] in declared
+
+
+def test_a_run_goes_on_without_its_viewer(load):
+    """Under both: it alone is not essential, and its end is reported in one line."""
+    nodes = {node.named["executable"]: node.named for node in of(load("rig.launch.py"), "Node")}
+    event = SimpleNamespace(process_name="viewer-2", returncode=1)
+    for entry in NODES:
+        assert nodes[entry.name]["on_exit"].__name__ == ("ended" if entry.essential else "left_out")
+    assert [entry.name for entry in NODES if not entry.essential] == [VIEWER]
+    assert "the run goes on without it" in nodes[VIEWER]["on_exit"](event, None).named["msg"]
 
 
 def test_the_sweep_includes_the_rig(load):

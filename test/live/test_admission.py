@@ -1,4 +1,4 @@
-"""Which states of a cam can be true."""
+"""Which cam states are possible."""
 
 from dataclasses import replace
 
@@ -15,28 +15,28 @@ STATES = list(cam_states(SCENE))
 
 
 def test_a_scene_is_admitted_and_its_repetition_known():
-    """A drive that was started again says its last states once more."""
-    gate = StateValidator(1000.0)
-    assert gate.admit(STATES[0]) is Admission.NEW_SEQUENCE
-    assert {gate.admit(state) for state in STATES[1:]} == {Admission.NEXT}
-    assert {gate.admit(state) for state in STATES[-9:]} == {Admission.SEEN}
+    """A drive that was started again sends its last states once more."""
+    validator = StateValidator(1000.0)
+    assert validator.admit(STATES[0]) is Admission.NEW_SEQUENCE
+    assert {validator.admit(state) for state in STATES[1:]} == {Admission.NEXT}
+    assert {validator.admit(state) for state in STATES[-9:]} == {Admission.SEEN}
 
 
 def test_after_standing_a_new_run_may_begin_at_any_time():
     """Nodes outlive a drive: the next one begins at zero again."""
-    gate = StateValidator(1000.0)
+    validator = StateValidator(1000.0)
     for state in STATES:
-        gate.admit(state)
+        validator.admit(state)
     again = [replace(state, angle=state.angle + 1.0) for state in STATES]
-    assert gate.admit(again[0]) is Admission.NEW_SEQUENCE
-    assert gate.admit(again[1]) is Admission.NEXT
+    assert validator.admit(again[0]) is Admission.NEW_SEQUENCE
+    assert validator.admit(again[1]) is Admission.NEXT
 
 
 def test_a_successor_passes_over_what_was_done():
     """Histories begin long before the state to go on from."""
-    gate = StateValidator(1000.0, STATES[5])
-    assert {gate.admit(state) for state in STATES[:6]} == {Admission.SEEN}
-    assert gate.admit(STATES[6]) is Admission.NEXT
+    validator = StateValidator(1000.0, STATES[5])
+    assert {validator.admit(state) for state in STATES[:6]} == {Admission.SEEN}
+    assert validator.admit(STATES[6]) is Admission.NEXT
 
 
 LAST = CamState(1_000_000_000, 10.0, 20.0, "tm21")
@@ -57,34 +57,34 @@ LAST = CamState(1_000_000_000, 10.0, 20.0, "tm21")
     ],
 )
 def test_what_cannot_follow_is_refused(state, words):
-    """The words name the number and what is allowed; the gate stays as it was."""
-    gate = StateValidator(1000.0)
-    gate.admit(LAST)
+    """The words name the number and what is allowed; the validator stays as it was."""
+    validator = StateValidator(1000.0)
+    validator.admit(LAST)
     with pytest.raises(RefusedError, match=words):
-        gate.admit(state)
-    assert gate.admit(CamState(1_100_000_000, 12.0, 30.0, "tm21")) is Admission.NEXT
+        validator.admit(state)
+    assert validator.admit(CamState(1_100_000_000, 12.0, 30.0, "tm21")) is Admission.NEXT
 
 
 def test_a_lost_state_is_noticed():
     """At constant speed the next but one leads on too, but a tick is never two turns."""
-    gate = StateValidator.of(SCENE)
-    gate.admit(STATES[0])
-    with pytest.raises(RefusedError, match="one was lost, or is another's"):
-        gate.admit(STATES[2])
-    assert [gate.admit(state) for state in STATES[1:3]] == [Admission.NEXT] * 2
+    validator = StateValidator.of(SCENE)
+    validator.admit(STATES[0])
+    with pytest.raises(RefusedError, match="was one lost, or is a second drive"):
+        validator.admit(STATES[2])
+    assert [validator.admit(state) for state in STATES[1:3]] == [Admission.NEXT] * 2
 
 
 def test_a_linear_ramp_is_no_jump():
     """Half the sum of both speeds leads on too."""
-    gate = StateValidator(1000.0)
-    gate.admit(LAST)
-    assert gate.admit(CamState(1_100_000_000, 12.5, 30.0, "tm21")) is Admission.NEXT
+    validator = StateValidator(1000.0)
+    validator.admit(LAST)
+    assert validator.admit(CamState(1_100_000_000, 12.5, 30.0, "tm21")) is Admission.NEXT
 
 
-def test_who_is_not_waited_for_may_miss_states():
+def test_a_node_that_is_not_waited_for_may_miss_states():
     """Histories begin later than where the predecessor ended: what is left is admitted."""
-    gate = StateValidator(1000.0, tick_angle=1e-3, since=STATES[5].time_ns)
-    assert {gate.admit(state) for state in STATES[:6]} == {Admission.SEEN}
-    assert gate.admit(STATES[9]) is Admission.NEW_SEQUENCE
-    with pytest.raises(RefusedError, match="one was lost"):
-        gate.admit(STATES[12])
+    validator = StateValidator(1000.0, tick_angle=1e-3, since=STATES[5].time_ns)
+    assert {validator.admit(state) for state in STATES[:6]} == {Admission.SEEN}
+    assert validator.admit(STATES[9]) is Admission.NEW_SEQUENCE
+    with pytest.raises(RefusedError, match="was one lost"):
+        validator.admit(STATES[12])

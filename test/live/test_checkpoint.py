@@ -14,22 +14,20 @@ from hypothesis import strategies as st
 from cam_rig.acoustics import MicrophoneState
 from cam_rig.dynamics import FollowerState
 from cam_rig.errors import RunError
-from cam_rig.live.checkpoint import (
-    MAX_BYTES,
-    STATES_UNFLUSHED,
-    TICKS_IN_FLIGHT,
+from cam_rig.live.checkpoint import MAX_BYTES, Checkpoint
+from cam_rig.live.flow_control import (
+    HISTORY_DEPTH,
+    MAX_STATES_UNFLUSHED,
+    MAX_TICKS_IN_FLIGHT,
     TICKS_KEPT,
-    Handover,
-    from_plain,
-    to_plain,
 )
-from cam_rig.messages.topics import TICK_DEPTH
+from cam_rig.live.record_json import from_plain, to_plain
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import FollowerCheckpoint, FollowerSimulator, MicrophoneSimulator
 
-STAGE = open_scene(config_root() / "scenes" / "quick.yaml")
+LOADED = open_scene(config_root() / "scenes" / "quick.yaml")
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False), st.integers(0, 2**62), st.text())
@@ -51,7 +49,7 @@ def test_arrays_and_tables_come_back():
 def test_the_benches_memories_can_be_handed_over():
     """Whatever a follower or microphone comes to remember must pass."""
     states = [CamState(0, 0.0, 20.0, "tm21"), CamState(10**8, 2.0, 20.0, "tm21")]
-    follower, microphone = FollowerSimulator.of(STAGE), MicrophoneSimulator.of(STAGE)
+    follower, microphone = FollowerSimulator.of(LOADED), MicrophoneSimulator.of(LOADED)
     follower.turn_to(states[0])
     _, block = follower.turn_to(states[1])
     microphone.listen(block.rows, 20.0)
@@ -62,28 +60,28 @@ def test_the_benches_memories_can_be_handed_over():
 
 def test_the_last_records_are_kept(tmp_path):
     """A successor goes back by as many ticks as may not have arrived."""
-    keeper, depth = Handover(str(tmp_path), "follower"), TICKS_KEPT["follower"]
-    assert keeper.oldest() is None
+    checkpoint, depth = Checkpoint(str(tmp_path), "follower"), TICKS_KEPT["follower"]
+    assert checkpoint.oldest() is None
     for i in range(40):
-        keeper.keep((i, "x"), i)
-    successor = Handover(str(tmp_path), "follower")
+        checkpoint.save((i, "x"), i)
+    successor = Checkpoint(str(tmp_path), "follower")
     assert (successor.oldest(), successor.newest()) == ((40 - depth, "x"), (39, "x"))
     assert [i for i, _ in successor.all()] == list(range(40 - depth, 40))
-    assert Handover(str(tmp_path), "microphone").newest() is None
+    assert Checkpoint(str(tmp_path), "microphone").newest() is None
 
 
 @pytest.mark.parametrize("done", [0, 1, 5, 30])
 def test_a_successor_may_die_as_well(tmp_path, done):
     """While it does again what was done, and after: the next one finds the last ticks in a row."""
-    keeper, depth = Handover(str(tmp_path), "follower"), TICKS_KEPT["follower"]
+    checkpoint, depth = Checkpoint(str(tmp_path), "follower"), TICKS_KEPT["follower"]
     for i in range(40):
-        keeper.keep(i, i)
-    second = Handover(str(tmp_path), "follower")
+        checkpoint.save(i, i)
+    second = Checkpoint(str(tmp_path), "follower")
     begin = second.oldest()
     for i in range(begin + 1, begin + 1 + done):
-        second.keep(i, i)
+        second.save(i, i)
     newest = max(39, begin + done)
-    found = Handover(str(tmp_path), "follower").all()
+    found = Checkpoint(str(tmp_path), "follower").all()
     assert sorted(set(found))[-depth + 1 :] == list(range(newest - depth + 2, newest + 1))
     assert found == sorted(found)
 
@@ -91,16 +89,16 @@ def test_a_successor_may_die_as_well(tmp_path, done):
 def test_what_a_chain_of_the_dead_needs_fits_into_a_history():
     """The recorder loses some states; who speaks goes back as far, who is heard by it further."""
     depth = TICKS_KEPT
-    assert depth["microphone"] > STATES_UNFLUSHED + TICKS_IN_FLIGHT
-    assert depth["follower"] > depth["microphone"] + TICKS_IN_FLIGHT
-    assert depth["cam_drive"] > depth["follower"] + TICKS_IN_FLIGHT
-    assert depth["cam_drive"] + TICKS_IN_FLIGHT < TICK_DEPTH
+    assert depth["microphone"] > MAX_STATES_UNFLUSHED + MAX_TICKS_IN_FLIGHT
+    assert depth["follower"] > depth["microphone"] + MAX_TICKS_IN_FLIGHT
+    assert depth["cam_drive"] > depth["follower"] + MAX_TICKS_IN_FLIGHT
+    assert depth["cam_drive"] + MAX_TICKS_IN_FLIGHT < HISTORY_DEPTH
 
 
 def test_without_a_folder_nothing_is_kept(tmp_path, monkeypatch):
     """A node by itself leaves no file."""
     monkeypatch.chdir(tmp_path)
-    Handover("", "follower").keep((1,))
+    Checkpoint("", "follower").save((1,))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -134,8 +132,8 @@ def test_without_a_folder_nothing_is_kept(tmp_path, monkeypatch):
 def test_a_foreign_file_is_refused(tmp_path, text):
     """It makes nothing but the rig's own records."""
     (tmp_path / "follower.json").write_text(text)
-    with pytest.raises(RunError, match=r"follower\.json: is no handover of a node"):
-        Handover(str(tmp_path), "follower").oldest()
+    with pytest.raises(RunError, match=r"follower\.json: is not a checkpoint of a node"):
+        Checkpoint(str(tmp_path), "follower").oldest()
 
 
 def test_only_a_plain_file_of_its_size_is_read(tmp_path):
@@ -143,16 +141,16 @@ def test_only_a_plain_file_of_its_size_is_read(tmp_path):
     file, other = tmp_path / "follower.json", tmp_path / "other.json"
     other.write_text("[[0, 1]]")
     os.symlink(other, file)
-    with pytest.raises(RunError, match="is no handover of a node"):
-        Handover(str(tmp_path), "follower").oldest()
+    with pytest.raises(RunError, match="is not a checkpoint of a node"):
+        Checkpoint(str(tmp_path), "follower").oldest()
     file.unlink()
     with file.open("wb") as stream:
         stream.truncate(MAX_BYTES + 1)
     with pytest.raises(RunError, match="allowed: 64 MiB"):
-        Handover(str(tmp_path), "follower").oldest()
-    keeper = Handover(str(tmp_path), "microphone")
+        Checkpoint(str(tmp_path), "follower").oldest()
+    checkpoint = Checkpoint(str(tmp_path), "microphone")
     with pytest.raises(RunError, match=r"microphone\.json: has .* MiB; allowed: 64 MiB"):
-        keeper.keep("x" * MAX_BYTES)
+        checkpoint.save("x" * MAX_BYTES)
 
 
 @given(st.data())
@@ -162,7 +160,7 @@ def test_a_damaged_file_is_refused_or_read(data):
     states = [CamState(0, 0.0, 20.0, "tm21"), CamState(10**8, 2.0, 20.0, "tm21")]
     memory = (states[1], MicrophoneState(1.0, 2.0), np.arange(3.0), {"a": (1, None)})
     with tempfile.TemporaryDirectory() as folder:
-        Handover(folder, "microphone").keep(memory)
+        Checkpoint(folder, "microphone").save(memory)
         file = Path(folder) / "microphone.json"
         text = bytearray(file.read_bytes())
         for _ in range(data.draw(st.integers(1, 3))):
@@ -170,7 +168,7 @@ def test_a_damaged_file_is_refused_or_read(data):
             text[place] = data.draw(st.integers(0, 255) | st.sampled_from(b'[]{}",:0123456789'))
         file.write_bytes(bytes(text))
         with suppress(RunError):
-            Handover(folder, "microphone").oldest()
+            Checkpoint(folder, "microphone").oldest()
 
 
 def test_a_memory_that_is_no_record_is_refused():

@@ -1,11 +1,11 @@
-"""The drive's program: nothing goes out before everyone is ready for it."""
+"""The drive's program: nothing goes out before every consumer is ready for it."""
 
 import itertools
 
 import pytest
 
 from cam_rig.errors import RefusedError
-from cam_rig.live.checkpoint import Handover
+from cam_rig.live.checkpoint import Checkpoint
 from cam_rig.live.drive import DriveProgram, OperatorCommands
 from cam_rig.live.flow_control import FlowControl
 from cam_rig.live.setpoints import SetpointSchedule
@@ -19,41 +19,41 @@ def loaded():
     return open_scene(config_root() / "scenes" / "quick.yaml")
 
 
-def test_credit_bounds_the_ticks_in_flight():
-    """No more than the limit goes out while the slowest is silent."""
-    credit = FlowControl(["fast", "slow"], 2)
+def test_flow_control_bounds_the_ticks_in_flight():
+    """No more than the limit goes out while the slowest consumer is silent."""
+    flow = FlowControl(["fast", "slow"], 2)
     for stamp in (0, 10, 20):
-        assert credit.may_send()
-        credit.sent(stamp)
-    assert credit.in_flight == 2
-    assert not credit.may_send()
-    credit.acknowledge("fast", 20)
-    assert not credit.may_send()
-    assert credit.behind() == ["slow"]
-    credit.acknowledge("slow", 10)
-    assert credit.may_send()
-    credit.acknowledge("slow", 20)
-    assert credit.in_flight == 0
-    assert credit.behind() == []
+        assert flow.may_send()
+        flow.sent(stamp)
+    assert flow.in_flight == 2
+    assert not flow.may_send()
+    flow.acknowledge("fast", 20)
+    assert not flow.may_send()
+    assert flow.behind() == ["slow"]
+    flow.acknowledge("slow", 10)
+    assert flow.may_send()
+    flow.acknowledge("slow", 20)
+    assert flow.in_flight == 0
+    assert flow.behind() == []
 
 
-def test_a_late_acknowledgement_of_old_news_changes_nothing():
-    """Stamps that go backwards do not give credit back or take it away."""
-    credit = FlowControl(["one"], 1)
+def test_a_late_acknowledgement_changes_nothing():
+    """Stamps that go backwards do not change what is in flight."""
+    flow = FlowControl(["one"], 1)
     for stamp in (0, 10):
-        credit.sent(stamp)
-    assert credit.acknowledge("one", 10)
-    credit.acknowledge("one", 0)
-    assert credit.in_flight == 0
+        flow.sent(stamp)
+    assert flow.acknowledge("one", 10)
+    flow.acknowledge("one", 0)
+    assert flow.in_flight == 0
 
 
-def test_an_answer_to_nothing_that_was_sent_gives_no_credit():
-    """Somebody else's stamps must not make the drive run away."""
-    credit = FlowControl(["one"], 1)
+def test_a_stamp_that_was_not_sent_acknowledges_nothing():
+    """Stamps of another publisher must not make the drive run away."""
+    flow = FlowControl(["one"], 1)
     for stamp in (0, 10):
-        credit.sent(stamp)
-    assert not credit.acknowledge("one", 10**18)
-    assert credit.in_flight == 1
+        flow.sent(stamp)
+    assert not flow.acknowledge("one", 10**18)
+    assert flow.in_flight == 1
 
 
 def follow(program, states):
@@ -63,7 +63,7 @@ def follow(program, states):
         state = program.take(float(now))
         if state is not None:
             out.append(state)
-            program.credit.acknowledge("all", state.time_ns)
+            program.flow.acknowledge("all", state.time_ns)
     return out
 
 
@@ -76,7 +76,7 @@ def test_the_whole_scene_goes_out_once_and_in_order(loaded):
         program.laws[cam] = loaded.laws[cam]
         return True
 
-    program = DriveProgram(loaded.scene, ["all"], 4, mount)
+    program = DriveProgram(loaded.scene, ["all"], mount)
     out = follow(program, 100)
     assert program.done
     assert asked == loaded.scene.cams
@@ -86,7 +86,7 @@ def test_the_whole_scene_goes_out_once_and_in_order(loaded):
 
 def test_nothing_turns_before_its_law_is_known(loaded):
     """A cam that nobody has published is waited for, by name."""
-    program = DriveProgram(loaded.scene, ["all"], 4, lambda cam: True)
+    program = DriveProgram(loaded.scene, ["all"], lambda cam: True)
     assert program.take(0.0) is None
     assert program.waits_for() == ["law_server"]
     assert not program.done
@@ -94,22 +94,22 @@ def test_nothing_turns_before_its_law_is_known(loaded):
 
 @pytest.fixture
 def program(loaded):
-    made = DriveProgram(loaded.scene, ["all"], 4, lambda cam: True)
+    made = DriveProgram(loaded.scene, ["all"], lambda cam: True)
     made.laws.update(loaded.laws)
     return made
 
 
 def test_an_unanswered_request_for_a_cam_is_made_again(loaded):
-    """The law server may have died with it; once a second, not more often."""
+    """The law server may have been killed with it; once a second, not more often."""
     asked = []
-    program = DriveProgram(loaded.scene, ["all"], 4, lambda cam: asked.append(cam) is None)
+    program = DriveProgram(loaded.scene, ["all"], lambda cam: asked.append(cam) is None)
     for now in (0.0, 0.1, 0.9, 1.1, 1.2, 2.5):
         assert program.take(now) is None
     assert asked == ["tm21"] * 3
 
 
 def test_a_stopped_drive_sends_nothing_and_goes_on(loaded, program):
-    """Stop and start leave no trace in the states."""
+    """Stop and start change no state."""
     out = follow(program, 5)
     program.run(False)
     assert follow(program, 5) == []
@@ -124,7 +124,7 @@ def test_an_emergency_stop_waits_for_a_reset(program):
     out = follow(program, 5)
     standing = program.halt()
     assert standing.speed == 0.0 and standing.time_ns > out[-1].time_ns
-    program.credit.acknowledge("all", standing.time_ns)
+    program.flow.acknowledge("all", standing.time_ns)
     program.run(True)
     assert follow(program, 5) == []
     assert not program.done
@@ -136,16 +136,16 @@ def test_an_emergency_stop_waits_for_a_reset(program):
     assert program.done
 
 
-def test_a_drive_that_died_is_followed_without_a_gap(loaded):
-    """The successor says the last states again, then goes on: the same states in all."""
-    first = DriveProgram(loaded.scene, ["all"], 4, lambda cam: True)
+def test_a_successor_continues_without_a_gap(loaded):
+    """It sends its predecessor's last states again, then goes on: the same states in all."""
+    first = DriveProgram(loaded.scene, ["all"], lambda cam: True)
     first.laws.update(loaded.laws)
-    out, memories = [], []
+    out, checkpoints = [], []
     for _ in range(7):
         out += follow(first, 1)
-        memories.append(first.memory)
-    second = DriveProgram(loaded.scene, ["all"], 4, lambda cam: True, memories[-3:])
-    assert second.take(0.0) is None  # no law yet: nothing to say
+        checkpoints.append(first.checkpoint)
+    second = DriveProgram(loaded.scene, ["all"], lambda cam: True, checkpoints[-3:])
+    assert second.take(0.0) is None  # no law yet: nothing to send
     second.laws.update(loaded.laws)
     again = follow(second, 100)
     assert again[:3] == out[-3:]
@@ -163,50 +163,50 @@ def test_a_speed_no_cam_can_have_is_refused(program):
 
 
 @pytest.mark.parametrize("sent", [0, 5])
-def test_what_a_hand_asked_for_outlives_the_drive(loaded, program, sent, tmp_path):
+def test_operator_commands_outlive_the_drive(loaded, program, sent, tmp_path):
     """Stopped, or reset and stopped, a successor stands as well: nothing starts by itself."""
-    memories = [(follow(program, 1), program.memory)[1] for _ in range(sent)]
+    checkpoints = [(follow(program, 1), program.checkpoint)[1] for _ in range(sent)]
     for ask in (lambda: program.run(False), program.reset, program.halt):
         ask()
-        Handover(str(tmp_path), "orders").keep(
-            OperatorCommands(program.table.place, program.running, 222.0, "20x")
+        Checkpoint(str(tmp_path), "commands").save(
+            OperatorCommands(program.schedule.state, program.running, 222.0, "20x")
         )
-        orders = Handover(str(tmp_path), "orders").newest()
-        assert (orders.rpm, orders.pacing) == (222.0, "20x")
-        second = DriveProgram(loaded.scene, ["all"], 4, lambda cam: True, memories, orders)
+        commands = Checkpoint(str(tmp_path), "commands").newest()
+        assert (commands.rpm, commands.pacing) == (222.0, "20x")
+        second = DriveProgram(loaded.scene, ["all"], lambda cam: True, checkpoints, commands)
         second.laws.update(loaded.laws)
-        assert len(follow(second, 20)) == sent  # what its predecessor had said
-        assert second.table.place == program.table.place
-    orders = OperatorCommands(SetpointSchedule(loaded.scene).place, False, 0.0, "free")
-    if sent:  # orders that states came after are obeyed already
-        second = DriveProgram(loaded.scene, ["all"], 4, lambda cam: True, memories, orders)
-        assert second.running and second.table.place == memories[-1].place
+        assert len(follow(second, 20)) == sent  # those of its predecessor
+        assert second.schedule.state == program.schedule.state
+    commands = OperatorCommands(SetpointSchedule(loaded.scene).state, False, 0.0, "free")
+    if sent:  # commands that states came after are obeyed already
+        second = DriveProgram(loaded.scene, ["all"], lambda cam: True, checkpoints, commands)
+        assert second.running and second.schedule.state == checkpoints[-1].schedule
 
 
-def test_an_emergency_stop_holds_before_the_first_state_and_while_states_are_said_again(loaded):
+def test_an_emergency_stop_holds_before_the_first_state_and_while_states_are_resent(loaded):
     """Whenever it comes, only a reset lets the cam turn."""
-    first = DriveProgram(loaded.scene, ["all"], 4, lambda cam: True)
+    first = DriveProgram(loaded.scene, ["all"], lambda cam: True)
     first.laws.update(loaded.laws)
     assert first.halt() is None and first.halted
     first.run(True)
     assert follow(first, 3) == []
     first.reset()
     first.run(True)
-    memories = [(follow(first, 1), first.memory)[1] for _ in range(3)]
-    second = DriveProgram(loaded.scene, ["all"], 4, lambda cam: True, memories)
+    checkpoints = [(follow(first, 1), first.checkpoint)[1] for _ in range(3)]
+    second = DriveProgram(loaded.scene, ["all"], lambda cam: True, checkpoints)
     second.laws.update(loaded.laws)
     assert second.halt() is None and second.halted
     second.run(True)
-    said = follow(second, 20)
-    assert said[:3] == [memory.state for memory in memories]
-    assert [state.speed for state in said[3:]] == [0.0]
-    assert said[3].cam == said[2].cam and not second.done
+    sent = follow(second, 20)
+    assert sent[:3] == [checkpoint.state for checkpoint in checkpoints]
+    assert [state.speed for state in sent[3:]] == [0.0]
+    assert sent[3].cam == sent[2].cam and not second.done
 
 
-def test_a_cam_that_the_law_server_does_not_have_is_let_go(loaded):
-    """Who claims that it is mounted cannot hold the drive for ever."""
+def test_a_cam_that_the_law_server_refuses_is_dropped(loaded):
+    """A wrong report that it is mounted cannot hold the drive for ever."""
     asked = []
-    program = DriveProgram(loaded.scene, ["all"], 4, lambda cam: asked.append(cam) is None)
+    program = DriveProgram(loaded.scene, ["all"], lambda cam: asked.append(cam) is None)
     program.laws.update(loaded.laws)
     assert len(follow(program, 2)) == 2
     program.mounted(asked[0])
@@ -221,38 +221,47 @@ def test_a_state_waits_for_its_time(program):
     """Paced, the second state goes out when its rig time has come."""
     program.pacing.set("real_time")
     first = program.take(50.0)
-    program.credit.acknowledge("all", first.time_ns)
+    program.flow.acknowledge("all", first.time_ns)
     assert program.take(50.1) is None
     assert program.wait(50.1) == pytest.approx(0.2)
     assert program.take(50.3).time_ns == 300_000_000
 
 
-def test_the_law_servers_word_is_no_cam_by_hand_however_late(loaded):
-    """A cam of few ticks is sent before the law server's word of it comes; the next cam turns."""
+def test_a_late_report_of_the_law_server_is_not_an_override(loaded):
+    """A cam of few ticks is sent before it is reported as mounted; the next cam turns."""
     scene = loaded.scene
     first = [state for state in cam_states(scene) if state.cam == scene.cams[0]]
-    program = DriveProgram(scene, ["all"], 2 * len(first), lambda cam: True)
+    program = DriveProgram(scene, ["all"], lambda cam: True)
     for law in loaded.laws.values():
         program.add_law(law)
-    sent = [program.take(float(i)) for i in range(len(first))]
-    assert sent == first
-    program.credit.acknowledge("all", first[-1].time_ns)
+    assert follow(program, len(first)) == first
     assert program.take(100.0).cam == scene.cams[1]  # asked for as well by now
     for cam in scene.cams:
         program.mounted(cam)
-    assert program.table.state.cam == scene.cams[1]
+    assert program.schedule.next_state.cam == scene.cams[1]
     program.mounted("cycloidal")
-    assert program.table.state.cam == "cycloidal"
+    assert program.schedule.next_state.cam == "cycloidal"
     program.mounted(scene.cams[1])
-    assert program.table.state.cam == scene.cams[1]
+    assert program.schedule.next_state.cam == scene.cams[1]
 
 
-def test_an_answer_told_twice_is_no_news():
-    """Else a consumer that only repeats itself would look alive for ever."""
-    credit = FlowControl(["recorder"], 4)
+def test_a_repeated_acknowledgement_counts_nothing():
+    """Else a consumer that only repeats itself would seem to make progress for ever."""
+    flow = FlowControl(["recorder"], 4)
     for stamp in (0, 10, 20):
-        credit.sent(stamp)
-    assert credit.acknowledge("recorder", 10)
-    assert not credit.acknowledge("recorder", 10)
-    assert not credit.acknowledge("recorder", 0)
-    assert credit.acknowledge("recorder", 20)
+        flow.sent(stamp)
+    assert flow.acknowledge("recorder", 10)
+    assert not flow.acknowledge("recorder", 10)
+    assert not flow.acknowledge("recorder", 0)
+    assert flow.acknowledge("recorder", 20)
+
+
+def test_a_run_goes_on_without_a_dropped_consumer():
+    """What it has not acknowledged holds nothing back, and what it sends later counts nothing."""
+    flow = FlowControl(["follower", "viewer"], 1)
+    for stamp in (0, 10):
+        flow.sent(stamp)
+    assert flow.acknowledge("follower", 10) and not flow.may_send()
+    flow.drop("viewer")
+    assert flow.may_send() and flow.behind() == []
+    assert not flow.acknowledge("viewer", 10)

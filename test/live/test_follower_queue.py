@@ -1,24 +1,24 @@
-"""The follower as the drive and the law server speak to it, in any order."""
+"""The follower and what it receives from drive and law server, in any order."""
 
 import numpy as np
 import pytest
 
 from cam_rig.errors import RefusedError
 from cam_rig.laws import Law
-from cam_rig.live.follower_queue import FollowerTicks
+from cam_rig.live.follower_queue import FollowerQueue
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState, cam_states
 from cam_rig.simulation.simulate import FollowerSimulator
 
-STAGE = open_scene(config_root() / "scenes" / "quick.yaml")
-STATES = list(cam_states(STAGE.scene))
+LOADED = open_scene(config_root() / "scenes" / "quick.yaml")
+STATES = list(cam_states(LOADED.scene))
 
 
-def ticks(memory=None):
-    bench = FollowerSimulator.of(STAGE)
-    bench.laws.clear()
-    return FollowerTicks(bench, STAGE.scene, memory)
+def ticks(checkpoint=None):
+    simulator = FollowerSimulator.of(LOADED)
+    simulator.laws.clear()
+    return FollowerQueue(simulator, LOADED.scene, checkpoint)
 
 
 def turn(follower, states):
@@ -32,7 +32,7 @@ def turn(follower, states):
 @pytest.fixture
 def follower():
     made = ticks()
-    for law in STAGE.laws.values():
+    for law in LOADED.laws.values():
         made.add_law(law)
     return made
 
@@ -41,7 +41,7 @@ def test_states_wait_for_their_law(follower):
     """Law and states come on two topics: nothing is lost, whichever is first."""
     late = ticks()
     assert turn(late, STATES) == []
-    for law in STAGE.laws.values():
+    for law in LOADED.laws.values():
         late.add_law(law)
     out = [(end.time_ns, block.rows) for end, _, block in late.complete()]
     straight = turn(follower, STATES)
@@ -49,21 +49,21 @@ def test_states_wait_for_their_law(follower):
     assert all(np.array_equal(a, b) for (_, a), (_, b) in zip(out, straight, strict=True))
 
 
-@pytest.mark.parametrize("died", [1, 4, 9, 15])
-def test_a_successor_gives_the_same_ticks(follower, died):
-    """From the memory after any tick, the rest is the same bit for bit."""
-    turn(follower, STATES[:died])
-    successor = ticks(follower.memory)
-    for law in STAGE.laws.values():
+@pytest.mark.parametrize("ended", [1, 4, 9, 15])
+def test_a_successor_gives_the_same_ticks(follower, ended):
+    """From the checkpoint after any tick, the rest is the same bit for bit."""
+    turn(follower, STATES[:ended])
+    successor = ticks(follower.checkpoint)
+    for law in LOADED.laws.values():
         successor.add_law(law)
-    rest, again = turn(follower, STATES[died:]), turn(successor, STATES)
+    rest, again = turn(follower, STATES[ended:]), turn(successor, STATES)
     assert [t for t, _ in again] == [t for t, _ in rest]
     assert all(np.array_equal(a, b) for (_, a), (_, b) in zip(again, rest, strict=True))
 
 
 def test_another_law_of_the_same_name_is_refused_while_the_cam_turns(follower):
     """A second law server cannot change the cam under the follower."""
-    law = STAGE.laws["tm21"]
+    law = LOADED.laws["tm21"]
     other = Law("tm21", law.breaks, law.ordinates * 1.01)
     follower.add_law(other)  # nothing turns yet
     follower.add_law(law)
@@ -74,7 +74,7 @@ def test_another_law_of_the_same_name_is_refused_while_the_cam_turns(follower):
 
 
 def test_states_of_an_unknown_cam_are_bounded():
-    """A cam nobody has a law of must not fill the memory."""
+    """A cam without a law must not fill the memory."""
     made, turned = ticks(), 2.0
     with pytest.raises(RefusedError, match="wait for the law of 'unknown'"):
         for i in range(100):

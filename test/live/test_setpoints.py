@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cam_rig.live.admission import Admission, StateValidator, speeds
-from cam_rig.live.setpoints import STANDS, SetpointSchedule
+from cam_rig.live.setpoints import STANDSTILL_NS, SetpointSchedule
 from cam_rig.schema.load import config_root
 from cam_rig.schema.quantity import Quantity
 from cam_rig.simulation.scene import open_scene
@@ -21,15 +21,15 @@ PROGRAM = SCENE.program.model_copy(update={"ramp": RAMP, "ticks_per_turn": 2})
 RAMPED = SCENE.model_copy(update={"program": PROGRAM})
 
 
-def run_out(table, at=()):
+def run_out(schedule, at=()):
     """All states to come; ``at`` maps the number of states done to a command."""
     commands, out = dict(at), []
     for number in itertools.count():
         commands.get(number, lambda: None)()
-        if (state := table.state) is None:
+        if (state := schedule.next_state) is None:
             return out
         out.append(state)
-        table.advance()
+        schedule.advance()
 
 
 @pytest.mark.parametrize("scene", [SCENE, RAMPED], ids=["steps", "ramps"])
@@ -41,20 +41,22 @@ def test_without_a_command_it_is_the_scene(scene):
 def test_an_emergency_stop_on_a_ramp_stands_where_the_tick_ends():
     """The ramp is broken off, its first speed held; or, at rest, nothing turns."""
     for done in range(1, len(list(cam_states(RAMPED)))):
-        table, gate = SetpointSchedule(RAMPED), StateValidator.of(RAMPED)
+        schedule, validator = SetpointSchedule(RAMPED), StateValidator.of(RAMPED)
         for _ in range(done):
-            gate.admit(table.state)
-            table.advance()
-        if (standing := table.halt()) is not None:
-            gate.admit(standing)
-            table.rewind()
-            assert table.state.angle == standing.angle
+            validator.admit(schedule.next_state)
+            schedule.advance()
+        if (standing := schedule.halt()) is not None:
+            validator.admit(standing)
+            schedule.rewind()
+            assert schedule.next_state.angle == standing.angle
 
 
 def test_a_commanded_speed_holds_from_the_next_state_on():
     """Each tick turns by its planned angle at the commanded speed; 0 gives the scene back."""
-    table = SetpointSchedule(SCENE)
-    out = run_out(table, {3: lambda: table.command(240 * RPM), 6: lambda: table.command(None)})
+    schedule = SetpointSchedule(SCENE)
+    out = run_out(
+        schedule, {3: lambda: schedule.command(240 * RPM), 6: lambda: schedule.command(None)}
+    )
     plan = list(cam_states(SCENE))
     assert [s.speed for s in out[3:6]] == [240 * RPM] * 3
     assert [s.speed for s in out[6:]] == [s.speed for s in plan[6:]]
@@ -64,8 +66,8 @@ def test_a_commanded_speed_holds_from_the_next_state_on():
 
 def test_a_cam_by_hand_stays_until_the_scenes_next():
     """θ goes on under the other cam."""
-    table = SetpointSchedule(SCENE)
-    out = run_out(table, {2: lambda: table.mount("cycloidal")})
+    schedule = SetpointSchedule(SCENE)
+    out = run_out(schedule, {2: lambda: schedule.mount("cycloidal")})
     assert [s.cam for s in out[:9]] == ["tm21"] * 2 + ["cycloidal"] * 6 + ["bezier15"]
     assert [s.angle for s in out] == [s.angle for s in cam_states(SCENE)]
 
@@ -89,11 +91,11 @@ COMMANDS = st.lists(
 @pytest.mark.parametrize("scene", [SCENE, RAMPED], ids=["steps", "ramps"])
 def test_no_command_makes_theta_or_time_jump(scene, commands):
     """Whatever is commanded when, everyone who checks the drive's states admits them all."""
-    table = SetpointSchedule(scene)
-    at = {n: lambda call=call: getattr(table, call[0])(*call[1:]) for n, call in commands}
-    gate = StateValidator.of(scene)
-    out = run_out(table, at)
-    admitted = [gate.admit(state) for state in out]
+    schedule = SetpointSchedule(scene)
+    at = {n: lambda call=call: getattr(schedule, call[0])(*call[1:]) for n, call in commands}
+    validator = StateValidator.of(scene)
+    out = run_out(schedule, at)
+    admitted = [validator.admit(state) for state in out]
     assert admitted[0] is Admission.NEW_SEQUENCE and Admission.SEEN not in admitted
     for before, state, admission in zip(out, out[1:], admitted[1:], strict=False):
         stood = before.speed == 0.0 and before.angle == state.angle
@@ -103,26 +105,26 @@ def test_no_command_makes_theta_or_time_jump(scene, commands):
 
 def test_a_halt_stands_where_the_tick_ends_and_a_rewind_begins_again():
     """The cam stops with its last tick; after a second it runs the scene from there."""
-    table = SetpointSchedule(SCENE)
+    schedule = SetpointSchedule(SCENE)
     for _ in range(5):
-        table.advance()
-    due = table.state
-    halted = table.halt()
+        schedule.advance()
+    due = schedule.next_state
+    halted = schedule.halt()
     assert (halted.time_ns, halted.angle, halted.speed) == (due.time_ns, due.angle, 0.0)
-    assert table.state is None and table.halt() is None
-    table.rewind()
-    again = table.state
-    assert (again.time_ns, again.angle) == (due.time_ns + STANDS, due.angle)
+    assert schedule.next_state is None and schedule.halt() is None
+    schedule.rewind()
+    again = schedule.next_state
+    assert (again.time_ns, again.angle) == (due.time_ns + STANDSTILL_NS, due.angle)
     assert again.cam == "tm21" and again.speed == pytest.approx(200 * RPM)
-    assert len(run_out(table)) == len(list(cam_states(SCENE)))
+    assert len(run_out(schedule)) == len(list(cam_states(SCENE)))
 
 
 def test_a_successor_goes_on_at_its_place():
     """The place alone says what comes next."""
-    table = SetpointSchedule(SCENE)
-    table.command(222 * RPM)
+    schedule = SetpointSchedule(SCENE)
+    schedule.command(222 * RPM)
     for _ in range(5):
-        table.advance()
-    table.mount("poly345")
-    rest = SetpointSchedule(SCENE, table.place)
-    assert run_out(rest) == run_out(table)
+        schedule.advance()
+    schedule.mount("poly345")
+    rest = SetpointSchedule(SCENE, schedule.state)
+    assert run_out(rest) == run_out(schedule)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cam_rig.errors import RefusedError
-from cam_rig.live.tick_matching import TickPairing
+from cam_rig.live.tick_matching import TickMatcher
 from cam_rig.simulation.schedule import CamState
 
 
@@ -20,7 +20,7 @@ def block(first_s, last_s):
 
 def test_a_block_waits_for_the_state_that_closes_its_tick():
     """Neither order loses or repeats a tick."""
-    early, late = TickPairing(), TickPairing()
+    early, late = TickMatcher(), TickMatcher()
     ticks = [block(0.0, 0.9), block(1.0, 1.9)]
     for pairing, order in ((early, "bbsss"), (late, "sssbb")):
         blocks, states, found = iter(ticks), iter([0, 10**9, 2 * 10**9]), []
@@ -36,7 +36,7 @@ def test_a_block_waits_for_the_state_that_closes_its_tick():
 
 def test_a_block_from_before_we_listened_is_passed_over():
     """A late listener starts with the first tick whose beginning it knows."""
-    pairing = TickPairing()
+    pairing = TickMatcher()
     pairing.add_block(block(0.0, 0.9))
     pairing.add_block(block(1.0, 1.9))
     pairing.add_state(state(10**9))
@@ -46,7 +46,7 @@ def test_a_block_from_before_we_listened_is_passed_over():
 
 def test_a_block_that_comes_again_is_given_once():
     """A follower that was started again says its last ticks once more."""
-    pairing = TickPairing(sample_rate=5)
+    pairing = TickMatcher(sample_rate=5)
     for stamp in (0, 10**9, 2 * 10**9, 3 * 10**9):
         pairing.add_state(state(stamp))
     found = []
@@ -58,7 +58,7 @@ def test_a_block_that_comes_again_is_given_once():
 
 def test_a_successor_begins_where_its_predecessor_ended():
     """Ticks that were heard are not heard again."""
-    pairing = TickPairing(sample_rate=5, since=10**9)
+    pairing = TickMatcher(sample_rate=5, since=10**9)
     for stamp in (0, 10**9, 2 * 10**9):
         pairing.add_state(state(stamp))
     for first in (0.0, 1.0):
@@ -69,7 +69,7 @@ def test_a_successor_begins_where_its_predecessor_ended():
 @pytest.mark.parametrize("wrong", [block(0.0, 0.7), block(0.0, 0.8)[:, :3], block(1.2, 1.8)])
 def test_a_block_of_other_samples_is_refused(wrong):
     """It is named, and the right one is taken."""
-    pairing = TickPairing(sample_rate=5)
+    pairing = TickMatcher(sample_rate=5)
     pairing.add_state(state(0))
     pairing.add_state(state(10**9))
     pairing.add_state(state(2 * 10**9))
@@ -84,7 +84,7 @@ def test_a_block_of_other_samples_is_refused(wrong):
 
 def test_a_standing_cam_has_no_tick():
     """After an emergency stop the next tick begins with the next start."""
-    pairing = TickPairing(sample_rate=5)
+    pairing = TickMatcher(sample_rate=5)
     stands = CamState(10**9, 0.0, 0.0, "cam")
     for now in (state(0), stands, state(2 * 10**9), state(3 * 10**9)):
         pairing.add_state(now)

@@ -93,7 +93,7 @@ def patient(scene, bag, screen=None, **drive):
 def run_graph(scene, bag, on_tick=None, respawn=False, said=None, **drive):
     """Run to the end, calling ``on_tick(graph, tick)`` for each; what was said on the way."""
     said = [] if said is None else said
-    with Graph(patient(scene, bag, **drive), respawn=respawn, say=said.append) as graph:
+    with Graph(patient(scene, bag, **drive), respawn=respawn, log=said.append) as graph:
         for report in graph.progress():
             if on_tick is not None:
                 on_tick(graph, report["tick"])

@@ -63,8 +63,8 @@ def test_a_whole_session_by_hand(user, rig, short_scene, tmp_path):
         for _ in reports:
             pass
     states = states_of(bag)
-    gate = StateValidator(2000.0)
-    assert all(gate.admit(state) is not Admission.SEEN for state in states)
+    validator = StateValidator(2000.0)
+    assert all(validator.admit(state) is not Admission.SEEN for state in states)
     assert all(a.time_ns < b.time_ns for a, b in pairwise(states))
     stands = [i for i, state in enumerate(states) if state.speed == 0.0]
     assert len(stands) == 2 and stands[1] == len(states) - 1

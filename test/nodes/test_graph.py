@@ -10,7 +10,7 @@ import time
 import pytest
 
 from cam_rig.bag.complete import require_complete
-from cam_rig.bag.files import is_torn
+from cam_rig.bag.files import is_unclosed
 from cam_rig.bag.reader import read_counts, read_recording
 from cam_rig.errors import RunError
 from cam_rig.runner.graph import Graph
@@ -80,7 +80,7 @@ def test_a_dead_node_ends_the_run_and_is_named(ros_domain, rig, tmp_path):
                     graph.processes["follower"].process.kill()
         started = list(graph.processes.values())
     assert all(node.has_ended for node in started)
-    assert not is_torn(bag)
+    assert not is_unclosed(bag)
 
 
 def start_run(rig, wait_for, tmp_path):
@@ -124,9 +124,9 @@ def test_nothing_is_sent_before_everybody_is_ready(ros_domain, rig, short_scene,
     with Graph(rig.live(short_scene, tmp_path / "bag")) as graph:
         recorder = graph.processes["recorder"]
         recorder.process.send_signal(signal.SIGSTOP)
-        reports = graph._lines
+        reports = graph._progress
         drive = graph.processes["cam_drive"]
-        while "follower is ready" not in "".join(drive.words):
+        while "follower is ready" not in "".join(drive.stderr_lines):
             time.sleep(0.02)
         assert reports.empty() and not drive.has_ended
         recorder.process.send_signal(signal.SIGCONT)

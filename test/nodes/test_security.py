@@ -165,12 +165,12 @@ def test_what_cannot_be_right_ends_no_node(user, short_scene, tmp_path, wait_for
                 publishers[topic].publish(b"\0\1\0\0\xff\xff")
         answer = user.ask(SetParameters, f"/{name}/set_parameters", impossible_parameter())
         assert not any(result.successful for result in answer.results)
-        wait_for(lambda: "refused: " in "".join(node.words))
-        assert not node.has_ended, node.words
+        wait_for(lambda: "refused: " in "".join(node.stderr_lines))
+        assert not node.has_ended, node.stderr_lines
     finally:
         stop_all([node])
-    assert node.code == 0 and "Traceback" not in "".join(node.words), node.words
-    assert "".join(node.words).count("refused: ") < 60, "the warnings are throttled"
+    assert node.code == 0 and "Traceback" not in "".join(node.stderr_lines), node.stderr_lines
+    assert "".join(node.stderr_lines).count("refused: ") < 60, "the warnings are throttled"
 
 
 def impossible_parameter():
@@ -205,7 +205,7 @@ def test_what_anybody_may_say_changes_nothing(user, rig, short_scene, undisturbe
                     publishers[topic].publish(message)
         for _ in reports:
             pass
-        said = {name: "".join(node.words) for name, node in graph.processes.items()}
+        said = {name: "".join(node.stderr_lines) for name, node in graph.processes.items()}
     for name in ("cam_drive", "recorder"):
         assert "refused: " in said[name], name
     assert not any("Traceback" in words for words in said.values()), said

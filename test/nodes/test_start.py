@@ -28,8 +28,8 @@ def test_a_signal_that_comes_early_ends_a_node_in_order(
         node = NodeProcess(name, {"scene": str(short_scene), **more}, False, lambda _line: None)
         time.sleep(chance.choice([0.0, 2.0]) * chance.random())  # any moment at all is right
         node.process.send_signal(number)
-        assert node.process.wait() == 0, (name, node.words)
-        assert "Traceback" not in "".join(node.words)
+        assert node.process.wait() == 0, (name, node.stderr_lines)
+        assert "Traceback" not in "".join(node.stderr_lines)
 
 
 def test_a_node_ends_by_a_signal_that_its_shell_ignores(ros_domain, short_scene):
@@ -55,7 +55,7 @@ def test_a_run_that_is_interrupted_before_it_began_has_recorded_nothing(
 ):
     """And says so, not that something was closed."""
     said = []
-    graph = Graph(rig.live(short_scene, tmp_path / "bag"), say=said.append)
+    graph = Graph(rig.live(short_scene, tmp_path / "bag"), log=said.append)
     with pytest.raises(InterruptError), graph:
         raise InterruptError(signal.SIGINT)
     assert said == ["nothing was recorded"]

@@ -70,7 +70,7 @@ def test_a_killed_viewer_is_started_again(ros_domain, wait_for, rig, tmp_path):
     bag, seen_file, port = tmp_path / "bag", tmp_path / "live.rrd", free_port()
     said, address = [], stream_address(port)
     with listening("--serve-grpc", "--port", str(port), "--save", str(seen_file), ports=(port,)):
-        with Graph(rig.live(QUICK, bag, address, pacing="1x"), say=said.append) as graph:
+        with Graph(rig.live(QUICK, bag, address, pacing="1x"), log=said.append) as graph:
             for report in graph.progress():
                 if report["tick"] == 2:
                     graph.processes["viewer"].process.kill()

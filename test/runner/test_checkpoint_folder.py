@@ -5,11 +5,11 @@ import subprocess
 import sys
 import time
 
-from cam_rig.runner.checkpoint_folder import PREFIX, MemoryFolder
+from cam_rig.runner.checkpoint_folder import PREFIX, CheckpointFolder
 
 MAKE = """
-import sys; from pathlib import Path; from cam_rig.runner.checkpoint_folder import MemoryFolder
-folder = MemoryFolder(Path(sys.argv[1])); (folder.path / "follower.json").touch()
+import sys; from pathlib import Path; from cam_rig.runner.checkpoint_folder import CheckpointFolder
+folder = CheckpointFolder(Path(sys.argv[1])); (folder.path / "follower.json").touch()
 print(folder.path, flush=True); input()
 """
 
@@ -29,11 +29,11 @@ def test_what_a_killed_run_left_goes_with_the_next(tmp_path):
     with subprocess.Popen([sys.executable, "-c", MAKE, tmp_path], text=True, **pipes) as other:
         name = other.stdout.readline().strip()
         age(name)
-        mine = MemoryFolder(tmp_path)
+        mine = CheckpointFolder(tmp_path)
         assert os.path.isdir(name)
         other.kill()
         other.wait()
-    MemoryFolder(tmp_path).remove()
+    CheckpointFolder(tmp_path).remove()
     assert not os.path.exists(name)
     assert mine.path.is_dir()
     mine.remove()
@@ -44,5 +44,5 @@ def test_what_a_killed_run_left_goes_with_the_next(tmp_path):
 def test_one_that_was_just_made_stays(tmp_path):
     """Between its making and its lock nobody may take it away."""
     (tmp_path / f"{PREFIX}new").mkdir()
-    MemoryFolder(tmp_path).remove()
+    CheckpointFolder(tmp_path).remove()
     assert (tmp_path / f"{PREFIX}new").is_dir()

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cam_rig.errors import ConfigError, OutputError, RunError
-from cam_rig.runner.domain_lock import MOST, domain_number, own_domain
+from cam_rig.runner.domain_lock import MAX_DOMAIN, domain_number, own_domain
 
 
 @pytest.fixture(params=["runtime", "temporary"])
@@ -30,7 +30,7 @@ def test_a_domain_is_held_once(monkeypatch, place):
     """The second run is told which domain is taken; another domain, or a later run, is free."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
     with own_domain():
-        with pytest.raises(RunError, match="another run is at work in ROS domain 7"), own_domain():
+        with pytest.raises(RunError, match="another run is active in ROS domain 7"), own_domain():
             pass
         monkeypatch.setenv("ROS_DOMAIN_ID", "8")
         with own_domain():
@@ -62,8 +62,8 @@ def test_numbers_are_read_as_ros_reads_them(text):
     library, end = ctypes.CDLL(None), ctypes.c_char_p()
     library.strtoul.restype = ctypes.c_ulong
     wanted = library.strtoul(text.encode(), ctypes.byref(end), 0)
-    if text and (wanted > MOST or end.value or not text.strip()):
-        with pytest.raises(ConfigError, match=f"ROS_DOMAIN_ID: is .*; allowed: 0 to {MOST}"):
+    if text and (wanted > MAX_DOMAIN or end.value or not text.strip()):
+        with pytest.raises(ConfigError, match=f"ROS_DOMAIN_ID: is .*; allowed: 0 to {MAX_DOMAIN}"):
             domain_number(text)
     else:
         assert domain_number(text) == wanted
@@ -103,7 +103,7 @@ def test_a_lock_that_somebody_else_has_laid_there(monkeypatch, place, tmp_path, 
     else:
         lock.mkdir()
     with (
-        pytest.raises(OutputError, match=r"domain-9\.lock: is no file of yours; remove"),
+        pytest.raises(OutputError, match=r"domain-9\.lock: is not a file of yours; remove"),
         own_domain(),
     ):
         pass
@@ -124,7 +124,10 @@ def test_a_folder_that_others_can_write_to_is_not_used(monkeypatch, tmp_path, ki
         own.symlink_to(other)
     else:
         own.touch()
-    with pytest.raises(OutputError, match="is no folder of yours alone; remove it"), own_domain():
+    with (
+        pytest.raises(OutputError, match="is not a folder of yours alone; remove it"),
+        own_domain(),
+    ):
         pass
     assert list(other.iterdir()) == []
 

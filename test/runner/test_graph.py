@@ -1,4 +1,4 @@
-"""The runner's judgement: whose end is the run's, who is started again, who is named."""
+"""The runner: which exit ends the run, which node is started again, which one is named."""
 
 import os
 import signal
@@ -9,6 +9,7 @@ import pytest
 from cam_rig.bag.recording.writer import BagWriter
 from cam_rig.errors import RunError
 from cam_rig.runner.graph import STOPPING, Graph, InterruptError, live
+from cam_rig.runner.node_table import VIEWER
 
 KILLED = -signal.SIGKILL
 
@@ -34,10 +35,10 @@ class Process:
     def settle(self):
         pass
 
-    def obituary(self):
+    def exit_summary(self):
         return f"{self.name} ended with {self.code}"
 
-    def last_words(self):
+    def last_stderr_line(self):
         return "no space"
 
 
@@ -70,13 +71,13 @@ def progress(monkeypatch, tmp_path):
         monkeypatch.setattr("cam_rig.runner.graph.NodeProcess", Made)
         monkeypatch.setattr("cam_rig.runner.graph.clean", lambda _: [])
         monkeypatch.setattr("cam_rig.runner.graph.stop_all", stop)
-        graph = Graph(live(tmp_path, tmp_path / "bag"), respawn, say=said.append)
+        graph = Graph(live(tmp_path, tmp_path / "bag"), respawn, log=said.append)
         for name in graph._nodes:
             graph._start(name)
         started.clear()
         if killed_closing:
             torn_bag(tmp_path / "bag")
-        graph._lines.put('{"done": true}')
+        graph._progress.put('{"done": true}')
         list(graph.progress())
         return started, said
 
@@ -88,11 +89,11 @@ def test_who_dies_when_the_drive_has_ended_costs_nothing(progress, other):
     """With --respawn: the drive's end is the run's, and nobody is started for nothing."""
     started, said = progress(True, cam_drive=0, **{other: KILLED})
     assert started == []
-    assert said == [f"node {other} ended with -9 before the first tick, when all was said"]
+    assert said == [f"node {other} ended with -9 before the first tick, when all was published"]
 
 
 def test_a_recorder_that_dies_when_the_drive_has_ended_is_told_again(progress):
-    """It had answered for ticks that it had not flushed: the drive says its last ones again."""
+    """It had answered for ticks that it had not flushed: the drive sends its last ones again."""
     codes = {"cam_drive": 0, "recorder": KILLED, "follower": KILLED, "again": {"cam_drive": 0}}
     started, said = progress(True, **codes)
     assert sorted(started) == ["cam_drive", "follower", "recorder"]
@@ -100,11 +101,32 @@ def test_a_recorder_that_dies_when_the_drive_has_ended_is_told_again(progress):
 
 
 def test_a_recorder_that_is_killed_while_it_closes_is_started_again(progress):
-    """With --respawn: the drive says its last states to the successor, which closes the bag."""
+    """With --respawn: the drive sends its last states to the successor, which closes the bag."""
     codes = {"cam_drive": 0, "again": {"cam_drive": 0}}
     started, said = progress(True, killed_closing=1, **codes)
     assert sorted(started) == ["cam_drive", "recorder"]
     assert said == ["node recorder ended with -9 before the first tick: started again"]
+
+
+@pytest.mark.parametrize("code", [KILLED, 1, 0])
+def test_a_run_goes_on_without_its_viewer(monkeypatch, tmp_path, code):
+    """It is started again a few times, however it ended; then one line says that it is missing."""
+    said = []
+
+    class Made(Process):
+        codes: ClassVar = {VIEWER: [code] * 4}
+
+    monkeypatch.setattr("cam_rig.runner.graph.NodeProcess", Made)
+    monkeypatch.setattr("cam_rig.runner.graph.clean", lambda _: [])
+    graph = Graph(live(tmp_path, tmp_path / "bag", screen="address"), log=said.append)
+    for name in graph._nodes:
+        graph._start(name)
+    for _ in range(3):
+        graph._handle_exit(VIEWER)
+    assert graph.processes[VIEWER].has_ended
+    graph._handle_exit(VIEWER)
+    assert said[:3] == [f"node viewer ended with {code} before the first tick: started again"] * 3
+    assert said[3].endswith("; the run goes on without it") and len(said) == 4
 
 
 def test_a_drive_that_was_told_to_end_has_not_done_its_program(monkeypatch, tmp_path):
@@ -152,7 +174,7 @@ def test_shared_memory_is_cleaned_after_a_run_that_failed(monkeypatch, tmp_path,
     monkeypatch.setattr("cam_rig.runner.graph.NodeProcess", Made)
     monkeypatch.setattr("cam_rig.runner.graph.stop_all", lambda _: None)
     monkeypatch.setattr("cam_rig.runner.graph.clean", cleaned.append)
-    monkeypatch.setattr("cam_rig.runner.graph.YOUNG", 0.0)
+    monkeypatch.setattr("cam_rig.runner.graph.LOCK_GRACE_S", 0.0)
     with Graph(live(tmp_path, tmp_path / "bag")):
         pass
     assert bool(cleaned) == cleans

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import pytest
 
 from cam_rig.errors import OutputError
-from cam_rig.runner.shared_memory import MIN_ROOM, clean, require_room, why_killed
+from cam_rig.runner.shared_memory import MIN_FREE, clean, require_room, why_killed
 
 DEAD, LIVE, OLD = "fastdds_0123456789abcdef", "fastdds_port7411", "fastdds_fedcba9876543210"
 
@@ -59,9 +59,9 @@ def leave(monkeypatch, free):
 
 def test_a_full_shared_memory_is_seen_before_a_run(monkeypatch, tmp_path):
     """One line that names the place, the room, the limit and the remedy."""
-    leave(monkeypatch, MIN_ROOM)
+    leave(monkeypatch, MIN_FREE)
     require_room(tmp_path)
-    leave(monkeypatch, MIN_ROOM - 512)
+    leave(monkeypatch, MIN_FREE - 512)
     with pytest.raises(OutputError, match=r"has 10\d\d KiB free; allowed: at least 1024 KiB, so "):
         require_room(tmp_path)
 
@@ -116,7 +116,7 @@ NODE = """
 from cam_rig.runner.process import NodeProcess
 node = NodeProcess("follower", {}, False, lambda _line: None)
 node.process.wait(60)
-print(node.obituary())
+print(node.exit_summary())
 """
 
 

@@ -1,4 +1,4 @@
-"""What the rig's nodes say on /diagnostics, each once, in the order of rig time."""
+"""The /diagnostics of the rig's nodes, each message once, in the order of rig time."""
 
 from __future__ import annotations
 
@@ -11,42 +11,42 @@ from cam_rig.errors import RefusedError
 from cam_rig.messages import topics
 
 
-class Diagnosis(NamedTuple):
-    """Rig time (ns), who speaks, and the serialized message."""
+class Diagnostic(NamedTuple):
+    """Rig time (ns), the node it is of, and the serialized message."""
 
     stamp: int
-    speaker: str
+    node: str
     cdr: bytes
 
 
-class Diagnoses:
-    """Diagnoses that wait for their time: none is believed before a state of the cam shows it.
+class PendingDiagnostics:
+    """Messages that wait until rig time, by the cam's states, has come to their stamps.
 
-    So a stamp of the wall clock, which others use on the same topic, never gets into a bag.
+    So a stamp of the wall clock, which other programs use on the same topic, never gets into a bag.
     """
 
     def __init__(self) -> None:
-        self._waiting: dict[Diagnosis, None] = {}
-        self._said: deque[Diagnosis] = deque(maxlen=4 * MAX_WAITING)
+        self._waiting: dict[Diagnostic, None] = {}
+        self._written: deque[Diagnostic] = deque(maxlen=4 * MAX_WAITING)
 
-    def take(self, stamp: int, speaker: str, cdr: bytes) -> None:
-        """Keep a diagnosis that was not here before.
+    def take(self, stamp: int, node: str, cdr: bytes) -> None:
+        """Keep a message that was not received before.
 
         Raises
         ------
         RefusedError : it is of no node of the rig, or there are too many of no known time
         """
-        if speaker == topics.PACE:
+        if node == topics.PACE:
             return
-        if speaker not in topics.SPEAKERS:
+        if node not in topics.DIAGNOSED_NODES:
             raise RefusedError(
-                f"{topics.DIAGNOSTICS.name}: of {speaker[:80]!r}; recorded: "
-                f"{', '.join(topics.SPEAKERS)}"
+                f"{topics.DIAGNOSTICS.name}: of {node[:80]!r}; recorded: "
+                f"{', '.join(topics.DIAGNOSED_NODES)}"
             )
-        diagnosis = Diagnosis(stamp, speaker, cdr)
-        if diagnosis in self._said or diagnosis in self._waiting:
+        found = Diagnostic(stamp, node, cdr)
+        if found in self._written or found in self._waiting:
             return
-        self._waiting[diagnosis] = None
+        self._waiting[found] = None
         if make_room(self._waiting):
             raise RefusedError(
                 f"{topics.DIAGNOSTICS.name}: more than {MAX_WAITING} of no known time"
@@ -54,11 +54,8 @@ class Diagnoses:
 
     def due(self, until: int) -> Iterator[tuple[int, bytes]]:
         """Log time (ns) and message of all up to a rig time."""
-        for diagnosis in sorted(one for one in self._waiting if one.stamp <= until):
-            del self._waiting[diagnosis]
-            self._said.append(diagnosis)
-            # Some ns late, by speaker: its place among others of its time depends on nobody's haste
-            yield (
-                diagnosis.stamp + 1 + topics.SPEAKERS.index(diagnosis.speaker),
-                diagnosis.cdr,
-            )
+        for found in sorted(one for one in self._waiting if one.stamp <= until):
+            del self._waiting[found]
+            self._written.append(found)
+            # A few ns late, by node: the order among others of its time is not left to scheduling
+            yield found.stamp + 1 + topics.DIAGNOSED_NODES.index(found.node), found.cdr

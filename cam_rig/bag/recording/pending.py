@@ -1,4 +1,4 @@
-"""Messages that wait for their state or for each other: few, whoever sends how many."""
+"""Messages that wait for their state or for each other: a bounded number, whoever floods."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ from collections.abc import Callable, Hashable, Set
 from typing import Any, NamedTuple, TypeVar
 
 from cam_rig.errors import RefusedError
+from cam_rig.live.flow_control import HISTORY_DEPTH
 from cam_rig.messages import topics
 from cam_rig.messages.topics import Topic
 
 #: Messages kept of states that are not known yet; more than are ever in flight.
-MAX_WAITING = 4 * topics.TICK_DEPTH
-#: Messages dropped at once when there are more: a flood shall not cost a search for each.
-DROPPED = MAX_WAITING // 8
+MAX_WAITING = 4 * HISTORY_DEPTH
+#: Messages evicted at once when there are more: a flood must not cost a search for each.
+EVICTED_AT_ONCE = MAX_WAITING // 8
 #: The unstamped topics of each stamped one.
 TWINS = {
     stamped.name: [topic for topic in topics.RECORDING if topic.twin == stamped.name]
@@ -23,17 +24,17 @@ Key = TypeVar("Key", bound=Hashable)
 
 
 class ReceivedMessage(NamedTuple):
-    """A serialized message and the process that it is from."""
+    """A serialized message and the process that published it."""
 
     source: bytes
     cdr: bytes
 
 
 def make_room(held: dict[Key, Any], is_awaited: Callable[[Key], bool] = lambda _: False) -> bool:
-    """Drop the oldest of too many that nobody awaits; whether there were too many."""
+    """Evict the oldest of too many that are not awaited; whether there were too many."""
     if len(held) <= MAX_WAITING:
         return False
-    for key in [key for key in held if not is_awaited(key)][:DROPPED]:
+    for key in [key for key in held if not is_awaited(key)][:EVICTED_AT_ONCE]:
         del held[key]
     return True
 
@@ -64,32 +65,34 @@ class Waiting:
         return self._held[topic].pop(stamp, None)
 
     def forget(self, until: int) -> None:
-        """Let go of all up to a stamp: those states are written, and what remains is of none."""
+        """Drop all up to a stamp: those states are written, and the rest belongs to none."""
         self._until = until
         for held in self._held.values():
             for stamp in [stamp for stamp in held if stamp <= until]:
                 del held[stamp]
 
-    def keep_stamped(self, topic: Topic, stamp: int, heard: ReceivedMessage, number: int) -> None:
+    def keep_stamped(
+        self, topic: Topic, stamp: int, received: ReceivedMessage, number: int
+    ) -> None:
         """Keep a message by its stamp, which its twin has too.
 
         Parameters
         ----------
-        number : its place among all that its publisher sent
+        number : its place among all that its process published on the topic
 
         Raises
         ------
-        RefusedError : it differs from one that is here, or there are too many
+        RefusedError : it differs from one of this stamp, or there are too many
         """
         try:
-            self._keep(topic, stamp, heard.cdr)
-        finally:  # what is wrong with the one must not cost the other
+            self._keep(topic, stamp, received.cdr)
+        finally:  # an error in the one must not cost the other
             for twin in TWINS.get(topic.name, ()):
-                self._pair(twin, heard.source, number, stamp)
+                self._pair(twin, received.source, number, stamp)
 
-    def keep_twin(self, topic: Topic, heard: ReceivedMessage, number: int) -> None:
-        """Keep a message that has no stamp, for its twin tells it; as `keep_stamped`."""
-        self._pair(topic, heard.source, number, heard.cdr)
+    def keep_twin(self, topic: Topic, received: ReceivedMessage, number: int) -> None:
+        """Keep a message without a stamp until its twin tells the stamp; as `keep_stamped`."""
+        self._pair(topic, received.source, number, received.cdr)
 
     def _pair(self, topic: Topic, source: bytes, number: int, half: int | bytes) -> None:
         """Bring an unstamped message and the stamp of its twin together."""

@@ -1,4 +1,4 @@
-"""A bag under recording: opened or taken over from a killed recorder, flushed, closed."""
+"""A bag being recorded: opened or taken over from a killed recorder, flushed, closed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 from mcap.records import Attachment
 
 from cam_rig.bag.files import TORN, bag_file, remove
-from cam_rig.bag.partial_reader import OURS, Salvage
+from cam_rig.bag.partial_reader import RECORDED_TOPICS, PartialReader
 from cam_rig.bag.publishers import Publishers
 from cam_rig.bag.recording.metadata import ros_distribution
 from cam_rig.bag.recording.session import RecordingSession
@@ -22,7 +22,8 @@ from cam_rig.bag.recording.writer import BagWriter, require_new_bag
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.live.admission import StateValidator
 from cam_rig.live.cam_check import require_own_contour, require_own_law
-from cam_rig.live.checkpoint import STATES_UNFLUSHED, Handover
+from cam_rig.live.checkpoint import Checkpoint
+from cam_rig.live.flow_control import MAX_STATES_UNFLUSHED
 from cam_rig.messages.codec import array_of, decode_law
 from cam_rig.messages.serialization import cam_of, stamp_of
 from cam_rig.messages.topics import DIAGNOSTICS, LAW_COEFFICIENTS, PROFILE, Topic
@@ -34,8 +35,8 @@ PACKAGES = ("cam_rig", "numpy", "scipy", "pydantic", "mcap", "rosbags")
 class BagRecorder:
     """Records messages into a bag that holds everything to analyse it alone.
 
-    A successor writes a new file, which takes the old one's place when it holds all that the old
-    one held. Until then nothing is written that the old one lacks; so it may be killed as well.
+    A successor writes a new file, which replaces the old one when it holds all that the old one
+    held. Until then nothing is written that the old one lacks; so it may be killed as well.
 
     Parameters
     ----------
@@ -56,13 +57,13 @@ class BagRecorder:
         publishers: Publishers | None = None,
         resume: bool = False,
     ) -> None:
-        self._left = _left(bag) if resume else None
-        self._writer = BagWriter(bag, anew=resume)
+        self._old = _old_file(bag) if resume else None
+        self._writer = BagWriter(bag, rewrite=resume)
         self._loaded, self._attached = loaded, set[Path]()
         self._attach()
         self._writer.attach("versions.json", versions())
-        gate = StateValidator.of(loaded.scene)
-        self._session = RecordingSession(self._writer, gate, publishers, self._check)
+        validator = StateValidator.of(loaded.scene)
+        self._session = RecordingSession(self._writer, validator, publishers, self._check)
         self._unflushed = 0
         #: Stamps (ns) of the states that a predecessor had written.
         self.resumed: list[int] = []
@@ -79,19 +80,19 @@ class BagRecorder:
         stamps = self._take(topic, cdr, source, number)
         self._unflushed += len(stamps)
         if stamps:  # the first one is what the predecessor had begun to write
-            self._adopt()
-        if self._unflushed >= STATES_UNFLUSHED:
+            self._replace_old()
+        if self._unflushed >= MAX_STATES_UNFLUSHED:
             self._flush()
         return stamps
 
     def idle(self) -> None:
-        """Flush what has lain for a while; to be called now and then."""
-        self._writer.tend()
+        """Flush what is due; to be called a few times a second."""
+        self._writer.flush_if_due()
 
     def close(self) -> None:
         """Write what is left, and close the bag."""
         self._session.close()
-        self._adopt()
+        self._replace_old()
         self._writer.close()
 
     def _check(self, topic: Topic, message: Any) -> None:
@@ -102,11 +103,11 @@ class BagRecorder:
             points = [(point.x, point.y) for point in message.polygon.points]
             require_own_contour(self._loaded, cam_of(message), np.array(points).T)
 
-    def _know(self, cams: list[str]) -> None:
-        """A cam that was mounted by hand belongs into the bag as well."""
+    def _attach_cams(self, cams: list[str]) -> None:
+        """Attach the file of a cam that an operator mounted."""
         for cam in cams:
             if cam not in self._loaded.cams:
-                with suppress(CamRigError):  # somebody else's word, or a file that is gone
+                with suppress(CamRigError):  # not a cam of the library, or its file is gone
                     self._loaded.mount(cam)
         self._attach()
 
@@ -123,55 +124,55 @@ class BagRecorder:
     def _take(self, topic: Topic, cdr: bytes, source: bytes, number: int) -> list[int]:
         stamps = self._session.take(topic, cdr, source, number)
         if topic is PROFILE:
-            self._know(self._session.cams)
+            self._attach_cams(self._session.cams)
         return stamps
 
     def _replay(self) -> None:
-        """Take again what the predecessor wrote; what it lost comes again from the publishers."""
+        """Take again what the predecessor wrote; what it lost is resent by the publishers."""
         replayed: Counter[str] = Counter()
-        for record in Salvage(self._left).records() if self._left else ():
-            if isinstance(record, Attachment) or record[1].topic not in OURS:
+        for record in PartialReader(self._old).records() if self._old else ():
+            if isinstance(record, Attachment) or record[1].topic not in RECORDED_TOPICS:
                 continue
-            topic, message = OURS[record[1].topic], record[2]
+            topic, message = RECORDED_TOPICS[record[1].topic], record[2]
             with suppress(RefusedError):  # of a damaged part
-                if topic is DIAGNOSTICS:  # the predecessor believed it
-                    self._session.believe(stamp_of(message.data))
+                if topic is DIAGNOSTICS:  # the predecessor had its state
+                    self._session.note_known(stamp_of(message.data))
                 self.resumed += self._take(topic, message.data, b"", message.sequence)
                 replayed[topic.name] += 1
         if replayed == self._writer.counts:
-            self._adopt()
+            self._replace_old()
 
-    def _adopt(self) -> None:
-        """Let a new file take the old one's place, for it holds all that the old one held."""
-        self._writer.adopt()
-        if self._left is not None and self._left != self._writer.file:
-            remove(self._left)
-        self._left = None
+    def _replace_old(self) -> None:
+        """Let the new file replace the old one, since it holds all that the old one held."""
+        self._writer.replace_old()
+        if self._old is not None and self._old != self._writer.file:
+            remove(self._old)
+        self._old = None
 
 
-def _left(bag: Path) -> Path | None:
-    """The file that a predecessor left; None where it was killed before it had made one."""
+def _old_file(bag: Path) -> Path | None:
+    """The file of a predecessor; None where it was killed before it had made one."""
     file = bag_file(bag)
     return next((path for path in (file.with_suffix(TORN), file) if path.exists()), None)
 
 
 def open_bag(
-    handover: Handover, wanted: Path, loaded: LoadedScene, publishers: Publishers
+    checkpoint: Checkpoint, wanted: Path, loaded: LoadedScene, publishers: Publishers
 ) -> BagRecorder:
     """Begin a bag, or go on with the one that a killed predecessor was recording.
 
-    That a bag is ours is written down before it is made, so that no moment is left in which a kill
-    would leave one that nobody knows; and only where there is none, so that one of before is never
-    taken for ours.
+    The checkpoint names the bag before it is made, so that a kill at any moment leaves none that
+    the successor does not know; and only where there is none, so that an older bag is never taken
+    for this run's.
 
     Raises
     ------
-    BagError : another's bag is there, or it cannot be made
+    BagError : another bag is there, or it cannot be made
     """
-    if mine := handover.newest():
-        return BagRecorder(Path(mine), loaded, publishers, resume=True)
+    if own := checkpoint.newest():
+        return BagRecorder(Path(own), loaded, publishers, resume=True)
     require_new_bag(wanted)
-    handover.keep(str(wanted))
+    checkpoint.save(str(wanted))
     return BagRecorder(wanted, loaded, publishers)
 
 

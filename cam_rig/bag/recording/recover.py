@@ -1,4 +1,4 @@
-"""Making a valid bag of what a recorder left that was not closed."""
+"""Recovering a bag that was not closed, or is damaged, into a valid one."""
 
 from __future__ import annotations
 
@@ -15,56 +15,56 @@ from cam_rig.bag.files import (
     METADATA,
     TORN,
     bag_file,
-    is_torn,
+    is_unclosed,
     mcap_file,
     part_of,
     remove,
 )
 from cam_rig.bag.loss import Holdings, Loss, loss_of
-from cam_rig.bag.partial_reader import OURS, Salvage
+from cam_rig.bag.partial_reader import RECORDED_TOPICS, PartialReader
 from cam_rig.bag.reader import read_counts, read_scene
 from cam_rig.bag.recording.writer import BagWriter, require_new_bag
 from cam_rig.errors import BagError, CamRigError
 from cam_rig.messages.topics import Topic
 from cam_rig.schema import SceneConfig
 
-#: What is said of a recording with no message in it.
-NOTHING = "nothing was recorded"
+#: The report on a recording without any message.
+NOTHING_RECORDED = "nothing was recorded"
 
 
 @dataclass(frozen=True)
 class Recovered:
-    """What was saved, and what is missing.
+    """What was recovered, and what is missing.
 
-    ``counts`` by topic, ``last_ns`` the newest log time; ``salvage`` tells how the file was.
+    ``counts`` by topic, ``last_ns`` the newest log time; ``reader`` knows the state of the file.
     """
 
     counts: dict[str, int]
     last_ns: int
-    salvage: Salvage
+    reader: PartialReader
     loss: Loss
 
     @property
     def whole(self) -> bool:
         """Whether the recording was closed."""
-        return self.salvage.whole
+        return self.reader.whole
 
     @property
     def sound(self) -> bool:
-        """Whether all is there that was ever recorded."""
-        return self.whole and not (self.salvage.damaged or self.loss.gaps)
+        """Whether everything is there that was recorded."""
+        return self.whole and not (self.reader.damaged or self.loss.gaps)
 
     @property
     def words(self) -> str:
-        """Saved and missing, in words."""
+        """Recovered and missing, in words."""
         messages = f"{sum(self.counts.values())} messages to {self.last_ns / 1e9:.6g} s saved"
         parts = [messages, self._missing(), self.loss.ends, *self._damage()]
-        if self.salvage.file.suffix == TORN:
-            parts.append(f"read from {self.salvage.file.name}, left by an interrupted recovery")
+        if self.reader.file.suffix == TORN:
+            parts.append(f"read from {self.reader.file.name}, left by an interrupted recovery")
         return "; ".join(part for part in parts if part)
 
     def _missing(self) -> str:
-        last = f"whatever came after {self.last_ns / 1e9:.6g} s"
+        last = f"everything after {self.last_ns / 1e9:.6g} s"
         gaps = [self.loss.words] if self.loss.gaps else []
         if self.loss.open_end:
             gaps.append(last)
@@ -75,7 +75,7 @@ class Recovered:
         return "no tick is missing"
 
     def _damage(self) -> list[str]:
-        found, words = self.salvage, []
+        found, words = self.reader, list[str]()
         if found.cut:
             words.append(f"{found.cut} of the saved are from a truncated chunk")
         if found.damaged:
@@ -94,44 +94,44 @@ class Recovered:
 def recover(bag: Path, target: Path) -> Recovered:
     """Copy everything readable of a bag into a new one.
 
-    It may be killed and done again: what it left of the new bag is begun anew.
+    It may be killed and repeated: what it left of the new bag is overwritten.
 
     Raises
     ------
     BagError : nothing in it is readable, or the target exists
     """
     file = mcap_file(bag)
-    if not _is_half_made(target):
+    if not _is_unfinished(target):
         require_new_bag(target)
     return _copy(file, bag, target)
 
 
 def recover_in_place(bag: Path) -> Recovered:
-    """Make a bag whole that its recorder could not close.
+    """Recover a bag that its recorder could not close.
 
-    It may be killed and done again: the old file stays until the new one is whole.
+    It may be killed and repeated: the old file stays until the new one is complete.
 
     Raises
     ------
     BagError : nothing in it is readable, or there is no room
     """
-    torn = mcap_file(bag)
+    old = mcap_file(bag)
     try:
-        saved = _copy(torn, bag, bag)
+        saved = _copy(old, bag, bag)
     except BagError as error:
         why, there = str(error).removeprefix(f"{bag}: "), examine(bag)
         raise BagError(
             f"{bag}: cannot be recovered where it is, {why}; left as it is, and readable: "
-            f"{there.words}; mend it with: cam-rig recover {shlex.quote(str(bag))} --output "
+            f"{there.words}; recover it with: cam-rig recover {shlex.quote(str(bag))} --output "
             "A_FOLDER_WITH_ROOM"
         ) from None
-    if torn.suffix == TORN:
-        remove(torn)
+    if old.suffix == TORN:
+        remove(old)
     return saved
 
 
 def examine(bag: Path) -> Recovered:
-    """What there is of a bag, and what is missing; nothing is written.
+    """What a bag holds, and what it lacks; nothing is written.
 
     Raises
     ------
@@ -141,24 +141,24 @@ def examine(bag: Path) -> Recovered:
 
 
 def state_words(bag: Path) -> str:
-    """What there is of a recording whose run failed, in words; it is recovered if need be."""
+    """What a failed run has recorded, in words; the bag is recovered where that is needed."""
     file = bag_file(bag)
     try:
         if not any(f.exists() and f.stat().st_size for f in (file, file.with_suffix(TORN))):
-            return NOTHING
-        words = recover_in_place(bag).words if is_torn(bag) else ""
+            return NOTHING_RECORDED
+        words = recover_in_place(bag).words if is_unclosed(bag) else ""
         count = sum(read_counts(bag).values())
     except (BagError, OSError) as error:
         return str(error).removeprefix(f"{bag}: ")
-    return (words or f"closed, {count} messages") if count else NOTHING
+    return (words or f"closed, {count} messages") if count else NOTHING_RECORDED
 
 
-def _is_half_made(target: Path) -> bool:
+def _is_unfinished(target: Path) -> bool:
     """Whether a folder holds nothing but what a killed recovery left."""
     try:
         if not target.is_dir():
             return False
-    except OSError:  # nobody can have made what has such a name
+    except OSError:  # no file can have such a name
         return False
     part, names = part_of(bag_file(target)).name, {entry.name for entry in target.iterdir()}
     metadata = {METADATA, part_of(target / METADATA).name}
@@ -167,15 +167,15 @@ def _is_half_made(target: Path) -> bool:
 
 def _copy(file: Path, bag: Path, target: Path | None) -> Recovered:
     """Copy what a file holds into a bag's own file; None only counts it."""
-    salvage, holdings = Salvage(file), Holdings()
-    records = salvage.records()
+    reader, holdings = PartialReader(file), Holdings()
+    records = reader.records()
     first = next(records, None)
     if first is None:
-        why = f" ({salvage.why})" if salvage.why else ""
+        why = f" ({reader.why})" if reader.why else ""
         raise BagError(f"{bag}: no readable record in {file.name}{why}; nothing to recover")
     counts: dict[str, int] = {}
     last = 0
-    writer = None if target is None else BagWriter(target, anew=True)
+    writer = None if target is None else BagWriter(target, rewrite=True)
     with writer or nullcontext():
         for record in chain([first], records):
             if isinstance(record, Attachment):
@@ -187,11 +187,13 @@ def _copy(file: Path, bag: Path, target: Path | None) -> Recovered:
             counts[channel.topic] = counts.get(channel.topic, 0) + 1
             last = max(last, message.log_time)
             if writer is not None:
-                topic = OURS.get(channel.topic) or Topic(channel.topic, schema.name, "any")
-                number = message.sequence if salvage.ours else 0
+                topic = RECORDED_TOPICS.get(channel.topic) or Topic(
+                    channel.topic, schema.name, "any"
+                )
+                number = message.sequence if reader.ours else 0
                 writer.write(topic, message.log_time, message.data, schema.data, number)
-        loss = loss_of(holdings, _scene(bag), salvage.whole, salvage.ours)
-        saved = Recovered(counts, last, salvage, loss)
+        loss = loss_of(holdings, _scene(bag), reader.whole, reader.ours)
+        saved = Recovered(counts, last, reader, loss)
         if writer is not None and not saved.sound:
             writer.attach(RECOVERED, saved.words.encode())
     return saved

@@ -1,8 +1,8 @@
-"""What the recorder does, without ROS: the messages of each tick, brought together and in order.
+"""The recorder without ROS: the messages of each tick, brought together and in order.
 
 Topics come in any order, and some messages come twice when a node was started again. Here each
-message finds its cam state, and a state is written, with everything that belongs to it, when
-nothing is missing and everything before it is written. So two recordings of one run are equal.
+message is assigned to its cam state, and a state is written, with everything that belongs to it,
+when nothing is missing and everything before it is written. So two recordings of one run are equal.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from cam_rig.bag.publishers import Publishers
-from cam_rig.bag.recording.diagnostics import Diagnoses
+from cam_rig.bag.recording.diagnostics import PendingDiagnostics
 from cam_rig.bag.recording.pending import ReceivedMessage, Waiting
 from cam_rig.errors import RefusedError
 from cam_rig.live.admission import Admission, StateValidator
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of
-from cam_rig.messages.serialization import RawMessages, cam_of, speaker_of, stamp_of
+from cam_rig.messages.serialization import RawMessages, cam_of, diagnosed_node, stamp_of
 from cam_rig.messages.topics import Topic
 from cam_rig.simulation.schedule import CamState
 
@@ -45,26 +45,26 @@ class RecordingSession:
     Parameters
     ----------
     writer : where they go
-    gate : which states of the cam can be true
-    publishers : who may publish what
+    validator : which states of the cam are possible
+    publishers : the one publisher of each topic
     check : refuses a law or a contour (topic, message) that is not the cam's own
     """
 
     def __init__(
         self,
         writer: Writing,
-        gate: StateValidator,
+        validator: StateValidator,
         publishers: Publishers | None = None,
         check: Callable[[Topic, Any], None] = lambda _topic, _message: None,
     ) -> None:
         self.written = -1
         self._writer, self._raw = writer, RawMessages()
-        self._gate, self._check = gate, check
+        self._validator, self._check = validator, check
         self._publishers = publishers or Publishers()
         self._states: deque[tuple[CamState, bytes]] = deque()
         self._known: set[int] = set()
         self._before: CamState | None = None
-        self._waiting, self._diagnoses = Waiting(self._known), Diagnoses()
+        self._waiting, self._diagnostics = Waiting(self._known), PendingDiagnostics()
         self._cams: dict[Topic, dict[str, bytes]] = {topic: {} for topic in CAM_TOPICS}
         self._newest = -1
 
@@ -73,32 +73,32 @@ class RecordingSession:
 
         Parameters
         ----------
-        source : which process it is from
-        number : its place among all that its publisher sent
+        source : the process that published it
+        number : its place among all that this process published on the topic
 
         Raises
         ------
-        RefusedError : the message is malformed, or contradicts one that was here before
+        RefusedError : the message is malformed, or contradicts one received before
         RunError : it is from another process than the one that publishes on this topic
         BagError : it cannot be written
         """
         if topic.owner:
             self._publishers.require(topic.owner, topic, source)
         message, cdr = self._raw.read(topic, cdr)
-        heard = ReceivedMessage(source, cdr)
+        received = ReceivedMessage(source, cdr)
         if topic is topics.CAM_STATE:
             self._take_state(cam_state_of(message), cdr)
         elif topic in self._cams:
             self._check(topic, message)
             self._take_cam(topic, cam_of(message), cdr)
         elif topic is topics.DIAGNOSTICS:
-            self._take_diagnosis(speaker_of(message), heard)
+            self._take_diagnostic(diagnosed_node(message), received)
         elif topic.twin:
-            self._waiting.keep_twin(topic, heard, number)
+            self._waiting.keep_twin(topic, received, number)
         else:
-            self._waiting.keep_stamped(topic, stamp_of(cdr), heard, number)
-        for time_ns, said in self._diagnoses.due(self._newest):
-            self._writer.write(topics.DIAGNOSTICS, time_ns, said)
+            self._waiting.keep_stamped(topic, stamp_of(cdr), received, number)
+        for time_ns, diagnostic in self._diagnostics.due(self._newest):
+            self._writer.write(topics.DIAGNOSTICS, time_ns, diagnostic)
         stamps = []
         while self._states and self._complete():
             self._write_state()
@@ -107,28 +107,28 @@ class RecordingSession:
 
     @property
     def cams(self) -> list[str]:
-        """The cams that the law server has told of."""
+        """The cams whose contour the law server has published."""
         return list(self._cams[topics.PROFILE])
 
-    def believe(self, stamp: int) -> None:
-        """Take it that a state of a rig time (ns) was there, for a predecessor knew it."""
+    def note_known(self, stamp: int) -> None:
+        """Note that a predecessor had received a state of a rig time (ns)."""
         self._newest = max(self._newest, stamp)
 
     def close(self) -> None:
-        """Write what came of the states that are not complete."""
+        """Write what was received of the states that are not complete."""
         while self._states:
             self._write_state()
 
     def _take_state(self, state: CamState, cdr: bytes) -> None:
-        if self._gate.admit(state) is not Admission.SEEN:
+        if self._validator.admit(state) is not Admission.SEEN:
             self._states.append((state, cdr))
             self._known.add(state.time_ns)
             self._newest = max(self._newest, state.time_ns)
 
-    def _take_diagnosis(self, speaker: str, heard: ReceivedMessage) -> None:
-        if speaker in topics.SPEAKERS:
-            self._publishers.require(speaker, topics.DIAGNOSTICS, heard.source)
-        self._diagnoses.take(stamp_of(heard.cdr), speaker, heard.cdr)
+    def _take_diagnostic(self, node: str, received: ReceivedMessage) -> None:
+        if node in topics.DIAGNOSED_NODES:
+            self._publishers.require(node, topics.DIAGNOSTICS, received.source)
+        self._diagnostics.take(stamp_of(received.cdr), node, received.cdr)
 
     def _take_cam(self, topic: Topic, name: str, cdr: bytes) -> None:
         known = self._cams[topic]

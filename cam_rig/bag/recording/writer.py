@@ -21,9 +21,9 @@ from cam_rig.errors import BagError
 from cam_rig.messages.topics import RECORDING, Topic
 
 #: Wall time (s) between flushes: what a killed recorder can lose.
-FLUSH_EVERY = 0.5
-#: Wall time (s) between two waits for the disk: what a power cut can take.
-SYNC_EVERY = 0.5
+FLUSH_PERIOD_S = 0.5
+#: Wall time (s) between two fsyncs: what a power cut can take.
+SYNC_PERIOD_S = 0.5
 
 
 class BagWriter:
@@ -34,7 +34,7 @@ class BagWriter:
     Parameters
     ----------
     directory : the bag; it must not exist yet, its parent folders are made
-    anew : instead, what is written takes the place of a bag's file when `adopt` is called, or when
+    rewrite : instead, what is written replaces a bag's file when `replace_old` is called, or when
         it is closed; until then that file, if there is one, stays as it is
 
     Raises
@@ -42,23 +42,23 @@ class BagWriter:
     BagError : the directory exists already, or the file cannot be made
     """
 
-    def __init__(self, directory: Path, anew: bool = False) -> None:
+    def __init__(self, directory: Path, rewrite: bool = False) -> None:
         self.directory = directory
         self.file = bag_file(directory)
-        self._part: Path | None = part_of(self.file) if anew else None
+        self._part: Path | None = part_of(self.file) if rewrite else None
         self.counts: dict[str, int] = {}
         self._channels: dict[str, tuple[Topic, int]] = {}
         self._types = get_typestore(Stores.ROS2_KILTED)
         self._first = self._last = 0
         self._dirty = self._unsynced = True
         self._failed: BagError | None = None
-        self._make_folder(anew)
+        self._make_folder(rewrite)
         self._file = self._open()
         self._writer = Writer(self._file, compression=CompressionType.NONE)
         try:
             self._writer.start(profile="ros2", library=LIBRARY)
             self._file.flush()
-            if not anew:
+            if not rewrite:
                 self._write_metadata(list(RECORDING))
         except OSError as error:
             self.abandon()
@@ -124,36 +124,36 @@ class BagWriter:
             self._dirty = True
             self._writer.add_message(channel, log_time, cdr, log_time, number or count)
             self.counts[topic.name] = count
-            if time.monotonic() - self._flushed > FLUSH_EVERY:
+            if time.monotonic() - self._flushed > FLUSH_PERIOD_S:
                 self.flush()
         except OSError as error:
             raise self._lost(error) from None
 
-    def tend(self) -> None:
-        """Flush what has lain for a while; to be called now and then."""
+    def flush_if_due(self) -> None:
+        """Flush what was written a while ago; to be called a few times a second."""
         now = time.monotonic()
-        if self._dirty and now - self._flushed > FLUSH_EVERY:
+        if self._dirty and now - self._flushed > FLUSH_PERIOD_S:
             self.flush()
-        elif self._unsynced and now - self._synced > SYNC_EVERY:
+        elif self._unsynced and now - self._synced > SYNC_PERIOD_S:
             self.sync()
 
     def flush(self) -> None:
-        """Put everything into the file, where a killed process cannot lose it.
+        """Write everything to the file, where a killed process cannot lose it.
 
-        Every half second, wait until it is on the disk, where a power cut cannot take it either.
+        Every half second, fsync as well, so that a power cut cannot take it either.
         """
         self._require_sound()
         try:
             self._writer.flush()
             self._file.flush()
             self._flushed, self._dirty, self._unsynced = time.monotonic(), False, True
-            if self._flushed - self._synced > SYNC_EVERY:
+            if self._flushed - self._synced > SYNC_PERIOD_S:
                 self._sync()
         except OSError as error:
             raise self._lost(error) from None
 
     def sync(self) -> None:
-        """Put everything onto the disk, if it was not there already."""
+        """Write everything to the disk (fsync)."""
         self._require_sound()
         try:
             self._writer.flush()
@@ -161,13 +161,13 @@ class BagWriter:
         except OSError as error:
             raise self._lost(error) from None
 
-    def adopt(self) -> None:
-        """Let what is written anew take the place of the bag's file, which it holds all of."""
+    def replace_old(self) -> None:
+        """Let the new file replace the bag's file, whose content it holds."""
         if self._part is None:
             return
         self.sync()
         try:
-            files.take_place(self._part, self.file)
+            files.replace(self._part, self.file)
             self._part = None
             if not (self.directory / METADATA).exists():
                 self._write_metadata(list(RECORDING))
@@ -177,7 +177,7 @@ class BagWriter:
     def close(self) -> None:
         """Finish the bag: metadata.yaml first, then the file's end, by which it counts as closed.
 
-        What was written anew takes its place last of all.
+        A new file replaces the old one last of all.
         """
         if self._file.closed:
             return
@@ -188,13 +188,13 @@ class BagWriter:
             self._sync()
             self._file.close()
             if self._part is not None:
-                files.take_place(self._part, self.file)
+                files.replace(self._part, self.file)
                 self._part = None
         except OSError as error:
             raise self._lost(error) from None
 
     def abandon(self) -> None:
-        """Leave the bag as it is, not closed; what was to take its file's place is removed."""
+        """Leave the bag as it is, not closed; a file that was to replace its file is removed."""
         with suppress(OSError):
             self._file.close()
         if self._part is None:
@@ -210,9 +210,9 @@ class BagWriter:
         self._flushed = self._synced = time.monotonic()
         self._dirty = self._unsynced = False
 
-    def _make_folder(self, anew: bool) -> None:
+    def _make_folder(self, exists: bool) -> None:
         try:
-            self.directory.mkdir(parents=True, exist_ok=anew)
+            self.directory.mkdir(parents=True, exist_ok=exists)
             files.sync_folder(self.directory.parent)
         except FileExistsError:
             raise BagError(
@@ -239,7 +239,7 @@ class BagWriter:
         files.write_whole(self.directory / METADATA, data)
 
     def _lost(self, error: OSError) -> BagError:
-        """What to say of a disk that takes no more; nothing is written there any longer."""
+        """The error of a full disk; nothing is written there any longer."""
         with suppress(OSError):
             self._file.close()
         written = sum(self.counts.values())

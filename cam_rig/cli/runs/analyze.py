@@ -70,12 +70,12 @@ def newest_bag() -> Path:
     ------
     BagError : there is none
     """
-    from cam_rig.bag.files import METADATA, is_torn
+    from cam_rig.bag.files import METADATA, is_unclosed
     from cam_rig.errors import BagError
 
     found = sorted(Path("bags").glob(f"*/{METADATA}"), key=lambda p: p.stat().st_mtime)
     for bag in (file.parent for file in reversed(found)):
-        if not is_torn(bag):
+        if not is_unclosed(bag):
             return bag
         console.print(escape(f"{bag}: was not closed, an older one is taken; see: cam-rig recover"))
     raise BagError("no bag in bags/; make one with: cam-rig run")

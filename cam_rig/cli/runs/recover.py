@@ -1,4 +1,4 @@
-"""cam-rig recover: a valid bag from one that was cut off."""
+"""cam-rig recover: a valid bag from one that is truncated or damaged."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ def recover(
     """Copy everything readable of a damaged or unfinished bag into a new, valid one.
 
     The damaged bag is left as it is. What is missing is printed: ticks of the scene, or messages.
-    When it was interrupted, do it again.
+    A recovery that was interrupted can be repeated.
 
     Examples
     --------
     cam-rig recover bags/tm21_sweep_2026-01-31_12-00-00
 
-    cam-rig recover broken.mcap --output bags/mended
+    cam-rig recover broken.mcap --output bags/recovered
     """
     with user_errors():
         from cam_rig.bag.recording.recover import recover as recover_bag
@@ -37,6 +37,6 @@ def recover(
 
 
 def _beside(bag: Path) -> Path:
-    """Where a bag is mended to by default; one may stand in the bag, and name it ``.``."""
+    """The default output, also of a bag that is named ``.``."""
     place = bag if bag.name not in ("", "..") else bag.resolve()
     return place.parent / f"{place.stem if place.is_file() else place.name}_recovered"

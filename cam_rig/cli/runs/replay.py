@@ -7,15 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.markup import escape
-from rich.table import Table
 
-from cam_rig.cli.common.console import console, progress_bar, user_errors
+from cam_rig.cli.common.console import progress_bar, show, user_errors
 from cam_rig.cli.common.names import scene_path
 from cam_rig.cli.common.options import SceneOfBag
 
 if TYPE_CHECKING:
     from cam_rig.bag.compare import Difference
+    from cam_rig.tables import DataTable
 
 
 def replay(
@@ -28,7 +27,7 @@ def replay(
     ] = None,
     scene: SceneOfBag = None,
 ) -> None:
-    """Feed recorded cam states and laws to live nodes, and compare what they say with the bag.
+    """Feed recorded cam states and laws to live nodes, and compare their messages with the bag.
 
     A regression test for any change of follower or microphone: code 1 when a number differs.
 
@@ -47,7 +46,7 @@ def replay(
             require_new_bag(output)
         with temporary_folder("cam_rig-replay-") as folder:
             found = _replay(bag, folder, scene, output)
-        console.print(_table(found))
+        show(_table(found))
         worst = max(found, key=lambda entry: entry.relative)
         if not worst.relative <= tolerance:
             raise BagError(
@@ -61,10 +60,11 @@ def _replay(bag: Path, folder: Path, scene: str | None, output: Path | None) -> 
     from cam_rig.bag.compare import compare
     from cam_rig.bag.reader import read_counts
     from cam_rig.errors import BagError
+    from cam_rig.messages.topics import CAM_STATE
     from cam_rig.runner.domain_lock import own_domain
     from cam_rig.runner.graph import Graph, replayed
 
-    total = read_counts(bag).get("/cam/state", 0)
+    total = read_counts(bag).get(CAM_STATE.name, 0)
     if total < 2:
         raise BagError(f"{bag}: has {total} states of the cam; allowed: two at least")
     path = scene_path(scene) if scene else unpack(bag, folder)
@@ -80,13 +80,17 @@ def _replay(bag: Path, folder: Path, scene: str | None, output: Path | None) -> 
     return found
 
 
-def _table(found: list[Difference]) -> Table:
-    out = Table(title="recorded against replayed")
-    for column in ("topic", "quantity"):
-        out.add_column(column, no_wrap=True)
-    for column in ("numbers", "difference", "relative"):
-        out.add_column(column, justify="right")
-    for entry in found:
-        away = (f"{entry.difference:.3g}", f"{entry.relative:.2g}")
-        out.add_row(entry.topic, escape(entry.quantity), str(entry.count), *away)
-    return out
+def _table(found: list[Difference]) -> DataTable:
+    from cam_rig.tables import Column, tabulate
+
+    return tabulate(
+        "Recorded against replayed",
+        found,
+        (
+            (Column("topic"), lambda entry: entry.topic),
+            (Column("quantity"), lambda entry: entry.quantity),
+            (Column("numbers", "", "d"), lambda entry: entry.count),
+            (Column("difference", "", ".3g"), lambda entry: entry.difference),
+            (Column("relative", "", ".2g"), lambda entry: entry.relative),
+        ),
+    )

@@ -34,7 +34,8 @@ def run(
         bool, typer.Option("--respawn", help="Start a node again that was killed, and go on.")
     ] = False,
     network: Annotated[
-        bool, typer.Option("--network", help="Let the subnet hear the nodes; else nobody outside.")
+        bool,
+        typer.Option("--network", help="Let the subnet see the nodes; else this machine alone."),
     ] = False,
 ) -> None:
     """Run a scene through the node graph and record it.
@@ -71,7 +72,7 @@ def run(
             screen.stay()
 
 
-def _say(line: str) -> None:
+def _log(line: str) -> None:
     console.print(escape(line))
 
 
@@ -79,6 +80,7 @@ def _run(
     path: Path, target: Path, screen: str | None, pacing: str, respawn: bool, network: bool
 ) -> None:
     from cam_rig.bag.complete import require_complete
+    from cam_rig.messages.topics import FOLLOWER_SAMPLES
     from cam_rig.runner.domain_lock import own_domain
     from cam_rig.runner.graph import Graph, live
     from cam_rig.runner.process import PROFILES
@@ -88,14 +90,14 @@ def _run(
     loaded = open_scene(path)
     if PROFILES in os.environ and not network:
         console.print(
-            f"the profile of {PROFILES} is not used: nobody outside may hear; --network uses it"
+            f"the profile of {PROFILES} is used with --network alone; no socket leaves this machine"
         )
     begun = time.perf_counter()
     nodes = live(path, target, screen, pacing=pacing)
     with (
         own_domain(),
         progress_bar() as bar,
-        Graph(nodes, respawn, network, _say) as graph,
+        Graph(nodes, respawn, network, _log) as graph,
     ):
         task = bar.add_task("starting the nodes", total=tick_count(loaded.scene))
         for report in graph.progress():
@@ -109,6 +111,6 @@ def _run(
     counts = require_complete(target, loaded.scene)
     took = time.perf_counter() - begun
     console.print(
-        f"{counts['/follower/samples']} ticks, {sum(counts.values())} messages, none missing, "
+        f"{counts[FOLLOWER_SAMPLES.name]} ticks, {sum(counts.values())} messages, none missing, "
         f"in {took:.1f} s: {escape(str(target))}"
     )

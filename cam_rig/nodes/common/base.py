@@ -1,4 +1,4 @@
-"""Running a node: one way for all of them to take messages, to be watched, and to end."""
+"""Running a node: how every node takes messages, watches its topics, and ends."""
 
 from __future__ import annotations
 
@@ -25,8 +25,7 @@ from std_srvs.srv import Trigger
 
 from cam_rig.bag.publishers import second_publisher
 from cam_rig.errors import CamRigError, ConfigError, RefusedError
-from cam_rig.live.checkpoint import Handover
-from cam_rig.live.launch_counts import Starts
+from cam_rig.live.checkpoint import Checkpoint
 from cam_rig.messages.topics import DIAGNOSTICS, READY, Topic
 from cam_rig.nodes.common.convert import message_class, qos, to_header
 from cam_rig.nodes.common.diagnostics import Diagnostics
@@ -39,11 +38,11 @@ except ImportError:
 
 
 #: A signal is noticed when the executor comes back to Python, which it does this often (s).
-SIGNALS_EVERY = 0.1
-#: How often (s) a node looks whether another publishes on its topics.
-WATCH_EVERY = 0.25
-#: Wall time (s) for what is still on its way at the end; the runner kills who takes 10 s to end.
-LONGEST_REST = 3.0
+SIGNAL_POLL_S = 0.1
+#: Wall time (s) between two checks for other publishers on a node's topics.
+WATCH_PERIOD_S = 0.25
+#: Wall time (s) for messages still in transit at the end; after 10 s the runner kills the node.
+MAX_DRAIN_S = 3.0
 #: What a message of the right type with impossible content may raise where it is read.
 UNREADABLE = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RuntimeError)
 
@@ -51,11 +50,13 @@ UNREADABLE = (ValueError, TypeError, LookupError, ArithmeticError, AttributeErro
 class RigNode(Node):
     """A node of the rig: it declares its parameters, and ends its process by `finish` or `fail`.
 
-    ``given`` holds the parameters' values at the start, ``handover`` what a predecessor left.
+    ``given`` holds the parameters' values at the start; ``checkpoint`` is what takes the place of
+    a killed predecessor, used through `save` and `restore`.
     """
 
-    #: Whether the executor must tell who sent a message; it costs three times the CPU a message.
-    knows_senders = False
+    #: Whether callbacks need the publisher and number of each message, which the events executor
+    #: does not pass on; the other one costs three times the CPU a message.
+    needs_message_info = False
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
@@ -63,16 +64,27 @@ class RigNode(Node):
         self.done: Future = Future()
         self.failure: CamRigError | None = None
         self.given = declare(self, PARAMETERS[name])
-        self.handover = Handover(self.given["handover"], name)
-        self.starts = Starts(self.given["handover"])
-        self.starts.note(name)
+        self.checkpoint = Checkpoint(self.given["checkpoint"], name)
+        self.checkpoint.count_launch()
         self._owned: list[Topic] = []
         #: Messages taken so far.
         self.taken = 0
         self.add_on_set_parameters_callback(refuse_wrong(PARAMETERS[name]))
         self.health = Diagnostics(self.publisher(DIAGNOSTICS), name)
         self._ready = self.publisher(READY)
-        self.every(WATCH_EVERY, self._watch)
+        self.every(WATCH_PERIOD_S, self._watch)
+
+    def save(self, state: Any, stamp_ns: int) -> None:
+        """Keep what this node knows at a rig time for the one that takes its place."""
+        if self.checkpoint.enabled:
+            self.checkpoint.save((state, self.health.reported), stamp_ns)
+
+    def restore(self) -> list[Any]:
+        """What a predecessor saved, the oldest first; its diagnostics go on from the oldest."""
+        saved = self.checkpoint.all()
+        if saved:
+            self.health.reported = saved[0][1]
+        return [state for state, _ in saved]
 
     def publisher(self, topic: Topic) -> Publisher:
         """A publisher with the topic's type and quality of service."""
@@ -81,9 +93,9 @@ class RigNode(Node):
         return self.create_publisher(message_class(topic), topic.name, qos(topic))
 
     def every(self, period: float, act: Callable[[], None]) -> Timer:
-        """Call ``act`` every so often (s) of wall time, under use_sim_time too.
+        """Call ``act`` with a period (s) of wall time, under use_sim_time too.
 
-        The rig makes rig time: who waited for it to go on would wait for itself.
+        The rig itself makes rig time: a node that waited for it would wait for ever.
         """
         return self.create_timer(period, act, clock=self._steady)
 
@@ -92,8 +104,8 @@ class RigNode(Node):
     ) -> Any:
         """Subscribe; the one guard of every subscription, rclpy's own among them.
 
-        What cannot be read or is refused (`RefusedError`) is warned of, and the node lives on; any
-        other of the rig's errors ends it.
+        A message that cannot be read or is refused (`RefusedError`) is logged as a warning, and the
+        node goes on; any other of the rig's errors ends it.
         """
         guarded = self._guarded(topic, callback)
         return super().create_subscription(msg_type, topic, guarded, *how, **named)
@@ -133,11 +145,11 @@ class RigNode(Node):
         self.create_subscription(kind, topic.name, take, qos(topic), raw=True)
 
     def refuse(self, error: CamRigError) -> None:
-        """Warn of a message that was refused, at most once a second."""
+        """Log a refused message as a warning, at most once per second."""
         self.get_logger().warning(f"refused: {error}", throttle_duration_sec=1.0)
 
     def serve(self, service: str, act: Callable[[], str]) -> None:
-        """Offer ``~/service`` (std_srvs/Trigger); ``act`` gives the answer's words."""
+        """Offer ``~/service`` (std_srvs/Trigger); ``act`` returns the reply's message."""
 
         def answer(_request: Any, response: Any) -> Any:
             try:
@@ -149,22 +161,22 @@ class RigNode(Node):
         self.create_service(Trigger, f"~/{service}", answer)
 
     def report_ready(self) -> None:
-        """Tell the drive, latched, that this node takes messages."""
+        """Publish, latched, that this node takes messages."""
         self._ready.publish(to_header(0, self.get_name()))
 
     def publishers_of(self, topic: Topic) -> dict[bytes, str]:
-        """Who publishes on a topic by discovery: names by DDS identity."""
+        """The publishers of a topic, by discovery: their node's name by DDS identity."""
         found = {}
         for info in self.get_publishers_info_by_topic(topic.name):
             name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
-            known = "UNKNOWN" not in info.node_name  # a DDS program that is no ROS node
-            found[bytes(info.endpoint_gid)] = name if known else "one that is no ROS node"
+            known = "UNKNOWN" not in info.node_name  # a DDS program that is not a ROS node
+            found[bytes(info.endpoint_gid)] = name if known else "a program that is not a ROS node"
         return found
 
     def _watch(self) -> None:
-        """A second publisher of what is this node's own ends the run."""
+        """A second publisher on a topic that this node owns ends the run."""
         for topic in self._owned:
-            if self.count_publishers(topic.name) > self.starts.count(topic.owner):
+            if self.count_publishers(topic.name) > self.checkpoint.launches(topic.owner):
                 names = list(self.publishers_of(topic).values())
                 own = f"{self.get_namespace().rstrip('/')}/{self.get_name()}"
                 others = [name for name in names if name != own] or names[1:]
@@ -186,7 +198,7 @@ class RigNode(Node):
         self.finish()
 
     def close(self) -> None:
-        """Let go of what the node holds; called once, after the executor has stopped."""
+        """Release what the node holds; called once, after the executor has stopped."""
 
 
 def require_length(topic: Topic, cdr: bytes) -> None:
@@ -205,8 +217,8 @@ def take_rest(
     taken: Callable[[], int],
     now: Callable[[], float] = time.monotonic,
 ) -> None:
-    """Spin until nothing more is taken for a while; others who never end are not waited for."""
-    quiet, deadline = 0, now() + LONGEST_REST
+    """Spin until nothing more is taken for a while, at most `MAX_DRAIN_S`."""
+    quiet, deadline = 0, now() + MAX_DRAIN_S
     while quiet < 5 and now() < deadline:
         before = taken()
         spin_once(timeout_sec=0.02)
@@ -215,32 +227,32 @@ def take_rest(
 
 def run(make: Callable[[], RigNode]) -> None:
     """Run a node until it finishes, fails, or is told to stop (SIGINT, SIGTERM)."""
-    told = Told()
+    request = StopRequest()
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:  # a parameter file that is missing or none
+    except RuntimeError as error:  # a parameter file that is missing or not one
         print(f"cam_rig: {error}", file=sys.stderr)
         sys.exit(ConfigError.exit_code)
     try:
-        sys.exit(_spin(make, told))
+        sys.exit(_spin(make, request))
     finally:
         rclpy.try_shutdown()
 
 
-class Told:
-    """Whether the process was told to stop, be it before there is a node to end."""
+class StopRequest:
+    """A signal to stop, which may come before there is a node to end."""
 
     def __init__(self) -> None:
-        self.to_stop, self.act = False, lambda: None
+        self.received, self.act = False, lambda: None
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._stop)
 
     def _stop(self, _signal: int, _frame: FrameType | None) -> None:
-        self.to_stop = True
+        self.received = True
         self.act()
 
 
-def _spin(make: Callable[[], RigNode], told: Told) -> int:
+def _spin(make: Callable[[], RigNode], request: StopRequest) -> int:
     try:
         node = make()
     except CamRigError as error:
@@ -249,14 +261,14 @@ def _spin(make: Callable[[], RigNode], told: Told) -> int:
     except ParameterException as error:
         print(f"cam_rig: parameter: {error}", file=sys.stderr)
         return ConfigError.exit_code
-    told.act = node.finish
-    if told.to_stop:
+    request.act = node.finish
+    if request.received:
         node.finish()
-    executor = SingleThreadedExecutor() if node.knows_senders else Executor()
+    executor = SingleThreadedExecutor() if node.needs_message_info else Executor()
     executor.add_node(node)
     node.report_ready()
     while not node.done.done():
-        executor.spin_until_future_complete(node.done, timeout_sec=SIGNALS_EVERY)
+        executor.spin_until_future_complete(node.done, timeout_sec=SIGNAL_POLL_S)
     if node.failure is None:
         node.drain(executor.spin_once)
     executor.shutdown()

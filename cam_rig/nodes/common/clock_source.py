@@ -1,10 +1,12 @@
-"""What the drive and the player share: states go out as the consumers' answers allow."""
+"""What the drive and the player share: states go out as the consumers' acknowledgements allow."""
 
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from rosgraph_msgs.msg import Clock
@@ -18,9 +20,9 @@ from cam_rig.nodes.common.convert import to_cam_state, to_header, to_time
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import to_rpm
 
-#: Wall time (s) without an answer after which the states in flight are said again.
-SAY_AGAIN = 2.0
-#: Who may be waited for, and the stamped topic that shows how far each is.
+#: Wall time (s) without an answer after which the states in flight are sent again.
+RESEND_AFTER_S = 2.0
+#: The nodes that may be waited for, and the stamped topic by which each acknowledges.
 ACKNOWLEDGES = {
     "follower": topics.FOLLOWER_STATE,
     "microphone": topics.PRESSURE,
@@ -28,10 +30,12 @@ ACKNOWLEDGES = {
     "law_server": topics.FOLLOWED,
     "viewer": topics.SHOWN,
 }
+#: Consumers that a run goes on without, and the wall time (s) that they alone are waited for.
+OPTIONAL, OPTIONAL_PATIENCE_S = frozenset({"viewer"}), 15.0
 
 
-class Pacemaker(RigNode):
-    """A node that says what time it is: the only one on /clock and /cam/state."""
+class ClockSource(RigNode):
+    """The node that makes rig time: the only one on /clock and /cam/state."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
@@ -40,9 +44,10 @@ class Pacemaker(RigNode):
         self.clock_ns = -1
         self._clock_out, self._state_out = map(self.publisher, (topics.CLOCK, topics.CAM_STATE))
 
-    def set_going(self, consumers: list[str], credit: FlowControl) -> None:
-        """Begin: listen to the consumers, and turn when all are ready."""
-        self._credit, self._awaited = credit, set(consumers)
+    def begin(self, consumers: list[str], flow: FlowControl) -> None:
+        """Subscribe to the consumers' acknowledgements, and turn when all are ready."""
+        self._flow, self._awaited = flow, set(consumers)
+        self._optional = OPTIONAL & self._awaited
         for name in consumers:
             self.subscribe(ACKNOWLEDGES[name], self._on_acknowledge(name))
         self.subscribe(topics.READY, self._on_ready)
@@ -55,11 +60,11 @@ class Pacemaker(RigNode):
         """Send the next state, if it may go out; False when it may not."""
         raise NotImplementedError
 
-    def say_again(self) -> None:
-        """Send once more what nobody has answered; a flood of others may have swept it away."""
+    def resend(self) -> None:
+        """Send once more what no node has answered; it may be lost to queue overflow."""
 
     def next_due(self) -> float:
-        """Wall time (s) until the next state is due; zero when it waits for somebody."""
+        """Wall time (s) until the next state is due; zero when it waits for a node."""
         return 0.0
 
     def is_done(self) -> bool:
@@ -67,7 +72,7 @@ class Pacemaker(RigNode):
         raise NotImplementedError
 
     def is_idle(self) -> bool:
-        """Whether nobody is waited for."""
+        """Whether no node is waited for."""
         return False
 
     def stuck(self) -> str:
@@ -75,12 +80,12 @@ class Pacemaker(RigNode):
         raise NotImplementedError
 
     def turn(self) -> None:
-        """Send what may be sent now; nothing before everybody is ready."""
+        """Send what may be sent now; nothing before every consumer is ready."""
         while not (self._awaited or self.done.done()) and self.send_next():
             pass
         if self.is_done():
-            if self.given["report_progress"] and not self.done.done():
-                print(json.dumps({"done": True}), flush=True)
+            if not self.done.done():
+                self._report_progress(done=True)
             self.finish()
         elif self.is_idle():
             self._moved = time.monotonic()
@@ -98,7 +103,7 @@ class Pacemaker(RigNode):
         return RunError(f"no answer for {patience:g} s after {self.stuck()}; is it running?")
 
     def publish_state(self, state: CamState, torque: float) -> None:
-        """Send a state of the cam, and its time, unless /clock would go back: it is said again."""
+        """Send a state of the cam, and its time unless /clock would go back: it is sent again."""
         header = to_header(state.time_ns, state.cam)
         if state.time_ns >= self.clock_ns:
             self.clock_ns = state.time_ns
@@ -106,11 +111,15 @@ class Pacemaker(RigNode):
         self._state_out.publish(to_cam_state(header, state, torque))
 
     def note_sent(self, state: CamState, tick: int) -> None:
-        """Note that a state went out, and tell who started us."""
+        """Note that a state went out, and report it to the runner."""
         self._moved = time.monotonic()
-        if self.given["report_progress"]:
-            rpm = to_rpm(state.speed)
-            print(json.dumps({"tick": tick, "cam": state.cam, "rpm": rpm}), flush=True)
+        self._report_progress(tick=tick, cam=state.cam, rpm=to_rpm(state.speed))
+
+    def _report_progress(self, **values: Any) -> None:
+        """Write a line of JSON into the runner's pipe, if there is one."""
+        if self.given["progress_fd"] >= 0:
+            with suppress(OSError):  # the runner has ended, and this node is about to
+                os.write(self.given["progress_fd"], json.dumps(values).encode() + b"\n")
 
     def _on_alarm(self) -> None:
         self._alarm.cancel()
@@ -119,7 +128,7 @@ class Pacemaker(RigNode):
     def _on_acknowledge(self, name: str) -> Callable[[Any], None]:
         def acknowledge(message: Any) -> None:
             header = message.header if hasattr(message, "header") else message
-            if self._credit.acknowledge(name, stamp_ns(header.stamp)):
+            if self._flow.acknowledge(name, stamp_ns(header.stamp)):
                 self._moved = time.monotonic()
             self.turn()
 
@@ -136,7 +145,20 @@ class Pacemaker(RigNode):
 
     def _on_timer(self) -> None:
         now = time.monotonic()
-        if now - max(self._moved, self._repeated) > SAY_AGAIN:
+        if now - max(self._moved, self._repeated) > RESEND_AFTER_S:
             self._repeated = now
-            self.say_again()
+            self.resend()
+        for name in [name for name in self._optional if self._has_left(name, now - self._moved)]:
+            self._optional -= {name}
+            self._awaited.discard(name)
+            self._flow.drop(name)
+            self.get_logger().warning(f"{name} does not answer; the run goes on without it")
         self.turn()
+
+    def _has_left(self, name: str, waited: float) -> bool:
+        """Whether an optional consumer has ended, or alone has been waited for too long (s)."""
+        if name not in self._awaited and not self.count_publishers(ACKNOWLEDGES[name].name):
+            return True
+        missing = self._awaited or set(self._flow.behind())
+        patience = min(OPTIONAL_PATIENCE_S, 0.5 * self.given["patience"])
+        return bool(missing) and missing <= self._optional and waited > patience

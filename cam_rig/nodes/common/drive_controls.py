@@ -1,4 +1,4 @@
-"""What steers the drive by hand: its services, its parameters, /cam/rpm."""
+"""The operator's controls of the drive: its services, its parameters, /cam/rpm."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 
 from cam_rig.errors import RefusedError, RunError
-from cam_rig.live.checkpoint import Handover
+from cam_rig.live.checkpoint import Checkpoint
 from cam_rig.live.drive import DriveProgram, OperatorCommands
 from cam_rig.messages import topics
-from cam_rig.nodes.common.clock_source import Pacemaker
+from cam_rig.nodes.common.clock_source import ClockSource
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import RPM
 
 
-class Controls:
-    """Takes what a hand asks for to the drive's program, and leaves it to a successor at once.
+class DriveControls:
+    """Passes operator commands on to the drive's program, and saves them for a successor at once.
 
     Parameters
     ----------
-    node : the drive's, which offers the services and hears the parameters
+    node : the drive's, which offers the services and has the parameters
     send : sends a state that cannot wait
-    left : where orders are left
+    kept : where the commands are saved
     """
 
     def __init__(
         self,
-        node: Pacemaker,
+        node: ClockSource,
         program: DriveProgram,
         send: Callable[[CamState], None],
-        left: Handover,
+        kept: Checkpoint,
     ) -> None:
-        self._node, self._program, self._send, self._left = node, program, send, left
+        self._node, self._program, self._send, self._kept = node, program, send, kept
         node.add_on_set_parameters_callback(self._refuse)
         node.subscribe(topics.CAM_RPM, self._on_rpm)
         node.add_post_set_parameters_callback(self._on_parameters)
@@ -42,22 +42,22 @@ class Controls:
             node.serve(service.__name__, service)
 
     def start(self) -> str:
-        """Turn, or go on turning."""
+        """Turn, or continue to turn."""
         if self._program.halted:
             raise RunError("emergency stop: allowed: reset, then start")
         self._program.run(True)
-        self.keep()
+        self.save()
         self._node.turn()
         return "the cam turns"
 
     def stop(self) -> str:
         """Hold after the present tick; rig time stands with the cam."""
         self._program.run(False)
-        self.keep()
+        self.save()
         return f"stopped after {self._program.sent} states"
 
     def reset(self) -> str:
-        """Back to the beginning of the scene, stopped; rig time and θ go on."""
+        """Back to the beginning of the scene, stopped; rig time and θ continue."""
         self._program.reset()
         self._node.set_parameters([Parameter("rpm", value=0.0)])
         return "at the beginning of the scene"
@@ -66,7 +66,7 @@ class Controls:
         """Stand still at the end of the present tick, until a reset."""
         if (state := self._program.halt()) is not None:
             self._send(state)
-        self.keep()
+        self.save()
         return "the cam stands; reset, then start, to go on"
 
     def _on_parameters(self, parameters: list[Parameter]) -> None:
@@ -75,21 +75,21 @@ class Controls:
                 self._program.command(parameter.value * RPM)
             elif parameter.name == "pacing":
                 self._program.pacing.set(parameter.value)
-        self.keep()
+        self.save()
 
     def mounted(self, cam: str) -> None:
         """The law server has mounted a cam."""
         self._program.mounted(cam)
-        self.keep()
+        self.save()
 
-    def keep(self) -> None:
-        """Leave the orders as they are now."""
+    def save(self) -> None:
+        """Save the commands as they are now."""
         rpm, pacing = (self._node.get_parameter(name).value for name in ("rpm", "pacing"))
         program = self._program
-        self._left.keep(OperatorCommands(program.table.place, program.running, rpm, pacing))
+        self._kept.save(OperatorCommands(program.schedule.state, program.running, rpm, pacing))
 
     def _refuse(self, parameters: list[Parameter]) -> SetParametersResult:
-        """A speed may be possible, and its ticks may not."""
+        """Refuse a speed whose ticks would have too few or too many samples."""
         try:
             for parameter in (p for p in parameters if p.name == "rpm"):
                 self._program.require_speed(parameter.value * RPM)
@@ -98,7 +98,7 @@ class Controls:
         return SetParametersResult(successful=True)
 
     def _on_rpm(self, message: Any) -> None:
-        asked = [Parameter("rpm", value=float(message.data))]
-        result = self._node.set_parameters(asked)[0]
+        command = [Parameter("rpm", value=float(message.data))]
+        result = self._node.set_parameters(command)[0]
         if not result.successful:
             raise RefusedError(f"{topics.CAM_RPM.name}: is {message.data:g}: {result.reason}")

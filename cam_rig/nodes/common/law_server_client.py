@@ -1,4 +1,4 @@
-"""The law server as the drive sees it: asked for cams, heard when one is mounted."""
+"""The law server as the drive sees it: requests for cams, and reports of mounted ones."""
 
 from __future__ import annotations
 
@@ -18,39 +18,39 @@ LAW_SERVER = "law_server"
 
 
 class LawServerClient:
-    """Speaks to the law server for a node.
+    """Calls the law server for a node.
 
     Parameters
     ----------
-    refused : told of a cam that the law server does not have, and of the reason
+    refused : called with a cam that the law server refuses, and the reason
     """
 
     def __init__(self, node: RigNode, refused: Callable[[str, str], None]) -> None:
         self._node, self._refused = node, refused
         self._client = AsyncParameterClient(node, LAW_SERVER)
 
-    def ask_for(self, cam: str) -> bool:
-        """Ask for a cam; False while nobody is there to be asked."""
+    def request(self, cam: str) -> bool:
+        """Request a cam; False while the law server's services are not there."""
         if not self._client.services_are_ready():
             return False
-        answer = self._client.set_parameters([Parameter("cam", value=cam)])
-        answer.add_done_callback(lambda answered: self._on_answer(cam, answered))
+        future = self._client.set_parameters([Parameter("cam", value=cam)])
+        future.add_done_callback(lambda done: self._on_reply(cam, done))
         return True
 
-    def _on_answer(self, cam: str, answered: Future) -> None:
-        response = answered.result()
+    def _on_reply(self, cam: str, future: Future) -> None:
+        response = future.result()
         if response is not None and not response.results[0].successful:
             self._refused(cam, response.results[0].reason)
 
-    def tell(self, expected: Callable[[str], bool], mounted: Callable[[str], None]) -> None:
-        """From now on tell of each cam that is mounted, by an operator or as asked.
+    def on_mounted(self, expected: Callable[[str], bool], mounted: Callable[[str], None]) -> None:
+        """Call ``mounted`` with each cam that is mounted from now on, as requested or overridden.
 
-        Anybody can publish a parameter event. One that nobody ``expected`` is told of only when the
-        law server itself says the same.
+        Any program can publish a parameter event. One that is not ``expected`` counts only when the
+        law server itself confirms it.
         """
         server = f"{self._node.get_namespace().rstrip('/')}/{LAW_SERVER}"
 
-        def heard(event: ParameterEvent) -> None:
+        def on_event(event: ParameterEvent) -> None:
             if event.node == server:
                 for changed in (p for p in event.changed_parameters if p.name == "cam"):
                     cam = str(parameter_value_to_python(changed.value))
@@ -59,10 +59,10 @@ class LawServerClient:
                     else:
                         self._verify(cam, mounted)
 
-        self._node.subscribe(PARAMETER_EVENTS, heard)
+        self._node.subscribe(PARAMETER_EVENTS, on_event)
 
     def _verify(self, cam: str, mounted: Callable[[str], None]) -> None:
-        def answered(future: Future) -> None:
+        def on_reply(future: Future) -> None:
             response = future.result()
             values = [] if response is None else [value.string_value for value in response.values]
             if values == [cam]:
@@ -71,4 +71,4 @@ class LawServerClient:
                 self._node.refuse(RefusedError(f"{PARAMETER_EVENTS.name}: {cam!r} is not mounted"))
 
         if self._client.services_are_ready():
-            self._client.get_parameters(["cam"]).add_done_callback(answered)
+            self._client.get_parameters(["cam"]).add_done_callback(on_reply)

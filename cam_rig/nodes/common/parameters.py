@@ -1,4 +1,4 @@
-"""The one table of parameters: what every node declares, and what a value may be."""
+"""The one table of parameters: what every node declares, and which values are allowed."""
 
 from __future__ import annotations
 
@@ -14,8 +14,6 @@ from cam_rig.acoustics.sound_level_meter import FREQUENCY_WEIGHTINGS, TIME_WEIGH
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.live.pacing import factor_of
 from cam_rig.schema.load import config_root
-
-Value = str | bool | float | list[str]
 
 
 @dataclass(frozen=True)
@@ -67,38 +65,43 @@ SCENE = Spec(
     str(config_root() / "scenes" / "tm21_sweep.yaml"),
     "scene file (YAML) that every node takes its numbers from",
 )
-HANDOVER = Spec(
-    "handover",
+CHECKPOINT = Spec(
+    "checkpoint",
     "",
-    "folder of this run where a node keeps what its successor must know; empty: none",
+    "folder of this run where a node saves its state for a successor; empty: none",
 )
-#: Who is waited for when nobody is named: a run need not be seen.
+PROGRESS = Spec(
+    "progress_fd",
+    -1,
+    "open file descriptor that gets a line of JSON for each state; -1: none",
+)
+#: The consumers that are waited for by default: a run need not be seen.
 CONSUMERS = ("follower", "microphone", "recorder")
 
 PARAMETERS: dict[str, tuple[Spec, ...]] = {
     "law_server": (
         SCENE,
-        HANDOVER,
+        CHECKPOINT,
         Spec("cam", "", "a file of config/cams, mounted until the drive asks for another; "
              "empty: the scene's first", live=True),
     ),
     "cam_drive": (
         SCENE,
-        HANDOVER,
+        CHECKPOINT,
         Spec("rpm", 0.0, "speed from the next tick on, rpm; 0: as the scene says", 0.0, 1e5,
              live=True),
         Spec("pacing", "free", "rig time beside wall time: free, real_time, or Nx such as 20x",
              live=True, check=factor_of),
-        Spec("autostart", True, "turn as soon as everybody is there; false: wait for ~/start"),
+        Spec("autostart", True, "turn as soon as every node is ready; false: wait for ~/start"),
         Spec("consumers", list(CONSUMERS), "nodes that are waited for",
              choices=(*CONSUMERS, "viewer")),
         Spec("patience", 20.0, "wall time without progress before giving up, s", 0.1, 86400.0),
-        Spec("report_progress", False, "write a line of JSON to stdout for each tick"),
+        PROGRESS,
     ),
-    "follower": (SCENE, HANDOVER),
+    "follower": (SCENE, CHECKPOINT),
     "microphone": (
         SCENE,
-        HANDOVER,
+        CHECKPOINT,
         Spec("frequency_weighting", "Z",
              "frequency weighting of the level, class 1 up to 20 kHz: A, C or Z",
              choices=FREQUENCY_WEIGHTINGS, live=True),
@@ -107,19 +110,19 @@ PARAMETERS: dict[str, tuple[Spec, ...]] = {
     ),
     "recorder": (
         SCENE,
-        HANDOVER,
+        CHECKPOINT,
         Spec("bag", "", "folder to record into, must not exist; empty: bags/<scene>_<date>"),
     ),
     "viewer": (
         SCENE,
-        HANDOVER,
+        CHECKPOINT,
         Spec("address", "", "Rerun's address that the picture goes to; empty opens a window"),
     ),
     "player": (
-        HANDOVER,
+        CHECKPOINT,
         Spec("bag", "", "bag whose cam states and laws are played"),
         Spec("patience", 20.0, "wall time without progress before giving up, s", 0.1, 86400.0),
-        Spec("report_progress", False, "write a line of JSON to stdout for each tick"),
+        PROGRESS,
     ),
 }  # fmt: skip
 
@@ -129,7 +132,7 @@ def declare(node: Node, table: tuple[Spec, ...]) -> dict[str, Any]:
 
     Raises
     ------
-    ConfigError : a value is none that is allowed
+    ConfigError : a value is not allowed
     """
     values = {}
     for spec in table:
@@ -153,3 +156,11 @@ def refuse_wrong(table: tuple[Spec, ...]) -> Callable[[list[Parameter]], SetPara
         return SetParametersResult(successful=True)
 
     return check
+
+
+def weightings(quantity: str) -> list[Parameter]:
+    """The parameters by which the microphone reads a quantity: LAF, LZS."""
+    return [
+        Parameter("frequency_weighting", value=quantity[1]),
+        Parameter("time_weighting", value=quantity[2]),
+    ]

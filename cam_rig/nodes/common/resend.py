@@ -1,4 +1,4 @@
-"""What a node published for its last ticks, to be said again to whoever did not get it."""
+"""What a node published for its last ticks, to be sent again to a node that did not get it."""
 
 from __future__ import annotations
 
@@ -7,32 +7,33 @@ from typing import Any
 
 from rclpy.publisher import Publisher
 
-from cam_rig.live.checkpoint import TICKS_IN_FLIGHT
+from cam_rig.live.flow_control import MAX_TICKS_IN_FLIGHT
 
-Said = tuple[Publisher, Any]
+Published = tuple[Publisher, Any]
 
 
-class Repeats:
-    """A reader's history is bounded, so a flood from elsewhere may sweep a message out of it.
+class ResendBuffer:
+    """The messages of the ticks that may be in flight.
 
-    The drive then says its states again; who has answered them already, answers again. Whoever
-    did get the first answer knows the second by its stamp.
+    The history of a subscription is bounded, so a flood from elsewhere may overflow it. The drive
+    then sends its states again, and nodes that have answered them already answer again. A
+    subscriber that did get the first answer knows the second by its stamp.
     """
 
     def __init__(self) -> None:
-        self._ticks: deque[tuple[int, list[Said]]] = deque(maxlen=TICKS_IN_FLIGHT + 1)
+        self._ticks: deque[tuple[int, list[Published]]] = deque(maxlen=MAX_TICKS_IN_FLIGHT + 1)
 
-    def publish(self, stamp_ns: int, said: list[Said]) -> None:
+    def publish(self, stamp_ns: int, messages: list[Published]) -> None:
         """Publish all messages of a tick in their order, and remember them."""
-        self._ticks.append((stamp_ns, said))
-        self._say(said)
+        self._ticks.append((stamp_ns, messages))
+        self._send(messages)
 
-    def again(self, stamp_ns: int) -> None:
+    def resend(self, stamp_ns: int) -> None:
         """Publish once more what was published for the tick that ends at a stamp."""
-        for stamp, said in self._ticks:
+        for stamp, messages in self._ticks:
             if stamp == stamp_ns:
-                self._say(said)
+                self._send(messages)
 
-    def _say(self, said: list[Said]) -> None:
-        for publisher, message in said:
+    def _send(self, messages: list[Published]) -> None:
+        for publisher, message in messages:
             publisher.publish(message)

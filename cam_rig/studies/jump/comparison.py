@@ -47,6 +47,26 @@ class JumpRow:
         return None if self.published_rpm is None else self.found.rpm / self.published_rpm - 1.0
 
 
+@dataclass(frozen=True)
+class Comparison:
+    """Jump speeds against Table 2.
+
+    Parameters
+    ----------
+    rms : r.m.s. of the relative differences of ``cams`` cams: of those that identified the rig
+        where ``fitted``, else of all that are published
+    same_ranking : whether the published cams come in the published order
+    turns, published_turns : fewest and most turns before contact is first lost
+    """
+
+    rms: float
+    cams: int
+    fitted: bool
+    same_ranking: bool
+    turns: tuple[float, float]
+    published_turns: tuple[float, float]
+
+
 def find_jumps(
     laws: dict[str, Law],
     parameters: TwoMassParameters,
@@ -111,15 +131,17 @@ def _row(
     return JumpRow(cam, found, steady, known.rpm, known.time, known.role, ramp)
 
 
-def rms_words(rows: list[JumpRow]) -> str:
-    """The r.m.s. difference to Table 2, and of which cams; empty where nothing is published."""
+def compare(rows: list[JumpRow]) -> Comparison | None:
+    """What a comparison with Table 2 comes to; None where nothing is to compare."""
     fitted = [row for row in rows if row.role == "fitted"]
     known = fitted or [row for row in rows if row.difference is not None]
-    if not known:
-        return ""
-    which = f"{len(known)} cam{'' if len(known) == 1 else 's'}"
-    which = f"the {which} that identified the rig" if fitted else f"{which}, none fitted to it"
-    return f"{100.0 * rms_difference(known):.2f} % RMS from Table 2 on {which}"
+    turns = [turn for turn in map(turn_of, rows) if turn is not None]
+    if not turns or all(row.difference is None for row in rows):
+        return None
+    ours, theirs = ((min(t), max(t)) for t in zip(*turns, strict=True))
+    return Comparison(
+        rms_difference(known), len(known), bool(fitted), same_ranking(rows), ours, theirs
+    )
 
 
 def rms_difference(rows: Iterable[JumpRow]) -> float:

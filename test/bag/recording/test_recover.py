@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from cam_rig.bag.files import is_torn, mcap_file
+from cam_rig.bag.files import is_unclosed, mcap_file
 from cam_rig.bag.publishers import Publishers
 from cam_rig.bag.reader import messages, read_counts, read_recording
 from cam_rig.bag.recording.recorder import BagRecorder, open_bag
 from cam_rig.bag.recording.recover import recover, recover_in_place
 from cam_rig.bag.recording.writer import BagWriter
 from cam_rig.errors import BagError
-from cam_rig.live.checkpoint import Handover
+from cam_rig.live.checkpoint import Checkpoint
 from cam_rig.messages.topics import CAM_STATE, LEVEL
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.scene import open_scene
@@ -46,14 +46,14 @@ def test_a_cut_bag_is_saved_up_to_the_cut(tmp_path, part):
     """Every message that is whole comes back, and the result is an ordinary bag."""
     write(tmp_path / "whole", 10)
     torn = cut(tmp_path / "whole", tmp_path, part)
-    with pytest.raises(BagError, match="mend it with: cam-rig recover"):
+    with pytest.raises(BagError, match="recover it with: cam-rig recover"):
         read_counts(torn)
-    saved = recover(torn, tmp_path / "mended")
-    count = read_counts(tmp_path / "mended").get("/microphone/level", 0)
+    saved = recover(torn, tmp_path / "recovered")
+    count = read_counts(tmp_path / "recovered").get("/microphone/level", 0)
     assert count == sum(saved.counts.values())
     assert 0 < count < 60 and not saved.whole
-    assert f"missing: whatever came after {(count - 1) * 1e-9:g} s" in saved.words
-    times = [time for _, time, _ in messages(tmp_path / "mended", (LEVEL,))]
+    assert f"missing: everything after {(count - 1) * 1e-9:g} s" in saved.words
+    times = [time for _, time, _ in messages(tmp_path / "recovered", (LEVEL,))]
     assert times == list(range(count))
 
 
@@ -72,10 +72,10 @@ def test_a_damaged_chunk_is_read_as_far_as_it_goes(tmp_path):
     data = bytearray(file.read_bytes())
     data[len(data) // 4] ^= 0xFF
     file.write_bytes(data)
-    saved = recover(tmp_path / "bag", tmp_path / "mended")
-    assert saved.salvage.damaged == 1
+    saved = recover(tmp_path / "bag", tmp_path / "recovered")
+    assert saved.reader.damaged == 1
     assert 59 <= sum(saved.counts.values()) <= 60
-    assert 9 <= saved.salvage.doubtful <= 10
+    assert 9 <= saved.reader.doubtful <= 10
     assert "whose numbers may be wrong: " in saved.words
 
 
@@ -132,7 +132,7 @@ def test_a_recorder_takes_over_from_a_killed_one(tmp_path, loaded, golden, strai
     shutil.rmtree(bag)
     bag.mkdir()
     file.write_bytes(data[: int(len(data) * part)])
-    assert is_torn(bag)
+    assert is_unclosed(bag)
     record(bag, loaded, golden, resume=True).close()
     assert contents(bag) == straight
     assert [p.suffix for p in sorted(bag.iterdir())] == [".mcap", ".yaml"]
@@ -147,17 +147,17 @@ def make_empty_file(bag):
     (bag / "bag_0.mcap").touch()
 
 
-def begin_to_mend(bag):
+def begin_recovery(bag):
     bag.mkdir()
     shutil.copy(mcap_file(GOLDEN), bag / "bag_0.torn")
 
 
-@pytest.mark.parametrize("killed", [lambda bag: None, make_folder, make_empty_file, begin_to_mend])
+@pytest.mark.parametrize("killed", [lambda bag: None, make_folder, make_empty_file, begin_recovery])
 def test_a_recorder_that_was_killed_at_once_has_a_successor(
     tmp_path, loaded, golden, straight, monkeypatch, killed
 ):
-    """Before its folder was there, before the file, before the first byte, while it was mended."""
-    bag, handover = tmp_path / "bag", Handover(str(tmp_path), "recorder")
+    """Before its folder was there, before the file, before the first byte, in a recovery."""
+    bag, checkpoint = tmp_path / "bag", Checkpoint(str(tmp_path), "recorder")
 
     def die(*_, **__):
         killed(bag)
@@ -165,9 +165,9 @@ def test_a_recorder_that_was_killed_at_once_has_a_successor(
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr("cam_rig.bag.recording.recorder.BagWriter", die)
-        open_bag(handover, bag, loaded, Publishers())
+        open_bag(checkpoint, bag, loaded, Publishers())
     successor = open_bag(
-        Handover(str(tmp_path), "recorder"), tmp_path / "other", loaded, Publishers()
+        Checkpoint(str(tmp_path), "recorder"), tmp_path / "other", loaded, Publishers()
     )
     for topic, number, cdr in golden:
         successor.take(topic, cdr, b"live", number)
@@ -182,7 +182,7 @@ def test_a_folder_that_was_there_is_nobodys_to_take_over(tmp_path, loaded):
     theirs.mkdir()
     for _ in range(2):
         with pytest.raises(BagError, match="exists already, not overwriting"):
-            open_bag(Handover(str(tmp_path), "recorder"), theirs, loaded, Publishers())
+            open_bag(Checkpoint(str(tmp_path), "recorder"), theirs, loaded, Publishers())
     assert list(theirs.iterdir()) == []
 
 
@@ -191,9 +191,9 @@ def test_a_torn_bag_is_mended_where_it_is(tmp_path, loaded, golden):
     bag = tmp_path / "bag"
     killed = record(bag, loaded, golden)
     killed._flush()
-    assert is_torn(bag)
+    assert is_unclosed(bag)
     saved = recover_in_place(bag)
-    assert not is_torn(bag) and not saved.whole
+    assert not is_unclosed(bag) and not saved.whole
     assert len(read_recording(bag).ticks) == 16
     versions = [line for line in mcap_file(bag).read_bytes().split(b"\n") if b'"cam_rig"' in line]
     assert versions, "the versions it was made with are attached"

@@ -8,8 +8,8 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 from ruamel.yaml import YAML
 
-from cam_rig.bag.files import is_closed, is_torn, mcap_file
-from cam_rig.bag.partial_reader import Salvage
+from cam_rig.bag.files import is_closed, is_unclosed, mcap_file
+from cam_rig.bag.partial_reader import PartialReader
 from cam_rig.bag.reader import messages, read_counts, read_scene
 from cam_rig.bag.recording.recorder import BagRecorder
 from cam_rig.bag.recording.writer import BagWriter
@@ -79,7 +79,7 @@ def test_missing_and_truncated_bags_are_named(tmp_path):
     with pytest.raises(BagError, match="no such bag"):
         mcap_file(tmp_path / "none")
     (tmp_path / "empty").mkdir()
-    with pytest.raises(BagError, match=r"has no \.mcap file in it"):
+    with pytest.raises(BagError, match=r"is not a bag: no \.mcap file in it"):
         mcap_file(tmp_path / "empty")
     with BagWriter(tmp_path / "bag") as bag:
         for i in range(50):
@@ -102,10 +102,10 @@ def test_a_bag_has_its_metadata_from_the_start(tmp_path):
         assert information["message_count"] == 0
         named = {t["topic_metadata"]["name"] for t in information["topics_with_message_count"]}
         assert named == {topic.name for topic in topics.RECORDING}
-        assert is_torn(tmp_path / "bag")
+        assert is_unclosed(tmp_path / "bag")
         with pytest.raises(BagError, match=r"bag_0\.mcap was not closed.*cam-rig recover"):
             read_counts(tmp_path / "bag")
-    assert not is_torn(tmp_path / "bag")
+    assert not is_unclosed(tmp_path / "bag")
     with AnyReader([tmp_path / "bag"]) as reader:
         assert reader.message_count == 1 and reader.start_time == 7
 
@@ -135,13 +135,13 @@ def test_what_is_flushed_is_put_onto_the_disk_within_half_a_second(tmp_path, mon
     monkeypatch.setattr("cam_rig.bag.files.sync", lambda stream: synced.append(stream.name))
     bag.write(topics.LEVEL, 1, level(70.0))
     bag.flush()
-    bag.tend()
+    bag.flush_if_due()
     assert synced == []
     now[0] += 0.6
-    bag.tend()
+    bag.flush_if_due()
     assert len(synced) == 1
     now[0] += 0.6
-    bag.tend()
+    bag.flush_if_due()
     assert len(synced) == 1  # nothing new
     bag.write(topics.LEVEL, 2, level(70.0))
     bag.flush()
@@ -158,6 +158,6 @@ def test_a_message_alone_is_flushed(tmp_path, monkeypatch):
     assert b"/diagnostics" not in mcap_file(tmp_path / "bag").read_bytes()
     now[0] += 0.6
     recorder.idle()
-    saved = Salvage(mcap_file(tmp_path / "bag"))
+    saved = PartialReader(mcap_file(tmp_path / "bag"))
     assert [r[1].topic for r in saved.records() if isinstance(r, tuple)] == ["/diagnostics"]
     recorder.close()

@@ -17,7 +17,7 @@ from cam_rig.schema import load_rig, load_tables
 from cam_rig.studies.cam_set import open_cam_set
 from cam_rig.studies.jump import jump_speed as jump
 from cam_rig.studies.jump import refit as jump_refit
-from cam_rig.studies.jump.comparison import find_jumps, rms_difference, rms_words, same_ranking
+from cam_rig.studies.jump.comparison import compare, find_jumps, rms_difference, same_ranking
 from cam_rig.studies.jump.jump_speed import jump_speed
 from cam_rig.studies.jump.published import Reference, references
 from cam_rig.studies.jump.ramp import jump_along_ramp
@@ -68,7 +68,10 @@ def test_table_2(rows):
     The fifth law was not fitted: it comes out within 1 % too.
     """
     assert rms_difference(row for row in rows if row.role == "fitted") < 0.01
-    assert "% RMS from Table 2 on the 4 cams that identified the rig" in rms_words(rows)
+    found = compare(rows)
+    assert (found.cams, found.fitted, found.same_ranking) == (4, True, True)
+    assert found.rms == rms_difference(row for row in rows if row.role == "fitted")
+    assert found.turns[1] < found.published_turns[0]  # the times of Table 2 do not come out
     assert same_ranking(rows)
     (test,) = [row for row in rows if row.role == "test"]
     assert test.cam == "bezier_segments"
@@ -223,11 +226,12 @@ def test_fitted_is_told_by_content(cam_set, published):
     assert "cycloidal" not in found
 
 
-def test_words_of_another_rig(rows):
-    """Where nothing was fitted the difference is that of all, and said to be no fit."""
+def test_comparison_on_another_rig(rows):
+    """Where nothing was fitted the difference is that of all, and is no fit."""
     other = [replace(row, role="") for row in rows]
-    assert "on 5 cams, none fitted to it" in rms_words(other)
-    assert rms_words([replace(row, published_rpm=None, role="") for row in rows]) == ""
+    assert (compare(other).cams, compare(other).fitted) == (5, False)
+    assert compare([replace(row, published_rpm=None, role="") for row in rows]) is None
+    assert compare([replace(row, ramp=350.0) for row in rows]) is None
 
 
 def test_a_ramp_is_not_compared(laws, two_mass):

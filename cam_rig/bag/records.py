@@ -1,6 +1,6 @@
-"""The records of an MCAP file one by one: none is read beyond the file, nor unpacked without bound.
+"""The records of an MCAP file: none is read beyond the file, nor unpacked without bound.
 
-What a record says of its length is compared with what is there before anything is read.
+The length that a record claims is compared with the bytes of the file before anything is read.
 """
 
 from __future__ import annotations
@@ -21,21 +21,19 @@ from mcap.records import Channel, Message, Schema
 from mcap.writer import MCAP0_MAGIC
 
 from cam_rig.errors import BagError
+from cam_rig.files import MIB
 
-MIB = 2**20
-#: What one compressed chunk may unpack to, bytes; those of ROS 2 have 1 to 4 MiB.
+#: Bytes that one compressed chunk may unpack to; those of ROS 2 have 1 to 4 MiB.
 MAX_UNPACKED = 64 * MIB
-#: Bytes unpacked at once.
-STEP = 256 * 1024
-#: Bytes read at once of a row of small records.
-BLOCK = 4096
+#: Bytes unpacked at once, and bytes read at once of a series of small records.
+UNPACK_BYTES, READ_BYTES = 256 * 1024, 4096
 #: Opcode and length of every record.
 HEAD = struct.Struct("<BQ")
 #: First and last log time, unpacked bytes, their CRC, letters of the compression's name.
 CHUNK_HEAD = struct.Struct("<QQQII")
-#: Bytes searched at once, and what the beginning of a chunk looks like.
-SEARCHED = 16 * MIB
-CHUNK_LIKE = re.compile(
+#: Bytes searched at once for a chunk, and the pattern of its beginning.
+SEARCH_BYTES = 16 * MIB
+CHUNK_PATTERN = re.compile(
     rb"\x06.{5}\0{3}.{16}.{5}\0{3}.{4}(?:\0{4}|\x04\0{3}zstd|\x03\0{3}lz4).{5}\0{3}", re.DOTALL
 )
 #: A message's channel, number, log time and publish time; its data follow.
@@ -43,23 +41,23 @@ MESSAGE_HEAD = struct.Struct("<HIQQ")
 
 
 class Record(NamedTuple):
-    """A record at the top of a file: its opcode, where its content begins, and bytes.
+    """A record at the top level of a file: its opcode, where its content begins, its bytes.
 
-    ``length`` is what the record claims, ``there`` what the file has of it.
+    ``length`` is what the record claims, ``available`` what the file has of it.
     """
 
     opcode: int
     start: int
     length: int
-    there: int
+    available: int
 
     @property
     def whole(self) -> bool:
         """Whether the file holds all of it."""
-        return self.length <= self.there
+        return self.length <= self.available
 
 
-def pieces(stream: BinaryIO) -> Iterator[Record]:
+def records_of(stream: BinaryIO) -> Iterator[Record]:
     """The records of a file in order; after one that is not whole, from the next whole chunk on.
 
     There are none in a file that is empty yet.
@@ -75,10 +73,10 @@ def pieces(stream: BinaryIO) -> Iterator[Record]:
     place, block, begin = len(MCAP0_MAGIC), b"", 0
     while place + HEAD.size <= size:
         if not begin <= place <= begin + len(block) - HEAD.size:
-            block, begin = os.pread(number, BLOCK, place), place
+            block, begin = os.pread(number, READ_BYTES, place), place
         opcode, length = HEAD.unpack_from(block, place - begin)
         start = place + HEAD.size
-        if not opcode:  # of no record: a power cut may leave zeros
+        if not opcode:  # not a record: a power cut may leave zeros
             length = size
         yield Record(opcode, start, length, min(length, size - start))
         if opcode == Opcode.FOOTER and start + length + len(MCAP0_MAGIC) == size:
@@ -91,8 +89,8 @@ def pieces(stream: BinaryIO) -> Iterator[Record]:
 def _next_chunk(number: int, place: int, size: int) -> int:
     """Where the next chunk begins that the file holds whole; its size where there is none."""
     while place < size:
-        data = os.pread(number, SEARCHED, place)
-        for match in CHUNK_LIKE.finditer(data):
+        data = os.pread(number, SEARCH_BYTES, place)
+        for match in CHUNK_PATTERN.finditer(data):
             _, length = HEAD.unpack_from(match.group())
             begin, end, unpacked, _, letters = CHUNK_HEAD.unpack_from(match.group(), HEAD.size)
             packed = int.from_bytes(match.group()[-8:], "little")
@@ -100,17 +98,17 @@ def _next_chunk(number: int, place: int, size: int) -> int:
             agrees = length == CHUNK_HEAD.size + letters + 8 + packed
             if fits and agrees and (letters or unpacked == packed):
                 return place + match.start()
-        place += SEARCHED - 64  # one may lie across the border
+        place += SEARCH_BYTES - 64  # one may lie across the border
     return size
 
 
-def content(stream: BinaryIO, piece: Record) -> bytes:
+def content(stream: BinaryIO, record: Record) -> bytes:
     """What the file holds of a record."""
-    return os.pread(stream.fileno(), piece.there, piece.start)
+    return os.pread(stream.fileno(), record.available, record.start)
 
 
 def fields(data: bytes) -> ReadDataStream:
-    """A record's content for the readers of the mcap package, which cannot read on behind it."""
+    """A record's content for the readers of the mcap package, which then cannot read beyond it."""
     return ReadDataStream(BytesIO(data))
 
 
@@ -135,7 +133,7 @@ INSIDE: dict[int, Callable[[bytes], Any]] = {
 
 @dataclass(frozen=True)
 class ChunkHead:
-    """What a chunk says of itself, times in ns, sizes in bytes; ``packed_at`` is in the file."""
+    """What a chunk claims, times in ns, sizes in bytes; ``packed_at`` is the place in the file."""
 
     begin: int
     end: int
@@ -146,35 +144,35 @@ class ChunkHead:
     packed_at: int
 
 
-def chunk_head(stream: BinaryIO, piece: Record) -> ChunkHead:
-    """The head of a chunk, which may be cut off behind it.
+def chunk_head(stream: BinaryIO, record: Record) -> ChunkHead:
+    """The head of a chunk, which may be truncated behind it.
 
     Raises
     ------
-    ValueError, struct.error : it is none
+    ValueError, struct.error : it is not the head of a chunk
     """
-    data = os.pread(stream.fileno(), min(piece.there, CHUNK_HEAD.size + 32 + 8), piece.start)
+    data = os.pread(stream.fileno(), min(record.available, CHUNK_HEAD.size + 32 + 8), record.start)
     begin, end, unpacked, crc, letters = CHUNK_HEAD.unpack_from(data)
     name = data[CHUNK_HEAD.size :][:letters]
     (packed,) = struct.unpack_from("<Q", data, CHUNK_HEAD.size + letters)
     inside = CHUNK_HEAD.size + letters + 8
-    if packed > piece.length - inside:
-        raise ValueError(f"a chunk of {piece.length} bytes claims {packed} of data")
-    return ChunkHead(begin, end, unpacked, crc, name.decode(), packed, piece.start + inside)
+    if packed > record.length - inside:
+        raise ValueError(f"a chunk of {record.length} bytes claims {packed} of data")
+    return ChunkHead(begin, end, unpacked, crc, name.decode(), packed, record.start + inside)
 
 
-def unpack(stream: BinaryIO, piece: Record, head: ChunkHead) -> bytes:
+def unpack(stream: BinaryIO, record: Record, head: ChunkHead) -> bytes:
     """The bytes of a chunk as far as they can be had, never more than it claims.
 
     Raises
     ------
     ValueError : it claims more than a chunk may have, or is compressed in an unknown way
     """
-    there = min(head.packed, piece.start + piece.there - head.packed_at)
+    available = min(head.packed, record.start + record.available - head.packed_at)
     if not head.compression:
-        return os.pread(stream.fileno(), max(there, 0), head.packed_at)
+        return os.pread(stream.fileno(), max(available, 0), head.packed_at)
     require_modest(head)
-    packed = os.pread(stream.fileno(), max(there, 0), head.packed_at)
+    packed = os.pread(stream.fileno(), max(available, 0), head.packed_at)
     out = bytearray()
     try:
         for part in _unpacked(head.compression, packed):
@@ -182,7 +180,7 @@ def unpack(stream: BinaryIO, piece: Record, head: ChunkHead) -> bytes:
             if len(out) > head.unpacked:
                 break
     except (zstandard.ZstdError, RuntimeError, EOFError):
-        pass  # cut off or damaged; what came before it counts
+        pass  # truncated or damaged; what came before counts
     return bytes(out[: head.unpacked])
 
 
@@ -213,11 +211,11 @@ def unpacked_size(stream: BinaryIO, head: ChunkHead) -> int:
 
 
 def inside(data: bytes) -> Iterator[Schema | Channel | Message]:
-    """What a chunk holds, up to the first record that is cut off or none.
+    """What a chunk holds, up to the first record that is truncated or is not one.
 
     Raises
     ------
-    EndOfFile, ValueError, struct.error : what follows is no record of a chunk
+    EndOfFile, ValueError, struct.error : what follows is not a record of a chunk
     """
     place = 0
     while place + HEAD.size <= len(data):
@@ -231,19 +229,19 @@ def inside(data: bytes) -> Iterator[Schema | Channel | Message]:
         place += length
         yield INSIDE[opcode](part)
     if place != len(data):
-        raise ValueError(f"{len(data) - place} bytes of no record")
+        raise ValueError(f"{len(data) - place} bytes that are not a record")
 
 
 def _unpacked(compression: str, packed: bytes) -> Iterator[bytes]:
-    """What compressed bytes unpack to, little by little."""
+    """What compressed bytes unpack to, in parts."""
     if compression == "zstd":
         with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as reader:
-            while part := reader.read(STEP):
+            while part := reader.read(UNPACK_BYTES):
                 yield part
         return
     unpacker, rest = lz4.frame.LZ4FrameDecompressor(), packed
     while not unpacker.eof:
-        part = unpacker.decompress(rest, max_length=STEP)
+        part = unpacker.decompress(rest, max_length=UNPACK_BYTES)
         rest = b""
         if not part:
             return

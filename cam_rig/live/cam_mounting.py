@@ -1,0 +1,126 @@
+"""The law server without ROS: what may be mounted and why not, and which law is published when."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from cam_rig.dynamics import MODELS
+from cam_rig.errors import CamRigError, RefusedError
+from cam_rig.laws import Law, build_law
+from cam_rig.live.admission import Admission, StateValidator
+from cam_rig.schema import Library, load_cam, load_scene
+from cam_rig.simulation.cam_files import law_of, require_sprung
+from cam_rig.simulation.schedule import CamState
+
+
+@dataclass(frozen=True)
+class MountReply:
+    """The answer to a request for a cam: its refusal, empty where it is mounted now.
+
+    ``is_new`` is False where it was mounted before: who asks did not get its law.
+    """
+
+    refusal: str = ""
+    is_new: bool = False
+
+
+@dataclass(frozen=True)
+class MountingCheckpoint:
+    """What a law server's successor must know: the mounted cam, and the last state received."""
+
+    cam: str
+    last: CamState | None
+
+
+class CamMounting:
+    """The cams of a scene's library, one of which is mounted.
+
+    Parameters
+    ----------
+    scene_file : the scene, beside whose folder ``cams`` is
+    cam : mounted first; empty for the scene's first
+    checkpoints : of a predecessor, the oldest first
+
+    Raises
+    ------
+    CamRigError : the scene or the first cam cannot be used
+
+    Examples
+    --------
+    >>> from cam_rig.schema.load import config_root
+    >>> cams = CamMounting(config_root() / "scenes" / "quick.yaml")
+    >>> cams.request("cycloidal")
+    MountReply(refusal='', is_new=True)
+    """
+
+    def __init__(
+        self, scene_file: Path, cam: str = "", checkpoints: Sequence[MountingCheckpoint] = ()
+    ) -> None:
+        scene, self._library = load_scene(scene_file), Library.beside(scene_file)
+        self._model = MODELS[scene.model]
+        self._laws: dict[str, Law] = {}
+        since = next((one.last.time_ns for one in checkpoints if one.last), -1)
+        # No node waits for the law server, so the drive may be far ahead of a predecessor.
+        self._validator = StateValidator.of(scene, since=since)
+        self._last: CamState | None = None
+        first = checkpoints[-1].cam if checkpoints else cam
+        self._mount(first or scene.cams[0])
+
+    @property
+    def law(self) -> Law:
+        """The mounted cam's law."""
+        return self._laws[self.cam]
+
+    @property
+    def checkpoint(self) -> MountingCheckpoint:
+        """To be saved after each request and each state."""
+        return MountingCheckpoint(self.cam, self._last)
+
+    def request(self, cam: str) -> MountReply:
+        """Mount a cam, if its file is in the library and the scene's model can turn its law."""
+        if cam == self.cam:
+            return MountReply()
+        try:
+            self._mount(cam)
+        except CamRigError as error:
+            return MountReply(str(error))
+        return MountReply(is_new=True)
+
+    def admit(self, state: CamState) -> Admission:
+        """How a state relates to those before; see `StateValidator.admit`."""
+        return self._validator.admit(state)
+
+    def resume(self, checkpoint: MountingCheckpoint) -> None:
+        """Go on from what a predecessor knew."""
+        self._last = checkpoint.last
+
+    def follow(self, state: CamState) -> Law | None:
+        """Take a state; the law to publish with it, None unless cam or speed are new.
+
+        Raises
+        ------
+        RefusedError : the state's cam has no law
+        """
+        last = self._last
+        known = last is not None and (last.cam, last.speed) == (state.cam, state.speed)
+        law = self._law_of(state.cam) if state.speed > 0.0 and not known else None
+        self._last = state
+        return law
+
+    def _mount(self, cam: str) -> None:
+        path = self._library.path("cams", cam)
+        config = load_cam(path)
+        require_sprung(path, config)
+        law = law_of(path, config)
+        self._model.require(law)
+        self._laws[cam], self.cam, self.config = law, cam, config
+
+    def _law_of(self, cam: str) -> Law:
+        if cam not in self._laws:
+            try:
+                self._laws[cam] = build_law(load_cam(self._library.path("cams", cam)))
+            except CamRigError as error:
+                raise RefusedError(f"cam state: {error}") from None
+        return self._laws[cam]

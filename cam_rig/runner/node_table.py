@@ -1,0 +1,42 @@
+"""The one table of the node graph, which the runner and the launch file start.
+
+Subscribers stand before publishers: they start in this order, and end in the opposite one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+#: Starts of a node that was killed, at most, before it is given up.
+MAX_RESPAWNS = 20
+#: Wall time (s) without an answer after which the drive of a run gives up.
+PATIENCE_S = 120.0
+
+
+@dataclass(frozen=True)
+class NodeEntry:
+    """One node of a run: its executable, and the parameters it gets beside scene and checkpoint.
+
+    A run ends with an ``essential`` node that has ended. Without another one it goes on: that node
+    is started again up to ``max_respawns`` times, whatever ended it, and then left out.
+    """
+
+    name: str
+    parameters: dict[str, type[Any]]
+    essential: bool = True
+    max_respawns: int = MAX_RESPAWNS
+
+
+RECORDER, VIEWER, DRIVE = "recorder", "viewer", "cam_drive"
+NODES = (
+    NodeEntry(RECORDER, {"bag": str}),
+    NodeEntry(VIEWER, {"address": str}, essential=False, max_respawns=3),
+    NodeEntry("microphone", {}),
+    NodeEntry("follower", {}),
+    NodeEntry("law_server", {}),
+    NodeEntry(DRIVE, {"pacing": str, "autostart": bool, "patience": float}),
+)
+#: The node in place of drive and law server where a bag is replayed.
+PLAYER = NodeEntry("player", {"bag": str})
+ENTRIES = {entry.name: entry for entry in (*NODES, PLAYER)}

@@ -1,0 +1,91 @@
+"""The law server without ROS: which cams may be mounted, why another may not, what it publishes."""
+
+import pytest
+
+from cam_rig.errors import CamRigError, RefusedError
+from cam_rig.live.admission import Admission
+from cam_rig.live.cam_mounting import CamMounting, MountingCheckpoint, MountReply
+from cam_rig.schema.load import config_root
+from cam_rig.simulation.scene import open_scene
+from cam_rig.simulation.schedule import CamState, cam_states
+
+SCENE = config_root() / "scenes" / "quick.yaml"
+LOADED = open_scene(SCENE)
+STATES = list(cam_states(LOADED.scene))
+
+
+@pytest.fixture
+def cams():
+    return CamMounting(SCENE)
+
+
+def test_the_scenes_first_cam_is_mounted_at_the_start(cams):
+    """Unless another one is named."""
+    assert (cams.cam, cams.law.name) == (LOADED.scene.cams[0],) * 2
+    assert CamMounting(SCENE, "cycloidal").cam == "cycloidal"
+    with pytest.raises(CamRigError, match="nonsense"):
+        CamMounting(SCENE, "nonsense")
+
+
+def test_a_cam_of_the_library_is_mounted_on_request(cams):
+    """A second request finds it there, and changes nothing."""
+    assert cams.request("cycloidal") == MountReply(is_new=True)
+    assert cams.request("cycloidal") == MountReply(is_new=False)
+    assert cams.law.name == "cycloidal"
+
+
+@pytest.mark.parametrize(
+    ("cam", "words"),
+    [
+        ("nonsense", "nonsense"),
+        ("../rigs/tm21", "allowed"),
+        ("conjugate", "allowed on a rig: one that a closing spring alone holds"),
+    ],
+)
+def test_a_refused_request_leaves_the_mounted_cam(cams, cam, words):
+    """The reply names what is wrong: no such file, a path, a follower that is moved both ways."""
+    reply = cams.request(cam)
+    assert words in reply.refusal and not reply.is_new
+    assert cams.cam == LOADED.scene.cams[0]
+
+
+def test_a_law_is_published_for_each_new_cam_or_speed(cams):
+    """Once; not for the state in which a cam stands."""
+    found = []
+    for state in STATES:
+        assert cams.admit(state) is not Admission.SEEN
+        if (law := cams.follow(state)) is not None:
+            found.append((law.name, state.speed))
+    turned = [(state.cam, state.speed) for state in STATES if state.speed > 0.0]
+    assert found == list(dict.fromkeys(turned))
+    assert cams.admit(STATES[-1]) is Admission.SEEN
+
+
+def test_a_state_of_an_unknown_cam_is_refused(cams):
+    """Its file is not in the library; the next state is taken."""
+    with pytest.raises(RefusedError, match=r"cam state: .*unknown"):
+        cams.follow(CamState(0, 0.0, 20.0, "unknown"))
+    assert cams.follow(STATES[0]) is not None
+
+
+def test_a_successor_publishes_what_its_predecessor_would_have(cams):
+    """From the checkpoint before any state on, however far the drive has gone on meanwhile."""
+    checkpoints, published = [], []
+    for state in STATES:
+        published.append(cams.follow(state) is not None)
+        checkpoints.append(cams.checkpoint)
+    for number in (1, 4, len(STATES) - 2):
+        successor = CamMounting(SCENE, "", checkpoints[number - 1 : number + 3])
+        assert successor.cam == cams.cam
+        successor.resume(checkpoints[number])
+        assert [successor.follow(state) is not None for state in STATES[number + 1 :]] == (
+            published[number + 1 :]
+        )
+
+
+def test_a_successor_knows_states_that_were_followed():
+    """They are older than the oldest checkpoint's state."""
+    successor = CamMounting(SCENE, "", [MountingCheckpoint("cycloidal", STATES[3])])
+    assert successor.cam == "cycloidal"
+    assert successor.admit(STATES[3]) is Admission.SEEN
+    assert successor.admit(STATES[6]) is Admission.NEW_SEQUENCE
