@@ -55,7 +55,7 @@ bench: setup ## speed against error, against other solvers: writes docs/speed.md
 
 lock: | $(BIN)/pip ## resolve requirements.lock anew (remove it first to raise every version)
 	@$(PIP) install uv==0.13.8
-	$(BIN)/uv pip compile setup.py --extra ros-wheels --extra bench --extra docs --extra test --output-file requirements.lock \
+	$(BIN)/uv pip compile setup.py --extra all --extra ros-wheels --extra bench --extra docs --extra test --output-file requirements.lock \
 		--universal --python-version 3.11 --fork-strategy fewest \
 		--no-annotate --custom-compile-command 'make lock' --quiet
 
@@ -75,7 +75,7 @@ $(BIN)/pip:
 	@echo 'Making .venv with $(PYTHON)'
 	@$(PYTHON) -m venv --clear .venv
 
-$(STAMP): requirements.lock setup.py setup.cfg | $(BIN)/pip
+$(STAMP): requirements.lock package.xml setup.py setup.cfg | $(BIN)/pip
 	@rm -f $@
 	@echo 'Installing requirements.lock into .venv (about 1.4 GB the first time)'
 	@$(PIP) install --requirement requirements.lock

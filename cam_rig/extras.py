@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 
 from cam_rig.errors import MissingLibraryError
 
 #: Extra of setup.py by what is imported; the rest is the core, which is always there.
 EXTRAS = {
-    "PIL": "plots",
     "ezdxf": "cad",
     "jinja2": "cli",
     "lz4": "bags",
     "matplotlib": "plots",
     "mcap": "bags",
+    "rclpy": "ros-wheels",
     "rerun": "view",
-    "rerun_cli": "view",
     "rich": "cli",
     "rosbags": "bags",
     "shapely": "cad",
@@ -25,7 +25,18 @@ EXTRAS = {
     "zstandard": "bags",
 }
 #: Libraries that no part of the rig needs, and no extra brings.
-OPTIONAL = {"pandas": "pandas"}
+OPTIONAL = ("pandas",)
+
+
+def require(library: str) -> None:
+    """Refuse to begin what needs a library that is not installed; it is not imported.
+
+    Raises
+    ------
+    MissingLibraryError : in one line, with the extra that brings it
+    """
+    if find_spec(library) is None:
+        raise MissingLibraryError(_missing(library))
 
 
 @contextmanager
@@ -47,7 +58,12 @@ def libraries_named() -> Iterator[None]:
         yield
     except ModuleNotFoundError as error:
         library = (error.name or "").partition(".")[0]
-        if library not in EXTRAS | OPTIONAL:
+        if library not in EXTRAS and library not in OPTIONAL:
             raise
-        wanted = OPTIONAL.get(library) or f"'cam_rig[{EXTRAS[library]}]'"
-        raise MissingLibraryError(f"{library} is not installed: pip install {wanted}") from None
+        raise MissingLibraryError(_missing(library)) from None
+
+
+def _missing(library: str) -> str:
+    wanted = f"'cam_rig[{EXTRAS[library]}]'" if library in EXTRAS else library
+    ros = ", or source a ROS 2 installation" if library == "rclpy" else ""
+    return f"{library} is not installed: pip install {wanted}{ros}"

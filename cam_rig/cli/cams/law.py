@@ -48,17 +48,12 @@ def law(
     cam-rig law bezier15 --csv > bezier15.csv
     """
     with user_errors():
-        from cam_rig.errors import LawError
-        from cam_rig.laws import build_law
-        from cam_rig.schema import load_cam
+        from cam_rig import load_cam
+        from cam_rig.simulation.cam_files import law_of
 
         check_outputs(None, out)
-        path = cam_path(cam)
-        config = load_cam(path)
-        try:
-            built = build_law(config)
-        except LawError as error:
-            raise LawError(f"{path}: {error}") from None
+        config = load_cam(cam)
+        built = law_of(cam_path(cam), config)
         show(_peaks(built, config.lift.unit, config.lift.factor))
         say(_joints(built))
         if as_csv:

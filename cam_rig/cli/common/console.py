@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from cam_rig.errors import CamRigError
+from cam_rig.extras import libraries_named
 
 if TYPE_CHECKING:
     from cam_rig.tables import DataTable
@@ -71,7 +72,8 @@ def _widths(table: DataTable, room: int) -> tuple[int, list[int | None]]:
 def user_errors() -> Iterator[None]:
     """End the command with one line and the error's code; nothing else is caught."""
     try:
-        yield
+        with libraries_named():
+            yield
     except CamRigError as error:
         print(f"cam-rig: {error}", file=sys.stderr)
         raise typer.Exit(error.exit_code) from None

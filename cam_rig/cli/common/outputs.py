@@ -11,6 +11,7 @@ from typing import Any
 
 from cam_rig.cli.common.console import console
 from cam_rig.errors import ConfigError, OutputError
+from cam_rig.extras import require
 from cam_rig.tables import DataTable, to_csv
 
 #: Kinds of picture a plot can be written as.
@@ -82,6 +83,8 @@ def check_outputs(json_target: str | None, plot: Path | None, csv: Path | None =
     """Refuse, before anything runs, what could not be written afterwards."""
     if plot is not None and plot.suffix.lower() not in PICTURES:
         raise ConfigError(f"{plot}: unknown kind of picture; allowed: {', '.join(PICTURES)}")
+    if plot is not None:
+        require("matplotlib")
     asked = [plot, csv, None if json_target in (None, "-") else Path(str(json_target))]
     for target in (path for path in asked if path is not None):
         check_place(target)

@@ -164,13 +164,8 @@ def periodic_state(
 
     Raises
     ------
-    DynamicsError : the flywheel is free, stands still, or no such state is found (resonance)
+    DynamicsError : the flywheel stands still, or no such state is found (resonance)
     """
-    if parameters.flywheel_inertia is not None:
-        raise DynamicsError(
-            f"flywheel_inertia is {parameters.flywheel_inertia!r}; allowed for a periodic state: "
-            "None, a flywheel that holds its speed"
-        )
     require_number("flywheel_angle", flywheel_angle, "of either sign")
     require_number("speed", speed, "of either sign")
     if speed == 0.0:

@@ -183,15 +183,11 @@ class March:
     def _state(
         self, series: FloatArray, start: TorsionalState, at: float, length: float
     ) -> TorsionalState:
-        twist, twist_rate, angle, speed = (series @ basis_at(series.shape[1], at / length))[:4]
-        if self.parameters.flywheel_inertia is None:
-            gained = self.ramp * at
-            turned = start.flywheel_angle + (start.flywheel_speed + 0.5 * gained) * at
-            return TorsionalState(
-                float(twist), float(twist_rate), turned, start.flywheel_speed + gained
-            )
+        twist, twist_rate = (series @ basis_at(series.shape[1], at / length))[:2]
+        gained = self.ramp * at
+        turned = start.flywheel_angle + (start.flywheel_speed + 0.5 * gained) * at
         return TorsionalState(
-            float(twist), float(twist_rate), float(angle - twist), float(speed - twist_rate)
+            float(twist), float(twist_rate), turned, start.flywheel_speed + gained
         )
 
     def _stuck(self, index: int, time: float, windows: int) -> DynamicsError:

@@ -200,7 +200,7 @@ class Separation:
         """(w, ẇ) of the stem of a roller on the cam: a small difference, without its rounding."""
         p = self.parameters
         left = p.spring_stiffness / p.stiffness
-        return np.asarray(vibration - left * cam[:2] - np.array([p.end_load / p.stiffness, 0.0]))
+        return np.asarray(vibration - left * cam[:2] - np.array([p.preload / p.stiffness, 0.0]))
 
     def _lift_off_at(
         self, time: float, vibration: FloatArray, cam: FloatArray, opening: float
