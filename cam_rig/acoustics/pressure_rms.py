@@ -18,7 +18,7 @@ from cam_rig.arrays import FloatArray
 
 @dataclass(frozen=True)
 class MicrophoneState:
-    """What the structure remembers from one block to the next: q and the last force, N."""
+    """The state of the structure from one block to the next: q and the last force, N."""
 
     structure: float
     force: float

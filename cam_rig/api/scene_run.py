@@ -12,7 +12,7 @@ from cam_rig.api.files import load_scene
 from cam_rig.api.notebook import shown
 from cam_rig.extras import libraries_named
 from cam_rig.schema.load import named_path
-from cam_rig.simulation.levels import HeardTick, NoiseResult, compare, require_ticks, step_levels
+from cam_rig.simulation.levels import MeasuredTick, NoiseResult, compare, require_ticks, step_levels
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import tick_count
 from cam_rig.simulation.simulate import simulate
@@ -35,7 +35,7 @@ class SceneRun:
     """
 
     loaded: LoadedScene
-    ticks: tuple[HeardTick, ...]
+    ticks: tuple[MeasuredTick, ...]
     source: Path
     counts: dict[str, int] = field(default_factory=dict)
 

@@ -22,7 +22,7 @@ from cam_rig.files import temporary_folder
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of, stamp_ns
 from cam_rig.messages.topics import Topic
-from cam_rig.simulation.levels import HeardTick
+from cam_rig.simulation.levels import MeasuredTick
 from cam_rig.simulation.scene import LoadedScene, open_scene
 from cam_rig.simulation.schedule import CamState
 
@@ -32,7 +32,7 @@ class Recording:
     """A recorded run: its scene, its ticks, and how many messages each topic has."""
 
     loaded: LoadedScene
-    ticks: list[HeardTick]
+    ticks: list[MeasuredTick]
     counts: dict[str, int]
 
 
@@ -128,7 +128,7 @@ def read_recording(bag: Path, scene: Path | None = None) -> Recording:
     except RefusedError as error:
         raise BagError(f"{bag}: {error}") from None
     ticks = [
-        HeardTick(start, end.time_ns, pressures[end.time_ns], start.holds_until(end))
+        MeasuredTick(start, end.time_ns, pressures[end.time_ns], start.holds_until(end))
         for start, end in pairwise(states)
         if end.time_ns in pressures and start.turns_until(end)
     ]

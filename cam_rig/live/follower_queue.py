@@ -38,14 +38,14 @@ class FollowerQueue:
     ) -> None:
         self._simulator = simulator
         if checkpoint is not None:
-            simulator.memory = checkpoint
-        self._validator = StateValidator.of(scene, simulator.memory.last)
+            simulator.checkpoint = checkpoint
+        self._validator = StateValidator.of(scene, simulator.checkpoint.last)
         self._waiting: deque[CamState] = deque()
 
     @property
     def checkpoint(self) -> FollowerCheckpoint:
         """To be saved after each tick."""
-        return self._simulator.memory
+        return self._simulator.checkpoint
 
     def add_law(self, law: Law) -> None:
         """Take a law.

@@ -32,7 +32,7 @@ class Microphone(RigNode):
         self._meter.weigh(self.given["frequency_weighting"], self.given["time_weighting"])
         begin_ns = 0
         if saved := self.restore():
-            begin_ns, self._source.memory, self._meter.memory = saved[0]
+            begin_ns, self._source.state, self._meter.state = saved[0]
             self.set_parameters(weightings(self._meter.quantity))
         self._save(begin_ns, -1)  # to go back to before the first tick
         self._validator = StateValidator.of(loaded.scene)
@@ -75,4 +75,4 @@ class Microphone(RigNode):
 
     def _save(self, done_ns: int, stamp_ns: int) -> None:
         if self.checkpoint.enabled:  # a meter's state is large
-            self.save((done_ns, self._source.memory, self._meter.memory), stamp_ns)
+            self.save((done_ns, self._source.state, self._meter.state), stamp_ns)

@@ -17,7 +17,7 @@ from cam_rig.units import NS, TURN, to_rpm
 
 
 @dataclass(frozen=True)
-class HeardTick:
+class MeasuredTick:
     """One tick as the microphone heard it: r.m.s. pressure in Pa from ``start`` to ``stop_ns``.
 
     ``steady`` is False along a ramp.
@@ -49,7 +49,9 @@ class NoiseResult:
     crossover_rpm: float | None
 
 
-def step_levels(ticks: Iterable[HeardTick], settle_turns: float) -> dict[str, dict[float, float]]:
+def step_levels(
+    ticks: Iterable[MeasuredTick], settle_turns: float
+) -> dict[str, dict[float, float]]:
     """Level in dB by cam and speed (rad/s): the energy mean over the step's settled ticks.
 
     A step is a run of ticks of one cam at one speed; its first ``settle_turns`` are left out,

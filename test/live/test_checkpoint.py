@@ -34,16 +34,16 @@ LOADED = open_scene(config_root() / "scenes" / "quick.yaml")
 def test_every_float_comes_back(number, time_ns, text):
     """Huge, signed zero, subnormal: a file in between changes nothing."""
     state = FollowerState(number, -0.0, 5e-324, True, inner=(number, 1.0))
-    memory = (FollowerCheckpoint(CamState(time_ns, number, 1.0, text), state), [text], None)
-    back = from_plain(json.loads(json.dumps(to_plain(memory))))
-    assert repr(back) == repr(memory)
+    state = (FollowerCheckpoint(CamState(time_ns, number, 1.0, text), state), [text], None)
+    back = from_plain(json.loads(json.dumps(to_plain(state))))
+    assert repr(back) == repr(state)
 
 
 def test_arrays_and_tables_come_back():
     """Filters remember arrays."""
-    memory = {"a": np.arange(6.0).reshape(2, 3) / 7.0, 3: (np.float64(0.1), np.int64(2))}
-    back = from_plain(json.loads(json.dumps(to_plain(memory))))
-    assert np.array_equal(back["a"], memory["a"]) and back[3] == (0.1, 2)
+    state = {"a": np.arange(6.0).reshape(2, 3) / 7.0, 3: (np.float64(0.1), np.int64(2))}
+    back = from_plain(json.loads(json.dumps(to_plain(state))))
+    assert np.array_equal(back["a"], state["a"]) and back[3] == (0.1, 2)
 
 
 def test_the_simulators_states_can_be_saved():
@@ -53,9 +53,9 @@ def test_the_simulators_states_can_be_saved():
     follower.turn_to(states[0])
     _, block = follower.turn_to(states[1])
     microphone.listen(block.rows, 20.0)
-    assert isinstance(microphone.memory, MicrophoneState)
-    for memory in (follower.memory, microphone.memory):
-        assert repr(from_plain(json.loads(json.dumps(to_plain(memory))))) == repr(memory)
+    assert isinstance(microphone.state, MicrophoneState)
+    for state in (follower.checkpoint, microphone.state):
+        assert repr(from_plain(json.loads(json.dumps(to_plain(state))))) == repr(state)
 
 
 def test_the_last_records_are_kept(tmp_path):
@@ -158,9 +158,9 @@ def test_only_a_plain_file_of_its_size_is_read(tmp_path):
 def test_a_damaged_file_is_refused_or_read(data):
     """Whatever byte of it is another, there is no other error than ours."""
     states = [CamState(0, 0.0, 20.0, "tm21"), CamState(10**8, 2.0, 20.0, "tm21")]
-    memory = (states[1], MicrophoneState(1.0, 2.0), np.arange(3.0), {"a": (1, None)})
+    state = (states[1], MicrophoneState(1.0, 2.0), np.arange(3.0), {"a": (1, None)})
     with tempfile.TemporaryDirectory() as folder:
-        Checkpoint(folder, "microphone").save(memory)
+        Checkpoint(folder, "microphone").save(state)
         file = Path(folder) / "microphone.json"
         text = bytearray(file.read_bytes())
         for _ in range(data.draw(st.integers(1, 3))):

@@ -37,7 +37,7 @@ def table2():
 
 def test_parts(study):
     """Who calibrates, who is predicted and who is identified follows from the files."""
-    assert study.cast == StudyRoles(reference="poly345", predicted="bezier15", arcs="tm21")
+    assert study.roles == StudyRoles(reference="poly345", predicted="bezier15", arcs="tm21")
 
 
 def test_a_scene_without_the_parts_is_refused(make_loaded_scene):
