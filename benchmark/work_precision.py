@@ -9,10 +9,10 @@ import platform
 from pathlib import Path
 
 from cam_rig.bench.peers.peers import PEERS
-from cam_rig.bench.plot import draw
 from cam_rig.bench.report import notes, table
 from cam_rig.bench.study import FULL
 from cam_rig.cli.studies.bench import measure
+from cam_rig.plots.work_precision import draw
 from cam_rig.tables import to_markdown
 
 PAGE, PLOT = Path("docs/speed.md"), Path("docs/speed.png")

@@ -41,7 +41,7 @@ SHORT = "test/nodes/test_repeatability.py"
 GROUPS = {
     "test/cli/test_noise.py::test_noise_json_and_plot": "test/cli/test_report.py",
     "test/nodes/test_graph.py::test_the_graph_gives_the_numbers_of_the_core": SHORT,
-    "test/nodes/test_security.py::test_what_anybody_may_say_changes_nothing": SHORT,
+    "test/nodes/test_security.py::test_messages_on_open_topics_change_nothing": SHORT,
 }
 #: More workers than this only take memory.
 MAX_WORKERS = 8

@@ -19,7 +19,7 @@ from cam_rig.simulation.schedule import CamState
 PLAYED = (topics.LAW_COEFFICIENTS, topics.PROFILE, topics.LAW, topics.CLOCK, topics.CAM_STATE)
 #: Decoded, not only passed on.
 READ = (topics.CAM_STATE, topics.DIAGNOSTICS)
-#: A level's letter symbol at the end of the microphone's words.
+#: A level's letter symbol at the end of the microphone's diagnostics.
 QUANTITY = re.compile(r"\bL[ACZ][FS]$")
 
 

@@ -1,1 +1,1 @@
-"""The protocol between the nodes, without ROS: who may send what when, and what a node keeps."""
+"""The protocol between the nodes, without ROS: what is sent when, admitted, and saved."""

@@ -19,7 +19,7 @@ from cam_rig.simulation.schedule import CamState
 class MountReply:
     """The answer to a request for a cam: its refusal, empty where it is mounted now.
 
-    ``is_new`` is False where it was mounted before: who asks did not get its law.
+    ``is_new`` is False where it was mounted before; then its law did not reach the drive.
     """
 
     refusal: str = ""
@@ -61,8 +61,9 @@ class CamMounting:
         scene, self._library = load_scene(scene_file), Library.beside(scene_file)
         self._model = MODELS[scene.model]
         self._laws: dict[str, Law] = {}
-        since = next((one.last.time_ns for one in checkpoints if one.last), -1)
-        # No node waits for the law server, so the drive may be far ahead of a predecessor.
+        oldest = checkpoints[0].last if checkpoints else None  # None before the first state
+        since = -1 if oldest is None else oldest.time_ns
+        # The history may begin later than that: whatever state comes first is admitted.
         self._validator = StateValidator.of(scene, since=since)
         self._last: CamState | None = None
         first = checkpoints[-1].cam if checkpoints else cam

@@ -1,4 +1,4 @@
-"""What the drive does next: which state to send, which cam to ask for, when it is done."""
+"""What the drive does next: which state to send, which cam to request, when it is done."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class DriveProgram:
     Parameters
     ----------
     scene : what to run
-    consumers : who acknowledges, see `FlowControl`
+    consumers : the nodes that acknowledge, see `FlowControl`
     mount : requests a cam from the law server; False when that cannot be done yet
     checkpoints : of the predecessor, the oldest first, whose states are sent again
     commands : the last that the predecessor got; they hold where no state came after them

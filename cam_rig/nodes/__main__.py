@@ -1,7 +1,7 @@
 """Starting a node's process: `python -m cam_rig.nodes follower`, or the executable of its name.
 
-Signals are taken before anything heavy is imported, so that one which comes early ends the node in
-order as well: nothing is half made, nothing is left behind, and the code is 0.
+Signal handlers are set before anything heavy is imported, so that a signal which comes early ends
+the node in order as well: with nothing half made, nothing left behind, and code 0.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ STOPPING = (signal.SIGINT, signal.SIGTERM)
 
 
 def start(name: str) -> None:
-    """Run a node until it finishes, fails, or is told to stop (SIGINT, SIGTERM)."""
-    # also where a shell that started us in the background has set SIGINT to be ignored
+    """Run a node until it finishes, fails, or gets a signal to stop (SIGINT, SIGTERM)."""
+    # also where a shell that started this process in the background has set SIGINT to be ignored
     for number in STOPPING:
-        signal.signal(number, _nothing_made)
-    # the runner starts us with both held back, so that none can come before this line
+        signal.signal(number, _exit_at_once)
+    # the runner starts this process with both blocked, so that none can come before this line
     signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPPING)
     _end_with_the_runner()
     module, app = import_module(f"cam_rig.nodes.{name}"), import_module("cam_rig.nodes.common.base")
     app.run(getattr(module, NODES[name]))
 
 
-def _nothing_made(_signal: int, _frame: FrameType | None) -> NoReturn:
-    """Told to end while the imports run: there is nothing to close."""
+def _exit_at_once(_signal: int, _frame: FrameType | None) -> NoReturn:
+    """A signal to stop while the imports run: there is nothing to close."""
     os._exit(0)
 
 

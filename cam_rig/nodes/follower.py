@@ -35,6 +35,7 @@ class Follower(RigNode):
         simulator.laws.clear()  # the law that the law server publishes counts, not the file's
         predecessor = next(iter(self.restore()), None)
         self._ticks = FollowerQueue(simulator, self._loaded.scene, predecessor)
+        self.save(self._ticks.checkpoint, -1)  # to go back to before the first tick
         out = (topics.FOLLOWER_SAMPLES, topics.FOLLOWER_CONTACT, topics.FOLLOWER_STATE)
         self._out, self._sent = [self.publisher(topic) for topic in out], ResendBuffer()
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)

@@ -34,6 +34,7 @@ class Microphone(RigNode):
         if saved := self.restore():
             begin_ns, self._source.memory, self._meter.memory = saved[0]
             self.set_parameters(weightings(self._meter.quantity))
+        self._save(begin_ns, -1)  # to go back to before the first tick
         self._validator = StateValidator.of(loaded.scene)
         self._ticks = TickMatcher(self._source.sample_rate, begin_ns)
         self.add_post_set_parameters_callback(self._on_parameters)
@@ -70,6 +71,8 @@ class Microphone(RigNode):
             message.fluid_pressure = pressure
             messages = [(self._level, Float64(data=reading.level)), (self._pressure, message)]
             self._sent.publish(end.time_ns, messages)
-            if self.checkpoint.enabled:  # a meter's state is large
-                state = (end.time_ns, self._source.memory, self._meter.memory)
-                self.save(state, end.time_ns)
+            self._save(end.time_ns, end.time_ns)
+
+    def _save(self, done_ns: int, stamp_ns: int) -> None:
+        if self.checkpoint.enabled:  # a meter's state is large
+            self.save((done_ns, self._source.memory, self._meter.memory), stamp_ns)

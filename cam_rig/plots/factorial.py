@@ -67,7 +67,7 @@ def _effects(out: FigureBase, found: Factorial) -> None:
     out.legend(
         handles=[*handles, lost],
         loc="outside lower center",
-        ncols=7,
+        ncols=4,
         frameon=False,
         handlelength=3.4,
     )

@@ -39,8 +39,8 @@ def figure(rows: list[JumpRow], cam_set: CamSet, duration: float | None) -> Figu
             rpm, least, lw=1.6, label=f"{cam_set.titles[row.cam]}: {row.found.rpm:.2f}", **line(i)
         )
         _mark(axes, row, line(i)["color"])
-    _frame(axes, rpm, duration)
-    axes.set(title="Contact is kept while the minimum force is positive")
+    _frame(axes, rpm)
+    axes.set(title=f"Contact is kept while the minimum force is positive ({_when(duration)})")
     axes.set(ylim=(-0.55 * parameters.preload, 1.15 * parameters.preload))
     if any(row.published_rpm is not None for row in rows):
         axes.plot([], [], "v", color="0.3", ms=7, mfc="none", label="published (paper, Table 2)")
@@ -61,16 +61,19 @@ def one_cam(law: Law, parameters: TwoMassParameters, duration: float | None, jum
     rpm = np.linspace(0.35 * jump, 1.08 * jump, POINTS)
     axes.plot(rpm, force_run(law, parameters, duration).least(rpm * RPM), **line(0), lw=1.6)
     axes.plot(jump, 0.0, "o", color=colour(0), label=f"jump speed {jump:.2f} rpm")
-    _frame(axes, rpm, duration)
-    axes.set(title=law.name)
+    _frame(axes, rpm)
+    axes.set(title=f"{law.name}, {_when(duration)}")
     axes.legend(loc="lower left")
     return out
 
 
-def _frame(axes: Axes, rpm: FloatArray, duration: float | None) -> None:
+def _when(duration: float | None) -> str:
+    return "in steady state" if duration is None else f"{duration:g} s from rest"
+
+
+def _frame(axes: Axes, rpm: FloatArray) -> None:
     """Both axes, with the line of zero force."""
-    when = "in steady state" if duration is None else f"in {duration:g} s from rest"
-    axes.set(xlabel=CAM_SPEED, ylabel=f"minimum contact force {when} [N]", xlim=(rpm[0], rpm[-1]))
+    axes.set(xlabel=CAM_SPEED, ylabel="minimum contact force [N]", xlim=(rpm[0], rpm[-1]))
     axes.axhline(0.0, color="0.3", lw=0.9)
     axes.grid(alpha=0.25)
 

@@ -82,14 +82,16 @@ def to(pair: tuple[float, float], shown: str = ".0f") -> str:
 
 def _values(found: Findings) -> dict[str, Any]:
     """What the sections' sentences take their numbers from."""
-    sources = found.sources
+    sources, published = found.sources, found.sources.loaded.published
+    assert published is not None  # the noise study has its levels
     origins = Counter(q.origin for model in files(found).values() for _, q in quantities(model, ""))
     return {
         "found": found,
         "jump": compare(found.jumps),
         "question": conclusions(found.factorial),
         "proposed": sources.cam_set.titles[found.factorial.config.proposed],
-        "published": sources.loaded.published,
+        "published": published,
+        "rivals": [sources.loaded.cams[cam].title for cam in published.crossover.between],
         "cast": found.noise.cast,
         "origins": ", ".join(f"{origins[origin]} {origin}" for origin in ORIGINS),
         "moves": _moves(found),

@@ -43,7 +43,7 @@ def live(
 
 
 def replayed(scene: Path, bag: Path, recorded: Path) -> dict[str, Arguments]:
-    """The nodes that take the place of a recorded run's consumers, and the player of its bag."""
+    """The consumers of a run, and the player in place of the drive and the law server."""
     nodes = {name: given for name, given in live(scene, bag).items() if name not in SOURCES}
     return nodes | {PLAYER.name: {"bag": str(recorded), "patience": PATIENCE_S}}
 
@@ -145,7 +145,9 @@ class Graph:
             self._require_moving()
             if self._drive in ended and self.processes[self._drive].code == 0:
                 if not self._done:
-                    raise RunError(f"node {self._drive} was told to end {self._when}, not yet done")
+                    raise RunError(
+                        f"node {self._drive} was stopped {self._when}, before it was done"
+                    )
                 ended.remove(self._drive)
                 if not self._last_ticks_are_lost(ended):
                     if self._recorder_closes():

@@ -1,4 +1,4 @@
-"""The cam and its follower as a moving picture in the plane, mm, y up."""
+"""The cam turning under its follower, in the plane, mm, y up."""
 
 from __future__ import annotations
 

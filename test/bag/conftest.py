@@ -51,7 +51,7 @@ class Frugal:
     """What is done inside takes no more than 500 MB and 10 s of the processor."""
 
     def __enter__(self):
-        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")  # the peak begins anew
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")  # resets the peak
         self._before, self._begun = peak_mb(), time.process_time()
 
     def __exit__(self, kind, *_):

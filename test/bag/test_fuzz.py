@@ -78,11 +78,11 @@ STATES = st.builds(
 
 
 @given(st.lists(STATES | laws(), max_size=12))
-def test_a_follower_that_is_told_anything_stays_finite(told):
+def test_a_follower_stays_finite_whatever_is_published(received):
     """What it refuses is refused by name; what it publishes of the rest is finite."""
     bench = FollowerSimulator.of(STAGE)
     follower = FollowerQueue(bench, STAGE.scene)
-    for one in told:
+    for one in received:
         try:
             if isinstance(one, tuple):
                 follower.add_law(decode_law(*array_of(message(*one))))
@@ -120,10 +120,10 @@ def test_a_microphone_stays_finite(forces, speed):
 
 
 @given(st.lists(st.tuples(st.sampled_from(topics.RECORDING), st.binary(max_size=80)), max_size=10))
-def test_a_recorder_that_hears_anything_lives_on(kept, heard):
+def test_a_recorder_goes_on_whatever_is_published(kept, received):
     """Raw bytes are a message, or refused."""
     session = RecordingSession(kept, StateValidator(1000.0))
-    for topic, cdr in heard:
+    for topic, cdr in received:
         try:
             session.take(topic, b"\0\1\0\0" + cdr, b"x", 1)
         except RefusedError:
@@ -133,7 +133,7 @@ def test_a_recorder_that_hears_anything_lives_on(kept, heard):
 
 @pytest.mark.parametrize("place", range(4, 84, 3))
 def test_a_flipped_byte_in_a_state_is_no_accident(kept, golden, place):
-    """A message with a wrong byte is taken as what it says, or refused."""
+    """A message with a wrong byte is taken as it is, or refused."""
     cdr = bytearray(next(m[2] for m in golden if m[0] is topics.CAM_STATE))
     if place >= len(cdr):
         pytest.skip("shorter")

@@ -1,4 +1,4 @@
-"""Bags made to do harm: refused by what they claim, in one line, before memory or time is spent."""
+"""Hostile bags: refused by what they claim, in one line, before memory or time is spent."""
 
 import io
 import os
@@ -60,8 +60,8 @@ def file_of(path, *records, summary=()):
 
 
 def index_of(chunk, offset, **changes):
-    """What the summary says of a chunk."""
-    said = {
+    """The chunk index of the summary."""
+    claims = {
         "chunk_length": 9 + 40 + len(chunk.compression) + len(chunk.data),
         "chunk_start_offset": offset,
         "compression": chunk.compression,
@@ -72,7 +72,7 @@ def index_of(chunk, offset, **changes):
         "message_start_time": chunk.message_start_time,
         "uncompressed_size": chunk.uncompressed_size,
     }
-    return ChunkIndex(**{**said, **changes})
+    return ChunkIndex(**{**claims, **changes})
 
 
 FIRST = len(MCAP0_MAGIC) + 9 + 4 + 4 + 4 + 5  # where the first record after the header begins
@@ -83,34 +83,34 @@ def chunk(data, compression, claimed, begin=0, end=10):
 
 
 def read_all(file):
-    """Every reader on it: what each says, where it refuses."""
-    said = []
+    """Every reader on it: the errors of those that refuse."""
+    errors = []
     for read in (
         read_counts,
         read_scene,
         read_recording,
         lambda bag: list(messages(bag, topics.RECORDING)),
         lambda bag: list(raw_messages(bag, {"/x"})),
-        lambda bag: recover(bag, bag.parent / f"recovered{len(said)}"),
+        lambda bag: recover(bag, bag.parent / f"recovered{len(errors)}"),
     ):
         try:
             read(file)
-            said.append("")
+            errors.append("")
         except CamRigError as error:
-            said.append(str(error))
-            assert "\n" not in said[-1] and len(said[-1]) < 1000
-    return said
+            errors.append(str(error))
+            assert "\n" not in errors[-1] and len(errors[-1]) < 1000
+    return errors
 
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4"])
 @pytest.mark.parametrize("honest", [True, False])
 def test_a_few_bytes_that_unpack_to_a_gigabyte_are_refused(tmp_path, frugal, compression, honest):
-    """Whether the chunk says so or not: neither a reader nor a recovery unpacks it."""
+    """Whether the chunk claims so or not: neither a reader nor a recovery unpacks it."""
     data = packed_zeros(GIB, compression)
     one = chunk(data, compression, GIB if honest else 1000)
     file = file_of(tmp_path / "a.mcap", one, summary=[index_of(one, FIRST)])
-    said = read_all(file)
-    for words in (said[0], said[3], said[5]) if honest else (said[0], said[3]):
+    errors = read_all(file)
+    for words in (errors[0], errors[3], errors[5]) if honest else (errors[0], errors[3]):
         assert ("allowed: 67108864" if honest else "1000 bytes unpacked") in words
 
 
@@ -119,8 +119,8 @@ def test_many_chunks_that_are_modest_one_by_one_are_refused(tmp_path, frugal):
     one = chunk(packed_zeros(2**20, "zstd"), "zstd", 2**20)
     length = 9 + 40 + 4 + len(one.data)
     index = [index_of(one, FIRST + i * length) for i in range(2000)]
-    said = read_all(file_of(tmp_path / "a.mcap", *[one] * 2000, summary=index))
-    assert "that unpack to" in said[0] and "100 times" in said[0]
+    errors = read_all(file_of(tmp_path / "a.mcap", *[one] * 2000, summary=index))
+    assert "that unpack to" in errors[0] and "100 times" in errors[0]
 
 
 @pytest.mark.parametrize(
@@ -136,7 +136,7 @@ def test_many_chunks_that_are_modest_one_by_one_are_refused(tmp_path, frugal):
     ids=str,
 )
 def test_an_index_leads_to_no_chunk_that_the_file_has_not(tmp_path, changes):
-    """What the summary says of a chunk is what the chunk says itself, or the bag is refused."""
+    """The summary's index of a chunk agrees with the chunk, or the bag is refused."""
     one = chunk(packed_zeros(2**20, "zstd"), "", 0)
     one.uncompressed_size = len(one.data)
     file = file_of(tmp_path / "a.mcap", one, summary=[index_of(one, FIRST, **changes)])
@@ -148,9 +148,9 @@ def test_an_index_leads_to_no_chunk_that_the_file_has_not(tmp_path, changes):
 @pytest.mark.parametrize("compression", ["zstd", "lz4", "x"])
 @pytest.mark.parametrize("data", [b"", b"garbage", zstandard.compress(b"")[:5]], ids=str)
 def test_what_cannot_be_unpacked_is_refused(tmp_path, compression, data):
-    """Garbage, nothing, and a way of compressing that nobody knows."""
-    said = read_all(file_of(tmp_path / "a.mcap", chunk(data, compression, 100)))
-    assert all(said[:4])
+    """Garbage, nothing, and an unknown compression."""
+    errors = read_all(file_of(tmp_path / "a.mcap", chunk(data, compression, 100)))
+    assert all(errors[:4])
 
 
 @pytest.mark.parametrize("length", [2**20, 2**32, 2**62, 2**64 - 1])
@@ -161,8 +161,8 @@ def test_a_record_longer_than_its_file_is_not_read(tmp_path, frugal, opcode, len
     data = file.read_bytes()
     made = tmp_path / "a.mcap"
     made.write_bytes(data[:FIRST] + struct.pack("<BQ", opcode, length) + data[FIRST:])
-    said = read_all(made)
-    assert said[0] and said[3]
+    errors = read_all(made)
+    assert errors[0] and errors[3]
     assert recover(made, tmp_path / "all").counts == recover(file, tmp_path / "golden").counts
 
 
@@ -245,7 +245,7 @@ def test_a_type_that_is_another_is_refused(tmp_path):
 
 
 def test_ten_thousand_topics_are_bounded(tmp_path, frugal):
-    """A recovery writes what a rig may have, and says that there was more."""
+    """A recovery writes what a rig may have, and reports that there was more."""
     records = [Schema(1, b"", "ros2msg", "a/msg/B")]
     records += [Channel(i + 1, f"/t{i}", "cdr", {}, 1) for i in range(10_000)]
     out = RecordBuilder()

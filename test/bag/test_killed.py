@@ -59,7 +59,7 @@ def test_a_recovery_may_be_killed_at_any_step(tmp_path, killed_at, stride):
 
 @pytest.mark.parametrize("stride", STRIDES)
 def test_a_copy_may_be_killed_at_any_step(tmp_path, killed_at, stride):
-    """Into another folder: the same command again makes it, and nobody reads what is half made."""
+    """Into another folder: the same command again makes it; no reader takes a part."""
     torn = torn_at(tmp_path / "torn", 60_000)
     recover(torn, tmp_path / "all")
     expected = payloads(tmp_path / "all")
@@ -163,7 +163,7 @@ def test_a_file_beside_its_torn_one_is_not_taken_for_all(tmp_path):
 
 
 def test_a_successor_of_a_recorder_that_had_closed_goes_on(tmp_path, loaded, golden):
-    """Killed between its last byte and its end: the closed bag is not begun anew."""
+    """Killed between its last byte and its end: the closed bag is not overwritten."""
     bag = tmp_path / "bag"
     record(bag, loaded, golden[: len(golden) // 2]).close()
     record(bag, loaded, golden, resume=True).close()

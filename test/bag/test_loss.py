@@ -1,4 +1,4 @@
-"""What is missing is said in numbers, and no half of a message contradicts the other."""
+"""What is missing is reported in numbers, and no half of a message contradicts the other."""
 
 import errno
 import io
@@ -99,7 +99,7 @@ def test_what_is_gone_of_a_tick_is_named(topic):
 
 
 def test_without_its_scene_the_numbers_of_the_messages_tell():
-    """A run by hand: gaps between messages are counted; of its end, nothing is known."""
+    """Under operator commands: gaps between messages are counted; its end is not known."""
     gone = set(TIMES[5:9])
     kept = held(lambda _, m: m.log_time not in gone)
     loss = loss_of(kept, None, False, True)
@@ -184,8 +184,8 @@ def full_after(monkeypatch, size):
 
 
 @pytest.mark.parametrize("room", [0, 5_000, 100_000, 199_000])
-def test_on_a_full_disk_a_torn_bag_stays_as_it_is(tmp_path, monkeypatch, room):
-    """It cannot be recovered beside itself; what it holds and lacks is said, and how to get it."""
+def test_on_a_full_disk_an_unclosed_bag_stays_as_it_is(tmp_path, monkeypatch, room):
+    """It cannot be recovered beside itself; what it holds and lacks is reported, and the remedy."""
     bag = tmp_path / "my bag"
     bag.mkdir()
     data = mcap_file(GOLDEN).read_bytes()[:200_000]
@@ -216,7 +216,7 @@ def test_a_copy_that_finds_no_room_leaves_nothing(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("room", [30_000, 150_000])
 def test_a_recorder_on_a_full_disk_keeps_what_was_written(tmp_path, monkeypatch, golden, room):
-    """It says so once and for all, writes no more, and every byte that found room counts."""
+    """It fails once and for all, writes no more, and every byte that found room counts."""
     loaded, bag = open_scene(config_root() / "scenes" / "quick.yaml"), tmp_path / "bag"
     with monkeypatch.context() as patch:
         full_after(patch, room)

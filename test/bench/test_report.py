@@ -8,10 +8,10 @@ import pytest
 from cam_rig.bench import rig
 from cam_rig.bench.cases.case import Solution
 from cam_rig.bench.peers.peers import PEERS
-from cam_rig.bench.plot import draw
 from cam_rig.bench.reference import stored
 from cam_rig.bench.report import notes, table, to_json
 from cam_rig.bench.result import CaseResult, Sweep, WorkPrecisionPoint, WorkPrecisionStudy
+from cam_rig.plots.work_precision import draw
 
 
 def solution(events=(), shift=0.0):

@@ -89,3 +89,14 @@ def test_a_successor_knows_states_that_were_followed():
     assert successor.cam == "cycloidal"
     assert successor.admit(STATES[3]) is Admission.SEEN
     assert successor.admit(STATES[6]) is Admission.NEW_SEQUENCE
+
+
+def test_a_successor_goes_back_to_before_the_first_state(cams):
+    """A law that was published just before the kill may be lost: it is published again."""
+    checkpoints = [cams.checkpoint]
+    for state in STATES[:3]:
+        cams.follow(state)
+        checkpoints.append(cams.checkpoint)
+    successor = CamMounting(SCENE, "", checkpoints)
+    assert successor.admit(STATES[0]) is Admission.NEW_SEQUENCE
+    assert successor.follow(STATES[0]) is not None

@@ -46,7 +46,7 @@ def test_arrays_and_tables_come_back():
     assert np.array_equal(back["a"], memory["a"]) and back[3] == (0.1, 2)
 
 
-def test_the_benches_memories_can_be_handed_over():
+def test_the_simulators_states_can_be_saved():
     """Whatever a follower or microphone comes to remember must pass."""
     states = [CamState(0, 0.0, 20.0, "tm21"), CamState(10**8, 2.0, 20.0, "tm21")]
     follower, microphone = FollowerSimulator.of(LOADED), MicrophoneSimulator.of(LOADED)
@@ -71,7 +71,7 @@ def test_the_last_records_are_kept(tmp_path):
 
 
 @pytest.mark.parametrize("done", [0, 1, 5, 30])
-def test_a_successor_may_die_as_well(tmp_path, done):
+def test_a_successor_may_be_killed_as_well(tmp_path, done):
     """While it does again what was done, and after: the next one finds the last ticks in a row."""
     checkpoint, depth = Checkpoint(str(tmp_path), "follower"), TICKS_KEPT["follower"]
     for i in range(40):
@@ -86,8 +86,8 @@ def test_a_successor_may_die_as_well(tmp_path, done):
     assert found == sorted(found)
 
 
-def test_what_a_chain_of_the_dead_needs_fits_into_a_history():
-    """The recorder loses some states; who speaks goes back as far, who is heard by it further."""
+def test_what_a_chain_of_successors_needs_fits_into_a_history():
+    """The recorder loses some states; a publisher goes back as far, those before it further."""
     depth = TICKS_KEPT
     assert depth["microphone"] > MAX_STATES_UNFLUSHED + MAX_TICKS_IN_FLIGHT
     assert depth["follower"] > depth["microphone"] + MAX_TICKS_IN_FLIGHT
@@ -171,7 +171,7 @@ def test_a_damaged_file_is_refused_or_read(data):
             Checkpoint(folder, "microphone").oldest()
 
 
-def test_a_memory_that_is_no_record_is_refused():
+def test_a_state_that_is_not_a_record_is_refused():
     """Better at once than in the successor."""
     with pytest.raises(RunError, match="holds object; allowed: records and arrays"):
         to_plain((object(),))

@@ -85,7 +85,7 @@ def test_the_whole_scene_goes_out_once_and_in_order(loaded):
 
 
 def test_nothing_turns_before_its_law_is_known(loaded):
-    """A cam that nobody has published is waited for, by name."""
+    """A cam without a published law is waited for, by name."""
     program = DriveProgram(loaded.scene, ["all"], lambda cam: True)
     assert program.take(0.0) is None
     assert program.waits_for() == ["law_server"]

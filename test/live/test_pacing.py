@@ -37,7 +37,7 @@ def test_each_state_waits_for_its_time():
     assert pacing.wait(4 * NS, 100.55) == pytest.approx(0.45)
 
 
-def test_a_run_that_is_late_says_so_and_goes_on_from_there():
+def test_a_late_run_reports_it_and_goes_on_from_there():
     """Five stalled seconds are not made up in a rush."""
     pacing = Pacing(1.0)
     pacing.sent(0, 0.0)

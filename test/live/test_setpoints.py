@@ -1,4 +1,4 @@
-"""The turntable under commands: rig time and θ go on without a jump, whatever is asked."""
+"""The setpoint schedule under commands: rig time and θ continue without a jump."""
 
 import itertools
 
@@ -64,7 +64,7 @@ def test_a_commanded_speed_holds_from_the_next_state_on():
     assert out[4].time_ns - out[3].time_ns == 250_000_000  # a turn at 240 rpm
 
 
-def test_a_cam_by_hand_stays_until_the_scenes_next():
+def test_an_operators_cam_stays_until_the_scenes_next():
     """θ goes on under the other cam."""
     schedule = SetpointSchedule(SCENE)
     out = run_out(schedule, {2: lambda: schedule.mount("cycloidal")})
@@ -90,7 +90,7 @@ COMMANDS = st.lists(
 @given(COMMANDS)
 @pytest.mark.parametrize("scene", [SCENE, RAMPED], ids=["steps", "ramps"])
 def test_no_command_makes_theta_or_time_jump(scene, commands):
-    """Whatever is commanded when, everyone who checks the drive's states admits them all."""
+    """Whatever is commanded when, the validator admits all states of the drive."""
     schedule = SetpointSchedule(scene)
     at = {n: lambda call=call: getattr(schedule, call[0])(*call[1:]) for n, call in commands}
     validator = StateValidator.of(scene)
@@ -119,8 +119,8 @@ def test_a_halt_stands_where_the_tick_ends_and_a_rewind_begins_again():
     assert len(run_out(schedule)) == len(list(cam_states(SCENE)))
 
 
-def test_a_successor_goes_on_at_its_place():
-    """The place alone says what comes next."""
+def test_a_successor_continues_the_schedule():
+    """The schedule's state alone determines what comes next."""
     schedule = SetpointSchedule(SCENE)
     schedule.command(222 * RPM)
     for _ in range(5):

@@ -45,7 +45,7 @@ def test_a_block_from_before_we_listened_is_passed_over():
 
 
 def test_a_block_that_comes_again_is_given_once():
-    """A follower that was started again says its last ticks once more."""
+    """A follower that was started again sends its last ticks once more."""
     pairing = TickMatcher(sample_rate=5)
     for stamp in (0, 10**9, 2 * 10**9, 3 * 10**9):
         pairing.add_state(state(stamp))
@@ -57,7 +57,7 @@ def test_a_block_that_comes_again_is_given_once():
 
 
 def test_a_successor_begins_where_its_predecessor_ended():
-    """Ticks that were heard are not heard again."""
+    """Ticks that were done are not done again."""
     pairing = TickMatcher(sample_rate=5, since=10**9)
     for stamp in (0, 10**9, 2 * 10**9):
         pairing.add_state(state(stamp))

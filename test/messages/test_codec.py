@@ -52,7 +52,7 @@ def test_a_block_comes_back_bit_for_bit():
     ],
 )
 def test_another_layout_is_refused(dimensions):
-    """A block whose labels or sizes are not ours is an error that says so."""
+    """A block with other labels or sizes is refused with both."""
     with pytest.raises(RefusedError, match="allowed"):
         decode_block(dimensions, np.zeros(12))
 
@@ -94,7 +94,7 @@ def test_a_cam_state_of_before_is_taken():
 
 
 @pytest.mark.parametrize(
-    ("positions", "told"),
+    ("positions", "words"),
     [
         ([7.0, 0.5], r"θ 7.0 rad and 0.5 rad within the turn are 0.217 rad apart; allowed: 1e-06"),
         ([7.0, 7.0], r"7.0 rad within the turn; allowed: 0 to 2π"),
@@ -105,7 +105,7 @@ def test_a_cam_state_of_before_is_taken():
         ([1e300], r"θ 1e\+300 rad.*allowed"),
     ],
 )
-def test_what_is_no_cam_state_is_refused(positions, told):
+def test_what_is_not_a_cam_state_is_refused(positions, words):
     """By what is wrong with it."""
-    with pytest.raises(RefusedError, match=told):
+    with pytest.raises(RefusedError, match=words):
         cam_state_of(message(positions))

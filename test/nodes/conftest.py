@@ -90,14 +90,14 @@ def patient(scene, bag, screen=None, **drive):
     return live(scene, bag, screen, **{"patience": WAIT, **drive})
 
 
-def run_graph(scene, bag, on_tick=None, respawn=False, said=None, **drive):
-    """Run to the end, calling ``on_tick(graph, tick)`` for each; what was said on the way."""
-    said = [] if said is None else said
-    with Graph(patient(scene, bag, **drive), respawn=respawn, log=said.append) as graph:
+def run_graph(scene, bag, on_tick=None, respawn=False, logged=None, **drive):
+    """Run to the end, calling ``on_tick(graph, tick)`` for each; the lines that were logged."""
+    logged = [] if logged is None else logged
+    with Graph(patient(scene, bag, **drive), respawn=respawn, log=logged.append) as graph:
         for report in graph.progress():
             if on_tick is not None:
                 on_tick(graph, report["tick"])
-    return said
+    return logged
 
 
 @pytest.fixture(scope="session")
@@ -112,7 +112,7 @@ def short_scene(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def undisturbed_bag(hold_domain, short_scene, tmp_path_factory):
-    """A run of the short scene that nobody disturbed; who uses it is in one of `GROUPS`."""
+    """An undisturbed run of the short scene; its users are in one of `GROUPS`."""
     bag = tmp_path_factory.mktemp("undisturbed") / "bag"
     with hold_domain() as domain, pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_DOMAIN_ID", str(domain))

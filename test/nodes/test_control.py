@@ -1,4 +1,4 @@
-"""The rig under a user's hand: standard services, parameters and topics, while it turns."""
+"""The rig under operator commands: standard services, parameters and topics, while it turns."""
 
 import math
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""What a node says when it cannot go on: the words reach the user, with a code."""
+"""A node that cannot go on: its error reaches the user, with a code."""
 
 import signal
 import subprocess
@@ -47,12 +47,12 @@ def run_here(monkeypatch, capfd):
         ),
     ],
 )
-def test_a_node_says_why_it_ends(ros_domain, run_here, node, parameter, code, words):
+def test_a_node_reports_why_it_ends(ros_domain, run_here, node, parameter, code, words):
     """One line on stderr and the error's code, no traceback."""
-    ended, said = run_here(node, parameter)
+    ended, logged = run_here(node, parameter)
     assert ended == code
-    assert words in said
-    assert "Traceback" not in said
+    assert words in logged
+    assert "Traceback" not in logged
 
 
 def test_the_code_is_the_processs(ros_domain):

@@ -1,4 +1,4 @@
-"""A node dies: the run ends, says which and when, and keeps what it has."""
+"""A node is killed: the run ends, names it and the tick, and keeps what it has."""
 
 import os
 import subprocess
@@ -46,7 +46,7 @@ def test_a_killed_node_ends_the_run(ros_domain, wait_for, rig, short_scene, tmp_
 def test_a_recorder_killed_while_all_are_ended_is_named(
     ros_domain, rig, short_scene, tmp_path, monkeypatch
 ):
-    """After the drive's end, before the bag is closed: code 1, its name, the bag mended."""
+    """After the drive's end, before the bag is closed: code 1, its name, the bag recovered."""
 
     def kill_recorder(nodes):
         for node in nodes:
@@ -66,7 +66,7 @@ def test_a_recorder_killed_while_all_are_ended_is_named(
 
 @pytest.mark.long
 def test_a_full_disk_ends_the_run_with_its_name(ros_domain, rig, short_scene, tmp_path):
-    """A file may grow to 300 kB here: the recorder says what it could not write."""
+    """A file may grow to 300 kB here: the recorder reports what it could not write."""
     limited = "import resource as r; r.setrlimit(r.RLIMIT_FSIZE, (300_000, 300_000))"
     start = f"{limited}; import signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)"
     arguments = ["cam-rig", "run", str(short_scene), "--bag", str(tmp_path / "bag")]

@@ -44,7 +44,7 @@ def test_ramps_give_the_numbers_of_the_core_too(ros_domain, rig, tmp_path):
 
 @pytest.mark.long
 def test_cams_of_fewer_ticks_than_are_in_flight(ros_domain, rig, tmp_path):
-    """Each turns in its turn: what the law server says of one is not taken for the next."""
+    """Each turns in its turn: a report on one is not taken for the next."""
     cams = "cams: [tm21, cycloidal, poly345, bezier15]"
     require_as_simulated(
         rig, tmp_path, "cams: [tm21, bezier15]", cams, "[200, 300, 350, 400]", "[300]"
@@ -70,8 +70,8 @@ def require_as_simulated(rig, folder, *changes):
     assert [tick.pressure for tick in recording.ticks] == [tick.pressure for tick in alone]
 
 
-def test_a_dead_node_ends_the_run_and_is_named(ros_domain, rig, tmp_path):
-    """kill -9 of the follower: the run says which node died, and no process is left."""
+def test_a_killed_node_ends_the_run_and_is_named(ros_domain, rig, tmp_path):
+    """kill -9 of the follower: the run names the node, and no process is left."""
     bag = tmp_path / "bag"
     with Graph(rig.live(config_root() / "scenes" / "tm21_sweep.yaml", bag)) as graph:
         with pytest.raises(RunError, match=r"node follower was ended by signal 9 after tick \d+"):
@@ -119,7 +119,7 @@ def test_a_killed_runner_leaves_no_node(ros_domain, wait_for, rig, tmp_path):
     wait_for(lambda: not rig.processes(scene))
 
 
-def test_nothing_is_sent_before_everybody_is_ready(ros_domain, rig, short_scene, tmp_path):
+def test_nothing_is_sent_before_every_node_is_ready(ros_domain, rig, short_scene, tmp_path):
     """The recorder stands while it starts: no state goes out; then it goes on, and all goes out."""
     with Graph(rig.live(short_scene, tmp_path / "bag")) as graph:
         recorder = graph.processes["recorder"]

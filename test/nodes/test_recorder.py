@@ -1,4 +1,4 @@
-"""The recorder's end: it takes what is on its way, and waits for nobody who never ends."""
+"""The recorder's end: it takes what is in transit, and does not wait for an endless publisher."""
 
 from itertools import count
 
@@ -30,7 +30,7 @@ def test_the_rest_is_taken():
     assert spinning.written == 4 and spinning.spins == 8 + 5
 
 
-def test_who_never_ends_is_not_waited_for():
+def test_an_endless_publisher_is_not_waited_for():
     """Something to write every 40 ms, for ever: the recorder ends before it is killed."""
     spinning = Spinning(number % 2 for number in count())
     spinning.rest()

@@ -18,7 +18,7 @@ def assert_same(found, expected):
 
 @pytest.mark.long  # as the stalled run shows too
 def test_two_runs_are_equal_byte_by_byte(ros_domain, rig, short_scene, undisturbed, tmp_path):
-    """Every payload on every topic, in order: nothing depends on who was faster."""
+    """Every payload on every topic, in order: nothing depends on scheduling."""
     rig.run(short_scene, tmp_path / "bag")
     assert len(undisturbed) == 11
     assert_same(rig.payloads(tmp_path / "bag"), undisturbed)
@@ -29,30 +29,30 @@ def test_killed_nodes_are_started_again_and_leave_no_trace(
 ):
     """kill -9 of each node in turn: the bag is the undisturbed one, and /dev/shm is left clean."""
     victims = ["follower", "microphone", "law_server", "cam_drive", "recorder"]
-    killed, said, names, before = [], [], set(), rig.unused()
+    killed, logged, names, before = [], [], set(), rig.unused()
 
     def kill(graph, tick):
         alive = not any(node.has_ended for node in graph.processes.values())
-        if tick > 6 and victims and alive and len(said) == len(killed):
+        if tick > 6 and victims and alive and len(logged) == len(killed):
             names.update(rig.mapped(*(node.process.pid for node in graph.processes.values())))
             killed.append(victims.pop(0))
             graph.processes[killed[-1]].process.kill()
             graph.processes[killed[-1]].process.wait()
 
-    rig.run(short_scene, tmp_path / "bag", kill, respawn=True, said=said)
-    assert [line.split()[1] for line in said] == killed
+    rig.run(short_scene, tmp_path / "bag", kill, respawn=True, logged=logged)
+    assert [line.split()[1] for line in logged] == killed
     assert len(killed) == 5
-    assert all("was ended by signal 9 after tick" in line for line in said)
+    assert all("was ended by signal 9 after tick" in line for line in logged)
     assert_same(rig.payloads(tmp_path / "bag"), undisturbed)
     assert len(names) > 10
     assert (rig.unused() - before) & names == set()
 
 
-def test_a_recorder_that_dies_after_the_drives_end_leaves_no_trace(
+def test_a_recorder_killed_after_the_drives_end_changes_no_message(
     ros_domain, rig, short_scene, undisturbed, tmp_path
 ):
     """It had answered for what it had not flushed: the bag is the undisturbed one all the same."""
-    said, once = [], [rig.ticks]
+    logged, once = [], [rig.ticks]
 
     def kill(graph, tick):
         if tick in once:
@@ -61,8 +61,8 @@ def test_a_recorder_that_dies_after_the_drives_end_leaves_no_trace(
             graph.processes["recorder"].process.kill()
             graph.processes["recorder"].process.wait()
 
-    rig.run(short_scene, tmp_path / "bag", kill, respawn=True, said=said)
-    assert [line.split()[1] for line in said] == ["recorder"]
+    rig.run(short_scene, tmp_path / "bag", kill, respawn=True, logged=logged)
+    assert [line.split()[1] for line in logged] == ["recorder"]
     assert_same(rig.payloads(tmp_path / "bag"), undisturbed)
 
 
@@ -70,26 +70,26 @@ def test_a_recorder_that_dies_after_the_drives_end_leaves_no_trace(
 @pytest.mark.parametrize(
     "victims", [("follower", "cam_drive"), ("recorder", "follower", "microphone")]
 )
-def test_a_second_node_dies_while_the_first_returns(
+def test_a_second_node_is_killed_while_the_first_returns(
     ros_domain, wait_for, rig, short_scene, undisturbed, tmp_path, victims
 ):
-    """Each when the one before has been started again, so that nobody lives who has heard all: the
+    """Each when the one before has been started again, so that no process has received all: the
     bag is the undisturbed one."""
-    said, once = [], [20]
+    logged, once = [], [20]
 
     def in_turn(processes):
         for dead, process in enumerate(processes):
-            wait_for(lambda dead=dead: len(said) >= dead)
+            wait_for(lambda dead=dead: len(logged) >= dead)
             process.kill()
 
     def kill(graph, tick):
-        if tick in once:  # a drive that returns says it again
+        if tick in once:  # a drive that returns sends it again
             once.clear()
             processes = [graph.processes[name].process for name in victims]
             threading.Thread(target=in_turn, args=[processes]).start()
 
-    rig.run(short_scene, tmp_path / "bag", kill, respawn=True, said=said)
-    assert sorted(line.split()[1] for line in said) == sorted(victims)
+    rig.run(short_scene, tmp_path / "bag", kill, respawn=True, logged=logged)
+    assert sorted(line.split()[1] for line in logged) == sorted(victims)
     assert_same(rig.payloads(tmp_path / "bag"), undisturbed)
 
 
@@ -101,7 +101,7 @@ def resident_mb(process):
 def test_a_stalled_consumer_holds_all_and_loses_nothing(
     ros_domain, rig, short_scene, undisturbed, tmp_path
 ):
-    """The slowest consumer stands for 5 s: nobody's memory grows, then it goes on."""
+    """The slowest consumer is suspended for 5 s: no node's memory grows, then it goes on."""
     grown = []
 
     def stall(graph, tick):

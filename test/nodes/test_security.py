@@ -87,7 +87,7 @@ def array_message(dims, data):
 
 
 def hostile():
-    """(topic, message) of everything that a rig could be told by somebody who means it harm."""
+    """(topic, message) of everything that a hostile program could publish."""
     nan, inf = math.nan, math.inf
     for angle, speed in (([nan], [1.0]), ([0.0], [inf]), ([], []), ([1.0, 2.0], [3.0]),
                          ([0.0], [-5.0]), ([0.0], [1e9]), ([1e300], [1.0])):  # fmt: skip
@@ -125,7 +125,7 @@ def hostile():
 
 
 def forge(user, topic, message):
-    """A publisher of somebody else's, that everybody who listens to the topic has found."""
+    """Another program's publisher, which every subscriber of the topic has discovered."""
     made = user.node.create_publisher(type(message), topic, 10 if topic in OPEN else LATCHED)
     while made.get_subscription_count() == 0:
         user.spin(0.02)
@@ -154,7 +154,7 @@ def node_alone(name, scene, folder):
 
 @pytest.mark.parametrize("name", HEARS)
 def test_what_cannot_be_right_ends_no_node(user, short_scene, tmp_path, wait_for, name):
-    """Malformed, impossible, huge, from the past: the node warns of it, lives on, ends in order."""
+    """Malformed, impossible, huge, from the past: the node warns of it, goes on, ends in order."""
     node = node_alone(name, short_scene, tmp_path)
     try:
         publishers = {}
@@ -180,7 +180,7 @@ def impossible_parameter():
 
 
 def open_to_all():
-    """(topic, message) of what anybody in the domain may publish, as nobody should."""
+    """(topic, message) of what any program may publish, with impossible content."""
     yield "/cam/rpm", Float64(data=math.nan)
     yield "/cam/rpm", Float64(data=-1e9)
     for kind in (77, 4):
@@ -191,8 +191,8 @@ def open_to_all():
     yield "/rig/ready", Header(frame_id="nobody")
 
 
-def test_what_anybody_may_say_changes_nothing(user, rig, short_scene, undisturbed, tmp_path):
-    """Impossible speeds, parameter events that the law server denies, other robots' diagnoses, a
+def test_messages_on_open_topics_change_nothing(user, rig, short_scene, undisturbed, tmp_path):
+    """Impossible speeds, parameter events that the law server denies, other robots' diagnostics, a
     flood of each: the bag is the undisturbed one, byte by byte."""
     bag, publishers = tmp_path / "bag", {}
     with Graph(rig.live(short_scene, bag, pacing="2x")) as graph:
@@ -205,10 +205,10 @@ def test_what_anybody_may_say_changes_nothing(user, rig, short_scene, undisturbe
                     publishers[topic].publish(message)
         for _ in reports:
             pass
-        said = {name: "".join(node.stderr_lines) for name, node in graph.processes.items()}
+        logged = {name: "".join(node.stderr_lines) for name, node in graph.processes.items()}
     for name in ("cam_drive", "recorder"):
-        assert "refused: " in said[name], name
-    assert not any("Traceback" in words for words in said.values()), said
+        assert "refused: " in logged[name], name
+    assert not any("Traceback" in words for words in logged.values()), logged
     found = rig.payloads(bag)
     assert found.keys() == undisturbed.keys()
     for topic, expected in undisturbed.items():
@@ -228,7 +228,7 @@ def test_what_anybody_may_say_changes_nothing(user, rig, short_scene, undisturbe
     ],
 )
 def test_a_second_publisher_ends_the_run(user, rig, short_scene, tmp_path, topic, message):
-    """Not one number of it is called a result: code 1, the topic and who it is."""
+    """Code 1; the error names the topic and the other node."""
     graph = Graph(rig.live(short_scene, tmp_path / "bag", pacing="2x"))
     words = rf"{topic}: has a second publisher, /user; allowed: one, this rig's "
     with pytest.raises(RunError, match=words), graph:
@@ -239,8 +239,8 @@ def test_a_second_publisher_ends_the_run(user, rig, short_scene, tmp_path, topic
             pass
 
 
-def test_a_law_that_was_forged_first_is_not_believed(user, rig, short_scene, tmp_path):
-    """Latched before the law server lives: the run ends, and names who it was."""
+def test_a_law_that_was_forged_first_ends_the_run(user, rig, short_scene, tmp_path):
+    """Latched before the law server starts: the run ends, and names the other node."""
     law = [("tm21", 2), (PIECE_LABEL, 4)]
     forged = array_message(law, [0.0, 0.0, 1e-3, 0.0, 3.0, 0.0, 1e-3, 0.0])
     publisher = user.node.create_publisher(type(forged), "/cam/law_coefficients", LATCHED)

@@ -1,4 +1,4 @@
-"""A node's first moments: signals count from the start, and the drive waits for everybody."""
+"""A node's first moments: signals count from the start, and the drive waits for every node."""
 
 import random
 import signal
@@ -53,10 +53,10 @@ def test_a_node_ends_by_a_signal_that_its_shell_ignores(ros_domain, short_scene)
 def test_a_run_that_is_interrupted_before_it_began_has_recorded_nothing(
     ros_domain, rig, short_scene, tmp_path
 ):
-    """And says so, not that something was closed."""
-    said = []
-    graph = Graph(rig.live(short_scene, tmp_path / "bag"), log=said.append)
+    """And reports so, not that a bag was closed."""
+    logged = []
+    graph = Graph(rig.live(short_scene, tmp_path / "bag"), log=logged.append)
     with pytest.raises(InterruptError), graph:
         raise InterruptError(signal.SIGINT)
-    assert said == ["nothing was recorded"]
+    assert logged == ["nothing was recorded"]
     assert all(process.code == 0 for process in graph.processes.values())

@@ -68,15 +68,15 @@ def test_the_live_picture_is_the_bags(ros_domain, wait_for, rig, tmp_path):
 def test_a_killed_viewer_is_started_again(ros_domain, wait_for, rig, tmp_path):
     """A spectator does not cost the measurement: the bag is whole, and the new one sees the end."""
     bag, seen_file, port = tmp_path / "bag", tmp_path / "live.rrd", free_port()
-    said, address = [], stream_address(port)
+    logged, address = [], stream_address(port)
     with listening("--serve-grpc", "--port", str(port), "--save", str(seen_file), ports=(port,)):
-        with Graph(rig.live(QUICK, bag, address, pacing="1x"), log=said.append) as graph:
+        with Graph(rig.live(QUICK, bag, address, pacing="1x"), log=logged.append) as graph:
             for report in graph.progress():
                 if report["tick"] == 2:
                     graph.processes["viewer"].process.kill()
         recorded = as_recorded(bag, tmp_path)
         seen = wait_for(lambda: arrived(seen_file, recorded))
-    assert ["viewer" in line and "started again" in line for line in said] == [True]
+    assert ["viewer" in line and "started again" in line for line in logged] == [True]
     for name in CURVES:
         np.testing.assert_array_equal(seen[name][-1], recorded[name][-1], err_msg=name)
 

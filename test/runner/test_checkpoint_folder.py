@@ -1,4 +1,4 @@
-"""The folder of handovers goes with its run, or with the next."""
+"""The folder of checkpoints is removed with its run, or with the next."""
 
 import os
 import subprocess
@@ -21,7 +21,7 @@ def age(folder):
 
 
 def test_what_a_killed_run_left_goes_with_the_next(tmp_path):
-    """While it lives its folder stays, whatever its age; other folders always do."""
+    """While it runs its folder stays, whatever its age; other folders always do."""
     (tmp_path / "cam_rig-replay-x").mkdir()
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / f"{PREFIX}link").symlink_to(tmp_path / "elsewhere")
@@ -42,7 +42,7 @@ def test_what_a_killed_run_left_goes_with_the_next(tmp_path):
 
 
 def test_one_that_was_just_made_stays(tmp_path):
-    """Between its making and its lock nobody may take it away."""
+    """Between its making and its lock it may not be removed."""
     (tmp_path / f"{PREFIX}new").mkdir()
     CheckpointFolder(tmp_path).remove()
     assert (tmp_path / f"{PREFIX}new").is_dir()

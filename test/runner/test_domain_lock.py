@@ -1,4 +1,4 @@
-"""Two runs in one ROS domain would hear each other: the second is refused."""
+"""Two runs in one ROS domain would mix: the second is refused."""
 
 import ctypes
 import os
@@ -27,7 +27,7 @@ def place(request, monkeypatch, tmp_path):
 
 
 def test_a_domain_is_held_once(monkeypatch, place):
-    """The second run is told which domain is taken; another domain, or a later run, is free."""
+    """The second run names the domain that is taken; another domain, or a later run, is free."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
     with own_domain():
         with pytest.raises(RunError, match="another run is active in ROS domain 7"), own_domain():
@@ -79,13 +79,13 @@ def test_what_is_no_domain(text):
 
 @pytest.mark.ros
 def test_ros_itself_reads_them_so():
-    """What rclpy says of the environment's number."""
+    """How rclpy reads the environment's number."""
     ask = "import rclpy; rclpy.init(); print(rclpy.get_default_context().get_domain_id())"
     for text in ("030", "0x10"):
         command = [sys.executable, "-c", ask]
         environment = os.environ | {"ROS_DOMAIN_ID": text}
-        said = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-        assert int(said.stdout) == domain_number(text)
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        assert int(done.stdout) == domain_number(text)
 
 
 @pytest.mark.parametrize("kind", ["link", "pipe", "folder"])

@@ -49,8 +49,8 @@ def torn_bag(bag):
 
 @pytest.fixture
 def progress(monkeypatch, tmp_path):
-    """Start nodes of which some end at once, with these codes; what was started, what was said."""
-    started, said, closing = [], [], []
+    """Start nodes of which some end at once, with these codes; what was started and logged."""
+    started, logged, closing = [], [], []
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
 
     def stop(nodes):
@@ -71,7 +71,7 @@ def progress(monkeypatch, tmp_path):
         monkeypatch.setattr("cam_rig.runner.graph.NodeProcess", Made)
         monkeypatch.setattr("cam_rig.runner.graph.clean", lambda _: [])
         monkeypatch.setattr("cam_rig.runner.graph.stop_all", stop)
-        graph = Graph(live(tmp_path, tmp_path / "bag"), respawn, log=said.append)
+        graph = Graph(live(tmp_path, tmp_path / "bag"), respawn, log=logged.append)
         for name in graph._nodes:
             graph._start(name)
         started.clear()
@@ -79,57 +79,57 @@ def progress(monkeypatch, tmp_path):
             torn_bag(tmp_path / "bag")
         graph._progress.put('{"done": true}')
         list(graph.progress())
-        return started, said
+        return started, logged
 
     return make
 
 
 @pytest.mark.parametrize("other", ["follower", "microphone", "law_server"])
-def test_who_dies_when_the_drive_has_ended_costs_nothing(progress, other):
-    """With --respawn: the drive's end is the run's, and nobody is started for nothing."""
-    started, said = progress(True, cam_drive=0, **{other: KILLED})
+def test_a_node_that_ends_after_the_drive_costs_nothing(progress, other):
+    """With --respawn: the drive's end is the run's, and no node is started in vain."""
+    started, logged = progress(True, cam_drive=0, **{other: KILLED})
     assert started == []
-    assert said == [f"node {other} ended with -9 before the first tick, when all was published"]
+    assert logged == [f"node {other} ended with -9 before the first tick, when all was published"]
 
 
-def test_a_recorder_that_dies_when_the_drive_has_ended_is_told_again(progress):
+def test_a_recorder_killed_after_the_drive_has_a_successor(progress):
     """It had answered for ticks that it had not flushed: the drive sends its last ones again."""
     codes = {"cam_drive": 0, "recorder": KILLED, "follower": KILLED, "again": {"cam_drive": 0}}
-    started, said = progress(True, **codes)
+    started, logged = progress(True, **codes)
     assert sorted(started) == ["cam_drive", "follower", "recorder"]
-    assert [line.split()[1] for line in said] == ["recorder", "follower"]
+    assert [line.split()[1] for line in logged] == ["recorder", "follower"]
 
 
 def test_a_recorder_that_is_killed_while_it_closes_is_started_again(progress):
     """With --respawn: the drive sends its last states to the successor, which closes the bag."""
     codes = {"cam_drive": 0, "again": {"cam_drive": 0}}
-    started, said = progress(True, killed_closing=1, **codes)
+    started, logged = progress(True, killed_closing=1, **codes)
     assert sorted(started) == ["cam_drive", "recorder"]
-    assert said == ["node recorder ended with -9 before the first tick: started again"]
+    assert logged == ["node recorder ended with -9 before the first tick: started again"]
 
 
 @pytest.mark.parametrize("code", [KILLED, 1, 0])
 def test_a_run_goes_on_without_its_viewer(monkeypatch, tmp_path, code):
-    """It is started again a few times, however it ended; then one line says that it is missing."""
-    said = []
+    """It is started again a few times, however it ended; then one line reports it."""
+    logged = []
 
     class Made(Process):
         codes: ClassVar = {VIEWER: [code] * 4}
 
     monkeypatch.setattr("cam_rig.runner.graph.NodeProcess", Made)
     monkeypatch.setattr("cam_rig.runner.graph.clean", lambda _: [])
-    graph = Graph(live(tmp_path, tmp_path / "bag", screen="address"), log=said.append)
+    graph = Graph(live(tmp_path, tmp_path / "bag", screen="address"), log=logged.append)
     for name in graph._nodes:
         graph._start(name)
     for _ in range(3):
         graph._handle_exit(VIEWER)
     assert graph.processes[VIEWER].has_ended
     graph._handle_exit(VIEWER)
-    assert said[:3] == [f"node viewer ended with {code} before the first tick: started again"] * 3
-    assert said[3].endswith("; the run goes on without it") and len(said) == 4
+    assert logged[:3] == [f"node viewer ended with {code} before the first tick: started again"] * 3
+    assert logged[3].endswith("; the run goes on without it") and len(logged) == 4
 
 
-def test_a_drive_that_was_told_to_end_has_not_done_its_program(monkeypatch, tmp_path):
+def test_a_drive_that_was_stopped_has_not_done_its_program(monkeypatch, tmp_path):
     """It ends in order, with code 0, and the run is not complete all the same."""
 
     class Made(Process):
@@ -139,25 +139,25 @@ def test_a_drive_that_was_told_to_end_has_not_done_its_program(monkeypatch, tmp_
     monkeypatch.setattr("cam_rig.runner.graph.stop_all", lambda _: None)
     graph = Graph(live(tmp_path, tmp_path / "bag"))
     with (
-        pytest.raises(RunError, match="node cam_drive was told to end before the first tick"),
+        pytest.raises(RunError, match="node cam_drive was stopped before the first tick"),
         graph,
     ):
         list(graph.progress())
 
 
 def test_without_respawn_a_recorder_killed_while_it_closes_is_not(progress):
-    """Its bag is mended when all have ended."""
+    """Its bag is recovered when all have ended."""
     assert progress(False, killed_closing=1, cam_drive=0) == ([], [])
 
 
 @pytest.mark.parametrize("other", ["recorder", "follower", "microphone", "law_server"])
-def test_without_respawn_who_died_beside_the_drive_is_named(progress, other):
+def test_without_respawn_a_node_killed_beside_the_drive_is_named(progress, other):
     """Not the drive, which has ended as it should."""
     with pytest.raises(RunError, match=f"node {other} ended with -9"):
         progress(False, cam_drive=0, **{other: KILLED})
 
 
-def test_who_fails_beside_the_drive_is_named_with_its_words(progress):
+def test_a_node_that_fails_beside_the_drive_is_named_with_its_error(progress):
     """A full disk is none that goes away by starting again."""
     with pytest.raises(RunError, match=r"node recorder ended with 1 before .*: no space"):
         progress(True, cam_drive=0, recorder=1)

@@ -91,7 +91,7 @@ def _command(process: Path) -> str:
 
 
 def test_a_node_has_a_place_for_its_log_files(monkeypatch, tmp_path):
-    """A service or a cron job has no home: ROS would end each node before it says a word."""
+    """A service or a cron job has no home: ROS would end each node at once."""
     monkeypatch.delenv("HOME")
     monkeypatch.delenv("ROS_LOG_DIR", raising=False)
     tmp_path.chmod(0o700)

@@ -26,7 +26,7 @@ def make(folder, name, age=5.0):
     return path
 
 
-def test_only_what_is_dead_ours_and_of_this_run_goes(tmp_path):
+def test_only_unlocked_files_of_this_user_and_run_are_removed(tmp_path):
     """A held lock, another time, another name: each stays."""
     since = time.time() - 60.0
     for name in (DEAD, DEAD + "_el", "fastdds_port7499", "sem.fastdds_port7499_mutex", "other"):
@@ -97,7 +97,7 @@ def in_a_full_one(*command):
     return done
 
 
-def test_a_run_in_a_full_shared_memory_says_so(tmp_path):
+def test_a_run_in_a_full_shared_memory_is_refused(tmp_path):
     """Before a node is started; nothing is recorded."""
     bag = str(tmp_path / "bag")
     done = in_a_full_one(sys.executable, "-m", "cam_rig.cli.main", "run", "quick", "--bag", bag)
@@ -122,7 +122,7 @@ print(node.exit_summary())
 
 @pytest.mark.ros
 def test_a_node_in_a_full_shared_memory(tmp_path):
-    """It dies of SIGBUS, and what is said of it names the cause."""
+    """It is ended by SIGBUS, and the exit summary names the cause."""
     script = tmp_path / "node.py"
     script.write_text(NODE)
     done = in_a_full_one(sys.executable, str(script))

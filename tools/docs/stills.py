@@ -12,7 +12,7 @@ from cam_rig.drawing import colours
 from cam_rig.drawing.colours import web
 from cam_rig.drawing.follower import follower_shape
 from cam_rig.drawing.outlines import MM, circle, closed, turned
-from cam_rig.plots.figures import shade, turn_axis
+from cam_rig.plots.figures import CAM_ANGLE, shade, turn_axis
 from cam_rig.profile.motion import Motion
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.viewer.scene2d import ARROW, max_contact_force
@@ -94,5 +94,5 @@ def draw_curves(lift: Axes, force: Axes, loaded: LoadedScene, turn: Turn) -> lis
     force.axhline(0.0, color=web(colours.ZERO), lw=0.8)
     lift.set(ylabel="lift s [mm]")
     lift.legend(loc="upper left", fontsize=8)
-    force.set(ylabel="contact force [N]", xlabel="cam angle in the turn [°]")
+    force.set(ylabel="contact force [N]", xlabel=CAM_ANGLE)
     return [axes.axvline(0.0, color="0.3", lw=1.0) for axes in (lift, force)]

@@ -1,4 +1,4 @@
-"""What rosbag2 wants to know of a bag: metadata.yaml, and each topic's quality of service."""
+"""The description of a bag for rosbag2: metadata.yaml, and each topic's quality of service."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def offered_qos(topic: Topic) -> list[Any]:
 
 
 def metadata(file: str, topics: list[Topic], counts: dict[str, int], span: range) -> bytes:
-    """What metadata.yaml says of an MCAP file of a name that holds ``span`` ns of rig time."""
+    """The metadata.yaml of an MCAP file of a name that holds ``span`` ns of rig time."""
     times: dict[str, Any] = {
         "duration": {"nanoseconds": span.stop - span.start},
         "starting_time": {"nanoseconds_since_epoch": span.start},
@@ -84,7 +84,7 @@ def _of_wheels() -> str:
 
 
 def type_hash(topic: Topic) -> str:
-    """The type's RIHS01 hash; empty for a type that is not ours to know."""
+    """The type's RIHS01 hash; empty for a type that is not known."""
     types = get_typestore(Stores.ROS2_KILTED)
     return str(types.hash_rihs01(topic.type)) if topic.type in types.types else ""
 

@@ -1,4 +1,4 @@
-"""Messages that wait for their state or for each other: a bounded number, whoever floods."""
+"""Messages that wait for their state or for each other: a bounded number, in a flood too."""
 
 from __future__ import annotations
 

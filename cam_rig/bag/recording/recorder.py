@@ -42,7 +42,7 @@ class BagRecorder:
     ----------
     bag : folder to record into
     loaded : the scene, attached with its files
-    publishers : who may publish what
+    publishers : the one publisher of each topic
     resume : go on with a bag that a killed recorder left, instead of refusing it
 
     Raises

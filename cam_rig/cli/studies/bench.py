@@ -40,7 +40,7 @@ def bench(
         say(*notes(study))
         write_csv([shown], csv)
         if plot is not None:
-            from cam_rig.bench.plot import draw
+            from cam_rig.plots.work_precision import draw
 
             write_plot(plot, lambda part: draw(study, part))
         write_json(to_json(study), json_target)

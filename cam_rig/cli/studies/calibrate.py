@@ -15,11 +15,11 @@ def calibrate(
     scene: Scene = DEFAULT_SCENE,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show, write nothing.")] = False,
 ) -> None:
-    """Fit gain and corner of the rig's structure to the published noise of one cam.
+    """Fit gain and cut-off of the rig's radiation to the published noise of one cam.
 
-    Which cam: ``radiation.calibrated_on`` in the rig file. Two numbers are fitted, by least
-    squares in dB over the scene's speeds, and written into the rig file with their residual.
-    Every other cam's curve is then a prediction.
+    They are ``radiation.gain`` and ``corner`` of the rig file, the cam is its ``calibrated_on``.
+    Two numbers are fitted, by least squares in dB over the scene's speeds, and written into the
+    rig file with the fit error. Every other cam's curve is then a prediction.
 
     Examples
     --------

@@ -146,7 +146,7 @@ class Conclusions:
 def conclusions(found: Factorial) -> Conclusions:
     """What the study comes to."""
     same, alike = found.same_angles, found.same_acceleration
-    rows = advantages(found)
+    rows, smoother = advantages(found), _smoother(alike)
     ahead = [row for row in rows if row.jump > 0.0]
     residual = class_means(alike, RESIDUAL)
     ratio = 10.0 ** ((residual[min(residual)] - residual[max(residual)]) / 20.0)
@@ -167,8 +167,8 @@ def conclusions(found: Factorial) -> Conclusions:
         classes=classes_of(alike),
         same_angles=_effects(same, found.config),
         same_acceleration=_effects(alike, found.config),
-        jump_smooth=_smooth_shares(alike),
-        step_to_c2=_step_to_c2(alike),
+        jump_smooth=None if smoother is None else Shares.of(smoother, JUMP),
+        step_to_c2=smoother is not None and _step_to_c2(alike, smoother),
         residual_ratio=ratio if len(residual) > 1 else None,
         residual_falls=falls_with_class(alike, RESIDUAL),
         smooth=_smooth(same),
@@ -252,20 +252,17 @@ def _effect(design: Design, effect: Effect, config: FactorialConfig) -> EffectCo
     )
 
 
-def _smooth_shares(design: Design) -> Shares | None:
+def _smoother(design: Design) -> Design | None:
+    """The laws of C2 and above; None where they are too few, or all."""
     smooth = design.from_class(SMOOTH)
-    if smooth is None or smooth.rises == design.rises:
-        return None
-    return Shares.of(smooth, JUMP)
+    return None if smooth is None or smooth.rises == design.rises else smooth
 
 
-def _step_to_c2(design: Design) -> bool:
+def _step_to_c2(design: Design, smooth: Design) -> bool:
     """Whether laws below C2 are all behind, and without them laws differ by less than half."""
-    smooth = design.from_class(SMOOTH)
-    if smooth is None or smooth.rises == design.rises:
-        return False
-    per_law = design.analysis(JUMP).rows / len(design.rises)
-    per_smooth_law = smooth.analysis(JUMP).rows / len(smooth.rises)
+    per_law, per_smooth_law = (
+        part.analysis(JUMP).rows / len(part.rises) for part in (design, smooth)
+    )
     rough = [v for v, k in zip(mean_jumps(design), design.classes, strict=True) if k < SMOOTH]
     return per_smooth_law < 0.5 * per_law and min(mean_jumps(smooth)) > max(rough)
 
@@ -274,12 +271,6 @@ def _smooth(design: Design) -> Smooth | None:
     smooth = design.from_class(SMOOTH)
     if smooth is None:
         return None
-    means = mean_jumps(smooth)
-    last, first = int(np.argmax(means)), int(np.argmin(means))
-    return Smooth(
-        smooth.rises[first],
-        means[first],
-        smooth.rises[last],
-        means[last],
-        falls_with_class(smooth, JUMP),
-    )
+    by_speed = sorted(zip(mean_jumps(smooth), smooth.rises, strict=True))
+    (first_rpm, first), (last_rpm, last) = by_speed[0], by_speed[-1]
+    return Smooth(first, first_rpm, last, last_rpm, falls_with_class(smooth, JUMP))

@@ -1,9 +1,10 @@
 """Rerun's web viewer on this machine alone: no request goes to any other.
 
-The viewer's own page loads a font, asks for a newer version and reports its use. This server
-hands the same page on with a guard before all of its code: a request to another host is answered
-on the spot with nothing, and the browser is told to let none out. Who asks under another name than
-this machine's own is refused, and what was asked for is never taken for a name to look up.
+The viewer's own page loads a font, looks for a newer version and reports its use. This server
+serves the same page with a guard before all of its code: a request to another host is answered at
+once with an empty response, and a content security policy keeps the browser from sending any. A
+request under another host name than this machine's is refused, and its path is never looked up as
+a name.
 """
 
 from __future__ import annotations

@@ -66,7 +66,7 @@ def test_the_golden_bag_comes_back_whole(tmp_path):
 
 
 def test_a_damaged_chunk_is_read_as_far_as_it_goes(tmp_path):
-    """A flipped byte costs one message at most, and all of its chunk are told of as doubtful."""
+    """A flipped byte costs one message at most, and all of its chunk are reported as doubtful."""
     write(tmp_path / "bag", 10)
     file = mcap_file(tmp_path / "bag")
     data = bytearray(file.read_bytes())
@@ -123,7 +123,7 @@ def straight(tmp_path_factory, loaded, golden):
 
 @pytest.mark.parametrize("part", [0.02, 0.4, 0.9])
 def test_a_recorder_takes_over_from_a_killed_one(tmp_path, loaded, golden, straight, part):
-    """What the torn file lacks comes again from the histories; the bag is the undisturbed one."""
+    """What the truncated file lacks comes from the histories; the bag is the undisturbed one."""
     bag = tmp_path / "bag"
     killed = record(bag, loaded, golden[: len(golden) // 2])
     killed._flush()
@@ -186,7 +186,7 @@ def test_a_folder_that_was_there_is_nobodys_to_take_over(tmp_path, loaded):
     assert list(theirs.iterdir()) == []
 
 
-def test_a_torn_bag_is_mended_where_it_is(tmp_path, loaded, golden):
+def test_a_bag_is_recovered_in_place(tmp_path, loaded, golden):
     """After a run whose recorder was killed, its bag can be read."""
     bag = tmp_path / "bag"
     killed = record(bag, loaded, golden)

@@ -32,11 +32,11 @@ def shuffled(messages, seed):
 
 def record(messages, kept, starts=1):
     session = RecordingSession(kept, StateValidator(RATE), Publishers(lambda _node: starts))
-    told = []
+    written = []
     for topic, number, cdr, *source in messages:
-        told += session.take(topic, cdr, *(source or [LIVE]), number)
+        written += session.take(topic, cdr, *(source or [LIVE]), number)
     session.close()
-    return told
+    return written
 
 
 def by_topic(kept):
@@ -54,8 +54,8 @@ def states(golden):
 
 def test_every_message_is_written_once_with_its_states_time(golden, kept, states):
     """Levels and samples carry no stamp: their twins tell it."""
-    told = record(golden, kept)
-    assert told == states
+    written = record(golden, kept)
+    assert written == states
     assert len(kept.messages) == len(golden)
     found = by_topic(kept)
     for topic in topics.RECORDING:
@@ -73,22 +73,22 @@ def test_any_order_of_topics_gives_one_bag(golden, kept, seed):
 
 
 def test_a_clock_that_was_lost_is_known_from_the_next(golden, kept, states):
-    """/clock never goes back, so nobody says it again; a state's stamp holds the same bytes."""
+    """/clock never goes back, so it is not resent; a state's stamp holds the same bytes."""
     record(golden, kept)
     whole, kept.messages = by_topic(kept), []
     lost = {n for topic, n, _ in golden if topic is topics.CLOCK}
     lost -= {max(lost)}
-    told = record([m for m in golden if m[0] is not topics.CLOCK or m[1] not in lost], kept)
-    assert told == states
+    written = record([m for m in golden if m[0] is not topics.CLOCK or m[1] not in lost], kept)
+    assert written == states
     assert by_topic(kept) == whole
 
 
 @pytest.mark.parametrize("missing", [t for t in topics.RECORDING if t.per in ("tick", "state")])
 def test_a_state_waits_for_every_message_of_its_tick(golden, kept, states, missing):
-    """Nobody is told of a state while a message is missing; what came is written at the end."""
+    """A state is not acknowledged while a message is missing; the rest is written at the end."""
     last = max(n for topic, n, _ in golden if topic is missing)
-    told = record([m for m in golden if m[:2] != (missing, last)], kept)
-    assert told == states[:-1]
+    written = record([m for m in golden if m[:2] != (missing, last)], kept)
+    assert written == states[:-1]
     assert len(by_topic(kept)[missing.name]) == last - 1
     if missing is not topics.CAM_STATE:  # a message without its stamped twin belongs to no tick
         twins = sum(topic.twin == missing.name for topic in topics.RECORDING)
@@ -98,22 +98,24 @@ def test_a_state_waits_for_every_message_of_its_tick(golden, kept, states, missi
 def test_a_step_waits_for_its_law(golden, kept, states):
     """The sampled law of each speed is in the bag before the states that turn with it."""
     laws = [stamp_of(cdr) for topic, _, cdr in golden if topic is topics.LAW]
-    told = record([m for m in golden if m[:2] != (topics.LAW, 2)], kept)
-    assert told == [stamp for stamp in states if stamp < laws[1]]
+    written = record([m for m in golden if m[:2] != (topics.LAW, 2)], kept)
+    assert written == [stamp for stamp in states if stamp < laws[1]]
 
 
 @pytest.mark.parametrize("back", [1, 3, 7])
 def test_a_node_that_was_started_again_changes_nothing(golden, kept, back):
-    """The successor says the last ticks again, numbered anew: the bag is the undisturbed one."""
+    """The successor resends the last ticks, numbered from one: the bag is the undisturbed one."""
     record(golden, kept)
     straight, kept.messages = by_topic(kept), []
-    heard, own = (topics.LEVEL, topics.PRESSURE), []
-    died = next(i for i, m in enumerate(golden) if m[:2] == (topics.PRESSURE, 9))  # level 9 is out
+    published, own = (topics.LEVEL, topics.PRESSURE), []
+    killed = next(
+        i for i, m in enumerate(golden) if m[:2] == (topics.PRESSURE, 9)
+    )  # level 9 is out
     for topic, number, cdr in golden:
-        if topic in heard and number >= 9 - back:
+        if topic in published and number >= 9 - back:
             own.append((topic, number - (9 - back) + 1, cdr, AGAIN))
-    before = golden[:died]
-    after = [m for m in golden[died:] if m[0] not in heard]
+    before = golden[:killed]
+    after = [m for m in golden[killed:] if m[0] not in published]
     before = [(*m, LIVE) for m in before]
     record([*before, *shuffled([*own, *((*m, LIVE) for m in after)], 1)], kept, starts=2)
     assert by_topic(kept) == straight
@@ -156,7 +158,7 @@ def test_a_second_publisher_ends_a_recording(golden, kept, topic, forged_first):
 
 
 def test_a_forged_diagnosis_ends_a_recording(golden, kept):
-    """The microphone's word from another process than the levels' is somebody else's."""
+    """The microphone's diagnostics from another process than its levels are refused."""
     session = RecordingSession(kept, StateValidator(RATE))
     level = next(m[2] for m in golden if m[0] is topics.LEVEL)
     session.take(topics.LEVEL, level, LIVE, 1)
@@ -166,7 +168,7 @@ def test_a_forged_diagnosis_ends_a_recording(golden, kept):
 
 
 def test_a_law_that_is_not_the_files_is_refused(golden, kept):
-    """What the check says of a law or a contour holds; the other messages go on."""
+    """A law or a contour that the check refuses is left out; the other messages are taken."""
     held = []
 
     def check(topic, message):
@@ -198,7 +200,7 @@ def test_a_cam_that_jumps_is_no_state(golden, kept):
 
 
 def test_messages_of_no_known_state_are_bounded(golden, kept):
-    """A flood of foreign stamps fills no memory."""
+    """A flood of unknown stamps does not fill the memory."""
     session, raw = RecordingSession(kept, StateValidator(RATE)), RawMessages()
     pressure, _ = raw.read(topics.PRESSURE, next(m[2] for m in golden if m[0] is topics.PRESSURE))
     types = raw._types
@@ -238,14 +240,14 @@ def test_what_states_have_overtaken_is_let_go(golden, kept):
             session.take(topics.FOLLOWER_CONTACT, junk, LIVE, number)
 
 
-def of_speaker(speaker, stamp):
+def of_speaker(node, stamp):
     """A diagnosis."""
     types = RawMessages()._types
     kinds = ("diagnostic_msgs/msg/DiagnosticStatus", "std_msgs/msg/Header", topics.DIAGNOSTICS.type)
     status, header, array = (types.types[kind] for kind in kinds)
     time = types.types["builtin_interfaces/msg/Time"](stamp // 10**9, stamp % 10**9)
-    said = status(level=0, name=speaker, message="all is well", hardware_id="", values=[])
-    message = array(header=header(time, ""), status=[said])
+    one = status(level=0, name=node, message="all is well", hardware_id="", values=[])
+    message = array(header=header(time, ""), status=[one])
     return bytes(types.serialize_cdr(message, topics.DIAGNOSTICS.type))
 
 

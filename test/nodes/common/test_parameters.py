@@ -38,8 +38,8 @@ def make(ros_domain, short_scene, tmp_path):
 
 
 @pytest.mark.parametrize("name", CLASSES)
-def test_every_parameter_says_what_it_is(make, name):
-    """Type, unit and range are told; what is not live is read-only."""
+def test_every_parameter_is_described(make, name):
+    """Type, unit and range are given; what is not live is read-only."""
     node = make(name)
     for spec in PARAMETERS[name]:
         about = node.describe_parameter(spec.name)

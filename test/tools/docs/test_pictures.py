@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import urllib.request
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -35,11 +36,15 @@ def archive(bag: SmallBag) -> TurnArchive:
     "page", [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))], ids=lambda path: path.name
 )
 def test_every_picture_of_a_document_is_there(page: Path) -> None:
-    """Each can be opened, and is larger than an icon."""
+    """Each can be opened: pixels are more than an icon's, and a drawing has paths."""
     for name in re.findall(r"!\[[^\]]*\]\((?!https?:)([^)\s]+)\)", page.read_text("utf-8")):
-        with Image.open(page.parent / name) as picture:
-            picture.verify()
-            assert min(picture.size) > 200, name
+        if name.endswith(".svg"):
+            drawing = ElementTree.parse(page.parent / name)
+            assert drawing.findall(".//{http://www.w3.org/2000/svg}path"), name
+        else:
+            with Image.open(page.parent / name) as picture:
+                picture.verify()
+                assert min(picture.size) > 200, name
 
 
 def test_the_viewers_picture_shows_every_curve() -> None:

@@ -1,46 +1,49 @@
-"""The work-precision plot: error against wall time, one panel a case."""
+"""The work-precision plot: error against wall time, one panel per case."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib as mpl
-
-mpl.use("Agg")
-import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from cam_rig.bench.result import CaseResult, WorkPrecisionStudy
+from cam_rig.drawing.colours import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, web
+from cam_rig.plots.figures import empty, write
 
-#: Okabe-Ito colours and distinct markers: readable in print and by the colour-blind.
+#: Colours and distinct markers: readable in print and by the colour-blind.
 STYLES = {
-    "DOP853": ("#0072B2", "o"),
-    "CVODE Adams": ("#E69F00", "v"),
-    "CVODE BDF": ("#D55E00", "s"),
-    "LSODA": ("#009E73", "^"),
-    "Radau": ("#CC79A7", "D"),
+    "DOP853": (web(BLUE), "o"),
+    "CVODE Adams": (web(ORANGE), "v"),
+    "CVODE BDF": (web(VERMILION), "s"),
+    "LSODA": (web(GREEN), "^"),
+    "Radau": (web(PURPLE), "D"),
 }
-RIG = ("#000000", "*")
+RIG = (web(BLACK), "*")
 #: Errors below this are drawn here: rounding may be zero.
 MIN_ERROR = 1e-17
 
 
 def draw(study: WorkPrecisionStudy, path: Path) -> None:
-    """Write the plot as PNG (or any format matplotlib knows by the suffix)."""
+    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write(figure(study), path)
+
+
+def figure(study: WorkPrecisionStudy) -> Figure:
+    """Error against wall time of every solver and of the rig, one panel per case."""
     count = max(1, len(study.cases))
     columns = min(3, count)
     lines = -(-count // columns)
-    size = (4.0 * columns, 3.4 * lines + 0.6)
-    figure, panels = plt.subplots(lines, columns, figsize=size, squeeze=False, layout="constrained")
+    out = empty(4.0 * columns, 3.4 * lines + 0.6)
+    panels = out.subplots(lines, columns, squeeze=False)
     for axes in panels.flat[count:]:
         axes.set_visible(False)
     for axes, result in zip(panels.flat, study.cases.values(), strict=False):
         _panel(axes, result)
     handles, labels = panels.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=6, fontsize=9)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
+    out.legend(handles, labels, loc="outside lower center", ncols=6, fontsize=9)
+    return out
 
 
 def _panel(axes: Axes, result: CaseResult) -> None:
@@ -55,5 +58,5 @@ def _panel(axes: Axes, result: CaseResult) -> None:
         error = max(result.rig.error, MIN_ERROR)
         axes.loglog([result.rig.time_s], [error], marker, color=colour, ms=13, label="this rig")
     axes.set_title(result.case.name, fontsize=10)
-    axes.set(xlabel="wall time [s]", ylabel="error / largest value")
+    axes.set(xlabel="wall time [s]", ylabel="error over the largest value [-]")
     axes.grid(alpha=0.3)
