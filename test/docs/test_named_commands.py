@@ -54,3 +54,11 @@ def test_scripts_exist():
     for document in PAGES:
         for path in re.findall(r"python ((?:tools|benchmark)/[\w/]+\.py)", text(document)):
             assert (ROOT / path).is_file(), f"{document.name}: {path}"
+
+
+def test_extras_exist():
+    """Every ``cam_rig[extra]`` is one of setup.py."""
+    setup = text(ROOT / "setup.py")
+    for document in PAGES:
+        for extra in re.findall(r"cam_rig\[([\w-]+)\]", text(document)):
+            assert f'"{extra}": ' in setup, f"{document.name}: cam_rig[{extra}]"

@@ -36,7 +36,7 @@ def test_table_of_parameters():
             described[node, name] = "**live**" in words
     for node, specs in PARAMETERS.items():
         for spec in specs:
-            if spec.name in ("scene", "handover", "report_progress"):
+            if spec.name in ("scene", "checkpoint"):
                 continue
             assert described.pop((node, spec.name)) == spec.live, f"{node} {spec.name}"
-    assert set(described) == {("all but player", "scene"), ("all", "handover")}
+    assert set(described) == {("all but player", "scene"), ("all", "checkpoint")}

@@ -9,7 +9,7 @@ import pytest
 from .pages import DOCS, PAGES, ROOT, text
 
 #: Folders of the tree whose files the documents name.
-TREE = r"(?:cam_rig|config|test|tools|benchmark|launch|docs|bags)/[\w./*-]*\w/?"
+TREE = r"(?:cam_rig|config|test|tools|benchmark|examples|launch|docs|bags)/[\w./*-]*\w/?"
 #: Names that stand for any, and files that a run makes.
 ANY = re.compile(r"NAME|mine|^bags/(?!golden|README)")
 
