@@ -83,6 +83,15 @@ class MicrophoneSimulator:
         return pressure
 
 
+def sample_blocks(loaded: LoadedScene) -> Iterator[FloatArray]:
+    """The follower's samples of a scene tick by tick, ``(6, n)`` rows each."""
+    follower = FollowerSimulator.of(loaded)
+    for state in cam_states(loaded.scene):
+        turned = follower.turn_to(state)
+        if turned is not None:
+            yield turned[1].rows
+
+
 def simulate(loaded: LoadedScene) -> Iterator[MeasuredTick]:
     """Run the scene tick by tick."""
     follower, microphone = FollowerSimulator.of(loaded), MicrophoneSimulator.of(loaded)
