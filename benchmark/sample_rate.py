@@ -1,4 +1,4 @@
-"""Speed against error of the sweep's sample rate: writes docs/accuracy.md.
+"""Speed against error of the sweep's sample rate: writes the first section of docs/accuracy.md.
 
 Run it from the project's root: .venv/bin/python benchmark/sample_rate.py
 """
@@ -23,7 +23,7 @@ REPEATS = 3
 COLUMNS, BYTES = 6, 8
 
 HEAD = """\
-# How accurate, how fast
+# Accuracy
 
 ## Between samples nothing is lost, at the samples little
 
@@ -39,13 +39,14 @@ of {repeats}. The bag is what `cam-rig run` records.
 | sample rate | TM21 cam | 3-4-5 | Bézier 15 | time | x real time | bag |
 |---:|---:|---:|---:|---:|---:|---:|
 """
+#: Where the section that is measured ends.
+LAST_LINE = "Made by `benchmark/sample_rate.py`.\n"
 TAIL = """
 The shipped sweep runs at 12 kHz; `tm21_sweep_48khz` is the same at 48 kHz.
 
 Against the exact steady response (no samples, no settling: one linear solve a speed), the levels
 of the two cams that keep contact at {reference} kHz differ by at most {exact:.1e} dB.
 
-Made by `benchmark/sample_rate.py`.
 """
 
 
@@ -98,8 +99,11 @@ def main() -> None:
     )
     facts = {"reference": REFERENCE_HZ // 1000, "cores": os.cpu_count(), "repeats": REPEATS}
     head = HEAD.format(rig_time=rig_time, **facts)
-    tail = TAIL.format(exact=exact, **facts)
-    Path("docs/accuracy.md").write_text(head + "\n".join(lines) + "\n" + tail, encoding="utf-8")
+    tail = TAIL.format(exact=exact, **facts) + LAST_LINE
+    page = Path("docs/accuracy.md")
+    _, mark, rest = page.read_text(encoding="utf-8").partition(LAST_LINE)
+    assert mark, f"{page}: has no line {LAST_LINE!r}"
+    page.write_text(head + "\n".join(lines) + "\n" + tail + rest, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -9,10 +9,11 @@ import platform
 from pathlib import Path
 
 from cam_rig.bench.peers.peers import PEERS
-from cam_rig.bench.plot import draw
-from cam_rig.bench.report import HEADER, KEY, notes, rows
+from cam_rig.bench.report import notes, table
 from cam_rig.bench.study import FULL
 from cam_rig.cli.studies.bench import measure
+from cam_rig.plots.work_precision import draw
+from cam_rig.tables import to_markdown
 
 PAGE, PLOT = Path("docs/speed.md"), Path("docs/speed.png")
 
@@ -25,8 +26,6 @@ pick: error against a 50-digit reference, and wall time, both in one run.
 ![error against wall time](speed.png)
 
 {table}
-
-{key}
 
 Error: largest difference over the output times, relative to the largest value, of displacement
 or velocity, whichever is worse. Events: largest time between an event and the nearest of its
@@ -57,12 +56,6 @@ Made by `benchmark/work_precision.py` in {took:.0f} s; `cam-rig bench` measures 
 """
 
 
-def markdown(lines: list[tuple[str, ...]]) -> str:
-    """A Markdown table."""
-    ruler = ["---", "---", *["---:"] * (len(HEADER) - 2)]
-    return "\n".join("| " + " | ".join(line) + " |" for line in [HEADER, tuple(ruler), *lines])
-
-
 def bullets(lines: list[str]) -> str:
     return "\n".join(f"- {line}" for line in lines)
 
@@ -74,8 +67,7 @@ def main() -> None:
     left_out = notes(study)
     options = dict.fromkeys(f"{peer.name}: {peer.options}." for peer in PEERS)
     text = TEXT.format(
-        table=markdown(rows(study)),
-        key=KEY,
+        table=to_markdown(table(study)),
         cores=study.cores,
         machine=f"{platform.machine()}, Python {platform.python_version()}",
         rates=", ".join(f"{name} {rate / 1e6:.0f} million" for name, rate in study.rates.items()),

@@ -1,3 +1,78 @@
-"""cam_rig: a virtual cam test rig as a ROS 2 node stack."""
+"""A virtual cam test rig: cam laws, follower dynamics with loss of contact, and noise.
 
-__version__ = "0.1.0"
+All units are SI; angles are in rad, and a speed in rpm says so in its name.
+
+>>> import cam_rig
+>>> law = cam_rig.build_law(cam_rig.load_cam("poly345"))
+>>> rig = cam_rig.load_rig("paper_table2")
+>>> motion = cam_rig.simulate(law, rig, model="two_mass", rpm=450, turns=3)
+>>> motion.force.shape == motion.time.shape
+True
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cam_rig.api.contour import contour
+    from cam_rig.api.files import load_cam, load_rig, load_scene
+    from cam_rig.api.jump import jump_speed
+    from cam_rig.api.motion import simulate
+    from cam_rig.api.scene_run import read_bag, run_scene
+    from cam_rig.api.sound import sound_level
+    from cam_rig.errors import CamRigError
+    from cam_rig.laws import Law, build_law
+
+    __version__: str
+
+#: Where each name is defined. It is imported when it is first asked for.
+_HOMES = {
+    "CamRigError": "cam_rig.errors",
+    "Law": "cam_rig.laws",
+    "build_law": "cam_rig.laws",
+    "contour": "cam_rig.api.contour",
+    "jump_speed": "cam_rig.api.jump",
+    "load_cam": "cam_rig.api.files",
+    "load_rig": "cam_rig.api.files",
+    "load_scene": "cam_rig.api.files",
+    "read_bag": "cam_rig.api.scene_run",
+    "run_scene": "cam_rig.api.scene_run",
+    "simulate": "cam_rig.api.motion",
+    "sound_level": "cam_rig.api.sound",
+}
+
+__all__ = [
+    "CamRigError",
+    "Law",
+    "__version__",
+    "build_law",
+    "contour",
+    "jump_speed",
+    "load_cam",
+    "load_rig",
+    "load_scene",
+    "read_bag",
+    "run_scene",
+    "simulate",
+    "sound_level",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, from the module that defines it; the version from the installed package."""
+    if name == "__version__":
+        from importlib.metadata import version
+
+        value: Any = version("cam_rig")
+    elif name in _HOMES:
+        value = getattr(import_module(_HOMES[name]), name)
+    else:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

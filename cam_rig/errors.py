@@ -52,3 +52,7 @@ class RunError(CamRigError):
 
 class RefusedError(CamRigError):
     """A message that cannot be right: it is refused, and its receiver lives on."""
+
+
+class MissingLibraryError(CamRigError):
+    """A library is not installed that only part of the rig needs: the message says how to."""

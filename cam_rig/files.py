@@ -1,13 +1,16 @@
-"""Reading a file that anybody may have written: a plain file, up to a size, and nothing else."""
+"""Files: bounded reading of what anybody may have written, temporary folders, whole writes."""
 
 from __future__ import annotations
 
 import errno
 import os
 import stat
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from cam_rig.errors import ConfigError
+from cam_rig.errors import ConfigError, OutputError
 
 MIB = 2**20
 #: Characters of a wrong value that an error shows.
@@ -27,7 +30,7 @@ def read_bytes(path: Path, most: int, follow: bool = True) -> bytes:
 
     Raises
     ------
-    ConfigError : it is no plain file, or longer; the words begin with "is" or "has"
+    ConfigError : it is not a plain file, or longer; the words begin with "is" or "has"
     OSError : it cannot be read
     """
     flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | (0 if follow else os.O_NOFOLLOW)
@@ -42,3 +45,41 @@ def read_bytes(path: Path, most: int, follow: bool = True) -> bytes:
         size = max(about.st_size, len(data)) / MIB
         raise ConfigError(f"has {size:.3g} MiB; allowed: {most / MIB:g} MiB")
     return data
+
+
+@contextmanager
+def temporary_folder(prefix: str = "cam_rig_") -> Iterator[Path]:
+    """A folder for as long as the context lasts.
+
+    Raises
+    ------
+    OutputError : there is nowhere to make one
+    """
+    place = temporary_place()
+    try:
+        folder = tempfile.TemporaryDirectory(prefix=prefix, dir=place, ignore_cleanup_errors=True)
+    except OSError as error:
+        raise no_room(place, error) from None
+    with folder as name:
+        yield Path(name)
+
+
+def temporary_place() -> Path:
+    """Where temporary files are made.
+
+    Raises
+    ------
+    OutputError : nowhere, for disks are full or may not be written
+    """
+    try:
+        return Path(tempfile.gettempdir())
+    except OSError as error:
+        raise OutputError(f"{error.strerror or error}; name a folder with room in TMPDIR") from None
+
+
+def no_room(place: Path, error: OSError) -> OutputError:
+    """What to say of a place where no temporary file can be written."""
+    return OutputError(
+        f"{place}: no temporary file can be written ({error.strerror}); name a folder with room "
+        "in TMPDIR"
+    )

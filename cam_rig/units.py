@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 #: rad in one turn of the cam.
 TURN = 2.0 * math.pi
@@ -12,3 +16,10 @@ RPM = math.pi / 30.0
 RPM_PER_RAD_S = 30.0 / math.pi
 #: ns in one second; times of messages are whole nanoseconds.
 NS = 1_000_000_000
+
+Speed = TypeVar("Speed", float, NDArray[np.float64])
+
+
+def to_rpm(speed: Speed) -> Speed:
+    """A speed in rad/s as revolutions per minute; 200 rpm come back as 200, to rounding."""
+    return speed * 30.0 / math.pi

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import socket
 import time
@@ -15,6 +16,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 from xdist.scheduler import LoadFileScheduling
 
+from cam_rig.acoustics import RadiationParameters
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.laws import Law, build_law
 from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
@@ -134,6 +136,12 @@ def rig() -> RigConfig:
 def follower(rig: RigConfig) -> FollowerParameters:
     """The shipped rig's follower."""
     return FollowerParameters.from_rig(rig)
+
+
+@pytest.fixture
+def radiation(rig: RigConfig) -> RadiationParameters:
+    """The shipped constants with a round corner: tests must not hang on a fitted number."""
+    return dataclasses.replace(RadiationParameters.from_rig(rig), gain=1e-4, corner=20.0)
 
 
 @pytest.fixture(scope="session")

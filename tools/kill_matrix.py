@@ -67,15 +67,15 @@ class Case:
     moment: str
     signal: str
     respawn: bool
-    struck: bool = False
+    impact: bool = False
     said: list[str] = field(default_factory=list)
     error: str = ""
     seconds: float = 0.0
 
     def strike(self, processes: dict[str, NodeProcess]) -> None:
         """Send the signal, once."""
-        if not self.struck and self.node in processes:
-            self.struck = True
+        if not self.impact and self.node in processes:
+            self.impact = True
             with suppress(ProcessLookupError):
                 os.kill(processes[self.node].process.pid, getattr(signal, self.signal))
 
@@ -106,7 +106,7 @@ class Case:
 
     def faults(self, bag: Path, undisturbed: dict[str, list[bytes]], before: set[str]) -> list[str]:
         """What is wrong with how it ended; nothing when all is as promised."""
-        found = [] if self.struck else ["the signal was never sent"]
+        found = [] if self.impact else ["the signal was never sent"]
         if self.seconds > LONGEST:
             found.append(f"took {self.seconds:.0f} s")
         if self.error and self.node not in self.error:

@@ -44,7 +44,11 @@ COMMANDS = {
 }
 
 #: Keys whose name has changed since the numbers were kept, old: new.
-RENAMED: dict[str, str] = {}
+RENAMED: dict[str, str] = {"answer": "conclusions"}
+#: Keys, where there were none or sentences when the numbers were kept.
+ADDED = {"conclusions"}
+#: Why a value under one of them does not count.
+ADDITION = " (added)"
 
 
 def outputs(name: str) -> Any:
@@ -100,6 +104,14 @@ def is_sentence(value: Any) -> bool:
     return isinstance(value, str) and bool(re.search(r"\w \w", value))
 
 
+def reason(path: str, old: Any, new: Any) -> str:
+    """Why a difference does not count; empty where it does."""
+    if is_sentence(old) or is_sentence(new):
+        return " (reworded)"
+    keys = set(re.findall(r"[^.\[\]]+", path))
+    return ADDITION if old == "nothing" and keys & ADDED else ""
+
+
 def differences(name: str, kept: Any, now: Any) -> int:
     """Print what differs, and count it; a reworded sentence is printed and not counted."""
     before, after = dict(leaves(kept)), dict(leaves(now))
@@ -107,9 +119,10 @@ def differences(name: str, kept: Any, now: Any) -> int:
     for path in before | after:
         old, new = before.get(path, "nothing"), after.get(path, "nothing")
         if repr(old) != repr(new):  # as text, so that NaN is what it was
-            reworded = is_sentence(old) or is_sentence(new)
-            count += not reworded
-            print(f"{name}{path}{' (reworded)' if reworded else ''}: {old!r} -> {new!r}")
+            why = reason(path, old, new)
+            count += not why
+            if why != ADDITION:
+                print(f"{name}{path}{why}: {old!r} -> {new!r}")
     return count
 
 

@@ -13,8 +13,7 @@ from cam_rig.bag.damage import UNREADABLE, damaged
 from cam_rig.bag.files import mcap_file
 from cam_rig.bag.records import content, fields, records_of
 from cam_rig.errors import BagError
-from cam_rig.files import MIB
-from cam_rig.temporary import no_room
+from cam_rig.files import MIB, no_room
 
 #: Attached to a recovered bag that lacks something: it says what.
 RECOVERED = "recovered.txt"

@@ -18,13 +18,13 @@ from cam_rig.bag.bounds import require_bounded, require_plain
 from cam_rig.bag.damage import UNREADABLE, damaged
 from cam_rig.bag.files import TORN, is_closed
 from cam_rig.errors import BagError, CamRigError, RefusedError
+from cam_rig.files import temporary_folder
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of, stamp_ns
 from cam_rig.messages.topics import Topic
 from cam_rig.simulation.levels import HeardTick
 from cam_rig.simulation.scene import LoadedScene, open_scene
 from cam_rig.simulation.schedule import CamState
-from cam_rig.temporary import temporary_folder
 
 
 @dataclass(frozen=True, eq=False)

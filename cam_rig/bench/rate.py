@@ -10,10 +10,9 @@ import numpy as np
 
 from cam_rig.arrays import FloatArray
 from cam_rig.bench.cases.cases import DAMPING, MASS, SPRING, STEM, WEIGHT, law_of, rad_per_s
-from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics import elastic_stem as residual
-from cam_rig.dynamics.linear import sampling as uniform
+from cam_rig.dynamics import FollowerParameters, elastic_stem
 from cam_rig.dynamics.linear.sampling import Outputs
+from cam_rig.dynamics.linear.sampling import sample as sample_response
 from cam_rig.laws import sampling
 
 CAM, RPM, SAMPLE_RATE = "bezier15", 400.0, 48_000
@@ -26,14 +25,14 @@ def rates() -> dict[str, float]:
     law, speed, step = law_of(CAM), rad_per_s(RPM), 1.0 / SAMPLE_RATE
     weights, offsets = np.diag([1.0, speed, speed**2]), np.zeros(3)
     follower = FollowerParameters(MASS, SPRING, DAMPING, WEIGHT, STEM)
-    response, full = residual.response(law, follower, speed), residual.outputs(follower)
+    response, full = elastic_stem.response(law, follower, speed), elastic_stem.outputs(follower)
     rows = Outputs(full.state[:3], full.law[:3], full.constant[:3])
     return {
         "kinetostatic": _rate(
             lambda: sampling.sample(law, 0.0, speed * step, BLOCK, weights, offsets)
         ),
         "residual": _rate(
-            lambda: uniform.sample(response, np.zeros(2), 0.0, 0.0, step, BLOCK, rows)
+            lambda: sample_response(response, np.zeros(2), 0.0, 0.0, step, BLOCK, rows)
         ),
     }
 

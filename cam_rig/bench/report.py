@@ -7,9 +7,11 @@ from typing import Any
 
 from cam_rig.bench.cases.cases import QUICK_TURNS
 from cam_rig.bench.result import CaseResult, Sweep, WorkPrecisionPoint, WorkPrecisionStudy
+from cam_rig.tables import Column, DataTable
 
+#: Headings; the first two are texts.
 HEADER = ("case", "solver, rtol", "time", "error", "events", "x rig")
-#: What a reader of the rows must know.
+#: What a reader of the table must know.
 KEY = (
     "Each peer at its cheapest setting with an error no larger than the rig's; where it has none, "
     "at its most accurate one: the ratio, marked >, is then a bound, for the same error costs more."
@@ -58,8 +60,19 @@ def _point(point: WorkPrecisionPoint) -> dict[str, Any]:
     return data | {key: value for key, value in extra.items() if value is not None}
 
 
-def rows(study: WorkPrecisionStudy) -> list[tuple[str, ...]]:
-    """Rows as in `HEADER`: the rig, then each peer at the setting it is compared at."""
+def table(study: WorkPrecisionStudy) -> DataTable:
+    """The measured points: the rig, then each peer at the setting it is compared at."""
+    rate = min(study.rates.values()) / 1e6
+    return DataTable(
+        f"One of {study.cores} cores, {study.took_s:.0f} s; "
+        f"{rate:.0f} million samples of lift, velocity, acceleration per second",
+        tuple(Column(name, shown="" if i < 2 else "g") for i, name in enumerate(HEADER)),
+        tuple(_rows(study)),
+        (KEY,),
+    )
+
+
+def _rows(study: WorkPrecisionStudy) -> list[tuple[str, ...]]:
     out: list[tuple[str, ...]] = []
     for name, result in study.cases.items():
         if result.rig is None:

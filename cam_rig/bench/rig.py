@@ -8,10 +8,8 @@ from collections.abc import Callable
 import numpy as np
 
 from cam_rig.bench.cases.case import Case, Solution
-from cam_rig.bench.cases.models import OneMass, Oscillator, TwoMasses
-from cam_rig.bench.cases.twist import Twist
-from cam_rig.dynamics import FollowerParameters, Interval
-from cam_rig.dynamics import elastic_stem as residual
+from cam_rig.bench.cases.models import OneMass, Oscillator, Twist, TwoMasses
+from cam_rig.dynamics import FollowerParameters, Interval, elastic_stem
 from cam_rig.dynamics.one_mass.trajectory import OneMassTrajectory
 from cam_rig.dynamics.torsional import solution as torsion
 from cam_rig.dynamics.two_mass.model import states
@@ -32,7 +30,7 @@ def _oscillator(case: Case) -> Solution:
     p = case.model
     assert isinstance(p, Oscillator)
     follower = FollowerParameters(p.mass, p.spring_stiffness, p.damping, 0.0, p.stem_stiffness)
-    rows = residual.motion(case.law, follower, case.speed, 0.0, np.zeros(2), case.times)
+    rows = elastic_stem.motion(case.law, follower, case.speed, 0.0, np.zeros(2), case.times)
     return Solution(rows[:1], rows[1:2])
 
 

@@ -1,16 +1,12 @@
-"""DXF and SVG drawings of closed polylines, mm, true to scale."""
+"""DXF drawings of closed polylines, mm, true to scale."""
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import ezdxf
 import numpy as np
 from ezdxf import units
-from ezdxf.addons.drawing import Frontend, RenderContext, layout
-from ezdxf.addons.drawing.config import BackgroundPolicy, ColorPolicy, Configuration
-from ezdxf.addons.drawing.svg import SVGBackend
 from ezdxf.document import Drawing
 from ezdxf.entities import LWPolyline, Polyline, Spline
 from ezdxf.lldxf.const import DXFError
@@ -21,9 +17,6 @@ from cam_rig.arrays import FloatArray
 from cam_rig.errors import OutputError, ProfileError
 
 MM = 1e3
-MARGIN_MM = 5.0
-#: Decimals of a millimetre that an SVG has at least: its lines are 0.25 mm wide.
-COARSEST_DIGITS = 2
 #: Units of length that are read, in m.
 METRES = {units.MM: 1e-3, units.CM: 1e-2, units.M: 1.0, units.IN: 0.0254}
 #: Arcs of a polyline (bulges) are read as chords with this error, m, and the whole of such a
@@ -57,30 +50,6 @@ def to_document(curves: dict[str, FloatArray]) -> Drawing:
 def write_dxf(path: Path, curves: dict[str, FloatArray]) -> None:
     """Write the drawing as DXF R2010."""
     to_document(curves).saveas(path)
-
-
-def write_svg(path: Path, curves: dict[str, FloatArray], rounding: float) -> None:
-    """Write the drawing as SVG at scale 1, black on white; points are off by ``rounding`` (m).
-
-    The page's unit is a power of ten of a millimetre, and every point is put on a whole one. So
-    the moves from point to point, which the backend writes, are whole, and do not add up what is
-    rounded.
-    """
-    digits = max(COARSEST_DIGITS, math.ceil(-math.log10(math.sqrt(2.0) * MM * rounding)))
-    whole = {name: np.round(MM * points, digits) / MM for name, points in curves.items()}
-    look = Configuration(background_policy=BackgroundPolicy.WHITE, color_policy=ColorPolicy.BLACK)
-    document, backend = to_document(whole), SVGBackend()
-    Frontend(RenderContext(document), backend, config=look).draw_layout(document.modelspace())
-    extent = MM * np.ptp(np.concatenate(list(whole.values()), axis=1), axis=1) + 2.0 * MARGIN_MM
-    width, height = (float(side) for side in np.ceil(extent))  # mm: the backend prints 6 digits
-    settings = layout.Settings(
-        fit_page=False,
-        scale=1,
-        page_alignment=layout.PageAlignment.TOP_LEFT,
-        output_coordinate_space=max(width, height) * 10.0**digits,
-    )
-    page = layout.Page(width, height, layout.Units.mm, layout.Margins.all(MARGIN_MM))
-    path.write_text(backend.get_string(page, settings=settings), encoding="utf-8")
 
 
 def read_dxf(path: Path) -> list[FloatArray]:

@@ -9,7 +9,6 @@ import typer
 from cam_rig.cli.cams.law import law
 from cam_rig.cli.cams.laws import laws
 from cam_rig.cli.cams.profile import profile
-from cam_rig.cli.pictures import pictures
 from cam_rig.cli.runs.analyze import analyze
 from cam_rig.cli.runs.listen import listen
 from cam_rig.cli.runs.recover import recover
@@ -40,7 +39,6 @@ for verb in (
     view,
     recover,
     replay,
-    pictures,
     laws,
     law,
     profile,

@@ -10,7 +10,6 @@ from cam_rig.dynamics import elastic_stem as residual
 from cam_rig.dynamics import kinetostatic
 from cam_rig.dynamics.interval import (
     ANGLE_TOLERANCE,
-    COLUMNS,
     Block,
     Event,
     FollowerState,
@@ -20,6 +19,7 @@ from cam_rig.dynamics.interval import (
 from cam_rig.dynamics.one_mass import model as one_mass
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.ramp import Advance
+from cam_rig.dynamics.samples import COLUMNS, Samples
 from cam_rig.dynamics.torsional import model as torsional_block
 from cam_rig.dynamics.two_mass import model as separation_block
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters
@@ -59,6 +59,7 @@ __all__ = [
     "FollowerState",
     "Interval",
     "Model",
+    "Samples",
     "TwoMassParameters",
     "wrap",
 ]

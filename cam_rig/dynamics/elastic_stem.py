@@ -38,7 +38,7 @@ def response(law: Law, parameters: FollowerParameters, speed: float) -> LinearRe
     share, damping = p.stem_stiffness / total, p.damping / p.mass
     matrix = np.array([[0.0, 1.0], [-total / p.mass, -damping]])
     drive = np.array([[0.0, 0.0, 0.0], [0.0, -share * damping, -share]])
-    return LinearResponse(law, speed, matrix, drive, np.zeros(2), kicked=True)
+    return LinearResponse(law, speed, matrix, drive, np.zeros(2), jumps_act=True)
 
 
 @lru_cache(maxsize=64)
@@ -95,10 +95,8 @@ def advance(
     if step != 0.0:
         start = start + model.drive[:, 2] * step
     grid = interval.grid(sample_rate)
-    rows = np.zeros((6, grid.count))
-    rows[0] = (grid.first + np.arange(grid.count)) / sample_rate
     out, apart = outputs(parameters), 1.0 / sample_rate
-    rows[1:5] = sample(model, start, interval.angle, grid.offset, apart, grid.count, out)
+    rows = grid.rows(sample(model, start, interval.angle, grid.offset, apart, grid.count, out))
     end, shown = end_of(model, start, interval.angle, interval.duration, out)
     x, v, _, force = shown.tolist()
     inner = tuple(end.tolist())

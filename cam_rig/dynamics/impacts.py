@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.interval import Event, SampleGrid
+from cam_rig.dynamics.samples import Samples
+from cam_rig.laws import Law
 
 
 def show_impulses(
@@ -20,7 +22,24 @@ def show_impulses(
     due = [(0, pending)] + [(grid.index_after(event.time), event.impulse) for event in events]
     for index, impulse in due:
         if index < grid.count:
-            rows[5, index] += impulse
+            Samples(rows).impulse[index] += impulse
         else:
             late += impulse
     return late
+
+
+#: A bounce is contact when it is lower than this fraction of the lift, or than so many metres,
+#: a hundred thousandth of an atom.
+MIN_OF_LIFT, MIN_HEIGHT = 1e-12, 1e-15
+
+
+def least_bounce(law: Law) -> float:
+    """Height (m) below which a bounce is contact."""
+    return max(MIN_OF_LIFT * law.lift, MIN_HEIGHT)
+
+
+def rises(rebound: float, pull: float, least: float) -> bool:
+    """Whether a rebound (m/s) against a deceleration (m/s²) comes higher than ``least`` (m)."""
+    if rebound <= 0.0 or pull <= 0.0:
+        return rebound > 0.0
+    return 0.5 * rebound**2 / pull > least

@@ -1,4 +1,4 @@
-"""What a follower model takes and gives: an interval of constant speed, a block of samples."""
+"""What a follower model takes and gives: an interval of the cam's motion, a block of samples."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from cam_rig.arrays import FloatArray
+from cam_rig.dynamics.samples import COLUMNS, NamedRows
 from cam_rig.dynamics.validation import (
     is_number,
     require_angle,
@@ -25,15 +26,6 @@ REST = 1e-9
 SAME_SPEED = 1e-12
 #: An interval may begin this far (rad) from the cam angle where the one before ended: rounding.
 ANGLE_TOLERANCE = 1e-6
-#: Rows of a block, with their units.
-COLUMNS = (
-    "t [s]",
-    "lift [m]",
-    "velocity [m/s]",
-    "acceleration [m/s^2]",
-    "contact_force [N]",
-    "contact_impulse [N*s]",
-)
 
 
 def wrap(angle: float, turns: int = 0) -> tuple[int, float]:
@@ -108,6 +100,11 @@ class Interval:
         """The same with all turns before: for people, as it loses digits turn by turn."""
         return self.turns * TURN + self.angle_at(time)
 
+    def unwrapped(self, times: FloatArray) -> FloatArray:
+        """`unwrapped_at` of many times ``(n,)``."""
+        since = times * (self.speed + 0.5 * self.acceleration * times)
+        return self.turns * TURN + (self.angle + since)
+
     def speed_at(self, time: float) -> float:
         """Speed (rad/s) at a time (s) since the start."""
         return self.speed + self.acceleration * time
@@ -158,6 +155,13 @@ class SampleGrid:
         """Times since the interval's start, s."""
         return self.offset + np.arange(self.count) / self.sample_rate
 
+    def rows(self, motion: FloatArray | float = 0.0) -> FloatArray:
+        """``(6, count)`` as in `COLUMNS`, of lift to contact force ``(4, count)``; no impulses."""
+        rows = np.zeros((len(COLUMNS), self.count))
+        rows[0] = (self.first + np.arange(self.count)) / self.sample_rate
+        rows[1:5] = motion
+        return rows
+
     def index_after(self, time: float) -> int:
         """Index of the first sample at or after ``time`` (s since the interval's start)."""
         return max(0, int(np.ceil((time - self.offset) * self.sample_rate)))
@@ -188,7 +192,7 @@ class FollowerState:
     ``pending_impulse`` (N·s) fell after the interval's last sample: the next block shows it.
     ``inner`` is what else the model remembers. ``cam_angle`` (rad, within the turn) and
     ``cam_speed`` (rad/s) are the cam's there: what goes on from here must begin at that angle,
-    and a speed other than that strikes or throws the follower. None where nobody said.
+    and a speed other than that is an impact on the follower, or lifts it off. None: not known.
     """
 
     displacement: float
@@ -213,12 +217,24 @@ class FollowerState:
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
-    """The samples of one interval, ``(6, n)``, rows as in `COLUMNS`, and its events."""
+class Block(NamedRows):
+    """The samples of one interval, ``(6, n)``, rows as in `COLUMNS`, and its events.
+
+    Each row by its name: ``block.time``, ``.lift``, ``.velocity``, ``.acceleration``, ``.force``,
+    ``.impulse``.
+    """
 
     interval: Interval
     rows: FloatArray
     events: tuple[Event, ...] = field(default=())
+
+    def with_impulse(self, impulse: float) -> Block:
+        """The block with more impulse (N·s) at its first sample."""
+        if impulse == 0.0:
+            return self
+        changed = replace(self, rows=self.rows.copy())
+        changed.impulse[0] += impulse
+        return changed
 
 
 def ended(state: FollowerState, interval: Interval) -> FollowerState:
@@ -247,7 +263,7 @@ def require_joined(state: FollowerState | None, interval: Interval) -> None:
 
 
 def speed_change(state: FollowerState | None, interval: Interval) -> float:
-    """By how much (rad/s) the cam is faster than where the state ended; rounding is none."""
+    """By how much (rad/s) the cam is faster than where the state ended; rounding counts as 0."""
     if state is None or state.cam_speed is None:
         return 0.0
     change = interval.speed - state.cam_speed

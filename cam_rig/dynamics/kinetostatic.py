@@ -56,18 +56,16 @@ def _advance(
     _step: float,
 ) -> tuple[FollowerState, Block]:
     end = interval.angle + interval.speed * interval.duration
-    rows = ride(law, parameters, interval, sample_rate)
+    rows = contact_samples(law, parameters, interval, sample_rate)
     return state_at(law, parameters, end, interval.speed), Block(interval, rows)
 
 
-def ride(
+def contact_samples(
     law: Law, parameters: FollowerParameters, interval: Interval, sample_rate: int
 ) -> FloatArray:
     """The samples ``(6, n)`` of a follower on the cam, rows as in `COLUMNS`, at one speed."""
     grid = interval.grid(sample_rate)
-    rows = np.zeros((6, grid.count))
-    rows[0] = (grid.first + np.arange(grid.count)) / sample_rate
-    rows[1:5] = sample(
+    motion = sample(
         law,
         interval.angle + interval.speed * grid.offset,
         interval.speed / sample_rate,
@@ -75,4 +73,14 @@ def ride(
         motion_weights(parameters, interval.speed),
         np.array([0.0, 0.0, 0.0, parameters.preload]),
     )
-    return rows
+    return grid.rows(motion)
+
+
+def shaft_torque(law: Law, parameters: FollowerParameters, angle: float, speed: float) -> float:
+    """Torque in N·m that holds ``speed`` (rad/s) at ``angle`` (rad): F s' (eq. 8 of the paper).
+
+    Power in is power out, T ω = F ṡ. F is the kinetostatic contact force, none where the cam
+    would have to pull.
+    """
+    force = state_at(law, parameters, angle, speed).contact_force
+    return max(force, 0.0) * law.at(angle)[1] + 0.0  # no negative zero: it is another message

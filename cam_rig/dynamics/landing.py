@@ -28,8 +28,8 @@ ROUNDING_ERRORS = 16.0
 OF_ACCELERATIONS = 64.0
 #: Roundings of an angle that a lift-off may be wrong by.
 SLIP = 4.0
-#: Longest time (s) before a kink that may be none.
-KINK_S = 1e-7
+#: Longest time (s) before a velocity jump that may be none.
+VELOCITY_JUMP_S = 1e-7
 #: A look at the gap takes steps of this part of a window at least; below that it is a polynomial.
 MIN_STEP = 1.0 / 16.0
 
@@ -66,7 +66,7 @@ class Approach:
         """The flight's end: where it lands, or at ``limit`` (s) in the air."""
         now, last = self._begin(), limit - self._rounding
         while now.time < limit:
-            # A kink ends the flight: rounding must not put the last bit of it behind the kink.
+            # A velocity jump ends the flight: rounding must not put its last bit behind that jump.
             now = self._window(now, limit, now.time - (self._rounding if now.time > last else 0.0))
             if now.landed:
                 return now
@@ -76,10 +76,10 @@ class Approach:
 
     @property
     def _rounding(self) -> float:
-        """Time (s) before the end of a flight that may be none, if a kink ends it."""
-        if not self.law.kinks:
+        """Time (s) before the end of a flight that may be none, if a velocity jump ends it."""
+        if not self.law.velocity_jumps:
             return 0.0
-        return min(max(SAME_PLACE / self.speed, 4.0 * self._last_digit), KINK_S)
+        return min(max(SAME_PLACE / self.speed, 4.0 * self._last_digit), VELOCITY_JUMP_S)
 
     def _begin(self) -> Gap:
         flight = self.flight

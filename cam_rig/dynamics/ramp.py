@@ -23,7 +23,7 @@ from cam_rig.dynamics.interval import (
     require_joined,
     speed_change,
 )
-from cam_rig.dynamics.velocity_jumps import SLACK, short_of_kink
+from cam_rig.dynamics.velocity_jumps import SLACK, short_of_velocity_jump
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.compose import compose, product
 from cam_rig.units import TURN
@@ -71,8 +71,8 @@ def with_ramps(advance: AtOneSpeed[P]) -> Advance[P]:
 
 
 def _step(law: Law, angle: float, change: float) -> float:
-    """What ṡ gains (m/s) where the speed changes (rad/s), before a kink there."""
-    return law.at(short_of_kink(law, angle))[1] * change if change else 0.0
+    """What ṡ gains (m/s) where the speed changes (rad/s), before a velocity jump there."""
+    return law.at(short_of_velocity_jump(law, angle))[1] * change if change else 0.0
 
 
 def _true_angles(block: Block, part: Interval, steady: Interval) -> tuple[Event, ...]:
@@ -98,31 +98,31 @@ def substitute(law: Law, interval: Interval) -> tuple[Law, Interval]:
     after = np.repeat(motion[:, -1:, -1:], motion.shape[1], axis=1)
     motion = np.concatenate([motion, after], axis=2)
     steady = Interval(interval.start_ns, interval.stop_ns, 0.0, speed)
-    kinks = _kinks(law, interval, stretches, speed)
-    return law.substitute(np.array([*breaks, TURN]), motion, kinks), steady
+    velocity_jumps = _velocity_jumps(law, interval, stretches, speed)
+    return law.substitute(np.array([*breaks, TURN]), motion, velocity_jumps), steady
 
 
 #: Begin and end (s), piece of the law and where that begins (rad).
 Stretch = tuple[float, float, int, float]
 
 
-def _kinks(
+def _velocity_jumps(
     law: Law, interval: Interval, stretches: list[Stretch], speed: float
 ) -> dict[int, float]:
     """Jumps of the substitute's s': those of the law's own that are met, at the speed there."""
     return {
-        i: law.kinks[piece] * interval.speed_at(begin) / speed
+        i: law.velocity_jumps[piece] * interval.speed_at(begin) / speed
         for i, (begin, _, piece, low) in enumerate(stretches)
-        if piece in law.kinks
+        if piece in law.velocity_jumps
         and (begin > 0.0 or interval.angle - low <= SLACK)
-        and interval.speed_at(begin) > 0.0  # a cam at rest strikes nothing
+        and interval.speed_at(begin) > 0.0  # a cam at rest has no velocity to jump
     }
 
 
 def _stretches(law: Law, interval: Interval) -> list[Stretch]:
     """The pieces of the law that the ramp passes, in order.
 
-    One that begins with a jump of s' at the ramp's end is the next interval's (`kinks`).
+    One that begins with a jump of s' at the ramp's end is the next interval's (`velocity_jumps`).
     """
     found, begin = [], 0.0
     reached = interval.angle_at(interval.duration)
@@ -131,7 +131,7 @@ def _stretches(law: Law, interval: Interval) -> list[Stretch]:
     while begin < interval.duration:
         span = float(law.spans[index])
         end = min(interval.time_at(low + span), interval.duration)
-        if (index + 1) % law.spans.size in law.kinks and reached - (low + span) <= SLACK:
+        if (index + 1) % law.spans.size in law.velocity_jumps and reached - (low + span) <= SLACK:
             end = interval.duration
         if end > begin:
             found.append((begin, end, index, low))

@@ -37,7 +37,7 @@ def is_number(value: object) -> TypeGuard[float]:
 
 
 def require_number(name: str, value: object, words: str) -> None:
-    """Refuse what is no finite number within the `LIMITS` of its ``words``.
+    """Refuse what is not a finite number within the `LIMITS` of its ``words``.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def require_number(name: str, value: object, words: str) -> None:
 
 
 def require_angle(angle: object, name: str = "angle") -> None:
-    """Refuse a cam angle (rad) that is none, or so large that its phase is lost."""
+    """Refuse a cam angle (rad) that is not finite, or so large that its phase is lost."""
     if not (is_number(angle) and abs(angle) <= MAX_ANGLE):
         raise DynamicsError(
             f"{name} is {angle!r}; allowed: finite and up to {MAX_ANGLE:g} rad, beyond which "
@@ -68,7 +68,7 @@ def require_turning(speed: object) -> None:
 
 
 def require_stamp(name: str, value: object) -> None:
-    """Refuse a stamp of rig time that is no whole number of ns."""
+    """Refuse a stamp of rig time that is not a whole number of ns."""
     if not isinstance(value, int | np.integer):
         raise DynamicsError(f"{name} is {value!r}; allowed: a whole number of ns")
 
@@ -86,7 +86,7 @@ def row_of_numbers(name: str, values: object) -> FloatArray:
 
     Raises
     ------
-    DynamicsError : there is none in ``values``
+    DynamicsError : ``values`` holds none
     """
     try:
         row = np.asarray(values, dtype=np.float64)

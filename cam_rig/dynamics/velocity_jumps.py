@@ -22,15 +22,15 @@ SLACK = 1e-9
 SAME_PLACE = 1e-12
 
 
-class Kink(NamedTuple):
+class VelocityJump(NamedTuple):
     """A joint ahead: ``time`` (s) to it, ``step`` of s' there in m/rad."""
 
     time: float
     step: float
 
 
-class KinksAhead:
-    """What is left of the kinks of an interval; times since its start, in s.
+class VelocityJumpsAhead:
+    """What is left of the velocity jumps of an interval; times since its start, in s.
 
     Parameters
     ----------
@@ -39,52 +39,54 @@ class KinksAhead:
     """
 
     def __init__(self, law: Law, angle: float, speed: float, duration: float) -> None:
-        self._left = list(kinks_ahead(law, angle, speed, duration))
+        self._left = list(velocity_jumps_ahead(law, angle, speed, duration))
         self._speed, self._duration = speed, duration
         end = angle + speed * duration
-        before = short_of_kink(law, end)
-        #: Up to where the law is as before a kink that the next interval owns. By rounding this one
-        #: may end behind that joint; a lift-off there is not its own.
+        before = short_of_velocity_jump(law, end)
+        #: Up to where the law is as before a velocity jump of the next interval. By rounding this
+        #: one may end behind that joint; a lift-off there is not its own.
         self.clear = duration if before == end else min(duration, (before - angle) / speed)
 
     @property
     def bound(self) -> float:
-        """Time of the next kink, or the end."""
+        """Time of the next velocity jump, or the end."""
         return min(self._left[0].time, self._duration) if self._left else self._duration
 
     def no_later(self, time: float) -> float:
-        """``time``, or `bound` where it is later, or only by rounding before a kink there."""
+        """``time``, or `bound` where it is later, or only by rounding before a jump there."""
         near = SAME_PLACE / self._speed if self._left else 0.0
         return time if time < self.bound - near else self.bound
 
     def at(self, time: float) -> bool:
-        """Whether the next kink is at a time, or before it."""
+        """Whether the next velocity jump is at a time, or before it."""
         return bool(self._left) and self._left[0].time <= time
 
     def take(self, time: float) -> float:
-        """Done with the kinks up to a time: what ṡ gains by them, m/s."""
+        """Done with the velocity jumps up to a time: what ṡ gains by them, m/s."""
         step = 0.0
         while self.at(time):
             step += self._left.pop(0).step * self._speed
         return step
 
 
-def kinks_ahead(law: Law, angle: float, speed: float, duration: float) -> tuple[Kink, ...]:
-    """The joints with a jump of s' that an interval owns, in order; see `KinksAhead`."""
-    if not law.kinks:
+def velocity_jumps_ahead(
+    law: Law, angle: float, speed: float, duration: float
+) -> tuple[VelocityJump, ...]:
+    """The joints with a jump of s' that an interval owns, in order; see `VelocityJumpsAhead`."""
+    if not law.velocity_jumps:
         return ()
-    found: list[Kink] = []
+    found: list[VelocityJump] = []
     # A substitute law has none but those that its ramp owns.
     slack = SLACK if law.repeats else 0.0
     end = speed * duration - slack
     first = math.floor(angle / TURN)
     for turn in count(first - 1) if law.repeats else (0,):
-        for piece, step in law.kinks.items():
+        for piece, step in law.velocity_jumps.items():
             ahead = law.joints[piece] + turn * TURN - angle
             if ahead >= end:
                 return tuple(found)
             if ahead >= -slack:
-                found.append(Kink(_arrival(law, angle, speed, ahead, piece), step))
+                found.append(VelocityJump(_arrival(law, angle, speed, ahead, piece), step))
     return tuple(found)
 
 
@@ -99,12 +101,12 @@ def _arrival(law: Law, angle: float, speed: float, ahead: float, piece: int) -> 
     return time
 
 
-def short_of_kink(law: Law, angle: float) -> float:
+def short_of_velocity_jump(law: Law, angle: float) -> float:
     """The angle (rad), or where a jump of s' belongs to what follows, the angle just before it."""
-    if not (law.kinks and law.repeats):
+    if not (law.velocity_jumps and law.repeats):
         return angle
     turn = math.floor(angle / TURN + SLACK)
-    for piece in law.kinks:
+    for piece in law.velocity_jumps:
         joint = law.joints[piece] + turn * TURN
         if abs(joint - angle) <= SLACK:
             return joint - 4.0 * math.ulp(max(joint, TURN))
@@ -113,7 +115,7 @@ def short_of_kink(law: Law, angle: float) -> float:
 
 #: What else there is for a law whose velocity jumps, where a model can be chosen.
 OTHER_MODELS = (
-    ", or one of the models residual, one_mass and separation, where it is a blow or throws the "
+    ", or one of the models residual, one_mass and separation, where it is an impact or lifts the "
     "follower off"
 )
 
@@ -129,10 +131,10 @@ def require_smooth(law: Law, otherwise: str = OTHER_MODELS) -> None:
     ------
     DynamicsError : with the largest jump, in m/rad, and where it is
     """
-    if law.kinks:
-        piece = max(law.kinks, key=lambda i: abs(law.kinks[i]))
+    if law.velocity_jumps:
+        piece = max(law.velocity_jumps, key=lambda i: abs(law.velocity_jumps[i]))
         raise DynamicsError(
-            f"law {law.name!r}: velocity jumps by {law.kinks[piece]:.3g} m/rad at "
+            f"law {law.name!r}: velocity jumps by {law.velocity_jumps[piece]:.3g} m/rad at "
             f"{math.degrees(law.joints[piece]):.3g}°, an infinite force in this model; allowed: "
             f"segments that join with one slope{otherwise}"
         )

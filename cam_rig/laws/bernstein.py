@@ -158,7 +158,7 @@ def crossings(ordinates: FloatArray, lo: float = 0.0, hi: float = 1.0) -> list[f
 
     The ordinates are those on [lo, hi]. None is missed: a piece is dropped only when its
     ordinates do not change sign, which proves that the polynomial does not. Touching zero
-    without crossing it is no crossing.
+    without crossing it is not counted.
     """
     changes = sign_changes(ordinates)
     if changes == 0:

@@ -25,6 +25,13 @@ def build_law(cam: CamConfig) -> Law:
     Raises
     ------
     LawError : the segments do not join, or a segment's geometry does not exist
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> law = cam_rig.build_law(cam_rig.load_cam("poly345"))
+    >>> round(law.lift, 6), float(law(0.0, 2))  # m, and m/rad² at cam angle 0
+    (0.05, 0.0)
     """
     lift = cam.lift.si
     own = [own_pieces(segment, cam) for segment in cam.segments]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import get_args
 
 import numpy as np
 
@@ -12,20 +13,20 @@ from cam_rig.laws.law import Law
 from cam_rig.laws.named import NAMED_RISES, unit_rise
 from cam_rig.laws.peaks import peak
 from cam_rig.laws.pieces import joined
+from cam_rig.schema.segments import Rise, Segment
+from cam_rig.schema.segments.base import SegmentBase
 from cam_rig.units import TURN
 
-#: Laws whose figures depend on the numbers given: name, and what shapes them.
-FREE_LAWS = (
-    ("dwell", "level before"),
-    ("bezier", "ordinates"),
-    ("b_spline", "knots, ordinates"),
-    ("polynomial", "conditions"),
-    ("trigonometric", "coefficients"),
-    ("tangent_arcs", "event angles"),
-    ("arcs_by_radii", "radii"),
-    ("arcs_by_centres", "centres, radii"),
-    ("table", "measured points"),
-)
+
+def free_laws() -> dict[str, str]:
+    """Laws whose figures depend on the numbers in the cam file, with the keys of these numbers."""
+    kinds = (kind for kind in get_args(get_args(Segment)[0]) if kind is not Rise)
+    return {
+        get_args(kind.model_fields["law"].annotation)[0]: ", ".join(
+            key for key in kind.model_fields if key not in SegmentBase.model_fields | {"law": None}
+        )
+        for kind in kinds
+    }
 
 
 @dataclass(frozen=True)

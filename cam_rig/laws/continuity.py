@@ -11,7 +11,7 @@ from cam_rig.laws.law import Law
 
 #: Classes are told apart up to this one; what is smoother counts as it.
 SMOOTHEST = 4
-#: A jump below this fraction of the derivative's peak in the pieces that meet is none.
+#: A jump below this fraction of the derivative's peak in the pieces that meet counts as 0.
 TOLERANCE = 1e-6
 #: Rounding of a derivative at a piece's end, in units of eps·level·(2p/span)^order.
 ROUNDINGS = 16.0
@@ -51,7 +51,7 @@ def continuity(law: Law) -> int:
 
 
 def _limits(law: Law, order: int) -> FloatArray:
-    """``(n,)`` jump (m/rad^order) at the start of each piece that still is none.
+    """``(n,)`` jump (m/rad^order) at the start of each piece that still counts as 0.
 
     A fraction of the derivative's peak in the two pieces that meet, for another piece may be a
     thousand times as sharp; of s itself over the turn. Or what the rounding of levels makes of it

@@ -7,6 +7,7 @@ from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,14 @@ Scalar = Callable[[float], float]
 VELOCITY_JUMP, SLOPE_ROUNDING = 1e-9, 1e-12
 
 
+class Known(NamedTuple):
+    """What of a law is known better than its ordinates of s tell: see `Law.substitute`."""
+
+    motion: FloatArray
+    lift: float
+    velocity_jumps: dict[int, float]
+
+
 @dataclass(frozen=True, eq=False)
 class Law:
     """Follower displacement s(θ) over one turn of the cam, repeated for every turn.
@@ -33,16 +42,28 @@ class Law:
     breaks : ``(n + 1,)`` cam angles in rad, from 0 to 2π
     ordinates : ``(p + 1, n)`` Bernstein ordinates in m, one column a piece
     repeats : whether the turn's end joins its start
+    known : what is not to be derived from the ordinates; None derives all
 
     Raises
     ------
     LawError : the arrays do not fit each other, are not finite, or do not span one turn
+
+    Examples
+    --------
+    Rise and fall of 20 mm, each a cubic piece:
+
+    >>> import numpy as np
+    >>> h = 0.02
+    >>> law = Law("smoothstep", [0.0, np.pi, 2.0 * np.pi], [[0.0, h], [0.0, h], [h, 0.0], [h, 0.0]])
+    >>> float(law(np.pi / 2)), round(float(law(np.pi / 2, 1)), 6)  # m, m/rad
+    (0.01, 0.009549)
     """
 
     name: str
     breaks: FloatArray
     ordinates: FloatArray
     repeats: bool = True
+    known: Known | None = None
 
     def __post_init__(self) -> None:
         breaks = np.array(self.breaks, dtype=np.float64)
@@ -158,6 +179,8 @@ class Law:
     @cached_property
     def motion(self) -> FloatArray:
         """``(3, p + 1, n)``: ordinates of s, s', s'' of every piece, one degree for all."""
+        if self.known is not None:
+            return self.known.motion
         stack = np.stack([self.derivative_ordinates(order) for order in range(3)])
         stack.setflags(write=False)
         return stack
@@ -172,6 +195,8 @@ class Law:
     @cached_property
     def lift(self) -> float:
         """Largest minus smallest displacement over the turn, m."""
+        if self.known is not None:
+            return self.known.lift
         extremes = [float(self.ordinates[0].min()), float(self.ordinates[0].max())]
         slopes = bernstein.derivative(self.ordinates)
         for i in range(self.spans.size):
@@ -185,16 +210,18 @@ class Law:
         s, slope, bend = np.abs(self.motion).max(axis=(1, 2)).tolist()
         return s, slope, bend
 
-    def substitute(self, breaks: FloatArray, motion: FloatArray, kinks: dict[int, float]) -> Law:
+    def substitute(
+        self, breaks: FloatArray, motion: FloatArray, velocity_jumps: dict[int, float]
+    ) -> Law:
         """A law that is not repeated, from s, s', s'' ``(3, p + 1, n)`` known each on its own.
 
         It takes this law's lift, the measure of what is small. Differences of the ordinates of s
-        alone would lose the digits of s'' where a piece is short. ``kinks`` are as in `kinks`.
+        alone would lose the digits of s'' where a piece is short. ``velocity_jumps``
+        are m/rad by the piece that they begin.
         """
-        found = Law(self.name, breaks, motion[0], repeats=False)
         motion.setflags(write=False)
-        vars(found).update(motion=motion, lift=self.lift, kinks=kinks)
-        return found
+        known = Known(motion, self.lift, velocity_jumps)
+        return Law(self.name, breaks, motion[0], repeats=False, known=known)
 
     def jumps(self, order: int) -> FloatArray:
         """``(n,)`` right minus left limit of the derivative at the start of each piece."""
@@ -205,11 +232,13 @@ class Law:
         return np.asarray(ordinates[0] - before)
 
     @cached_property
-    def kinks(self) -> dict[int, float]:
+    def velocity_jumps(self) -> dict[int, float]:
         """Joints at which the velocity jumps: the piece that begins there, and what s' gains.
 
         In order, m/rad; empty for a law that every model takes.
         """
+        if self.known is not None:
+            return self.known.velocity_jumps
         jumps, slopes = self.jumps(1), np.abs(self.motion[1]).max(axis=0)
         beside = np.maximum(slopes, np.roll(slopes, 1))
         real = np.abs(jumps) > VELOCITY_JUMP * self.lift + SLOPE_ROUNDING * beside

@@ -5,15 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import get_args
 
 from cam_rig.arrays import FloatArray
-from cam_rig.laws import fit as analytic
 from cam_rig.laws.families import rises
-from cam_rig.laws.families.cycloidal import cycloidal
-from cam_rig.laws.families.harmonic import simple_harmonic
-from cam_rig.laws.families.trigonometric_rises import MODIFIED_SINE, MODIFIED_TRAPEZOID
-from cam_rig.laws.fit import Section
+from cam_rig.laws.families.trigonometric_rises import (
+    MODIFIED_SINE,
+    MODIFIED_TRAPEZOID,
+    cycloidal,
+    simple_harmonic,
+)
+from cam_rig.laws.fit import Section, fit_sections
 from cam_rig.laws.pieces import Pieces
+from cam_rig.schema.segments.rise import RiseName
 
 
 @dataclass(frozen=True)
@@ -32,17 +36,22 @@ class NamedRise:
     slopes: tuple[float, float] = (0.0, 0.0)
 
 
-def _bezier(kind: str, degree: int, ordinates: Callable[[int], FloatArray]) -> NamedRise:
-    first, equation, slopes = {
-        "full": (5, 1, (0.0, 0.0)),
-        "start": (4, 4, (0.0, 2.0)),
-        "end": (4, 7, (2.0, 0.0)),
-    }[kind]
-    number = equation + (degree - first) // 2
-    return NamedRise(f"eq. 3.{number}", ordinates(degree), slopes)
+#: Bézier rises by the end of their name: the lowest degree and its equation, ordinates, slopes.
+_BEZIER: dict[str, tuple[int, int, Callable[[int], FloatArray], tuple[float, float]]] = {
+    "": (5, 1, rises.full_rise, (0.0, 0.0)),
+    "_start": (4, 4, rises.half_rise_start, (0.0, 2.0)),
+    "_end": (4, 7, rises.half_rise_end, (2.0, 0.0)),
+}
 
 
-NAMED_RISES: dict[str, NamedRise] = {
+def _bezier(name: str) -> NamedRise:
+    """The rise ``bezier<degree>``, or a half-rise ``bezier<degree>_start`` or ``…_end``."""
+    degree, part = int(name[6]), name[7:]
+    first, equation, ordinates, slopes = _BEZIER[part]
+    return NamedRise(f"eq. 3.{equation + (degree - first) // 2}", ordinates(degree), slopes)
+
+
+_OTHERS = {
     "constant_velocity": NamedRise("worked example a", rises.constant_velocity()),
     "simple_harmonic": NamedRise("worked example b", [(0.0, 1.0, simple_harmonic)]),
     "cycloidal": NamedRise("paper, section 2", [(0.0, 1.0, cycloidal)]),
@@ -50,9 +59,10 @@ NAMED_RISES: dict[str, NamedRise] = {
     "modified_trapezoid": NamedRise("cam handbooks", MODIFIED_TRAPEZOID),
     "poly345": NamedRise("paper; eq. 3.1", rises.full_rise(5)),
     "poly4567": NamedRise("paper; eq. 3.2", rises.full_rise(7)),
-    **{f"bezier{n}": _bezier("full", n, rises.full_rise) for n in (5, 7, 9)},
-    **{f"bezier{n}_start": _bezier("start", n, rises.half_rise_start) for n in (4, 6, 8)},
-    **{f"bezier{n}_end": _bezier("end", n, rises.half_rise_end) for n in (4, 6, 8)},
+}
+#: Every name that a cam file may give, `RiseName`, with its rise.
+NAMED_RISES: dict[str, NamedRise] = {
+    name: _OTHERS.get(name) or _bezier(name) for name in get_args(RiseName)
 }
 
 
@@ -60,4 +70,4 @@ NAMED_RISES: dict[str, NamedRise] = {
 def unit_rise(name: str) -> Pieces:
     """Bernstein pieces of the rise of that name, over u from 0 to 1."""
     shape = NAMED_RISES[name].shape
-    return analytic.fit_sections(shape) if isinstance(shape, list) else ([0.0, 1.0], [shape])
+    return fit_sections(shape) if isinstance(shape, list) else ([0.0, 1.0], [shape])

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from cam_rig.errors import LawError
-from cam_rig.laws import fit as analytic
 from cam_rig.laws.arcs.segments import tangent_arcs, whole_turn_arcs
 from cam_rig.laws.families import b_spline
 from cam_rig.laws.families.polynomial import polynomial_through
 from cam_rig.laws.families.table import Smoothed, smooth
 from cam_rig.laws.families.trigonometric import trigonometric
+from cam_rig.laws.fit import fit
 from cam_rig.laws.pieces import Pieces
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segments import Bezier, BSpline, Polynomial, Segment, Table, Trigonometric
@@ -62,7 +62,7 @@ def _trigonometric(segment: Trigonometric, cam: CamConfig) -> Pieces:
         for numbers in (segment.cosine, segment.sine)
     )
     curve = trigonometric(lift * segment.mean.si, cosine, sine)
-    return analytic.fit(curve, 0.0, segment.span.si)
+    return fit(curve, 0.0, segment.span.si)
 
 
 def _table(segment: Table, cam: CamConfig) -> Pieces:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import Samples
 from cam_rig.errors import RefusedError
 from cam_rig.live.flow_control import MAX_WAITING
 from cam_rig.simulation.schedule import CamState
@@ -51,7 +52,8 @@ class TickMatcher:
         refused = None
         while self._blocks and len(self._states) > 1:
             start, end, rows = self._states[0], self._states[1], self._blocks[0]
-            middle = 0.5 * (rows[0, 0] + rows[0, -1]) * NS
+            times = Samples(rows).time
+            middle = 0.5 * (times[0] + times[-1]) * NS
             later = middle >= end.time_ns
             if not start.turns_until(end) or (later and self._may_skip):
                 self._states.popleft()  # the cam stood, or this tick has no block
@@ -80,10 +82,11 @@ class TickMatcher:
             return True
         grid = start.until(end).grid(self._sample_rate)
         times = start.time_ns / NS + grid.since_start()
-        return rows.shape[1] == grid.count and bool(np.abs(rows[0] - times).max() < 1e-6)
+        return rows.shape[1] == grid.count and bool(np.abs(Samples(rows).time - times).max() < 1e-6)
 
     def _refusal(self, start: CamState, rows: FloatArray) -> RefusedError:
+        times = Samples(rows).time
         return RefusedError(
-            f"follower samples: {rows.shape[1]} from {rows[0, 0]:.6f} s on; allowed: the samples "
+            f"follower samples: {times.size} from {times[0]:.6f} s on; allowed: the samples "
             f"of the tick that begins at {start.time_ns / NS:.6f} s"
         )

@@ -8,7 +8,7 @@ from typing import Any
 
 from rclpy.parameter import Parameter
 
-from cam_rig.dynamics.torque import shaft_torque
+from cam_rig.dynamics.kinetostatic import shaft_torque
 from cam_rig.errors import RefusedError
 from cam_rig.live.cam_check import require_own_law
 from cam_rig.live.checkpoint import Checkpoint

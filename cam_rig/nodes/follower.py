@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 from geometry_msgs.msg import WrenchStamped
@@ -23,6 +22,7 @@ from cam_rig.nodes.common.resend import ResendBuffer
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import FollowerSimulator
+from cam_rig.units import to_rpm
 
 
 class Follower(RigNode):
@@ -63,7 +63,7 @@ class Follower(RigNode):
 
     def _publish(self, end: CamState, state: FollowerState, block: Block) -> None:
         lost = bool(block.events) or not state.in_contact
-        values = {"rpm": f"{block.interval.speed * 30.0 / math.pi:.6g}"}
+        values = {"rpm": f"{to_rpm(block.interval.speed):.6g}"}
         words = "contact lost" if lost else "in contact"
         self.health.report(end.time_ns, WARN if lost else OK, words, values)
         header = to_header(end.time_ns, "follower")

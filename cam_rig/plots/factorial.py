@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
-
-mpl.use("Agg")
-import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
-from matplotlib.figure import FigureBase
+from matplotlib.figure import Figure, FigureBase
+from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
-from cam_rig.plots.styles import MARKERS, line
+from cam_rig.drawing.colours import BLUE, LIGHT_GREY, ORANGE, SKY_BLUE, web
+from cam_rig.plots.figures import MARKERS, empty, line, write
 from cam_rig.studies.factorial.design import EFFECTS, Design, Effect, Factorial
 from cam_rig.studies.factorial.in_contact import left
 
@@ -22,21 +20,25 @@ from cam_rig.studies.factorial.in_contact import left
 SHOWN = tuple(e for e in EFFECTS if e.key != "noise_in_contact")
 #: Parts of the variance: name, colour, hatch.
 PARTS = (
-    ("law: between classes of continuity", "#0072B2", ""),
-    ("law: within a class", "#56B4E9", "//"),
-    ("angle: slopes", "#E69F00", ".."),
-    ("interaction", "0.8", "xx"),
+    ("law, between continuity classes", BLUE, ""),
+    ("law, within a class", SKY_BLUE, "//"),
+    ("event angle", ORANGE, ".."),
+    ("interaction of law and angle", LIGHT_GREY, "xx"),
 )
 
 
 def draw(found: Factorial, path: Path) -> None:
-    """Write both figures, one above the other, as PNG (or what matplotlib knows by the suffix)."""
-    out = plt.figure(figsize=(13.0, 10.6), layout="constrained")
+    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
+    write(figure(found), path, dpi=110)
+
+
+def figure(found: Factorial) -> Figure:
+    """Above each effect against the event angle by law, below the shares of its variance."""
+    out = empty(13.0, 10.6)
     parts = out.subfigures(2, 1, height_ratios=[2.0, 1.0], squeeze=False)
     _effects(parts[0, 0], found)
     _shares(parts[1, 0], found)
-    out.savefig(path, dpi=110)
-    plt.close(out)
+    return out
 
 
 def _effects(out: FigureBase, found: Factorial) -> None:
@@ -50,24 +52,29 @@ def _effects(out: FigureBase, found: Factorial) -> None:
                 color="0.35",
                 lw=1.2,
                 ls=(0, (1, 2)),
-                label=f"{found.config.proposed}, as it is",
+                label=f"{found.config.proposed} as published",
             )
     for axes, effect in zip(panels[0], SHOWN, strict=True):
         axes.set_title(f"{effect.name} [{effect.unit}]", fontsize=11)
-    panels[0, 0].set_ylabel("same event angles")
-    panels[1, 0].set_ylabel("same peak acceleration")
+    panels[0, 0].set_ylabel("equal event angles")
+    panels[1, 0].set_ylabel("equal peak acceleration")
     for axes in panels[0]:
-        axes.set_xlabel("rise and fall [°]")
+        axes.set_xlabel("rise and fall, each [°]")
     for axes in panels[1]:
-        axes.set_xlabel(f"as gentle as {found.config.reference} over [°]")
-    handles, labels = panels[0, 0].get_legend_handles_labels()
+        axes.set_xlabel(f"rise and fall of {found.config.reference} [°]")
+    handles, _ = panels[0, 0].get_legend_handles_labels()
+    lost = Line2D([], [], ls="", marker="o", ms=4, color="0.35", mfc="white", label="contact lost")
     out.legend(
-        handles, labels, loc="outside lower center", ncols=6, frameon=False, handlelength=3.4
+        handles=[*handles, lost],
+        loc="outside lower center",
+        ncols=4,
+        frameon=False,
+        handlelength=3.4,
     )
 
 
 def _curves(axes: Axes, design: Design, effect: Effect, gone: NDArray[np.bool_]) -> None:
-    """One curve a law; cells whose follower has left the cam are hollow."""
+    """One curve a law; where contact is lost the marker is hollow."""
     degrees, values = np.degrees(design.angles), effect.values(design.cells)
     for i, (rise, order) in enumerate(zip(design.rises, design.classes, strict=True)):
         label = f"{rise.replace('_', ' ')}, C{order}"
@@ -89,7 +96,7 @@ def _shares(out: FigureBase, found: Factorial) -> None:
     panels = out.subplots(1, len(designs), sharey=True)
     for axes, design in zip(panels, designs, strict=True):
         _bars(axes, design)
-        axes.set(title=design.name, xlim=(0.0, 100.0), xlabel="share of the variance [%]")
+        axes.set(title=design.name, xlim=(0.0, 100.0), xlabel="share of the sum of squares [%]")
     panels[0].invert_yaxis()
     handles, labels = panels[0].get_legend_handles_labels()
     out.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
@@ -105,7 +112,7 @@ def _bars(axes: Axes, design: Design) -> None:
     left = np.zeros(len(names))
     for (name, colour, hatch), widths in zip(PARTS, np.transpose(shares), strict=True):
         axes.barh(
-            names, widths, left=left, color=colour, hatch=hatch, ec="white", lw=0.6, label=name
+            names, widths, left=left, color=web(colour), hatch=hatch, ec="white", lw=0.6, label=name
         )
         for i, (start, width) in enumerate(zip(left, widths, strict=True)):
             if width > 9.0:

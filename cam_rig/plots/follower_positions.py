@@ -73,7 +73,7 @@ def _face(element: GuidedFace, law: Law, motion: Motion) -> ComplexArray:
 def _swung_face(element: SwungFace, law: Law, motion: Motion) -> list[ComplexArray]:
     every = element.touch(Motion.uniform(law, 720))
     longest = float(np.abs(every.contact - element.pivot).max()) + SPARE * reach_of(element, law)
-    along = np.exp(-1j * element.swing(motion.s))[:, None]
+    along = np.exp(-1j * element.arm_angle(motion.s))[:, None]
     foot = element.pivot + 1j * element.offset * along
     pivot = np.full_like(foot, element.pivot)
     return [np.hstack([foot, foot - longest * along]), np.hstack([pivot, foot])]

@@ -1,19 +1,17 @@
-"""Least contact force against speed: where it reaches zero the follower leaves the cam."""
+"""Minimum contact force against speed: where it reaches zero, contact is lost."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
-
-mpl.use("Agg")
-import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.plots.styles import line
+from cam_rig.laws import Law
+from cam_rig.plots.figures import CAM_SPEED, colour, empty, line, write
 from cam_rig.studies.cam_set import CamSet
 from cam_rig.studies.jump.comparison import JumpRow
 from cam_rig.studies.jump.search import force_run
@@ -24,16 +22,15 @@ POINTS = 400
 
 
 def draw(rows: list[JumpRow], cam_set: CamSet, duration: float | None, path: Path) -> None:
-    """Write the plot as PNG (or any format matplotlib knows by the suffix)."""
-    shown = figure(rows, cam_set, duration)
-    shown.savefig(path, dpi=130)
-    plt.close(shown)
+    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
+    write(figure(rows, cam_set, duration), path)
 
 
 def figure(rows: list[JumpRow], cam_set: CamSet, duration: float | None) -> Figure:
-    """The least force of a run of ``duration`` s from rest (None: in steady state) by speed."""
+    """The minimum force of a run of ``duration`` s from rest (None: in steady state) by speed."""
     parameters = TwoMassParameters.from_rig(cam_set.rig)
-    out, axes = plt.subplots(figsize=(8.0, 4.6), layout="constrained")
+    out = empty(8.0, 4.6)
+    axes = out.subplots()
     last = 1.08 * max(row.found.rpm for row in rows)
     rpm = np.linspace(0.35 * min(row.found.rpm for row in rows), last, POINTS)
     for i, row in enumerate(rows):
@@ -42,20 +39,13 @@ def figure(rows: list[JumpRow], cam_set: CamSet, duration: float | None) -> Figu
             rpm, least, lw=1.6, label=f"{cam_set.titles[row.cam]}: {row.found.rpm:.2f}", **line(i)
         )
         _mark(axes, row, line(i)["color"])
-    axes.axhline(0.0, color="0.3", lw=0.9)
-    when = "in steady state" if duration is None else f"{duration:g} s from rest"
-    axes.set(
-        xlabel="cam speed [rpm]",
-        ylabel="least contact force [N]",
-        title=f"Jump speed: contact holds while the force is above 0 ({when})",
-        ylim=(-0.55 * parameters.preload, 1.15 * parameters.preload),
-        xlim=(rpm[0], rpm[-1]),
-    )
+    _frame(axes, rpm)
+    axes.set(title=f"Contact is kept while the minimum force is positive ({_when(duration)})")
+    axes.set(ylim=(-0.55 * parameters.preload, 1.15 * parameters.preload))
     if any(row.published_rpm is not None for row in rows):
-        axes.plot([], [], "v", color="0.3", ms=7, mfc="none", label="published, Table 2")
-    axes.grid(alpha=0.25)
+        axes.plot([], [], "v", color="0.3", ms=7, mfc="none", label="published (paper, Table 2)")
     axes.legend(
-        title="leaves at [rpm]",
+        title="jump speed [rpm]",
         fontsize=8.5,
         title_fontsize=8.5,
         loc="lower left",
@@ -64,7 +54,31 @@ def figure(rows: list[JumpRow], cam_set: CamSet, duration: float | None) -> Figu
     return out
 
 
-def _mark(axes: Axes, row: JumpRow, colour: str) -> None:
-    axes.plot(row.found.rpm, 0.0, "o", color=colour, ms=5, zorder=4)
+def one_cam(law: Law, parameters: TwoMassParameters, duration: float | None, jump: float) -> Figure:
+    """The minimum force of one cam up to 8 % above its ``jump`` speed (rpm)."""
+    out = empty(8.0, 4.4)
+    axes = out.subplots()
+    rpm = np.linspace(0.35 * jump, 1.08 * jump, POINTS)
+    axes.plot(rpm, force_run(law, parameters, duration).least(rpm * RPM), **line(0), lw=1.6)
+    axes.plot(jump, 0.0, "o", color=colour(0), label=f"jump speed {jump:.2f} rpm")
+    _frame(axes, rpm)
+    axes.set(title=f"{law.name}, {_when(duration)}")
+    axes.legend(loc="lower left")
+    return out
+
+
+def _when(duration: float | None) -> str:
+    return "in steady state" if duration is None else f"{duration:g} s from rest"
+
+
+def _frame(axes: Axes, rpm: FloatArray) -> None:
+    """Both axes, with the line of zero force."""
+    axes.set(xlabel=CAM_SPEED, ylabel="minimum contact force [N]", xlim=(rpm[0], rpm[-1]))
+    axes.axhline(0.0, color="0.3", lw=0.9)
+    axes.grid(alpha=0.25)
+
+
+def _mark(axes: Axes, row: JumpRow, ink: str) -> None:
+    axes.plot(row.found.rpm, 0.0, "o", color=ink, ms=5, zorder=4)
     if row.published_rpm is not None:
-        axes.plot(row.published_rpm, 0.0, "v", color=colour, ms=9, mfc="none", zorder=4)
+        axes.plot(row.published_rpm, 0.0, "v", color=ink, ms=9, mfc="none", zorder=4)

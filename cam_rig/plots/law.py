@@ -4,23 +4,22 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
-
-mpl.use("Agg")
-import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+from cam_rig.drawing.colours import DERIVATIVES, web
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.cam import segment_angles
 from cam_rig.laws.continuity import SMOOTHEST, Joint, joints
 from cam_rig.laws.control_polygon import control_polygons
 from cam_rig.laws.peaks import extremes
+from cam_rig.plots.figures import CAM_ANGLE, empty, turn_axis, write
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segments import Table
 
-#: Okabe-Ito colours, one a panel: readable in print and by the colour-blind.
-COLOURS = ("#0072B2", "#009E73", "#D55E00", "#000000")
+#: One a panel.
+COLOURS = tuple(map(web, DERIVATIVES))
 NAMES = ("lift s", "velocity s′", "acceleration s″", "jerk s‴")
 PER = ("", "/rad", "/rad²", "/rad³")
 #: Points of a curve, but of each of its pieces at least the fewest.
@@ -33,8 +32,14 @@ GREY = "0.45"
 
 
 def draw(cam: CamConfig, law: Law, path: Path) -> None:
-    """Write the plot as PNG (or any format matplotlib knows by the suffix)."""
-    figure, panels = plt.subplots(4, 1, figsize=(8.0, 9.6), sharex=True, layout="constrained")
+    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
+    write(figure(cam, law), path)
+
+
+def figure(cam: CamConfig, law: Law) -> Figure:
+    """Lift, velocity, acceleration and jerk over a turn, with extremes and continuity classes."""
+    out = empty(8.0, 9.6)
+    panels = out.subplots(4, 1, sharex=True)
     marked = _marked(cam, law)
     for order, axes in enumerate(panels):
         _curve(axes, cam, law, order)
@@ -44,10 +49,10 @@ def draw(cam: CamConfig, law: Law, path: Path) -> None:
     _names(panels[0], cam)
     _infinite(panels[2], marked)
     _classes(panels[0], marked)
-    panels[3].set(xlabel="cam angle θ [°]", xlim=(0.0, 360.0), xticks=range(0, 361, 30))
-    figure.suptitle(cam.title)
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
+    turn_axis(panels[3], 30)
+    panels[3].set_xlabel(CAM_ANGLE)
+    out.suptitle(cam.title)
+    return out
 
 
 def _marked(cam: CamConfig, law: Law) -> list[Joint]:
@@ -86,7 +91,7 @@ def _peaks(axes: Axes, cam: CamConfig, law: Law, order: int) -> None:
         value, at = extreme.value / cam.lift.factor, float(np.degrees(extreme.angle))
         axes.plot(at, value, "o", color=COLOURS[order], ms=4)
         axes.annotate(
-            f"{value:.4g} at {at:.4g}°",
+            f"{value:.4g} at {at:.4g}°".replace("-", "−"),
             (at, value),
             xytext=(-6 if at > 180.0 else 6, 6 if above else -6),
             textcoords="offset points",
@@ -156,4 +161,4 @@ def _classes(axes: Axes, marked: list[Joint]) -> None:
     labels = [f"C{joint.continuity}" for joint in marked]
     top = axes.secondary_xaxis("top")
     top.set_xticks(at, labels, fontsize=8)
-    top.set_xlabel("continuity at the joint", fontsize=8, color=GREY)
+    top.set_xlabel("continuity class at each knot", fontsize=8, color=GREY)

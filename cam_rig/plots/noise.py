@@ -4,47 +4,69 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
+from matplotlib.figure import Figure
 
-mpl.use("Agg")
-import matplotlib.pyplot as plt
-
-from cam_rig.plots import styles
+from cam_rig.arrays import FloatArray
+from cam_rig.plots.figures import CAM_SPEED, LEVEL, colour, empty, marker, write
 from cam_rig.simulation.levels import NoiseResult
 from cam_rig.simulation.scene import LoadedScene
 
+#: Room above and below levels turn by turn, dB, so that the rounding of settled ones is not seen.
+MARGIN_DB = 1.0
+
 
 def draw(result: NoiseResult, loaded: LoadedScene, path: Path) -> None:
-    """Write the plot as PNG (or any format matplotlib knows by the suffix)."""
-    figure, axes = plt.subplots(figsize=(8.0, 5.2), layout="constrained")
+    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
+    write(figure(result, loaded), path)
+
+
+def figure(result: NoiseResult, loaded: LoadedScene) -> Figure:
+    """Level of each cam against speed, its cubic regression, and what is published."""
+    out = empty(8.0, 5.2)
+    axes = out.subplots()
     for index, curve in enumerate(result.curves.values()):
-        style = styles.marker(index)
-        colour = style["color"]
+        style = marker(index)
+        ink = style["color"]
         title = loaded.cams[curve.cam].title
-        note = "" if curve.rmse_db is None else f", {curve.role}, {curve.rmse_db:.2f} dB RMS"
-        label = f"{title}{note}"
-        axes.plot(curve.rpm, curve.level_db, **style, ls="", ms=5, label=label)
+        if curve.rmse_db is not None:
+            title += f", {curve.role}, r.m.s. difference {curve.rmse_db:.2f} dB"
+        axes.plot(curve.rpm, curve.level_db, **style, ls="", ms=5, label=title)
         fine = np.linspace(curve.rpm[0], curve.rpm[-1], 200)
         if np.isfinite(curve.coefficients).all():
             fit = np.polynomial.polynomial.polyval(fine, curve.coefficients)
-            axes.plot(fine, fit, color=colour, lw=1.6)
+            axes.plot(fine, fit, color=ink, lw=1.6)
         if curve.rmse_db is not None and loaded.published is not None:
-            axes.plot(fine, loaded.published.level(curve.cam, fine), "--", color=colour, lw=1.2)
-    axes.plot([], [], "k-", lw=1.6, label="cubic regression of the run")
+            axes.plot(fine, loaded.published.level(curve.cam, fine), "--", color=ink, lw=1.2)
+    axes.plot([], [], "k-", lw=1.6, label="cubic regression, simulated")
     if loaded.published is not None:
-        axes.plot([], [], "k--", lw=1.2, label="published regression")
+        axes.plot([], [], "k--", lw=1.2, label="cubic regression, published")
     if result.crossover_rpm is not None:
         axes.axvline(result.crossover_rpm, color="0.5", lw=0.8)
         axes.annotate(
-            f"{result.crossover_rpm:.0f} rpm",
+            f"equal levels at {result.crossover_rpm:.0f} rpm",
             (result.crossover_rpm, axes.get_ylim()[0]),
             xytext=(3, 4),
             textcoords="offset points",
             color="0.35",
         )
-    axes.set(xlabel="cam speed [rpm]", ylabel="sound level [dB]", title=loaded.scene.title)
+    axes.set(xlabel=CAM_SPEED, ylabel=LEVEL, title=loaded.scene.title)
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8, loc="upper left")
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
+    return out
+
+
+def turn_by_turn(by_turn: FloatArray, settle_turns: int, level: float, title: str) -> Figure:
+    """Levels (dB) of turns ``(n,)``, and their energy mean ``level`` after ``settle_turns``."""
+    out = empty(8.0, 4.0)
+    axes = out.subplots()
+    turn = np.arange(1, by_turn.size + 1)
+    axes.plot(turn, by_turn, "o", color=colour(0), label="one turn")
+    settled = np.array([settle_turns + 0.5, by_turn.size + 0.5])
+    axes.plot(settled, [level, level], color=colour(1), label=f"settled turns: {level:.2f} dB")
+    axes.set(xlabel="turn", ylabel=LEVEL, title=title)
+    axes.set_xticks(turn[:: 1 + turn.size // 20])
+    axes.set_ylim(by_turn.min() - MARGIN_DB, by_turn.max() + MARGIN_DB)
+    axes.grid(alpha=0.3)
+    axes.legend()
+    return out

@@ -4,25 +4,24 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
-
-mpl.use("Agg")
-import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
 
+from cam_rig.drawing.colours import DISCS, LIMIT, PITCH_CURVE, web
 from cam_rig.drawing.outlines import MM, circle
 from cam_rig.laws import Law
+from cam_rig.plots.figures import CAM_ANGLE, empty, turn_axis, write
 from cam_rig.plots.follower_positions import pivots, positions
 from cam_rig.profile import Contour, contours, turn_angles
 from cam_rig.profile.checks.check import Check
 from cam_rig.schema import CamConfig
 
-#: Okabe-Ito colours, first and second cam; dash and width tell them apart without colour.
-INK = ("#0072B2", "#D55E00")
+#: First and second disc; the dash tells them apart without colour.
+INK = tuple(map(web, DISCS))
 DASH = ("-", (0, (5, 2)))
-PITCH, FOLLOWER, BOLD = "#009E73", "0.62", "#000000"
+FOLLOWER, BOLD = "0.62", "black"
 POINTS, POSITIONS = 3600, 24
 #: Every so many degrees a position is named.
 NAMED = 60.0
@@ -31,13 +30,16 @@ OFF = 2.5
 
 
 def draw(cam: CamConfig, law: Law, checks: list[Check], path: Path) -> None:
-    """Write the drawing as PNG (or any format matplotlib knows by the suffix)."""
+    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
+    write(figure(cam, law, checks), path)
+
+
+def figure(cam: CamConfig, law: Law, checks: list[Check]) -> Figure:
+    """The cam with its follower around it, radius of curvature and pressure angle over a turn."""
     discs = contours(cam.follower, law, POINTS)
-    figure, panels = plt.subplot_mosaic(
-        [["plan", "curvature"], ["plan", "pressure"]],
-        figsize=(12.5, 7.4),
-        width_ratios=[1.45, 1.0],
-        layout="constrained",
+    out = empty(12.5, 7.4)
+    panels = out.subplot_mosaic(
+        [["plan", "curvature"], ["plan", "pressure"]], width_ratios=[1.45, 1.0]
     )
     _plan(panels["plan"], cam, law, discs)
     _curvature(panels["curvature"], cam, discs)
@@ -46,10 +48,9 @@ def draw(cam: CamConfig, law: Law, checks: list[Check], path: Path) -> None:
     title = [f"{cam.title} (follower: {kind}, lift {law.lift * MM:.4g} mm)"]
     for check in (check for check in checks if not check.passed):
         where = "" if check.degrees is None else f" at {check.degrees:.4g}°"
-        title.append(f"fails: {check.title} {check.shown(check.value)}{where}")
-    figure.suptitle("\n".join(title), fontsize=12)
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
+        title.append(f"not met: {check.title} {check.shown(check.value)}{where}")
+    out.suptitle("\n".join(title), fontsize=12)
+    return out
 
 
 def _plan(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...]) -> None:
@@ -63,7 +64,7 @@ def _plan(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...]) -> N
         if contour.pitch is not None and contour.disc.element.roller > 0.0:
             label = "pitch curve" if contour is discs[0] else None
             pitch = _closed(contour.pitch)
-            axes.plot(*pitch, color=PITCH, ls=(0, (7, 2, 1, 2)), lw=1.1, label=label)
+            axes.plot(*pitch, color=web(PITCH_CURVE), ls=(0, (7, 2, 1, 2)), lw=1.1, label=label)
     base = circle(cam.follower.base_radius.si * MM)
     axes.plot(*base.T, color="0.25", ls=":", lw=1.2, label="base circle")
     axes.plot(0.0, 0.0, "+", color="k", ms=9)
@@ -88,7 +89,7 @@ def _follower(axes: Axes, contour: Contour, law: Law) -> None:
         axes.plot(*places[1:].T, "o", color=FOLLOWER, ms=2.5)
         axes.plot(*places[0], "o", color=BOLD, ms=5)
         ring = circle(float(np.hypot(*places[0])))
-        axes.plot(*ring.T, color=FOLLOWER, ls=":", lw=0.8, label="circle of the pivot")
+        axes.plot(*ring.T, color=FOLLOWER, ls=":", lw=0.8, label="path of the pivot about the cam")
 
 
 def _name_angles(axes: Axes, contour: Contour, law: Law) -> None:
@@ -112,13 +113,13 @@ def _curvature(axes: Axes, cam: CamConfig, discs: tuple[Contour, ...]) -> None:
     asked = cam.follower.least_curvature_radius
     least, roller = 0.0 if asked is None else asked.si * MM, cam.follower.roller * MM
     hollow = discs[0].pitch is not None  # a face cannot follow one, however wide
-    axes.axhspan(-roller if hollow else -size, least, color="#CC79A7", alpha=0.25, lw=0.0)
-    axes.axhline(least, color="#CC79A7", lw=1.2, label="undercut, or no room")
-    axes.set(ylabel="radius of curvature [mm]")
+    axes.axhspan(-roller if hollow else -size, least, color=web(LIMIT), alpha=0.25, lw=0.0)
+    axes.axhline(least, color=web(LIMIT), lw=1.2, label="undercut, or below the least radius")
+    axes.set(ylabel="radius of curvature ρ [mm]")
     flat = any(np.isfinite(c.radius[np.abs(c.radius) * MM >= OFF * size]).any() for c in discs)
     beyond = f"; beyond {OFF * size:.3g} mm not drawn" if flat else ""
     axes.set_title(f"positive where the contour is convex{beyond}", fontsize=10)
-    _angle_axis(axes)
+    turn_axis(axes)
     values = np.concatenate([line.get_ydata() for line in axes.lines])
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     axes.set_ylim(min(low, -roller, 0.0) - 0.08 * high, high * 1.32)
@@ -131,19 +132,13 @@ def _pressure(axes: Axes, discs: tuple[Contour, ...], checks: list[Check]) -> No
         axes.plot(np.degrees(contour.angle), degrees, color=colour, ls=dash, lw=1.6)
     limits = [np.degrees(check.limit) for check in checks if check.name == "pressure angle"]
     for limit in limits[:1]:
-        axes.axhline(limit, color="#CC79A7", lw=1.2, ls="--", label=f"limit, ±{limit:.4g}°")
-        axes.axhline(-limit, color="#CC79A7", lw=1.2, ls="--")
-    axes.set(ylabel="pressure angle [°]", xlabel="cam angle θ [°]")
-    _angle_axis(axes)
+        axes.axhline(limit, color=web(LIMIT), lw=1.2, ls="--", label=f"limit, ±{limit:.4g}°")
+        axes.axhline(-limit, color=web(LIMIT), lw=1.2, ls="--")
+    axes.set(ylabel="pressure angle α [°]", xlabel=CAM_ANGLE)
+    turn_axis(axes)
     low, high = axes.get_ylim()
     axes.set_ylim(low - 0.03 * (high - low), high + 0.14 * (high - low))
     axes.legend(fontsize=8, loc="upper right")
-
-
-def _angle_axis(axes: Axes) -> None:
-    axes.set_xlim(0.0, 360.0)
-    axes.set_xticks(range(0, 361, 60))
-    axes.grid(alpha=0.3)
 
 
 def _closed(points: np.ndarray) -> np.ndarray:

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
-
-mpl.use("Agg")
-import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
-from cam_rig.plots.styles import line
+from cam_rig.plots.figures import CAM_ANGLE, empty, line, turn_axis, write
 from cam_rig.studies.cam_set import CamSet
 from cam_rig.studies.vibration.dwell import LowDwell, low_dwell
 from cam_rig.studies.vibration.steady_state import SteadyTurn, steady_turn, steady_twist
@@ -22,15 +18,14 @@ from cam_rig.units import RPM
 
 
 def draw(cam_set: CamSet, rpm: float, path: Path) -> None:
-    """Write the plot as PNG (or any format matplotlib knows by the suffix)."""
-    out = figure(cam_set, rpm)
-    out.savefig(path, dpi=130)
-    plt.close(out)
+    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
+    write(figure(cam_set, rpm), path)
 
 
 def figure(cam_set: CamSet, rpm: float) -> Figure:
-    """Four panels at one speed in steady state: displacement, residual, acceleration, twist."""
-    out, panels = plt.subplots(2, 2, figsize=(11.0, 7.4), layout="constrained")
+    """Displacement, residual vibration, acceleration and twist in steady state at a speed (rpm)."""
+    out = empty(11.0, 7.4)
+    panels = out.subplots(2, 2)
     follower = FollowerParameters.from_rig(cam_set.rig)
     for i, (cam, law) in enumerate(cam_set.laws.items()):
         turn, title = steady_turn(law, follower, rpm * RPM), cam_set.titles[cam]
@@ -61,13 +56,13 @@ def _residual(axes: Axes, turn: SteadyTurn, window: LowDwell, index: int) -> Non
 def _label(panels: np.ndarray, cam_set: CamSet, rpm: float) -> None:
     laws = cam_set.laws.values()
     titles = (
-        ("Displacement (fig. 4)", "x [mm]"),
-        ("Vibration about the low dwell (fig. 5)", "x less static share of lift [µm]"),
-        ("Acceleration (fig. 6)", "ẍ [m/s²]"),
-        ("Torsional vibration (fig. 9)", "cam less flywheel [°]"),
+        ("Displacement (fig. 4)", "displacement x [mm]"),
+        ("Residual vibration about the low dwell (fig. 5)", "x − quasi-static displacement [µm]"),
+        ("Acceleration (fig. 6)", "acceleration ẍ [m/s²]"),
+        ("Torsional vibration (fig. 9)", "twist, cam − flywheel [°]"),
     )
     for axes, (title, label) in zip(panels.flat, titles, strict=True):
-        axes.set(title=title, xlabel="cam angle θ [°]", ylabel=label)
+        axes.set(title=title, xlabel=CAM_ANGLE, ylabel=label)
         axes.grid(alpha=0.25)
         if "low dwell" in title:
             axes.set(xlim=(-60.0, 60.0), xticks=range(-60, 61, 20))
@@ -75,7 +70,7 @@ def _label(panels: np.ndarray, cam_set: CamSet, rpm: float) -> None:
             for half in {round(0.5 * np.degrees(low_dwell(law).span), 9) for law in laws}:
                 axes.axvspan(-half, half, color="0.5", alpha=0.10, lw=0)
         else:
-            axes.set(xlim=(0.0, 360.0), xticks=range(0, 361, 60))
+            turn_axis(axes)
     if cam_set.rig.shaft is None:
         panels[1, 1].text(
             0.5, 0.5, "this rig has no shaft", ha="center", transform=panels[1, 1].transAxes

@@ -82,7 +82,7 @@ class Element(ABC):
         """Distance (m) of the roller, the point or the face's line from the axis, at s (m).
 
         It grows or falls with s. Where it is not positive, the contour does not go around the
-        axis: there is no cam for a shaft.
+        axis: no cam has room for a shaft.
         """
 
     @abstractmethod

@@ -24,7 +24,7 @@ class Contour:
 
     Parameters
     ----------
-    disc : the disc and what rides on it
+    disc : the disc and its follower
     angle : ``(n,)`` cam angles, rad
     points, normal : ``(2, n)`` m, and unit vectors out of the cam
     radius : ``(n,)`` m, radius of curvature: positive where convex, negative where concave

@@ -1,4 +1,4 @@
-"""The discs of a cam, and what rides on each: one disc, or two for conjugate cams."""
+"""The discs of a cam, and the follower on each: one disc, or two for conjugate cams."""
 
 from __future__ import annotations
 

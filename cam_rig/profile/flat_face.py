@@ -114,7 +114,7 @@ class SwungFace(Element):
             )
         return cls(arm, offset, pivot, float(np.arcsin(reach / pivot)))
 
-    def swing(self, s: FloatArray) -> FloatArray:
+    def arm_angle(self, s: FloatArray) -> FloatArray:
         """Angle of the face (rad) at displacements s (m); it reaches between −π/2 and π/2."""
         return self.start + s / self.arm
 
@@ -124,10 +124,10 @@ class SwungFace(Element):
 
     def touch(self, motion: Motion) -> Touch:
         """The contact that follows the law."""
-        swing, turn = self.swing(motion.s), self.turning(motion)
+        arm_angle, turn = self.arm_angle(motion.s), self.turning(motion)
         slope, bend = turn - 1.0, motion.bend / self.arm
-        along = np.exp(-1j * swing)
-        high, wide = self.pivot * np.sin(swing), self.pivot * np.cos(swing)
+        along = np.exp(-1j * arm_angle)
+        high, wide = self.pivot * np.sin(arm_angle), self.pivot * np.cos(arm_angle)
         distance = self.clearance(motion.s)
         with np.errstate(divide="ignore", invalid="ignore"):
             contact = along * (wide * slope / turn + 1j * distance)
@@ -146,8 +146,8 @@ class SwungFace(Element):
         reach = np.abs(arm)
         meets = reach >= abs(self.offset)
         sine = np.where(meets, self.offset / np.where(meets, reach, 1.0), 0.0)
-        swing = -np.angle(arm) - np.arcsin(sine)
-        return np.asarray(self.arm * np.where(meets, swing, -np.inf), dtype=np.float64)
+        arm_angle = -np.angle(arm) - np.arcsin(sine)
+        return np.asarray(self.arm * np.where(meets, arm_angle, -np.inf), dtype=np.float64)
 
     def lift_at(self, place: FloatArray) -> FloatArray:
         """Displacement at a way along the arc."""
@@ -155,9 +155,9 @@ class SwungFace(Element):
 
     def clearance(self, s: FloatArray) -> FloatArray:
         """Distance of the face from the cam's axis at displacements s."""
-        return np.asarray(self.pivot * np.sin(self.swing(s)) + self.offset)
+        return np.asarray(self.pivot * np.sin(self.arm_angle(s)) + self.offset)
 
     def stand(self, s: FloatArray) -> ComplexArray:
         """The point of the face at the end of the arm, at displacements s."""
-        face = (self.arm - 1j * self.offset) * np.exp(-1j * self.swing(s))
+        face = (self.arm - 1j * self.offset) * np.exp(-1j * self.arm_angle(s))
         return np.asarray(self.pivot - face)

@@ -121,14 +121,14 @@ class SwungCentre(Element):
         cosine = (arm**2 + pivot**2 - prime**2) / (2.0 * arm * pivot)
         return cls(roller, arm, pivot, float(np.arccos(cosine)))
 
-    def swing(self, s: FloatArray) -> FloatArray:
+    def arm_angle(self, s: FloatArray) -> FloatArray:
         """Angle at the pivot (rad) at displacements s (m); the arm reaches between 0 and π."""
         return self.start + s / self.arm
 
     def touch(self, motion: Motion) -> Touch:
         """The contact that follows the law."""
         slope, bend = motion.slope / self.arm, motion.bend / self.arm
-        out = self.arm * np.exp(-1j * self.swing(motion.s))
+        out = self.arm * np.exp(-1j * self.arm_angle(motion.s))
         centre = self.pivot - out
         tangent = 1j * ((1.0 + slope) * out - self.pivot)
         second = (1.0 + slope) ** 2 * out - self.pivot + 1j * bend * out
@@ -141,13 +141,13 @@ class SwungCentre(Element):
     def place_on(self, points: ComplexArray) -> FloatArray:
         """Way along the arc at which the follower just touches each point."""
         arm = self.pivot - points
-        swing = -np.angle(arm)
+        arm_angle = -np.angle(arm)
         if self.roller == 0.0:
-            return np.asarray(self.arm * swing)
+            return np.asarray(self.arm * arm_angle)
         reach = np.abs(arm)
         cosine = (self.arm**2 + reach**2 - self.roller**2) / (2.0 * self.arm * reach)
-        swing += np.arccos(np.minimum(cosine, 1.0))
-        return np.asarray(self.arm * np.where(cosine <= 1.0, swing, -np.inf), dtype=np.float64)
+        arm_angle += np.arccos(np.minimum(cosine, 1.0))
+        return np.asarray(self.arm * np.where(cosine <= 1.0, arm_angle, -np.inf), dtype=np.float64)
 
     def lift_at(self, place: FloatArray) -> FloatArray:
         """Displacement at a way along the arc."""
@@ -163,4 +163,4 @@ class SwungCentre(Element):
 
     def stand(self, s: FloatArray) -> ComplexArray:
         """The centre at displacements s."""
-        return np.asarray(self.pivot - self.arm * np.exp(-1j * self.swing(s)))
+        return np.asarray(self.pivot - self.arm * np.exp(-1j * self.arm_angle(s)))

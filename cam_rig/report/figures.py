@@ -8,6 +8,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 
+from cam_rig.files import temporary_folder
 from cam_rig.plots import factorial as factorial_plot
 from cam_rig.plots import jump as jump_plot
 from cam_rig.plots import law as law_plot
@@ -21,7 +22,6 @@ from cam_rig.studies.factorial.design import Factorial
 from cam_rig.studies.jump.comparison import JumpRow
 from cam_rig.studies.jump.contact_limit import FROM_REST
 from cam_rig.studies.noise.run import NoiseStudy
-from cam_rig.temporary import temporary_folder
 
 #: Speeds of the figures, rpm: below every jump speed, and above all but Bézier 15's.
 STEADY_RPM, TAKEOFF_RPM = 300.0, 460.0

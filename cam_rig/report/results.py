@@ -1,4 +1,4 @@
-"""All that a report tells, and the jobs that find it."""
+"""All findings of a report, and the jobs that compute them."""
 
 from __future__ import annotations
 
@@ -22,9 +22,8 @@ from cam_rig.studies.cam_set import CamSet, open_cam_set
 from cam_rig.studies.factorial.design import Factorial, run_factorial
 from cam_rig.studies.factorial.laws import open_factorial
 from cam_rig.studies.factorial.measures import Bench
-from cam_rig.studies.jump.comparison import JumpRow, find_jumps
+from cam_rig.studies.jump.comparison import JumpRow, find_jumps, jump_by_degree
 from cam_rig.studies.jump.contact_limit import FROM_REST
-from cam_rig.studies.jump.jump_degrees import jump_by_degree
 from cam_rig.studies.jump.published import references
 from cam_rig.studies.noise.run import NoiseStudy, study_noise
 from cam_rig.studies.vibration.comparison import VibrationTable, vibration_table
@@ -33,7 +32,7 @@ from cam_rig.studies.vibration.comparison import VibrationTable, vibration_table
 VIBRATION_RPM = (200.0, 250.0, 300.0, 350.0)
 #: The paper's fifth law, whose degree it does not print.
 BY_SEGMENTS = "bezier_segments"
-#: What a report does, as it is told to who waits.
+#: What a report computes, as progress is shown.
 PARTS = ("jump speeds", "vibration", "figures", "noise", "continuity or slopes")
 
 
@@ -110,7 +109,7 @@ def find(
 
     Parameters
     ----------
-    on_part : told each of `PARTS` when it is done
+    on_part : called with each of `PARTS` when it is done
     meanwhile : done with the jump speeds while the long ones run
     """
     noise = pool.submit(_noise, sources)
@@ -125,11 +124,11 @@ def find(
     on_part(PARTS[1])
     meanwhile(jumps)
     on_part(PARTS[2])
-    heard = noise.result()
+    levels = noise.result()
     on_part(PARTS[3])
-    answered = factorial.result()
+    effects = factorial.result()
     on_part(PARTS[4])
-    return Findings(sources, jumps, degrees, vibration, stiff, heard, answered)
+    return Findings(sources, jumps, degrees, vibration, stiff, levels, effects)
 
 
 def _noise(sources: Sources) -> NoiseStudy:

@@ -10,9 +10,9 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+from cam_rig.files import no_room
 from cam_rig.runner.shared_memory import FOLDER, LOCK_GRACE_S
 from cam_rig.runner.user_folder import runtime_folder, user_folder
-from cam_rig.temporary import no_room
 
 PREFIX = "cam_rig-checkpoint-"
 

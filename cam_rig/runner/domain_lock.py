@@ -12,8 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from cam_rig.errors import ConfigError, OutputError, RunError
+from cam_rig.files import no_room
 from cam_rig.runner.user_folder import user_folder
-from cam_rig.temporary import no_room
 
 #: The greatest ROS domain, by the ports of DDS.
 MAX_DOMAIN = 232

@@ -12,6 +12,7 @@ from types import FrameType, TracebackType
 from typing import Any
 
 from cam_rig.errors import RunError
+from cam_rig.extras import require
 from cam_rig.runner.checkpoint_folder import CheckpointFolder
 from cam_rig.runner.node_table import DRIVE, ENTRIES, NODES, PATIENCE_S, PLAYER, RECORDER, VIEWER
 from cam_rig.runner.process import Arguments, NodeProcess, stop_all
@@ -82,6 +83,7 @@ class Graph:
         self._patience = float(str(nodes[self._drive].get("patience", PATIENCE_S)))
 
     def __enter__(self) -> Graph:
+        require("rclpy")
         require_room()
         for number in STOPPING:
             self._handlers[int(number)] = signal.signal(number, _interrupt)

@@ -7,7 +7,7 @@ import stat
 from pathlib import Path
 
 from cam_rig.errors import OutputError
-from cam_rig.temporary import no_room, temporary_place
+from cam_rig.files import no_room, temporary_place
 
 
 def user_folder() -> Path:

@@ -1,4 +1,4 @@
-"""A factorial study: laws by continuity, event angles, and one cam that is squeezed."""
+"""A factorial study: laws by continuity, event angles, and one cam whose event is compressed."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pydantic import Field, model_validator
 from cam_rig.schema.quantity import Quantity, Strict, must_be
 from cam_rig.schema.scene import Name
 from cam_rig.schema.segments.rise import RiseName
-from cam_rig.units import TURN
+from cam_rig.units import RPM, TURN
 
 Events = Annotated[Quantity, must_be("angle", many=True, above=0.0, most=math.pi)]
 #: Slowest and fastest speed of a measurement, rad/s: 1 and 1e5 rpm.
-SLOWEST, FASTEST = math.pi / 30.0, 1e5 * math.pi / 30.0
+SLOWEST, FASTEST = RPM, 1e5 * RPM
 Speeds = Annotated[Quantity, must_be("speed", many=True, least=SLOWEST, most=FASTEST)]
 
 

@@ -39,6 +39,27 @@ def config_root() -> Path:
     return Path(sysconfig.get_path("data")) / "share" / "cam_rig" / "config"
 
 
+def named_path(folder: str, name: str | Path) -> Path:
+    """The file that a path means; a word without folder and suffix is a shipped file's name.
+
+    Parameters
+    ----------
+    folder : of ``config``, where the shipped files of its kind are
+    """
+    path = Path(name)
+    if path.name != str(name) or path.suffix in (".yaml", ".yml") or _is_file(path):
+        return path
+    return config_root() / folder / f"{name}.yaml"
+
+
+def _is_file(path: Path) -> bool:
+    """Whether there is a file at a path; a name that no file can have is none."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
 def read_yaml(path: Path, most: int = MAX_BYTES) -> Any:
     """The one document of a YAML file of at most ``most`` bytes.
 
@@ -102,7 +123,7 @@ class Library:
 
         Raises
         ------
-        ConfigError : the name is no name, but a path or worse
+        ConfigError : the name is not a plain name
         """
         if not NAME.fullmatch(name):
             raise ConfigError(

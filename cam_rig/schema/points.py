@@ -57,7 +57,7 @@ def _lines(path: Path) -> list[tuple[int, list[str]]]:
 def _cells(name: str, line: int, row: str) -> list[str]:
     try:
         return next(csv.reader([row]))
-    except csv.Error as error:  # a cell that is too long, or of bytes that are no text
+    except csv.Error as error:  # a cell that is too long, or of bytes that are not text
         raise ValueError(f"{name}: line {line}: cannot be read ({error})") from None
 
 

@@ -4,13 +4,26 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 
+from cam_rig.errors import ConfigError
+from cam_rig.schema.explain import explain
 from cam_rig.schema.quantity import Quantity, Strict, must_be
 
 Mass = Annotated[Quantity, must_be("mass", above=0.0, least=1e-9, most=1e6)]
 Stiffness = Annotated[Quantity, must_be("stiffness", above=0.0, least=1e-9, most=1e15)]
 Damping = Annotated[Quantity, must_be("damping", least=0.0, most=1e9)]
+
+
+#: SI units of the follower's numbers that have one.
+SI_UNITS = {
+    "mass": "kg",
+    "spring_stiffness": "N/m",
+    "stem_stiffness": "N/m",
+    "damping": "N*s/m",
+    "stem_damping": "N*s/m",
+    "preload": "N",
+}
 
 
 class FollowerMechanics(Strict):
@@ -65,3 +78,26 @@ class RigConfig(Strict):
     follower: FollowerMechanics
     shaft: Shaft | None = None
     radiation: Radiation
+
+    def with_follower(self, **numbers: float) -> RigConfig:
+        """The same rig with other numbers of its follower, in SI units; their origin is assumed.
+
+        Raises
+        ------
+        ConfigError : no such number, or a value out of range
+
+        Examples
+        --------
+        >>> import cam_rig
+        >>> rig = cam_rig.load_rig("paper_table2").with_follower(preload=45.0)  # N
+        >>> rig.follower.preload.origin, rig.follower.preload.si
+        ('assumed', 45.0)
+        """
+        data = self.model_dump(exclude_none=True)
+        for key, value in numbers.items():
+            unit = SI_UNITS.get(key, "1")
+            data["follower"][key] = {"assumed": value, "unit": unit, "source": "with_follower"}
+        try:
+            return RigConfig.model_validate(data)
+        except ValidationError as error:
+            raise ConfigError(f"rig {self.name!r}: {explain(error, RigConfig)}") from None

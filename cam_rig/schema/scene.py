@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from cam_rig.schema.quantity import Quantity, Strict, must_be
 from cam_rig.units import RPM
 
 #: A name refers to a file of that name, without the suffix.
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
-Model = Literal["kinetostatic", "one_mass", "residual", "separation", "torsional"]
+#: Other names of models, as an engineer would look for them.
+MODEL_ALIASES = {"two_mass": "separation", "elastic_stem": "residual"}
+Model = Annotated[
+    Literal["kinetostatic", "one_mass", "residual", "separation", "torsional"],
+    BeforeValidator(lambda name: MODEL_ALIASES.get(name, name) if isinstance(name, str) else name),
+]
 
 
 class Program(Strict):

@@ -215,7 +215,7 @@ def _plain(text: str, line: int) -> Value:
 
 
 def _require_tag(tag: str | None, value: Value, line: int) -> None:
-    """Refuse a tag that is none of YAML's own, or that the value is none of."""
+    """Refuse a tag that is not one of YAML's own, or does not fit the value."""
     if tag in (None, "!"):
         return
     if not isinstance(value, TAGS.get(str(tag).removeprefix(TAG), ())):

@@ -10,6 +10,7 @@ from cam_rig.acoustics import Reading, SoundLevelMeter, SoundSource
 from cam_rig.acoustics.pressure_samples import SourceMemory
 from cam_rig.acoustics.sound_level_meter import MeterMemory
 from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import Samples
 from cam_rig.schema import SceneConfig
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import cam_states
@@ -73,8 +74,8 @@ class MeterSimulator:
 
     def read(self, block_rows: FloatArray, speed: float) -> Reading:
         """The reading over a block, ``(6, n)`` rows, at cam speed ``speed`` (rad/s)."""
-        self.meter = self._next
-        return self.meter.read(self.source.pressure(block_rows[4], block_rows[5], speed))
+        self.meter, block = self._next, Samples(block_rows)
+        return self.meter.read(self.source.pressure(block.force, block.impulse, speed))
 
 
 def audition(
@@ -110,4 +111,4 @@ def sounds(loaded: LoadedScene, source: SoundSource) -> Iterator[FloatArray]:
         turned = follower.turn_to(state)
         if turned is not None:
             block = turned[1]
-            yield source.pressure(block.rows[4], block.rows[5], block.interval.mean_speed)
+            yield source.pressure(block.force, block.impulse, block.interval.mean_speed)

@@ -1,4 +1,4 @@
-"""Level against rpm: from ticks to steps, cubic regressions, and the published curves."""
+"""Level against rpm: from ticks to steps, and beside the published curves."""
 
 from __future__ import annotations
 
@@ -8,16 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from cam_rig.acoustics import level_db
-from cam_rig.arrays import FloatArray
+from cam_rig.arrays import FloatArray, rms
 from cam_rig.errors import CamRigError
 from cam_rig.schema import PublishedNoise
+from cam_rig.simulation.regression import nearest_crossing, regression
 from cam_rig.simulation.schedule import CamState
-from cam_rig.units import NS, TURN
-
-#: Regressions are cubic, as the paper's.
-REGRESSION_DEGREE = 3
-#: A number of a polynomial below this part of its largest is rounding; and such an imaginary part.
-ROUNDING, ALMOST_REAL = 1e-12, 1e-9
+from cam_rig.units import NS, TURN, to_rpm
 
 
 @dataclass(frozen=True)
@@ -67,7 +63,7 @@ def step_levels(ticks: Iterable[HeardTick], settle_turns: float) -> dict[str, di
             continue
         if first is None or (state.cam, state.speed) != (first.cam, first.speed):
             first = state
-        turned = state.since(first) / (TURN)
+        turned = state.since(first) / TURN
         if turned > settle_turns - 1e-6:
             duration = (tick.stop_ns - state.time_ns) / NS
             total = energy.setdefault((state.cam, state.speed), [0.0, 0.0])
@@ -87,37 +83,12 @@ def compare(
     """Regressions of all cams, their r.m.s. difference to the published ones, the crossover."""
     curves = {}
     for cam, steps in levels.items():
-        rpm = np.array(sorted(steps)) * 30.0 / np.pi
+        rpm = to_rpm(np.array(sorted(steps)))
         level = np.array([steps[speed] for speed in sorted(steps)])
         curves[cam] = NoiseCurve(
             cam, roles[cam], rpm, level, regression(rpm, level), _rmse(cam, rpm, level, published)
         )
     return NoiseResult(curves, _crossover(curves, published))
-
-
-def regression(rpm: FloatArray, level: FloatArray) -> FloatArray:
-    """Least-squares coefficients c0 … c3 of level in dB over rpm."""
-    if rpm.size <= REGRESSION_DEGREE:
-        return np.full(REGRESSION_DEGREE + 1, np.nan)
-    fit = np.polynomial.Polynomial.fit(rpm, level, REGRESSION_DEGREE)
-    found = fit.convert().coef  # without trailing zeros
-    return np.pad(found, (0, REGRESSION_DEGREE + 1 - found.size))
-
-
-def cubic(rpm: FloatArray) -> FloatArray:
-    """``(n, n)``: takes levels at the speeds to the values of their regression there."""
-    powers = np.polynomial.polynomial.polyvander(rpm / rpm.mean() - 1.0, REGRESSION_DEGREE)
-    return np.asarray(powers @ np.linalg.pinv(powers))
-
-
-def real_roots(coefficients: FloatArray) -> FloatArray:
-    """Real roots of c0 + c1 x + …, for x of about one.
-
-    A leading number of mere rounding is taken for zero: its own root would drown the others.
-    """
-    kept = np.polynomial.polynomial.polytrim(coefficients, ROUNDING * np.abs(coefficients).max())
-    roots = np.polynomial.polynomial.polyroots(kept)
-    return np.asarray(roots.real[np.abs(roots.imag) < ALMOST_REAL])
 
 
 def _rmse(
@@ -130,8 +101,7 @@ def _rmse(
     inside = (rpm > low - 1e-6) & (rpm < high + 1e-6)
     if not inside.any():
         return None
-    difference = level[inside] - published.level(cam, rpm[inside])
-    return float(np.sqrt(np.mean(difference**2)))
+    return rms(level[inside] - published.level(cam, rpm[inside]))
 
 
 def _crossover(curves: dict[str, NoiseCurve], published: PublishedNoise | None) -> float | None:
@@ -143,9 +113,8 @@ def _crossover(curves: dict[str, NoiseCurve], published: PublishedNoise | None) 
     if not np.isfinite(difference).all():
         return None
     low, high = max(one.rpm[0], two.rpm[0]), min(one.rpm[-1], two.rpm[-1])
-    roots = real_roots(difference * high ** np.arange(difference.size)) * high
-    real = [float(root) for root in roots if low <= root <= high]
-    return min(real, key=lambda r: abs(r - published.crossover.rpm), default=None)
+    scaled = difference * high ** np.arange(difference.size)
+    return nearest_crossing(scaled, (low, high), published.crossover.rpm, scale=high)
 
 
 def require_ticks(levels: dict[str, dict[float, float]], where: str) -> None:

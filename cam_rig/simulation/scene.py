@@ -64,7 +64,7 @@ class LoadedScene:
 
         Raises
         ------
-        ConfigError, LawError : there is none of that name, or the rig cannot turn it
+        ConfigError, LawError : no cam has that name, or the rig cannot turn it
         """
         if name in self.cams:
             return

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -16,12 +16,29 @@ from cam_rig.acoustics.low_pass import structure_response
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import MODELS, Interval
 from cam_rig.laws import Law
-from cam_rig.units import NS, TURN
+from cam_rig.units import NS, TURN, to_rpm
 
 #: Hz: levels are within 0.003 dB of those at 384 kHz (docs/accuracy.md).
 TURN_RATE_HZ = 12_000
 #: The speed response is a polynomial of (rpm − 300)/100.
 RESPONSE_AT, RESPONSE_PER = 300.0, 100.0
+
+
+class Sounding(Protocol):
+    """What a cam gives to the rig's structure at each of ``speeds`` (rad/s)."""
+
+    @property
+    def speeds(self) -> FloatArray:
+        """Of the cam, rad/s, ``(n,)``."""
+
+    def every(self, step: int) -> Sounding:
+        """Only each ``step``-th speed."""
+
+    def contact_power(self, corner_rate: float) -> FloatArray:
+        """Mean square of ω_c (F − q), ``(n,)`` in (N/s)², for ω_c in rad/s."""
+
+    def landing_power(self, radiation: RadiationParameters) -> FloatArray:
+        """Mean square pressure of the landings, ``(n,)`` in Pa²."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +52,7 @@ class Turns:
     @property
     def rpm(self) -> FloatArray:
         """The speeds in rpm."""
-        return np.asarray(self.speeds * 30.0 / np.pi)
+        return to_rpm(self.speeds)
 
     def every(self, step: int) -> Turns:
         """Only each ``step``-th speed."""
@@ -49,7 +66,7 @@ class Turns:
     def landing_power(self, radiation: RadiationParameters) -> FloatArray:
         """Mean square pressure of the landings, ``(n,)`` in Pa²."""
         energy = [float(radiation.landing_energy(impulse).sum()) for impulse in self.impulses]
-        return np.array(energy) * self.speeds / (TURN)
+        return np.array(energy) * self.speeds / TURN
 
 
 def _contact_power(rate: float, force: FloatArray, impulse: FloatArray) -> float:
@@ -75,8 +92,8 @@ def settled_turns(
             state, block = MODELS[model].advance(law, parameters, state, interval, TURN_RATE_HZ)
             if model == "one_mass" and state.in_contact and state.pending_impulse == 0.0:
                 break
-        forces.append(block.rows[4])
-        impulses.append(block.rows[5])
+        forces.append(block.force)
+        impulses.append(block.impulse)
     return Turns(np.array(speeds, dtype=float), tuple(forces), tuple(impulses))
 
 
@@ -91,7 +108,7 @@ class Acoustics:
     radiation: RadiationParameters
     response: tuple[float, ...] = ()
 
-    def levels(self, turns: Turns) -> FloatArray:
+    def levels(self, turns: Sounding) -> FloatArray:
         """Level in dB at each speed, ``(n,)``.
 
         Landings do not pass through the speed response: it is measured on a cam that has none,
@@ -99,7 +116,9 @@ class Acoustics:
         """
         r = self.radiation
         background = np.array([r.background_power(float(speed)) for speed in turns.speeds])
-        contact = r.gain**2 * turns.contact_power(r.corner_rate) * self._passed(turns.rpm)
+        contact = (
+            r.gain**2 * turns.contact_power(r.corner_rate) * self._passed(to_rpm(turns.speeds))
+        )
         return level_db(np.sqrt(background + contact + turns.landing_power(r)))
 
     def with_constants(

@@ -8,7 +8,7 @@ from typing import Any
 
 from cam_rig.acoustics import MicrophoneState, RadiationParameters, hear
 from cam_rig.arrays import FloatArray
-from cam_rig.dynamics import MODELS, Block, FollowerState, Model
+from cam_rig.dynamics import MODELS, Block, FollowerState, Model, Samples
 from cam_rig.laws import Law
 from cam_rig.simulation.levels import HeardTick
 from cam_rig.simulation.scene import LoadedScene
@@ -53,10 +53,10 @@ class FollowerSimulator:
         end, block = self.model.advance(
             law, self.parameters, before.state, start.until(state), self.sample_rate
         )
-        block.rows[5, 0] += before.owed
+        block = block.with_impulse(before.owed)
         if state.cam == start.cam:
             self.memory = FollowerCheckpoint(state, end)
-        else:  # struck by the cam before
+        else:  # what the cam before gave and no sample has shown
             self.memory = FollowerCheckpoint(state, None, end.pending_impulse)
         return end, block
 
@@ -76,8 +76,9 @@ class MicrophoneSimulator:
 
     def listen(self, block_rows: FloatArray, speed: float) -> float:
         """r.m.s. pressure (Pa) over a block, ``(6, n)`` rows, at cam speed ``speed`` (rad/s)."""
+        block = Samples(block_rows)
         self.memory, pressure = hear(
-            self.parameters, self.memory, block_rows[4], block_rows[5], self.sample_rate, speed
+            self.parameters, self.memory, block.force, block.impulse, self.sample_rate, speed
         )
         return pressure
 

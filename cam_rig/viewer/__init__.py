@@ -1,1 +1,1 @@
-"""Pictures: Rerun recordings and plots."""
+"""A run in the Rerun viewer: from a bag into a recording, or live."""

@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
 from cam_rig.drawing.outlines import MM
 from cam_rig.errors import ConfigError
 from cam_rig.simulation.scene import LoadedScene
+from cam_rig.units import to_rpm
 from cam_rig.viewer import scene2d
-from cam_rig.viewer.charts import noise_chart, overlay, series
-from cam_rig.viewer.charts import shaft_twist as twist
+from cam_rig.viewer.charts import level_chart, overlay, series
 from cam_rig.viewer.charts.band_chart import band_axes
 from cam_rig.viewer.charts.run_view import BANDS, EVENTS
-from cam_rig.viewer.layout import Layout
+from cam_rig.viewer.charts.time_series import TORSIONAL
+from cam_rig.viewer.options import Layout
 from cam_rig.viewer.run_recorder import ABOUT, RESULTS
 from cam_rig.viewer.timeline import RIG_TIME, TURN_DEGREES
 
-#: Rig time a second of looking: a turn at 300 rpm takes 2 s.
+#: Rig time per wall time: a turn at 300 rpm takes 2 s.
 PLAYBACK_SPEED = 0.1
-#: Degrees of the cam a second of looking, where turns lie over each other.
-DEGREES_A_SECOND = 90.0
+#: Degrees of the cam per second, where turns lie over each other.
+DEGREES_PER_SECOND = 90.0
 #: Rig time (s) of a finished run shown on either side of the time cursor.
-NEAR = 0.5
-BANDS_NAME = "Third-octave bands of the last turn [dB]"
+AROUND_CURSOR_S = 0.5
+BANDS_NAME = "Third-octave bands of the last turn [dB re 20 µPa]"
 #: A legend would lie over the curves, so the titles name the colours of `cam_rig.drawing.colours`.
 LIFT_NAME = "Lift [mm]: follower light blue, law dark blue; lift-offs purple, landings orange"
 FORCE_NAME = "Contact force [N]: orange, dark red line at 0"
@@ -43,7 +43,7 @@ def blueprint(
     Parameters
     ----------
     duration : rig time of the whole run, s
-    bucket : samples of which the least and the greatest are shown, 1 for all
+    bucket : samples of which the minimum and the maximum are shown, 1 for all
     compared : speed (rpm) at which the cams are put side by side
     window : follow a live run, and show so much rig time (s) before its newest; else play from
         the start
@@ -59,7 +59,7 @@ def blueprint(
     timeline = rrb.TimePanel(
         state="collapsed",
         timeline=TURN_DEGREES,
-        fps=DEGREES_A_SECOND,
+        fps=DEGREES_PER_SECOND,
         play_state="playing",
         loop_mode="all",
     )
@@ -74,7 +74,7 @@ def compared_rpm(loaded: LoadedScene, rpm: float | None) -> float:
     ------
     ConfigError : the scene does not run at this speed
     """
-    speeds = [round(speed * 30.0 / np.pi, 9) for speed in loaded.scene.program.speeds.si_list]
+    speeds = [round(to_rpm(speed), 9) for speed in loaded.scene.program.speeds.si_list]
     if rpm is None:
         return max(speeds)
     nearest = min(speeds, key=lambda speed: abs(speed - rpm))
@@ -90,21 +90,21 @@ def _blueprint(view: rrb.Container, timeline: rrb.TimePanel) -> rrb.Blueprint:
 
 
 def _run(loaded: LoadedScene, duration: float, bucket: int, window: float | None) -> rrb.Container:
-    kept = f"; min, max of every {bucket}" if bucket > 1 else ""
+    kept = f"; minimum, maximum of every {bucket} samples" if bucket > 1 else ""
     near, whole = _near(window), _whole(duration)
     words = rrb.Tabs(
         rrb.TextDocumentView(origin=RESULTS, name="Results"),
         rrb.TextDocumentView(origin=ABOUT, name="About"),
-        rrb.TextLogView(origin=EVENTS, name="Speeds and landings"),
+        rrb.TextLogView(origin=EVENTS, name="Events"),
     )
     left = rrb.Vertical(_scene(loaded, scene2d.VIEW), _noise(loaded), words, row_shares=[5, 4, 3])
     slopes = [
         _plot("plots/velocity", "Velocity [m/s]", near),
         _plot("plots/acceleration", "Acceleration [m/s²]", near),
     ]
-    if loaded.scene.model == twist.MODEL:
+    if loaded.scene.model == TORSIONAL:
         slopes.append(_plot(series.TWIST.entity, "Twist of the shaft [°]", near))
-    level = _plot(series.LEVEL.entity, "Sound level [dB]", whole)
+    level = _plot(series.LEVEL.entity, "Sound pressure level [dB]", whole)
     speed = _plot(series.SPEED.entity, "Cam speed [rpm]", whole)
     right = rrb.Vertical(
         _plot("plots/lift", LIFT_NAME + kept, near),
@@ -146,7 +146,7 @@ def _turns(rpm: float) -> list[rrb.TimeSeriesView]:
         _plot(
             overlay.at_speed(rpm, quantity), f"{title} at {rpm:g} rpm, coloured as the cams", axis
         )
-        for quantity, (_, _, title) in overlay.QUANTITIES.items()
+        for quantity, (_, title) in overlay.QUANTITIES.items()
     ]
 
 
@@ -159,8 +159,8 @@ def _scene(loaded: LoadedScene, origin: str, name: str = "Cam and follower") -> 
 
 
 def _noise(loaded: LoadedScene) -> rrb.Spatial2DView:
-    name = "Sound level against rpm: published - - -, measured •"
-    return _chart(noise_chart.VIEW, name, *noise_chart.noise_axes(loaded).bounds(right=0.32))
+    name = "Sound pressure level against cam speed: published - - -, simulated •"
+    return _chart(level_chart.VIEW, name, *level_chart.level_axes(loaded).bounds(right=0.32))
 
 
 def _bands(loaded: LoadedScene, view: str) -> rrb.Spatial2DView:
@@ -181,7 +181,7 @@ def _plot(origin: str, name: str, axis: rrb.TimeAxis) -> rrb.TimeSeriesView:
 
 def _near(window: float | None) -> rrb.TimeAxis:
     """A few turns around the time cursor, or before it, where single landings can be seen."""
-    around = (-NEAR, NEAR) if window is None else (-window, 0.0)
+    around = (-AROUND_CURSOR_S, AROUND_CURSOR_S) if window is None else (-window, 0.0)
     ends = [rr.TimeRangeBoundary.cursor_relative(seconds=s) for s in around]
     return rrb.TimeAxis(view_range=rr.TimeRange(start=ends[0], end=ends[1]))
 

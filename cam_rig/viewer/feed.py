@@ -1,4 +1,4 @@
-"""The messages of a run, in any order of topics, brought together into ticks and drawn."""
+"""The messages of a run, in any order of topics, put together into ticks and passed on."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from cam_rig.simulation.schedule import CamState
 Tick = tuple[CamState, CamState, FloatArray]
 
 
-class Drawing(Protocol):
-    """What takes a run tick by tick, in order: a recording for Rerun, or an album of turns."""
+class RunReceiver(Protocol):
+    """What takes a run tick by tick, in order: a recording for Rerun, or an archive of turns."""
 
     profiles: dict[str, FloatArray]
 
     def tick(self, start: CamState, end: CamState, rows: FloatArray) -> None:
         """Take one tick; ``rows`` are the ``(6, n)`` samples of its block."""
 
-    def heard(self, end_ns: int, level: float, pressure: float) -> None:
+    def sound(self, end_ns: int, level: float, pressure: float) -> None:
         """Take level (dB) and pressure (Pa) of the tick that ended at a rig time."""
 
     def close(self) -> None:
@@ -31,33 +31,33 @@ class Drawing(Protocol):
 
 
 class RunFeed:
-    """Takes messages as they come, from a bag or from a live run; draws what is complete.
+    """Takes messages as they come, from a bag or from a live run; passes on what is complete.
 
-    A tick is drawn when both its states, its block and its cam's profile are there. Levels carry
-    no stamp: each is published with a pressure, which does.
+    A tick is passed on when both its states, its block and its cam's profile are there. Levels
+    carry no stamp: each is published with a pressure, which does.
     """
 
-    def __init__(self, drawing: Drawing) -> None:
-        self._drawing, self._pairing = drawing, TickMatcher()
+    def __init__(self, receiver: RunReceiver) -> None:
+        self._receiver, self._pairing = receiver, TickMatcher()
         self._ticks: deque[Tick] = deque()
         self._levels: deque[float] = deque()
         self._pressures: deque[tuple[int, float]] = deque()
-        self._heard: deque[tuple[int, float, float]] = deque()
-        self._said: deque[CamState | tuple[int, float]] = deque(maxlen=2 * REMEMBERED_STATES)
-        self._drawn = self._heard_to = -1
+        self._sounds: deque[tuple[int, float, float]] = deque()
+        self._received: deque[CamState | tuple[int, float]] = deque(maxlen=2 * REMEMBERED_STATES)
+        self._drawn = self._sound_until = -1
 
     @property
     def is_behind(self) -> bool:
         """Whether a tick is drawn whose level has not come yet."""
-        return self._heard_to < self._drawn
+        return self._sound_until < self._drawn
 
     def profile(self, cam: str, points: FloatArray) -> None:
         """Take the contour of a cam, ``(n, 2)`` in its own frame, m."""
-        self._drawing.profiles[cam] = points
+        self._receiver.profiles[cam] = points
 
     def state(self, state: CamState) -> None:
         """Take the next state of the cam."""
-        if self._is_news(state):
+        if self._is_new(state):
             self._pairing.add_state(state)
 
     def block(self, rows: FloatArray) -> None:
@@ -77,15 +77,15 @@ class RunFeed:
         self._ticks.extend(self._pairing.complete())
         while self._levels and self._pressures:
             reading, level = self._pressures.popleft(), self._levels.popleft()
-            if self._is_news(reading):
-                self._heard.append((reading[0], level, reading[1]))
-        while self._ticks and self._ticks[0][0].cam in self._drawing.profiles:
+            if self._is_new(reading):
+                self._sounds.append((reading[0], level, reading[1]))
+        while self._ticks and self._ticks[0][0].cam in self._receiver.profiles:
             tick = self._ticks.popleft()
-            self._drawing.tick(*tick)
+            self._receiver.tick(*tick)
             self._drawn = tick[1].time_ns
-            self._hear()
+            self._pass_sound()
             yield tick
-        self._hear()
+        self._pass_sound()
 
     def close(self) -> None:
         """Draw what is left.
@@ -96,20 +96,20 @@ class RunFeed:
         """
         for _ in self.draw():
             pass
-        self._drawing.close()
+        self._receiver.close()
         if self._ticks:
             cam = self._ticks[0][0].cam
             raise BagError(f"cam {cam!r} turns, but its /cam/profile is not in the bag")
 
-    def _is_news(self, said: CamState | tuple[int, float]) -> bool:
-        """Nodes say again what somebody may not have got."""
-        if said in self._said:
+    def _is_new(self, message: CamState | tuple[int, float]) -> bool:
+        """Nodes republish what a subscriber may have missed."""
+        if message in self._received:
             return False
-        self._said.append(said)
+        self._received.append(message)
         return True
 
-    def _hear(self) -> None:
-        while self._heard and self._heard[0][0] <= self._drawn:
-            heard = self._heard.popleft()
-            self._drawing.heard(*heard)
-            self._heard_to = heard[0]
+    def _pass_sound(self) -> None:
+        while self._sounds and self._sounds[0][0] <= self._drawn:
+            sound = self._sounds.popleft()
+            self._receiver.sound(*sound)
+            self._sound_until = sound[0]

@@ -1,4 +1,4 @@
-"""A run's picture while it runs: the same drawing as of a bag, sent to a viewer."""
+"""A run in the viewer while it runs: drawn as from a bag."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from cam_rig.simulation.schedule import cam_states
 from cam_rig.units import NS
 from cam_rig.viewer.blueprint import blueprint, compared_rpm
 from cam_rig.viewer.feed import RunFeed
-from cam_rig.viewer.layout import Layout
+from cam_rig.viewer.options import Layout
 from cam_rig.viewer.recording import APPLICATION, bucket_for, name_recording
-from cam_rig.viewer.run_recorder import RunDrawing
+from cam_rig.viewer.run_recorder import RunRecorder
 
 #: A live run of more samples is thinned: a viewer draws while it takes in.
 WHOLE_BELOW = 250_000
-#: Rig time (s) before the newest that the curves show at least: a few turns.
-WINDOW = 1.0
-#: Wall time (s) to hand the rest of a picture over at the end.
-PATIENCE = 8.0
+#: Rig time (s) before the newest sample that the curves show at least: a few turns.
+MIN_WINDOW_S = 1.0
+#: Wall time (s) to send the rest at the end.
+TIMEOUT_S = 8.0
 
 
-class LivePicture:
-    """A feed whose picture a viewer shows at once.
+class LiveView:
+    """A feed that a viewer shows at once.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class LivePicture:
         except (RuntimeError, ValueError) as error:
             raise CamRigError(f"{address}: no viewer can be reached there ({error})") from None
         name_recording(self._stream, loaded.scene.title)
-        self._drawing = RunDrawing(self._stream, loaded, bucket, rpm, window=window)
+        self._drawing = RunRecorder(self._stream, loaded, bucket, rpm, window=window)
         self.feed = RunFeed(self._drawing)
 
     def flush(self) -> None:
@@ -62,7 +62,7 @@ class LivePicture:
         """
         self.feed.close()
         try:
-            self._stream.flush(timeout_sec=PATIENCE)
+            self._stream.flush(timeout_sec=TIMEOUT_S)
         except (RuntimeError, ValueError) as error:
             raise CamRigError(f"{self._address}: the viewer has gone ({error})") from None
         finally:
@@ -72,4 +72,4 @@ class LivePicture:
 
 def live_window(times: FloatArray) -> float:
     """Rig time (s) that the curves of a live run show: two ticks at least, of states at times."""
-    return max(WINDOW, 2.0 * float(np.diff(times).max()))
+    return max(MIN_WINDOW_S, 2.0 * float(np.diff(times).max()))

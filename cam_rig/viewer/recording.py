@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -22,14 +21,14 @@ from cam_rig.simulation.schedule import CamState, cam_states
 from cam_rig.units import NS
 from cam_rig.viewer.blueprint import blueprint, compared_rpm
 from cam_rig.viewer.feed import RunFeed
-from cam_rig.viewer.layout import Layout
+from cam_rig.viewer.options import Layout, ViewOptions
 from cam_rig.viewer.rrd_file import require_free, rrd_stream
-from cam_rig.viewer.run_recorder import RunDrawing
+from cam_rig.viewer.run_recorder import RunRecorder
 
 APPLICATION = "cam_rig"
 #: A run of fewer samples is shown whole.
 WHOLE_BELOW = 1_000_000
-#: Buckets a line of a longer run; each gives its least and its greatest sample.
+#: Buckets per curve of a longer run; each gives its minimum and its maximum.
 BUCKETS = 250_000
 TOPICS = (
     topics.CAM_STATE,
@@ -38,22 +37,6 @@ TOPICS = (
     topics.LEVEL,
     topics.PRESSURE,
 )
-
-
-@dataclass(frozen=True)
-class ViewOptions:
-    """How a picture is wanted.
-
-    Parameters
-    ----------
-    layout : for running, for comparing cams, or for a report
-    rpm : the speed at which cams are compared; by default the scene's highest
-    all_samples : keep every sample, however many
-    """
-
-    layout: Layout = Layout.RUN
-    rpm: float | None = None
-    all_samples: bool = False
 
 
 def save_recording(
@@ -65,7 +48,7 @@ def save_recording(
     overwrite: bool = False,
     on_tick: Callable[[], None] = lambda: None,
 ) -> None:
-    """Write the picture of a bag to ``path``, a ``.rrd`` file, which appears when it is whole.
+    """Write a bag as a Rerun recording, a ``.rrd`` file that appears when it is complete.
 
     Parameters
     ----------
@@ -90,18 +73,18 @@ def save_recording(
     plan = blueprint(view_options.layout, loaded, duration, bucket, rpm)
     with rrd_stream(path, APPLICATION, plan) as stream:
         name_recording(stream, f"{loaded.scene.title} ({bag.name})")
-        draw(bag, loaded, RunFeed(RunDrawing(stream, loaded, bucket, rpm, whole)), on_tick)
+        feed_bag(bag, loaded, RunFeed(RunRecorder(stream, loaded, bucket, rpm, whole)), on_tick)
 
 
 def name_recording(stream: rr.RecordingStream, name: str) -> None:
-    """Name it, and keep wall time out of it: a run is drawn alike whenever it is."""
+    """Name it, and keep wall time out of it: a run gives the same recording at any time."""
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     stream.send_recording_name(name)
 
 
-def draw(bag: Path, loaded: LoadedScene, feed: RunFeed, on_tick: Callable[[], None]) -> None:
-    """Draw every tick of a bag."""
+def feed_bag(bag: Path, loaded: LoadedScene, feed: RunFeed, on_tick: Callable[[], None]) -> None:
+    """Pass every message of a bag on; ``on_tick`` is called after each tick."""
     for topic, _, message in messages(bag, TOPICS):
         if topic is topics.PROFILE:
             feed.profile(str(message.header.frame_id), polygon(message))
@@ -128,7 +111,7 @@ def run_duration(bag: Path, loaded: LoadedScene) -> float:
 
 
 def bucket_for(samples: int, whole_below: int) -> int:
-    """Samples a bucket, so that a long run stays small enough for a viewer."""
+    """Samples per bucket, so that a long run stays small enough for a viewer."""
     return 1 if samples < whole_below else math.ceil(samples / BUCKETS)
 
 

@@ -1,4 +1,4 @@
-"""A run as a picture: the run as it went, and what its turns and speeds came to."""
+"""A run into a Rerun recording: the run itself, and the results of its turns and speeds."""
 
 from __future__ import annotations
 
@@ -8,33 +8,33 @@ import numpy as np
 import rerun as rr
 
 from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import Samples
 from cam_rig.simulation.levels import HeardTick
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS
 from cam_rig.viewer.charts import overlay
-from cam_rig.viewer.charts.about import about
-from cam_rig.viewer.charts.noise_chart import NoiseChart
-from cam_rig.viewer.charts.results import ResultLines
+from cam_rig.viewer.charts.level_chart import LevelChart
 from cam_rig.viewer.charts.run_view import RunView
+from cam_rig.viewer.charts.text_panels import ResultTable, about
 from cam_rig.viewer.timeline import time_columns
 from cam_rig.viewer.turns import TurnCollector, sample_angles
 
 ABOUT, RESULTS = "about", "results"
 #: Rig time (s) into a file at once: long enough to be fast, short enough to stay small in memory.
-AT_ONCE = 5.0
+SEND_EVERY_S = 5.0
 
 
-class RunDrawing:
+class RunRecorder:
     """Draws a run tick by tick; `close` sends what is left.
 
     Parameters
     ----------
     stream : where to draw
     loaded : the scene that was run
-    bucket : samples of which the least and the greatest are kept, 1 for all
+    bucket : samples of which the minimum and the maximum are kept, 1 for all
     compared : speed (rpm) at which the cams are laid over each other and put side by side
-    whole : draw the run as it went too; else only what its turns and speeds came to
+    whole : draw the run itself too; else only the results of its turns and speeds
     window : rig time (s) before the newest that a viewer shows of a live run; None for a finished
         one, whose results are there at every time
     """
@@ -51,15 +51,15 @@ class RunDrawing:
         self._stream, self._loaded, self._compared = stream, loaded, compared
         self._grows, self._finished = whole, window is None
         # No tick of a scene is longer than the other half, so a block fits into the window.
-        self._at_once = AT_ONCE if window is None else 0.5 * window
-        self._course = RunView(stream, loaded, bucket) if whole else None
-        self._noise, self._results = NoiseChart(stream, loaded), ResultLines(loaded)
+        self._send_every = SEND_EVERY_S if window is None else 0.5 * window
+        self._run_view = RunView(stream, loaded, bucket) if whole else None
+        self._levels, self._results = LevelChart(stream, loaded), ResultTable(loaded)
         self._turns = TurnCollector(loaded.scene.program.ticks_per_turn)
-        self._unheard: dict[int, tuple[CamState, CamState]] = {}
+        self._without_sound: dict[int, tuple[CamState, CamState]] = {}
         self._last: tuple[CamState, CamState] | None = None
-        self._told: CamState | None = None
+        self._newest_sound: CamState | None = None
         self._sent = 0
-        #: The contour of each cam that has been told, ``(n, 2)`` in its own frame, m.
+        #: The contour of each cam received so far, ``(n, 2)`` in its own frame, m.
         self.profiles: dict[str, FloatArray] = {}
         words = rr.TextDocument(about(loaded, bucket), media_type="text/markdown")
         stream.log(ABOUT, words, static=True)
@@ -72,54 +72,55 @@ class RunDrawing:
         last = self._last[0] if self._last is not None else start
         if (start.cam, start.speed) != (last.cam, last.speed):
             self._finish_step()
-        self._last = self._unheard[end.time_ns] = (start, end)
-        angle = sample_angles(start, end, rows[0])
-        if self._course is not None:
-            self._course.tick(start, end, angle, rows, self.profiles[start.cam])
+        self._last = self._without_sound[end.time_ns] = (start, end)
+        angle = sample_angles(start, end, Samples(rows).time)
+        if self._run_view is not None:
+            self._run_view.tick(start, end, angle, rows, self.profiles[start.cam])
         if start.holds_until(end):
             self._turns.add(start, angle, rows)
             turn = self._turns.turn()
             if turn is not None:
                 self._results.motion(turn)
-        if (end.time_ns - self._sent) / NS >= self._at_once:
+        if (end.time_ns - self._sent) / NS >= self._send_every:
             self.flush()
 
-    def heard(self, end_ns: int, level: float, pressure: float) -> None:
-        """Take what was heard of the tick that ended at a rig time: level (dB), pressure (Pa)."""
-        if end_ns not in self._unheard:
-            return  # from before we listened
-        start, end = self._unheard.pop(end_ns)
-        if self._course is not None:
-            self._course.level(end, level)
+    def sound(self, end_ns: int, level: float, pressure: float) -> None:
+        """Take level (dB) and r.m.s. pressure (Pa) of the tick that ended at a rig time."""
+        if end_ns not in self._without_sound:
+            return  # of a tick from before we subscribed
+        start, end = self._without_sound.pop(end_ns)
+        if self._run_view is not None:
+            self._run_view.level(end, level)
         tick = HeardTick(start, end_ns, pressure, start.holds_until(end))
-        measured = self._noise.hear(tick, end.unwrapped)
+        measured = self._levels.add(tick, end.unwrapped)
         if measured is not None:
             self._results.level(start.cam, start.speed, measured)
-        self._told = end
+        self._newest_sound = end
 
     def flush(self) -> None:
-        """Send what was collected so far; the run as it went is first, for nothing may lead it."""
-        if self._course is not None:
-            self._course.flush()
+        """Send what was collected so far; the run itself comes first, for nothing may lead it."""
+        if self._run_view is not None:
+            self._run_view.flush()
         if self._last is not None:
             self._sent = self._last[1].time_ns
         if self._grows:
-            self._noise.flush()
-        if self._told is not None and not self._finished:
+            self._levels.flush()
+        if self._newest_sound is not None and not self._finished:
             columns = rr.TextDocument.columns(text=[self._results.words()])
-            place = np.array([self._told.time_ns / NS]), np.array([self._told.unwrapped])
-            self._stream.send_columns(RESULTS, time_columns(*place), columns)
-            self._told = None
+            end = self._newest_sound
+            times = time_columns(np.array([end.time_ns / NS]), np.array([end.unwrapped]))
+            self._stream.send_columns(RESULTS, times, columns)
+            self._newest_sound = None
 
     def close(self) -> None:
         """Send what is left, and finish the last step."""
         if self._last is not None:
             self._finish_step()
-            if self._course is not None:
-                self._course.close(self._last[1])
+            if self._run_view is not None:
+                self._run_view.close(self._last[1])
         self.flush()
         if self._finished:
-            self._noise.finish()
+            self._levels.finish()
             words = rr.TextDocument(self._results.words(), media_type="text/markdown")
             self._stream.log(RESULTS, words, static=True)
 

@@ -1,4 +1,4 @@
-"""The cam and its follower as a moving picture in the plane, mm, y up."""
+"""The cam turning under its follower, in the plane, mm, y up."""
 
 from __future__ import annotations
 
@@ -8,18 +8,19 @@ from numpy.typing import NDArray
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
-from cam_rig.drawing.follower import FollowerShape
-from cam_rig.drawing.followers import follower_shape
+from cam_rig.drawing.follower import FollowerShape, follower_shape
 from cam_rig.drawing.outlines import MM, circle, closed
 from cam_rig.dynamics.contact import force_weights
 from cam_rig.profile import turn_angles
+from cam_rig.profile.motion import Motion
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
+from cam_rig.units import to_rpm
 from cam_rig.viewer.timeline import Times, time_columns
 
 #: What the view shows; the rig hangs below, for a view is not moved by its own transform.
 VIEW = "scene"
-#: Pictures a turn, so that slow motion is smooth at every speed.
+#: Frames per turn, so that slow motion is smooth at every speed.
 FRAMES_PER_TURN = 72
 #: Radii on the screen: Rerun takes a negative one as points, not as mm.
 LINE, THIN, THICK, SHAFT, UNSEEN = -1.5, -0.7, -2.5, -3.0, -0.1
@@ -37,8 +38,8 @@ def reach(loaded: LoadedScene) -> float:
     return max(shape.reach for shape in shapes(loaded).values())
 
 
-def greatest_force(loaded: LoadedScene, cam: str, speed: float) -> float:
-    """Greatest contact force (N) of a follower that stays on this cam at a speed (rad/s)."""
+def max_contact_force(loaded: LoadedScene, cam: str, speed: float) -> float:
+    """Maximum contact force (N) of a follower that stays in contact at a speed (rad/s)."""
     follower, angle = loaded.follower, turn_angles(720)
     motion = np.stack([loaded.laws[cam](angle, order) for order in range(3)])
     return follower.preload + float((force_weights(follower, speed) @ motion).max())
@@ -59,7 +60,7 @@ class Scene2D:
     view : the entity that the view shows
     times : the timelines of its frames
 
-    Every cam is drawn as large as the greatest of the scene, whatever its own size, and its force
+    Every cam is drawn as large as the largest of the scene, whatever its own size, and its force
     to a scale of its own at each speed.
     """
 
@@ -103,9 +104,9 @@ class Scene2D:
     def speed(self, state: CamState, title: str = "") -> None:
         """Scale the force to the speed from this state on, and say so in words under the cam."""
         self.flush()
-        longest = greatest_force(self._loaded, state.cam, state.speed)
+        longest = max_contact_force(self._loaded, state.cam, state.speed)
         self._arrow = ARROW * self._shape.reach / longest
-        rpm = state.speed * 30.0 / np.pi
+        rpm = to_rpm(state.speed)
         columns = rr.Points2D.columns(
             positions=[[0.0, -1.2 * self._shape.reach * MM]],
             labels=[f"{title}{rpm:.0f} rpm, longest arrow {longest:.0f} N"],
@@ -120,8 +121,8 @@ class Scene2D:
     ) -> None:
         """Take cam and follower at ``time`` (s), unwrapped cam ``angle`` (rad), ``lift`` (m).
 
-        Where the contact ``force`` (N) is none, the follower flies, and the gap under it is drawn:
-        from where the cam would be touched to where the follower has carried that point.
+        Where the contact ``force`` (N) is zero, contact is lost, and the gap is drawn: from the
+        point of the cam that would be touched to where the follower has carried it.
         """
         self._waiting.append(np.stack([time, angle, lift, force]))
 
@@ -131,20 +132,20 @@ class Scene2D:
             return
         time, angle, lift, force = np.concatenate(self._waiting, axis=1)
         self._waiting = []
-        times, shape, law = self._times(time, angle), self._shape, self._law(angle)
+        times, shape, motion = self._times(time, angle), self._shape, Motion.at(self._law, angle)
         flat = np.zeros_like(angle)
         origin = np.column_stack([shape.origin(lift) * MM, flat])
         self._stream.send_columns(f"{self._root}/cam", times, _pose(angle, None))
         self._stream.send_columns(f"{self._root}/follower", times, _pose(shape.turn(lift), origin))
-        point, normal = shape.contact(law, self._law(angle, 1))
-        flies = force == 0.0
-        ends = np.stack([point, shape.carried(point, law, lift)], axis=1) * MM
-        gaps = rr.LineStrips2D.columns(strips=list(ends[flies])).partition(flies.astype(int))
+        point, normal = shape.contact(motion)
+        off = force == 0.0
+        ends = np.stack([point, shape.carried(point, motion.s, lift)], axis=1) * MM
+        gaps = rr.LineStrips2D.columns(strips=list(ends[off])).partition(off.astype(int))
         self._stream.send_columns(f"{self._root}/gap", times, gaps)
-        along = np.sum(normal * shape.upward(law), axis=1)
+        along = np.sum(normal * shape.upward(motion.s), axis=1)
         arrows = normal * (force / along * self._arrow)[:, None] * MM
-        columns = rr.Arrows2D.columns(origins=point[~flies] * MM, vectors=arrows[~flies])
-        columns = columns.partition((~flies).astype(int))
+        columns = rr.Arrows2D.columns(origins=point[~off] * MM, vectors=arrows[~off])
+        columns = columns.partition((~off).astype(int))
         self._stream.send_columns(f"{self._root}/force", times, columns)
 
     def _strips(

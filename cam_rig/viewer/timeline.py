@@ -1,4 +1,4 @@
-"""The timelines of a picture: rig time, and how far the cam has turned, in three ways."""
+"""The timelines of a recording: rig time, and how far the cam has turned, in three ways."""
 
 from __future__ import annotations
 

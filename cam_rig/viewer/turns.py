@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from cam_rig.arrays import FloatArray
+from cam_rig.dynamics.samples import NamedRows
 from cam_rig.simulation.schedule import CamState
-from cam_rig.units import NS
+from cam_rig.units import NS, to_rpm
 
 
 @dataclass(frozen=True, eq=False)
-class Turn:
-    """One turn of a cam: unwrapped ``angle`` (rad) and ``(6, n)`` rows of its samples."""
+class Turn(NamedRows):
+    """One turn of a cam: unwrapped ``angle`` (rad) and ``(6, n)`` rows of its samples, named."""
 
     cam: str
     speed: float
@@ -24,7 +25,7 @@ class Turn:
     @property
     def rpm(self) -> float:
         """The cam's speed."""
-        return self.speed * 30.0 / np.pi
+        return to_rpm(self.speed)
 
 
 class TurnCollector:
@@ -55,7 +56,7 @@ def sample_angles(start: CamState, end: CamState, time: FloatArray) -> FloatArra
     return start.unwrapped + since * (interval.speed + 0.5 * interval.acceleration * since)
 
 
-def lift_offs(force: FloatArray, was_flying: bool) -> FloatArray:
-    """``(n,)`` True at the first sample of each flight; no contact force is flight."""
-    flies = force == 0.0
-    return np.asarray(flies & ~np.append(was_flying, flies[:-1]))
+def lift_offs(force: FloatArray, was_off: bool) -> FloatArray:
+    """``(n,)`` True at the first sample of each loss of contact, where the force becomes zero."""
+    off = force == 0.0
+    return np.asarray(off & ~np.append(was_off, off[:-1]))

@@ -11,14 +11,7 @@ import pytest
 from cam_rig.acoustics import RadiationParameters, hear
 from cam_rig.dynamics import FollowerParameters, Interval, kinetostatic
 from cam_rig.laws import Law
-from cam_rig.schema import RigConfig
 from cam_rig.units import NS
-
-
-@pytest.fixture
-def radiation(rig: RigConfig) -> RadiationParameters:
-    """The shipped constants with a round corner: tests must not hang on a fitted number."""
-    return dataclasses.replace(RadiationParameters.from_rig(rig), gain=1e-4, corner=20.0)
 
 
 @pytest.fixture

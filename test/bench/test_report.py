@@ -8,10 +8,10 @@ import pytest
 from cam_rig.bench import rig
 from cam_rig.bench.cases.case import Solution
 from cam_rig.bench.peers.peers import PEERS
-from cam_rig.bench.plot import draw
 from cam_rig.bench.reference import stored
-from cam_rig.bench.report import HEADER, notes, rows, to_json
+from cam_rig.bench.report import notes, table, to_json
 from cam_rig.bench.result import CaseResult, Sweep, WorkPrecisionPoint, WorkPrecisionStudy
+from cam_rig.plots.work_precision import draw
 
 
 def solution(events=(), shift=0.0):
@@ -74,9 +74,9 @@ def test_json_has_the_promised_keys(study):
 
 def test_rows_mark_a_ratio_that_is_only_a_bound(study):
     """A peer that never was as good is compared at a larger error: its ratio is a bound."""
-    table = rows(study)
-    assert all(len(row) == len(HEADER) for row in table)
-    assert [row[-1] for row in table] == ["1", "> 50", "10", "", ""]
+    found = table(study)
+    assert all(len(row) == len(found.columns) for row in found.rows)
+    assert [row[-1] for row in found.rows] == ["1", "> 50", "10", "", ""]
     assert notes(study) == ["resonance: DOP853: rest left out"]
 
 

@@ -33,25 +33,28 @@ def small(tmp_path):
 
 
 def test_json_and_plot(small):
-    """Values, shares that add up, and the answer; a picture."""
-    plot = small.parent / "a.png"
-    result = call(small, "--json", "-", "--plot", plot)
+    """Values, shares that add up, and the conclusions; a picture, and the tables as CSV."""
+    plot, csv = small.parent / "a.png", small.parent / "a.csv"
+    result = call(small, "--json", "-", "--plot", plot, "--csv", csv)
     assert result.exit_code == 0
     data = json.loads(result.stdout)
-    assert set(data) == {"answer", "designs", "cams", "squeezed", "advantage"}
+    assert set(data) == {"conclusions", "designs", "cams", "squeezed", "advantage"}
     design = data["designs"]["same acceleration"]
     assert design["continuity"] == [2, 3]
     assert data["designs"].keys() == {"same angles", "same acceleration"}  # all are C2 and above
     residual = design["effects"]["residual"]
     assert residual["left_below_rpm"] == pytest.approx(400.0)
     assert residual["cells_left"] == [[True, False], [False, False]]
-    assert "leave the cam below 400 rpm" in " ".join(result.stderr.split())
+    assert "lose contact below 400 rpm" in " ".join(result.stderr.split())
+    concluded = data["conclusions"]["same_acceleration"]["residual"]
+    assert (concluded["lost"], concluded["fastest_rpm"]) == ({"poly345": 1}, pytest.approx(400.0))
     for effect in design["effects"].values():
         assert sum(effect["shares"].values()) == pytest.approx(1.0)
         assert [len(row) for row in effect["values"]] == [2, 2]
     assert len(data["cams"]) == 5
     assert data["squeezed"].keys() == {"300"}
     assert plot.read_bytes().startswith(b"\x89PNG")
+    assert csv.read_text(encoding="utf-8").startswith('"Analysis of variance, same angles')
 
 
 @pytest.mark.parametrize(

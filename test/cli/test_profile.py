@@ -63,7 +63,7 @@ def test_the_table_of_all_fits_80_columns():
     lines = call("--all").stderr.splitlines()
     names = {path.stem for path in (config_root() / "cams").glob("*.yaml")}
     table = lines[: next(i for i, line in enumerate(lines) if line.startswith("–: "))]
-    rows = {line.split()[0]: line.split() for line in table}
+    rows = {line.split()[0]: line.split() for line in table if line.strip()}
     assert names <= set(rows)
     assert rows["tm21"] == ["tm21", "13.53", "507.7", "19.09", "20", "3.785", "7", "ok"]
     assert rows["arcs_straight"] == ["arcs_straight", "12", "–", "29.9", "25", "6.288", "6", "ok"]
@@ -98,7 +98,7 @@ def test_what_cannot_exist_is_drawn_by_force_alone(undercut, tmp_path):
 
 @pytest.mark.parametrize("size", [1, 10])
 def test_an_svg_keeps_the_tolerance_it_prints(tmp_path, size):
-    """What a reader adds up is the contour to 0.01 µm, also of a cam ten times as large."""
+    """What is read is the contour to 0.01 µm, also of a cam ten times as large."""
     yaml = YAML()
     data = yaml.load(config_root() / "cams" / "poly345.yaml")
     for quantity in (data["lift"], *data["follower"].values()):
@@ -109,11 +109,8 @@ def test_an_svg_keeps_the_tolerance_it_prints(tmp_path, size):
     result = call(tmp_path / "cam.yaml", "--out", tmp_path / "a.svg", "--tolerance", "0.01")
     assert "chord error at most 0.01 µm" in result.stderr
     text = (tmp_path / "a.svg").read_text()
-    width, units = (float(n) for n in re.search(r'width="(\S+)mm".*?"0 0 (\d+)', text).groups())
-    start, moves = re.search(r' d="M (\S+ \S+) l ([^"Z]+)', text).groups()
-    steps = np.array(f"{start} {moves}".replace("l", "").split(), dtype=float).reshape(-1, 2)
-    read = np.cumsum(steps, axis=0) * (1e-3 * width / units) * [1.0, -1.0]
-    np.testing.assert_array_equal(read[0], read[-1])
+    words = re.search(r' d="M ([^"Z]+) Z"', text)[1].split()
+    read = np.array([word.split(",") for word in words], dtype=float) * [1e-3, -1e-3]
     cam = load_cam(tmp_path / "cam.yaml")
     contour = contours(cam.follower, build_law(cam), 20_000)[0].points.T
     corner = [contour[:, 0].min() - 5e-3, contour[:, 1].max() + 5e-3]  # of the page

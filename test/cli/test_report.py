@@ -16,6 +16,32 @@ def call(*arguments):
     return CliRunner().invoke(app, ["report", *(str(a) for a in arguments)])
 
 
+def sentences(page):
+    """Every sentence of a page, a cell of a table being one or more."""
+    parts = re.findall(r"<(p|li|td|th|caption|figcaption|h\d)\b[^>]*>(.*?)</\1>", page, re.DOTALL)
+    for _, text in parts:
+        plain = " ".join(re.sub("<[^>]*>", " ", text).split())
+        yield from re.split(r"(?<=[.!?”])\s+(?=[A-Z“])", plain)
+
+
+def too_long(page):
+    """The sentences of more than 30 words."""
+    return [sentence for sentence in sentences(page) if len(sentence.split()) > 30]
+
+
+def opening(page):
+    """How many sentences stand before the first section's end."""
+    (summary,) = re.findall(r'<section id="summary">(.*?)</section>', page, re.DOTALL)
+    return sum(1 for _ in sentences(summary.split("</h2>")[1]))
+
+
+def test_a_long_sentence_is_found():
+    """One of 31 words, in any part of a page."""
+    words = "Word" + 30 * " word"
+    page = f"<p>Short. {words}. Short.</p><td class='x'>{words}</td><li>{words[5:]}</li>"
+    assert too_long(page) == [f"{words}.", words]
+
+
 @pytest.fixture
 def in_this_process(monkeypatch):
     """What the command would do in processes of its own."""
@@ -32,7 +58,10 @@ def in_this_process(monkeypatch):
 @pytest.mark.slow
 @pytest.mark.usefixtures("in_this_process", "one_study")
 def test_the_page(sweep, tmp_path):
-    """Every section with its figures inside, tables 1 to 3, origins, the answer; JSON as well."""
+    """Every section with its figures inside, tables 1 to 3, origins; JSON as well.
+
+    It opens with five sentences, none anywhere is over 30 words, and tables do not break in print.
+    """
     out, data = tmp_path / "out" / "report.html", tmp_path / "out" / "report.json"
     result = call("--out", out, "--scene", sweep, "--json", data)
     assert result.exit_code == 0, result.stderr
@@ -40,11 +69,16 @@ def test_the_page(sweep, tmp_path):
     pictures = re.findall(r'<img src="(.{40})', page)
     assert len(pictures) == 8
     assert all(p.startswith("data:image/svg+xml;base64,") for p in pictures)
-    for words in ("Table 1.", "Table 2.", "Table 3.", "Given, assumed, identified", "Mostly the"):
+    for words in ("Table 1.", "Table 2.", "Table 3.", "Given, assumed, identified"):
         assert words in page
     for number in (1, 2, 4, 11, 12, 16):
         assert re.search(rf"Figs?\. {number}\b", page)
-    assert "<script" not in page
+    for outward in ("<script", "http://", "https://", "<link"):
+        assert outward not in page
+    assert too_long(page) == []
+    assert opening(page) == 5
+    for word in ("ringing", "swing", "cells left", "of its variance"):
+        assert word not in page
     assert set(json.loads(data.read_text())) == {"jump", "vibration", "noise", "factorial"}
     assert sorted(p.name for p in out.parent.iterdir()) == ["report.html", "report.json"]
 

@@ -39,9 +39,9 @@ def test_cams_that_are_left_are_marked():
     assert data["cams"]["poly345"]["leaves_rpm"] == pytest.approx(413.44, abs=0.01)
     assert "poly345 †" in result.stderr
     assert "bezier15 * †" not in result.stderr
-    assert "not asked at 1 of 2 speeds" in result.stderr
+    assert "contact is lost at 1 of 2 speeds" in result.stderr
     residual = data["claims"][1]
-    assert (residual["measure"], residual["verdict"]) == ("by the ringing", "agrees")
+    assert (residual["measure"], residual["verdict"]) == ("residual amplitude", "agrees")
     assert residual["otherwise"]["verdict"] == "disagrees"
 
 
@@ -51,8 +51,8 @@ def test_refusals(tmp_path):
     assert result.exit_code == 1
     assert "speed is 0 rpm; allowed: 1 to 3139 rpm on this stem" in result.stderr
     assert call("no_such").exit_code == 2
-    thrown = call("worked_example_constant_velocity")
-    assert thrown.exit_code == 1
-    assert "or a rig without a shaft" in thrown.stderr
-    assert "model" not in thrown.stderr.replace("in this model", "")
+    lifted_off = call("worked_example_constant_velocity")
+    assert lifted_off.exit_code == 1
+    assert "or a rig without a shaft" in lifted_off.stderr
+    assert "model" not in lifted_off.stderr.replace("in this model", "")
     assert list(tmp_path.iterdir()) == []

@@ -12,7 +12,7 @@ import pytest
 
 from cam_rig.dynamics import MODELS, Event, FollowerParameters, FollowerState, Interval
 from cam_rig.laws import Law, bernstein
-from cam_rig.laws import fit as analytic
+from cam_rig.laws.fit import fit
 from cam_rig.units import NS, TURN
 
 
@@ -72,7 +72,7 @@ def harmonic() -> Law:
         cosine = [np.cos, lambda x: -np.sin(x), lambda x: -np.cos(x), np.sin][order](np.pi * u)
         return 0.5 * lift * ((order == 0) - np.pi**order * cosine)
 
-    breaks, pieces = analytic.fit(rise, 0.0, 1.0)
+    breaks, pieces = fit(rise, 0.0, 1.0)
     degree, dwell = pieces[0].size - 1, np.radians(60.0)
     up, steps = pieces, span * np.diff(breaks)
     down = [column[::-1] for column in reversed(pieces)]

@@ -48,11 +48,11 @@ def check(landings, times, accumulated, restitution, mass):
 )
 def test_one_mass(cam, restitution, monkeypatch):
     """ln(v₀/v)/ln(1/e) landings until a bounce is lower than rounding, then it sits."""
-    monkeypatch.setattr(course, "MOST_EVENTS", 40.0 / np.log(1.0 / restitution), raising=False)
+    monkeypatch.setattr(course, "MAX_EVENTS", 40.0 / np.log(1.0 / restitution))
     follower = FollowerParameters(1.3, 4030.0, 0.0, PRELOAD, 3.3e8, restitution)
-    thrown = FollowerState(0.0, THROWN, 0.0, in_contact=False)
+    lifted_off = FollowerState(0.0, THROWN, 0.0, in_contact=False)
     interval = Interval(0, 3 * NS, 0.0, SPEED)
-    state, block = MODELS["one_mass"].advance(law_of(cam), follower, thrown, interval, 1000)
+    state, block = MODELS["one_mass"].advance(law_of(cam), follower, lifted_off, interval, 1000)
     landings = [event for event in block.events if event.kind == "landing"]
     times = landing_times(1.3, 4030.0, PRELOAD, restitution, 100_000)
     check(landings, times, times[-1], restitution, 1.3)
@@ -75,7 +75,7 @@ def test_two_masses(cam, restitution, monkeypatch):
 
     An end mass of 1e9 kg gives way by 1e-8 of what the roller does.
     """
-    monkeypatch.setattr(two_mass, "MOST_EVENTS", 200, raising=False)
+    monkeypatch.setattr(two_mass, "MAX_EVENTS", 200)
     p = TwoMassParameters(ROLLER, 1e9, STEM, 4030.0, 0.0, 0.0, PRELOAD, restitution=restitution)
     rest = -p.preload / p.stiffness
     found = two_mass.Separation(law_of(cam), p, SPEED)
@@ -115,9 +115,9 @@ def test_a_landing_never_pulls(laws, stem, rpm):
 
 def test_too_many_bounces_are_said(monkeypatch):
     """More than an interval takes is an error that says how many and where, not a loop."""
-    monkeypatch.setattr(course, "MOST_EVENTS", 100, raising=False)
+    monkeypatch.setattr(course, "MAX_EVENTS", 100)
     follower = FollowerParameters(1.3, 4030.0, 0.0, PRELOAD, 3.3e8, 0.99)
-    thrown = FollowerState(0.0, THROWN, 0.0, in_contact=False)
+    lifted_off = FollowerState(0.0, THROWN, 0.0, in_contact=False)
     interval = Interval(0, 30 * NS, 0.0, SPEED)
     with pytest.raises(DynamicsError, match=r"101 events in 30 s at 0.1 rad/s; allowed: 100 "):
-        MODELS["one_mass"].advance(law_of("hump"), follower, thrown, interval, 100)
+        MODELS["one_mass"].advance(law_of("hump"), follower, lifted_off, interval, 100)

@@ -31,9 +31,9 @@ def test_bounce_series_on_a_dwell(dwell_law, follower, run, e):
     v = 0.2
     p = dataclasses.replace(follower, damping=0.0, restitution=e)
     rate = np.sqrt(p.spring_stiffness / p.mass)
-    thrown = FollowerState(0.0, v, 0.0, in_contact=False)
+    lifted_off = FollowerState(0.0, v, 0.0, in_contact=False)
     # a turn of 10 s, of which the dwell lasts 8.3 s
-    result = run(dwell_law, p, 6.0, [0, 2 * NS], state=thrown)
+    result = run(dwell_law, p, 6.0, [0, 2 * NS], state=lifted_off)
     landings = [event for event in result.events if event.kind == "landing"]
     velocities = v * e ** np.arange(len(landings))
     times = np.cumsum(2.0 / rate * np.arctan(velocities * rate * p.mass / p.preload))

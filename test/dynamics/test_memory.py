@@ -13,9 +13,10 @@ LIMIT_MB = 300.0
 STREAM = """
 import math, sys
 from pathlib import Path
-from cam_rig.dynamics import MODELS, NS, Interval
+from cam_rig.dynamics import MODELS, Interval
 from cam_rig.laws import build_law
 from cam_rig.schema import load_cam, load_rig
+from cam_rig.units import NS
 
 name, seconds = sys.argv[1], int(sys.argv[2])
 law = build_law(load_cam(Path("config/cams/poly345.yaml")))

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from cam_rig.bench import rig
 from cam_rig.bench.cases.case import Case
-from cam_rig.bench.cases.models import LANDING, LIFT_OFF, OneMass, Oscillator, TwoMasses
-from cam_rig.bench.cases.twist import Twist
+from cam_rig.bench.cases.models import LANDING, LIFT_OFF, OneMass, Oscillator, Twist, TwoMasses
 from cam_rig.bench.reference import exact, exact_twist
 from cam_rig.laws import Law
 from cam_rig.units import TURN

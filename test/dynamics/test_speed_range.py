@@ -7,8 +7,7 @@ import pytest
 
 from cam_rig.bench import rig
 from cam_rig.bench.cases.case import Case
-from cam_rig.bench.cases.models import CONTACT, OneMass, Oscillator, TwoMasses
-from cam_rig.bench.cases.twist import Twist
+from cam_rig.bench.cases.models import CONTACT, OneMass, Oscillator, Twist, TwoMasses
 from cam_rig.bench.reference import exact, exact_twist
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval
 from cam_rig.dynamics.torsional.solution import TorsionalParameters, TorsionalState, solve

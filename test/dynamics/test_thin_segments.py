@@ -123,8 +123,8 @@ def test_a_disc_under_a_thrown_follower(make_cam, parameters):
 
     law = build_law(make_cam({"law": "dwell", "span": 360}))
     p = replace(parameters["one_mass"], damping=0.0)
-    thrown = FollowerState(0.0, 0.3, 0.0, in_contact=False)
-    state, block = MODELS["one_mass"].advance(law, p, thrown, Interval(0, NS, 0.0, 40.0), 1000)
+    lifted_off = FollowerState(0.0, 0.3, 0.0, in_contact=False)
+    state, block = MODELS["one_mass"].advance(law, p, lifted_off, Interval(0, NS, 0.0, 40.0), 1000)
     assert [event.kind for event in block.events] == ["landing"]
     assert block.events[0].impulse == pytest.approx(0.3 * p.mass, rel=1e-9)
     assert state.in_contact

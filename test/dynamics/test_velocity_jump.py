@@ -75,10 +75,10 @@ def test_struck_where_the_run_begins(edge):
 def test_thrown_off_and_back(edge):
     """At the top it flies with ω Δs', m ÿ + c ẏ + k y + F₀ = 0, and lands as 40 digits say."""
     events = run("one_mass", edge, ONE, [0, 300 * MS])[1]
-    thrown, back = events[1:3]
-    assert (thrown.kind, back.kind) == ("lift-off", "landing")
-    assert thrown.angle == pytest.approx(np.radians(150.0), abs=1e-15)
-    assert thrown.impulse == thrown.energy_lost == 0.0
+    lifted_off, back = events[1:3]
+    assert (lifted_off.kind, back.kind) == ("lift-off", "landing")
+    assert lifted_off.angle == pytest.approx(np.radians(150.0), abs=1e-15)
+    assert lifted_off.impulse == lifted_off.energy_lost == 0.0
     with mp.workdps(40):
         m, c, k, load = (mp.mpf(x) for x in (1.3, 8.642, 4030.0, 12.753))
         decay = c / m / 2
@@ -307,8 +307,8 @@ def test_end_mass_goes_on(edge):
     )
     assert after[3] == pytest.approx(before[3], abs=1e-9)
     assert after[1] - before[1] == pytest.approx(SPEED * STEP, rel=1e-9)
-    struck = course.phases[1].vibration
-    assert struck[1] == pytest.approx(-TWO.share * SPEED * STEP, rel=1e-9)
+    impact = course.phases[1].vibration
+    assert impact[1] == pytest.approx(-TWO.share * SPEED * STEP, rel=1e-9)
 
 
 @pytest.mark.parametrize("stop", [0.6 * 7, 0.6 * 7 + 0.23])

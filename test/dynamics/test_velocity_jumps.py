@@ -8,10 +8,10 @@ import pytest
 from cam_rig.dynamics import MODELS, Interval
 from cam_rig.dynamics.velocity_jumps import (
     SLACK,
-    KinksAhead,
-    kinks_ahead,
+    VelocityJumpsAhead,
     require_smooth,
-    short_of_kink,
+    short_of_velocity_jump,
+    velocity_jumps_ahead,
 )
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
@@ -32,8 +32,8 @@ def edge():
 
 def test_kinks_of_a_law(edge, laws):
     """Where s' jumps and by how much; none in a law that joins with one slope."""
-    assert edge.kinks == pytest.approx({1: STEP, 2: -STEP, 3: -STEP, 4: STEP})
-    cornered = {name for name, law in laws.items() if law.kinks}
+    assert edge.velocity_jumps == pytest.approx({1: STEP, 2: -STEP, 3: -STEP, 4: STEP})
+    cornered = {name for name, law in laws.items() if law.velocity_jumps}
     assert cornered == {"worked_example_constant_velocity"}
 
 
@@ -42,12 +42,12 @@ def test_rounding_of_a_steep_piece_is_no_kink():
     breaks = np.array([0.0, 1.0, 1.0 + 1e-9, 4.0, TURN])
     rise = 0.05 * np.array([0.0, 0, 0, 1, 1, 1])
     columns = [np.zeros(6), rise, np.full(6, 0.05), rise[::-1]]
-    assert Law("steep", breaks, np.stack(columns, axis=1)).kinks == {}
+    assert Law("steep", breaks, np.stack(columns, axis=1)).velocity_jumps == {}
 
 
 def test_kinks_in_order_over_turns(edge):
     """Two turns from 100°: seven joints with a jump and one more, at their times."""
-    found = kinks_ahead(edge, math.radians(100.0), SPEED, 2.0 * TURN / SPEED)
+    found = velocity_jumps_ahead(edge, math.radians(100.0), SPEED, 2.0 * TURN / SPEED)
     degrees = np.array([150, 210, 300, 420, 510, 570, 660, 780]) - 100.0
     np.testing.assert_allclose([k.time for k in found], np.radians(degrees) / SPEED, rtol=1e-14)
     assert [k.step > 0 for k in found] == [False, False, True, True, False, False, True, True]
@@ -61,8 +61,8 @@ def test_a_joint_has_one_owner(turn, joint, shift, gap):
     """A border beside a joint, and an angle that two intervals round differently."""
     saw = Law("saw", np.array([0.0, 1.0, 3.0, 5.0, TURN]), np.array([[0.0, 1, 0, 1], [1, 0, 1, 0]]))
     border = saw.joints[joint] + turn * TURN + shift
-    before = kinks_ahead(saw, border - 0.5, 10.0, 0.05)
-    after = kinks_ahead(saw, border + gap, 10.0, 0.05)
+    before = velocity_jumps_ahead(saw, border - 0.5, 10.0, 0.05)
+    after = velocity_jumps_ahead(saw, border + gap, 10.0, 0.05)
     assert len(before) + len(after) == 1
     assert len(after) == 1
     assert after[0].time <= 1e-13 or shift + gap < 0.0
@@ -72,28 +72,28 @@ def test_a_kink_is_met_behind_the_joint_never_before(edge):
     """At the time of a kink the law is that of the piece that begins there."""
     angles = np.random.default_rng(5).uniform(0.0, TURN, 300)
     for angle in angles.tolist():
-        for kink in kinks_ahead(edge, angle, 7.3, 2.0):
-            slope = edge.at(angle + 7.3 * kink.time)[1]
-            before = edge.at(angle + 7.3 * kink.time - 1e-9)[1]
-            assert slope - before == pytest.approx(kink.step)
+        for velocity_jump in velocity_jumps_ahead(edge, angle, 7.3, 2.0):
+            slope = edge.at(angle + 7.3 * velocity_jump.time)[1]
+            before = edge.at(angle + 7.3 * velocity_jump.time - 1e-9)[1]
+            assert slope - before == pytest.approx(velocity_jump.step)
 
 
 def test_short_of_a_kink(edge):
     """The end of an interval at a joint is read before the joint, on either side of it."""
     for shift in (-1e-12, 0.0, 1e-12):
         for joint in (60.0, 420.0):
-            angle = short_of_kink(edge, math.radians(joint) + shift)
+            angle = short_of_velocity_jump(edge, math.radians(joint) + shift)
             assert edge.at(angle)[1] == 0.0
             assert abs(angle - math.radians(joint)) < 1e-14
-    assert short_of_kink(edge, 1.0) == 1.0
-    ahead = KinksAhead(edge, 0.5, 1.0, edge.joints[1] - 0.5 + 0.5 * SLACK)
+    assert short_of_velocity_jump(edge, 1.0) == 1.0
+    ahead = VelocityJumpsAhead(edge, 0.5, 1.0, edge.joints[1] - 0.5 + 0.5 * SLACK)
     assert not ahead.at(10.0)
     assert ahead.clear == pytest.approx(edge.joints[1] - 0.5, abs=1e-14)
 
 
 def test_a_smooth_law_has_nothing_to_look_for(laws):
     """No kinks: the interval is one stretch and nothing is searched."""
-    ahead = KinksAhead(laws["poly345"], 0.3, 5.0, 2.0)
+    ahead = VelocityJumpsAhead(laws["poly345"], 0.3, 5.0, 2.0)
     assert (ahead.bound, ahead.clear, ahead.take(2.0)) == (2.0, 2.0, 0.0)
     assert ahead.no_later(1.9999999999999) == 1.9999999999999
     require_smooth(laws["poly345"])

@@ -83,7 +83,7 @@ def test_a_velocity_step_is_refused_where_it_is_an_infinite_force(make_cam, foll
     up = {"law": "bezier", "span": 180, "ordinates": [0, 1]}
     down = {"law": "bezier", "span": 180, "ordinates": [1, 0]}
     law = build_law(make_cam(up, down))
-    assert list(law.kinks.values()) == pytest.approx([0.1 / math.pi, -0.1 / math.pi])
+    assert list(law.velocity_jumps.values()) == pytest.approx([0.1 / math.pi, -0.1 / math.pi])
     with pytest.raises(DynamicsError, match="velocity jumps by"):
         MODELS["kinetostatic"].advance(law, follower, None, Interval(0, 10**9, 0.0, 6.0), 1000)
 

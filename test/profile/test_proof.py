@@ -50,7 +50,7 @@ def outline_of(element, s, angle):
     if isinstance(element, GuidedFace):
         along = element.side * np.exp(1j * element.inclination)
     else:
-        along = np.exp(-1j * element.swing(np.array(s)))
+        along = np.exp(-1j * element.arm_angle(np.array(s)))
     return LineString(in_cam_frame(stand + along * np.array([-0.3, 0.3]), angle)), 0.0
 
 

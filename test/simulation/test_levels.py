@@ -9,8 +9,6 @@ from cam_rig.schema import PublishedNoise
 from cam_rig.simulation.levels import (
     HeardTick,
     compare,
-    real_roots,
-    regression,
     require_ticks,
     step_levels,
 )
@@ -80,27 +78,6 @@ def test_mean_is_of_energy_over_time():
     assert level == pytest.approx(float(level_db(np.sqrt((9.0 + 3.0) / 4.0))), abs=1e-12)
 
 
-def test_regression_recovers_a_cubic():
-    """Levels on a cubic give its coefficients back (1e-9 of each term's size at 400 rpm)."""
-    level = np.polynomial.polynomial.polyval(RPM, ONE)
-    scale = 400.0 ** np.arange(4)
-    np.testing.assert_allclose(regression(RPM, level) * scale, ONE * scale, rtol=1e-9)
-
-
-@pytest.mark.parametrize("level", [0.0, 80.0])
-def test_regression_always_has_four_numbers(level):
-    """A flat curve is a cubic too: its higher coefficients are zero, not missing."""
-    coefficients = regression(RPM, np.full(RPM.size, level))
-    np.testing.assert_allclose(coefficients, [level, 0.0, 0.0, 0.0], rtol=0, atol=1e-10)
-
-
-def test_too_few_points_have_no_cubic():
-    """Three points do not make a cubic: not a number, rather than an invention."""
-    coefficients = regression(RPM[:3], np.array([70.0, 71.0, 72.0]))
-    assert coefficients.shape == (4,)
-    assert np.isnan(coefficients).all()
-
-
 def test_crossover_of_two_cubics(published):
     """The crossover is the root of the difference of the two regressions nearest to 335 rpm."""
     result = compare(
@@ -140,9 +117,3 @@ def test_nothing_measured_is_an_error():
     """A run with no settled tick names where it was looked for."""
     with pytest.raises(CamRigError, match="here: no settled tick"):
         require_ticks(step_levels(ticks([1.0, 1.0]), settle_turns=5), "here")
-
-
-def test_a_leading_number_of_rounding_has_no_root():
-    """A straight line that a cubic was fitted to crosses zero where the line does."""
-    assert real_roots(np.array([-1.0, 1.25, 3e-17, -2e-17])) == pytest.approx([0.8], abs=1e-12)
-    assert real_roots(np.array([2.0, 0.0, 1.0, 1e-16])).size == 0

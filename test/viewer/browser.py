@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 
-from cam_rig.viewer.browser import ENOUGH, PATIENCE, Pixels, count, new_page, photographs
+from tools.docs.browser import MIN_PIXELS, TIMEOUT_S, Pixels, count, new_page, photographs
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -27,7 +27,7 @@ class Visit:
 
     def missing(self) -> set[str]:
         """The names of the colours that never were there."""
-        return {name for name, count in self.most.items() if count < ENOUGH}
+        return {name for name, count in self.most.items() if count < MIN_PIXELS}
 
 
 def look(
@@ -39,11 +39,11 @@ def look(
     note(page, visit)
     page.goto(address)
     more = 3 if without else 0  # what is not expected has time to come all the same
-    for pixels in photographs(page, begun + PATIENCE):
+    for pixels in photographs(page, begun + TIMEOUT_S):
         visit.pixels = pixels
         for name, colour in colours.items():
             visit.most[name] = max(visit.most[name], count(pixels, colour))
-        if np.isnan(visit.seconds) and max(visit.most.values()) >= ENOUGH:
+        if np.isnan(visit.seconds) and max(visit.most.values()) >= MIN_PIXELS:
             visit.seconds = time.monotonic() - begun
         if not visit.missing() - without:
             more -= 1

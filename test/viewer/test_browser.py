@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from cam_rig.drawing import colours
-from cam_rig.viewer.browser import count, open_browser, photograph, why_no_browser
 from cam_rig.viewer.charts import series
 from cam_rig.viewer.charts.series import SeriesWriter
 from cam_rig.viewer.recording import save_recording
 from cam_rig.viewer.server.web import serve_file
+from tools.docs.browser import count, open_browser, photograph, why_no_browser
 
 from .browser import Visit, look
 from .conftest import SmallBag
@@ -83,7 +83,7 @@ def test_a_photograph_waits_for_every_colour(
     """A page whose second box comes later: the picture has both."""
     page = tmp_path / "page.html"
     page.write_text(LATE, encoding="utf-8")
-    monkeypatch.setattr("cam_rig.viewer.browser.open_browser", lambda: nullcontext(chromium))
+    monkeypatch.setattr("tools.docs.browser.open_browser", lambda: nullcontext(chromium))
     pixels = photograph(page.as_uri(), (0xFF0000FF, 0x00FF00FF), settled=0x00FF00FF)
     assert count(pixels, 0xFF0000FF) == 100 * 100
     assert count(pixels, 0x00FF00FF) == 400 * 100

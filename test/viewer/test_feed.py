@@ -17,25 +17,25 @@ from .conftest import SmallBag
 
 
 class Notes:
-    """Stands for a drawing: writes down what it is given."""
+    """Stands for a recording: writes down what it receives."""
 
     def __init__(self) -> None:
         self.profiles: dict[str, FloatArray] = {}
-        self.said: list[tuple[str, int]] = []
+        self.received: list[tuple[str, int]] = []
         self.levels: list[float] = []
 
     def tick(self, start: CamState, end: CamState, rows: FloatArray) -> None:
         assert start.cam in self.profiles
         assert start.time_ns <= round(rows[0, 0] * 1e9) <= end.time_ns
-        self.said.append(("tick", end.time_ns))
+        self.received.append(("tick", end.time_ns))
 
-    def heard(self, end_ns: int, level: float, pressure: float) -> None:
+    def sound(self, end_ns: int, level: float, pressure: float) -> None:
         np.testing.assert_allclose(level, 20.0 * np.log10(pressure / 20e-6))
-        self.said.append(("heard", end_ns))
+        self.received.append(("sound", end_ns))
         self.levels.append(level)
 
     def close(self) -> None:
-        self.said.append(("close", 0))
+        self.received.append(("close", 0))
 
 
 def echoed(calls: list[Callable[[], None]]) -> list[Callable[[], None]]:
@@ -43,13 +43,15 @@ def echoed(calls: list[Callable[[], None]]) -> list[Callable[[], None]]:
     return [call for i in range(0, len(calls), 3) for call in 2 * calls[i : i + 3]]
 
 
-@pytest.mark.parametrize("say_again", [False, True])
+@pytest.mark.parametrize("republished", [False, True])
 @pytest.mark.parametrize("seed", range(8))
 def test_any_order_of_topics_gives_the_ticks_in_order(
-    bag: SmallBag, seed: int, say_again: bool
+    bag: SmallBag, seed: int, republished: bool
 ) -> None:
-    """Each topic keeps its own order; every tick is drawn once and heard after it is drawn, also
-    when nodes say again what somebody may not have got."""
+    """Each topic keeps its own order; every tick is passed on once, and its sound after it.
+
+    Also when nodes republish what a subscriber may have missed.
+    """
     notes = Notes()
     feed = RunFeed(notes)
     queues = [
@@ -62,7 +64,7 @@ def test_any_order_of_topics_gives_the_ticks_in_order(
             for (t, _), p in zip(bag.levels, bag.pressures, strict=True)
         ],
     ]
-    queues = [echoed(queue) if say_again else queue for queue in queues]
+    queues = [echoed(queue) if republished else queue for queue in queues]
     chance = random.Random(seed)
     while any(queues):
         chance.choice([queue for queue in queues if queue]).pop(0)()
@@ -70,11 +72,11 @@ def test_any_order_of_topics_gives_the_ticks_in_order(
             pass
     feed.close()
     ends = [t for t, _ in bag.levels]
-    assert [t for what, t in notes.said if what == "tick"] == ends
-    assert [t for what, t in notes.said if what == "heard"] == ends
+    assert [t for what, t in notes.received if what == "tick"] == ends
+    assert [t for what, t in notes.received if what == "sound"] == ends
     assert notes.levels == [v for _, v in bag.levels]
-    assert all(notes.said.index(("tick", t)) < notes.said.index(("heard", t)) for t in ends)
-    assert notes.said[-1] == ("close", 0)
+    assert all(notes.received.index(("tick", t)) < notes.received.index(("sound", t)) for t in ends)
+    assert notes.received[-1] == ("close", 0)
 
 
 def test_a_cam_without_a_profile_waits_and_is_named_at_the_end(bag: SmallBag) -> None:

@@ -13,7 +13,7 @@ from cam_rig.errors import CamRigError
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.viewer import live
 from cam_rig.viewer.charts.series import ACCELERATION, FORCE, LAW, LIFT, VELOCITY, ZERO
-from cam_rig.viewer.live import LivePicture, live_window
+from cam_rig.viewer.live import LiveView, live_window
 from cam_rig.viewer.server.process import free_port, listening, stream_address
 
 from .conftest import SmallBag
@@ -21,12 +21,12 @@ from .conftest import SmallBag
 pytestmark = pytest.mark.filterwarnings("ignore:RRD file has no footer")
 CURVES = [f"/{line.entity}" for line in (LIFT, LAW, VELOCITY, ACCELERATION, FORCE, ZERO)]
 #: So short that the small run is several of them.
-WINDOW = 0.2
+MIN_WINDOW_S = 0.2
 
 
 def show(bag: SmallBag, address: str) -> None:
     """The small run as its nodes would tell it, as fast as it can be drawn."""
-    picture = LivePicture(bag.loaded, address)
+    picture = LiveView(bag.loaded, address)
     feed, states = picture.feed, list(cam_states(bag.loaded.scene))
     for cam, points in bag.profiles.items():
         feed.profile(cam, points)
@@ -47,7 +47,7 @@ def arrived(bag: SmallBag, tmp_path_factory: pytest.TempPathFactory) -> list[Chu
     """The pieces of a live picture in the order in which Rerun's own server took them."""
     path, port = tmp_path_factory.mktemp("live") / "live.rrd", free_port()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(live, "WINDOW", WINDOW)
+        patch.setattr(live, "MIN_WINDOW_S", MIN_WINDOW_S)
         arguments = ("--serve-grpc", "--port", str(port), "--save", str(path))
         with listening(*arguments, ports=(port,)):
             show(bag, stream_address(port))
@@ -88,9 +88,9 @@ def test_nothing_leads_the_curves_by_more_than_is_shown(
         cursor = max(cursor, newest(chunk))
         lead = max(lead, cursor - min(reached.values()))
     end = bag.samples[0, -1]
-    assert end > 5.0 * WINDOW
+    assert end > 5.0 * MIN_WINDOW_S
     assert min(reached.values()) == pytest.approx(end, abs=1e-3)
-    assert 0.0 < lead <= WINDOW + 1e-9
+    assert 0.0 < lead <= MIN_WINDOW_S + 1e-9
 
 
 def test_everything_but_curves_comes_after_them(arrived: list[Chunk]) -> None:
@@ -108,7 +108,7 @@ def test_everything_but_curves_comes_after_them(arrived: list[Chunk]) -> None:
 
 def test_the_window_holds_two_ticks() -> None:
     """A slow scene's window is longer, for a tick arrives whole."""
-    assert live_window(np.array([0.0, 0.1, 0.2])) == live.WINDOW
+    assert live_window(np.array([0.0, 0.1, 0.2])) == live.MIN_WINDOW_S
     assert live_window(np.array([0.0, 0.1, 2.1])) == 4.0
 
 
@@ -117,6 +117,6 @@ def test_a_picture_that_nobody_takes_holds_nobody_up(
 ) -> None:
     """The whole run is drawn; only its end waits for a viewer, and says that there is none."""
     address = stream_address(free_port())
-    monkeypatch.setattr(live, "PATIENCE", 0.1)
+    monkeypatch.setattr(live, "TIMEOUT_S", 0.1)
     with pytest.raises(CamRigError, match="the viewer has gone"):
         show(bag, address)

@@ -13,7 +13,8 @@ from cam_rig.messages import topics
 from cam_rig.units import NS
 from cam_rig.viewer import recording
 from cam_rig.viewer.charts.series import FORCE, LANDING, LEVEL, LIFT, SPEED, ZERO
-from cam_rig.viewer.recording import WHOLE_BELOW, ViewOptions, bucket_for, save_recording
+from cam_rig.viewer.options import ViewOptions
+from cam_rig.viewer.recording import WHOLE_BELOW, bucket_for, save_recording
 
 from .conftest import Picture, SmallBag, make_bag
 

@@ -12,7 +12,7 @@ from cam_rig.drawing import colours
 from cam_rig.drawing.outlines import turned
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.scene import open_scene
-from cam_rig.viewer.scene2d import ARROW, FRAMES_PER_TURN, frame_mask, greatest_force, shapes
+from cam_rig.viewer.scene2d import ARROW, FRAMES_PER_TURN, frame_mask, max_contact_force, shapes
 
 from .conftest import Picture, SmallBag
 
@@ -116,7 +116,7 @@ def test_the_arrow_is_the_contact_force(bag: SmallBag, picture: Picture) -> None
     scale = height / force[sample < half][[k for k in touching]]
     slow = picture.time("scene/rig/force")[touching] < 0.4 - 1e-6
     for step, rpm in ((slow, 300.0), (~slow, 700.0)):
-        longest = greatest_force(bag.loaded, "poly345", rpm * np.pi / 30.0)
+        longest = max_contact_force(bag.loaded, "poly345", rpm * np.pi / 30.0)
         reach = shapes(bag.loaded)["poly345"].reach * 1e3
         np.testing.assert_allclose(scale[step], ARROW * reach / longest, rtol=1e-5)
     law = bag.loaded.laws["poly345"]
@@ -149,5 +149,5 @@ def test_the_greatest_force_is_seen_at_every_speed(scene: str) -> None:
     loaded = open_scene(config_root() / "scenes" / f"{scene}.yaml")
     for cam in loaded.cams:
         slowest = min(loaded.scene.program.speeds.si_list)
-        share = ARROW * loaded.follower.preload / greatest_force(loaded, cam, slowest)
+        share = ARROW * loaded.follower.preload / max_contact_force(loaded, cam, slowest)
         assert share > 0.025

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from io import BytesIO
+import os
+import re
+from functools import lru_cache
+from importlib.metadata import distributions
 from typing import Any
 
+import yaml
 from rosbags.interfaces import (
     Qos,
     QosDurability,
@@ -15,7 +19,6 @@ from rosbags.interfaces import (
 )
 from rosbags.rosbag2.metadata import dump_qos_v9
 from rosbags.typesys import Stores, get_typestore
-from ruamel.yaml import YAML
 
 from cam_rig.messages.topics import Topic
 
@@ -60,11 +63,24 @@ def metadata(file: str, topics: list[Topic], counts: dict[str, int], span: range
         "relative_file_paths": [file],
         "files": [{"path": file, **times, "message_count": total}],
         "custom_data": None,
-        "ros_distro": "kilted",
+        "ros_distro": ros_distribution(),
     }
-    out = BytesIO()
-    YAML().dump({"rosbag2_bagfile_information": information}, out)
-    return out.getvalue()
+    text = yaml.safe_dump({"rosbag2_bagfile_information": information}, sort_keys=False)
+    return text.encode()
+
+
+def ros_distribution() -> str:
+    """The ROS distribution that is at work: the environment's, else that of the installed wheels.
+
+    ``unknown`` where there is none.
+    """
+    return os.environ.get("ROS_DISTRO") or _of_wheels()
+
+
+@lru_cache(maxsize=1)
+def _of_wheels() -> str:
+    names = (re.fullmatch(r"ros[-_](\w+)[-_]rclpy", each.name) for each in distributions())
+    return next((name[1] for name in names if name), "unknown")
 
 
 def type_hash(topic: Topic) -> str:

@@ -16,6 +16,7 @@ from mcap.records import Attachment
 from cam_rig.bag.files import TORN, bag_file, remove
 from cam_rig.bag.partial_reader import RECORDED_TOPICS, PartialReader
 from cam_rig.bag.publishers import Publishers
+from cam_rig.bag.recording.metadata import ros_distribution
 from cam_rig.bag.recording.session import RecordingSession
 from cam_rig.bag.recording.writer import BagWriter, require_new_bag
 from cam_rig.errors import CamRigError, RefusedError
@@ -28,7 +29,7 @@ from cam_rig.messages.serialization import cam_of, stamp_of
 from cam_rig.messages.topics import DIAGNOSTICS, LAW_COEFFICIENTS, PROFILE, Topic
 from cam_rig.simulation.scene import LoadedScene
 
-PACKAGES = ("cam_rig", "numpy", "scipy", "pydantic", "mcap", "rosbags", "ros-kilted-rclpy")
+PACKAGES = ("cam_rig", "numpy", "scipy", "pydantic", "mcap", "rosbags")
 
 
 class BagRecorder:
@@ -178,7 +179,7 @@ def open_bag(
 def versions() -> bytes:
     """What the recording was made with, as JSON."""
     found = {"python": platform.python_version(), "system": platform.platform()}
-    for package in PACKAGES:
+    for package in (*PACKAGES, f"ros-{ros_distribution()}-rclpy"):
         try:
             found[package] = version(package)
         except PackageNotFoundError:

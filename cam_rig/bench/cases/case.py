@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.bench.cases.models import BenchModel
-from cam_rig.bench.cases.twist import Twist
+from cam_rig.bench.cases.models import BenchModel, Twist
 from cam_rig.laws import Law
 from cam_rig.units import TURN
 

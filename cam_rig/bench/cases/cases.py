@@ -6,8 +6,7 @@ import math
 from collections.abc import Callable
 
 from cam_rig.bench.cases.case import Case, output_times
-from cam_rig.bench.cases.models import BenchModel, OneMass, Oscillator, TwoMasses
-from cam_rig.bench.cases.twist import Twist
+from cam_rig.bench.cases.models import BenchModel, OneMass, Oscillator, Twist, TwoMasses
 from cam_rig.laws import Law, build_law
 from cam_rig.schema.load import config_root, load_cam
 from cam_rig.units import TURN

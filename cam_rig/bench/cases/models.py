@@ -156,3 +156,22 @@ class OneMass(BenchModel):
         if force < 0:
             return FLIGHT, (zero, zero), (LANDING, LIFT_OFF)
         return CONTACT, (), (LANDING,)
+
+
+@dataclass(frozen=True)
+class Twist:
+    """Numbers of the torsional model.
+
+    Parameters
+    ----------
+    inertia : of the cam, kg·m²
+    shaft_stiffness : N·m/rad
+    mass, damping, stiffness, preload : the follower's, SI units
+    """
+
+    inertia: float
+    shaft_stiffness: float
+    mass: float
+    damping: float
+    stiffness: float
+    preload: float

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 from cam_rig.arrays import FloatArray
 from cam_rig.bench.cases.case import Case, Solution
-from cam_rig.bench.cases.twist import Twist
-from cam_rig.bench.peers import march, twist_peer
+from cam_rig.bench.cases.models import Twist
+from cam_rig.bench.peers import integration, torsional_peer
 from cam_rig.bench.peers.cvode_peer import OPTIONS as CVODE_OPTIONS
 from cam_rig.bench.peers.cvode_peer import CvodePeer, cvode_class
 from cam_rig.bench.peers.problem import Arrival, Floats, Integrator, PeerError, Problem
@@ -46,7 +46,8 @@ class Peer:
         ------
         PeerError : it gave up, or took more than ``seconds``
         """
-        run = twist_peer.march if isinstance(case.model, Twist) else march.march
+        is_shaft = isinstance(case.model, Twist)
+        run = torsional_peer.integrate_case if is_shaft else integration.integrate_case
         return run(case, _limited(self.make(self.method, rtol), seconds))
 
     def missing(self) -> str | None:
@@ -61,7 +62,7 @@ class Peer:
 
 
 def _limited(integrate: Integrator, seconds: float) -> Integrator:
-    """The same, that stops between two stretches of the law when its time is over."""
+    """The same, that stops between two intervals of the law when its time is over."""
     stop = time.perf_counter() + seconds
 
     def limited(

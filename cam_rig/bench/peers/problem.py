@@ -13,7 +13,7 @@ import numpy as np
 
 from cam_rig.arrays import FloatArray
 from cam_rig.bench.cases.phase import BenchPhase
-from cam_rig.bench.peers.stretch import PeerInterval, Scalar
+from cam_rig.bench.peers.intervals import PeerInterval, Scalar
 
 Floats = Sequence[float]
 
@@ -63,15 +63,15 @@ class PeerError(Exception):
     """A peer gave up: its own message."""
 
 
-def linear_problem(phase: BenchPhase, stretch: PeerInterval, scale: FloatArray) -> Problem:
-    """One phase on one stretch."""
+def linear_problem(phase: BenchPhase, interval: PeerInterval, scale: FloatArray) -> Problem:
+    """One phase on one interval."""
     half = phase.size // 2
     jacobian = np.zeros((phase.size, phase.size))
     jacobian[:half, half:] = np.eye(half)
     jacobian[half:] = np.array(phase.rows, dtype=float)
-    forces = [stretch.function(row) for row in phase.drive]
+    forces = [interval.function(row) for row in phase.drive]
     rate = _one_position(phase, forces[0]) if half == 1 else _two_positions(phase, forces)
-    return Problem(rate, lambda t, q: jacobian, True, _guard(phase, stretch), scale)
+    return Problem(rate, lambda t, q: jacobian, True, _guard(phase, interval), scale)
 
 
 def _one_position(phase: BenchPhase, force: Scalar) -> Callable[[float, list[float]], Floats]:
@@ -104,7 +104,7 @@ def _two_positions(
 
 
 def _guard(
-    phase: BenchPhase, stretch: PeerInterval
+    phase: BenchPhase, interval: PeerInterval
 ) -> Callable[[float, list[float]], float] | None:
     if phase.guard is None:
         return None
@@ -113,7 +113,7 @@ def _guard(
     if not any(phase.guard_drive) and len(used) == 1:
         i, weight = used[0]
         return lambda time, q: weight * q[i]
-    smooth = stretch.function(phase.guard_drive)
+    smooth = interval.function(phase.guard_drive)
     if not used:
         return lambda time, q: smooth(time)
     a, b = weights

@@ -13,8 +13,8 @@ import mpmath as mp  # type: ignore[import-untyped]
 import numpy as np
 
 from cam_rig.bench.cases.case import Case, Solution
+from cam_rig.bench.cases.models import Twist
 from cam_rig.bench.cases.phase import Number
-from cam_rig.bench.cases.twist import Twist
 from cam_rig.bench.reference.exact_law import derivative, polynomial, powers
 from cam_rig.units import TURN
 

@@ -34,7 +34,7 @@ def read(case: Case) -> Solution:
 
     Raises
     ------
-    CamRigError : there is none, or it belongs to other numbers
+    CamRigError : no reference is stored, or it belongs to other numbers
     """
     path = FOLDER / f"{case.name}.json"
     remedy = "run benchmark/make_reference.py"

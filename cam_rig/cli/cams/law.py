@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cam_rig.cli.common.console import console, user_errors
+from cam_rig.cli.common.console import say, show, user_errors
 from cam_rig.cli.common.names import cam_path
 from cam_rig.cli.common.outputs import check_outputs, write_plot
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from cam_rig.laws import Law
+    from cam_rig.tables import DataTable
 
 #: Rows of the CSV, one every so many degrees.
 CSV_STEP_DEG = 0.5
@@ -49,19 +48,14 @@ def law(
     cam-rig law bezier15 --csv > bezier15.csv
     """
     with user_errors():
-        from cam_rig.errors import LawError
-        from cam_rig.laws import build_law
-        from cam_rig.schema import load_cam
+        from cam_rig import load_cam
+        from cam_rig.simulation.cam_files import law_of
 
         check_outputs(None, out)
-        path = cam_path(cam)
-        config = load_cam(path)
-        try:
-            built = build_law(config)
-        except LawError as error:
-            raise LawError(f"{path}: {error}") from None
-        console.print(_peaks(built, config.lift.unit, config.lift.factor))
-        console.print(_joints(built))
+        config = load_cam(cam)
+        built = law_of(cam_path(cam), config)
+        show(_peaks(built, config.lift.unit, config.lift.factor))
+        say(_joints(built))
         if as_csv:
             _print_csv(built)
         if out is not None or not as_csv:
@@ -71,27 +65,25 @@ def law(
             write_plot(target, lambda part: draw(config, built, part))
 
 
-def _peaks(law: Law, unit: str, factor: float) -> Table:
+def _peaks(law: Law, unit: str, factor: float) -> DataTable:
     """Largest and smallest values in the unit of the file's lift."""
-    from rich.box import SIMPLE
-    from rich.table import Table
-
     from cam_rig.laws.peaks import extremes
+    from cam_rig.tables import Column, tabulate
 
-    out = Table(box=SIMPLE, padding=(0, 1, 0, 0))
-    for heading in ("", "unit", "largest", "at", "smallest", "at"):
-        out.add_column(heading, justify="right" if heading not in ("", "unit") else "left")
-    names = ("lift s", "velocity s'", "acceleration s''", "jerk s'''")
-    for order, name in enumerate(names):
-        low, high = extremes(law, order)
-        per = ("", "/rad", "/rad²", "/rad³")[order]
-        cells = [
-            cell
-            for extreme in (high, low)
-            for cell in (f"{extreme.value / factor:.6g}", f"{math.degrees(extreme.angle):.4g}°")
-        ]
-        out.add_row(name, unit + per, *cells)
-    return out
+    units = {"lift s": "", "velocity s'": "/rad", "acceleration s''": "/rad²", "jerk s'''": "/rad³"}
+    rows = [(name, unit + per, extremes(law, i)) for i, (name, per) in enumerate(units.items())]
+    return tabulate(
+        f"Extremes of {law.name}",
+        rows,
+        (
+            (Column("quantity"), lambda row: row[0]),
+            (Column("unit"), lambda row: row[1]),
+            (Column("largest", "", ".6g"), lambda row: row[2][1].value / factor),
+            (Column("at", "°", ".4g"), lambda row: math.degrees(row[2][1].angle)),
+            (Column("smallest", "", ".6g"), lambda row: row[2][0].value / factor),
+            (Column("at", "°", ".4g"), lambda row: math.degrees(row[2][0].angle)),
+        ),
+    )
 
 
 def _joints(law: Law) -> str:

@@ -90,7 +90,7 @@ def profile(
             _draw(request, found, plot, force)
         write_json(profile_report.to_json(found), json_target)
         if out is None and plot is None:
-            profile_report.show(found)
+            profile_report.show_checks(found)
             if _any_fails(found, every):
                 raise typer.Exit(1)
 

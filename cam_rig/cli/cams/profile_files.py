@@ -75,8 +75,7 @@ def _suffix(path: Path, allowed: tuple[str, ...]) -> None:
 
 def write(request: Request, cam: CamConfig, law: Law, force: bool) -> None:
     """Write the contour, the pitch curve or the cutter's path by the file's suffix."""
-    from cam_rig.cad import contour_csv as table
-    from cam_rig.cad import dxf
+    from cam_rig.cad import contour_csv, dxf, svg
     from cam_rig.profile.curves.polyline import polyline
 
     assert request.out is not None
@@ -84,13 +83,13 @@ def write(request: Request, cam: CamConfig, law: Law, force: bool) -> None:
     kind = request.out.suffix.lower()
     with writing(request.out) as part:
         if kind in TABLES:
-            table.write_contour(part, curves, request.points)
+            contour_csv.write_contour(part, curves, request.points)
             words = f"{request.points} points"
         else:
             rounding = SVG_ROUNDING * tolerance if kind == ".svg" else 0.0
             lines = {curve.name: polyline(curve, tolerance - rounding) for curve in curves}
             if kind == ".svg":
-                dxf.write_svg(part, lines, rounding)
+                svg.write_svg(part, lines, rounding)
             else:
                 dxf.write_dxf(part, lines)
             counts = " and ".join(str(line.shape[1]) for line in lines.values())

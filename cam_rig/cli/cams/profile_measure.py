@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cam_rig.arrays import rms
 from cam_rig.cli.common.console import console
 from cam_rig.cli.common.outputs import write_json, writing
 from cam_rig.errors import OutputError
@@ -40,7 +41,7 @@ class Measured:
             "lift_mm": float(np.ptp(self.lift)) * 1e3,
             "largest_error_um": float(self.error[worst]) * 1e6,
             "at_deg": float(np.degrees(self.angle[worst])),
-            "rms_error_um": float(np.sqrt(np.mean(self.error**2))) * 1e6,
+            "rms_error_um": rms(self.error) * 1e6,
         }
 
 
@@ -79,7 +80,7 @@ def measure(request: Request, cam: CamConfig, law: Law) -> list[Measured]:
 
 def show(request: Request, cam: CamConfig, found: list[Measured]) -> None:
     """Say how far the contours are from the law; write the first one's law if asked to."""
-    from cam_rig.cad import contour_csv as table
+    from cam_rig.cad import contour_csv
 
     for one in found:
         figures = one.figures()
@@ -93,7 +94,7 @@ def show(request: Request, cam: CamConfig, found: list[Measured]) -> None:
         )
     if request.out is not None:
         with writing(request.out) as part:
-            table.write_law(part, found[0].angle, found[0].lift)
+            contour_csv.write_law(part, found[0].angle, found[0].lift)
         console.print(f"law: {request.out}", soft_wrap=True)
 
 
@@ -108,7 +109,10 @@ def _doubts(source: Path, points: FloatArray) -> list[str]:
 
 
 def _read(source: Path) -> list[FloatArray]:
-    from cam_rig.cad import contour_csv as table
-    from cam_rig.cad import dxf
+    from cam_rig.cad import contour_csv, dxf
 
-    return dxf.read_dxf(source) if source.suffix.lower() == ".dxf" else table.read_contour(source)
+    return (
+        dxf.read_dxf(source)
+        if source.suffix.lower() == ".dxf"
+        else contour_csv.read_contour(source)
+    )

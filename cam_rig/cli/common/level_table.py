@@ -6,13 +6,12 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.table import Table
-
-from cam_rig.cli.common.console import console
+from cam_rig.cli.common import console
 from cam_rig.cli.common.outputs import write_json, write_plot
+from cam_rig.tables import Column, DataTable, tabulate
 
 if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
-    from cam_rig.simulation.levels import NoiseResult
+    from cam_rig.simulation.levels import NoiseCurve, NoiseResult
     from cam_rig.simulation.scene import LoadedScene
 
 
@@ -34,27 +33,27 @@ def to_json(result: NoiseResult, counts: dict[str, int]) -> dict[str, Any]:
     }
 
 
-def table(result: NoiseResult, loaded: LoadedScene) -> Table:
+def table(result: NoiseResult, loaded: LoadedScene) -> DataTable:
     """Regression, difference to the published one, and what that difference is worth."""
-    out = Table(title=f"{loaded.scene.title}: level in dB over x in rpm")
-    out.add_column("cam")
-    out.add_column("regression")
-    out.add_column("RMS difference\nto published", justify="right")
-    out.add_column("which is")
-    out.add_column("level at ends", justify="right")
-    for curve in result.curves.values():
-        c0, c1, c2, c3 = curve.coefficients
-        rmse = "" if curve.rmse_db is None else f"{curve.rmse_db:.2f} dB"
-        out.add_row(
-            curve.cam,
-            f"{c0:.5g} {c1:+.5g} x {c2:+.5g} x² {c3:+.5g} x³"
-            if math.isfinite(c0)
-            else "needs four speeds",
-            rmse,
-            "" if curve.rmse_db is None else curve.role,
-            f"{curve.level_db[0]:.1f} … {curve.level_db[-1]:.1f} dB",
-        )
-    return out
+    return tabulate(
+        f"{loaded.scene.title}: level in dB over x in rpm",
+        result.curves.values(),
+        (
+            (Column("cam"), lambda curve: curve.cam),
+            (Column("regression"), _regression),
+            (Column("difference to published", "dB r.m.s.", ".2f"), lambda curve: curve.rmse_db),
+            (Column("role"), lambda curve: "" if curve.rmse_db is None else curve.role),
+            (Column("first level", "dB", ".1f"), lambda curve: float(curve.level_db[0])),
+            (Column("last level", "dB", ".1f"), lambda curve: float(curve.level_db[-1])),
+        ),
+    )
+
+
+def _regression(curve: NoiseCurve) -> str:
+    c0, c1, c2, c3 = curve.coefficients
+    if not math.isfinite(c0):
+        return "needs four speeds"
+    return f"{c0:.5g} {c1:+.5g} x {c2:+.5g} x² {c3:+.5g} x³"
 
 
 def show(
@@ -65,15 +64,13 @@ def show(
     plot: Path | None,
 ) -> None:
     """Print the table, draw the plot, write the JSON."""
-    console.print(table(result, loaded))
+    console.show(table(result, loaded))
     if loaded.published is not None and set(loaded.published.crossover.between) <= set(
         result.curves
     ):
         found = "none" if result.crossover_rpm is None else f"{result.crossover_rpm:.1f} rpm"
         names = " and ".join(loaded.published.crossover.between)
-        console.print(
-            f"{names} cross at {found} (published: {loaded.published.crossover.rpm:g} rpm)"
-        )
+        console.say(f"{names} cross at {found} (published: {loaded.published.crossover.rpm:g} rpm)")
     if plot is not None:
         from cam_rig.plots.noise import draw
 

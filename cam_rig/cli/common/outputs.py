@@ -1,16 +1,18 @@
-"""What a command leaves behind: plots and JSON, written whole or not at all."""
+"""What a command leaves behind: plots, JSON and CSV, written whole or not at all."""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from cam_rig.cli.common.console import console
 from cam_rig.errors import ConfigError, OutputError
+from cam_rig.extras import require
+from cam_rig.tables import DataTable, to_csv
 
 #: Kinds of picture a plot can be written as.
 PICTURES = (".png", ".svg", ".pdf", ".jpg")
@@ -45,6 +47,18 @@ def write_json(data: dict[str, Any], target: str | None) -> None:
         part.write_text(text + "\n", encoding="utf-8")
 
 
+def write_csv(tables: Iterable[DataTable], target: Path | None) -> None:
+    """Write tables to a file, nowhere for None.
+
+    Raises
+    ------
+    OutputError : the place cannot be written
+    """
+    if target is not None:
+        with writing(target) as part:
+            part.write_text(to_csv(tables), encoding="utf-8")
+
+
 @contextmanager
 def writing(path: Path) -> Iterator[Path]:
     """A file beside ``path`` to write into, which then takes its place whole.
@@ -65,11 +79,13 @@ def writing(path: Path) -> Iterator[Path]:
             part.unlink()
 
 
-def check_outputs(json_target: str | None, plot: Path | None) -> None:
+def check_outputs(json_target: str | None, plot: Path | None, csv: Path | None = None) -> None:
     """Refuse, before anything runs, what could not be written afterwards."""
     if plot is not None and plot.suffix.lower() not in PICTURES:
         raise ConfigError(f"{plot}: unknown kind of picture; allowed: {', '.join(PICTURES)}")
-    asked = [plot, None if json_target in (None, "-") else Path(str(json_target))]
+    if plot is not None:
+        require("matplotlib")
+    asked = [plot, csv, None if json_target in (None, "-") else Path(str(json_target))]
     for target in (path for path in asked if path is not None):
         check_place(target)
 

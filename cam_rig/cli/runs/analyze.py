@@ -10,7 +10,6 @@ from rich.markup import escape
 
 from cam_rig.cli.common.console import console, user_errors
 from cam_rig.cli.common.level_table import show
-from cam_rig.cli.common.names import scene_path
 from cam_rig.cli.common.options import Json, Plot, SceneOfBag
 from cam_rig.cli.common.outputs import check_outputs
 
@@ -35,32 +34,26 @@ def analyze(
     """
     with user_errors():
         check_outputs(json_target, plot)
-        path = scene_path(scene) if scene else None
-        analyze_bag(bag or newest_bag(), json_target, plot, path)
+        analyze_bag(bag or newest_bag(), json_target, plot, scene)
 
 
 def analyze_bag(
-    bag: Path, json_target: str | None, plot: Path | None, scene: Path | None = None
+    bag: Path, json_target: str | None, plot: Path | None, scene: str | None = None
 ) -> None:
     """Analyse one bag, with the scene attached to it unless another is named."""
+    from cam_rig import read_bag
     from cam_rig.bag.attached import recovered_words
-    from cam_rig.bag.reader import read_recording
-    from cam_rig.simulation.levels import compare, require_ticks, step_levels
     from cam_rig.simulation.schedule import tick_count
 
-    recording = read_recording(bag, scene)
-    loaded = recording.loaded
-    counted = f"{sum(recording.counts.values())} messages, {len(recording.ticks)} ticks"
+    run = read_bag(bag, scene)
+    counted = f"{sum(run.counts.values())} messages, {len(run.ticks)} ticks"
     console.print(f"{escape(str(bag))}: {counted}")
     for words in recovered_words(bag):
         console.print(f"[bold]recovered:[/] {escape(words)}")
-    whole = tick_count(loaded.scene)
-    if len(recording.ticks) < whole:
-        console.print(f"[bold]not complete:[/] {len(recording.ticks)} of {whole} ticks")
-    levels = step_levels(recording.ticks, loaded.scene.program.settle_turns.si)
-    require_ticks(levels, str(bag))
-    result = compare(levels, {cam: loaded.role(cam) for cam in levels}, loaded.published)
-    show(result, loaded, recording.counts, json_target, plot)
+    if not run.complete:
+        whole = tick_count(run.loaded.scene)
+        console.print(f"[bold]not complete:[/] {len(run.ticks)} of {whole} ticks")
+    show(run.noise, run.loaded, run.counts, json_target, plot)
 
 
 def newest_bag() -> Path:

@@ -7,15 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.markup import escape
-from rich.table import Table
 
-from cam_rig.cli.common.console import console, progress_bar, user_errors
+from cam_rig.cli.common.console import progress_bar, show, user_errors
 from cam_rig.cli.common.names import scene_path
 from cam_rig.cli.common.options import SceneOfBag
 
 if TYPE_CHECKING:
     from cam_rig.bag.compare import Difference
+    from cam_rig.tables import DataTable
 
 
 def replay(
@@ -41,13 +40,13 @@ def replay(
     with user_errors():
         from cam_rig.bag.recording.writer import require_new_bag
         from cam_rig.errors import BagError
-        from cam_rig.temporary import temporary_folder
+        from cam_rig.files import temporary_folder
 
         if output is not None:
             require_new_bag(output)
         with temporary_folder("cam_rig-replay-") as folder:
             found = _replay(bag, folder, scene, output)
-        console.print(_table(found))
+        show(_table(found))
         worst = max(found, key=lambda entry: entry.relative)
         if not worst.relative <= tolerance:
             raise BagError(
@@ -81,13 +80,17 @@ def _replay(bag: Path, folder: Path, scene: str | None, output: Path | None) -> 
     return found
 
 
-def _table(found: list[Difference]) -> Table:
-    out = Table(title="recorded against replayed")
-    for column in ("topic", "quantity"):
-        out.add_column(column, no_wrap=True)
-    for column in ("numbers", "difference", "relative"):
-        out.add_column(column, justify="right")
-    for entry in found:
-        away = (f"{entry.difference:.3g}", f"{entry.relative:.2g}")
-        out.add_row(entry.topic, escape(entry.quantity), str(entry.count), *away)
-    return out
+def _table(found: list[Difference]) -> DataTable:
+    from cam_rig.tables import Column, tabulate
+
+    return tabulate(
+        "Recorded against replayed",
+        found,
+        (
+            (Column("topic"), lambda entry: entry.topic),
+            (Column("quantity"), lambda entry: entry.quantity),
+            (Column("numbers", "", "d"), lambda entry: entry.count),
+            (Column("difference", "", ".3g"), lambda entry: entry.difference),
+            (Column("relative", "", ".2g"), lambda entry: entry.relative),
+        ),
+    )

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from cam_rig.cli.common.console import console, progress_bar, user_errors
 from cam_rig.cli.common.level_table import show
-from cam_rig.cli.common.names import DEFAULT_SCENE, scene_path
+from cam_rig.cli.common.names import DEFAULT_SCENE
 from cam_rig.cli.common.options import Json, Plot, Scene
 from cam_rig.cli.common.outputs import check_outputs
+from cam_rig.units import NS
 
 
 def simulate(
@@ -25,28 +26,19 @@ def simulate(
     with user_errors():
         import time
 
-        from cam_rig.simulation.levels import compare, require_ticks, step_levels
-        from cam_rig.simulation.scene import open_scene
+        from cam_rig import load_scene, run_scene
         from cam_rig.simulation.schedule import tick_count
-        from cam_rig.simulation.simulate import simulate as run
 
         check_outputs(json_target, plot)
-        path = scene_path(scene)
-        loaded = open_scene(path)
+        loaded = load_scene(scene)
         begun = time.perf_counter()
         with progress_bar() as bar:
-            ticks = list(
-                bar.track(
-                    run(loaded), total=tick_count(loaded.scene), description=loaded.scene.name
-                )
-            )
+            task = bar.add_task(loaded.scene.name, total=tick_count(loaded.scene))
+            run = run_scene(loaded, on_tick=lambda: bar.advance(task))
         took = time.perf_counter() - begun
-        rig_time = ticks[-1].stop_ns * 1e-9
+        rig_time = run.ticks[-1].stop_ns / NS
         console.print(
-            f"{len(ticks)} ticks, {rig_time:.1f} s of rig time in {took:.2f} s "
+            f"{len(run.ticks)} ticks, {rig_time:.1f} s of rig time in {took:.2f} s "
             f"({rig_time / took:.0f} x real time)"
         )
-        levels = step_levels(ticks, loaded.scene.program.settle_turns.si)
-        require_ticks(levels, str(path))
-        result = compare(levels, {cam: loaded.role(cam) for cam in levels}, loaded.published)
-        show(result, loaded, {}, json_target, plot)
+        show(run.noise, loaded, run.counts, json_target, plot)

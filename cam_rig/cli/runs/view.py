@@ -1,4 +1,4 @@
-"""cam-rig view: a recorded run as a moving picture in Rerun."""
+"""cam-rig view: a recorded run in the Rerun viewer."""
 
 from __future__ import annotations
 
@@ -6,17 +6,14 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from cam_rig.cli.common.console import console, progress_bar, user_errors
 from cam_rig.cli.common.names import scene_path
 from cam_rig.cli.common.options import SceneOfBag
-from cam_rig.viewer.layout import Layout
-
-if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
-    from cam_rig.viewer.recording import ViewOptions
+from cam_rig.viewer.options import Layout, ViewOptions
 
 
 def view(
@@ -43,7 +40,7 @@ def view(
         bool,
         typer.Option(
             "--all-samples",
-            help="Keep every sample of a long run, not the least and greatest of each few.",
+            help="Keep every sample of a long run, not the minimum and maximum of every few.",
         ),
     ] = False,
 ) -> None:
@@ -63,7 +60,6 @@ def view(
     """
     with user_errors():
         from cam_rig.errors import ConfigError
-        from cam_rig.viewer.recording import ViewOptions
 
         if save is not None and web:
             raise ConfigError("--save and --web: a file is written or a page served; name one")
@@ -114,7 +110,7 @@ def _tidy_end() -> Iterator[None]:
 def convert(
     bag: Path, scene: Path | None, path: Path, view_options: ViewOptions, force: bool
 ) -> None:
-    """Write the picture of a bag to a file, with the scene attached to it unless one is named."""
+    """Write a bag as a Rerun recording, with its own scene unless another is named."""
     from cam_rig.bag.reader import read_counts
     from cam_rig.messages.topics import FOLLOWER_SAMPLES
     from cam_rig.simulation.scene import open_scene
@@ -136,7 +132,7 @@ def convert(
 
 @contextmanager
 def _converted(bag: Path, scene: Path | None, view_options: ViewOptions) -> Iterator[Path]:
-    from cam_rig.temporary import temporary_folder
+    from cam_rig.files import temporary_folder
 
     with temporary_folder() as folder:
         path = folder / f"{bag.resolve().name}.rrd"

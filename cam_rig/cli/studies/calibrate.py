@@ -15,11 +15,11 @@ def calibrate(
     scene: Scene = DEFAULT_SCENE,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show, write nothing.")] = False,
 ) -> None:
-    """Fit gain and corner of the rig's structure to the published noise of one cam.
+    """Fit gain and cut-off of the rig's radiation to the published noise of one cam.
 
-    Which cam: ``radiation.calibrated_on`` in the rig file. Two numbers are fitted, by least
-    squares in dB over the scene's speeds, and written into the rig file with their residual.
-    Every other cam's curve is then a prediction.
+    They are ``radiation.gain`` and ``corner`` of the rig file, the cam is its ``calibrated_on``.
+    Two numbers are fitted, by least squares in dB over the scene's speeds, and written into the
+    rig file with the fit error. Every other cam's curve is then a prediction.
 
     Examples
     --------
@@ -30,26 +30,27 @@ def calibrate(
     with user_errors():
         import numpy as np
 
-        from cam_rig.acoustics import calibrate as fit
         from cam_rig.cli.common.edit import set_identified
         from cam_rig.simulation.scene import open_scene
+        from cam_rig.studies.noise.calibration import calibrate as fit
+        from cam_rig.units import to_rpm
 
         loaded = open_scene(scene_path(scene))
         cam = loaded.rig.radiation.calibrated_on
         speeds = np.array(loaded.scene.program.speeds.si_list)
-        levels = loaded.published_levels(cam, speeds * 30.0 / np.pi)
-        found = fit(loaded.law_of(cam), loaded.follower, loaded.radiation, speeds, levels)
+        levels = loaded.published_levels(cam, to_rpm(speeds))
+        found, rmse = fit(loaded.law_of(cam), loaded.follower, loaded.radiation, speeds, levels)
         console.print(
-            f"{cam}: gain {found.radiation.gain:.4g} Pa·s/N, corner {found.radiation.corner:.4g} "
-            f"Hz; {found.rmse_db:.3f} dB RMS over {found.points} speeds (2 numbers fitted)"
+            f"{cam}: gain {found.gain:.4g} Pa·s/N, corner {found.corner:.4g} "
+            f"Hz; {rmse:.3f} dB RMS over {speeds.size} speeds (2 numbers fitted)"
         )
         if not dry_run:
             numbers: dict[tuple[str | int, ...], float] = {
-                ("radiation", "gain"): _round(found.radiation.gain),
-                ("radiation", "corner"): _round(found.radiation.corner),
+                ("radiation", "gain"): _round(found.gain),
+                ("radiation", "corner"): _round(found.corner),
             }
             source = f"cam-rig calibrate, published noise of {cam} alone"
-            residual = f"{found.rmse_db:.3f} dB RMS over {found.points} speeds, 2 numbers fitted"
+            residual = f"{rmse:.3f} dB RMS over {speeds.size} speeds, 2 numbers fitted"
             set_identified(loaded.rig_file, numbers, source, residual)
             console.print(f"written to {loaded.rig_file}")
 

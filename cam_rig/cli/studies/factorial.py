@@ -1,4 +1,4 @@
-"""cam-rig factorial: continuity or gentle slopes, the question the paper leaves open."""
+"""cam-rig factorial: continuity or lower slopes, the question the paper leaves open."""
 
 from __future__ import annotations
 
@@ -6,16 +6,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cam_rig.cli.common.console import progress_bar, user_errors
+from cam_rig.cli.common.console import progress_bar, say, show, user_errors
 from cam_rig.cli.common.names import cam_path, rig_path, study_path, tables_path
-from cam_rig.cli.common.options import Json, Plot
-from cam_rig.cli.common.outputs import check_outputs, write_json, write_plot
+from cam_rig.cli.common.options import Csv, Json, Plot
+from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from cam_rig.laws import Law
     from cam_rig.schema import FactorialConfig
+    from cam_rig.studies.factorial.conclusions import Conclusions
     from cam_rig.studies.factorial.design import Factorial
     from cam_rig.studies.factorial.measures import Measures
 
@@ -25,6 +26,7 @@ def factorial(
         str, typer.Argument(help="Study file, or a name in config/factorials.")
     ] = "continuity",
     json_target: Json = None,
+    csv: Csv = None,
     plot: Plot = None,
 ) -> None:
     """Give laws of every continuity the same angles, then the same acceleration; analyse variance.
@@ -36,20 +38,24 @@ def factorial(
     --------
     cam-rig factorial --plot out/factorial.png
 
-    cam-rig factorial --json - | jq .answer
+    cam-rig factorial --json - | jq .conclusions
     """
     with user_errors():
-        from cam_rig.cli.studies import factorial_tables
+        from cam_rig.studies.factorial import tables
+        from cam_rig.studies.factorial.conclusions import conclusions
         from cam_rig.studies.factorial.laws import open_factorial
 
-        check_outputs(json_target, plot)
+        check_outputs(json_target, plot, csv)
         found = measure(open_factorial(study_path(study)))
-        factorial_tables.show(found)
+        shown = tables.tables(found)
+        show(*shown)
+        say(*conclusion_lines(conclusions(found)))
+        write_csv(shown, csv)
         if plot is not None:
             from cam_rig.plots.factorial import draw
 
             write_plot(plot, lambda part: draw(found, part))
-        write_json(factorial_tables.to_json(found), json_target)
+        write_json(tables.to_json(found), json_target)
 
 
 def measure(config: FactorialConfig) -> Factorial:
@@ -75,3 +81,19 @@ def measure(config: FactorialConfig) -> Factorial:
             return bar.track(pool.map(function, todo), total=len(todo), description=config.name)
 
         return run_factorial(config, bench, cam_set.laws, each)
+
+
+def conclusion_lines(found: Conclusions) -> list[str]:
+    """The study in short: where the advantage comes from, and what governs residual vibration."""
+    lines = [f"advantage of {found.proposed}: {found.advantage} ({found.classes})"]
+    if found.jump_share is not None:
+        low, high = (f"{100.0 * share:.0f} %" for share in found.jump_share)
+        lines[0] += f"; {low} to {high} of its higher jump speed from the slopes"
+    residual = found.same_acceleration["residual"]
+    lines.append(f"residual vibration at the same acceleration: {residual.governed_by}")
+    if residual.lost:
+        lines[1] += (
+            f"; {sum(residual.lost.values())} of {residual.cells} cells lose contact below "
+            f"{residual.fastest_rpm:g} rpm"
+        )
+    return lines

@@ -1,4 +1,4 @@
-"""cam-rig jump: the lowest speed at which the follower leaves each cam."""
+"""cam-rig jump: the lowest speed at which the follower loses contact with each cam."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cam_rig.cli.common.console import console, progress_bar, user_errors
+from cam_rig.cli.common.console import console, progress_bar, say, show, user_errors
 from cam_rig.cli.common.names import cam_path, rig_path, tables_path
-from cam_rig.cli.common.options import Json, Plot, Rig, TableCams
-from cam_rig.cli.common.outputs import check_outputs, write_json, write_plot
+from cam_rig.cli.common.options import Csv, Json, Plot, Rig, TableCams
+from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cam_rig.schema import PublishedTables
     from cam_rig.studies.cam_set import CamSet
     from cam_rig.studies.jump.comparison import JumpRow
     from cam_rig.studies.jump.published import Reference
-
-#: s, of the paper's runs from rest.
-FROM_REST = 1.7
 
 
 def jump(
@@ -38,6 +38,7 @@ def jump(
         bool, typer.Option("--refit", help="Fit the rig's unprinted numbers anew (a minute).")
     ] = False,
     json_target: Json = None,
+    csv: Csv = None,
     plot: Plot = None,
 ) -> None:
     """Find the jump speed of cams to 0.01 rpm, beside the paper's Table 2.
@@ -54,47 +55,74 @@ def jump(
     cam-rig jump --ramp 350
     """
     with user_errors():
-        from cam_rig.cli.studies import jump_tables
         from cam_rig.schema import load_tables
         from cam_rig.studies.cam_set import open_cam_set
+        from cam_rig.studies.jump import tables
+        from cam_rig.studies.jump.contact_limit import FROM_REST
         from cam_rig.studies.jump.published import references
 
-        check_outputs(json_target, plot)
-        _require_apart(steady, ramp, from_rest, refit, bool(plot), bool(json_target))
+        check_outputs(json_target, plot, csv)
+        _require_apart(steady, ramp, from_rest, refit, plot, any((plot, json_target, csv)))
         published = load_tables(tables_path())
-        names = cams or list(published.table_2_jump)
-        cam_set = open_cam_set(map(cam_path, names), rig_path(rig))
-        if refit:
-            jump_tables.show_refit(
-                cam_set, published, FROM_REST if from_rest is None else from_rest
-            )
-            return
+        cam_set = open_cam_set(map(cam_path, cams or published.table_2_jump), rig_path(rig))
         duration = None if steady else FROM_REST if from_rest is None else from_rest
-        known = references(cam_set, published)
-        rows = _find(cam_set, known, duration, ramp)
-        console.print(jump_tables.table(rows, cam_set.rig.name))
-        console.print(jump_tables.words(rows), soft_wrap=True)
+        if refit:
+            assert duration is not None  # of runs from rest
+            _refit(cam_set, published, duration)
+            return
+        rows = _find(cam_set, references(cam_set, published), duration, ramp)
+        shown = tables.jump_table(rows, f"Jump speed on {cam_set.rig.name}")
+        show(shown)
+        say(conclusion(rows))
         if plot is not None:
             from cam_rig.plots.jump import draw
 
             write_plot(plot, lambda part: draw(rows, cam_set, duration, part))
-        write_json(jump_tables.to_json(rows), json_target)
+        write_csv([shown], csv)
+        write_json(tables.to_json(rows), json_target)
+
+
+def conclusion(rows: list[JumpRow]) -> str:
+    """What the comparison with Table 2 comes to, in a line."""
+    from cam_rig.studies.jump.comparison import compare
+
+    if any(row.ramp is not None for row in rows):
+        return "along a ramp: the speeds of Table 2 are constant ones, so nothing is compared"
+    found = compare(rows)
+    if found is None:
+        return "nothing is published of these cams"
+    cams = f"{found.cams} cam{'' if found.cams == 1 else 's'}"
+    of = "that identified the rig" if found.fitted else "not used to identify the rig"
+    ranking = f"; ranking {'as' if found.same_ranking else 'not as'} published"
+    ours, theirs = (
+        f"{low:.1f} to {high:.1f}" for low, high in (found.turns, found.published_turns)
+    )
+    return (
+        f"{100.0 * found.rms:.2f} % r.m.s. from Table 2 on {cams} {of}"
+        f"{ranking if len(rows) > 1 else ''}; contact first lost after {ours} turns, published "
+        f"{theirs}"
+    )
 
 
 def _require_apart(
-    steady: bool, ramp: float | None, from_rest: float | None, refit: bool, plot: bool, json: bool
+    steady: bool,
+    ramp: float | None,
+    from_rest: float | None,
+    refit: bool,
+    plot: Path | None,
+    files: bool,
 ) -> None:
     """Refuse options that do not go together, rather than pass one over."""
     from cam_rig.errors import ConfigError
 
     if sum((steady, ramp is not None, from_rest is not None)) > 1:
         raise ConfigError("--steady, --ramp and --from-rest; allowed: one of them")
-    if ramp is not None and plot:
+    if ramp is not None and plot is not None:
         raise ConfigError(
             "--plot shows the least force of speeds that are held, and --ramp holds none; "
             "allowed: one of them"
         )
-    if refit and (steady or ramp is not None or plot or json):
+    if refit and (steady or ramp is not None or files):
         raise ConfigError("--refit is of runs from rest, and prints; allowed: --refit alone")
 
 
@@ -113,3 +141,49 @@ def _find(
             bar.update(task, advance=1, description=cam)
 
         return find_jumps(cam_set.laws, follower, known, duration, ramp, done)
+
+
+def _refit(cam_set: CamSet, published: PublishedTables, duration: float) -> None:
+    """Fit the rig's four unprinted numbers anew, and try them on all cams.
+
+    Raises
+    ------
+    ConfigError, DynamicsError : the cams are not those of the table; the run is too long
+    """
+    from cam_rig.dynamics import TwoMassParameters
+    from cam_rig.errors import ConfigError
+    from cam_rig.studies.jump import tables
+    from cam_rig.studies.jump.comparison import find_jumps, require_run
+    from cam_rig.studies.jump.published import Reference
+    from cam_rig.studies.jump.refit import refit, refitted
+
+    require_run(duration)
+    parameters = TwoMassParameters.from_rig(cam_set.rig)
+    fitted = {cam: published.table_2_jump[cam].rpm for cam in published.table_2_defined}
+    if not set(fitted) <= set(cam_set.cams):
+        raise ConfigError(
+            f"--refit: cams are {', '.join(cam_set.cams)}; needed: {', '.join(fitted)}"
+        )
+    with console.status("searching") as status:
+        found = refit(
+            cam_set.cams,
+            fitted,
+            parameters,
+            duration,
+            lambda rms: status.update(f"best {100 * rms:.3f} % r.m.s."),
+        )
+    before, after = found.rms
+    show(tables.refit_table(found), tables.solutions_table(found))
+    say(
+        f"rig as it is: {100 * before:.2f} % r.m.s.; refitted: {100 * after:.2f} % r.m.s.; "
+        f"rounding of Table 2 alone: {100 * found.rounding:.2f} %"
+    )
+    if before - after < found.rounding:
+        say("the two solutions differ by less than the rounding: Table 2 does not tell them apart")
+    known = {
+        cam: Reference(row.rpm, row.time_s, "fitted" if cam in fitted else "test")
+        for cam, row in published.table_2_jump.items()
+    }
+    rows = find_jumps(*refitted(cam_set.cams, parameters, found.numbers), known, duration)
+    show(tables.jump_table(rows, "Jump speed on the refitted rig"))
+    say(conclusion(rows))

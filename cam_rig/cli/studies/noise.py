@@ -6,10 +6,10 @@ from typing import Annotated
 
 import typer
 
-from cam_rig.cli.common.console import progress_bar, user_errors
+from cam_rig.cli.common.console import progress_bar, show, user_errors
 from cam_rig.cli.common.names import DEFAULT_SCENE, scene_path
-from cam_rig.cli.common.options import Json, Plot, Scene
-from cam_rig.cli.common.outputs import check_outputs, write_json, write_plot
+from cam_rig.cli.common.options import Csv, Json, Plot, Scene
+from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
 
 
 def noise(
@@ -21,12 +21,13 @@ def noise(
         bool, typer.Option("--one-rig", help="Fit the arc cam on that rig too: takes minutes.")
     ] = False,
     json_target: Json = None,
+    csv: Csv = None,
     plot: Plot = None,
 ) -> None:
-    """Calibrate on one cam, predict another, identify the third, and say how sure all that is.
+    """Calibrate on one cam, predict another, identify the third, with confidence intervals.
 
-    The structures that could stand between force and sound; three ways of calibrating, with 95 %
-    bands and the speed at which two cams cross; each cam left out in turn; and the one rig that
+    The transfer functions between force and sound; three ways of calibrating, with 95 % bands and
+    the speed at which two cams are equally loud; each cam left out in turn; and the one rig that
     the jump speeds gave. Some ten seconds.
 
     Examples
@@ -36,13 +37,12 @@ def noise(
     cam-rig noise --json - | jq '.methods["by substitution"].crossing.rpm'
     """
     with user_errors():
-        from cam_rig.cli.studies.noise_json import to_json
-        from cam_rig.cli.studies.noise_tables import show
         from cam_rig.schema import Library, load_rig
         from cam_rig.simulation.scene import open_scene
+        from cam_rig.studies.noise import tables
         from cam_rig.studies.noise.run import PARTS, study_noise
 
-        check_outputs(json_target, plot)
+        check_outputs(json_target, plot, csv)
         path = scene_path(scene)
         loaded, other = open_scene(path), load_rig(Library.beside(path).path("rigs", rig))
         with progress_bar() as bar:
@@ -54,9 +54,12 @@ def noise(
                 lambda part: bar.update(task, advance=1, description=part),
                 lambda best: bar.update(task, description=f"one rig, best {best:.1f} dB"),
             )
-        show(found, loaded)
+        assert loaded.published is not None  # the study has its levels
+        shown = tables.tables(found, loaded.published)
+        show(*shown)
+        write_csv(shown, csv)
         if plot is not None:
             from cam_rig.plots.noise_study import draw
 
             write_plot(plot, lambda part: draw(found, loaded, part))
-        write_json(to_json(found), json_target)
+        write_json(tables.to_json(found), json_target)

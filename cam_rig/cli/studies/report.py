@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -41,11 +41,9 @@ def report(
     cam-rig report --out out/report.html --bag bags/tm21_sweep --json out/report.json
     """
     with user_errors():
-        from cam_rig.cli.studies import report_json
         from cam_rig.errors import ConfigError
         from cam_rig.report import page
         from cam_rig.report.results import open_sources
-        from cam_rig.report.sections import sections
 
         if out.suffix.lower() not in (".html", ".md"):
             raise ConfigError(f"{out}: unknown kind of page; allowed: .html, .md")
@@ -54,12 +52,11 @@ def report(
         sources = open_sources(scene_path(scene), rig, factorial, bag)
         with_figures = out.suffix.lower() == ".html"
         found, drawn = _find(sources, with_figures)
-        told = sections(found)
-        text = page.html(told, drawn) if with_figures else page.markdown(told)
+        text = page.html(found, drawn) if with_figures else page.markdown(found)
         with writing(out) as part:
             part.write_text(text, encoding="utf-8")
         console.print(f"report: {out} ({len(text) / 1e6:.1f} MB)", soft_wrap=True)
-        write_json(report_json.to_json(found), json_target)
+        write_json(to_json(found), json_target)
 
 
 def _find(sources: Sources, with_figures: bool) -> tuple[Findings, dict[str, str]]:
@@ -84,3 +81,18 @@ def _find(sources: Sources, with_figures: bool) -> tuple[Findings, dict[str, str
             drawn |= figures.late_figures(sources, found.noise, found.factorial)
         done("the page")
     return found, drawn
+
+
+def to_json(found: Findings) -> dict[str, Any]:
+    """Every part as its own command writes it, by the name of the command."""
+    from cam_rig.studies.factorial import tables as factorial
+    from cam_rig.studies.jump import tables as jump
+    from cam_rig.studies.noise import tables as noise
+    from cam_rig.studies.vibration import tables as vibration
+
+    return {
+        "jump": jump.to_json(found.jumps),
+        "vibration": vibration.to_json(found.vibration),
+        "noise": noise.to_json(found.noise),
+        "factorial": factorial.to_json(found.factorial),
+    }

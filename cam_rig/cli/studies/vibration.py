@@ -6,10 +6,10 @@ from typing import Annotated
 
 import typer
 
-from cam_rig.cli.common.console import progress_bar, user_errors
+from cam_rig.cli.common.console import progress_bar, say, show, user_errors
 from cam_rig.cli.common.names import cam_path, rig_path, tables_path
-from cam_rig.cli.common.options import Json, Plot, Rig, TableCams
-from cam_rig.cli.common.outputs import check_outputs, write_json, write_plot
+from cam_rig.cli.common.options import Csv, Json, Plot, Rig, TableCams
+from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
 
 #: The jump speed of the first of the paper's laws is 389 rpm.
 SPEEDS = [200.0, 250.0, 300.0, 350.0]
@@ -20,15 +20,16 @@ def vibration(
     rig: Rig = "paper_table2",
     rpm: Annotated[list[float] | None, typer.Option(help="Speed; may be given often.")] = None,
     json_target: Json = None,
+    csv: Csv = None,
     plot: Plot = None,
 ) -> None:
-    """Measure what vibrates: the stem in the low dwell, the follower's acceleration, the shaft.
+    """Measure residual vibration in the low dwell, peak acceleration, and twist of the shaft.
 
-    Eq. 5 and eq. 10 of the paper, in steady state. Ringing is free vibration, what the joints of a
-    law have kicked; a law without a low dwell is read within 31.25° of its lowest lift. The plot
-    shows the last speed. † marks cams that are left below a speed: the model holds the follower on
-    them, and what the paper says is tried without that speed. By default 200, 250, 300 and
-    350 rpm, below every jump speed of the paper's laws.
+    Eq. 5 and eq. 10 of the paper, in steady state. The residual amplitude is of the free vibration
+    that a law's joints excite; a law without a low dwell is read within 31.25° of its lowest lift.
+    † marks cams whose follower loses contact below a speed: the model holds it on, and the paper's
+    claims are tested without that speed. The plot shows the last speed. By default 200, 250, 300
+    and 350 rpm, below every jump speed of the paper's laws.
 
     Examples
     --------
@@ -37,12 +38,13 @@ def vibration(
     cam-rig vibration poly345 poly4567 --rig tm21 --rpm 300 --json -
     """
     with user_errors():
-        from cam_rig.cli.studies import vibration_tables
         from cam_rig.schema import load_tables
         from cam_rig.studies.cam_set import open_cam_set
+        from cam_rig.studies.vibration import tables
+        from cam_rig.studies.vibration.claims import vibration_claims
         from cam_rig.studies.vibration.comparison import vibration_table
 
-        check_outputs(json_target, plot)
+        check_outputs(json_target, plot, csv)
         names = cams or list(load_tables(tables_path()).table_2_jump)
         cam_set = open_cam_set(map(cam_path, names), rig_path(rig))
         with progress_bar() as bar:
@@ -51,9 +53,15 @@ def vibration(
             found = vibration_table(
                 cam_set, speeds, lambda cam: bar.update(task, advance=1, description=cam)
             )
-        vibration_tables.show(found, cam_set)
+        shown = [tables.speed_table(found, speed, cam_set.rig.name) for speed in found.rpm]
+        if claims := vibration_claims(found):
+            shown.append(tables.claims_table({cam_set.rig.name: claims}, found.rpm))
+        show(*shown)
+        if lost := len(found.rpm) - len(found.in_contact):
+            say(f"contact is lost at {lost} of {len(found.rpm)} speeds: no claim is tested there")
+        write_csv(shown, csv)
         if plot is not None:
             from cam_rig.plots.vibration import draw
 
             write_plot(plot, lambda part: draw(cam_set, speeds[-1], part))
-        write_json(vibration_tables.to_json(found), json_target)
+        write_json(tables.to_json(found), json_target)

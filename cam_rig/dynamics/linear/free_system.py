@@ -110,7 +110,7 @@ class Flight:
 
     ``gap`` (m) and ``opening`` (m/s) are how far the mass is from the cam then and how fast it
     leaves it, where that is known better than as the difference of two places: at a lift-off the
-    gap is none.
+    gap is not one.
     """
 
     system: FreeSystem

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.linear.matrix_exponential import free_motion
 from cam_rig.dynamics.linear.propagator import exponential, piece
-from cam_rig.dynamics.linear.turn_map import TurnMap
 from cam_rig.dynamics.validation import (
     require_angle,
     require_number,
@@ -29,7 +28,34 @@ from cam_rig.dynamics.validation import (
 from cam_rig.dynamics.velocity_jumps import SLACK
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
-from cam_rig.units import TURN
+from cam_rig.units import TURN, to_rpm
+
+#: A mode that a turn changes by less than this (in phase and size) is in resonance.
+RESONANT = 1e-11
+
+
+@dataclass(frozen=True, eq=False)
+class TurnMap:
+    """Φ ``(n, n)`` and r ``(n,)`` of one turn from θ = 0."""
+
+    flow: FloatArray
+    rest: FloatArray
+
+    def after(self, state: FloatArray, turns: int) -> FloatArray:
+        """The state ``(n,)`` after whole turns: as many products as their number has bits."""
+        flow, rest = self.flow, self.rest
+        while turns:
+            if turns % 2:
+                state = flow @ state + rest
+            rest, flow, turns = flow @ rest + rest, flow @ flow, turns // 2
+        return state
+
+    def fixed_point(self) -> FloatArray | None:
+        """The state that a turn brings back, by one linear solve; None at resonance."""
+        gap = np.eye(self.rest.size) - self.flow
+        if np.abs(np.linalg.eigvals(gap)).min() < RESONANT:
+            return None
+        return np.asarray(np.linalg.solve(gap, self.rest))
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +63,7 @@ class Part:
     """A stretch of the turn with one polynomial X: x(t) = X + e^{At} z.
 
     ``low`` and ``span`` in rad of cam angle, ``length`` in s, ``particular`` ``(n, p + 1)``;
-    ``kick`` is by how much the state jumps where the part begins.
+    ``state_jump`` is by how much the state jumps where the part begins.
     """
 
     low: float
@@ -46,7 +72,7 @@ class Part:
     law_piece: int
     particular: FloatArray
     flow: FloatArray
-    kick: FloatArray | None = None
+    state_jump: FloatArray | None = None
 
     def forced(self, time: FloatArray) -> FloatArray:
         """X at times in s since the part's start, ``(n, len(time))``."""
@@ -77,7 +103,7 @@ class LinearResponse:
     matrix : A, ``(n, n)``
     drive : G, ``(n, 3)``, what s, ṡ and s̈ contribute
     constant : g, ``(n,)``
-    kicked : whether a jump of ṡ, a blow of s̈, acts on the state; else the caller sees to it
+    jumps_act : whether a jump of ṡ, an impulse of s̈, acts on the state; else the caller does it
     """
 
     law: Law
@@ -85,7 +111,7 @@ class LinearResponse:
     matrix: FloatArray
     drive: FloatArray
     constant: FloatArray
-    kicked: bool = False
+    jumps_act: bool = False
 
     def __post_init__(self) -> None:
         require_turning(self.speed)
@@ -101,20 +127,20 @@ class LinearResponse:
             count = solved.particular.shape[0]
             for k in range(count):
                 low = float(self.law.breaks[i] + span * (k / count))
-                kick = self._kick(i) if k == 0 else None
+                state_jump = self._state_jump(i) if k == 0 else None
                 x, flow = solved.particular[k], solved.part_flow
-                found.append(Part(low, float(span) / count, solved.part, i, x, flow, kick))
+                found.append(Part(low, float(span) / count, solved.part, i, x, flow, state_jump))
         return tuple(found)
 
-    def _kick(self, piece: int) -> FloatArray | None:
+    def _state_jump(self, piece: int) -> FloatArray | None:
         """What a jump of ṡ where a piece begins adds to the state."""
-        step = self.law.kinks.get(piece) if self.kicked else None
+        step = self.law.velocity_jumps.get(piece) if self.jumps_act else None
         return None if step is None else self.drive[:, 2] * (self.speed * step)
 
     def walk(self, start: FloatArray, angle: float, duration: float) -> Iterator[LinearRun]:
         """Run after run from state ``start`` at cam angle ``angle`` (rad) for ``duration`` s.
 
-        A kick at the start is the walk's, one at its end is not (`kinks`).
+        A state jump at the start is the walk's, one at its end is not (`velocity_jumps`).
         """
         start = state_of(start, self.constant.size)
         require_angle(angle)
@@ -126,9 +152,12 @@ class LinearResponse:
             part = self.parts[i % len(self.parts)]
             low = part.low + (i // len(self.parts)) * TURN
             end = max(now, (low + part.span - inside) / self.speed)
-            if part.kick is not None and (now > 0.0 or slack - duration < local <= slack):
-                state = state + part.kick
-            if duration - end <= slack and self.parts[(i + 1) % len(self.parts)].kick is not None:
+            if part.state_jump is not None and (now > 0.0 or slack - duration < local <= slack):
+                state = state + part.state_jump
+            if (
+                duration - end <= slack
+                and self.parts[(i + 1) % len(self.parts)].state_jump is not None
+            ):
                 end = max(end, duration)
             at = part.forced(np.array([local]))[:, 0] if local > 0.0 else part.particular[:, 0]
             free = state - at
@@ -177,8 +206,8 @@ class LinearResponse:
         require_angle(angle)
         require_number("duration", duration, "≥ 0")
         first = math.ceil(angle / TURN)
-        # Not up to a kick at the very end, which is the next interval's.
-        spare = 0.0 if self.parts[0].kick is None else 2.0 * SLACK
+        # Not up to a state jump at the very end, which is the next interval's.
+        spare = 0.0 if self.parts[0].state_jump is None else 2.0 * SLACK
         whole = math.floor((angle + self.speed * duration - spare) / TURN) - first
         if whole <= 1:
             return start, angle, duration
@@ -191,13 +220,13 @@ class LinearResponse:
         """What one turn from θ = 0 does to the state."""
         flow, rest = np.eye(self.constant.size), np.zeros(self.constant.size)
         for part in self.parts:
-            rest = rest if part.kick is None else rest + part.kick
+            rest = rest if part.state_jump is None else rest + part.state_jump
             rest = part.particular[:, -1] + part.flow @ (rest - part.particular[:, 0])
             flow = part.flow @ flow
         return TurnMap(flow, rest)
 
     def periodic(self) -> FloatArray:
-        """The state at θ = 0, before a kick there, that a turn brings back: one linear solve.
+        """The state at θ = 0, before a state jump there, that a turn brings back: one linear solve.
 
         Raises
         ------
@@ -206,7 +235,7 @@ class LinearResponse:
         state = self.turn.fixed_point()
         if state is None:
             raise DynamicsError(
-                f"no steady state at {self.speed * 30.0 / math.pi:.6g} rpm: a mode without "
+                f"no steady state at {to_rpm(self.speed):.6g} rpm: a mode without "
                 "damping is at a harmonic of the speed; allowed: damping, or another speed"
             )
         return state

@@ -1,4 +1,4 @@
-"""The least output of a ringing model over a run, at many speeds at once."""
+"""The least output of one vibration mode over a run, at many speeds at once."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cam_rig.arrays import ComplexArray, FloatArray
-from cam_rig.dynamics.modal.response import Ringing
+from cam_rig.dynamics.modal.response import ModalResponse
 from cam_rig.laws import bernstein
 from cam_rig.units import TURN
 
@@ -16,7 +16,7 @@ from cam_rig.units import TURN
 PER_PERIOD, MIN_PER_TURN = 24, 256
 #: Points of a piece at which a bound looks at the polynomial.
 BOUND_POINTS = 33
-#: Points of a second look at one low point, and what the grid may miss of the ringing there.
+#: Points of a second look at one low point, and what the grid may miss of the vibration there.
 CLOSER, GRID_MISSES = 65, 0.01
 
 
@@ -29,7 +29,7 @@ class _Stretch:
     factors: ComplexArray
 
     @classmethod
-    def of(cls, model: Ringing, speeds: FloatArray, piece: int, u: FloatArray) -> _Stretch:
+    def of(cls, model: ModalResponse, speeds: FloatArray, piece: int, u: FloatArray) -> _Stretch:
         local = model.law.spans[piece] * u
         basis = bernstein.basis(model.law.degree, u)
         factors = model.fading(speeds, local) * model.shown
@@ -50,7 +50,7 @@ class _Stretch:
 class ModalRun:
     """How long a model runs: ``duration`` s from rest at θ = 0, or settled for ever (None)."""
 
-    model: Ringing
+    model: ModalResponse
     duration: float | None
 
     def turns(self, speeds: FloatArray) -> Iterator[ComplexArray]:
@@ -66,23 +66,23 @@ class ModalRun:
             amplitude = flow * amplitude + turn
 
     def bound(self, speeds: FloatArray) -> FloatArray:
-        """What the output hardly falls below, ``(m,)``: polynomial less all of the ringing.
+        """What the output hardly falls below, ``(m,)``: polynomial less the whole amplitude.
 
         The polynomial is seen at points, so this is no proof: it only tells where to look.
         """
-        model, ringing = self.model, self._ringing(speeds)
+        model, amplitude = self.model, self._free_amplitude(speeds)
         basis = bernstein.basis(model.law.degree, np.linspace(0.0, 1.0, BOUND_POINTS))
         found = np.full(speeds.size, np.inf)
         for i in range(model.law.spans.size):
-            lowest = model.forced(speeds, i, basis).min(axis=1) - ringing[:, i]
+            lowest = model.forced(speeds, i, basis).min(axis=1) - amplitude[:, i]
             found = np.minimum(found, lowest)
         return found
 
     def missed(self, speeds: FloatArray) -> FloatArray:
         """By how much `least` may lie above the least output between grid points, ``(m,)``."""
-        return np.asarray(GRID_MISSES * self._ringing(speeds).max(axis=1))
+        return np.asarray(GRID_MISSES * self._free_amplitude(speeds).max(axis=1))
 
-    def _ringing(self, speeds: FloatArray) -> FloatArray:
+    def _free_amplitude(self, speeds: FloatArray) -> FloatArray:
         """The largest that the output may ring in each piece, ``(m, n)``."""
         largest = np.max([np.abs(amplitude) for amplitude in self.turns(speeds)], axis=0)
         own = np.abs(self.model.since_turn(speeds))[:, :-1]

@@ -1,9 +1,9 @@
-"""One mode on a turning cam at many speeds at once: the law's own response, and the ringing.
+"""One mode on a turning cam at many speeds at once: forced response and free vibration.
 
 Between two joints of the law the response is a polynomial, Σ hₖ Ωᵏ s⁽ᵏ⁾(θ) with hₖ the Taylor
 coefficients of the transfer function: the same function of θ at every speed but for powers of Ω.
-Where a derivative of s jumps that polynomial jumps, and the mode makes up for it by ringing. So a
-joint kicks the mode, and nothing else does; between kicks the ringing dies out freely.
+Where a derivative of s jumps that polynomial jumps, and free vibration makes up for it. So joints
+excite the mode, and nothing else does; between joints the vibration decays freely.
 """
 
 from __future__ import annotations
@@ -14,12 +14,11 @@ from functools import cached_property
 import numpy as np
 
 from cam_rig.arrays import ComplexArray, FloatArray
-from cam_rig.dynamics.linear.response import LinearResponse
+from cam_rig.dynamics.linear.response import RESONANT, LinearResponse
 from cam_rig.dynamics.linear.sampling import Outputs
-from cam_rig.dynamics.linear.turn_map import RESONANT
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
-from cam_rig.units import TURN
+from cam_rig.units import TURN, to_rpm
 
 #: Terms of the series after two below this fraction of the largest are rounding of a fit.
 SETTLED = 1e-14
@@ -28,7 +27,7 @@ APART = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
-class Ringing:
+class ModalResponse:
     """One output of a model with one mode, over one law, at any speeds.
 
     An amplitude is complex, ``(..., 2)``, one number for each rate λ: (η, η̇) = Σ a (1, λ) e^{λt}.
@@ -49,7 +48,7 @@ class Ringing:
     constant: float
 
     @classmethod
-    def of(cls, response: LinearResponse, outputs: Outputs, row: int = 0) -> Ringing:
+    def of(cls, response: LinearResponse, outputs: Outputs, row: int = 0) -> ModalResponse:
         """One row of a model's outputs; at which speed the response was made plays no part."""
         return cls(
             response.law,
@@ -126,7 +125,7 @@ class Ringing:
         amplitude = np.stack([rate - two * eta, one * eta - rate], axis=-1) / (one - two)
         return np.asarray(amplitude, dtype=np.complex128)
 
-    def kicks(self, speeds: FloatArray) -> ComplexArray:
+    def state_jumps(self, speeds: FloatArray) -> ComplexArray:
         """What the joint at the start of each piece adds to the amplitude, ``(m, n, 2)``."""
         return self._amplitude(speeds, self._edges[0])
 
@@ -140,16 +139,16 @@ class Ringing:
         return np.asarray(np.exp(times[:, :, None] * self.rates))
 
     def since_turn(self, speeds: FloatArray) -> ComplexArray:
-        """Amplitudes at the start of each piece from this turn's kicks alone, ``(m, n + 1, 2)``.
+        """Amplitudes where each piece begins, of this turn's state jumps alone, ``(m, n + 1, 2)``.
 
-        The last is at the end of the turn, with the kick of its first joint.
+        The last is at the end of the turn, with the state jump of its first joint.
         """
-        kicks = self.kicks(speeds)
+        state_jumps = self.state_jumps(speeds)
         steps = self.fading(speeds, self.law.spans)
-        found = [np.zeros_like(kicks[:, 0])]
+        found = [np.zeros_like(state_jumps[:, 0])]
         for i in range(self.law.spans.size):
             after = (i + 1) % self.law.spans.size
-            found.append(found[-1] * steps[:, i] + kicks[:, after])
+            found.append(found[-1] * steps[:, i] + state_jumps[:, after])
         return np.stack(found, axis=1)
 
     def steady(self, speeds: FloatArray) -> ComplexArray:
@@ -163,15 +162,15 @@ class Ringing:
         worst = int(np.argmin(np.abs(gap).min(axis=1)))
         if np.abs(gap[worst]).min() < RESONANT:
             raise DynamicsError(
-                f"no steady state at {speeds[worst] * 30.0 / np.pi:.6g} rpm: a mode without "
+                f"no steady state at {to_rpm(speeds[worst]):.6g} rpm: a mode without "
                 "damping is at a harmonic of the speed; allowed: damping, or another speed"
             )
         return np.asarray(self.since_turn(speeds)[:, -1] / gap)
 
     def amplitude_at(self, speeds: FloatArray, angle: float) -> FloatArray:
-        """Size of the steady ringing in the output at a cam angle of the turn (rad), ``(m,)``.
+        """Amplitude of the steady free vibration in the output at a cam angle (rad), ``(m,)``.
 
-        At a joint that after its kick.
+        At a joint that after its state jump.
         """
         piece = self.law.piece(angle)
         start = float(self.law.breaks[piece])

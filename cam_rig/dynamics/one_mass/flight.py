@@ -24,7 +24,7 @@ def free_mass(parameters: FollowerParameters) -> FreeSystem:
     )
 
 
-def thrown(
+def lifted_off(
     parameters: FollowerParameters,
     start: float,
     velocity: float,

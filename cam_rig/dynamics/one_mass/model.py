@@ -1,11 +1,11 @@
-"""One mass on a rigid stem: it rides the cam, leaves it, flies, and lands again.
+"""One mass on a rigid stem: contact, lift-off, flight, landing.
 
 In contact the follower is the law. It leaves where the contact force crosses zero from above,
 flies freely, and lands where the gap closes: plastically, or with Newton's restitution. Each
 phase is a closed form and each change of phase a root, so neither a step nor the length of an
 interval enters the result.
 
-Where the law's velocity jumps up by Δs' the cam strikes the follower, a landing with the impulse
+Where the law's velocity jumps up by Δs' there is an impact, a landing with the impulse
 m (1 + e) ω Δs'; where it jumps down the follower is thrown off with the velocity it had.
 """
 
@@ -22,6 +22,7 @@ from cam_rig.dynamics.interval import Block, FollowerState, Interval, SampleGrid
 from cam_rig.dynamics.one_mass.trajectory import OneMassPhase, OneMassTrajectory
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.ramp import with_ramps
+from cam_rig.dynamics.samples import Samples
 from cam_rig.dynamics.validation import require_turning
 from cam_rig.laws import Law
 from cam_rig.units import NS
@@ -47,7 +48,7 @@ def advance(
     require_turning(interval.speed)
     course = OneMassTrajectory(law, parameters, interval)
     course.run(state, step)
-    rows = kinetostatic.ride(law, parameters, interval, sample_rate)
+    rows = kinetostatic.contact_samples(law, parameters, interval, sample_rate)
     grid = interval.grid(sample_rate)
     for phase in course.phases:
         if phase.flight is not None:
@@ -66,5 +67,6 @@ def _show_flight(rows: FloatArray, grid: SampleGrid, phase: OneMassPhase) -> Non
     first, end = grid.index_after(phase.begin), min(grid.index_after(phase.end), grid.count)
     if first < end:
         times = grid.offset + np.arange(first, end) / grid.sample_rate - phase.begin
-        rows[1:4, first:end] = phase.flight.motion(times)
-        rows[4, first:end] = 0.0
+        shown = Samples(rows)
+        shown.motion[:, first:end] = phase.flight.motion(times)
+        shown.force[first:end] = 0.0

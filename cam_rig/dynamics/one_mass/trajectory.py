@@ -6,21 +6,21 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cam_rig.dynamics.bounce import least_bounce, rises
 from cam_rig.dynamics.contact import force_rounding, loss_intervals
+from cam_rig.dynamics.impacts import least_bounce, rises
 from cam_rig.dynamics.interval import Event, EventKind, FollowerState, Interval
 from cam_rig.dynamics.kinetostatic import state_at
 from cam_rig.dynamics.landing import Approach
 from cam_rig.dynamics.linear.free_system import Flight
-from cam_rig.dynamics.one_mass.flight import thrown
+from cam_rig.dynamics.one_mass.flight import lifted_off
 from cam_rig.dynamics.parameters import FollowerParameters
-from cam_rig.dynamics.velocity_jumps import KinksAhead, short_of_kink
+from cam_rig.dynamics.velocity_jumps import VelocityJumpsAhead, short_of_velocity_jump
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import TURN
 
 #: A change of the cam's velocity below this fraction of (cam speed x lift) is rounding: no step.
-STILL = 1e-12
+NO_IMPACT = 1e-12
 #: Angle (rad) of a loss interval too short to lift anything but a rounding error.
 GRAZE = 1e-9
 #: More events in one interval than any physical bounce series has.
@@ -42,7 +42,7 @@ class OneMassTrajectory:
 
     Nothing is stepped: contact ends where the force polynomial turns negative, flight ends
     where the gap closes, and between these the motion is known in closed form. Both also end at a
-    joint where the law's velocity jumps: there the cam strikes a follower that rides it, or throws
+    joint where the law's velocity jumps: up is an impact on a follower in contact, down lifts
     it off with the velocity it had.
     """
 
@@ -54,7 +54,7 @@ class OneMassTrajectory:
 
     def __post_init__(self) -> None:
         interval, speed = self.interval, self.interval.speed
-        self._kinks = KinksAhead(self.law, interval.angle, speed, interval.duration)
+        self._joints = VelocityJumpsAhead(self.law, interval.angle, speed, interval.duration)
         rounding = force_rounding(self.law, self.parameters, speed)
         self._force_noise = rounding / self.parameters.mass
         self._last: Flight | None = None
@@ -66,36 +66,38 @@ class OneMassTrajectory:
         """
         time, flight = 0.0, self._begin(state, step)
         while time < self.interval.duration:
-            time, flight = self._ride(time) if flight is None else self._fly(time, flight)
+            time, flight = (
+                self._contact_phase(time) if flight is None else self._flight_phase(time, flight)
+            )
         self._last = flight
 
-    def _ride(self, time: float) -> tuple[float, Flight | None]:
+    def _contact_phase(self, time: float) -> tuple[float, Flight | None]:
         """A phase of contact: its end, and what flies on then."""
-        lift_off, bound = self._lift_off(time), self._kinks.bound
-        end = self._kinks.no_later(lift_off) if lift_off < self._kinks.clear else bound
+        lift_off, bound = self._lift_off_time(time), self._joints.bound
+        end = self._joints.no_later(lift_off) if lift_off < self._joints.clear else bound
         self.phases.append(OneMassPhase(time, end, None))
-        return end, self._leave(end) if end < bound else self._strike(end)
+        return end, self._lift_off_at(end) if end < bound else self._impact(end)
 
-    def _fly(self, time: float, flight: Flight) -> tuple[float, Flight | None]:
-        """A phase of flight, at most to the next kink: its end, and what flies on then."""
-        angle, bound = self.angle(time), self._kinks.bound
+    def _flight_phase(self, time: float, flight: Flight) -> tuple[float, Flight | None]:
+        """A phase of flight, at most to the next velocity jump: its end, and what flies on then."""
+        angle, bound = self.angle(time), self._joints.bound
         approach = Approach(flight, self.law, angle, self.interval.speed, self._force_noise)
         last = approach.run(bound - time)
-        end = self._kinks.no_later(time + last.time) if last.landed else bound
+        end = self._joints.no_later(time + last.time) if last.landed else bound
         self.phases.append(OneMassPhase(time, end, flight))
-        opening = last.rate - self._kinks.take(end)
+        opening = last.rate - self._joints.take(end)
         if last.landed and opening <= 0.0:
             self._require_progress()
             return end, self._meet(end, -opening)
         y, velocity = flight.at(end - time).tolist()
-        return end, thrown(self.parameters, y, velocity, last.gap, opening)
+        return end, lifted_off(self.parameters, y, velocity, last.gap, opening)
 
-    def _strike(self, time: float, step: float = 0.0) -> Flight | None:
-        """The cam's velocity gains ``step`` (m/s) under a follower that rides it, and a kink's."""
-        step += self._kinks.take(time)
-        if abs(step) <= STILL * self.interval.speed * self.law.lift:
+    def _impact(self, time: float, step: float = 0.0) -> Flight | None:
+        """The velocity of the cam under a follower gains ``step`` (m/s), and what a joint adds."""
+        step += self._joints.take(time)
+        if abs(step) <= NO_IMPACT * self.interval.speed * self.law.lift:
             return None
-        return self._meet(time, step) if step > 0.0 else self._leave(time, -step)
+        return self._meet(time, step) if step > 0.0 else self._lift_off_at(time, -step)
 
     def _require_progress(self) -> None:
         """An endless series of events would be a fault of the model: say so, do not hang."""
@@ -115,24 +117,24 @@ class OneMassTrajectory:
 
     @property
     def end(self) -> FollowerState:
-        """The follower at the end of the interval, before a kink that begins the next one."""
+        """The follower at the end of the interval, before a velocity jump of the next one."""
         last = self._last
         if last is not None:
             y, v = last.start.tolist()
             return FollowerState(y, v, 0.0, in_contact=False, inner=last.known)
-        angle = short_of_kink(self.law, self.angle(self.phases[-1].end))
+        angle = short_of_velocity_jump(self.law, self.angle(self.phases[-1].end))
         return state_at(self.law, self.parameters, angle, self.interval.speed)
 
     def _begin(self, state: FollowerState | None, step: float) -> Flight | None:
         if state is None or state.in_contact:
-            return self._strike(0.0, step)
+            return self._impact(0.0, step)
         gap, opening = state.inner or (None, None)
-        kink = self._kinks.take(0.0)
+        at_joint = self._joints.take(0.0)
         if opening is not None:
-            opening -= step + kink
-        return thrown(self.parameters, state.displacement, state.velocity, gap, opening)
+            opening -= step + at_joint
+        return lifted_off(self.parameters, state.displacement, state.velocity, gap, opening)
 
-    def _lift_off(self, time: float) -> float:
+    def _lift_off_time(self, time: float) -> float:
         """Time of the next lift-off, infinity when the cam never has to pull."""
         losses = loss_intervals(self.law, self.parameters, self.interval.speed)
         angle = self.angle(time)
@@ -142,14 +144,14 @@ class OneMassTrajectory:
                 return time + max(0.0, (turn + start - angle) / self.interval.speed)
         return float("inf")
 
-    def _leave(self, time: float, opening: float = 0.0) -> Flight:
+    def _lift_off_at(self, time: float, opening: float = 0.0) -> Flight:
         """The follower leaves the cam, faster than it by ``opening`` m/s."""
         self.events.append(self._event("lift-off", time))
-        return self._off(self.on_cam(time), opening)
+        return self._flight_from(self.on_cam(time), opening)
 
-    def _off(self, cam: FollowerState, opening: float) -> Flight:
+    def _flight_from(self, cam: FollowerState, opening: float) -> Flight:
         velocity = cam.velocity + opening
-        return thrown(self.parameters, cam.displacement, velocity, 0.0, opening)
+        return lifted_off(self.parameters, cam.displacement, velocity, 0.0, opening)
 
     def _meet(self, time: float, approach: float) -> Flight | None:
         """The follower meets the cam at ``approach`` m/s: what flies on, or None for contact."""
@@ -157,7 +159,7 @@ class OneMassTrajectory:
         rebound = p.restitution * approach
         if rises(rebound, cam.contact_force / p.mass, least_bounce(self.law)):
             self._land(time, approach, p.restitution)
-            return self._off(cam, rebound)
+            return self._flight_from(cam, rebound)
         self._land(time, approach, 0.0)
         return None
 

@@ -10,7 +10,7 @@ from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.torsional.solution import TorsionalMotion, solve
 from cam_rig.dynamics.validation import require_turning
-from cam_rig.errors import ConfigError, DynamicsError
+from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 
@@ -47,13 +47,8 @@ def advance(
     Raises
     ------
     DynamicsError : a cam that stands or turns back, or begins at another angle than ``state``
-        ended, or a flywheel of finite inertia, which would not turn as the drive says
+        ended
     """
-    if parameters.flywheel_inertia is not None:
-        raise DynamicsError(
-            f"flywheel_inertia is {parameters.flywheel_inertia!r}; allowed where a drive sets the "
-            "speed: None, so take cam_rig.dynamics.torsional.solution.solve for a free flywheel"
-        )
     require_turning(interval.mean_speed)
     require_joined(state, interval)
     twist = (0.0, 0.0) if state is None else state.inner
@@ -61,9 +56,7 @@ def advance(
     # From time zero: a late start takes no digits from the samples' times.
     motion = solve(law, parameters, start, 0.0, interval.duration, interval.acceleration)
     grid = interval.grid(sample_rate)
-    rows = np.zeros((6, grid.count))
-    rows[0] = (grid.first + np.arange(grid.count)) / sample_rate
-    rows[1:5] = follower_rows(motion, np.minimum(grid.since_start(), motion.stop_time))
+    rows = grid.rows(follower_rows(motion, np.minimum(grid.since_start(), motion.stop_time)))
     x, v, _, force = follower_rows(motion, np.array([motion.stop_time]))[:, 0].tolist()
     inner = (motion.end.twist, motion.end.twist_rate)
     end = FollowerState(x, v, force, in_contact=True, inner=inner)

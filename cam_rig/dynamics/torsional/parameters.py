@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.validation import require_number
-from cam_rig.errors import DynamicsError
 
 
 @dataclass(frozen=True)
 class TorsionalParameters:
-    """A cam on a springy shaft, behind a flywheel.
+    """A cam on an elastic shaft, behind a flywheel that holds its speed (the paper's case).
 
     Parameters
     ----------
@@ -19,44 +18,22 @@ class TorsionalParameters:
     cam_inertia : I, kg·m²
     shaft_stiffness : k_s, N·m/rad
     shaft_damping : c_s, N·m·s/rad
-    flywheel_inertia : I_v, kg·m²; None holds its speed (the paper's case)
-    motor_torque : T_motor, N·m, constant, on a flywheel of finite inertia
     """
 
     follower: FollowerParameters
     cam_inertia: float
     shaft_stiffness: float
     shaft_damping: float = 0.0
-    flywheel_inertia: float | None = None
-    motor_torque: float = 0.0
 
     def __post_init__(self) -> None:
         require_number("cam_inertia", self.cam_inertia, "> 0")
         require_number("shaft_stiffness", self.shaft_stiffness, "> 0")
         require_number("shaft_damping", self.shaft_damping, "≥ 0")
-        if self.flywheel_inertia is not None:
-            require_number("flywheel_inertia", self.flywheel_inertia, "> 0")
-        require_number("motor_torque", self.motor_torque, "of either sign")
-        if self.flywheel_inertia is None and self.motor_torque != 0.0:
-            raise DynamicsError(
-                f"motor_torque is {self.motor_torque!r}; allowed: 0 where the flywheel holds its "
-                "speed, so give a flywheel_inertia"
-            )
 
     @property
     def mobility(self) -> float:
-        """1/I + 1/I_v, 1/(kg·m²): what a torque in the shaft accelerates."""
-        flywheel = 0.0 if self.flywheel_inertia is None else 1.0 / self.flywheel_inertia
-        return 1.0 / self.cam_inertia + flywheel
-
-    @property
-    def flywheel_acceleration(self) -> tuple[float, float, float]:
-        """Weights of ψ, ψ̇ and 1 in θ̈_v, SI."""
-        if self.flywheel_inertia is None:
-            return 0.0, 0.0, 0.0
-        torques = self.shaft_stiffness, self.shaft_damping, self.motor_torque
-        k, c, t = (torque / self.flywheel_inertia for torque in torques)
-        return k, c, t
+        """1/I, 1/(kg·m²): what a torque in the shaft accelerates."""
+        return 1.0 / self.cam_inertia
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ more.
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -25,7 +24,7 @@ from cam_rig.dynamics.torsional.stepper import March
 from cam_rig.dynamics.validation import require_number
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
-from cam_rig.units import TURN
+from cam_rig.units import TURN, to_rpm
 
 __all__ = [
     "ROWS",
@@ -165,13 +164,8 @@ def periodic_state(
 
     Raises
     ------
-    DynamicsError : the flywheel is free, stands still, or no such state is found (resonance)
+    DynamicsError : the flywheel stands still, or no such state is found (resonance)
     """
-    if parameters.flywheel_inertia is not None:
-        raise DynamicsError(
-            f"flywheel_inertia is {parameters.flywheel_inertia!r}; allowed for a periodic state: "
-            "None, a flywheel that holds its speed"
-        )
     require_number("flywheel_angle", flywheel_angle, "of either sign")
     require_number("speed", speed, "of either sign")
     if speed == 0.0:
@@ -199,7 +193,7 @@ def periodic_state(
         slopes += np.outer(gap - last - slopes @ step, step) / (step @ step)
     if not np.abs(gap).max() <= RETURNS * march.peak:
         raise DynamicsError(
-            f"no periodic state at {speed * 30.0 / math.pi:.6g} rpm: a turn misses its start by "
+            f"no periodic state at {to_rpm(speed):.6g} rpm: a turn misses its start by "
             f"{np.abs(gap).max():.3g} rad of {march.peak:.3g}, allowed {RETURNS:g} of it; "
             f"its slope is {np.linalg.norm(slopes, -2):.3g}. Resonance needs damping"
         )

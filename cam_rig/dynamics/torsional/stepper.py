@@ -27,19 +27,19 @@ from cam_rig.units import TURN
 #: it is the argument of the Bessel functions that are the coefficients of an oscillation.
 DEGREES = (16, 24, 32, 48, 64)
 PHASES = (2.0, 7.0, 14.0, 30.0, 48.0)
-#: A vibration (rad, rad/s) that a long dwell has damped below this is none: nearer to the smallest
+#: A vibration (rad, rad/s) that a long dwell has damped below this is 0: nearer to the smallest
 #: number that a float can hold, it has no digits left to be resolved.
 DEAD = 1e-250
 #: A window is resolved when its last coefficients are below this fraction of the largest.
 RESOLVED = 1e-13
 #: Halvings and other changes of one window before it is given up.
 MAX_TRIES = 40
-#: Windows of one run: hours of turning, or a motion that is none.
+#: Windows of one run: hours of turning.
 MAX_WINDOWS = 100_000
 #: Windows without length that may follow one another at a joint.
 MAX_STALLS = 3
 #: Newton's method for a crossing ends at this relative correction.
-STILL = 1e-10
+SETTLED = 1e-10
 
 
 @lru_cache(maxsize=64)
@@ -183,15 +183,11 @@ class March:
     def _state(
         self, series: FloatArray, start: TorsionalState, at: float, length: float
     ) -> TorsionalState:
-        twist, twist_rate, angle, speed = (series @ basis_at(series.shape[1], at / length))[:4]
-        if self.parameters.flywheel_inertia is None:
-            gained = self.ramp * at
-            turned = start.flywheel_angle + (start.flywheel_speed + 0.5 * gained) * at
-            return TorsionalState(
-                float(twist), float(twist_rate), turned, start.flywheel_speed + gained
-            )
+        twist, twist_rate = (series @ basis_at(series.shape[1], at / length))[:2]
+        gained = self.ramp * at
+        turned = start.flywheel_angle + (start.flywheel_speed + 0.5 * gained) * at
         return TorsionalState(
-            float(twist), float(twist_rate), float(angle - twist), float(speed - twist_rate)
+            float(twist), float(twist_rate), turned, start.flywheel_speed + gained
         )
 
     def _stuck(self, index: int, time: float, windows: int) -> DynamicsError:
@@ -239,7 +235,7 @@ def _root(
             following = 0.5 * (low + high)
             if following in (low, high):
                 return following
-        if abs(following - u) <= STILL * u:  # and what follows is the square of it
+        if abs(following - u) <= SETTLED * u:  # and what follows is the square of it
             return following
         u = following
     return u

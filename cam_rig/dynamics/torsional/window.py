@@ -84,18 +84,17 @@ class CollocationWindow:
             self.flywheel_line += 0.5 * ramp * self.times**2
             self.flywheel_speed = start.flywheel_speed + ramp * self.times
         self.free, self.free_rate, self.free_b = self._free()
-        self.flywheel: FloatArray | float = ramp
         self.scale = 0.0
         self._set(np.zeros_like(self.times))
 
     def _free(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """ψ, ψ̇, ψ̈ of the shaft without a follower: the first guess, and exact in a dwell.
 
-        z = ψ + (steady acceleration)/k obeys z̈ = −k z − c ż.
+        z = ψ + (flywheel acceleration)/k obeys z̈ = −k z − c ż.
         """
         p, start = self.parameters, self.start
         k, c = p.mobility * p.shaft_stiffness, p.mobility * p.shaft_damping
-        rest = (p.flywheel_acceleration[2] + self.ramp) / k
+        rest = self.ramp / k
         z, rate = start.twist + rest, start.twist_rate
         if k <= (0.51 * c) ** 2:
             impulse, slope, _ = response(c, k, self.times)
@@ -113,12 +112,6 @@ class CollocationWindow:
         self.twist_rate = self.free_rate + self.first @ more
         self.angle = self.flywheel_line + self.twist
         self.speed = self.flywheel_speed + self.twist_rate
-        if self.parameters.flywheel_inertia is not None:
-            k, c, steady = self.parameters.flywheel_acceleration
-            driven = k * self.twist + c * self.twist_rate + steady
-            self.angle += self.second @ driven
-            self.speed += self.first @ driven
-            self.flywheel = driven + self.ramp
 
     def solve(self) -> bool:
         """Newton's method to rounding; False when it does not converge."""
@@ -160,7 +153,7 @@ class CollocationWindow:
         """Left side of eq. 10 (N·m), and its slopes in θ̈_c, θ̇_c and θ_c."""
         p, f = self.parameters, self.parameters.follower
         s, s1, s2, s3 = self.piece.at(self.angle)
-        w, a = self.speed, self.b + self.flywheel
+        w, a = self.speed, self.b + self.ramp
         lever = f.mass * s2 * w
         force = lever * w + s1 * (f.mass * a + f.damping * w) + f.spring_stiffness * s + f.preload
         residual = p.cam_inertia * a + p.shaft_damping * self.twist_rate
@@ -180,21 +173,15 @@ class CollocationWindow:
     ) -> FloatArray:
         """Slope of the residual in b."""
         p = self.parameters
-        k, c, _ = p.flywheel_acceleration
-        if p.flywheel_inertia is None:
-            matrix = (damping + p.shaft_damping)[:, None] * self.first
-            matrix += (stiffness + p.shaft_stiffness)[:, None] * self.second
-            matrix.flat[:: inertia.size + 1] += inertia
-            return np.asarray(matrix)
-        matrix = damping[:, None] * self.first + stiffness[:, None] * self.second
+        matrix = (damping + p.shaft_damping)[:, None] * self.first
+        matrix += (stiffness + p.shaft_stiffness)[:, None] * self.second
         matrix.flat[:: inertia.size + 1] += inertia
-        matrix += matrix @ (k * self.second + c * self.first)
-        return np.asarray(matrix + p.shaft_damping * self.first + p.shaft_stiffness * self.second)
+        return np.asarray(matrix)
 
     def tail(self) -> tuple[float, float]:
         """Largest coefficient of θ̈_c past 0.4 N, and of the last three, relative to ``scale``."""
         size = self.b.size
-        coefficients = self.table.series[0, :size] @ (self.b + self.flywheel)
+        coefficients = self.table.series[0, :size] @ (self.b + self.ramp)
         scale = self.scale or 1.0
         return largest(coefficients[int(0.4 * size) :]) / scale, largest(coefficients[-3:]) / scale
 
@@ -206,8 +193,6 @@ class CollocationWindow:
         free = np.stack([self.free, self.free_rate, self.free_b], axis=1)
         twist, rate, value = (self.table.series[0] @ free).T + np.stack([twist, rate, value])
         rows = np.stack([twist, rate, twist, rate, value])
-        if self.parameters.flywheel_inertia is not None:
-            rows[4:1:-1] += scales * (self.table.series @ (self.flywheel - self.ramp))
         if self.ramp != 0.0:
             rows[2:, :3] += self.ramp * np.array([[h**2], [h], [1.0]]) * RAMP
         rows[2, 0] += start.flywheel_angle + 0.5 * start.flywheel_speed * h

@@ -159,7 +159,7 @@ def _force_root(law: Law, p: TwoMassParameters, speed: float, run: LinearRun) ->
 def force_noise(law: Law, p: TwoMassParameters, speed: float) -> float:
     """By how much the roller's acceleration may be wrong where the force falls to zero, m/s²."""
     lift, slope, bend = law.bounds
-    force = p.roller_mass * (speed**2 * bend + p.gravity) + p.share * p.end_load
+    force = p.roller_mass * (speed**2 * bend) + p.share * p.preload
     force += p.spring_stiffness * lift + (p.stem_damping + p.damping) * speed * slope
     return ROUNDING_ERRORS * EPS * force / p.roller_mass
 

@@ -34,8 +34,8 @@ def free_masses(parameters: TwoMassParameters) -> FreeSystem:
         [own[1], 0.0, 0.0, 0.0],
         [own[2] * share, 0.0, own[2], 0.0],
     ]
-    end = p.end_load / p.end_mass
-    load = [0.0, p.gravity - end, 0.0, -(p.end_load + p.roller_mass * p.gravity) / total]
+    end = p.preload / p.end_mass
+    load = [0.0, -end, 0.0, -p.preload / total]
     row = np.array([share - 1.0, 0.0, 1.0, 0.0])
     return FreeSystem(p.inner_matrix, np.array(load), row, np.array(energy), _pairs(p))
 

@@ -12,6 +12,7 @@ from cam_rig.dynamics.interval import Block, FollowerState, Interval, SampleGrid
 from cam_rig.dynamics.linear.free_system import Flight
 from cam_rig.dynamics.linear.sampling import sample
 from cam_rig.dynamics.ramp import with_ramps
+from cam_rig.dynamics.samples import Samples
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
 from cam_rig.dynamics.two_mass.trajectory import Separation, TwoMassPhase
 from cam_rig.dynamics.validation import times_of
@@ -62,8 +63,7 @@ def advance(
     course = Separation(law, parameters, interval.speed, interval.angle)
     course.go(interval.duration, _start(course, state), step)
     grid = interval.grid(sample_rate)
-    rows = np.zeros((6, grid.count))
-    rows[0] = (grid.first + np.arange(grid.count)) / sample_rate
+    rows = grid.rows()
     for phase in course.phases:
         _show(rows, grid, course, phase)
     begun = interval.start_ns / NS
@@ -93,7 +93,7 @@ def _start(course: Separation, state: FollowerState | None) -> FloatArray | Flig
         return np.zeros(2)
     if state.in_contact:
         return np.array(state.inner)
-    return course.thrown(np.array(state.inner[:4]), *state.inner[4:])
+    return course.lifted_off(np.array(state.inner[:4]), *state.inner[4:])
 
 
 def _show(rows: FloatArray, grid: SampleGrid, course: Separation, phase: TwoMassPhase) -> None:
@@ -103,11 +103,12 @@ def _show(rows: FloatArray, grid: SampleGrid, course: Separation, phase: TwoMass
     if first >= end:
         return
     times = grid.offset + np.arange(first, end) / grid.sample_rate
+    shown = Samples(rows)
     if phase.flight is None:
         response = contact_response(course.law, course.parameters, course.speed)
         angle = course.angle + course.speed * phase.begin
-        rows[1:4, first:end] = course.cam(times)
-        rows[4, first:end] = sample(
+        shown.motion[:, first:end] = course.cam(times)
+        shown.force[first:end] = sample(
             response,
             phase.vibration,
             angle,
@@ -117,4 +118,4 @@ def _show(rows: FloatArray, grid: SampleGrid, course: Separation, phase: TwoMass
             force_output(course.parameters),
         )
     else:
-        rows[1:4, first:end] = phase.flight.motion(times - phase.begin)
+        shown.motion[:, first:end] = phase.flight.motion(times - phase.begin)

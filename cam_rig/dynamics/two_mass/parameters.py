@@ -2,11 +2,11 @@
 
 In contact z = s and the end mass alone is free:
 
-    m₂ ÿ + (c₁ + c₂) ẏ + (k₁ + k₂) y = c₁ ṡ + k₁ s − preload − m₂ g
-    F = m₁ (s̈ + g) + c₁ (ṡ − ẏ) + k₁ (s − y)
+    m₂ ÿ + (c₁ + c₂) ẏ + (k₁ + k₂) y = c₁ ṡ + k₁ s − preload
+    F = m₁ s̈ + c₁ (ṡ − ẏ) + k₁ (s − y)
 
 In flight F = 0 and both masses are. In contact the state is the vibration η of y about its static
-place, y = α s − (preload + m₂ g)/(k₁ + k₂) + η with α = k₁/(k₁ + k₂), so that the rounding of the
+place, y = α s − preload/(k₁ + k₂) + η with α = k₁/(k₁ + k₂), so that the rounding of the
 lift is not multiplied by the stem's stiffness. k₁ is the stem, k₂ the closing spring (the paper's
 names); z and y are measured from where the springs carry no force but the preload.
 """
@@ -37,7 +37,6 @@ class TwoMassParameters:
     stem_stiffness, spring_stiffness : k₁ and k₂, N/m
     stem_damping, damping : c₁ (in the stem) and c₂ (end mass to ground), N·s/m
     preload : N, of the closing spring at zero lift
-    gravity : m/s², along the follower towards the cam
     restitution : Newton's coefficient of a landing of the roller mass
     """
 
@@ -48,7 +47,6 @@ class TwoMassParameters:
     stem_damping: float
     damping: float
     preload: float
-    gravity: float = 0.0
     restitution: float = 0.0
 
     def __post_init__(self) -> None:
@@ -84,11 +82,6 @@ class TwoMassParameters:
         )
 
     @cached_property
-    def end_load(self) -> float:
-        """Constant force on the end mass towards the cam, N."""
-        return self.preload + self.end_mass * self.gravity
-
-    @cached_property
     def stiffness(self) -> float:
         """k₁ + k₂, N/m."""
         return self.stem_stiffness + self.spring_stiffness
@@ -100,7 +93,7 @@ class TwoMassParameters:
 
     def static_place(self, cam: FloatArray) -> FloatArray:
         """(y, ẏ) without vibration where s and ṡ are the first two rows of ``cam``."""
-        return np.stack([self.share * cam[0] - self.end_load / self.stiffness, self.share * cam[1]])
+        return np.stack([self.share * cam[0] - self.preload / self.stiffness, self.share * cam[1]])
 
     @cached_property
     def flight_matrix(self) -> FloatArray:
@@ -140,7 +133,7 @@ class TwoMassParameters:
     @cached_property
     def flight_load(self) -> FloatArray:
         """Constant part of the state's rate in flight."""
-        return np.array([0.0, -self.gravity, 0.0, -self.end_load / self.end_mass])
+        return np.array([0.0, 0.0, 0.0, -self.preload / self.end_mass])
 
     @cached_property
     def fastest_rate(self) -> float:
@@ -150,7 +143,7 @@ class TwoMassParameters:
 
 @lru_cache(maxsize=64)
 def contact_response(law: Law, parameters: TwoMassParameters, speed: float) -> LinearResponse:
-    """The end mass while the roller rides the cam; state (η, η̇).
+    """The end mass while the roller is in contact; state (η, η̇).
 
     A jump of the law's velocity is for the caller: the roller may not stay on the cam.
     """
@@ -168,4 +161,4 @@ def force_output(parameters: TwoMassParameters) -> Outputs:
     state = np.array([[-p.stem_stiffness, -p.stem_damping]])
     left = p.spring_stiffness / p.stiffness  # 1 − α, without its cancellation
     law = np.array([[p.stem_stiffness * left, p.stem_damping * left, p.roller_mass]])
-    return Outputs(state, law, np.array([p.roller_mass * p.gravity + p.share * p.end_load]))
+    return Outputs(state, law, np.array([p.share * p.preload]))

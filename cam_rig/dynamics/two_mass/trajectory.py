@@ -1,9 +1,9 @@
-"""The two-mass follower as it rides the cam, lifts off, flies and lands (eq. 14-19).
+"""The two-mass follower in contact, at lift-off, in flight and landing (eq. 14-19).
 
 Phases are closed forms, events are roots; nothing is stepped. A landing stops the roller mass on
-the cam (ż := ṡ, the paper's plastic re-contact) or throws it back with Newton's restitution; the
-end mass goes on with the velocity it had. So it is where the law's velocity jumps: up is a blow on
-the roller mass, m₁ (1 + e) ω Δs', down throws it off with the velocity it had.
+the cam (ż := ṡ, the paper's plastic re-contact) or rebounds with Newton's restitution; the
+end mass goes on with the velocity it had. The same holds where the law's velocity jumps: up is an
+impact on the roller mass, m₁ (1 + e) ω Δs', down lifts it off with the velocity it had.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.bounce import least_bounce, rises
+from cam_rig.dynamics.impacts import least_bounce, rises
 from cam_rig.dynamics.interval import Event, EventKind
 from cam_rig.dynamics.linear.free_system import Flight
 from cam_rig.dynamics.linear.response import LinearResponse
-from cam_rig.dynamics.one_mass.trajectory import STILL
+from cam_rig.dynamics.one_mass.trajectory import NO_IMPACT
 from cam_rig.dynamics.two_mass.events import landing, lift_off
 from cam_rig.dynamics.two_mass.flight import free_masses, from_inner, to_inner
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
 from cam_rig.dynamics.validation import require_angle, require_number, state_of
-from cam_rig.dynamics.velocity_jumps import KinksAhead, short_of_kink
+from cam_rig.dynamics.velocity_jumps import VelocityJumpsAhead, short_of_velocity_jump
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 
@@ -41,7 +41,7 @@ class TwoMassPhase:
 
     @property
     def contact(self) -> bool:
-        """Whether the roller rides the cam."""
+        """Whether the roller is in contact."""
         return self.flight is None
 
 
@@ -78,73 +78,78 @@ class Separation:
         if state is None:
             state, contact = np.zeros(2), True
         state = state_of(state, 2 if contact else 4)
-        self.go(duration, state if contact else self.thrown(to_inner(self.parameters, state)))
+        self.go(duration, state if contact else self.lifted_off(to_inner(self.parameters, state)))
 
     def go(self, duration: float, start: FloatArray | Flight, step: float = 0.0) -> None:
         """The same from (η, η̇) or a flight, where ṡ has gained ``step`` m/s."""
         require_number("duration", duration, "> 0")
         require_angle(self.angle + self.speed * duration, "angle at the end")
-        kinks = KinksAhead(self.law, self.angle, self.speed, duration)
-        step += kinks.take(0.0)
-        now, state = 0.0, self._cross(0.0, step, start)
+        joints = VelocityJumpsAhead(self.law, self.angle, self.speed, duration)
+        step += joints.take(0.0)
+        now, state = 0.0, self._velocity_step(0.0, step, start)
         while now < duration:
             if len(self.events) > MAX_EVENTS:
                 raise DynamicsError(
                     f"{len(self.events)} events in {now:g} s; allowed: {MAX_EVENTS} a run"
                 )
             if isinstance(state, Flight):
-                now, state = self._fly(now, state, kinks)
+                now, state = self._flight_phase(now, state, joints)
             else:
-                now, state = self._ride(now, state, kinks)
+                now, state = self._contact_phase(now, state, joints)
         self.last = state
 
-    def _ride(
-        self, now: float, vibration: FloatArray, kinks: KinksAhead
+    def _contact_phase(
+        self, now: float, vibration: FloatArray, joints: VelocityJumpsAhead
     ) -> tuple[float, FloatArray | Flight]:
         """A phase of contact: its end, and what the roller is then."""
-        limit, angle = min(kinks.bound, kinks.clear), self.angle + self.speed * now
-        left = lift_off(self.law, self.parameters, self.speed, angle, vibration, limit - now)
-        end = kinks.bound if left is None else kinks.no_later(now + left[0])
+        limit, angle = (
+            min(joints.bound, joints.clear),
+            self.angle + self.speed * now,
+        )
+        loss = lift_off(self.law, self.parameters, self.speed, angle, vibration, limit - now)
+        end = joints.bound if loss is None else joints.no_later(now + loss[0])
         self.phases.append(TwoMassPhase(now, end, vibration))
-        struck, step = kinks.at(end), kinks.take(end)
-        if left is not None and not struck:
+        impact, step = joints.at(end), joints.take(end)
+        if loss is not None and not impact:
             cam = self._cam_at(end)
-            vibration = self._later(left[1], cam, (end - now) - left[0])
-            return end, self._leave(end, vibration, cam, 0.0)
+            vibration = self._continued(loss[1], cam, (end - now) - loss[0])
+            return end, self._lift_off_at(end, vibration, cam, 0.0)
         vibration = self._response.end(vibration, angle, end - now)
-        return end, self._cross(end, step, vibration)
+        return end, self._velocity_step(end, step, vibration)
 
-    def _later(self, vibration: FloatArray, cam: FloatArray, time: float) -> FloatArray:
+    def _continued(self, vibration: FloatArray, cam: FloatArray, time: float) -> FloatArray:
         """(η, η̇) a rounding of time (s) later: what follows begins at a time that is a float."""
         model = self._response
         return np.asarray(vibration + time * (model.matrix @ vibration + model.drive @ cam))
 
-    def _fly(
-        self, now: float, flight: Flight, kinks: KinksAhead
+    def _flight_phase(
+        self, now: float, flight: Flight, joints: VelocityJumpsAhead
     ) -> tuple[float, FloatArray | Flight]:
-        """A phase of flight, at most to the next kink: its end, and what the roller is then."""
-        angle, limit = self.angle + self.speed * now, kinks.bound - now
+        """A phase of flight, at most to the next velocity jump: its end, and the roller's state."""
+        angle, limit = self.angle + self.speed * now, joints.bound - now
         gap = landing(self.law, self.parameters, self.speed, angle, flight, limit)
-        end = kinks.no_later(now + gap.time) if gap.landed else kinks.bound
+        end = joints.no_later(now + gap.time) if gap.landed else joints.bound
         self.phases.append(TwoMassPhase(now, end, np.zeros(2), flight))
-        inner, opening = flight.at(end - now), gap.rate - kinks.take(end)
+        inner, opening = flight.at(end - now), gap.rate - joints.take(end)
         if gap.landed and opening <= 0.0:
             return end, self._meet(end, inner[:2], opening)
-        return end, self.thrown(inner, gap.gap, opening)
+        return end, self.lifted_off(inner, gap.gap, opening)
 
-    def _cross(self, time: float, step: float, state: FloatArray | Flight) -> FloatArray | Flight:
-        """Where ṡ gains ``step`` (m/s): a blow on a roller in contact, or it is thrown off.
+    def _velocity_step(
+        self, time: float, step: float, state: FloatArray | Flight
+    ) -> FloatArray | Flight:
+        """Where ṡ gains ``step`` (m/s): an impact on a roller in contact, or its lift-off.
 
         ``state`` is that before; the end mass has the same velocity after it.
         """
-        if abs(step) <= STILL * self.speed * self.law.lift:
+        if abs(step) <= NO_IMPACT * self.speed * self.law.lift:
             return state
         if isinstance(state, Flight):
             opening = None if state.opening is None else state.opening - step
-            return self.thrown(state.start, state.gap, opening)
+            return self.lifted_off(state.start, state.gap, opening)
         before = self._cam_at(time) - np.array([0.0, step, 0.0])
         if step < 0.0:
-            return self._leave(time, state, before, -step)
+            return self._lift_off_at(time, state, before, -step)
         return self._meet(time, self._stretch(state, before), -step)
 
     @property
@@ -152,7 +157,7 @@ class Separation:
         """Whether the roller is on the cam after the last phase and its event, if it had one."""
         return not isinstance(self.last, Flight)
 
-    def thrown(
+    def lifted_off(
         self, inner: FloatArray, gap: float | None = None, opening: float | None = None
     ) -> Flight:
         """The flight from a state (w, ẇ, Y, Ẏ); the rest as in `Flight`."""
@@ -173,8 +178,8 @@ class Separation:
         return self._cam_to(self.angle + self.speed * time)
 
     def cam_at_end(self, time: float) -> FloatArray:
-        """The same where an interval ends: before a kink that begins the next one."""
-        return self._cam_to(short_of_kink(self.law, self.angle + self.speed * time))
+        """The same where an interval ends: before a velocity jump that begins the next one."""
+        return self._cam_to(short_of_velocity_jump(self.law, self.angle + self.speed * time))
 
     def _cam_to(self, angle: float) -> FloatArray:
         s, slope, bend = self.law.at(angle)
@@ -195,18 +200,20 @@ class Separation:
         """(w, ẇ) of the stem of a roller on the cam: a small difference, without its rounding."""
         p = self.parameters
         left = p.spring_stiffness / p.stiffness
-        return np.asarray(vibration - left * cam[:2] - np.array([p.end_load / p.stiffness, 0.0]))
+        return np.asarray(vibration - left * cam[:2] - np.array([p.preload / p.stiffness, 0.0]))
 
-    def _leave(self, time: float, vibration: FloatArray, cam: FloatArray, opening: float) -> Flight:
+    def _lift_off_at(
+        self, time: float, vibration: FloatArray, cam: FloatArray, opening: float
+    ) -> Flight:
         """What flies off a cam with (s, ṡ, s̈), which then falls back by ``opening`` m/s."""
         self._note("lift-off", time)
-        return self._off(cam[:2], self._stretch(vibration, cam), opening)
+        return self._flight_from(cam[:2], self._stretch(vibration, cam), opening)
 
-    def _off(self, roller: FloatArray, stretch: FloatArray, opening: float) -> Flight:
+    def _flight_from(self, roller: FloatArray, stretch: FloatArray, opening: float) -> Flight:
         """The flight of a roller with (z, ż) on the cam, from which it opens at ``opening`` m/s."""
         p = self.parameters
         centre = roller + p.end_mass / (p.roller_mass + p.end_mass) * stretch
-        return self.thrown(np.concatenate([stretch, centre]), 0.0, opening)
+        return self.lifted_off(np.concatenate([stretch, centre]), 0.0, opening)
 
     def _meet(self, time: float, stretch: FloatArray, rate: float) -> FloatArray | Flight:
         """After a landing at ``rate`` (m/s, not above 0): what flies on, or (η, η̇) in contact.
@@ -225,8 +232,8 @@ class Separation:
         self._note("landing", time, impulse, lost)
         if not bounces:
             return vibration
-        thrown = np.array([0.0, rebound])
-        return self._off(cam[:2] + thrown, on_cam - thrown, rebound)
+        rising = np.array([0.0, rebound])
+        return self._flight_from(cam[:2] + rising, on_cam - rising, rebound)
 
     def _note(self, kind: EventKind, time: float, impulse: float = 0.0, lost: float = 0.0) -> None:
         self.events.append(Event(kind, time, self.angle + self.speed * time, impulse, lost))

@@ -16,10 +16,9 @@ import numpy as np
 
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import LawError
-from cam_rig.laws import fit as analytic
 from cam_rig.laws.arcs.chain import Chain, Circle, Part, StraightLine
 from cam_rig.laws.arcs.geometry import Arc
-from cam_rig.laws.fit import Curve
+from cam_rig.laws.fit import Curve, fit
 from cam_rig.laws.pieces import Pieces, turned_to_zero
 from cam_rig.units import TURN
 
@@ -29,7 +28,7 @@ AGREE = 1e-9
 
 @dataclass(frozen=True)
 class ArcFollower:
-    """What rides on the arcs: ``flat``, or a roller of a radius in m, 0 for a point."""
+    """The follower on the arcs: ``flat``, or a roller of a radius in m, 0 for a point."""
 
     flat: bool
     roller_radius: float
@@ -55,7 +54,7 @@ def arc_pieces(chain: Chain, base_radius: float, follower: ArcFollower) -> Piece
             if follower.flat
             else _polar(part, base_radius, follower.roller_radius)
         )
-        steps, fitted = analytic.fit(curve, start, stop)
+        steps, fitted = fit(curve, start, stop)
         breaks += steps[1:]
         columns += fitted
     return turned_to_zero((breaks, columns), TURN)

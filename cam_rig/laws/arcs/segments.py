@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from cam_rig.errors import LawError
-from cam_rig.laws import fit as analytic
 from cam_rig.laws.arcs.chain import Blend, Circle, close
 from cam_rig.laws.arcs.geometry import ConcaveFlankCam
 from cam_rig.laws.arcs.law import ArcFollower, arc_pieces
+from cam_rig.laws.fit import fit
 from cam_rig.laws.law import Law
 from cam_rig.laws.peaks import extremes
 from cam_rig.laws.pieces import Pieces, joined
@@ -36,7 +36,7 @@ def circles(segment: TangentArcs, cam: CamConfig) -> ConcaveFlankCam:
 
 
 def arc_follower(cam: CamConfig) -> ArcFollower:
-    """What rides on a cam of arcs.
+    """The follower on a cam of arcs.
 
     Raises
     ------
@@ -62,8 +62,8 @@ def tangent_arcs(segment: TangentArcs, cam: CamConfig) -> Pieces:
     shape = circles(segment, cam)
     base, half, nose_half = shape.base_radius, shape.event_half_angle, shape.nose_half_angle
     flank, nose = shape.arcs()
-    at_flank, rising = analytic.fit(flank, -half, -nose_half)
-    at_nose, over = analytic.fit(nose, -nose_half, 0.0)
+    at_flank, rising = fit(flank, -half, -nose_half)
+    at_nose, over = fit(nose, -nose_half, 0.0)
     half_breaks = [x + half for x in at_flank] + [x + half for x in at_nose[1:]]
     half_pieces = [piece - base for piece in rising + over]
     breaks = half_breaks + [2.0 * half - x for x in reversed(half_breaks[:-1])]

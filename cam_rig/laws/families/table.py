@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cam_rig.arrays import FloatArray
+from cam_rig.arrays import FloatArray, rms
 from cam_rig.errors import LawError
 from cam_rig.laws.families.b_spline import bezier_pieces
 from cam_rig.laws.pieces import Pieces, turned_to_zero
@@ -49,7 +49,7 @@ def smooth(angles: FloatArray, lifts: FloatArray, tolerance: float) -> Smoothed:
     spline = _spline(angles, lifts, tolerance)
     away = np.abs(spline(angles) - lifts)
     pieces = turned_to_zero(bezier_pieces(spline), TURN)
-    return Smoothed(pieces, float(np.sqrt(np.mean(away**2))), float(away.max()))
+    return Smoothed(pieces, rms(away), float(away.max()))
 
 
 def _spline(angles: FloatArray, lifts: FloatArray, tolerance: float) -> BSpline[np.float64]:

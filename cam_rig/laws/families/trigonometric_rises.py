@@ -14,6 +14,29 @@ import numpy as np
 from cam_rig.arrays import FloatArray
 from cam_rig.laws.fit import Curve, Section
 
+
+def simple_harmonic(u: FloatArray, order: int) -> FloatArray:
+    """The rise or its derivative in u, order 0 to 3."""
+    if order == 0:
+        return np.asarray(np.sin(0.5 * np.pi * u) ** 2)  # the same, without cancellation near 0
+    half = 0.5 * np.pi**order
+    if order == 2:
+        return np.asarray(half * np.cos(np.pi * u))
+    return np.asarray((half if order == 1 else -half) * np.sin(np.pi * u))
+
+
+def cycloidal(u: FloatArray, order: int) -> FloatArray:
+    """The rise or its derivative in u, order 0 to 3."""
+    turn = 2.0 * np.pi * u
+    if order == 0:
+        return np.asarray(u - np.sin(turn) / (2.0 * np.pi))
+    if order == 1:
+        return np.asarray(1.0 - np.cos(turn))
+    if order == 2:
+        return np.asarray(2.0 * np.pi * np.sin(turn))
+    return np.asarray(4.0 * np.pi**2 * np.cos(turn))
+
+
 PI = np.pi
 SINE = 1.0 / (PI + 4.0)
 TRAPEZOID = 1.0 / (PI + 2.0)

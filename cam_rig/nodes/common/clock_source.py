@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import time
 from collections.abc import Callable
@@ -19,6 +18,7 @@ from cam_rig.messages.codec import stamp_ns
 from cam_rig.nodes.common.base import RigNode
 from cam_rig.nodes.common.convert import to_cam_state, to_header, to_time
 from cam_rig.simulation.schedule import CamState
+from cam_rig.units import to_rpm
 
 #: Wall time (s) without an answer after which the states in flight are sent again.
 RESEND_AFTER_S = 2.0
@@ -113,7 +113,7 @@ class ClockSource(RigNode):
     def note_sent(self, state: CamState, tick: int) -> None:
         """Note that a state went out, and report it to the runner."""
         self._moved = time.monotonic()
-        self._report_progress(tick=tick, cam=state.cam, rpm=state.speed * 30.0 / math.pi)
+        self._report_progress(tick=tick, cam=state.cam, rpm=to_rpm(state.speed))
 
     def _report_progress(self, **values: Any) -> None:
         """Write a line of JSON into the runner's pipe, if there is one."""

@@ -61,8 +61,8 @@ def _arm(element: SwungCentre | SwungFace, law: Law) -> Iterator[Check]:
     for extreme, relation, limit in zip(
         extremes(law, 0), ("more than", "less than"), (least, greatest), strict=True
     ):
-        swing = float(element.swing(np.array(extreme.value)))
-        yield Check("angle of the arm", swing, relation, limit, "°", extreme.angle, remedy)
+        arm_angle = float(element.arm_angle(np.array(extreme.value)))
+        yield Check("angle of the arm", arm_angle, relation, limit, "°", extreme.angle, remedy)
 
 
 def pivot_checks(scan: Scan) -> Iterator[Check]:

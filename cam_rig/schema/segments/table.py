@@ -21,7 +21,7 @@ WIDEST_GAP_DEG = 45.0
 #: Where a table repeats its first point at 360°, the two may differ by so many tolerances.
 CLOSING_TOLERANCES = 3.0
 
-#: A spline that may be further from the points than this fraction of their lift is no cam's.
+#: A spline that may be further from the points than this fraction of their lift is another cam.
 MAX_TOLERANCE = 0.05
 
 

@@ -1,131 +1,276 @@
-"""The open question answered in words, every number and every judgement taken from the study.
+"""What the numbers of a factorial study allow to be concluded, as numbers and verdicts.
 
-What a study cannot say, for it has one class of continuity only, or too few cells in contact, is
-left out or said to be so.
+What a study cannot tell, because it has one class of continuity only or too few cells in contact,
+is None.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from dataclasses import dataclass
+from enum import StrEnum
 
-from cam_rig.studies.factorial.criteria import (
-    BY_KEY,
-    FOLLOWS,
-    class_means,
-    decided_by,
-    falls_with_class,
-    held,
-    percent,
-    share_of_law,
-)
+import numpy as np
+
+from cam_rig.laws.catalogue import figures
+from cam_rig.schema import FactorialConfig
 from cam_rig.studies.factorial.decomposition import Advantage, advantages
-from cam_rig.studies.factorial.design import Factorial
-from cam_rig.studies.factorial.law_conclusions import (
-    loudness,
-    order_of_jumps,
-    price,
-    squeezed_words,
-)
+from cam_rig.studies.factorial.design import EFFECTS, Design, Effect, Factorial
+from cam_rig.studies.factorial.in_contact import fastest, laws_left, staying
+from cam_rig.units import RPM_PER_RAD_S
+
+BY_KEY = {effect.key: effect for effect in EFFECTS}
+JUMP, RESIDUAL, NOISE = BY_KEY["jump"], BY_KEY["residual"], BY_KEY["noise"]
+#: A factor with at least this share of the sum of squares governs an effect.
+GOVERNS = 0.6
+#: From this class on the acceleration is continuous.
+SMOOTH = 2
 
 
-def answer(found: Factorial) -> list[str]:
-    """Sentences, the verdict first."""
-    said = [
-        _verdict(found),
-        order_of_jumps(found),
-        _acceleration(found),
-        loudness(found),
-        _residual(found),
-        price(found),
-        squeezed_words(found),
-    ]
-    return [sentence for sentence in said if sentence]
+class Cause(StrEnum):
+    """What governs an effect, or what an advantage comes from."""
+
+    CONTINUITY = "continuity"
+    LAW = "law"
+    SLOPES = "slopes"
+    BOTH = "no single factor"
+    NONE = "no advantage"
 
 
-def _verdict(found: Factorial) -> str:
-    """What the proposed cam's advantage is made of, and what the rest of the study adds to it."""
-    return " ".join(
-        part for part in (_advantage(found), _classes(found), _other_effects(found)) if part
+class Classes(StrEnum):
+    """Whether the laws of a study can tell the effect of continuity from that of a law."""
+
+    ONE = "one class of continuity"
+    ONE_LAW_EACH = "one law per class"
+    SEVERAL = "several laws per class"
+
+
+@dataclass(frozen=True)
+class Shares:
+    """Shares of the sum of squares; ``classes``, a part of ``law``, where laws tell it apart."""
+
+    law: float
+    classes: float | None
+    slopes: float
+
+    @classmethod
+    def of(cls, design: Design, effect: Effect) -> Shares:
+        """The shares of one effect."""
+        found = design.analysis(effect)
+        law, angle, _ = found.shares
+        told = classes_of(design) is Classes.SEVERAL
+        return cls(law, found.classes / (found.total or 1.0) if told else None, angle)
+
+
+@dataclass(frozen=True)
+class EffectConclusion:
+    """One effect in one design.
+
+    Parameters
+    ----------
+    governed_by : the factor with most of the sum of squares
+    cells, lost : cells in all, and by law those that lose contact at the effect's speeds
+    fastest_rpm : the fastest of those speeds; None where none is lost
+    in_contact : shares over the laws and angles that all keep contact; None where none is lost,
+        or too few are left
+    """
+
+    governed_by: Cause
+    shares: Shares
+    cells: int
+    lost: dict[str, int]
+    fastest_rpm: float | None
+    in_contact: Shares | None
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """The laws of C2 and above at the same angles: which lose contact first and last (rpm).
+
+    ``falls_with_class`` says that each class does so earlier than the one below it.
+    """
+
+    first: str
+    first_rpm: float
+    last: str
+    last_rpm: float
+    falls_with_class: bool
+
+
+@dataclass(frozen=True)
+class Conclusions:
+    """The study in short; pairs are the least and the greatest.
+
+    Parameters
+    ----------
+    proposed : the cam whose advantage is explained
+    advantage : what its higher jump speed mostly comes from
+    ahead, others : over how many of the other cams it has the higher jump speed
+    jump_share, acceleration_share : share of the advantage that a rigid follower has too, and that
+        is therefore of the slopes
+    same_angles, same_acceleration : by key of the effect
+    jump_smooth : jump speed at the same acceleration among laws of C2 and above
+    step_to_c2 : whether it is the step to a continuous acceleration that raises the jump speed
+    residual_ratio : residual vibration of the lowest class over that of the highest
+    residual_falls : whether it falls from each class to the next
+    noise_spread_db : between laws, rigid follower, same acceleration
+    loudest, loudest_is_sharpest : the loudest law at the same angles; whether it has the highest
+        peak acceleration
+    compressed_rpm : jump speed of the proposed cam by the span (degrees) it is compressed into
+    others_rpm : jump speeds of the other cams; None without any
+    behind : at how many of the spans the proposed cam is behind the best of them
+    """
+
+    proposed: str
+    advantage: Cause
+    ahead: int
+    others: int
+    jump_share: tuple[float, float] | None
+    acceleration_share: tuple[float, float] | None
+    classes: Classes
+    same_angles: dict[str, EffectConclusion]
+    same_acceleration: dict[str, EffectConclusion]
+    jump_smooth: Shares | None
+    step_to_c2: bool
+    residual_ratio: float | None
+    residual_falls: bool
+    smooth: Smooth | None
+    noise_spread_db: float
+    loudest: str
+    loudest_is_sharpest: bool
+    compressed_rpm: dict[str, float]
+    others_rpm: tuple[float, float] | None
+    behind: int
+
+
+def conclusions(found: Factorial) -> Conclusions:
+    """What the study comes to."""
+    same, alike = found.same_angles, found.same_acceleration
+    rows, smoother = advantages(found), _smoother(alike)
+    ahead = [row for row in rows if row.jump > 0.0]
+    residual = class_means(alike, RESIDUAL)
+    ratio = 10.0 ** ((residual[min(residual)] - residual[max(residual)]) / 20.0)
+    loudest = same.rises[int(np.argmax(same.analysis(NOISE).row_effects))]
+    proposed = found.config.proposed
+    others = [m.jump * RPM_PER_RAD_S for cam, m in found.cams.items() if cam != proposed]
+    compressed = {
+        f"{math.degrees(span):.6g}": found.squeezed[span].jump * RPM_PER_RAD_S
+        for span in sorted(found.squeezed, reverse=True)
+    }
+    return Conclusions(
+        proposed=proposed,
+        advantage=_cause(ahead),
+        ahead=len(ahead),
+        others=len(rows),
+        jump_share=_range([row.jump_share for row in ahead]),
+        acceleration_share=_range([r.acceleration_share for r in rows if r.acceleration > 0.0]),
+        classes=classes_of(alike),
+        same_angles=_effects(same, found.config),
+        same_acceleration=_effects(alike, found.config),
+        jump_smooth=None if smoother is None else Shares.of(smoother, JUMP),
+        step_to_c2=smoother is not None and _step_to_c2(alike, smoother),
+        residual_ratio=ratio if len(residual) > 1 else None,
+        residual_falls=falls_with_class(alike, RESIDUAL),
+        smooth=_smooth(same),
+        noise_spread_db=float(np.ptp(alike.analysis(NOISE).row_effects)),
+        loudest=loudest,
+        loudest_is_sharpest=loudest
+        == max(same.rises, key=lambda rise: figures(rise).peak_acceleration),
+        compressed_rpm=compressed,
+        others_rpm=_range(others),
+        behind=sum(v < max(others) for v in compressed.values()) if others else 0,
     )
 
 
-def _advantage(found: Factorial) -> str:
-    proposed, rows = found.config.proposed, advantages(found)
-    later = [row for row in rows if row.jump > 0.0]
-    if not later:
-        return f"{proposed} is left no later than any other cam: no advantage to explain."
-    gentler = [row for row in rows if row.acceleration > 0.0]
-    over = "" if len(later) == len(rows) else f" over {len(later)} of {len(rows)} cams"
-    told = f"Of {proposed}'s higher jump speed{over} {_range(r.jump_share for r in later)}"
-    if gentler:
-        told += f", and of its lower acceleration {_range(r.acceleration_share for r in gentler)},"
-    return (
-        f"{_which(later)}. {told} is there in a follower that cannot ring, and so owed to the "
-        "slopes; the rest is ringing, and so owed to continuity."
+def classes_of(design: Design) -> Classes:
+    """Whether the laws of a design tell classes of continuity apart."""
+    count = len(set(design.classes))
+    if count == 1:
+        return Classes.ONE
+    return Classes.ONE_LAW_EACH if count == len(design.classes) else Classes.SEVERAL
+
+
+def governed_by(design: Design, effect: Effect) -> Cause:
+    """The factor that explains most of an effect.
+
+    Continuity only where classes can be told from laws, and differ where their laws do not.
+    """
+    shares = Shares.of(design, effect)
+    if shares.classes is not None and shares.classes >= GOVERNS:
+        return Cause.CONTINUITY
+    if shares.law >= GOVERNS:
+        return Cause.LAW
+    return Cause.SLOPES if shares.slopes >= GOVERNS else Cause.BOTH
+
+
+def class_means(design: Design, effect: Effect) -> dict[int, float]:
+    """Mean effect of the laws of each class C^k about the mean of all, as it is analysed."""
+    rows, classes = design.analysis(effect).row_effects, np.array(design.classes)
+    return {k: float(rows[classes == k].mean()) for k in sorted(set(design.classes))}
+
+
+def falls_with_class(design: Design, effect: Effect) -> bool:
+    """Whether each class of continuity has less of an effect than the one below it."""
+    means = list(class_means(design, effect).values())
+    return len(means) > 1 and bool((np.diff(means) < 0.0).all())
+
+
+def mean_jumps(design: Design) -> list[float]:
+    """Jump speed of each law, geometric mean over the angles, rpm."""
+    means = np.exp(np.log(JUMP.values(design.cells)).mean(axis=1))
+    return [float(mean) for mean in means]
+
+
+def _cause(ahead: list[Advantage]) -> Cause:
+    """What the advantage over most cams comes from: a half decides."""
+    if not ahead:
+        return Cause.NONE
+    by_slopes = [row.jump_share > 0.5 for row in ahead]
+    if all(by_slopes):
+        return Cause.SLOPES
+    return Cause.BOTH if any(by_slopes) else Cause.CONTINUITY
+
+
+def _range(values: list[float]) -> tuple[float, float] | None:
+    return (min(values), max(values)) if values else None
+
+
+def _effects(design: Design, config: FactorialConfig) -> dict[str, EffectConclusion]:
+    return {effect.key: _effect(design, effect, config) for effect in EFFECTS}
+
+
+def _effect(design: Design, effect: Effect, config: FactorialConfig) -> EffectConclusion:
+    lost, speed = laws_left(design, effect, config), fastest(effect, config)
+    stay = staying(design, effect, config) if lost else None
+    return EffectConclusion(
+        governed_by=governed_by(design, effect),
+        shares=Shares.of(design, effect),
+        cells=len(design.rises) * design.angles.size,
+        lost=lost,
+        fastest_rpm=speed * RPM_PER_RAD_S if lost and speed is not None else None,
+        in_contact=None if stay is None else Shares.of(stay, effect),
     )
 
 
-def _which(rows: list[Advantage]) -> str:
-    mostly = [row.jump_share > 0.5 for row in rows]
-    if all(mostly):
-        return "Mostly the gentler slopes"
-    return (
-        "The slopes over some cams, continuity over others"
-        if any(mostly)
-        else ("Mostly the continuity")
+def _smoother(design: Design) -> Design | None:
+    """The laws of C2 and above; None where they are too few, or all."""
+    smooth = design.from_class(SMOOTH)
+    return None if smooth is None or smooth.rises == design.rises else smooth
+
+
+def _step_to_c2(design: Design, smooth: Design) -> bool:
+    """Whether laws below C2 are all behind, and without them laws differ by less than half."""
+    per_law, per_smooth_law = (
+        part.analysis(JUMP).rows / len(part.rises) for part in (design, smooth)
     )
+    rough = [v for v, k in zip(mean_jumps(design), design.classes, strict=True) if k < SMOOTH]
+    return per_smooth_law < 0.5 * per_law and min(mean_jumps(smooth)) > max(rough)
 
 
-def _range(shares: Iterable[float]) -> str:
-    values = sorted(shares)
-    return f"{percent(values[0])} to {percent(values[-1])}"
-
-
-def _classes(found: Factorial) -> str:
-    """What the choice of laws keeps the study from saying of continuity."""
-    classes = found.same_acceleration.classes
-    if len(set(classes)) == 1:
-        return f"All rises of the study are C{classes[0]}: of continuity they say nothing."
-    if len(set(classes)) == len(classes):
-        return (
-            "Each class of the study has one law: what belongs to the class and what to the law it "
-            "cannot tell apart."
-        )
-    return ""
-
-
-def _other_effects(found: Factorial) -> str:
-    """Residual vibration and noise, and how far their models reach."""
-    design, effect = found.same_acceleration, BY_KEY["residual"]
-    return (
-        f"Residual vibration {FOLLOWS[decided_by(design, effect)]}: with equal acceleration "
-        f"{share_of_law(design, effect)}.{held(design, effect, found.config)} Noise is measured on "
-        "a rigid follower, which cannot ring: of ringing it says nothing."
-    )
-
-
-def _acceleration(found: Factorial) -> str:
-    effect, designs = BY_KEY["acceleration"], (found.same_angles, found.same_acceleration)
-    same, gentle = (share_of_law(design, effect) for design in designs)
-    return (
-        f"Peak acceleration: with equal angles {same}, with equal acceleration of the laws "
-        f"themselves {gentle}.{held(found.same_acceleration, effect, found.config)}"
-    )
-
-
-def _residual(found: Factorial) -> str:
-    effect, designs = BY_KEY["residual"], (found.same_angles, found.same_acceleration)
-    same, gentle = (share_of_law(design, effect) for design in designs)
-    means = class_means(found.same_acceleration, effect)
-    told = ""
-    if len(means) > 1:
-        low, high = min(means), max(means)
-        factor = 10.0 ** ((means[low] - means[high]) / 20.0)
-        change = f"falls to 1/{factor:.3g}" if factor > 1.0 else f"grows {1.0 / factor:.3g} times"
-        told = f" From C{low} to C{high}, accelerating alike, it {change}."
-    if falls_with_class(found.same_acceleration, effect):
-        told += " Only joints ring a stem, and the smoother the joint the less."
-    return (
-        f"Residual vibration: with equal angles {same}, with equal acceleration {gentle}.{told}"
-        f"{held(found.same_angles, effect, found.config)}"
-    )
+def _smooth(design: Design) -> Smooth | None:
+    smooth = design.from_class(SMOOTH)
+    if smooth is None:
+        return None
+    by_speed = sorted(zip(mean_jumps(smooth), smooth.rises, strict=True))
+    (first_rpm, first), (last_rpm, last) = by_speed[0], by_speed[-1]
+    return Smooth(first, first_rpm, last, last_rpm, falls_with_class(smooth, JUMP))

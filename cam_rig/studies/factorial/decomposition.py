@@ -1,6 +1,6 @@
-"""What of a cam's advantage over another is in its slopes, and what in its ringing.
+"""How much of a cam's advantage is its lower acceleration, and how much less residual vibration.
 
-A follower that cannot ring feels the slopes alone. So the logarithm of a ratio of jump speeds, or
+A rigid follower feels the law's slopes alone. So the logarithm of a ratio of jump speeds, or
 of peak accelerations, is exactly the sum of two: that of the rigid follower, and the rest.
 """
 
@@ -17,8 +17,8 @@ from cam_rig.studies.factorial.measures import Measures
 class Advantage:
     """By how much the proposed cam is better than ``cam``, as logarithms (0.01 is about 1 %).
 
-    ``jump`` = ``jump_slopes`` + ringing, and so for the acceleration; ``residual`` is all ringing.
-    ``noise`` in dB: of the slopes alone, on a follower that cannot ring.
+    ``jump`` = ``jump_slopes`` + vibration, the same for acceleration; ``residual`` is vibration.
+    ``noise`` in dB: of the slopes alone, on a rigid follower.
     """
 
     cam: str

@@ -1,4 +1,4 @@
-"""The question the paper leaves open: Bézier 15's continuity, or its gentler slopes.
+"""The question the paper leaves open: Bézier 15's continuity, or its lower acceleration.
 
 Two full tables of laws against angles. In the first every law has the same event angles, so that
 smoother laws are also sharper: continuity costs acceleration. In the second every law has the

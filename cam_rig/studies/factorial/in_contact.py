@@ -1,4 +1,4 @@
-"""Which cells of a factorial design have left the cam at the speeds of an effect.
+"""Which cells of a factorial design lose contact at the speeds of an effect.
 
 Eq. 5 holds the follower on the cam at any speed, and a level "in contact" means what it says. A
 cell whose jump speed lies below the fastest speed it was measured at is out of their reach there.
@@ -33,7 +33,7 @@ def left(design: Design, effect: Effect, config: FactorialConfig) -> NDArray[np.
 
 
 def staying(design: Design, effect: Effect, config: FactorialConfig) -> Design | None:
-    """The laws and angles whose cells all stay on the cam; None where too few are left.
+    """The laws and angles whose cells all keep contact; None where too few remain.
 
     Laws and angles are dropped one after the other, those first that most of their cells leave.
     """

@@ -15,12 +15,12 @@ from cam_rig.laws.pieces import joined
 from cam_rig.schema import FactorialConfig, load_factorial
 from cam_rig.units import TURN
 
-#: A dwell narrower than this (rad) is none.
+#: A dwell narrower than this (rad) is left out.
 MIN_DWELL = 1e-9
 
 
 def open_factorial(path: Path) -> FactorialConfig:
-    """Read a study's file, and refuse rises that a follower is thrown off.
+    """Read a study's file, and refuse rises whose velocity jumps.
 
     Raises
     ------

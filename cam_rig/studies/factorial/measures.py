@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cam_rig.acoustics import RadiationParameters
+from cam_rig.arrays import rms
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import Law
@@ -15,8 +16,7 @@ from cam_rig.schema import FactorialConfig, RigConfig
 from cam_rig.simulation.settled_turns import Acoustics, settled_turns
 from cam_rig.studies.jump.rigid import rigid_jump_speed
 from cam_rig.studies.jump.search import sought_speed
-from cam_rig.studies.vibration.speeds import require_speeds
-from cam_rig.studies.vibration.steady_state import ringing, steady_turn
+from cam_rig.studies.vibration.steady_state import require_speeds, ringing, steady_turn
 from cam_rig.units import RPM
 
 
@@ -104,7 +104,7 @@ class Bench:
             rigid_jump=rigid_jump_speed(law, self.follower),
             acceleration=math.exp(float(np.mean(peaks))),
             own_acceleration=math.exp(float(np.mean(own))),
-            residual=float(np.sqrt(np.mean(swing**2))),
+            residual=rms(swing),
             noise=float(self.rigid_sound.levels(noise).mean()),
             noise_in_contact=float(self.sound.levels(contact)[0]),
         )

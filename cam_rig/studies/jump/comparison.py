@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-import numpy as np
-
+from cam_rig.arrays import rms
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import Law
+from cam_rig.laws import Law, build_law
+from cam_rig.schema import CamConfig
 from cam_rig.studies.jump.jump_speed import Jump, jump_speed
 from cam_rig.studies.jump.published import Reference
 from cam_rig.studies.jump.ramp import jump_along_ramp
+from cam_rig.studies.jump.search import sought_speed
 from cam_rig.units import RPM
 
 #: Longest run from rest, s: after a minute little but the steady state is left.
@@ -43,6 +45,26 @@ class JumpRow:
         if self.ramp is not None:
             return None
         return None if self.published_rpm is None else self.found.rpm / self.published_rpm - 1.0
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Jump speeds against Table 2.
+
+    Parameters
+    ----------
+    rms : r.m.s. of the relative differences of ``cams`` cams: of those that identified the rig
+        where ``fitted``, else of all that are published
+    same_ranking : whether the published cams come in the published order
+    turns, published_turns : fewest and most turns before contact is first lost
+    """
+
+    rms: float
+    cams: int
+    fitted: bool
+    same_ranking: bool
+    turns: tuple[float, float]
+    published_turns: tuple[float, float]
 
 
 def find_jumps(
@@ -109,21 +131,23 @@ def _row(
     return JumpRow(cam, found, steady, known.rpm, known.time, known.role, ramp)
 
 
-def rms_words(rows: list[JumpRow]) -> str:
-    """The r.m.s. difference to Table 2, and of which cams; empty where nothing is published."""
+def compare(rows: list[JumpRow]) -> Comparison | None:
+    """What a comparison with Table 2 comes to; None where nothing is to compare."""
     fitted = [row for row in rows if row.role == "fitted"]
     known = fitted or [row for row in rows if row.difference is not None]
-    if not known:
-        return ""
-    which = f"{len(known)} cam{'' if len(known) == 1 else 's'}"
-    which = f"the {which} that identified the rig" if fitted else f"{which}, none fitted to it"
-    return f"{100.0 * rms_difference(known):.2f} % RMS from Table 2 on {which}"
+    turns = [turn for turn in map(turn_of, rows) if turn is not None]
+    if not turns or all(row.difference is None for row in rows):
+        return None
+    ours, theirs = ((min(t), max(t)) for t in zip(*turns, strict=True))
+    return Comparison(
+        rms_difference(known), len(known), bool(fitted), same_ranking(rows), ours, theirs
+    )
 
 
 def rms_difference(rows: Iterable[JumpRow]) -> float:
     """r.m.s. of the relative differences of the cams that have one; NaN for none."""
     known = [r.difference for r in rows if r.difference is not None]
-    return math.sqrt(float(np.mean(np.square(known)))) if known else math.nan
+    return rms(known) if known else math.nan
 
 
 def same_ranking(rows: Iterable[JumpRow]) -> bool:
@@ -135,7 +159,37 @@ def same_ranking(rows: Iterable[JumpRow]) -> bool:
 
 
 def turn_of(row: JumpRow) -> tuple[float, float] | None:
-    """How many turns after the start the cam is left, found and published."""
+    """How many turns after the start contact is lost, found and published."""
     if row.published_time is None or row.published_rpm is None:
         return None
     return row.found.time * row.found.rpm / 60.0, row.published_time * row.published_rpm / 60.0
+
+
+#: The half-rises there are (laws thesis, eq. 3.4-3.9).
+DEGREES = (4, 6, 8)
+
+
+def jump_by_degree(
+    cam: CamConfig, parameters: TwoMassParameters, duration: float
+) -> dict[int, float]:
+    """Jump speed (rpm) from rest with every half-rise of a cam of each degree.
+
+    Empty for a cam that has no half-rises.
+    """
+    if not any(_HALF.fullmatch(segment.law) for segment in cam.segments):
+        return {}
+    return {
+        degree: sought_speed(build_law(_with_degree(cam, degree)), parameters, duration) / RPM
+        for degree in DEGREES
+    }
+
+
+_HALF = re.compile(r"bezier\d+_(start|end)")
+
+
+def _with_degree(cam: CamConfig, degree: int) -> CamConfig:
+    segments = [
+        segment.model_copy(update={"law": _HALF.sub(rf"bezier{degree}_\1", segment.law)})
+        for segment in cam.segments
+    ]
+    return cam.model_copy(update={"segments": segments})

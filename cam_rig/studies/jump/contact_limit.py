@@ -1,4 +1,4 @@
-"""The speed from which a model that holds the follower on the cam says too much."""
+"""The speed from which a model that holds the follower on the cam is no longer valid."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ FROM_REST = 1.7
 
 
 def leaving_speed(law: Law, rig: RigConfig) -> float:
-    """Jump speed (rad/s) on a rig: 0 where the follower leaves at any speed, ∞ where at none.
+    """Jump speed (rad/s) on a rig: 0 where contact is lost at any speed, ∞ where at none.
 
     That of two masses from rest, or of one rigid mass on a rig that does not say how they split.
     """
-    if law.kinks:  # where the velocity jumps down the follower is thrown off
+    if law.velocity_jumps:  # where the velocity jumps down the follower is thrown off
         return 0.0
     follower = rig.follower
     if follower.roller_share is None or follower.stem_damping is None:

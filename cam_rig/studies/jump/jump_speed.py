@@ -1,4 +1,4 @@
-"""The jump speed: the lowest at which the follower leaves the cam.
+"""The jump speed: the lowest at which the follower loses contact.
 
 Contact holds at a speed as long as the least contact force of the run is positive. The first zero
 of that force is sought at many speeds at once, and then proved by the exact model on either side.
@@ -25,7 +25,7 @@ TOLERANCE = 5e-6
 
 @dataclass(frozen=True)
 class Jump:
-    """A jump speed (rad/s); where (rad of cam angle in its turn) and when (s) the cam is left.
+    """A jump speed (rad/s); where (rad of cam angle in its turn) and when (s) contact is lost.
 
     ``time`` counts from rest, or from the beginning of a turn in steady state.
     """
@@ -41,7 +41,7 @@ class Jump:
 
 
 def jump_speed(law: Law, parameters: TwoMassParameters, duration: float | None = 1.7) -> Jump:
-    """The lowest speed at which the two-mass follower leaves the cam.
+    """The lowest speed at which the two-mass follower loses contact.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def jump_speed(law: Law, parameters: TwoMassParameters, duration: float | None =
 
     Raises
     ------
-    DynamicsError : it leaves at any speed, or at none; or there is no steady state
+    DynamicsError : contact is lost at every speed or at none, or there is no steady state
     """
     require_smooth(law, "; where it falls the follower is thrown off at any speed")
     found = sought(law, parameters, duration)
@@ -62,7 +62,7 @@ def jump_speed(law: Law, parameters: TwoMassParameters, duration: float | None =
 
 
 def _prove(leaves: Callable[[float], float | None], found: Sought) -> tuple[float, float, float]:
-    """A speed at which the exact model stays on, one at which it leaves, and when it leaves.
+    """A speed at which the exact model keeps contact, one at which it does not, and when that is.
 
     They are `TOLERANCE` on either side of what was found, or bisected down to that. Upwards they
     stay in the bracket: a resonance of little damping is narrower than `TOLERANCE`, and beyond it
@@ -79,7 +79,7 @@ def _prove(leaves: Callable[[float], float | None], found: Sought) -> tuple[floa
             break
     else:
         raise DynamicsError(
-            f"jump speed: sought {found.speed / RPM:.9g} rpm, but the exact model stays on the cam "
+            f"jump speed: sought {found.speed / RPM:.9g} rpm, but the exact model keeps contact "
             f"up to {found.high / RPM:.9g} rpm; allowed: a resonance that can be resolved, so give "
             "the stem more damping"
         )
@@ -98,7 +98,7 @@ def _prove(leaves: Callable[[float], float | None], found: Sought) -> tuple[floa
 def _leaves(
     law: Law, parameters: TwoMassParameters, speed: float, duration: float | None
 ) -> float | None:
-    """When (s) the exact model first leaves the cam, None where it stays on."""
+    """When (s) the exact model first loses contact, None where it keeps it."""
     start, length = np.zeros(2), duration
     if length is None:
         start, length = contact_response(law, parameters, speed).periodic(), TURN / speed

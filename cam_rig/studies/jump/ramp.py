@@ -19,7 +19,7 @@ SAMPLE_RATE_HZ = 1000
 
 
 def jump_along_ramp(law: Law, parameters: TwoMassParameters, rate: float) -> Jump:
-    """Where the follower first leaves a cam that starts from rest at θ = 0.
+    """Where the follower first loses contact on a cam that starts from rest at θ = 0.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def jump_along_ramp(law: Law, parameters: TwoMassParameters, rate: float) -> Jum
 
     Raises
     ------
-    DynamicsError : the rate is out of its limits, or it does not leave
+    DynamicsError : the rate is out of its limits, or contact is kept
     """
     if not SLOWEST <= rate / RPM * (1.0 + 1e-12) <= STEEPEST * (1.0 + 2e-12):
         raise DynamicsError(
@@ -51,6 +51,6 @@ def jump_along_ramp(law: Law, parameters: TwoMassParameters, rate: float) -> Jum
 
 def _stays(law: Law) -> DynamicsError:
     return DynamicsError(
-        f"cam {law.name!r}: the follower does not leave it up to {FASTEST:g} rpm; allowed for a "
-        "jump speed: a cam that throws it off"
+        f"cam {law.name!r}: the follower keeps contact up to {FASTEST:g} rpm; allowed for a "
+        "jump speed: a cam on which contact is lost"
     )

@@ -8,20 +8,54 @@ what was not fitted (the fifth law, the times) is the test.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
-from cam_rig.arrays import FloatArray
+from cam_rig.arrays import FloatArray, rms
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.errors import CamRigError
+from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws import Law, build_law
 from cam_rig.schema import CamConfig
-from cam_rig.studies.jump.events import event_of, with_event
 from cam_rig.studies.jump.search import sought_speed
-from cam_rig.units import RPM
+from cam_rig.units import RPM, TURN
+
+
+def event_of(cams: Iterable[CamConfig]) -> float:
+    """The angle (rad) of a rise, of the first cam that has dwells."""
+    for cam in cams:
+        moving = [s.span.si for s in cam.segments if s.law != "dwell"]
+        if len(moving) < len(cam.segments):
+            return 0.5 * sum(moving)
+    raise ConfigError("no cam has a dwell; needed: one, its rises have the event angle")
+
+
+def with_event(cam: CamConfig, event: float) -> CamConfig:
+    """A cam with every rise and fall over ``event`` rad and equal dwells; a whole turn stays.
+
+    Parts of a rise share its angle as they did.
+    """
+    moving = [s for s in cam.segments if s.law != "dwell"]
+    dwells = [s for s in cam.segments if s.law == "dwell"]
+    if not dwells:
+        return cam
+    factors = {
+        id(s): f
+        for group, f in (
+            (moving, 2.0 * event / sum(s.span.si for s in moving)),
+            (dwells, (TURN - 2.0 * event) / sum(s.span.si for s in dwells)),
+        )
+        for s in group
+    }
+    segments = []
+    for s in cam.segments:
+        value = s.span.numbers[0] * factors[id(s)]
+        span = s.span.model_copy(update={s.span.origin: value})
+        segments.append(s.model_copy(update={"span": span}))
+    return cam.model_copy(update={"segments": segments})
+
 
 #: Largest factor on either side of a start, and the step of a numerical derivative.
 REACH, STEP = 3.0, 1e-3
@@ -73,7 +107,7 @@ class Refit:
     def rms(self) -> tuple[float, float]:
         """r.m.s. of the relative differences before and after."""
         before, after = (np.array(list(d.values())) for d in (self.before, self.after))
-        return float(np.sqrt(np.mean(before**2))), float(np.sqrt(np.mean(after**2)))
+        return rms(before), rms(after)
 
 
 def refit(
@@ -105,7 +139,7 @@ def refit(
             _relative(cams[cam], rpm, parameters, numbers, duration)
             for cam, rpm in published.items()
         ]
-        best[0] = min(best[0], float(np.sqrt(np.mean(np.square(found)))))
+        best[0] = min(best[0], rms(found))
         on_trial(best[0])
         return np.array(found)
 
@@ -120,10 +154,8 @@ def refit(
         before=dict(zip(names, differences(np.zeros(4)).tolist(), strict=True)),
         after=dict(zip(names, chosen.fun.tolist(), strict=True)),
         sure=np.sqrt((spread**2).sum(axis=1)),
-        rounding=float(np.sqrt(np.mean(rounding**2))),
-        solutions=tuple(
-            (start.times(s.x), float(np.sqrt(np.mean(np.square(s.fun))))) for s in ended
-        ),
+        rounding=rms(rounding),
+        solutions=tuple((start.times(s.x), rms(s.fun)) for s in ended),
     )
 
 

@@ -1,4 +1,4 @@
-"""The jump speed of a rigid follower: what the slopes of a law allow, without any ringing."""
+"""The jump speed of a rigid follower: what the slopes of a law allow, without any vibration."""
 
 from __future__ import annotations
 

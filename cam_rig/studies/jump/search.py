@@ -1,7 +1,7 @@
 """Where the least contact force of a run first falls to zero, going through the speeds upwards.
 
 That force is not monotone in speed: the stem rings in step with the cam at each harmonic, and at a
-resonance the follower may leave the cam and stay on it again a little faster. So speeds are gone
+resonance the follower may lose contact and keep it again a little faster. So speeds are gone
 through from the slowest on, in steps in which the ringing's phase turns by no more than half a
 radian over as long as it is remembered: half of a resonance's half-width in steady state.
 """
@@ -16,7 +16,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.modal.minimum import ModalRun
-from cam_rig.dynamics.modal.response import Ringing
+from cam_rig.dynamics.modal.response import ModalResponse
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
@@ -24,11 +24,11 @@ from cam_rig.units import RPM
 
 #: Where the search begins and ends, rpm.
 SLOWEST, FASTEST = 1.0, 1e5
-#: The ringing's phase turns by this much (rad) from one speed to the next.
+#: The phase of the free vibration turns by this much (rad) from one speed to the next.
 PHASE_STEP = 0.5
 #: Speeds looked at together, and a dip's second look.
 TOGETHER, CLOSER = 64, 33
-#: A damping ratio below this is none: a search in steady state would have no end.
+#: A damping ratio below this counts as 0: a search in steady state would have no end.
 UNDAMPED = 1e-7
 #: A zero is polished to this part of the speed, and of the bracket it was found in.
 POLISHED, POLISHED_IN = 5e-7, 1e-3
@@ -50,7 +50,7 @@ class Sought:
 
 def force_run(law: Law, parameters: TwoMassParameters, duration: float | None) -> ModalRun:
     """The contact force of the two-mass follower over a run, at any speeds."""
-    model = Ringing.of(contact_response(law, parameters, RPM), force_output(parameters))
+    model = ModalResponse.of(contact_response(law, parameters, RPM), force_output(parameters))
     return ModalRun(model, duration)
 
 
@@ -68,7 +68,7 @@ def sought(
 
     Raises
     ------
-    DynamicsError : it leaves at ``slowest`` or at no speed; or there is no steady state
+    DynamicsError : contact is lost at ``slowest`` already or at no speed; or no steady state
     """
     run = force_run(law, parameters, duration)
     if duration is None and run.model.rates.real.max() > -UNDAMPED * np.abs(run.model.rates).max():
@@ -101,15 +101,15 @@ def _bracket(run: ModalRun, law: Law, slowest: float) -> tuple[float, float]:
             if found is not None:
                 if found[0] <= RPM * slowest:
                     raise DynamicsError(
-                        f"cam {law.name!r}: the follower leaves it at {slowest:g} rpm already; "
+                        f"cam {law.name!r}: the follower loses contact at {slowest:g} rpm already; "
                         "allowed for a jump speed: a follower that is pressed on, so give it a "
                         "preload"
                     )
                 return found
         first *= ratio**TOGETHER
     raise DynamicsError(
-        f"cam {law.name!r}: the follower does not leave it up to {FASTEST:g} rpm; allowed for a "
-        "jump speed: a cam that throws it off"
+        f"cam {law.name!r}: the follower keeps contact up to {FASTEST:g} rpm; allowed for a "
+        "jump speed: a cam on which contact is lost"
     )
 
 

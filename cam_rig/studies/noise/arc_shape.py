@@ -13,22 +13,22 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import minimize
 
-from cam_rig.arrays import FloatArray
+from cam_rig.arrays import FloatArray, rms
 from cam_rig.errors import LawError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.cam import arc_cam
 from cam_rig.schema import CamConfig
-from cam_rig.simulation.levels import cubic
+from cam_rig.simulation.regression import cubic
 from cam_rig.simulation.settled_turns import Acoustics, Turns
-from cam_rig.studies.noise.calibration import PublishedCam, rms
+from cam_rig.studies.noise.calibration import PublishedCam
 from cam_rig.studies.noise.identify import IMPOSSIBLE, with_geometry
 
-#: Lifts tried as a start, in terms of the given one, and events in terms of the valley's: shapes
-#: that sound alike lie along one, in which the lift goes about as the event cubed.
+#: Lifts tried as a start, relative to the given one, and events relative to the valley of equal
+#: levels: shapes that sound alike lie along it, lift about in proportion to the event cubed.
 LIFTS, EVENTS = (1.2, 1.0, 0.85, 0.72, 0.61), (0.97, 1.0, 1.03)
-#: First steps of the search, in terms of lift and event, and its most trials.
+#: First steps of the search, relative to lift and event, and the most trials.
 SIMPLEX, TRIALS = 0.03, 32
-#: Step of a numerical derivative, in terms of lift and event: where arcs join the force jumps
+#: Step of a numerical derivative, relative to lift and event: where arcs join the force jumps
 #: between samples, so levels jitter by 0.01 dB as a shape moves.
 STEP = 2e-2
 
@@ -127,7 +127,7 @@ class ShapeProblem:
         Regressions are compared, since a regression is all that is published: the simulated
         levels' cubic with the published one.
         """
-        compared = cubic(self.heard(near).turns.rpm)
+        compared = cubic(self.heard(near).rpm)
 
         def cost(shape: ArcShape) -> float:
             try:

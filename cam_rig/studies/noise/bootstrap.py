@@ -1,4 +1,4 @@
-"""How sure the noise curves and their crossing are: a bootstrap of what the model leaves over.
+"""Confidence intervals of the noise curves and their crossing, by a bootstrap of the fit errors.
 
 The measured levels are lost, so their scatter cannot be resampled. What can is the difference
 between a simulated and a published regression: it is smooth along the speeds, so it is cut into
@@ -14,13 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.simulation.levels import REGRESSION_DEGREE, real_roots
+from cam_rig.simulation.regression import REGRESSION_DEGREE, nearest_crossing
 
 #: Neighbouring speeds that are drawn together: a third of the range.
 BLOCK = 7
 #: Draws, and the seed of them.
 DRAWS, SEED = 2000, 1
-#: Percent on either side that a band leaves out.
+#: Percent outside a 95 % band, on either side.
 TAIL = 2.5
 
 
@@ -53,7 +53,7 @@ class Band:
 
 @dataclass(frozen=True)
 class Crossing:
-    """Speed in rpm at which two regressions cross, and how sure it is.
+    """Speed in rpm at which two regressions cross, with its confidence interval.
 
     ``low`` and ``high`` hold 95 % of the draws, ``deviation`` is their standard deviation;
     ``missing`` is the share of draws that do not cross at all within the speeds. ``points_rpm`` is
@@ -72,9 +72,7 @@ def crossing(rpm: FloatArray, one: FloatArray, two: FloatArray, near: float) -> 
     """Where two cubics, given by their values ``(n,)``, cross nearest to ``near`` rpm."""
     scale = rpm.mean()
     fit = np.polynomial.polynomial.polyfit(rpm / scale - 1.0, one - two, REGRESSION_DEGREE)
-    real = (real_roots(fit) + 1.0) * scale
-    inside = real[(real >= rpm[0]) & (real <= rpm[-1])]
-    return float(inside[np.argmin(np.abs(inside - near))]) if inside.size else None
+    return nearest_crossing(fit, (rpm[0], rpm[-1]), near, scale=scale, shift=1.0)
 
 
 def points_crossing(rpm: FloatArray, one: FloatArray, two: FloatArray, near: float) -> float | None:
@@ -86,7 +84,7 @@ def points_crossing(rpm: FloatArray, one: FloatArray, two: FloatArray, near: flo
     return float(found[np.argmin(np.abs(found - near))]) if found.size else None
 
 
-def sure_crossing(
+def crossing_interval(
     rpm: FloatArray,
     best: tuple[FloatArray, FloatArray],
     draws: tuple[FloatArray, FloatArray],

@@ -8,8 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from cam_rig.arrays import FloatArray
-from cam_rig.simulation.settled_turns import Acoustics, Turns
+from cam_rig.acoustics import RadiationParameters
+from cam_rig.acoustics.steady import mean_square_rate
+from cam_rig.arrays import FloatArray, rms
+from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics.contact import loss_intervals
+from cam_rig.errors import DynamicsError
+from cam_rig.laws import Law
+from cam_rig.simulation.settled_turns import Acoustics, Sounding
+from cam_rig.units import to_rpm
 
 #: Terms of the speed response: with its gain a cubic, like a published regression.
 RESPONSE_TERMS = 3
@@ -22,8 +29,13 @@ class PublishedCam:
     """A cam's settled turns and its published level (dB) at the same speeds."""
 
     cam: str
-    turns: Turns
+    turns: Sounding
     published: FloatArray
+
+    @property
+    def rpm(self) -> FloatArray:
+        """The speeds in rpm."""
+        return to_rpm(self.turns.speeds)
 
     def every(self, step: int) -> PublishedCam:
         """Only each ``step``-th speed."""
@@ -38,9 +50,53 @@ class PublishedCam:
         return rms(self.difference(acoustics))
 
 
-def rms(difference: FloatArray) -> float:
-    """Root of the mean square."""
-    return float(np.sqrt(np.mean(difference**2)))
+@dataclass(frozen=True, eq=False)
+class SteadyTurns:
+    """A cam that keeps contact at all ``speeds`` (rad/s): its steady sound, without samples."""
+
+    law: Law
+    follower: FollowerParameters
+    speeds: FloatArray
+
+    def every(self, step: int) -> SteadyTurns:
+        """Only each ``step``-th speed."""
+        return SteadyTurns(self.law, self.follower, self.speeds[::step])
+
+    def contact_power(self, corner_rate: float) -> FloatArray:
+        """⟨(ω_c (F − q))²⟩ over a turn, ``(n,)`` in (N/s)²."""
+        power = [mean_square_rate(self.law, self.follower, corner_rate, s) for s in self.speeds]
+        return np.array(power)
+
+    def landing_power(self, _radiation: RadiationParameters) -> FloatArray:
+        """There are no landings."""
+        return np.zeros(self.speeds.size)
+
+
+def calibrate(
+    law: Law,
+    follower: FollowerParameters,
+    start: RadiationParameters,
+    speeds: FloatArray,
+    levels: FloatArray,
+) -> tuple[RadiationParameters, float]:
+    """Fit gain and corner to the levels (dB) of one cam at ``speeds`` (rad/s).
+
+    Two numbers, least squares in dB, on the exact steady response; the background stays as it is.
+    Returns the constants and the r.m.s. difference (dB) that is left.
+
+    Raises
+    ------
+    DynamicsError : the follower loses contact within the speeds
+    """
+    for speed in speeds:
+        if loss_intervals(law, follower, float(speed)):
+            raise DynamicsError(
+                f"cam {law.name!r} loses contact at {to_rpm(float(speed)):.0f} rpm; allowed for a "
+                "calibration: a cam that keeps contact at every published speed"
+            )
+    cam = PublishedCam(law.name, SteadyTurns(law, follower, speeds), levels)
+    found = two_constants([cam], Acoustics(start))
+    return found.radiation, cam.rms(found)
 
 
 def two_constants(heard: Sequence[PublishedCam], start: Acoustics) -> Acoustics:

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cam_rig.arrays import FloatArray
-from cam_rig.simulation.levels import cubic, regression
+from cam_rig.arrays import FloatArray, rms
+from cam_rig.simulation.regression import cubic, regression
 from cam_rig.simulation.settled_turns import Acoustics
 from cam_rig.studies.noise import bootstrap
 from cam_rig.studies.noise.arc_shape import ArcShape, ShapeFit
@@ -23,7 +23,6 @@ from cam_rig.studies.noise.bootstrap import Band, Crossing
 from cam_rig.studies.noise.calibration import (
     PublishedCam,
     by_substitution,
-    rms,
     sensitivity,
     two_constants,
 )
@@ -121,7 +120,7 @@ def _method(
     one, two, near = _crossing_cams(study)
     draws = [curves[c].regression_db + (moved[c] + left[c]) @ project for c in (one, two)]
     best = (curves[one].regression_db, curves[two].regression_db)
-    found = bootstrap.sure_crossing(study.rpm, best, (draws[0], draws[1]), near)
+    found = bootstrap.crossing_interval(study.rpm, best, (draws[0], draws[1]), near)
     levels = (curves[one].level_db, curves[two].level_db)
     points = bootstrap.points_crossing(study.rpm, *levels, near)
     return Method(name, acoustics, fit.shape, curves, replace(found, points_rpm=points))

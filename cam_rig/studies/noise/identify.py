@@ -7,14 +7,13 @@ were calibrated on another cam. They are identified, never TM21 data.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import Bounds, differential_evolution, minimize
 
-from cam_rig.arrays import FloatArray
+from cam_rig.arrays import FloatArray, rms
 from cam_rig.errors import LawError
 from cam_rig.laws import build_law
 from cam_rig.laws.cam import arc_cam
@@ -22,13 +21,14 @@ from cam_rig.schema import CamConfig, SceneConfig
 from cam_rig.simulation.levels import step_levels
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import simulate
+from cam_rig.units import to_rpm
 
 #: Bounds of lift (m), event span (deg) and nose span as a fraction of the event span.
 BOUNDS = np.array([[0.002, 0.05], [60.0, 300.0], [0.05, 0.95]])
-#: Largest pitch radius (m) of a flank that still is concave to the eye: the paper calls the cam
-#: concave, and beyond this a flank of some millimetres is straight.
+#: Largest pitch radius (m) of a flank that is visibly concave, as the paper calls the cam; beyond
+#: this a flank of some millimetres is straight.
 MAX_FLANK = 0.5
-#: What a geometry that cannot exist costs, dB.
+#: Fit error given to a geometry that cannot exist, dB.
 IMPOSSIBLE = 50.0
 #: Sample rate of a trial.
 TRIAL_RATE_HZ = 8000
@@ -79,7 +79,7 @@ def identify(
     """
     arc_cam(loaded.cams[cam])  # it must have arcs to move
     trial = trial_stage(loaded)
-    rpm = np.array(loaded.scene.program.speeds.si_list) * 30.0 / math.pi
+    rpm = to_rpm(np.array(loaded.scene.program.speeds.si_list))
     target = loaded.published_levels(cam, rpm)
     evaluations = 0
 
@@ -87,7 +87,7 @@ def identify(
         nonlocal evaluations
         evaluations += 1
         level = _levels(trial, cam, x)
-        return IMPOSSIBLE if level is None else float(np.sqrt(np.mean((level - target) ** 2)))
+        return IMPOSSIBLE if level is None else rms(level - target)
 
     best = differential_evolution(
         rmse,

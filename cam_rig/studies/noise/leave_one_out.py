@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cam_rig.simulation.levels import cubic
+from cam_rig.arrays import rms
+from cam_rig.simulation.regression import cubic
 from cam_rig.simulation.settled_turns import Acoustics
-from cam_rig.studies.noise.calibration import rms, two_constants
+from cam_rig.studies.noise.calibration import two_constants
 from cam_rig.studies.noise.study import NoiseSetup
 
 #: Rounds of fitting shape and constants in turn.
@@ -15,7 +16,7 @@ ROUNDS = 2
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A cam left out, the constants of the other two, and what they leave (dB) on each cam.
+    """A cam left out, the constants of the other two, and the fit error (dB) on each cam.
 
     ``numbers`` were fitted together to the ``trained`` cams. The arc cam's geometry is its own:
     it is fitted with the constants where the cam is among the trained, and to its own curve,

@@ -17,7 +17,7 @@ from cam_rig.studies.noise.shared_rig import OneRig, with_elastic_stem, with_rig
 from cam_rig.studies.noise.study import NoiseSetup, StudyRoles
 from cam_rig.studies.noise.transfer_functions import StructureFit, compare_structures
 
-#: What a study does, in order, as it is told to who waits.
+#: The parts of a study in order, for the progress bar.
 PARTS = (
     "the cams' turns",
     "structures",

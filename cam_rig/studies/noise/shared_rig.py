@@ -1,4 +1,4 @@
-"""One rig for everything: the follower identified from the jump speeds, heard on all three cams.
+"""One rig for all: the follower identified from the jump speeds, its noise on all three cams.
 
 Event angles, preload, mass split and stem come from the jump speeds (Table 2); nothing of them is
 fitted to noise. Gain and corner are fitted to the reference anew. The arc cam, which the jump
@@ -20,7 +20,7 @@ from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.errors import CamRigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
-from cam_rig.simulation.levels import cubic
+from cam_rig.simulation.regression import cubic
 from cam_rig.simulation.settled_turns import Acoustics, Turns, settled_turns
 from cam_rig.studies.noise.arc_shape import ArcShape, ShapeProblem
 from cam_rig.studies.noise.bootstrap import crossing
@@ -36,7 +36,7 @@ GENERATIONS, POPULATION, SEED = 12, 7, 2
 
 @dataclass(frozen=True)
 class OneRig:
-    """What a follower from the jump speeds leaves on each cam's noise.
+    """The fit error on each cam's noise with a follower identified from the jump speeds.
 
     ``rms_db`` of the points to the published regressions; ``shape`` of the arc cam and
     ``crossing_rpm`` are None when it was left aside.
@@ -160,7 +160,7 @@ def _crossing(
 ) -> float | None:
     published = study.loaded.published
     assert published is not None  # the study has its levels
-    rpm = heard[study.cast.arcs].turns.rpm
+    rpm = heard[study.cast.arcs].rpm
     thinned = {cam: h if cam == study.cast.arcs else h.every(EVERY) for cam, h in heard.items()}
     levels = [cubic(rpm) @ acoustics.levels(thinned[c].turns) for c in published.crossover.between]
     return crossing(rpm, levels[0], levels[1], published.crossover.rpm)

@@ -1,4 +1,4 @@
-"""What a noise study begins with: which cam plays which part, and the mechanics of each, run once.
+"""The set-up of a noise study: the role of each cam, and the mechanics of each, run once.
 
 One cam calibrates the acoustic constants (the reference), one is predicted, one has its geometry
 identified.
@@ -18,8 +18,9 @@ from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.settled_turns import Acoustics, Turns, settled_turns
 from cam_rig.studies.noise.arc_shape import ArcShape, ShapeProblem
 from cam_rig.studies.noise.calibration import PublishedCam
+from cam_rig.units import to_rpm
 
-#: A shape is fitted at each of these of the study's speeds, and then heard at all.
+#: A shape is fitted at each of these of the study's speeds, and then compared at all.
 EVERY = 2
 #: Half of them still are more than a cubic has numbers.
 MIN_SPEEDS = 9
@@ -35,7 +36,7 @@ class StudyRoles:
 
     @classmethod
     def of(cls, loaded: LoadedScene) -> StudyRoles:
-        """The parts in a scene.
+        """The roles in a scene.
 
         Raises
         ------
@@ -76,9 +77,7 @@ class NoiseSetup:
         """
         cast = StudyRoles.of(loaded)
         speeds = np.array(loaded.scene.program.speeds.si_list)
-        published = {
-            cam: loaded.published_levels(cam, speeds * 30.0 / np.pi) for cam in loaded.scene.cams
-        }
+        published = {cam: loaded.published_levels(cam, to_rpm(speeds)) for cam in loaded.scene.cams}
 
         def turn(law: Law) -> Turns:
             return settled_turns(law, "one_mass", loaded.follower, speeds)
@@ -96,7 +95,7 @@ class NoiseSetup:
     @property
     def rpm(self) -> FloatArray:
         """The speeds in rpm."""
-        return self.heard[self.cast.arcs].turns.rpm
+        return self.heard[self.cast.arcs].rpm
 
     @cached_property
     def problem(self) -> ShapeProblem:

@@ -15,11 +15,10 @@ from scipy.optimize import least_squares
 
 from cam_rig.acoustics import RadiationParameters, level_db
 from cam_rig.acoustics.weighting import weighting_power
-from cam_rig.arrays import FloatArray
+from cam_rig.arrays import FloatArray, rms
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.contact import force_weights
 from cam_rig.laws import Law
-from cam_rig.studies.noise.calibration import rms
 from cam_rig.units import TURN
 
 #: Samples of a turn and harmonics of it: up to 500 Hz at 200 rpm.

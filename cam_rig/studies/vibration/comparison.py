@@ -9,8 +9,7 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.studies.cam_set import CamSet
 from cam_rig.studies.jump.contact_limit import leaving_speed
-from cam_rig.studies.vibration.speeds import require_speeds
-from cam_rig.studies.vibration.steady_state import Vibration, vibration
+from cam_rig.studies.vibration.steady_state import Vibration, require_speeds, vibration
 from cam_rig.units import RPM
 
 

@@ -13,8 +13,8 @@ from cam_rig.units import TURN
 
 #: A piece no higher above the lowest lift than this fraction of the lift is flat.
 FLAT = 1e-12
-#: What stands for the low dwell of a law that has none: this much (rad) about its lowest lift, as
-#: wide as the low dwell of the paper's other laws here.
+#: In place of the low dwell of a law without one: this much (rad) about its lowest lift, as wide
+#: as the low dwell of the paper's other laws here.
 GRID = 3600
 STAND_IN = float(np.radians(62.5))
 

@@ -3,27 +3,54 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics import elastic_stem as residual
+from cam_rig.dynamics import FollowerParameters, elastic_stem
 from cam_rig.dynamics.linear.sampling import sample
-from cam_rig.dynamics.modal.response import Ringing
+from cam_rig.dynamics.modal.response import ModalResponse
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters
 from cam_rig.dynamics.torsional.solution import periodic_state, solve
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.studies.vibration.dwell import LowDwell, low_dwell
-from cam_rig.studies.vibration.speeds import require_speeds
 from cam_rig.units import RPM, TURN
+
+#: Least natural periods of the stem a turn: below, free and forced vibration cannot be told apart.
+SWINGS = 3.0
+#: Slowest and fastest speed, rpm; below, a turn has more periods of the stem than can be sampled.
+SLOWEST, FASTEST = 1.0, 1e5
+
+
+def fastest(follower: FollowerParameters) -> float:
+    """Up to which speed (rpm) ringing means something: the stem still swings `SWINGS` a turn."""
+    stiffness = follower.spring_stiffness + follower.stem_stiffness
+    return min(FASTEST, math.sqrt(stiffness / follower.mass) / SWINGS / RPM)
+
+
+def require_speeds(follower: FollowerParameters, rpm: Iterable[float]) -> None:
+    """Refuse speeds (rpm) that are too slow to sample, or too fast for the stem.
+
+    Raises
+    ------
+    DynamicsError : with the first of them and the limits
+    """
+    most = fastest(follower)
+    for speed in rpm:
+        if not SLOWEST <= speed * (1.0 + 1e-12) <= most * (1.0 + 2e-12):
+            raise DynamicsError(
+                f"speed is {speed:g} rpm; allowed: {SLOWEST:g} to {most:.4g} rpm on this stem, "
+                f"which must swing {SWINGS:g} times a turn"
+            )
+
 
 #: Samples of a turn at least, and of a period of the stem.
 MIN_SAMPLES, PER_PERIOD = 4096, 32
-#: Ringing beyond this many times all of the vibration is no part of it.
+#: Free vibration beyond this many times all of the vibration is not part of it.
 MAX_RINGING = 2.0
 #: Samples of a turn of twist.
 TWIST_SAMPLES = 2048
@@ -49,16 +76,18 @@ def steady_turn(law: Law, follower: FollowerParameters, speed: float) -> SteadyT
     ------
     DynamicsError : no steady state at this speed, or a law whose velocity jumps
     """
-    model, out = residual.response(law, follower, speed), residual.outputs(follower)
+    model, out = elastic_stem.response(law, follower, speed), elastic_stem.outputs(follower)
     rate = math.sqrt(-model.matrix[1, 0])
     count = max(MIN_SAMPLES, math.ceil(PER_PERIOD * rate / speed))
     step = TURN / speed / count
-    rows = sample(model, model.periodic(), 0.0, 0.0, step, count, out)
-    vibration = -(rows[3] - follower.preload) / follower.stem_stiffness
+    displacement, _, acceleration, force = sample(
+        model, model.periodic(), 0.0, 0.0, step, count, out
+    )
+    vibration = -(force - follower.preload) / follower.stem_stiffness
     angle = speed * step * np.arange(count, dtype=np.float64)
     share = follower.spring_stiffness / (follower.spring_stiffness + follower.stem_stiffness)
     vibration += share * law(angle)
-    return SteadyTurn(angle, rows[0], rows[2], vibration)
+    return SteadyTurn(angle, displacement, acceleration, vibration)
 
 
 @dataclass(frozen=True)
@@ -121,8 +150,8 @@ def ringing(law: Law, follower: FollowerParameters, speeds: FloatArray) -> Float
     require_speeds(follower, speeds / RPM)
     window = low_dwell(law)
     at = [window.start, *law.breaks[:-1][window.holds(law.breaks[:-1])].tolist()]
-    model = Ringing.of(
-        residual.response(law, follower, float(speeds[0])), residual.outputs(follower)
+    model = ModalResponse.of(
+        elastic_stem.response(law, follower, float(speeds[0])), elastic_stem.outputs(follower)
     )
     found = np.max([model.amplitude_at(speeds, angle) for angle in at], axis=0)
     last = int(np.argmax(speeds))  # the faster, the less of the vibration follows the law

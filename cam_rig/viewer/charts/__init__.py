@@ -1,1 +1,1 @@
-"""What the viewer shows beside the moving picture: time series, bars, curves, words."""
+"""What the viewer shows beside cam and follower: time series, charts, text."""

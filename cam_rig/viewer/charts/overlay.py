@@ -16,11 +16,11 @@ from cam_rig.viewer.timeline import within_turn
 from cam_rig.viewer.turns import Turn
 
 TURNS, COMPARE = "turns", "compare"
-#: Quantity shown over the turn: its row in a block, factor to the unit shown, title.
+#: Quantity of a turn that is shown over it: factor to the unit shown, title.
 QUANTITIES = {
-    "lift": (1, 1e3, "Lift [mm]"),
-    "acceleration": (3, 1.0, "Acceleration [m/s²]"),
-    "force": (4, 1.0, "Contact force [N]"),
+    "lift": (1e3, "Lift [mm]"),
+    "acceleration": (1.0, "Acceleration [m/s²]"),
+    "force": (1.0, "Contact force [N]"),
 }
 
 
@@ -31,30 +31,29 @@ def at_speed(rpm: float, quantity: str) -> str:
 
 def draw_turn(stream: rr.RecordingStream, loaded: LoadedScene, turn: Turn) -> None:
     """Curves of one turn over the angle within it."""
-    for quantity, (row, factor, _) in QUANTITIES.items():
+    for quantity, (factor, _) in QUANTITIES.items():
         entity, colour = (
             f"{at_speed(turn.rpm, quantity)}/{turn.cam}",
             colours.of_cam(loaded, turn.cam),
         )
         line = SeriesLine(entity, loaded.cams[turn.cam].title, colour, factor=factor)
         writer = SeriesWriter(stream, line, times=within_turn)
-        writer.add(turn.rows[0], turn.angle, turn.rows[row])
+        writer.add(turn.time, turn.angle, getattr(turn, quantity))
         writer.flush()
 
 
 def draw_side_by_side(
     stream: rr.RecordingStream, loaded: LoadedScene, turn: Turn, profile: FloatArray
 ) -> None:
-    """One cam's moving picture and third-octave bars of one turn, in a view of its own."""
+    """A cam under its follower, and third-octave bands, of one turn, in a view of its own."""
     view, rate = f"{COMPARE}/{turn.cam}", loaded.scene.sample_rate.si
     scene = Scene2D(stream, loaded, f"{view}/scene", within_turn)
     begin = CamState(0, 0.0, turn.speed, turn.cam)
     scene.mount(begin, profile)
     scene.speed(begin)
     frame = frame_mask(turn.angle, turn.speed / rate)
-    time, lift, _, _, force, impulse = turn.rows
-    scene.frames(time[frame], turn.angle[frame], lift[frame], force[frame])
+    scene.frames(turn.time[frame], turn.angle[frame], turn.lift[frame], turn.force[frame])
     scene.flush()
-    bands = third_octaves(loaded.radiation, force, impulse, rate)
+    bands = third_octaves(loaded.radiation, turn.force, turn.impulse, rate)
     chart = BandChart(stream, f"{view}/bands", rate, colours.of_cam(loaded, turn.cam))
     chart.draw_once(bands)

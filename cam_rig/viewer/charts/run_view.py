@@ -1,4 +1,4 @@
-"""The run as it went: the moving picture, the time series, bars and words, on every timeline.
+"""The run itself: cam and follower, time series, bands and events, on every timeline.
 
 A viewer that follows a run puts its cursor at the newest time it knows of anything. So whatever
 is of a tick waits for the tick's curves, and goes after them.
@@ -6,19 +6,18 @@ is of a tick waits for the tick's curves, and goes after them.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import rerun as rr
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
+from cam_rig.dynamics import Samples
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
-from cam_rig.units import NS
+from cam_rig.units import NS, to_rpm
 from cam_rig.viewer.charts.band_chart import BandChart
 from cam_rig.viewer.charts.bands import third_octaves
-from cam_rig.viewer.charts.time_series import Traces
+from cam_rig.viewer.charts.time_series import TimeSeries
 from cam_rig.viewer.scene2d import Scene2D, frame_mask
 from cam_rig.viewer.timeline import time_columns
 from cam_rig.viewer.turns import TurnCollector
@@ -31,16 +30,16 @@ class RunView:
 
     Parameters
     ----------
-    bucket : samples of which the least and the greatest are kept, 1 for all
+    bucket : samples of which the minimum and the maximum are kept, 1 for all
     """
 
     def __init__(self, stream: rr.RecordingStream, loaded: LoadedScene, bucket: int) -> None:
         self._stream, self._loaded, self._rate = stream, loaded, loaded.scene.sample_rate.si
-        self._scene, self._traces = Scene2D(stream, loaded), Traces(stream, loaded, bucket)
+        self._scene, self._time_series = Scene2D(stream, loaded), TimeSeries(stream, loaded, bucket)
         self._turns = TurnCollector(loaded.scene.program.ticks_per_turn)
         self._last: CamState | None = None
         self._bands = BandChart(stream, BANDS, self._rate, colours.BANDS)
-        self._said: list[tuple[float, float, str, str]] = []
+        self._events: list[tuple[float, float, str, str]] = []
 
     def tick(
         self,
@@ -52,42 +51,43 @@ class RunView:
     ) -> None:
         """Draw one tick: unwrapped cam ``angle`` (rad), ``(6, n)`` rows, the cam's contour."""
         self._change(start, profile)
-        time, lift, _, _, force, impulse = rows
-        self._traces.tick(start, end, angle, rows)
+        block = Samples(rows)
+        time, lift, force, impulse = block.time, block.lift, block.force, block.impulse
+        self._time_series.tick(start, end, angle, rows)
         frame = frame_mask(angle, start.until(end).mean_speed / self._rate)
         if frame.any():
             self._scene.frames(time[frame], angle[frame], lift[frame], force[frame])
         landed = impulse > 0.0
         for row in zip(time[landed], angle[landed], impulse[landed], strict=True):
-            self._said.append((*row[:2], f"landing, {row[2]:.3g} N·s", "WARN"))
+            self._events.append((*row[:2], f"landing, impulse {row[2]:.3g} N·s", "WARN"))
         if not start.holds_until(end):
             return
         self._turns.add(start, angle, rows)
         turn = self._turns.turn()
         if turn is not None:
-            bands = third_octaves(self._loaded.radiation, turn.rows[4], turn.rows[5], self._rate)
+            bands = third_octaves(self._loaded.radiation, turn.force, turn.impulse, self._rate)
             self._bands.add(end.time_ns / NS, end.unwrapped, bands)
 
     def level(self, end: CamState, level: float) -> None:
         """Draw the level (dB) of the tick that ended with a state."""
-        self._traces.level(end, level)
+        self._time_series.level(end, level)
 
     def close(self, end: CamState) -> None:
         """Draw the last speed up to the end of the run."""
         if self._last is not None:
-            self._traces.stop(end, self._last.speed)
+            self._time_series.stop(end, self._last.speed)
 
     def flush(self) -> None:
         """Send what was collected so far, the curves first."""
-        self._traces.flush()
+        self._time_series.flush()
         self._scene.flush()
         self._bands.flush()
-        if self._said:
-            time, angle, words, levels = zip(*self._said, strict=True)
+        if self._events:
+            time, angle, words, levels = zip(*self._events, strict=True)
             columns = rr.TextLog.columns(text=words, level=levels)
             times = time_columns(np.array(time), np.array(angle))
             self._stream.send_columns(EVENTS, times, columns)
-        self._said = []
+        self._events = []
 
     def _change(self, state: CamState, profile: FloatArray) -> None:
         """What changes with the cam or the speed."""
@@ -99,5 +99,5 @@ class RunView:
             self._scene.mount(state, profile)
         title = f"{self._loaded.cams[state.cam].title}, "
         self._scene.speed(state, title)
-        words = f"{title}{state.speed * 30.0 / math.pi:.0f} rpm"
-        self._said.append((state.time_ns / NS, state.unwrapped, words, "INFO"))
+        words = f"{title}{to_rpm(state.speed):.0f} rpm"
+        self._events.append((state.time_ns / NS, state.unwrapped, words, "INFO"))

@@ -11,6 +11,7 @@ from rerun.components import AggregationPolicy, InterpolationMode
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
+from cam_rig.units import RPM_PER_RAD_S, TURN
 from cam_rig.viewer.timeline import Times, time_columns
 
 #: Rows sent at once: big enough to be fast, small enough to stay out of the way in memory.
@@ -59,12 +60,12 @@ LIFT = SeriesLine("plots/lift/follower", "follower", colours.LIFT, factor=1e3, w
 LAW = SeriesLine("plots/lift/law", "law", colours.LAW, factor=1e3)
 VELOCITY = SeriesLine("plots/velocity/follower", "velocity", colours.VELOCITY)
 ACCELERATION = SeriesLine("plots/acceleration/follower", "acceleration", colours.ACCELERATION)
-FORCE = SeriesLine("plots/force/contact", "contact", colours.FORCE)
+FORCE = SeriesLine("plots/force/contact", "contact force", colours.FORCE)
 ZERO = SeriesLine("plots/force/zero", "0 N", colours.ZERO, width=1.6)
-TWIST = SeriesLine("plots/twist", "twist", colours.TWIST, factor=180.0 / np.pi)
+TWIST = SeriesLine("plots/twist", "twist", colours.TWIST, factor=360.0 / TURN)
 LEVEL = SeriesLine(
     "plots/level",
-    "sound level [dB]",
+    "sound pressure level [dB]",
     colours.LEVEL,
     width=2.0,
     interpolation=InterpolationMode.StepBefore,
@@ -74,7 +75,7 @@ SPEED = SeriesLine(
     "plots/speed",
     "cam speed [rpm]",
     colours.SPEED,
-    factor=30.0 / np.pi,
+    factor=RPM_PER_RAD_S,
     width=2.0,
     interpolation=InterpolationMode.StepAfter,
     aggregation=AggregationPolicy.Off,
@@ -85,7 +86,7 @@ LANDING = Mark("plots/lift/landing", "landing", colours.LANDING)
 
 
 def extremes(values: FloatArray, bucket: int) -> NDArray[np.intp]:
-    """Indices, in order, of the least and the greatest of every ``bucket`` values."""
+    """Indices, in order, of the minimum and the maximum of every ``bucket`` values."""
     if bucket <= 1:
         return np.arange(values.size)
     # A first occurrence is found, so the padding never stands for itself.
@@ -98,7 +99,7 @@ def extremes(values: FloatArray, bucket: int) -> NDArray[np.intp]:
 class SeriesWriter:
     """Collects the samples of a curve, or single points, and sends them in big columns.
 
-    ``bucket`` 1 keeps every sample; else the least and the greatest of every ``bucket`` are kept.
+    ``bucket`` 1 keeps every sample; else the minimum and the maximum of every ``bucket`` are kept.
     """
 
     stream: rr.RecordingStream

@@ -6,30 +6,34 @@ import numpy as np
 import rerun as rr
 
 from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import MODELS
+from cam_rig.dynamics.torsional.parameters import TorsionalState
+from cam_rig.dynamics.torsional.solution import solve
 from cam_rig.laws.sampling import sample
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS
 from cam_rig.viewer.charts import series
-from cam_rig.viewer.charts import shaft_twist as twist
 from cam_rig.viewer.charts.series import Mark, SeriesLine, SeriesWriter
 from cam_rig.viewer.turns import lift_offs
 
+#: The model whose shaft's twist is shown.
+TORSIONAL = "torsional"
 #: s alone, of s, s', s''.
 LIFT_OF_LAW = np.array([[1.0, 0.0, 0.0]])
 
 
-class Traces:
+class TimeSeries:
     """Writes the curves and the marks on them.
 
     Parameters
     ----------
-    bucket : samples of which the least and the greatest are kept, 1 for all
+    bucket : samples of which the minimum and the maximum are kept, 1 for all
     """
 
     def __init__(self, stream: rr.RecordingStream, loaded: LoadedScene, bucket: int) -> None:
         self._loaded, self._flew = loaded, False
-        self._twist = twist.ShaftTwist(loaded) if loaded.scene.model == twist.MODEL else None
+        self._twist = ShaftTwist(loaded) if loaded.scene.model == TORSIONAL else None
         thinned = [series.LIFT, series.LAW, series.VELOCITY, series.ACCELERATION, series.FORCE]
         if self._twist is not None:
             thinned.append(series.TWIST)
@@ -88,3 +92,26 @@ class Traces:
         if not start.holds_until(end):
             return law(angle)
         return sample(law, float(angle[0]), step, angle.size, LIFT_OF_LAW, np.zeros(1))[0]
+
+
+class ShaftTwist:
+    """The twist of the shaft behind the cam, which no message carries: solved again, as it was.
+
+    Each tick is solved from where the one before ended.
+    """
+
+    def __init__(self, loaded: LoadedScene) -> None:
+        self._loaded = loaded
+        self._parameters = MODELS[TORSIONAL].parameters(loaded.rig)
+        self._end: tuple[str, TorsionalState] | None = None
+
+    def tick(self, start: CamState, end: CamState, time: FloatArray) -> FloatArray:
+        """``(n,)`` twist in rad at ``time`` (s of rig time) within the tick."""
+        last = self._end[1] if self._end is not None and self._end[0] == start.cam else None
+        twist, rate = (0.0, 0.0) if last is None else (last.twist, last.twist_rate)
+        begin, duration = start.time_ns / NS, (end.time_ns - start.time_ns) / NS
+        state = TorsionalState(twist, rate, start.angle, start.speed)
+        law, ramp = self._loaded.laws[start.cam], start.until(end).acceleration
+        motion = solve(law, self._parameters, state, begin, duration, ramp)
+        self._end = start.cam, motion.end
+        return motion.at(time.clip(begin, motion.stop_time))[0]

@@ -1,4 +1,4 @@
-"""The Rerun viewer as a child that ends with us: in a window, or as a server for a browser."""
+"""The Rerun viewer as a child process that ends with us: in a window, or behind a browser."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ os.execv(viewer, [viewer, *sys.argv[1:]])
 HOST = "127.0.0.1"
 OPTIONS = ("--bind", HOST, "--hide-welcome-screen")
 #: Wall time (s) that the viewer has to listen.
-PATIENCE = 30.0
+TIMEOUT_S = 30.0
 #: The viewer reports no usage where CI is set. Its own switch would change the user's settings.
 SILENT = {"RUST_LOG": "error", "CI": "1"}
 
@@ -99,19 +99,19 @@ def listening(*arguments: str, ports: tuple[int, ...]) -> Iterator[subprocess.Po
     CamRigError : it ended, or does not listen
     """
     with child(*arguments) as process:
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + TIMEOUT_S
         while not all(_open(port) for port in ports):
             if process.poll() is not None:
                 raise CamRigError(f"the viewer ended with code {process.returncode}; {ADVICE}")
             if time.monotonic() > deadline:
-                raise CamRigError(f"the viewer does not listen after {PATIENCE:g} s; {ADVICE}")
+                raise CamRigError(f"the viewer does not listen after {TIMEOUT_S:g} s; {ADVICE}")
             time.sleep(0.05)
         yield process
 
 
 @contextmanager
 def window() -> Iterator[tuple[subprocess.Popen[bytes], str]]:
-    """An empty viewer, and the address at which it takes the picture of a live run."""
+    """An empty viewer, and the address at which it takes a live run."""
     port = free_port()
     with listening("--port", str(port), "--expect-data-soon", ports=(port,)) as process:
         yield process, stream_address(port)
@@ -125,7 +125,7 @@ def free_port() -> int:
 
 
 def stream_address(port: int) -> str:
-    """Where a live run sends its picture."""
+    """Where a live run is sent."""
     return f"rerun+http://{HOST}:{port}/proxy"
 
 

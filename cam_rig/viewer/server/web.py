@@ -1,9 +1,10 @@
-"""Rerun's web viewer on this machine alone: nothing is asked of, or told to, any other.
+"""Rerun's web viewer on this machine alone: no request goes to any other.
 
-The viewer's own page loads a font, asks for a newer version and reports its use. This server
-hands the same page on with a guard before all of its code: a request to another host is answered
-on the spot with nothing, and the browser is told to let none out. Who asks under another name than
-this machine's own is refused, and what was asked for is never taken for a name to look up.
+The viewer's own page loads a font, looks for a newer version and reports its use. This server
+serves the same page with a guard before all of its code: a request to another host is answered at
+once with an empty response, and a content security policy keeps the browser from sending any. A
+request under another host name than this machine's is refused, and its path is never looked up as
+a name.
 """
 
 from __future__ import annotations
@@ -39,12 +40,12 @@ POLICY = (
 #: What may be asked for: a path of plain characters.
 PATH = re.compile(r"/[!-~]*")
 #: How long the viewer's own server may take to answer, s.
-PATIENCE = 20.0
+TIMEOUT_S = 20.0
 OUTSIDE = re.compile(rb'<link[^>]*"https://[^>]*>')
 
 
 class Pages(NamedTuple):
-    """The address for a browser, the one to which a live run sends its picture, and who serves."""
+    """The address for a browser, the one to which a live run is sent, and the viewer's process."""
 
     address: str
     stream: str
@@ -116,7 +117,7 @@ class _Handler(BaseHTTPRequestHandler):
     def _viewer(self, path: str) -> None:
         """A part of Rerun's own viewer."""
         try:
-            with closing(HTTPConnection(HOST, self.server.assets, timeout=PATIENCE)) as viewer:
+            with closing(HTTPConnection(HOST, self.server.assets, timeout=TIMEOUT_S)) as viewer:
                 viewer.request("GET", path)
                 answer = viewer.getresponse()
                 kind, body = answer.headers.get_content_type(), answer.read()

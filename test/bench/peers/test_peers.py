@@ -5,8 +5,8 @@ import builtins
 import numpy as np
 import pytest
 
+from cam_rig.bench.peers.intervals import intervals
 from cam_rig.bench.peers.peers import PEERS
-from cam_rig.bench.peers.stretch import stretches
 from cam_rig.bench.reference import stored
 from cam_rig.bench.study import sweep
 
@@ -37,10 +37,10 @@ def test_a_peer_comes_to_the_reference(cases, title, name, turns, limit):
 def test_stretches_are_the_law(cases):
     """Lift, velocity and acceleration of the peers' cheap functions are those of the law."""
     case = cases["one_mass_arc"]
-    for start, stretch in stretches(case.law, case.speed, 2):
-        local = np.linspace(0.0, stretch.duration, 13)[1:-1]
+    for start, interval in intervals(case.law, case.speed, 2):
+        local = np.linspace(0.0, interval.duration, 13)[1:-1]
         for order in range(3):
-            function = stretch.function(np.eye(4)[order])
+            function = interval.function(np.eye(4)[order])
             found = np.array([function(time) for time in local.tolist()])
             wanted = case.law(case.speed * (start + local), order) * case.speed**order
             scale = np.abs(case.law.derivative_ordinates(order)).max() * case.speed**order
@@ -50,7 +50,7 @@ def test_stretches_are_the_law(cases):
 def test_peers_restart_at_joints_only(cases):
     """3-4-5 jumps in its third derivative at four joints; the two dwells at 0° are one."""
     case = cases["resonance"]
-    assert len(stretches(case.law, case.speed, 3)) == 3 * 4 + 1
+    assert len(intervals(case.law, case.speed, 3)) == 3 * 4 + 1
 
 
 def test_a_missing_peer_is_skipped_with_the_remedy(cases, monkeypatch):

@@ -78,7 +78,7 @@ def test_critically_damped_flight():
     squares = np.linalg.eigvals(np.array([[k1 / m1, -k1 / m1], [-k1 / m2, (k1 + k2) / m2]]))
     for square in squares:
         beta = 2.0 / float(np.sqrt(square))
-        p = TwoMassParameters(m1, m2, k1, k2, beta * k1, beta * k2, 12.0, 9.81)
+        p = TwoMassParameters(m1, m2, k1, k2, beta * k1, beta * k2, 12.0)
         start = np.array([0.01, 0.5, 0.008, -0.2])
         times = np.array([1e-5, 1e-3, 0.02, 0.3])
         got = fly(p, start, times)

@@ -7,7 +7,7 @@ import pytest
 
 from cam_rig.dynamics.linear.sampling import sample
 from cam_rig.dynamics.modal.minimum import ModalRun
-from cam_rig.dynamics.modal.response import Ringing
+from cam_rig.dynamics.modal.response import ModalResponse
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
 from cam_rig.errors import DynamicsError
 from cam_rig.schema import load_rig
@@ -21,7 +21,7 @@ def two_mass(config_dir):
 
 
 def ringing(law, parameters):
-    return Ringing.of(contact_response(law, parameters, 1.0), force_output(parameters))
+    return ModalResponse.of(contact_response(law, parameters, 1.0), force_output(parameters))
 
 
 @pytest.mark.parametrize("duration", [0.4, None])
@@ -107,7 +107,7 @@ def test_kick_of_a_joint(laws, two_mass):
     """A jump of s''' by 60 h/β³ kicks a stiff stem to α (60 h/β³) (Ω/ω)³, to 1 %."""
     stiff = replace(two_mass, stem_stiffness=1e10)
     model, speed = ringing(laws["poly345"], stiff), 300.0 * RPM
-    kick = 2.0 * np.abs(model.kicks(np.array([speed]))[0, 1, 0])
+    state_jump = 2.0 * np.abs(model.state_jumps(np.array([speed]))[0, 1, 0])
     rate = abs(model.rates[0])
     jump = 60.0 * 0.05 / np.radians(117.5) ** 3
-    assert kick == pytest.approx(stiff.share * jump * (speed / rate) ** 3, rel=0.01)
+    assert state_jump == pytest.approx(stiff.share * jump * (speed / rate) ** 3, rel=0.01)

@@ -6,7 +6,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from cam_rig.dynamics.one_mass.flight import thrown
+from cam_rig.dynamics.one_mass.flight import lifted_off
 from cam_rig.laws import bernstein
 
 #: mass 1.3 kg, spring 4030 N/m: critical damping 2√(km) = 144.8 N·s/m
@@ -25,7 +25,7 @@ class Thrown:
 
     def __init__(self, parameters):
         self.parameters = parameters
-        self.flight = thrown(parameters, 0.031, 1.7)
+        self.flight = lifted_off(parameters, 0.031, 1.7)
 
 
 def exact(p, time):
@@ -51,7 +51,7 @@ def test_state_against_fifty_digits(flight, time):
 def test_weight_without_a_spring(follower, stiffness):
     """A follower held by its weight, its spring next to nothing, falls as exactly as any other."""
     soft = dataclasses.replace(follower, spring_stiffness=stiffness)
-    y, v = thrown(soft, 0.031, 1.7).state(np.array([0.1]))
+    y, v = lifted_off(soft, 0.031, 1.7).state(np.array([0.1]))
     expected_y, expected_v = exact(soft, 0.1)
     assert float(y[0]) == pytest.approx(expected_y, abs=1e-12 * 0.031)
     assert float(v[0]) == pytest.approx(expected_v, abs=1e-12 * 1.7)

@@ -15,7 +15,7 @@ from cam_rig.laws import Law
 from cam_rig.units import NS
 
 MS = NS // 1000
-PAPER = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6, 0.0, 0.5)
+PAPER = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6, 0.5)
 MASS = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8, 0.0)
 
 

@@ -20,7 +20,7 @@ STEM = TwoMassParameters(0.52, 0.78, 3.3e8, 4030.0, 8.642, 8.642, 12.753)
 HARDEST = replace(STEM, stem_stiffness=1e10, stem_damping=0.0, damping=0.0)
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 
-PLASTIC = {"soft": SOFT, "stem": STEM, "heavy": replace(SOFT, gravity=9.81)}
+PLASTIC = {"soft": SOFT, "stem": STEM}
 PLASTIC |= {"undamped stem": replace(STEM, stem_damping=0.0, damping=0.0), "hardest": HARDEST}
 LIVELY = {
     "soft, e=0.5": replace(SOFT, restitution=0.5),
@@ -34,7 +34,7 @@ def stored(p, state):
     z, v, y, w = state[:4]
     kinetic = 0.5 * p.roller_mass * v**2 + 0.5 * p.end_mass * w**2
     springs = 0.5 * p.stem_stiffness * (z - y) ** 2 + 0.5 * p.spring_stiffness * y**2
-    return kinetic + springs + p.end_load * y + p.roller_mass * p.gravity * z
+    return kinetic + springs + p.preload * y
 
 
 def smooth_stretches(found):

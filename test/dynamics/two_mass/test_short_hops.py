@@ -11,7 +11,7 @@ from cam_rig.bench.reference.exact_law import polynomial, powers
 from cam_rig.dynamics import FollowerParameters, FollowerState, Interval
 from cam_rig.dynamics.contact import force_weights
 from cam_rig.dynamics.landing import Approach
-from cam_rig.dynamics.one_mass.flight import thrown
+from cam_rig.dynamics.one_mass.flight import lifted_off
 from cam_rig.dynamics.one_mass.trajectory import OneMassTrajectory
 from cam_rig.units import NS, TURN
 
@@ -79,7 +79,7 @@ def test_a_hop_is_known_to_its_last_digits(laws, cam, degrees, height):
     assert back > 1.0
     opening = np.sqrt(2.0 * back * height)
     s, slope, _ = law.at(angle)
-    flight = thrown(P, s, slope * SPEED + opening, 0.0, opening)
+    flight = lifted_off(P, s, slope * SPEED + opening, 0.0, opening)
     found = Approach(flight, law, angle, SPEED).run(0.1)
     with mp.workdps(50):
         exact = Exact(law, P, SPEED)
@@ -102,7 +102,7 @@ def test_a_hop_over_a_joint(laws, height, part):
     opening = np.sqrt(2.0 * back * height)
     angle = joint - part * SPEED * opening / back
     s, slope, _ = law.at(angle)
-    flight = thrown(P, s, slope * SPEED + opening, 0.0, opening)
+    flight = lifted_off(P, s, slope * SPEED + opening, 0.0, opening)
     found = Approach(flight, law, angle, SPEED).run(0.1)
     with mp.workdps(50):
         time, _ = Exact(law, P, SPEED).hop(mp.mpf(angle), mp.mpf(opening), found.time)

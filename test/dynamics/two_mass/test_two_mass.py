@@ -56,7 +56,7 @@ def test_against_a_tight_integrator(laws):
 
     def contact(t, x):
         s, v, _ = found.cam(np.array([t]))[:, 0]
-        push = p.stem_damping * v + p.stem_stiffness * s - p.end_load
+        push = p.stem_damping * v + p.stem_stiffness * s - p.preload
         damping, stiffness = p.stem_damping + p.damping, p.stem_stiffness + p.spring_stiffness
         return [x[1], (push - damping * x[1] - stiffness * x[0]) / p.end_mass]
 

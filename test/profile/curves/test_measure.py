@@ -54,9 +54,9 @@ def test_on_an_eccentric_circle_a_swinging_face_touches():
     """sin(φ − direction of the centre) = (R − offset) / distance of the centre."""
     pivot, arm, offset = 0.060, 0.050, 0.004
     towards = pivot - CENTRE * np.exp(1j * ANGLES)
-    swing = np.arcsin((RADIUS - offset) / np.abs(towards)) - np.angle(towards)
+    arm_angle = np.arcsin((RADIUS - offset) / np.abs(towards)) - np.angle(towards)
     lift = rest(SwungFace(arm, offset, pivot, 0.0), eccentric_circle, ANGLES)
-    np.testing.assert_allclose(lift, arm * swing, rtol=1e-13)
+    np.testing.assert_allclose(lift, arm * arm_angle, rtol=1e-13)
 
 
 def test_sense_and_start_of_the_points_do_not_matter(made):

@@ -1,4 +1,4 @@
-"""The factorial study: laws as they are meant, known effects, an answer from the numbers."""
+"""The factorial study: laws as they are meant, known effects, conclusions from the numbers."""
 
 import math
 from dataclasses import replace
@@ -10,8 +10,13 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws.continuity import joints
 from cam_rig.laws.peaks import peak
 from cam_rig.schema import load_factorial, load_rig
-from cam_rig.studies.factorial.conclusions import answer
-from cam_rig.studies.factorial.criteria import BY_KEY, decided_by
+from cam_rig.studies.factorial.conclusions import (
+    BY_KEY,
+    Cause,
+    Classes,
+    conclusions,
+    governed_by,
+)
 from cam_rig.studies.factorial.decomposition import advantages
 from cam_rig.studies.factorial.design import EFFECTS, run_factorial
 from cam_rig.studies.factorial.in_contact import fastest, left, staying
@@ -112,12 +117,12 @@ def test_ringing_falls_with_continuity(found):
     values = BY_KEY["residual"].values(design.cells)
     order = np.argsort(design.classes, kind="stable")
     assert (np.diff(values[order], axis=0) < 0.0).all()
-    assert decided_by(design, BY_KEY["residual"]) == "continuity"
+    assert governed_by(design, BY_KEY["residual"]) is Cause.CONTINUITY
 
 
 def test_noise_of_a_rigid_follower_is_the_slopes(found):
     """With equal acceleration the law hardly matters to a follower that cannot ring."""
-    assert decided_by(found.same_acceleration, BY_KEY["noise"]) == "slopes"
+    assert governed_by(found.same_acceleration, BY_KEY["noise"]) is Cause.SLOPES
 
 
 def test_advantage_adds_up(found):
@@ -137,19 +142,31 @@ def test_cells_stand_in_their_places(found, bench):
     assert found.squeezed[found.config.squeezed.si_list[0]] == found.cams["bezier15"]
 
 
-def test_answer_has_the_studys_numbers(found):
-    """Every sentence stands, and the verdict follows the shares."""
-    said = answer(found)
-    assert len(said) == 7
-    assert said[0].startswith("Mostly the gentler slopes")
+def test_conclusions_are_the_studys_numbers(found):
+    """The advantage is due to the slopes, and its range is that of the shares."""
+    concluded = conclusions(found)
+    assert concluded.advantage is Cause.SLOPES
+    assert (concluded.ahead, concluded.others) == (2, 2)
     shares = [row.jump_share for row in advantages(found)]
-    assert f"{100 * min(shares):.0f} % to {100 * max(shares):.0f} %" in said[0]
+    assert concluded.jump_share == (min(shares), max(shares))
+    assert concluded.classes is Classes.SEVERAL
+    residual = concluded.same_acceleration["residual"]
+    assert residual.governed_by is Cause.CONTINUITY
+    assert residual.shares.law > residual.shares.classes > 0.5
+    assert concluded.compressed_rpm["360"] > concluded.compressed_rpm["297.5"]
 
 
 def test_the_verdict_can_turn(found):
     """Were the rigid follower to jump alike on all cams, it would be continuity."""
     cams = {cam: replace(m, rigid_jump=60.0) for cam, m in found.cams.items()}
-    assert answer(replace(found, cams=cams))[0].startswith("Mostly the continuity")
+    assert conclusions(replace(found, cams=cams)).advantage is Cause.CONTINUITY
+
+
+def test_no_advantage_to_explain(found):
+    """A proposed cam that is behind all others has no advantage, and no share of one."""
+    slow = replace(found.cams["bezier15"], jump=1.0)
+    concluded = conclusions(replace(found, cams=found.cams | {"bezier15": slow}))
+    assert (concluded.advantage, concluded.jump_share) == (Cause.NONE, None)
 
 
 def test_cells_that_leave(found):
@@ -174,13 +191,16 @@ def test_cells_that_leave(found):
     assert staying(design, effect, quick) is None
 
 
-def test_the_verdict_counts_the_cells_that_leave(found):
-    """What is measured where the follower has left the cam is not told as if it had not."""
+def test_conclusions_count_the_cells_without_contact(found):
+    """What is measured where contact is lost is not concluded from as if it were kept."""
     gone = int(left(found.same_acceleration, BY_KEY["residual"], found.config).sum())
-    verdict = answer(found)[0]
-    assert f"{gone} leave the cam below 400 rpm" in verdict
-    assert "simple_harmonic 2" in verdict
-    assert "rigid follower, which cannot ring" in verdict
+    residual = conclusions(found).same_acceleration["residual"]
+    assert sum(residual.lost.values()) == gone < residual.cells
+    assert residual.lost["simple_harmonic"] == 2
+    assert residual.fastest_rpm == pytest.approx(400.0)
+    assert residual.in_contact is not None
+    noise = conclusions(found).same_acceleration["noise"]
+    assert (noise.lost, noise.fastest_rpm, noise.in_contact) == ({}, None, None)
 
 
 def only(found, rises):
@@ -201,23 +221,28 @@ def only(found, rises):
 def test_one_class_says_nothing_of_continuity(found):
     """Laws of one class: no factor from class to class, no second step, no price of continuity."""
     some = only(found, ("poly345", "cycloidal"))
-    said = " ".join(answer(some))
-    assert "All rises of the study are C2: of continuity they say nothing" in said
-    for words in ("follows continuity", "From C", "between classes", "price", "step to C2"):
-        assert words not in said
+    concluded = conclusions(some)
+    assert concluded.classes is Classes.ONE
+    assert concluded.residual_ratio is None
+    assert concluded.jump_smooth is None
+    assert not (concluded.residual_falls or concluded.step_to_c2)
+    assert not concluded.smooth.falls_with_class
+    for effect in concluded.same_acceleration.values():
+        assert effect.governed_by is not Cause.CONTINUITY
+        assert effect.shares.classes is None
     assert [design.name for design in some.designs] == ["same angles", "same acceleration"]
 
 
 def test_one_law_below_c2_has_no_smooth_design(found):
     """With a single law of C2 and above there is no table of such laws, and no word of them."""
     some = only(found, ("simple_harmonic", "poly345"))
-    said = " ".join(answer(some))
-    assert "Each class of the study has one law" in said
-    assert "C2 and above" not in said
+    concluded = conclusions(some)
+    assert concluded.classes is Classes.ONE_LAW_EACH
+    assert (concluded.smooth, concluded.jump_smooth, concluded.step_to_c2) == (None, None, False)
     assert len(some.designs) == 2
 
 
-def test_words_turn_with_the_numbers(found):
+def test_conclusions_turn_with_the_numbers(found):
     """Cells of the smoothest law for those of the roughest, and back: every judgement turns."""
 
     def turned(design):
@@ -228,11 +253,11 @@ def test_words_turn_with_the_numbers(found):
         same_angles=turned(found.same_angles),
         same_acceleration=turned(found.same_acceleration),
     )
-    said, before = " ".join(answer(other)), " ".join(answer(found))
-    for words in ("the smoother the joint the less", "and it is the sharpest", "step to C2 that"):
-        assert words in before
-        assert words not in said
-    assert "it grows" in said
+    before, after = conclusions(found), conclusions(other)
+    for verdict in ("residual_falls", "loudest_is_sharpest", "step_to_c2"):
+        assert getattr(before, verdict)
+        assert not getattr(after, verdict)
+    assert before.residual_ratio > 1.0 > after.residual_ratio
 
 
 def test_one_follower(config, config_dir):

@@ -17,12 +17,11 @@ from cam_rig.schema import load_rig, load_tables
 from cam_rig.studies.cam_set import open_cam_set
 from cam_rig.studies.jump import jump_speed as jump
 from cam_rig.studies.jump import refit as jump_refit
-from cam_rig.studies.jump.comparison import find_jumps, rms_difference, rms_words, same_ranking
-from cam_rig.studies.jump.events import with_event
+from cam_rig.studies.jump.comparison import compare, find_jumps, rms_difference, same_ranking
 from cam_rig.studies.jump.jump_speed import jump_speed
 from cam_rig.studies.jump.published import Reference, references
 from cam_rig.studies.jump.ramp import jump_along_ramp
-from cam_rig.studies.jump.refit import Numbers, refit, refitted
+from cam_rig.studies.jump.refit import Numbers, refit, refitted, with_event
 from cam_rig.studies.jump.search import sought_speed
 from cam_rig.units import RPM
 
@@ -69,7 +68,10 @@ def test_table_2(rows):
     The fifth law was not fitted: it comes out within 1 % too.
     """
     assert rms_difference(row for row in rows if row.role == "fitted") < 0.01
-    assert "% RMS from Table 2 on the 4 cams that identified the rig" in rms_words(rows)
+    found = compare(rows)
+    assert (found.cams, found.fitted, found.same_ranking) == (4, True, True)
+    assert found.rms == rms_difference(row for row in rows if row.role == "fitted")
+    assert found.turns[1] < found.published_turns[0]  # the times of Table 2 do not come out
     assert same_ranking(rows)
     (test,) = [row for row in rows if row.role == "test"]
     assert test.cam == "bezier_segments"
@@ -182,7 +184,7 @@ def test_slow_ramp_is_the_steady_state(laws, two_mass):
 @pytest.mark.parametrize(
     ("changes", "duration", "words"),
     [
-        ({"preload": 0.0}, 1.7, r"leaves it at 1 rpm already; allowed .* preload"),
+        ({"preload": 0.0}, 1.7, r"loses contact at 1 rpm already; allowed .* preload"),
         ({"stem_damping": 0.0, "damping": 0.0}, None, r"no steady state: .* allowed: damping, or"),
     ],
 )
@@ -200,7 +202,7 @@ def test_a_cam_that_throws_nothing(make_cam, two_mass):
         {"law": "poly345", "to": 0, "span": 120},
         lift=1e-12,
     )
-    with pytest.raises(DynamicsError, match="does not leave it up to 100000 rpm"):
+    with pytest.raises(DynamicsError, match="keeps contact up to 100000 rpm"):
         jump_speed(build_law(cam), two_mass, None)
 
 
@@ -224,11 +226,12 @@ def test_fitted_is_told_by_content(cam_set, published):
     assert "cycloidal" not in found
 
 
-def test_words_of_another_rig(rows):
-    """Where nothing was fitted the difference is that of all, and said to be no fit."""
+def test_comparison_on_another_rig(rows):
+    """Where nothing was fitted the difference is that of all, and is no fit."""
     other = [replace(row, role="") for row in rows]
-    assert "on 5 cams, none fitted to it" in rms_words(other)
-    assert rms_words([replace(row, published_rpm=None, role="") for row in rows]) == ""
+    assert (compare(other).cams, compare(other).fitted) == (5, False)
+    assert compare([replace(row, published_rpm=None, role="") for row in rows]) is None
+    assert compare([replace(row, ramp=350.0) for row in rows]) is None
 
 
 def test_a_ramp_is_not_compared(laws, two_mass):
@@ -256,7 +259,7 @@ def test_ramp_must_rise(laws, two_mass, rate):
 def test_every_start_of_a_refit_is_told(cams, laws, two_mass, monkeypatch):
     """Four numbers to four speeds may have several solutions: each start's end, the best first."""
     monkeypatch.setattr(jump_refit, "STARTS", 2)
-    monkeypatch.setattr(jump_refit, "MOST_STEPS", 2)
+    monkeypatch.setattr(jump_refit, "MAX_STEPS", 2)
     speeds = {
         cam: 1.01 * jump_speed(laws[cam], two_mass, 0.4).rpm for cam in ("poly345", "poly4567")
     }
@@ -284,7 +287,7 @@ def test_with_event(cams):
 def test_refit_finds_the_numbers_again(cams, laws, two_mass, monkeypatch):
     """Speeds made with known numbers give these numbers back, from a start somewhat off."""
     monkeypatch.setattr(jump_refit, "STARTS", 1)
-    monkeypatch.setattr(jump_refit, "MOST_STEPS", 6)
+    monkeypatch.setattr(jump_refit, "MAX_STEPS", 6)
     four = ("bezier15", "poly345", "poly4567", "cycloidal")
     speeds = {cam: jump_speed(laws[cam], two_mass, 0.4).rpm for cam in four}
     off = replace(two_mass, preload=0.97 * two_mass.preload)

@@ -5,7 +5,7 @@ import pytest
 
 from cam_rig.errors import LawError
 from cam_rig.laws.cam import arc_cam
-from cam_rig.simulation.levels import cubic
+from cam_rig.simulation.regression import cubic
 from cam_rig.simulation.settled_turns import Acoustics, settled_turns
 from cam_rig.studies.noise.arc_shape import ArcShape, ShapeProblem
 from cam_rig.studies.noise.calibration import rms

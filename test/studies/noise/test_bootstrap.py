@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from cam_rig.studies.noise import bootstrap
-from cam_rig.studies.noise.bootstrap import Band, crossing, points_crossing, resample, sure_crossing
+from cam_rig.studies.noise.bootstrap import (
+    Band,
+    crossing,
+    crossing_interval,
+    points_crossing,
+    resample,
+)
 
 RPM = np.linspace(200.0, 400.0, 21)
 
@@ -56,7 +62,7 @@ def test_deviation_of_a_crossing():
     flat, rising = np.full(21, 80.0), 80.0 + 0.1 * (RPM - 335.0)
     shift = np.random.default_rng(6).normal(0.0, 0.5, size=(bootstrap.DRAWS, 1))
     draws = (np.broadcast_to(flat, (bootstrap.DRAWS, 21)), rising + shift)
-    found = sure_crossing(RPM, (flat, rising), draws, 335.0)
+    found = crossing_interval(RPM, (flat, rising), draws, 335.0)
     assert found.rpm == pytest.approx(335.0, abs=1e-6)
     assert found.deviation == pytest.approx(5.0, rel=0.1)
     assert found.high - found.low == pytest.approx(2 * 1.96 * 5.0, rel=0.1)
@@ -66,7 +72,7 @@ def test_deviation_of_a_crossing():
 def test_draws_that_do_not_cross_are_counted():
     """Where no draw crosses there is no interval, and the share says so."""
     flat = np.full((50, 21), 80.0)
-    found = sure_crossing(RPM, (flat[0], flat[0] + 1.0), (flat, flat + 1.0), 335.0)
+    found = crossing_interval(RPM, (flat[0], flat[0] + 1.0), (flat, flat + 1.0), 335.0)
     assert found.rpm is None
     assert np.isnan(found.low)
     assert found.missing == 1.0

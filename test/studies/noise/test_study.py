@@ -8,7 +8,7 @@ import pytest
 from cam_rig.errors import ConfigError
 from cam_rig.schema import load_rig
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.levels import cubic
+from cam_rig.simulation.regression import cubic
 from cam_rig.simulation.scene import open_scene
 from cam_rig.studies.noise.calibration_methods import with_substitution, with_two_constants
 from cam_rig.studies.noise.leave_one_out import leave_one_out

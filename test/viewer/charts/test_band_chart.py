@@ -9,8 +9,8 @@ import pytest
 
 from cam_rig.viewer.charts.band_chart import LEVELS, band_axes
 from cam_rig.viewer.charts.bands import band_numbers, third_octaves
-from cam_rig.viewer.layout import Layout
-from cam_rig.viewer.recording import ViewOptions, save_recording
+from cam_rig.viewer.options import Layout, ViewOptions
+from cam_rig.viewer.recording import save_recording
 
 from ..conftest import Picture, SmallBag
 

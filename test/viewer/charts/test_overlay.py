@@ -9,11 +9,11 @@ import pytest
 
 from cam_rig.simulation.levels import HeardTick, step_levels
 from cam_rig.simulation.schedule import cam_states
-from cam_rig.viewer.charts.noise_chart import noise_axes
+from cam_rig.viewer.charts.level_chart import level_axes
 from cam_rig.viewer.charts.overlay import at_speed
-from cam_rig.viewer.layout import Layout
-from cam_rig.viewer.recording import ViewOptions, save_recording
-from cam_rig.viewer.scene2d import greatest_force
+from cam_rig.viewer.options import Layout, ViewOptions
+from cam_rig.viewer.recording import save_recording
+from cam_rig.viewer.scene2d import max_contact_force
 from cam_rig.viewer.timeline import TURN, TURN_DEGREES
 
 from ..conftest import Picture, SmallBag
@@ -52,7 +52,7 @@ def test_measured_points_are_the_steps_levels(bag: SmallBag, picture: Picture) -
         HeardTick(start, end.time_ns, pressure)
         for start, end, pressure in zip(states[:-1], states[1:], bag.pressures, strict=True)
     ]
-    axes = noise_axes(bag.loaded)
+    axes = level_axes(bag.loaded)
     for cam, steps in step_levels(ticks, 1.0).items():
         shown = picture.column(f"noise/measured/{cam}", "Points2D:positions")
         rpm = np.array(list(steps)) * 30.0 / np.pi
@@ -64,7 +64,7 @@ def test_measured_points_are_the_steps_levels(bag: SmallBag, picture: Picture) -
 
 def test_the_chart_has_speed_to_the_right_and_level_up(bag: SmallBag) -> None:
     """Corners of the axes are corners of the plane, whose y is down."""
-    axes = noise_axes(bag.loaded)
+    axes = level_axes(bag.loaded)
     corners = axes.place(np.array([300.0, 700.0]), np.array(axes.y))
     np.testing.assert_allclose(corners, [[0.0, axes.height], [axes.width, 0.0]])
 
@@ -91,7 +91,7 @@ def test_cams_side_by_side_at_one_speed(bag: SmallBag, tmp_path: Path, layout: L
     assert "/plots/lift/follower" not in shown.entities
     for cam in bag.loaded.cams:
         label = shown.column(f"compare/{cam}/scene/rig/label", "Points2D:labels")
-        force = greatest_force(bag.loaded, cam, 10.0 * np.pi)
+        force = max_contact_force(bag.loaded, cam, 10.0 * np.pi)
         assert label == [[f"300 rpm, longest arrow {force:.0f} N"]]
         assert len(shown.column(f"compare/{cam}/scene/rig/cam", "Transform3D:quaternion")) == 72
         assert len(shown.column(f"compare/{cam}/bands/bars", "LineStrips2D:strips")) == 1

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from cam_rig.cli.runs.view import view
 from cam_rig.errors import CamRigError
-from cam_rig.viewer.run_recorder import RunDrawing
+from cam_rig.viewer.run_recorder import RunRecorder
 from cam_rig.viewer.server import process as viewer
 
 from ..conftest import SmallBag
@@ -136,7 +136,7 @@ def test_nothing_is_left_of_a_file_that_was_interrupted(
         seen.append(os.listdir(tmp_path))
         os.kill(os.getpid(), number)
 
-    monkeypatch.setattr(RunDrawing, "tick", interrupt)
+    monkeypatch.setattr(RunRecorder, "tick", interrupt)
     own = signal.signal(number, before)
     try:
         result = CliRunner().invoke(app, [str(bag.path), "--save", str(tmp_path / "a.rrd")])
@@ -151,7 +151,7 @@ def test_nothing_is_left_of_a_file_that_was_interrupted(
 def test_an_interrupted_process_ends_with_130(bag: SmallBag, tmp_path: Path) -> None:
     """As a shell sees it."""
     stop = (
-        "import os, signal; from cam_rig.viewer.run_recorder import RunDrawing as R\n"
+        "import os, signal; from cam_rig.viewer.run_recorder import RunRecorder as R\n"
         "R.tick = lambda *a: os.kill(os.getpid(), signal.SIGTERM)\n"
         "from cam_rig.cli.main import main; main()"
     )

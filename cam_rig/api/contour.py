@@ -1,0 +1,153 @@
+"""The shape of a cam under its follower: contour, curvature, pressure angle, and its checks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cam_rig.api.notebook import shown
+from cam_rig.arrays import FloatArray
+from cam_rig.errors import ConfigError
+from cam_rig.extras import libraries_named
+from cam_rig.laws import Law, build_law
+from cam_rig.profile import Contour, contours
+from cam_rig.schema import CamConfig
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+    from cam_rig.profile.checks.check import Check
+
+#: Fewest points of a contour.
+FEWEST = 36
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CamContour:
+    """The contour of a cam in its own frame; point i is touched at cam angle i.
+
+    At cam angle 0 a translating follower is on +y; the cam turns counterclockwise.
+
+    Parameters
+    ----------
+    cam, law : what the shape is of
+    discs : one `Contour`, or two of conjugate cams; ``x`` and so on are those of the first
+    """
+
+    cam: CamConfig
+    law: Law
+    discs: tuple[Contour, ...]
+
+    def __repr__(self) -> str:
+        return f"CamContour({self.cam.name}: {self.angle.size} points, {len(self.discs)} disc(s))"
+
+    @property
+    def angle(self) -> FloatArray:
+        """``(n,)`` cam angles, rad."""
+        return self.discs[0].angle
+
+    @property
+    def x(self) -> FloatArray:
+        """``(n,)`` m."""
+        x, _ = self.discs[0].points
+        return np.asarray(x)
+
+    @property
+    def y(self) -> FloatArray:
+        """``(n,)`` m."""
+        _, y = self.discs[0].points
+        return np.asarray(y)
+
+    @property
+    def radius(self) -> FloatArray:
+        """``(n,)`` radius of curvature, m: positive where convex, negative where concave."""
+        return self.discs[0].radius
+
+    @property
+    def pressure_angle(self) -> FloatArray:
+        """``(n,)`` rad, signed."""
+        return self.discs[0].pressure
+
+    @cached_property
+    def checks(self) -> list[Check]:
+        """Undercut, curvature, pressure angle, reach: each with value, limit and ``passed``.
+
+        Raises
+        ------
+        MissingLibraryError : shapely is not installed
+        """
+        with libraries_named():
+            from cam_rig.profile.checks.all_checks import check_cam
+        return check_cam(self.cam, self.law)
+
+    def to_pandas(self) -> DataFrame:
+        """A row each point, of every disc.
+
+        Raises
+        ------
+        MissingLibraryError : pandas is not installed
+        """
+        with libraries_named():
+            from pandas import DataFrame, concat
+        tables = [
+            DataFrame(
+                {
+                    "disc": disc.disc.name,
+                    "angle_rad": disc.angle,
+                    "x_m": disc.points[0],
+                    "y_m": disc.points[1],
+                    "radius_m": disc.radius,
+                    "pressure_angle_rad": disc.pressure,
+                }
+            )
+            for disc in self.discs
+        ]
+        return concat(tables, ignore_index=True)
+
+    def plot(self) -> Figure:
+        """The cam with its follower around it, curvature and pressure angle.
+
+        Raises
+        ------
+        MissingLibraryError : matplotlib or shapely is not installed
+        """
+        with libraries_named():
+            from cam_rig.plots.profile import figure
+        return shown(figure(self.cam, self.law, self.checks))
+
+
+def contour(cam: CamConfig, points: int = 3600) -> CamContour:
+    """The contour of a cam at equal steps of the cam angle, by kinematic inversion.
+
+    Parameters
+    ----------
+    cam : of `load_cam`
+    points : of one turn
+
+    Raises
+    ------
+    ConfigError : fewer than 36 points
+    LawError, ReachError : the law does not join, or the follower cannot reach the base circle
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> shape = cam_rig.contour(cam_rig.load_cam("poly345"), points=360)
+    >>> round(float(shape.radius.min()) * 1e3, 1)  # mm
+    65.0
+    >>> all(check.passed for check in shape.checks)
+    True
+    """
+    if not points >= FEWEST:
+        raise ConfigError(f"points: {points!r}; allowed: {FEWEST} or more")
+    law = build_law(cam)
+    found = contours(cam.follower, law, points)
+    for disc in found:
+        for array in (getattr(disc, field.name) for field in fields(disc)):
+            if isinstance(array, np.ndarray):
+                array.setflags(write=False)
+    return CamContour(cam, law, found)

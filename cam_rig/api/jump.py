@@ -1,0 +1,82 @@
+"""The jump speed of a cam on a rig: the lowest at which the follower leaves the cam."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from cam_rig.api.notebook import shown
+from cam_rig.dynamics import TwoMassParameters
+from cam_rig.extras import libraries_named
+from cam_rig.laws import Law
+from cam_rig.schema import RigConfig
+from cam_rig.studies.jump import jump_speed as study
+from cam_rig.studies.jump.contact_limit import FROM_REST
+from cam_rig.studies.jump.jump_speed import Jump
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+
+@dataclass(frozen=True)
+class JumpSpeed(Jump):
+    """A jump speed: ``rpm``, ``speed`` (rad/s), and where the follower leaves the cam.
+
+    ``angle`` (rad of cam angle in its turn) and ``time`` (s, from rest or from the beginning of a
+    turn) are those of the first lift-off. ``duration`` (s) is the run's; None is steady state.
+    """
+
+    law: Law = field(repr=False)
+    rig: RigConfig = field(repr=False)
+    duration: float | None
+
+    def to_pandas(self) -> DataFrame:
+        """One row: cam, speed, and where the follower leaves.
+
+        Raises
+        ------
+        MissingLibraryError : pandas is not installed
+        """
+        with libraries_named():
+            from pandas import DataFrame
+        row = {"cam": self.law.name, "rpm": self.rpm, "angle_rad": self.angle, "time_s": self.time}
+        return DataFrame([row])
+
+    def plot(self) -> Figure:
+        """The minimum contact force (N) of a run over the speed (rpm): zero at the jump speed.
+
+        Raises
+        ------
+        MissingLibraryError : matplotlib is not installed
+        """
+        with libraries_named():
+            from cam_rig.plots.jump import one_cam
+        parameters = TwoMassParameters.from_rig(self.rig)
+        return shown(one_cam(self.law, parameters, self.duration, self.rpm))
+
+
+def jump_speed(law: Law, rig: RigConfig, *, duration: float | None = FROM_REST) -> JumpSpeed:
+    """The lowest speed at which the two-mass follower leaves the cam, to 0.01 rpm.
+
+    Parameters
+    ----------
+    law : of `build_law`, or one's own `Law`
+    rig : one with ``roller_share`` and ``stem_damping``, such as ``paper_table2``
+    duration : s, of runs from rest at cam angle 0, each at one speed; None for the steady state
+
+    Raises
+    ------
+    ConfigError : the rig does not say how the mass is split
+    DynamicsError : the follower leaves at any speed, or at none; or there is no steady state
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> law = cam_rig.build_law(cam_rig.load_cam("poly345"))
+    >>> rig = cam_rig.load_rig("paper_table2")
+    >>> round(cam_rig.jump_speed(law, rig).rpm, 2)
+    413.44
+    """
+    found = study.jump_speed(law, TwoMassParameters.from_rig(rig), duration)
+    return JumpSpeed(found.speed, found.angle, found.time, law, rig, duration)

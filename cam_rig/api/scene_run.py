@@ -1,0 +1,143 @@
+"""A scene's run, computed here or read from a bag: level against speed for each cam."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cam_rig.api.files import load_scene
+from cam_rig.api.notebook import shown
+from cam_rig.extras import libraries_named
+from cam_rig.schema.load import named_path
+from cam_rig.simulation.levels import HeardTick, NoiseResult, compare, require_ticks, step_levels
+from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.schedule import tick_count
+from cam_rig.simulation.simulate import simulate
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SceneRun:
+    """A run of a scene.
+
+    Parameters
+    ----------
+    loaded : the scene with its cams, laws and rig
+    ticks : what the microphone heard, tick by tick: r.m.s. pressure (Pa)
+    source : the scene's file, or the bag
+    counts : messages by topic, of a bag
+    """
+
+    loaded: LoadedScene
+    ticks: tuple[HeardTick, ...]
+    source: Path
+    counts: dict[str, int] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return f"SceneRun({self.source}: {', '.join(self.loaded.laws)}, {len(self.ticks)} ticks)"
+
+    @property
+    def complete(self) -> bool:
+        """Whether the whole scene was run."""
+        return len(self.ticks) >= tick_count(self.loaded.scene)
+
+    @cached_property
+    def noise(self) -> NoiseResult:
+        """Level (dB) against speed (rpm): ``curves`` by cam, and where two regressions cross.
+
+        Raises
+        ------
+        CamRigError : no tick of a settled turn was run
+        """
+        levels = step_levels(self.ticks, self.loaded.scene.program.settle_turns.si)
+        require_ticks(levels, str(self.source))
+        return compare(
+            levels, {cam: self.loaded.role(cam) for cam in levels}, self.loaded.published
+        )
+
+    def to_pandas(self) -> DataFrame:
+        """A row each cam and speed: ``cam``, ``rpm``, ``level_db``.
+
+        Raises
+        ------
+        MissingLibraryError : pandas is not installed
+        """
+        with libraries_named():
+            from pandas import DataFrame, concat
+        curves = self.noise.curves.values()
+        tables = [DataFrame({"cam": c.cam, "rpm": c.rpm, "level_db": c.level_db}) for c in curves]
+        return concat(tables, ignore_index=True)
+
+    def plot(self) -> Figure:
+        """Level (dB) against speed (rpm), with regressions and what is published.
+
+        Raises
+        ------
+        MissingLibraryError : matplotlib is not installed
+        """
+        with libraries_named():
+            from cam_rig.plots.noise import figure
+        return shown(figure(self.noise, self.loaded))
+
+
+def run_scene(
+    scene: str | Path | LoadedScene, *, on_tick: Callable[[], None] = lambda: None
+) -> SceneRun:
+    """Run a scene without ROS: the same core as the nodes, and the same numbers.
+
+    Parameters
+    ----------
+    scene : a name in ``config/scenes``, a path, or what `load_scene` gave
+    on_tick : called after each tick, for a progress bar
+
+    Raises
+    ------
+    ConfigError, LawError : one line that names the file and what is wrong in it
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> run = cam_rig.run_scene("quick")
+    >>> curve = run.noise.curves["bezier15"]
+    >>> curve.rpm.round(), curve.level_db.round(1)
+    (array([200., 300., 350., 400.]), array([78.5, 81.4, 83.2, 85.4]))
+    """
+    loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
+    ticks = []
+    for tick in simulate(loaded):
+        ticks.append(tick)
+        on_tick()
+    return SceneRun(loaded, tuple(ticks), loaded.scene_file)
+
+
+def read_bag(bag: str | Path, scene: str | Path | None = None) -> SceneRun:
+    """Read a recorded run back, with the scene that is attached to it.
+
+    Parameters
+    ----------
+    bag : folder of a bag, as ``cam-rig run`` or ``ros2 bag record`` makes it
+    scene : the scene that was run, for a bag that has none attached (``ros2 bag record``)
+
+    Raises
+    ------
+    BagError : the bag is missing, was not closed, or holds another kind of run
+    MissingLibraryError : the extra ``bags`` is not installed
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> recording = cam_rig.read_bag("bags/golden")
+    >>> recording.complete, list(recording.loaded.laws)
+    (True, ['tm21', 'bezier15'])
+    """
+    with libraries_named():
+        from cam_rig.bag.reader import read_recording
+    path = None if scene is None else named_path("scenes", scene)
+    found = read_recording(Path(bag), path)
+    return SceneRun(found.loaded, tuple(found.ticks), Path(bag), found.counts)

@@ -1,0 +1,128 @@
+"""The sound level of a simulated motion, by the same microphone as in a scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cam_rig.acoustics import RadiationParameters, level_db
+from cam_rig.api.motion import CAM, FollowerMotion
+from cam_rig.api.notebook import shown
+from cam_rig.arrays import FloatArray
+from cam_rig.errors import ConfigError
+from cam_rig.extras import libraries_named
+from cam_rig.simulation.levels import HeardTick, step_levels
+from cam_rig.simulation.schedule import CamState
+from cam_rig.simulation.simulate import MicrophoneSimulator
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+
+@dataclass(frozen=True, eq=False)
+class SoundLevel:
+    """Sound pressure level in dB re 20 µPa, unweighted.
+
+    Parameters
+    ----------
+    rpm : cam speed, rpm
+    level_db : over the settled turns
+    by_turn : ``(n,)`` dB of every turn at that speed, those left out too
+    settle_turns : turns left out at the beginning
+    calibrated_on : the cam to whose measured levels the rig's acoustic constants were fitted;
+        empty when they are assumed, and the level is then good for comparisons alone
+    """
+
+    rpm: float
+    level_db: float
+    by_turn: FloatArray
+    settle_turns: int
+    calibrated_on: str
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether the level itself means something, and not only its difference to another."""
+        return bool(self.calibrated_on)
+
+    def __str__(self) -> str:
+        worth = f"calibrated on {self.calibrated_on}" if self.calibrated else "uncalibrated"
+        return f"{self.level_db:.1f} dB at {self.rpm:g} rpm ({worth})"
+
+    def to_pandas(self) -> DataFrame:
+        """A row each turn.
+
+        Raises
+        ------
+        MissingLibraryError : pandas is not installed
+        """
+        with libraries_named():
+            from pandas import DataFrame
+        turn = np.arange(1, self.by_turn.size + 1)
+        settled = turn > self.settle_turns
+        return DataFrame({"turn": turn, "level_db": self.by_turn, "settled": settled})
+
+    def plot(self) -> Figure:
+        """The level (dB) turn by turn, and that of the settled ones.
+
+        Raises
+        ------
+        MissingLibraryError : matplotlib is not installed
+        """
+        with libraries_named():
+            from cam_rig.plots.noise import turn_by_turn
+        return shown(turn_by_turn(self.by_turn, self.settle_turns, self.level_db, str(self)))
+
+
+def sound_level(motion: FollowerMotion, *, settle_turns: int = 1) -> SoundLevel:
+    """The level that the rig's microphone hears of a motion, as in a scene of the same speed.
+
+    Parameters
+    ----------
+    motion : of `simulate`
+    settle_turns : turns left out at the beginning, fewer than the motion has
+
+    Raises
+    ------
+    ConfigError : no turn is left
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> law = cam_rig.build_law(cam_rig.load_cam("poly345"))
+    >>> motion = cam_rig.simulate(law, cam_rig.load_rig("tm21"), rpm=300, turns=4)
+    >>> print(cam_rig.sound_level(motion))
+    83.7 dB at 300 rpm (calibrated on poly345)
+    """
+    ticks = [tick for tick in _heard(motion) if tick.steady]
+    if not 0 <= settle_turns < len(ticks):
+        raise ConfigError(
+            f"settle_turns: {settle_turns!r}; allowed: 0 to {len(ticks) - 1}, fewer than the "
+            f"{len(ticks)} turns of the motion"
+        )
+    found = step_levels(ticks, settle_turns)[CAM]
+    by_turn = level_db(np.array([tick.pressure for tick in ticks]))
+    by_turn.setflags(write=False)
+    level = found[ticks[0].start.speed]
+    return SoundLevel(motion.rpm, level, by_turn, settle_turns, _calibrated_on(motion))
+
+
+def _heard(motion: FollowerMotion) -> list[HeardTick]:
+    """Each turn as the microphone hears it."""
+    radiation = RadiationParameters.from_rig(motion.rig)
+    microphone = MicrophoneSimulator(radiation, int(motion.scene.sample_rate.si))
+    heard = []
+    for block in motion.blocks:
+        i = block.interval
+        pressure = microphone.listen(block.rows, i.mean_speed)
+        start = CamState(i.start_ns, i.angle, i.speed, CAM, i.turns)
+        heard.append(HeardTick(start, i.stop_ns, pressure, i.acceleration == 0.0))
+    return heard
+
+
+def _calibrated_on(motion: FollowerMotion) -> str:
+    radiation = motion.rig.radiation
+    fitted = radiation.gain.origin == radiation.corner.origin == "identified"
+    return (radiation.calibrated_on or "measured levels") if fitted else ""

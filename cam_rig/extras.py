@@ -1,0 +1,69 @@
+"""The extras of the installation: which library comes with which, said in one line when missing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+
+from cam_rig.errors import MissingLibraryError
+
+#: Extra of setup.py by what is imported; the rest is the core, which is always there.
+EXTRAS = {
+    "ezdxf": "cad",
+    "jinja2": "cli",
+    "lz4": "bags",
+    "matplotlib": "plots",
+    "mcap": "bags",
+    "rclpy": "ros-wheels",
+    "rerun": "view",
+    "rich": "cli",
+    "rosbags": "bags",
+    "shapely": "cad",
+    "sksundae": "bench",
+    "typer": "cli",
+    "zstandard": "bags",
+}
+#: Libraries that no part of the rig needs, and no extra brings.
+OPTIONAL = ("pandas",)
+
+
+def require(library: str) -> None:
+    """Refuse to begin what needs a library that is not installed; it is not imported.
+
+    Raises
+    ------
+    MissingLibraryError : in one line, with the extra that brings it
+    """
+    if find_spec(library) is None:
+        raise MissingLibraryError(_missing(library))
+
+
+@contextmanager
+def libraries_named() -> Iterator[None]:
+    """Turn the import error of a missing library into one line that says how to install it.
+
+    Raises
+    ------
+    MissingLibraryError : a library of an extra is not installed
+
+    Examples
+    --------
+    >>> with libraries_named():
+    ...     raise ModuleNotFoundError("No module named 'rerun'", name="rerun.blueprint")
+    Traceback (most recent call last):
+    cam_rig.errors.MissingLibraryError: rerun is not installed: pip install 'cam_rig[view]'
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        library = (error.name or "").partition(".")[0]
+        if library not in EXTRAS and library not in OPTIONAL:
+            raise
+        raise MissingLibraryError(_missing(library)) from None
+
+
+def _missing(library: str) -> str:
+    wanted = f"'cam_rig[{EXTRAS[library]}]'" if library in EXTRAS else library
+    ros = ", or source a ROS 2 installation" if library == "rclpy" else ""
+    return f"{library} is not installed: pip install {wanted}{ros}"

@@ -1,0 +1,121 @@
+"""Sound level against cam speed: the published curves, and each speed as it is simulated.
+
+A finished run has its points from the start, small, and the larger ones grow over them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+
+from cam_rig.arrays import FloatArray
+from cam_rig.drawing import colours
+from cam_rig.simulation.levels import HeardTick, step_levels
+from cam_rig.simulation.scene import LoadedScene
+from cam_rig.units import RPM_PER_RAD_S
+from cam_rig.viewer.charts.axes import UNSEEN, Axes, round_marks
+from cam_rig.viewer.timeline import time_columns
+
+VIEW = "noise"
+#: dB shown where nothing is published.
+LEVELS = (50.0, 110.0)
+#: Radii on the screen: of dashes, of points as they come, of those of a finished run.
+LINE, POINT, FINAL = -1.2, -4.0, -2.5
+DASHES = 40
+#: Of the plane, whose height is 100.
+WIDTH = 200.0
+
+
+def level_axes(loaded: LoadedScene) -> Axes:
+    """All speeds of the scene, and the published levels with room around them."""
+    speeds = np.array(loaded.scene.program.speeds.si_list) * RPM_PER_RAD_S
+    low, high = float(speeds.min()), float(speeds.max())
+    if high == low:
+        low, high = low - 50.0, high + 50.0
+    if loaded.published is None:
+        return Axes((low, high), LEVELS, WIDTH)
+    fine = np.linspace(low, high, 100)
+    levels = np.array([loaded.published.level(c, fine) for c in loaded.published.regression_db])
+    lowest, highest = 5.0 * np.floor(levels.min() / 5.0), 5.0 * np.ceil(levels.max() / 5.0)
+    return Axes((low, high), (float(lowest) - 5.0, float(highest) + 5.0), WIDTH)
+
+
+class LevelChart:
+    """Draws the axes and what is published, then every step as far as it is measured."""
+
+    def __init__(self, stream: rr.RecordingStream, loaded: LoadedScene) -> None:
+        self._stream, self._loaded, self._axes = stream, loaded, level_axes(loaded)
+        self._settle = loaded.scene.program.settle_turns.si
+        self._step: list[HeardTick] = []
+        self._levels: dict[str, dict[float, float]] = {}
+        self._new: dict[str, tuple[int, float]] = {}
+        self._drawn: set[str] = set()
+        rpm, level = round_marks(*self._axes.x, "rpm"), round_marks(*self._axes.y, "dB")
+        self._axes.draw(stream, f"{VIEW}/axes", rpm, level)
+        if loaded.published is not None:
+            for cam in loaded.published.regression_db:
+                self._draw_published(cam)
+
+    def add(self, tick: HeardTick, end_angle: float) -> float | None:
+        """Take the next tick; ``end_angle`` (rad) is the cam's at its end.
+
+        Returns
+        -------
+        the level (dB) measured at this speed so far, None until it has settled
+        """
+        if self._step and (tick.start.cam, tick.start.speed) != (
+            self._step[0].start.cam,
+            self._step[0].start.speed,
+        ):
+            self._step = []
+        self._step.append(tick)
+        cam, speed = tick.start.cam, tick.start.speed
+        level = step_levels(self._step, self._settle).get(cam, {}).get(speed)
+        if level is not None:
+            self._levels.setdefault(cam, {})[speed] = level
+            self._new[cam] = tick.stop_ns, end_angle
+        return level
+
+    def flush(self) -> None:
+        """Draw what was measured since."""
+        for cam, (time_ns, angle) in self._new.items():
+            self._draw_measured(cam, time_ns, angle)
+        self._new = {}
+
+    def finish(self) -> None:
+        """Draw all points so that they are there at every time, and on every timeline."""
+        for cam in self._levels:
+            colour = colours.of_cam(self._loaded, cam)
+            points = rr.Points2D(self._points(cam), colors=colour, radii=FINAL)
+            self._stream.log(f"{VIEW}/final/{cam}", points, static=True)
+
+    def _draw_measured(self, cam: str, time_ns: int, angle: float) -> None:
+        points = self._points(cam)
+        columns = rr.Points2D.columns(positions=points).partition([len(points)])
+        at = time_columns(np.array([time_ns * 1e-9]), np.array([angle]))
+        entity = f"{VIEW}/measured/{cam}"
+        if cam not in self._drawn:
+            self._drawn.add(cam)
+            style = rr.Points2D.from_fields(colors=colours.of_cam(self._loaded, cam), radii=POINT)
+            self._stream.log(entity, style, static=True)
+        self._stream.send_columns(entity, at, columns)
+
+    def _points(self, cam: str) -> FloatArray:
+        """``(n, 2)`` places of a cam's points so far."""
+        steps = self._levels[cam]
+        return self._axes.place(np.array(list(steps)) * RPM_PER_RAD_S, np.array([*steps.values()]))
+
+    def _draw_published(self, cam: str) -> None:
+        published = self._loaded.published
+        if published is None:
+            return
+        known = cam in self._loaded.cams
+        colour = colours.of_cam(self._loaded, cam) if known else colours.GREY
+        title = self._loaded.cams[cam].title if known else cam
+        rpm = np.linspace(*self._axes.x, 2 * DASHES)
+        points = self._axes.place(rpm, published.level(cam, rpm))
+        dashes = rr.LineStrips2D(list(points.reshape(DASHES, 2, 2)), colors=colour, radii=LINE)
+        self._stream.log(f"{VIEW}/published/{cam}", dashes, static=True)
+        beside = points[-1:] + np.array([0.16 * self._axes.width, -0.04 * self._axes.height])
+        name = rr.Points2D(beside, labels=[title], colors=colour, radii=UNSEEN)
+        self._stream.log(f"{VIEW}/published/{cam}/name", name, static=True)

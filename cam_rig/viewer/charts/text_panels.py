@@ -1,0 +1,80 @@
+"""What the viewer shows as text: the scene with every number, and a table of results."""
+
+from __future__ import annotations
+
+from cam_rig.schema.quantity import ORIGINS, Quantity
+from cam_rig.simulation.scene import LoadedScene
+from cam_rig.units import to_rpm
+from cam_rig.viewer.turns import Turn, lift_offs
+
+HEAD = (
+    "| cam | speed [rpm] | level [dB] | max force [N] | min force [N] | lift-offs | max gap [mm] |",
+    "|---|---:|---:|---:|---:|---:|---:|",
+)
+
+
+class ResultTable:
+    """A table that grows; the newest line is first."""
+
+    def __init__(self, loaded: LoadedScene) -> None:
+        self._loaded = loaded
+        self._motion: dict[tuple[str, float], str] = {}
+        self._levels: dict[tuple[str, float], float] = {}
+
+    def motion(self, turn: Turn) -> None:
+        """Take the newest turn of a cam at a speed."""
+        lift, force = turn.lift, turn.force
+        count = int(lift_offs(force, bool(force[-1] == 0.0)).sum())
+        gap = float((lift - self._loaded.laws[turn.cam](turn.angle)).max()) * 1e3 if count else 0.0
+        words = f"| {force.max():.4g} | {force.min():.4g} | {count} | {gap:.3g} |"
+        self._motion[turn.cam, turn.speed] = words
+
+    def level(self, cam: str, speed: float, level: float) -> None:
+        """Take the level (dB) of a cam at a speed (rad/s), measured so far."""
+        self._levels[cam, speed] = level
+
+    def words(self) -> str:
+        """Markdown."""
+        lines = [self._line(*step) for step in reversed(self._motion)]
+        return "\n".join(["# Results", "", *HEAD, *lines]) + "\n"
+
+    def _line(self, cam: str, speed: float) -> str:
+        level, rpm = self._levels.get((cam, speed)), to_rpm(speed)
+        shown = "settling" if level is None else f"{level:.1f}"
+        title = self._loaded.cams[cam].title
+        return f"| {title} | {rpm:.0f} | {shown} {self._motion[cam, speed]}"
+
+
+def about(loaded: LoadedScene, bucket: int) -> str:
+    """Markdown on the scene, its cams and its rig; of ``bucket`` samples two are shown."""
+    scene, rig = loaded.scene, loaded.rig
+    lines = [
+        f"# {scene.title}",
+        f"Model `{scene.model}`, {scene.sample_rate.si:g} samples per second, "
+        f"{scene.program.turns.si:g} turns at each speed.",
+        "The follower is drawn at its simulated lift; contact is lost where the force is zero.",
+    ]
+    if bucket > 1:
+        lines.append(f"Of every {bucket} samples the curves show the minimum and the maximum.")
+    for name, cam in loaded.cams.items():
+        lines += [f"## {cam.title}", f"`{name}`, {cam.follower.type} follower"]
+        lines += by_origin(cam.numbers())
+    lines += [f"## {rig.title}", f"`{rig.name}`"]
+    parts = [*rig.follower, *rig.radiation]
+    lines += by_origin({key: value for key, value in parts if isinstance(value, Quantity)})
+    return "\n\n".join(lines) + "\n"
+
+
+def by_origin(numbers: dict[str, Quantity]) -> list[str]:
+    """A paragraph for the given, the assumed and the identified ones of the numbers."""
+    lines = []
+    for origin in ORIGINS:
+        named = [f"{key} {_value(q)}" for key, q in numbers.items() if q.origin == origin]
+        if named:
+            lines.append(f"**{origin}:** " + "; ".join(named))
+    return lines
+
+
+def _value(quantity: Quantity) -> str:
+    values = ", ".join(f"{value:g}" for value in quantity.numbers)
+    return values if quantity.unit == "1" else f"{values} {quantity.unit}"

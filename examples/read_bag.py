@@ -1,0 +1,26 @@
+"""A recorded run read back: what is in it, its sound levels, and the same computed anew."""
+
+from pathlib import Path
+
+import numpy as np
+
+import cam_rig
+
+BAG, OUT = Path(__file__).parents[1] / "bags" / "golden", Path("out")
+OUT.mkdir(exist_ok=True)
+
+recording = cam_rig.read_bag(BAG)
+print(
+    f"{recording.loaded.scene.title}: {len(recording.ticks)} ticks, complete: {recording.complete}"
+)
+for topic, count in recording.counts.items():
+    print(f"  {topic}: {count} messages")
+
+# The scene, its cams and its rig are attached to the bag, so it can be run again.
+computed = cam_rig.run_scene(recording.loaded)
+for cam, curve in recording.noise.curves.items():
+    away = np.abs(curve.level_db - computed.noise.curves[cam].level_db).max()
+    levels = ", ".join(f"{level:.1f}" for level in curve.level_db)
+    print(f"{cam}: {levels} dB; at most {away:.0e} dB from what is computed now")
+
+recording.plot().savefig(OUT / "read_bag.png")

@@ -1,0 +1,173 @@
+"""`cam_rig.simulate` and `cam_rig.sound_level` of one cam at one speed."""
+
+import sys
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+import cam_rig
+from cam_rig.errors import ConfigError, DynamicsError, MissingLibraryError
+
+
+@pytest.fixture(scope="module")
+def law():
+    return cam_rig.build_law(cam_rig.load_cam("bezier15"))
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return cam_rig.load_rig("tm21")
+
+
+@pytest.fixture
+def figures(monkeypatch):
+    """Figures without a screen, all closed at the end."""
+    monkeypatch.setitem(mpl.rcParams, "backend", "agg")
+    yield
+    mpl.pyplot.close("all")
+
+
+def test_it_is_the_scene_of_one_cam_and_one_speed(law, rig):
+    """The level at a scene's first speed is that of the motion at this speed, bit for bit."""
+    scene = cam_rig.run_scene("quick")
+    motion = cam_rig.simulate(law, rig, rpm=200, turns=2, sample_rate=1000)
+    tm21 = cam_rig.build_law(cam_rig.load_cam("tm21"))
+    first = cam_rig.simulate(tm21, rig, rpm=200, turns=2, sample_rate=1000)
+    assert cam_rig.sound_level(first).level_db == scene.noise.curves["tm21"].level_db[0]
+    assert cam_rig.sound_level(motion).level_db != scene.noise.curves["tm21"].level_db[0]
+
+
+def test_the_follower_is_the_law_where_nothing_vibrates(law, rig):
+    """Kinetostatic: lift and its derivatives are s, ω s', ω² s'' at the samples' cam angles."""
+    motion = cam_rig.simulate(law, rig, model="kinetostatic", rpm=300, turns=2, sample_rate=8000)
+    speed = np.pi * 10.0
+    np.testing.assert_allclose(motion.angle, speed * motion.time, rtol=1e-12)
+    np.testing.assert_allclose(motion.lift, law(motion.angle), atol=1e-15)
+    np.testing.assert_allclose(motion.velocity, speed * law(motion.angle, 1), atol=1e-12)
+    np.testing.assert_allclose(motion.acceleration, speed**2 * law(motion.angle, 2), atol=1e-9)
+    assert motion.rpm == 300
+    assert motion.events == ()
+
+
+def test_a_ramp_brings_the_cam_to_speed(law, rig):
+    """Half the last speed times the ramp's time is the angle at its end."""
+    motion = cam_rig.simulate(law, rig, rpm=300, turns=1, sample_rate=1000, ramp=0.5)
+    at = int(np.searchsorted(motion.time, 0.5))
+    assert motion.angle[0] == 0.0
+    assert motion.angle[at] == pytest.approx(0.5 * 0.5 * 10.0 * np.pi, rel=1e-9)
+
+
+def test_arrays_are_views_that_nobody_writes(law, rig):
+    """One memory for all samples, turns and named rows; and it is read-only."""
+    motion = cam_rig.simulate(law, rig, rpm=300, turns=2, sample_rate=1000)
+    assert np.shares_memory(motion.force, motion.rows)
+    assert np.shares_memory(motion.blocks[1].force, motion.rows)
+    np.testing.assert_array_equal(
+        np.concatenate([block.lift for block in motion.blocks]), motion.lift
+    )
+    for array in (motion.lift, motion.angle, motion.blocks[0].rows):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("alias", "model"), [("two_mass", "separation"), ("elastic_stem", "residual")]
+)
+def test_models_have_two_names(law, alias, model):
+    """The field's name and the one in files give one model, which keeps its key."""
+    rig = cam_rig.load_rig("paper_table2")
+    one, two = (
+        cam_rig.simulate(law, rig, model=name, rpm=300, turns=1, sample_rate=1000)
+        for name in (alias, model)
+    )
+    assert one.scene.model == model
+    np.testing.assert_array_equal(one.rows, two.rows)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"rpm": -5}, r"simulate: program.speeds: is -5 rpm; allowed: at least 0.01 rpm"),
+        ({"rpm": 300, "turns": 0}, r"simulate: program.turns: is 0 turns; allowed: at least 1"),
+        ({"rpm": 300, "model": "two_masses"}, r"simulate: model: is 'two_masses'; allowed: "),
+        ({"rpm": 300, "sample_rate": 100, "ramp": -1}, r"simulate: program.ramp: is -1 s"),
+        ({"rpm": 300, "model": "two_mass"}, r"rig 'tm21': follower has no roller_share"),
+    ],
+)
+def test_a_wrong_argument_is_one_line(law, rig, arguments, words):
+    """Name, value, what is allowed."""
+    with pytest.raises(ConfigError, match=words):
+        cam_rig.simulate(law, rig, **arguments)
+
+
+def test_a_model_says_which_laws_it_takes(rig):
+    """A velocity that jumps is no law for a follower that stays on the cam."""
+    law = cam_rig.build_law(cam_rig.load_cam("worked_example_constant_velocity"))
+    with pytest.raises(DynamicsError, match="velocity"):
+        cam_rig.simulate(law, rig, model="kinetostatic", rpm=300)
+
+
+def test_the_level_leaves_out_the_first_turns(law, rig):
+    """The mean in energy of the others; all turns but one may be left out."""
+    motion = cam_rig.simulate(law, rig, rpm=380, turns=4, sample_rate=4000)
+    heard = cam_rig.sound_level(motion, settle_turns=2)
+    mean = 10.0 * np.log10(np.mean(10.0 ** (heard.by_turn[2:] / 10.0)))
+    assert heard.level_db == pytest.approx(mean, abs=1e-9)
+    with pytest.raises(ConfigError, match=r"settle_turns: 4; allowed: 0 to 3, fewer than the 4"):
+        cam_rig.sound_level(motion, settle_turns=4)
+
+
+def test_a_level_says_what_it_is_worth(law, rig):
+    """Calibrated where the constants were fitted to measured levels, else not."""
+    data = rig.model_dump(exclude_none=True)
+    data["radiation"]["gain"] = {"assumed": rig.radiation.gain.si, "unit": "Pa*s/N"}
+    guessed = type(rig).model_validate(data)
+    known, unknown = (
+        cam_rig.sound_level(cam_rig.simulate(law, r, rpm=300, turns=2, sample_rate=4000))
+        for r in (rig, guessed)
+    )
+    assert known.calibrated
+    assert not unknown.calibrated
+    assert known.level_db == unknown.level_db
+    assert str(known).endswith("(calibrated on poly345)")
+    assert str(unknown).endswith("(uncalibrated)")
+
+
+def test_results_as_tables(law, rig):
+    """A column each, with its unit."""
+    motion = cam_rig.simulate(law, rig, rpm=300, turns=2, sample_rate=1000)
+    table = motion.to_pandas()
+    assert list(table)[:3] == ["time_s", "angle_rad", "lift_m"]
+    np.testing.assert_array_equal(table["force_N"], motion.force)
+    turns = cam_rig.sound_level(motion).to_pandas()
+    assert turns["settled"].tolist() == [False, True]
+
+
+def test_results_as_pictures(law, rig, figures):
+    """What is drawn is what was computed."""
+    motion = cam_rig.simulate(law, rig, rpm=800, turns=2, sample_rate=4000)
+    assert motion.events
+    lift, force = motion.plot().axes
+    np.testing.assert_array_equal(force.lines[0].get_ydata(), motion.force)
+    np.testing.assert_array_equal(lift.lines[1].get_ydata(), law(motion.angle) * 1e3)
+    (levels,) = cam_rig.sound_level(motion).plot().axes
+    assert levels.lines[0].get_ydata().size == 2
+
+
+@pytest.mark.parametrize(
+    ("library", "method", "remedy"),
+    [
+        ("pandas", "to_pandas", "pandas is not installed: pip install pandas"),
+        ("matplotlib", "plot", r"matplotlib is not installed: pip install 'cam_rig\[plots\]'"),
+    ],
+)
+def test_a_missing_library_is_one_line(law, rig, monkeypatch, library, method, remedy):
+    """It names the extra."""
+    for name in [*sys.modules]:
+        if name.split(".")[0] == library or name.startswith("cam_rig.plots"):
+            monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, library, None)
+    motion = cam_rig.simulate(law, rig, rpm=300, turns=1, sample_rate=1000)
+    with pytest.raises(MissingLibraryError, match=f"^{remedy}$"):
+        getattr(motion, method)()

@@ -1,0 +1,118 @@
+"""`cam_rig.jump_speed`, `contour`, `run_scene` and `read_bag` give what commands give."""
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+import cam_rig
+from cam_rig.dynamics import TwoMassParameters
+from cam_rig.errors import BagError, ConfigError
+from cam_rig.studies.jump.search import force_run
+
+GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
+
+
+@pytest.fixture
+def figures(monkeypatch):
+    """Figures without a screen, all closed at the end."""
+    monkeypatch.setitem(mpl.rcParams, "backend", "agg")
+    yield
+    mpl.pyplot.close("all")
+
+
+@pytest.fixture(scope="module")
+def law():
+    return cam_rig.build_law(cam_rig.load_cam("poly345"))
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return cam_rig.load_rig("paper_table2")
+
+
+def test_the_least_force_is_zero_at_the_jump_speed(law, rig):
+    """That is what a jump speed is; a stronger preload raises it."""
+    found = cam_rig.jump_speed(law, rig)
+    run = force_run(law, TwoMassParameters.from_rig(rig), found.duration)
+    assert run.lowest(found.speed * (1.0 - 1e-5)) > 0.0 > run.lowest(found.speed * (1.0 + 1e-5))
+    assert cam_rig.jump_speed(law, rig.with_follower(preload=40.0)).rpm > found.rpm
+    assert found.to_pandas()["rpm"].tolist() == [found.rpm]
+
+
+def test_the_jump_speed_is_drawn_where_the_force_is_zero(law, rig, figures):
+    """The curve of the least force passes through the point."""
+    found = cam_rig.jump_speed(law, rig)
+    (axes,) = found.plot().axes
+    rpm, force = axes.lines[0].get_data()
+    assert np.interp(found.rpm, rpm, force) == pytest.approx(0.0, abs=0.2)
+
+
+def test_a_rig_of_other_numbers_is_checked_as_its_file_is(rig):
+    """A number that is not there, or out of range, is one line."""
+    with pytest.raises(ConfigError, match=r"'paper_table2': follower.preload: is -1 N; allowed"):
+        rig.with_follower(preload=-1.0)
+    with pytest.raises(ConfigError, match=r"follower.preloud: unknown key.*did you mean 'preload'"):
+        rig.with_follower(preloud=1.0)
+    changed = rig.with_follower(roller_share=0.3)
+    assert changed.follower.roller_share.si == 0.3
+    assert rig.follower.roller_share.si == 0.4
+
+
+def test_the_pitch_curve_is_the_base_circle_and_the_lift():
+    """A roller's centre on a radial guide is R_b + R_r + s from the cam's."""
+    cam = cam_rig.load_cam("poly345")
+    shape = cam_rig.contour(cam, points=90)
+    base = cam.follower.base_radius.si + cam.follower.roller
+    centre = np.hypot(*shape.discs[0].pitch)
+    np.testing.assert_allclose(centre, base + shape.law(shape.angle), rtol=1e-12)
+    assert shape.x.size == shape.y.size == 90
+    assert shape.to_pandas()["x_m"].tolist() == shape.x.tolist()
+    with pytest.raises(ValueError, match="read-only"):
+        shape.x[0] = 0.0
+    with pytest.raises(ConfigError, match="points: 3; allowed: 36 or more"):
+        cam_rig.contour(cam, points=3)
+
+
+def test_a_conjugate_cam_has_two_contours(figures):
+    """Both are in the table and in the picture."""
+    shape = cam_rig.contour(cam_rig.load_cam("conjugate"), points=360)
+    assert len(shape.discs) == 2
+    assert shape.to_pandas()["disc"].nunique() == 2
+    assert len(shape.plot().axes) == 3
+
+
+def test_a_scene_and_its_bag_give_one_result(figures):
+    """What was recorded is what is computed, level by level."""
+    recording = cam_rig.read_bag(GOLDEN)
+    computed = cam_rig.run_scene(recording.loaded)
+    assert recording.complete
+    assert computed.complete
+    assert recording.counts["/cam/state"] > 0
+    assert computed.counts == {}
+    for cam, curve in computed.noise.curves.items():
+        np.testing.assert_allclose(
+            recording.noise.curves[cam].level_db, curve.level_db, rtol=0, atol=1e-9
+        )
+    table = recording.to_pandas()
+    assert list(table) == ["cam", "rpm", "level_db"]
+    (axes,) = recording.plot().axes
+    assert axes.get_xlabel() == "cam speed [rpm]"
+
+
+def test_progress_is_told_tick_by_tick():
+    """As often as there are ticks."""
+    told = []
+    run = cam_rig.run_scene("quick", on_tick=lambda: told.append(1))
+    assert len(told) == len(run.ticks) == 16
+
+
+def test_a_name_that_is_not_there_lists_those_that_are(tmp_path):
+    """By name or by path, as a command has it."""
+    with pytest.raises(ConfigError, match=r"poly34.yaml: no such file \(did you mean 'poly345'"):
+        cam_rig.load_cam("poly34")
+    with pytest.raises(BagError):
+        cam_rig.read_bag(tmp_path)
+    path = Path(__file__).parents[2] / "config" / "cams" / "poly345.yaml"
+    assert cam_rig.load_cam(path) == cam_rig.load_cam(str(path)) == cam_rig.load_cam("poly345")

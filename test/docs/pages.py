@@ -1,0 +1,49 @@
+"""The documents as the tests read them: pages, their blocks, and the commands in them."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
+FENCE = re.compile(r"^```(\w*)([^\n]*)\n(.*?)^```", re.M | re.S)
+
+
+def text(page: Path) -> str:
+    """A page as it is."""
+    return page.read_text(encoding="utf-8")
+
+
+def blocks(page: Path) -> list[tuple[str, str, str]]:
+    """Its fenced blocks: language, what stands behind it, content."""
+    return FENCE.findall(text(page))
+
+
+def commands(page: Path, program: str) -> list[list[str]]:
+    """The arguments of every call of a program in code, as a shell splits them."""
+    code = re.findall(r"(?<!`)`([^`\n]+(?:\n[^`\n]+)?)`(?!`)", FENCE.sub("", text(page)))
+    lines = [line for _, _, content in blocks(page) for line in content.splitlines()]
+    lines += [line for line in text(page).splitlines() if line.startswith("    ")]
+    found = []
+    for line in [*(c.replace("\n", " ") for c in code), *lines]:
+        call = re.match(rf"(?:\$ )?\s*(?:\.venv/bin/)?{program} (.*)", line.strip())
+        if call:
+            found.append(arguments(call[1]))
+    return found
+
+
+def arguments(line: str) -> list[str]:
+    """What a shell would pass on: without comment, pipe, redirection, background."""
+    words = shlex.split(line, comments=True)
+    ends = [i for i, word in enumerate(words) if word in {"|", ">", "&", "&&", ";"}]
+    return words[: min(ends, default=len(words))]
+
+
+def rows(page: Path, first: str) -> list[list[str]]:
+    """Cells of the table whose heading begins with a word."""
+    table = re.search(rf"^\| {first} \|.*\n\|[-:| ]+\n((?:\|.*\n)+)", text(page), re.M)
+    assert table, f"{page.name}: no table of {first!r}"
+    return [[c.strip() for c in line.split("|")[1:-1]] for line in table[1].splitlines()]

@@ -1,0 +1,70 @@
+"""Every example runs as it stands, and leaves the pictures that it says."""
+
+import ast
+import json
+import runpy
+from pathlib import Path
+
+import matplotlib as mpl
+import pytest
+from matplotlib.figure import Figure
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+SCRIPTS = sorted(path.name for path in EXAMPLES.glob("*.py"))
+#: Something each prints, and the pictures that it leaves in out/.
+LEFT = {
+    "jump_speed.py": ("rpm", {"jump_speed.png"}),
+    "own_law.py": ("checks that fail: none", {"own_cam.png", "own_law.png"}),
+    "own_rig.py": ("follower.preload: is -5 N; allowed: at least 0 N", {"own_rig.png"}),
+    "read_bag.py": ("complete: True", {"read_bag.png"}),
+    "sound.py": ("dB at 400 rpm (calibrated on poly345)", {"sound.png"}),
+}
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path, monkeypatch):
+    """Away from the tree, without a screen."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(mpl.rcParams, "backend", "agg")
+
+
+def test_all_are_known():
+    """A new example is tested with the others, and stands in their list."""
+    assert set(LEFT) == set(SCRIPTS)
+    listed = (EXAMPLES / "README.md").read_text(encoding="utf-8")
+    for path in (*EXAMPLES.glob("*.py"), *EXAMPLES.glob("*.ipynb")):
+        assert f"({path.name})" in listed
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_a_script_runs(name, tmp_path, capsys):
+    """It prints its answer and draws its pictures."""
+    words, pictures = LEFT[name]
+    runpy.run_path(str(EXAMPLES / name), run_name="__main__")
+    assert words in capsys.readouterr().out
+    assert {path.name for path in (tmp_path / "out").iterdir()} == pictures
+
+
+def test_the_notebook_runs(capsys):
+    """Cell by cell in one namespace, as a notebook runs them; a picture is a cell's last value."""
+    notebook = json.loads((EXAMPLES / "one_turn.ipynb").read_text(encoding="utf-8"))
+    assert notebook["nbformat"] == 4
+    names, values = {}, []
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "code":
+            assert cell["outputs"] == []
+            values.append(run_cell("".join(cell["source"]), names))
+    assert sum(isinstance(value, Figure) for value in values) == 3
+    assert values[0] == ("Polynomial 3-4-5", pytest.approx(0.05))
+    assert [kind for kind, _ in values[4]] == ["lift-off", "landing"] * 2
+    assert "dB at 250 rpm (calibrated on poly345)" in capsys.readouterr().out
+
+
+def run_cell(source, names):
+    """The value of a cell's last expression, None where it has none."""
+    tree = ast.parse(source)
+    last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
+    exec(compile(tree, "cell", "exec"), names)
+    if last is None:
+        return None
+    return eval(compile(ast.Expression(last.value), "cell", "eval"), names)

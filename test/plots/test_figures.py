@@ -1,0 +1,132 @@
+"""Figures on paper say what they show, need no screen, and tell cams apart."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from cam_rig.drawing.colours import CAMS, DISCS, web
+from cam_rig.dynamics import TwoMassParameters
+from cam_rig.laws import Law
+from cam_rig.plots import jump, law, lift_off, profile, vibration
+from cam_rig.plots.figures import DASHES, MARKERS, line, marker
+from cam_rig.profile.checks.all_checks import check_cam
+from cam_rig.schema import CamConfig
+from cam_rig.schema.load import config_root
+from cam_rig.studies.cam_set import CamSet, open_cam_set
+from cam_rig.studies.jump.comparison import JumpRow, find_jumps
+
+#: A quantity and its unit, as in "cam angle θ [°]".
+LABEL = re.compile(r"\w.* \[[^\[\]]+\]")
+DURATION, SPEED = 0.5, 460.0
+
+
+@pytest.fixture(scope="module")
+def cam_set() -> CamSet:
+    """Two of the paper's cams on the rig of its Table 2."""
+    names = ("bezier15", "poly345")
+    paths = [config_root() / "cams" / f"{name}.yaml" for name in names]
+    return open_cam_set(paths, config_root() / "rigs" / "paper_table2.yaml")
+
+
+@pytest.fixture(scope="module")
+def jumps(cam_set: CamSet) -> list[JumpRow]:
+    """Their jump speeds in half a second from rest."""
+    return find_jumps(cam_set.laws, TwoMassParameters.from_rig(cam_set.rig), {}, DURATION)
+
+
+@pytest.fixture(scope="module")
+def figures(cam_set: CamSet, jumps: list[JumpRow]) -> dict[str, Figure]:
+    """One of each kind that needs no long study."""
+    cam, curve = cam_set.cams["poly345"], cam_set.laws["poly345"]
+    return {
+        "law": law.figure(cam, curve),
+        "profile": profile.figure(cam, curve, check_cam(cam, curve)),
+        "jump": jump.figure(jumps, cam_set, DURATION),
+        "lift-off": lift_off.figure(cam_set, SPEED),
+        "vibration": vibration.figure(cam_set, 300.0),
+    }
+
+
+def test_every_axis_has_its_quantity_and_unit(figures: dict[str, Figure]) -> None:
+    """Every y, and the x of the lowest panel of a column at least."""
+    for name, figure in figures.items():
+        for axes in figure.axes:
+            assert LABEL.fullmatch(axes.get_ylabel()), name
+        assert any(LABEL.fullmatch(axes.get_xlabel()) for axes in figure.axes), name
+
+
+def test_a_law_is_drawn_to_its_third_derivative(
+    figures: dict[str, Figure], cam_set: CamSet
+) -> None:
+    """Each panel's curve is the law's derivative in the cam's own unit a power of rad."""
+    cam, curve = cam_set.cams["poly345"], cam_set.laws["poly345"]
+    for order, axes in enumerate(figures["law"].axes):
+        angle, drawn = axes.lines[0].get_data()
+        inside = np.isfinite(drawn) & (np.asarray(angle) < 360.0)
+        value = curve(np.radians(np.asarray(angle)[inside]), order) / cam.lift.factor
+        size = np.abs(value).max()
+        away = ~np.isclose(np.asarray(drawn)[inside], value, rtol=0, atol=1e-9 * size)
+        assert away.sum() <= 2 * curve.spans.size  # either side of a jump at a knot
+
+
+def test_the_jump_speed_is_where_the_force_is_zero(
+    figures: dict[str, Figure], jumps: list[JumpRow]
+) -> None:
+    """A marker on the zero line for each cam, at the speed that was found."""
+    (axes,) = figures["jump"].axes
+    marked = [one.get_xydata() for one in axes.lines if one.get_marker() == "o"]
+    expected = [[row.found.rpm, 0.0] for row in jumps]
+    np.testing.assert_array_equal(np.concatenate(marked), expected)
+
+
+def test_the_gap_is_never_below_the_cam(figures: dict[str, Figure], cam_set: CamSet) -> None:
+    """Whoever loses contact has a gap, whoever keeps it has none, to 1e-9 mm."""
+    place, gap = figures["lift-off"].axes
+    assert len(gap.lines) == len(cam_set.laws)
+    for one, text in zip(gap.lines, place.get_legend().get_texts(), strict=True):
+        values = np.asarray(one.get_ydata())
+        assert values.min() > -1e-9
+        assert (values.max() > 1e-6) == text.get_text().endswith("contact lost")
+
+
+def test_vibration_is_at_the_speed_that_was_asked_for(figures: dict[str, Figure]) -> None:
+    """The title says so, and no panel is empty on a rig with a shaft."""
+    figure = figures["vibration"]
+    assert figure.get_suptitle() == "Steady state at 300 rpm on paper_table2"
+    assert all(axes.lines for axes in figure.axes)
+
+
+def test_cams_are_told_apart_without_colour() -> None:
+    """Each of the six has its own colour, dash and marker; after six they come again."""
+    assert len(set(CAMS)) == len(set(map(str, DASHES))) == len(set(MARKERS)) == len(CAMS)
+    assert line(7) == line(1) and marker(7) == marker(1)
+    assert line(0)["color"] == marker(0)["color"] == web(CAMS[0])
+
+
+def test_conjugate_discs_have_their_own_colours(
+    cams: dict[str, CamConfig], laws: dict[str, Law]
+) -> None:
+    """Both contours, each in the colour of its curvature."""
+    cam, curve = cams["conjugate"], laws["conjugate"]
+    figure = profile.figure(cam, curve, check_cam(cam, curve))
+    plan, curvature, _ = figure.axes
+    for axes in (plan, curvature):
+        colours = {one.get_color() for one in axes.lines}
+        assert set(map(web, DISCS)) <= colours
+
+
+def test_no_screen_and_no_global_state_of_matplotlib() -> None:
+    """None of the plots imports pyplot, which would choose how figures are shown."""
+    code = (
+        "import sys, pkgutil, cam_rig.plots as plots\n"
+        "for found in pkgutil.iter_modules(plots.__path__, 'cam_rig.plots.'):\n"
+        "    __import__(found.name)\n"
+        "assert 'matplotlib.pyplot' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

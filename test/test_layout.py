@@ -1,0 +1,48 @@
+"""The package keeps its layout: a name is defined once, and files and functions stay readable."""
+
+import ast
+from collections import Counter
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = sorted((ROOT / "cam_rig").rglob("*.py"))
+MAX_FILE, MAX_FUNCTION = 300, 60
+
+
+def test_a_class_name_is_defined_once():
+    """Who reads or searches for a class finds the one there is."""
+    names = Counter(
+        node.name
+        for path in PACKAGE
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ClassDef)
+    )
+    assert {name: count for name, count in names.items() if count > 1} == {}
+
+
+def test_no_file_is_too_long_to_read():
+    """One thought a file: at most 300 lines."""
+    lines = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in PACKAGE}
+    assert {str(path): count for path, count in lines.items() if count > MAX_FILE} == {}
+
+
+def test_no_function_is_longer_than_a_screen():
+    """At most 60 lines, its docstring included."""
+    found = {
+        f"{path}:{node.name}": node.end_lineno - node.lineno + 1
+        for path in PACKAGE
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef) and node.end_lineno - node.lineno >= MAX_FUNCTION
+    }
+    assert found == {}
+
+
+def test_no_name_is_sought_among_too_many():
+    """A folder below the package's own holds at most 18 entries, its __init__ included."""
+    folders = [path for path in (ROOT / "cam_rig").rglob("*") if path.is_dir()]
+    counts = {
+        str(folder): len([p for p in folder.iterdir() if p.suffix == ".py" or p.is_dir()])
+        for folder in folders
+        if folder.name != "__pycache__"
+    }
+    assert {folder: count for folder, count in counts.items() if count > 18} == {}

@@ -1,0 +1,58 @@
+"""Tables as data: each heading beside its cells, numbers as they are shown, CSV with all digits."""
+
+import csv
+import doctest
+
+import pytest
+
+import cam_rig.tables
+from cam_rig.tables import Column, DataTable, number, tabulate, to_csv
+
+FIELDS = (
+    (Column("cam"), lambda row: row[0]),
+    (Column("speed", "rpm", ".1f", "none"), lambda row: row[1]),
+    (Column("twist", "°", ".4f"), lambda row: None),
+)
+ROWS = (("a", 413.4426), ("b", None))
+
+
+def test_examples():
+    """What the docstrings show is what comes out."""
+    assert doctest.testmod(cam_rig.tables).failed == 0
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [
+        (1.26e6, "1.26e6"),
+        (3.3e8, "3.3e8"),
+        (0.05, "0.05"),
+        (4030.0, "4030"),
+        (9.8599e-5, "9.8599e-5"),
+    ],
+)
+def test_numbers(value, shown):
+    """As few characters as needed."""
+    assert number(value) == shown
+
+
+def test_cells_are_shown_by_their_column():
+    """Digits and the word for nothing are the column's; a column of nothing is left out."""
+    table = tabulate("Speeds", ROWS, FIELDS, "A note.", "")
+    assert [column.title for column in table.columns] == ["cam", "speed [rpm]"]
+    assert table.texts == [["a", "413.4"], ["b", "none"]]
+    assert table.rows == ROWS
+    assert table.notes == ("A note.",)
+
+
+def test_a_table_without_rows():
+    """Nothing to show is an empty table, not an error."""
+    assert tabulate("None", [], FIELDS) == DataTable("None", (), ())
+
+
+def test_csv_has_all_digits():
+    """Numbers are not rounded, what is missing is empty, tables stand apart."""
+    table = tabulate("Speeds, all", ROWS, FIELDS)
+    rows = list(csv.reader(to_csv([table, table]).splitlines()))
+    assert rows[:4] == [["Speeds, all"], ["cam", "speed [rpm]"], ["a", "413.4426"], ["b", ""]]
+    assert rows[4:] == [[], *rows[:4]]

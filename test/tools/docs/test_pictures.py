@@ -1,0 +1,148 @@
+"""What `make pictures` draws of a bag; every picture that a document names is there."""
+
+from __future__ import annotations
+
+import re
+import urllib.request
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from matplotlib import pyplot as plt
+from PIL import Image
+from typer.testing import CliRunner
+
+from cam_rig.drawing.colours import FORCE, GAP, LAW, LIFT, web
+from cam_rig.errors import BagError
+from tools.docs import main, pictures, screenshot, stills
+from tools.docs.browser import HEIGHT, WIDTH, Pixels, count, why_no_browser
+from tools.docs.pictures import ANIMATION, SIDE_BY_SIDE, draw_pictures
+from tools.docs.turn_archive import TurnArchive, gap, read_turns
+
+from ...viewer.conftest import SmallBag
+
+ROOT = Path(__file__).parents[3]
+DOCS = ROOT / "docs"
+
+
+@pytest.fixture(scope="module")
+def archive(bag: SmallBag) -> TurnArchive:
+    """The small bag's turns: two cams, two speeds."""
+    return read_turns(bag.path)
+
+
+@pytest.mark.parametrize(
+    "page", [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))], ids=lambda path: path.name
+)
+def test_every_picture_of_a_document_is_there(page: Path) -> None:
+    """Each can be opened: pixels are more than an icon's, and a drawing has paths."""
+    for name in re.findall(r"!\[[^\]]*\]\((?!https?:)([^)\s]+)\)", page.read_text("utf-8")):
+        if name.endswith(".svg"):
+            drawing = ElementTree.parse(page.parent / name)
+            assert drawing.findall(".//{http://www.w3.org/2000/svg}path"), name
+        else:
+            with Image.open(page.parent / name) as picture:
+                picture.verify()
+                assert min(picture.size) > 200, name
+
+
+def test_the_viewers_picture_shows_every_curve() -> None:
+    """Its colours are kept to within what the eye, and a test of the browser, takes for equal."""
+    with Image.open(DOCS / main.VIEWER) as picture:
+        pixels = np.asarray(picture.convert("RGB"))
+    assert pixels.shape == (HEIGHT, WIDTH, 3)
+    for colour in screenshot.SHOWN:
+        assert count(pixels, colour) > 40, f"#{colour >> 8:06x}"
+
+
+def test_a_photograph_is_of_the_bags_own_layout(
+    bag: SmallBag, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Served as a page, asked for the colours that must be seen, and written as they were."""
+    pixels = np.arange(12, dtype=np.uint8).reshape(2, 2, 3)
+
+    def photograph(address: str, colours: tuple[int, ...], settled: int) -> Pixels:
+        assert urllib.request.urlopen(address).status == 200
+        assert settled in colours and colours == screenshot.SHOWN
+        return pixels
+
+    monkeypatch.setattr(screenshot, "photograph", photograph)
+    screenshot.photograph_viewer(bag.path, tmp_path / "a.png")
+    with Image.open(tmp_path / "a.png") as picture:
+        np.testing.assert_array_equal(np.asarray(picture), pixels)
+
+
+@pytest.mark.long
+@pytest.mark.skipif(why_no_browser() is not None, reason=f"no browser: {why_no_browser()}")
+def test_the_viewer_is_photographed(bag: SmallBag, tmp_path: Path) -> None:
+    """A bag's own layout in Chromium, when it is loaded."""
+    screenshot.photograph_viewer(bag.path, tmp_path / "a.png")
+    with Image.open(tmp_path / "a.png") as picture:
+        assert picture.size == (WIDTH, HEIGHT)
+
+
+def test_the_command_writes_all_but_what_needs_a_browser(
+    bag: SmallBag, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without one, the viewer's picture is left as it is, and this is said."""
+    monkeypatch.setattr(pictures, "FRAMES", 6)
+    monkeypatch.setattr("tools.docs.browser.why_no_browser", lambda: "none is installed")
+    app = main.typer.Typer()
+    app.command()(main.pictures)
+    result = CliRunner().invoke(app, [str(bag.path), "--to", str(tmp_path)])
+    assert result.exit_code == 0, result.stderr
+    assert sorted(p.name for p in tmp_path.iterdir()) == [SIDE_BY_SIDE, "small.png", ANIMATION]
+    assert f"{main.VIEWER}: left as it is (no browser: none is installed)" in result.stderr
+    with Image.open(tmp_path / ANIMATION) as film:
+        assert film.n_frames == 6
+
+
+def test_the_cam_with_the_highest_jump_is_animated(
+    archive: TurnArchive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of the two, polynomial 3-4-5 at 700 rpm."""
+    shown: list[str] = []
+    monkeypatch.setattr(pictures, "animate", lambda _, turn, path: shown.append(turn.cam))
+    monkeypatch.setattr(pictures, "side_by_side", lambda *_: None)
+    draw_pictures(archive, lambda path: None, tmp_path)
+    gaps = {cam: gap(archive.loaded, archive.turn(cam, 700.0)).max() for cam in archive.profiles}
+    assert shown == [max(gaps, key=lambda cam: float(gaps[cam]))] == ["poly345"]
+
+
+def test_a_speed_that_was_not_reached_is_an_error(archive: TurnArchive) -> None:
+    """The words say of which cam, and why it may be."""
+    with pytest.raises(BagError, match="no whole turn of 'poly345' at 500 rpm"):
+        archive.turn("poly345", 500.0)
+
+
+def test_the_curves_are_the_turns(archive: TurnArchive) -> None:
+    """Lift of law and follower in mm and the force in N, over 0 to 360° of the turn."""
+    turn = archive.turn("poly345", 700.0)
+    figure, (lift, force) = plt.subplots(2)
+    stills.draw_curves(lift, force, archive.loaded, turn)
+    drawn = {line.get_color(): np.asarray(line.get_ydata()) for line in lift.lines + force.lines}
+    plt.close(figure)
+    np.testing.assert_array_equal(drawn[web(LIFT)], 1e3 * turn.rows[1])
+    np.testing.assert_array_equal(drawn[web(FORCE)], turn.rows[4])
+    np.testing.assert_allclose(
+        drawn[web(LAW)], 1e3 * archive.loaded.laws["poly345"](turn.angle), rtol=1e-12
+    )
+    assert stills.degrees(turn)[0] == 0.0
+    assert 359.0 < stills.degrees(turn)[-1] < 360.0
+
+
+def test_the_gap_is_drawn_in_flight_and_a_force_in_contact(archive: TurnArchive) -> None:
+    """In flight a red line as long as lift less law, in contact an arrow and no red line."""
+    turn = archive.turn("poly345", 700.0)
+    gaps = gap(archive.loaded, turn)
+    figure, axes = plt.subplots()
+    for sample in (int(gaps.argmax()), int(turn.rows[4].argmax())):
+        axes.clear()
+        stills.draw_rig(axes, archive, turn, sample)
+        red = [line.get_xydata() for line in axes.lines if line.get_color() == web(GAP)]
+        lengths = [float(np.hypot(*(line[1] - line[0]))) for line in map(np.asarray, red)]
+        in_flight = gaps[sample] > 0.0
+        assert len(axes.texts) == int(not in_flight)  # the arrow
+        assert lengths == pytest.approx([1e3 * gaps[sample]] if in_flight else [], rel=1e-9)
+    plt.close(figure)

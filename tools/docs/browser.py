@@ -1,0 +1,146 @@
+"""A real browser without a screen: what one would see of a page, and looking for a colour in it."""
+
+from __future__ import annotations
+
+import importlib.util
+import io
+import shutil
+import time
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from cam_rig.errors import CamRigError
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+#: Debian's Chromium with its own software renderer, which needs no graphics card.
+FLAGS = (
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-quic",
+    "--disable-dev-shm-usage",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+WIDTH, HEIGHT = 1600, 1000
+#: Wall time (s) for a page to be complete, on a slow machine that does other things too.
+TIMEOUT_S = 150.0
+#: Wall time (s) between two pictures, in which the page can go on.
+PAUSE_S = 0.3
+#: A pixel is of a colour when no channel is farther from it than this.
+MAX_CHANNEL_DIFFERENCE = 14
+#: So many pixels make a curve; a point or a gap is small.
+MIN_PIXELS = 12
+#: A curve has settled when its number of pixels differs by no more than this share.
+MAX_CHANGE = 0.01
+
+Pixels = NDArray[np.uint8]
+
+
+def why_no_browser() -> str | None:
+    """What is missing, in words; None where there is a browser."""
+    if importlib.util.find_spec("playwright") is None:
+        return "playwright is not installed"
+    if not any(map(shutil.which, BROWSERS)):
+        return f"none of {', '.join(BROWSERS)} is installed"
+    return None
+
+
+@contextmanager
+def open_browser() -> Iterator[Browser]:
+    """A Chromium without a window.
+
+    Raises
+    ------
+    CamRigError : there is none
+    """
+    if why := why_no_browser():
+        raise CamRigError(f"no browser: {why}")
+    from playwright.sync_api import sync_playwright
+
+    found = next(filter(None, map(shutil.which, BROWSERS)))
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(
+            executable_path=found, args=list(FLAGS), timeout=TIMEOUT_S * 1e3
+        )
+        try:
+            yield chromium
+        finally:
+            chromium.close()
+
+
+def new_page(browser: Browser) -> Page:
+    """An empty page of `WIDTH` by `HEIGHT`, alone in its context."""
+    context = browser.new_context(viewport={"width": WIDTH, "height": HEIGHT})
+    context.add_init_script("console.debug = () => {}")
+    context.set_default_timeout(TIMEOUT_S * 1e3)
+    return context.new_page()
+
+
+def photographs(page: Page, deadline: float) -> Iterator[Pixels]:
+    """Pictures ``(h, w, 3)`` of a page, one after the other, until a time of `time.monotonic`.
+
+    A browser that is short of time cannot always take one: then it is asked again.
+
+    Raises
+    ------
+    CamRigError : not a single one could be taken
+    """
+    from playwright.sync_api import Error
+
+    failed: Error | None = None
+    taken = 0
+    while time.monotonic() < deadline or not taken:
+        left = deadline - time.monotonic()
+        if left <= 0.0:
+            raise CamRigError(f"the browser gives no picture of {page.url}: {failed}")
+        try:
+            data = page.screenshot(timeout=left * 1e3)
+        except Error as error:
+            failed = error
+        else:
+            taken += 1
+            yield np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
+        time.sleep(PAUSE_S)
+
+
+def photograph(address: str, colours: Collection[int], settled: int) -> Pixels:
+    """A picture of a page on which all colours 0xRRGGBBAA can be seen at once.
+
+    Parameters
+    ----------
+    settled : the colour of what grows while the page loads, and then no more
+
+    Raises
+    ------
+    CamRigError : no browser, or they never are
+    """
+    with open_browser() as browser:
+        page, deadline = new_page(browser), time.monotonic() + TIMEOUT_S
+        page.goto(address)
+        before = 0
+        for pixels in photographs(page, deadline):
+            missing = [colour for colour in colours if count(pixels, colour) < MIN_PIXELS]
+            now = count(pixels, settled)
+            if not missing and abs(now - before) <= MAX_CHANGE * now:
+                return pixels
+            before = now
+    words = ", ".join(f"#{colour >> 8:06x}" for colour in missing) or "the page is not still; none"
+    raise CamRigError(f"{address}: {words} not to be seen after {TIMEOUT_S:g} s")
+
+
+def count(pixels: Pixels, colour: int) -> int:
+    """How many pixels are of a colour 0xRRGGBBAA."""
+    wanted = np.array([colour >> 24 & 255, colour >> 16 & 255, colour >> 8 & 255])
+    difference = np.abs(pixels.astype(np.int16) - wanted).max(axis=2)
+    return int((difference <= MAX_CHANNEL_DIFFERENCE).sum())

@@ -1,0 +1,109 @@
+"""Write docs/commands.md: every command of cam-rig, as ``--help`` describes it.
+
+    .venv/bin/python tools/docs/commands.py
+
+``make docs`` runs it first, and a test compares the page with the commands.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterator
+from enum import Enum
+from pathlib import Path
+from typing import Any, get_args
+
+import typer
+
+from cam_rig.cli.main import app
+
+PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
+#: What stands for the value of an option.
+KINDS = {str: "TEXT", int: "N", float: "NUMBER", Path: "PATH"}
+HEAD = """# Commands
+
+Every command has `--help`. This page is made from it by `tools/docs/commands.py`.
+
+A file is given by path, or by name where it is a shipped one: `quick` is
+`config/scenes/quick.yaml`, `poly345` is `config/cams/poly345.yaml`. Tables and messages for people
+go to stderr; JSON and CSV go to stdout.
+
+| exit code | meaning |
+|---:|---|
+| 0 | done |
+| 1 | a run failed, a bag cannot be read or made, a cam fails a check |
+| 2 | a file or an argument is wrong; nothing has run |
+| 128 + n | ended by signal n; 130 after Ctrl-C |
+
+An error is one line: the file or option, its value, what is allowed. A bag is never overwritten.
+"""
+
+
+def page() -> str:
+    """The whole page as Markdown."""
+    group: Any = typer.main.get_command(app)
+    verbs = group.commands
+    summary = ["| command | does |", "|---|---|"]
+    for name, verb in verbs.items():
+        first = inspect.cleandoc(verb.help).split("\n\n")[0].replace("\n", " ")
+        summary.append(f"| [`{name}`](#{name}) | {first} |")
+    parts = [HEAD, "\n".join(summary), *(section(name, verb) for name, verb in verbs.items())]
+    return "\n\n".join(part.strip() for part in parts) + "\n"
+
+
+def section(name: str, verb: Any) -> str:
+    """One command: usage, what it does, its arguments and options, examples."""
+    usage = " ".join(
+        [f"cam-rig {name}", *(_usage(p) for p in verb.params if p.param_type_name == "argument")]
+    )
+    words, _, examples = inspect.cleandoc(verb.help).partition("Examples\n--------\n")
+    parts = [f"## {name}", f"    {usage} [OPTIONS]", words.strip(), "\n".join(_table(verb.params))]
+    lines = [line.strip() for line in examples.splitlines() if line.strip()]
+    if lines:
+        parts.append("\n".join(["```console", *(f"$ {line}" for line in lines), "```"]))
+    return "\n\n".join(parts)
+
+
+def _table(parameters: list[Any]) -> Iterator[str]:
+    yield "| argument or option | default | meaning |"
+    yield "|---|---|---|"
+    for parameter in parameters:
+        names = ", ".join(f"`{name}`" for name in _names(parameter))
+        yield f"| {names} | {_default(parameter)} | {_cell(parameter.help or '')} |"
+
+
+def _names(parameter: Any) -> list[str]:
+    if parameter.param_type_name == "argument":
+        return [parameter.name.upper()]
+    value = "" if parameter.is_flag else f" {parameter.metavar or _kind(parameter)}"
+    return [name + value for name in [*parameter.opts, *parameter.secondary_opts]]
+
+
+def _kind(parameter: Any) -> str:
+    annotation = parameter.type_descriptor.annotation
+    annotation, *_ = get_args(annotation) or [annotation]  # what a list is of
+    if issubclass(annotation, Enum):
+        return " or ".join(str(choice.value) for choice in annotation)
+    return KINDS[annotation]
+
+
+def _usage(parameter: Any) -> str:
+    name = parameter.name.upper() + ("..." if parameter.nargs == -1 else "")
+    return name if parameter.required else f"[{name}]"
+
+
+def _default(parameter: Any) -> str:
+    value = parameter.default
+    if parameter.required or value in (None, False, ()):
+        return "required" if parameter.required else ""
+    values = value if isinstance(value, list | tuple) else [value]
+    return "`" + " ".join(str(getattr(one, "value", one)) for one in values) + "`"
+
+
+def _cell(words: str) -> str:
+    return re.sub(r"\s+", " ", words).replace("|", "\\|")
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

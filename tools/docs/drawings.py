@@ -1,0 +1,265 @@
+"""Draw what the theory pages show: a cam with its forces, the models, the laws.
+
+    .venv/bin/python tools/docs/drawings.py
+
+Cam and laws are the package's own; the files in docs/ are written anew, the same every time.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cam_rig.laws import build_law
+from cam_rig.laws.bernstein import derivative, evaluate
+from cam_rig.laws.named import unit_rise
+from cam_rig.plots.figures import line
+from cam_rig.profile import contours_at
+from cam_rig.schema.load import config_root, load_cam
+
+DOCS = Path(__file__).parents[2] / "docs"
+#: The cam of the drawing, and the angle (deg) it is drawn at: in the rise, well inclined.
+CAM, AT_DEG = "poly345", 75.0
+STEEL, INK, FORCE, SIZE = "#d5dbe1", "#222222", "#D55E00", "#0072B2"
+SHOWN = ("constant_velocity", "simple_harmonic", "cycloidal", "poly345", "poly4567", "bezier9")
+
+
+def cam_and_forces(path: Path) -> None:
+    """The cam turned by θ, its follower on it, lengths in blue and forces in red."""
+    config = load_cam(config_root() / "cams" / f"{CAM}.yaml")
+    law = build_law(config)
+    theta = np.radians(AT_DEG)
+    base, roller = config.follower.base_radius.si, config.follower.roller
+    (outline,) = contours_at(config.follower, law, np.linspace(0.0, 2 * np.pi, 721))
+    (here,) = contours_at(config.follower, law, np.array([theta]))
+    turned = (outline.points[0] + 1j * outline.points[1]) * np.exp(1j * theta)
+    contact = complex(*here.points[:, 0]) * np.exp(1j * theta)
+    normal = complex(*here.normal[:, 0]) * np.exp(1j * theta)
+    centre = 1j * (base + roller + float(law(theta)))
+
+    figure, axes = plt.subplots(figsize=(6.4, 7.2), layout="constrained")
+    axes.fill(turned.real, turned.imag, fc=STEEL, ec=INK, lw=1.6)
+    circle(axes, 0j, base, ls=(0, (5, 3)), ec=SIZE)
+    circle(axes, 0j, 0.009, fc="white", ec=INK)
+    circle(axes, centre, roller, fc="white", ec=INK, lw=1.6)
+    circle(axes, centre, 0.0012, fc=INK)
+    top = centre.imag + 0.075
+    axes.plot([0, 0], [centre.imag + roller, top], color=INK, lw=5, solid_capstyle="butt")
+    for side in (-1, 1):
+        x = side * np.array([0.006, 0.016, 0.016, 0.006])
+        y = top - np.array([0.045, 0.045, 0.028, 0.028])
+        axes.fill(x, y, fc="0.55", ec=INK)
+    axes.plot([-0.022, 0.022], [top, top], color=INK, lw=3)
+    spring(axes, 0.0, top, top + 0.045)
+    axes.plot([-0.03, 0.03], [top + 0.045] * 2, color=INK, lw=3)
+    lengths(axes, base, roller, centre, contact, normal)
+    forces(axes, contact, normal, centre, top)
+    words(axes, base, top)
+    axes.set(xlim=(-0.125, 0.145), ylim=(-0.115, top + 0.06), aspect="equal")
+    axes.axis("off")
+    save(figure, path)
+
+
+def lengths(
+    axes: Axes, base: float, roller: float, centre: complex, contact: complex, normal: complex
+) -> None:
+    """Angle θ, speed ω, base radius, lift s, pressure angle."""
+    at = -0.104
+    arrow(axes, at + 1j * (base + roller), at + 1j * centre.imag, SIZE, "<->")
+    for height in (base + roller, centre.imag):
+        axes.plot([at - 0.004, 0.0], [height] * 2, color=SIZE, lw=0.7)
+    note(axes, at - 0.009 + 1j * (0.5 * (base + roller + centre.imag)), "$s(θ)$", SIZE)
+    along = np.exp(1j * np.radians(215))
+    arrow(axes, 0j, base * along, SIZE, "->")
+    note(axes, 0.6 * base * along + 0.012j, "$R_b$", SIZE)
+    arc = 0.032 * np.exp(1j * np.linspace(np.radians(-70), np.radians(60), 60))
+    axes.plot(arc.real, arc.imag, color=SIZE, lw=1.4)
+    arrow(axes, complex(arc[-3]), complex(arc[-1]), SIZE, "->")
+    note(axes, 0.048 + 0.0j, "$θ,\\ ω$", SIZE)
+    reach = contact + 0.085 * normal
+    axes.plot([contact.real, reach.real], [contact.imag, reach.imag], color=SIZE, lw=0.8, ls="--")
+    bow = centre + 0.05 * np.exp(1j * np.linspace(np.angle(normal), np.pi / 2, 30))
+    axes.plot(bow.real, bow.imag, color=SIZE, lw=1.0)
+    middle = centre + 0.058 * np.exp(0.5j * (np.angle(normal) + np.pi / 2))
+    note(axes, complex(middle), "$α$", SIZE)
+    note(axes, centre + 0.019 + 0.006j, "$R_r$", SIZE)
+
+
+def forces(axes: Axes, contact: complex, normal: complex, centre: complex, top: float) -> None:
+    """What acts on the follower."""
+    arrow(axes, contact - 0.045 * normal, contact, FORCE, "-|>", 2.2)
+    note(axes, contact - 0.05 * normal + 0.012, "$F/\\cos α$", FORCE)
+    for x, name in ((0.035, "$k\\,s + F_0$"), (0.075, "$c\\,\\dot s$"), (0.105, "$m\\,\\ddot s$")):
+        arrow(axes, x + 1j * (top + 0.012), x + 1j * (top - 0.028), FORCE, "-|>", 1.8)
+        note(axes, x + 1j * (top + 0.02), name, FORCE)
+
+
+def words(axes: Axes, base: float, top: float) -> None:
+    """Names of the parts."""
+    note(axes, -0.052 + 1j * (top + 0.022), "return spring $k$\npreload $F_0$", INK)
+    note(axes, -0.04 + 1j * (top - 0.036), "guide", INK)
+    note(axes, 0.03 - 0.02j - 0.02j, "cam", INK)
+    note(axes, base * 0.72 - 1j * base * 0.98, "base circle", SIZE)
+
+
+def models(path: Path) -> None:
+    """The lumped models side by side."""
+    figure, axes = plt.subplots(1, 4, figsize=(10.0, 3.9), layout="constrained")
+    draw = (one_mass, elastic_stem, two_masses, shaft)
+    names = ("kinetostatic, one_mass", "elastic_stem (eq. 5)", "two_mass (eq. 14-19)",
+             "torsional (eq. 10)")  # fmt: skip
+    for part, how, name in zip(axes, draw, names, strict=True):
+        how(part)
+        part.set_title(name, fontsize=10, family="monospace")
+        part.set(xlim=(-1.3, 1.7), ylim=(-0.8, 5.2), aspect="equal")
+        part.axis("off")
+    save(figure, path)
+
+
+def one_mass(axes: Axes) -> None:
+    """A rigid follower under its spring and damper."""
+    cam_below(axes)
+    mass(axes, 1.6, "m")
+    to_ground(axes, 2.6, "k", "c")
+
+
+def elastic_stem(axes: Axes) -> None:
+    """A mass that the cam moves through the stem."""
+    cam_below(axes)
+    axes.plot([-0.8, 0.8], [0.57] * 2, color=INK, lw=2)
+    spring(axes, 0.0, 0.57, 2.0, 0.22)
+    note(axes, 0.75 + 1.4j, "stem", INK)
+    mass(axes, 2.0, "m", "x")
+    to_ground(axes, 3.0, "k", "c")
+
+
+def two_masses(axes: Axes) -> None:
+    """A roller mass that may leave the cam, the stem, the end mass."""
+    cam_below(axes)
+    mass(axes, 0.75, "m₁", "z", 0.7)
+    spring(axes, -0.4, 1.45, 2.6, 0.2)
+    dashpot(axes, 0.4, 1.45, 2.6)
+    note(axes, -0.95 + 2.0j, "k₁", INK)
+    note(axes, 0.95 + 2.0j, "c₁", INK)
+    mass(axes, 2.6, "m₂", "y", 0.8)
+    to_ground(axes, 3.4, "k₂", "c₂")
+
+
+def shaft(axes: Axes) -> None:
+    """Flywheel, elastic shaft, cam."""
+    for y, name in ((0.6, "flywheel, $θ_v = ω t$"), (3.6, "cam, $θ = ω t + φ$")):
+        axes.fill([-0.9, 0.9, 0.9, -0.9], [y, y, y + 0.7, y + 0.7], fc=STEEL, ec=INK)
+        note(axes, 0.35 + 1j * (y + (1.15 if y > 1 else -0.4)), name, INK)
+    spring(axes, -0.4, 1.3, 3.6, 0.2)
+    dashpot(axes, 0.4, 1.3, 3.6)
+    note(axes, -0.95 + 2.5j, "$k_s$", INK)
+    note(axes, 0.95 + 2.5j, "$c_s$", INK)
+    arrow(axes, 1.25 + 3.5j, 1.25 + 4.4j, FORCE, "-|>", 1.8)
+    note(axes, 1.3 + 3.1j, "$F\\,s'$", FORCE)
+
+
+def cam_below(axes: Axes) -> None:
+    """The cam's surface, moving by s."""
+    x = np.linspace(-1.0, 1.0, 60)
+    y = 0.55 - 0.3 * x**2
+    axes.fill([*x, 1.0, -1.0], [*y, -0.5, -0.5], fc=STEEL, ec=INK)
+    arrow(axes, 1.35 + 0j, 1.35 + 0.8j, SIZE, "->")
+    note(axes, 1.55 + 0.3j, "s", SIZE)
+
+
+def mass(axes: Axes, y: float, name: str, moves: str = "", height: float = 1.0) -> None:
+    """A block at a height; one that rests on the cam stands on a foot."""
+    if not moves or moves == "z":
+        axes.plot([0, 0], [0.55, y], color=INK, lw=4)
+    axes.fill([-0.8, 0.8, 0.8, -0.8], [y, y, y + height, y + height], fc="white", ec=INK, lw=1.6)
+    note(axes, 0j + 1j * (y + 0.5 * height), name, INK)
+    if moves:
+        arrow(axes, 1.2 + 1j * y, 1.2 + 1j * (y + 0.8), SIZE, "->")
+        note(axes, 1.45 + 1j * (y + 0.4), moves, SIZE)
+
+
+def to_ground(axes: Axes, y: float, stiffness: str, damping: str) -> None:
+    """Spring and damper from a block to what stands still above."""
+    spring(axes, -0.4, y, y + 1.4, 0.2)
+    dashpot(axes, 0.4, y, y + 1.4)
+    axes.plot([-1.0, 1.0], [y + 1.4] * 2, color=INK, lw=3)
+    note(axes, -0.95 + 1j * (y + 0.7), stiffness, INK)
+    note(axes, 0.95 + 1j * (y + 0.7), damping, INK)
+
+
+def laws(path: Path) -> None:
+    """Rises of unit lift over a unit span, with three derivatives."""
+    figure, panels = plt.subplots(1, 4, figsize=(11.0, 3.3), layout="constrained")
+    for index, name in enumerate(SHOWN):
+        breaks, pieces = unit_rise(name)
+        for begin, end, ordinates in zip(breaks, breaks[1:], pieces, strict=False):
+            u = np.linspace(0.0, 1.0, 200)
+            values, span = np.asarray(ordinates, dtype=float), end - begin
+            for order, axes in enumerate(panels):
+                curve = evaluate(values, u)
+                label = name if order == 0 and begin == breaks[0] else None
+                axes.plot(begin + span * u, curve, lw=1.4, label=label, **line(index))
+                values = derivative(values) / span
+    for axes, name in zip(panels, ("lift s", "velocity s′", "acceleration s″", "jerk s‴"),
+                          strict=True):  # fmt: skip
+        axes.set_title(name, fontsize=10)
+        axes.set_xlabel("u")
+        axes.grid(lw=0.3)
+    figure.legend(loc="outside lower center", ncols=len(SHOWN), fontsize=9, frameon=False)
+    save(figure, path)
+
+
+def circle(axes: Axes, centre: complex, radius: float, **style: object) -> None:
+    """A circle; hollow unless a face colour is given."""
+    look = {"fc": "none", "ec": "none", "lw": 1.0} | style
+    axes.add_patch(mpl.patches.Circle((centre.real, centre.imag), radius, **look))
+
+
+def spring(axes: Axes, x: float, low: float, high: float, width: float = 0.008) -> None:
+    """A zigzag from one height to another."""
+    y = np.linspace(low, high, 14)
+    axes.plot(x + width * np.array([0, 0, *([1, -1] * 5), 0, 0]), y, color=INK, lw=1.4)
+
+
+def dashpot(axes: Axes, x: float, low: float, high: float) -> None:
+    """A piston in a cup."""
+    middle, width = 0.5 * (low + high), 0.2
+    axes.plot([x, x], [low, middle - 0.2], color=INK, lw=1.4)
+    cup = [middle + 0.2, middle - 0.2, middle - 0.2, middle + 0.2]
+    axes.plot([x - width, x - width, x + width, x + width], cup, color=INK, lw=1.4)
+    axes.plot([x - 0.7 * width, x + 0.7 * width], [middle] * 2, color=INK, lw=1.4)
+    axes.plot([x, x], [middle, high], color=INK, lw=1.4)
+
+
+def arrow(
+    axes: Axes, start: complex, end: complex, colour: str, head: str, width: float = 1.3
+) -> None:
+    """An arrow in the plane."""
+    look = {"arrowstyle": head, "color": colour, "lw": width, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", (end.real, end.imag), (start.real, start.imag), arrowprops=look)
+
+
+def note(axes: Axes, at: complex, text: str, colour: str) -> None:
+    """Words about a point."""
+    axes.text(at.real, at.imag, text, color=colour, ha="center", va="center", fontsize=10)
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write an SVG without date or random names."""
+    figure.savefig(path, metadata={"Date": None})
+    plt.close(figure)
+
+
+DRAWINGS = {"cam_and_forces.svg": cam_and_forces, "models.svg": models, "laws.svg": laws}
+
+if __name__ == "__main__":
+    mpl.rcParams["svg.hashsalt"] = "cam_rig"
+    for file, draw in DRAWINGS.items():
+        draw(DOCS / file)

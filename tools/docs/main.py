@@ -1,0 +1,77 @@
+"""The pictures of the documents, from a recorded run: `make pictures`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cam_rig.bag.reader import read_counts, read_recording
+from cam_rig.cli.common.console import console, progress_bar, user_errors
+from cam_rig.cli.common.outputs import writing
+from cam_rig.cli.runs.analyze import newest_bag
+from cam_rig.errors import CamRigError
+from cam_rig.files import temporary_folder
+from cam_rig.messages.topics import FOLLOWER_SAMPLES
+from cam_rig.plots import noise
+from cam_rig.simulation.levels import NoiseResult, compare, step_levels
+from tools.docs.pictures import draw_pictures
+from tools.docs.screenshot import photograph_viewer
+from tools.docs.turn_archive import TurnArchive, read_turns
+
+#: The photograph of the viewer.
+VIEWER = "viewer.png"
+
+
+def pictures(
+    bag: Annotated[
+        Path | None, typer.Argument(help="Bag to draw; by default the newest in bags/.")
+    ] = None,
+    to: Annotated[Path, typer.Option(help="Folder to write into.")] = Path("docs"),
+) -> None:
+    """Draw a run for the documents: an animation, cams side by side, noise against rpm.
+
+    Files of the same names are replaced. Where Chromium is installed, the Rerun viewer is
+    photographed in it too.
+
+    Examples
+    --------
+    python -m tools.docs.main
+
+    python -m tools.docs.main bags/mine --to out
+    """
+    with user_errors():
+        _draw(bag or newest_bag(), to)
+
+
+def _draw(bag: Path, to: Path) -> None:
+    archive, result = _read(bag)
+    with temporary_folder() as folder:
+        drawn = draw_pictures(
+            archive, lambda path: noise.draw(result, archive.loaded, path), folder
+        )
+        try:
+            photograph_viewer(bag, folder / VIEWER)
+            drawn.append(folder / VIEWER)
+        except CamRigError as error:
+            console.print(f"{to / VIEWER}: left as it is ({error})", soft_wrap=True)
+        for path in drawn:
+            with writing(to / path.name) as part:
+                part.write_bytes(path.read_bytes())
+            console.print(f"{to / path.name}: {path.stat().st_size / 1e3:.0f} kB", soft_wrap=True)
+
+
+def _read(bag: Path) -> tuple[TurnArchive, NoiseResult]:
+    """The last turns of a bag, and its levels against speed."""
+    with progress_bar() as bar:
+        task = bar.add_task(bag.name, total=read_counts(bag).get(FOLLOWER_SAMPLES.name, 0))
+        archive = read_turns(bag, lambda: bar.advance(task))
+    loaded = archive.loaded
+    levels = step_levels(read_recording(bag).ticks, loaded.scene.program.settle_turns.si)
+    roles = {cam: loaded.role(cam) for cam in levels}
+    return archive, compare(levels, roles, loaded.published)
+
+
+if __name__ == "__main__":
+    typer.run(pictures)

@@ -1,0 +1,100 @@
+"""The pictures of the documents: an animation of a turn, and cams side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from PIL import Image
+
+from cam_rig.plots.figures import empty, write
+from cam_rig.viewer.blueprint import compared_rpm
+from cam_rig.viewer.turns import Turn
+from tools.docs import stills
+from tools.docs.turn_archive import TurnArchive, gap
+
+ANIMATION, SIDE_BY_SIDE = "turning.webp", "side_by_side.png"
+#: Frames of the animation, one turn, and how long each is shown, ms.
+FRAMES, FRAME_MS = 72, 50
+#: Dots per inch.
+DPI = 90
+
+
+def draw_pictures(archive: TurnArchive, noise: Callable[[Path], None], folder: Path) -> list[Path]:
+    """Write the animation, the cams side by side and the noise plot; gives their paths.
+
+    Animated is the cam whose follower is farthest off it at the highest speed.
+
+    Parameters
+    ----------
+    archive : the last turn of every cam at every speed of a run
+    noise : draws noise against rpm into a file
+    folder : must exist
+
+    Raises
+    ------
+    BagError : the run was ended before a cam's last speed
+    """
+    rpm = compared_rpm(archive.loaded, None)
+    turns = [archive.turn(cam, rpm) for cam in archive.loaded.cams]
+    highest = max(turns, key=lambda turn: float(gap(archive.loaded, turn).max()))
+    plot = folder / f"{archive.loaded.scene.name}.png"
+    animate(archive, highest, folder / ANIMATION)
+    side_by_side(archive, turns, folder / SIDE_BY_SIDE)
+    noise(plot)
+    return [folder / ANIMATION, folder / SIDE_BY_SIDE, plot]
+
+
+def animate(archive: TurnArchive, turn: Turn, path: Path) -> None:
+    """One turn: the rig left, lift and contact force with a cursor right."""
+    figure = empty(8.0, 4.0)
+    parts = figure.add_gridspec(2, 2, width_ratios=[2, 3])
+    rig, lift, force = (
+        figure.add_subplot(parts[where]) for where in (np.s_[:, 0], np.s_[0, 1], np.s_[1, 1])
+    )
+    stills.frame_rig(rig, archive, turn)
+    title = archive.loaded.cams[turn.cam].title
+    rig.set_title(f"{title}, {turn.rpm:.0f} rpm", fontsize=10)
+    cursors = stills.draw_curves(lift, force, archive.loaded, turn)
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # it would be laid out anew for every frame
+    frames = []
+    for sample in np.linspace(0, turn.angle.size, FRAMES, endpoint=False).astype(int):
+        drawn = stills.draw_rig(rig, archive, turn, int(sample))
+        for cursor in cursors:
+            cursor.set_xdata([stills.degrees(turn)[sample]] * 2)
+        frames.append(_rendered(figure))
+        for part in drawn:
+            part.remove()
+    frames[0].save(
+        path,
+        save_all=True,
+        append_images=frames[1:],
+        duration=FRAME_MS,
+        loop=0,
+        quality=70,
+        method=4,
+    )
+
+
+def side_by_side(archive: TurnArchive, turns: list[Turn], path: Path) -> None:
+    """All cams at one speed, each where its contact force is at its maximum, and their curves."""
+    figure = empty(3.6 * len(turns), 7.0)
+    axes = figure.subplots(3, len(turns), height_ratios=[3, 2, 2], squeeze=False)
+    for (rig, lift, force), turn in zip(axes.T, turns, strict=True):
+        sample = int(turn.force.argmax())
+        stills.frame_rig(rig, archive, turn)
+        stills.draw_rig(rig, archive, turn, sample)
+        rig.set_title(f"{archive.loaded.cams[turn.cam].title}, {turn.rpm:.0f} rpm", fontsize=10)
+        for cursor in stills.draw_curves(lift, force, archive.loaded, turn):
+            cursor.set_xdata([stills.degrees(turn)[sample]] * 2)
+    write(figure, path, DPI)
+
+
+def _rendered(figure: Figure) -> Image.Image:
+    data = BytesIO()
+    figure.savefig(data, format="png", dpi=DPI)
+    return Image.open(data).convert("RGB")

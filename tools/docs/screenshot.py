@@ -1,0 +1,41 @@
+"""What the Rerun viewer itself shows of a run, as a picture for the documents."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from PIL import Image
+
+from cam_rig.drawing import colours
+from cam_rig.viewer.charts import series
+from cam_rig.viewer.recording import save_recording
+from cam_rig.viewer.server.web import serve_file
+from tools.docs.browser import photograph
+
+#: What has to be seen in it at once: the follower, the curves, and bars after the first turn.
+SHOWN = (
+    series.LIFT.colour,
+    series.VELOCITY.colour,
+    series.ACCELERATION.colour,
+    series.FORCE.colour,
+    series.LEVEL.colour,
+    series.SPEED.colour,
+    colours.BANDS,
+    colours.FOLLOWER,
+)
+
+
+def photograph_viewer(bag: Path, path: Path) -> None:
+    """Write the run's own layout as a browser shows it when the bag is loaded.
+
+    Raises
+    ------
+    CamRigError : there is no browser, or it does not show it all
+    """
+    with TemporaryDirectory(prefix="cam_rig_") as folder:
+        recording = Path(folder) / f"{bag.resolve().name}.rrd"
+        save_recording(bag, recording)
+        with serve_file(recording) as address:
+            pixels = photograph(address, SHOWN, settled=series.SPEED.colour)
+    Image.fromarray(pixels).save(path, optimize=True)

@@ -1,0 +1,98 @@
+"""Cam, follower, gap and force at one instant, and curves over a turn, with matplotlib."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from cam_rig.arrays import FloatArray
+from cam_rig.drawing import colours
+from cam_rig.drawing.colours import web
+from cam_rig.drawing.follower import follower_shape
+from cam_rig.drawing.outlines import MM, circle, closed, turned
+from cam_rig.plots.figures import CAM_ANGLE, shade, turn_axis
+from cam_rig.profile.motion import Motion
+from cam_rig.simulation.scene import LoadedScene
+from cam_rig.viewer.scene2d import ARROW, max_contact_force
+from cam_rig.viewer.turns import Turn
+from tools.docs.turn_archive import TurnArchive, gap
+
+
+def draw_rig(axes: Axes, archive: TurnArchive, turn: Turn, sample: int) -> list[Artist]:
+    """The cam and its follower at one sample of a turn, mm; gives what was drawn."""
+    loaded, cam = archive.loaded, archive.loaded.cams[turn.cam]
+    law = loaded.laws[turn.cam]
+    shape = follower_shape(cam, law)
+    angle, lift = turn.angle[sample : sample + 1], turn.lift[sample : sample + 1]
+    motion = Motion.at(law, angle)
+    point, normal = shape.contact(motion)
+    drawn: list[Artist] = []
+
+    def line(points: FloatArray, colour: int, width: float = 1.4) -> None:
+        drawn.extend(axes.plot(*(points * MM).T, color=web(colour), lw=width))
+
+    outline = turned(closed(archive.profiles[turn.cam]), float(angle[0]))
+    line(outline, colours.of_cam(loaded, turn.cam), 2.0)
+    line(np.stack([np.zeros(2), outline[0]]), colours.of_cam(loaded, turn.cam), 0.8)
+    line(circle(cam.follower.base_radius.si), colours.GREY, 0.6)
+    for strip in shape.support():
+        line(strip, colours.GREY, 0.8)
+    for strip in shape.outline():
+        tilt, place = float(shape.turn(lift)[0]), shape.origin(lift)[0]
+        line(turned(strip, tilt) + place, colours.FOLLOWER, 1.6)
+    force = float(turn.force[sample])
+    if force == 0.0:
+        line(np.concatenate([point, shape.carried(point, motion.s, lift)]), colours.GAP, 4.0)
+    else:
+        along = float(np.sum(normal * shape.upward(motion.s)))
+        arrow = (
+            normal[0]
+            * force
+            / along
+            * ARROW
+            * shape.reach
+            / max_contact_force(loaded, turn.cam, turn.speed)
+        )
+        drawn.append(
+            axes.annotate(
+                "",
+                (point[0] + arrow) * MM,
+                point[0] * MM,
+                annotation_clip=False,
+                arrowprops={"arrowstyle": "-|>", "color": web(colours.FORCE), "lw": 2.0},
+            )
+        )
+    return drawn
+
+
+def frame_rig(axes: Axes, archive: TurnArchive, turn: Turn) -> None:
+    """Room for the whole of cam and follower, without axes."""
+    law = archive.loaded.laws[turn.cam]
+    side = follower_shape(archive.loaded.cams[turn.cam], law).reach * MM
+    low = 1.05 * float(np.hypot(*archive.profiles[turn.cam].T).max()) * MM
+    axes.set(xlim=(-1.1 * side, 1.1 * side), ylim=(-low, 1.55 * side), aspect="equal")
+    axes.set_axis_off()
+
+
+def degrees(turn: Turn) -> FloatArray:
+    """``(n,)`` cam angle within the turn, from 0."""
+    return np.asarray(np.degrees(turn.angle - turn.angle[0]))
+
+
+def draw_curves(lift: Axes, force: Axes, loaded: LoadedScene, turn: Turn) -> list[Line2D]:
+    """Lift of law and follower, and contact force, over a turn; gives the cursors."""
+    x, law = degrees(turn), loaded.laws[turn.cam](turn.angle)
+    lift.plot(x, turn.lift * MM, color=web(colours.LIFT), lw=2.4, label="follower")
+    lift.plot(x, law * MM, "--", color=web(colours.LAW), lw=1.0, label="law")
+    force.plot(x, turn.force, color=web(colours.FORCE), lw=1.4)
+    off = gap(loaded, turn) > 0.0
+    for axes in (lift, force):
+        shade(axes, x, off)
+        turn_axis(axes, 90)
+    force.axhline(0.0, color=web(colours.ZERO), lw=0.8)
+    lift.set(ylabel="lift s [mm]")
+    lift.legend(loc="upper left", fontsize=8)
+    force.set(ylabel="contact force [N]", xlabel=CAM_ANGLE)
+    return [axes.axvline(0.0, color="0.3", lw=1.0) for axes in (lift, force)]

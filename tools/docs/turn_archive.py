@@ -1,0 +1,76 @@
+"""The last turn at each speed of each cam of a bag, and the cams' contours: what pictures show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from cam_rig.arrays import FloatArray
+from cam_rig.bag.reader import read_scene
+from cam_rig.dynamics import Samples
+from cam_rig.errors import BagError
+from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.schedule import CamState
+from cam_rig.viewer.feed import RunFeed
+from cam_rig.viewer.recording import feed_bag
+from cam_rig.viewer.turns import Turn, TurnCollector, sample_angles
+
+
+@dataclass
+class TurnArchive:
+    """Takes a run as a drawing does, and keeps a turn for each cam and speed (rpm)."""
+
+    loaded: LoadedScene
+    profiles: dict[str, FloatArray] = field(default_factory=dict)
+    turns: dict[tuple[str, float], Turn] = field(default_factory=dict)
+    _newest: TurnCollector = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._newest = TurnCollector(self.loaded.scene.program.ticks_per_turn)
+
+    def tick(self, start: CamState, end: CamState, rows: FloatArray) -> None:
+        """Take one tick."""
+        if not start.holds_until(end):
+            return
+        self._newest.add(start, sample_angles(start, end, Samples(rows).time), rows)
+        turn = self._newest.turn()
+        if turn is not None:
+            self.turns[turn.cam, round(turn.rpm, 9)] = turn
+
+    def sound(self, end_ns: int, level: float, pressure: float) -> None:
+        """Take nothing of the sound."""
+
+    def close(self) -> None:
+        """Nothing is left over."""
+
+    def turn(self, cam: str, rpm: float) -> Turn:
+        """The last turn of a cam at a speed.
+
+        Raises
+        ------
+        BagError : the run was ended before it
+        """
+        if (cam, rpm) not in self.turns:
+            raise BagError(f"no whole turn of {cam!r} at {rpm:g} rpm; was the run interrupted?")
+        return self.turns[cam, rpm]
+
+
+def read_turns(bag: Path, on_tick: Callable[[], None] = lambda: None) -> TurnArchive:
+    """The turns of a bag; ``on_tick`` is called after each tick.
+
+    Raises
+    ------
+    BagError : it cannot be read
+    """
+    archive = TurnArchive(read_scene(bag))
+    feed_bag(bag, archive.loaded, RunFeed(archive), on_tick)
+    return archive
+
+
+def gap(loaded: LoadedScene, turn: Turn) -> FloatArray:
+    """``(n,)`` how far (m) the follower is off the cam; 0 in contact."""
+    off = turn.force == 0.0
+    return np.where(off, turn.lift - loaded.laws[turn.cam](turn.angle), 0.0)
