@@ -56,31 +56,15 @@ class NodeProcess:
         self._threads: list[threading.Thread] = []
         #: Whether it did not end when it was asked to, so that it had to be killed.
         self.overdue = False
-        progress, pipe = os.pipe() if report is not None else (None, None)
-        if pipe is not None:
-            arguments = arguments | {"progress_fd": pipe}
-        # as JSON, which is YAML too: a folder called yes or 1e3 stays a text
-        pairs = (f"{key}:={json.dumps(value)}" for key, value in arguments.items())
-        ros = [part for pair in pairs for part in ("-p", pair)]
-        command = [sys.executable, "-m", "cam_rig.nodes", name, "--ros-args", *ros]
         try:
-            self.process = _started(command, network, pipe)
+            self.process, progress = _start(name, arguments, network, report is not None)
         except (OSError, MemoryError) as error:
-            if progress is not None:
-                os.close(progress)
             raise _none_left(name, getattr(error, "strerror", None) or "no memory") from None
-        finally:
-            if pipe is not None:
-                os.close(pipe)
-        takes = [
-            (self.process.stdout, lambda line: log(line.rstrip())),
-            (self.process.stderr, self._keep_stderr),
-        ]
-        if progress is not None and report is not None:
-            takes.append((os.fdopen(progress), report))
         try:
-            for stream, take in takes:
-                self._read(stream, take)
+            self._read(self.process.stdout, lambda line: log(line.rstrip()))
+            self._read(self.process.stderr, self._keep_stderr)
+            if report is not None:
+                self._read(progress, report)
         except RuntimeError as error:  # of a thread: its output cannot be read, so it must not run
             os.killpg(self.process.pid, signal.SIGKILL)
             self.process.wait()
@@ -144,6 +128,30 @@ class NodeProcess:
             self.stderr_lines.append(line)
         else:
             self.stderr_lines[-1] = line
+
+
+def _start(
+    name: str, arguments: Arguments, network: bool, reports: bool
+) -> tuple[subprocess.Popen[str], Iterable[str]]:
+    """A node's process, and the lines of its progress, which come through a pipe."""
+    if not reports:
+        return _started(_command(name, arguments), network, None), ()
+    progress, pipe = os.pipe()
+    try:
+        command = _command(name, arguments | {"progress_fd": pipe})
+        return _started(command, network, pipe), os.fdopen(progress)
+    except BaseException:
+        os.close(progress)
+        raise
+    finally:
+        os.close(pipe)
+
+
+def _command(name: str, arguments: Arguments) -> list[str]:
+    # as JSON, which is YAML too: a folder called yes or 1e3 stays a text
+    pairs = (f"{key}:={json.dumps(value)}" for key, value in arguments.items())
+    ros = [part for pair in pairs for part in ("-p", pair)]
+    return [sys.executable, "-m", "cam_rig.nodes", name, "--ros-args", *ros]
 
 
 def _started(command: list[str], network: bool, pipe: int | None) -> subprocess.Popen[str]:

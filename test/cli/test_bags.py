@@ -64,7 +64,7 @@ def test_view_takes_a_bag_of_ros2_bag_record(tmp_path):
 
 
 def test_recover_of_a_cut_bag(tmp_path):
-    """A cut copy of a bag: mended beside it, the damaged one is as it was."""
+    """A cut copy of a bag: recovered beside it, the damaged one is as it was."""
     torn = tmp_path / "torn"
     shutil.copytree(GOLDEN, torn)
     file = mcap_file(torn)
@@ -103,7 +103,7 @@ def test_every_command_knows_of_a_mending_that_was_cut_off(tmp_path, verb, parti
 
 
 def test_analyze_says_what_a_recovered_bag_lacks(tmp_path):
-    """A mended bag looks like any other: what is missing is attached to it, and told of."""
+    """A recovered bag looks like any other: what is missing is attached to it, and reported."""
     torn = tmp_path / "torn"
     torn.mkdir()
     data = mcap_file(GOLDEN).read_bytes()
@@ -134,7 +134,7 @@ def test_the_newest_bag_is_one_that_was_closed(tmp_path, monkeypatch):
 
 
 def test_recover_from_inside_the_bag(tmp_path, monkeypatch):
-    """Named by a dot, it is mended beside itself all the same."""
+    """Named by a dot, it is recovered beside itself all the same."""
     monkeypatch.chdir(shutil.copytree(GOLDEN, tmp_path / "mine"))
     result = call("recover", ".")
     assert result.exit_code == 0, result.stderr
@@ -210,7 +210,7 @@ def test_replay_finds_a_changed_number(tmp_path, monkeypatch):
     ids=["missing", "empty folder", "text", "garbage"],
 )
 @pytest.mark.parametrize("verb", ["view", "analyze"])
-def test_what_never_was_a_bag_is_not_to_be_mended(tmp_path, verb, make, words):
+def test_what_never_was_a_bag_is_not_to_be_recovered(tmp_path, verb, make, words):
     """Each is told apart, in one line, and none is sent to ``recover``."""
     path = tmp_path / "thing"
     make(path)
@@ -225,7 +225,7 @@ def test_what_never_was_a_bag_is_not_to_be_mended(tmp_path, verb, make, words):
     assert len(result.stderr.strip().splitlines()) == 1
 
 
-def test_a_torn_bag_is_to_be_mended(tmp_path):
+def test_an_unclosed_bag_is_to_be_recovered(tmp_path):
     """What was a bag once is sent to ``recover``."""
     bag = shutil.copytree(GOLDEN, tmp_path / "golden")
     (file,) = bag.glob("*.mcap")

@@ -1,6 +1,5 @@
 """A successor knows what its predecessor knew, bit for bit."""
 
-import json
 import os
 import tempfile
 from contextlib import suppress
@@ -12,50 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cam_rig.acoustics import MicrophoneState
-from cam_rig.dynamics import FollowerState
 from cam_rig.errors import RunError
 from cam_rig.live.checkpoint import MAX_BYTES, Checkpoint
-from cam_rig.live.flow_control import (
-    HISTORY_DEPTH,
-    MAX_STATES_UNFLUSHED,
-    MAX_TICKS_IN_FLIGHT,
-    TICKS_KEPT,
-)
-from cam_rig.live.record_json import from_plain, to_plain
-from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_scene
+from cam_rig.live.flow_control import TICKS_KEPT
 from cam_rig.simulation.schedule import CamState
-from cam_rig.simulation.simulate import FollowerCheckpoint, FollowerSimulator, MicrophoneSimulator
-
-LOADED = open_scene(config_root() / "scenes" / "quick.yaml")
-
-
-@given(st.floats(allow_nan=False, allow_infinity=False), st.integers(0, 2**62), st.text())
-def test_every_float_comes_back(number, time_ns, text):
-    """Huge, signed zero, subnormal: a file in between changes nothing."""
-    state = FollowerState(number, -0.0, 5e-324, True, inner=(number, 1.0))
-    state = (FollowerCheckpoint(CamState(time_ns, number, 1.0, text), state), [text], None)
-    back = from_plain(json.loads(json.dumps(to_plain(state))))
-    assert repr(back) == repr(state)
-
-
-def test_arrays_and_tables_come_back():
-    """Filters remember arrays."""
-    state = {"a": np.arange(6.0).reshape(2, 3) / 7.0, 3: (np.float64(0.1), np.int64(2))}
-    back = from_plain(json.loads(json.dumps(to_plain(state))))
-    assert np.array_equal(back["a"], state["a"]) and back[3] == (0.1, 2)
-
-
-def test_the_simulators_states_can_be_saved():
-    """Whatever a follower or microphone comes to remember must pass."""
-    states = [CamState(0, 0.0, 20.0, "tm21"), CamState(10**8, 2.0, 20.0, "tm21")]
-    follower, microphone = FollowerSimulator.of(LOADED), MicrophoneSimulator.of(LOADED)
-    follower.turn_to(states[0])
-    _, block = follower.turn_to(states[1])
-    microphone.listen(block.rows, 20.0)
-    assert isinstance(microphone.state, MicrophoneState)
-    for state in (follower.checkpoint, microphone.state):
-        assert repr(from_plain(json.loads(json.dumps(to_plain(state))))) == repr(state)
 
 
 def test_the_last_records_are_kept(tmp_path):
@@ -84,15 +43,6 @@ def test_a_successor_may_be_killed_as_well(tmp_path, done):
     found = Checkpoint(str(tmp_path), "follower").all()
     assert sorted(set(found))[-depth + 1 :] == list(range(newest - depth + 2, newest + 1))
     assert found == sorted(found)
-
-
-def test_what_a_chain_of_successors_needs_fits_into_a_history():
-    """The recorder loses some states; a publisher goes back as far, those before it further."""
-    depth = TICKS_KEPT
-    assert depth["microphone"] > MAX_STATES_UNFLUSHED + MAX_TICKS_IN_FLIGHT
-    assert depth["follower"] > depth["microphone"] + MAX_TICKS_IN_FLIGHT
-    assert depth["cam_drive"] > depth["follower"] + MAX_TICKS_IN_FLIGHT
-    assert depth["cam_drive"] + MAX_TICKS_IN_FLIGHT < HISTORY_DEPTH
 
 
 def test_without_a_folder_nothing_is_kept(tmp_path, monkeypatch):
@@ -171,7 +121,14 @@ def test_a_damaged_file_is_refused_or_read(data):
             Checkpoint(folder, "microphone").oldest()
 
 
-def test_a_state_that_is_not_a_record_is_refused():
-    """Better at once than in the successor."""
-    with pytest.raises(RunError, match="holds object; allowed: records and arrays"):
-        to_plain((object(),))
+def test_launches_are_counted_for_each_node(tmp_path):
+    """As many processes may have published as a node; one where none is started again."""
+    recorder = Checkpoint(str(tmp_path), "recorder")
+    assert recorder.launches("follower") == 1
+    for launches in (1, 2, 3):
+        Checkpoint(str(tmp_path), "follower").count_launch()
+        assert recorder.launches("follower") == launches
+    (tmp_path / "follower.launches").write_text("many")
+    with pytest.raises(RunError, match=r"follower\.launches: is not a count of launches"):
+        recorder.launches("follower")
+    assert Checkpoint("", "recorder").launches("follower") == 1

@@ -89,3 +89,16 @@ def test_without_a_viewer_the_run_goes_on(ros_domain, rig, tmp_path):
         for _ in graph.progress():
             pass
     require_complete(bag, load_scene(QUICK))
+
+
+@pytest.mark.long
+def test_a_run_goes_on_without_a_viewer_that_cannot_stay(ros_domain, rig, tmp_path):
+    """Killed whenever it is there: the drive stops waiting for it, and the bag is whole."""
+    bag, logged = tmp_path / "bag", []
+    address = stream_address(free_port())
+    with Graph(rig.live(QUICK, bag, address, pacing="1x"), log=logged.append) as graph:
+        for report in graph.progress():
+            if report["tick"] >= 2:
+                graph.processes["viewer"].process.kill()
+    require_complete(bag, load_scene(QUICK))
+    assert any("node viewer" in line for line in logged)

@@ -99,3 +99,17 @@ def test_a_node_has_a_place_for_its_log_files(monkeypatch, tmp_path):
     assert environment()["ROS_LOG_DIR"].startswith(str(tmp_path))
     monkeypatch.setenv("ROS_LOG_DIR", "/elsewhere")
     assert environment()["ROS_LOG_DIR"] == "/elsewhere"
+
+
+@pytest.mark.parametrize("reports", [False, True])
+def test_a_node_that_cannot_be_started_leaves_no_pipe(monkeypatch, reports):
+    """Both ends of its progress are closed; a run may start a node again many times."""
+
+    def refuse(*_args, **_more):
+        raise MemoryError
+
+    monkeypatch.setattr(process.subprocess, "Popen", refuse)
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    with pytest.raises(RunError):
+        NodeProcess("follower", {}, False, print, print if reports else None)
+    assert len(list(Path("/proc/self/fd").iterdir())) == before

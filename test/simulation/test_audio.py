@@ -109,7 +109,7 @@ def test_weighting_begins_anew(make_loaded_scene):
 @pytest.mark.parametrize("frequency", "ACZ")
 @pytest.mark.parametrize("changed", [False, True])
 def test_a_successor_reads_on_bit_for_bit(make_loaded_scene, frequency, changed):
-    """What a bench remembers passes through a handover's file, landings, noise and filters with
+    """A simulator's state passes through a checkpoint's file, landings, noise and filters with
     it; a weighting that was asked for and not yet begun as well.
     """
     loaded = make_loaded_scene(cams=["tm21"], speeds=[380], turns=8)
