@@ -24,7 +24,7 @@ from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
 from cam_rig.messages.topics import Topic
 from cam_rig.simulation.levels import MeasuredTick
-from cam_rig.simulation.scene import LoadedScene, open_scene
+from cam_rig.simulation.loaded_scene import LoadedScene, open_scene
 from cam_rig.simulation.schedule import CamState
 
 

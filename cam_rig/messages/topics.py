@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from cam_rig.live.admission import MAX_SAMPLES
 from cam_rig.live.flow_control import HISTORY_DEPTH
+from cam_rig.live.state_validation import MAX_SAMPLES
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from cam_rig.acoustics.sound_level_meter import MeterState
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import Samples
 from cam_rig.schema import SceneConfig
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import FollowerSimulator
 

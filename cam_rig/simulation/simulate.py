@@ -11,7 +11,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import MODELS, Block, FollowerState, Model, Samples
 from cam_rig.laws import Law
 from cam_rig.simulation.levels import MeasuredTick
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState, cam_states
 
 

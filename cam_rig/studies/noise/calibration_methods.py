@@ -26,7 +26,7 @@ from cam_rig.studies.noise.calibration import (
     sensitivity,
     two_constants,
 )
-from cam_rig.studies.noise.study import NoiseSetup
+from cam_rig.studies.noise.setup import NoiseSetup
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from cam_rig.arrays import rms
 from cam_rig.simulation.regression import cubic
 from cam_rig.simulation.settled_turns import Acoustics
 from cam_rig.studies.noise.calibration import two_constants
-from cam_rig.studies.noise.study import NoiseSetup
+from cam_rig.studies.noise.setup import NoiseSetup
 
 #: Rounds of fitting shape and constants in turn.
 ROUNDS = 2

@@ -10,11 +10,11 @@ import numpy as np
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.schema import RigConfig
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.studies.noise.calibration_methods import Method, with_substitution, with_two_constants
 from cam_rig.studies.noise.leave_one_out import LeftOut, leave_one_out
+from cam_rig.studies.noise.setup import NoiseSetup, StudyRoles
 from cam_rig.studies.noise.shared_rig import OneRig, with_elastic_stem, with_rigid_stem
-from cam_rig.studies.noise.study import NoiseSetup, StudyRoles
 from cam_rig.studies.noise.transfer_functions import StructureFit, compare_structures
 
 #: The parts of a study in order, for the progress bar.

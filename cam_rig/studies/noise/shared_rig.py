@@ -26,7 +26,7 @@ from cam_rig.studies.noise.arc_shape import ArcShape, ShapeProblem
 from cam_rig.studies.noise.bootstrap import crossing
 from cam_rig.studies.noise.calibration import PublishedCam, two_constants
 from cam_rig.studies.noise.identify import IMPOSSIBLE, MAX_FLANK
-from cam_rig.studies.noise.study import EVERY, NoiseSetup
+from cam_rig.studies.noise.setup import EVERY, NoiseSetup
 
 #: Lift (m), event (rad) and curvature of the flank (1/m) that the search goes through.
 SEARCHED = Bounds([0.002, 1.2, 1.0 / MAX_FLANK], [0.02, 3.5, 40.0])

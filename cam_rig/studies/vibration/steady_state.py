@@ -12,8 +12,8 @@ from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters, elastic_stem
 from cam_rig.dynamics.linear.sampling import sample
 from cam_rig.dynamics.modal.response import ModalResponse
+from cam_rig.dynamics.torsional.motion import periodic_state, solve
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters
-from cam_rig.dynamics.torsional.solution import periodic_state, solve
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law

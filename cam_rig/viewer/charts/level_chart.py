@@ -11,7 +11,7 @@ import rerun as rr
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
 from cam_rig.simulation.levels import MeasuredTick, step_levels
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.units import RPM_PER_RAD_S
 from cam_rig.viewer.charts.axes import UNSEEN, Axes, round_marks
 from cam_rig.viewer.timeline import time_columns

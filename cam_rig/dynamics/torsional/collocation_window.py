@@ -18,7 +18,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.linear.impulse_response import response
-from cam_rig.dynamics.torsional.collocation import CollocationTable
+from cam_rig.dynamics.torsional.chebyshev import CollocationTable
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 
 #: Newton's method has converged when the next correction would be below this, relatively ...

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.torsional.collocation import ChebyshevPath
+from cam_rig.dynamics.input_limits import require_number
+from cam_rig.dynamics.torsional.chebyshev import ChebyshevPath
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.torsional.stepper import March
-from cam_rig.dynamics.validation import require_number
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import TURN, to_rpm

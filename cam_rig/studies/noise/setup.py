@@ -14,7 +14,7 @@ import numpy as np
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.settled_turns import Acoustics, Turns, settled_turns
 from cam_rig.studies.noise.arc_shape import ArcShape, ShapeProblem
 from cam_rig.studies.noise.calibration import PublishedCam
