@@ -1,4 +1,4 @@
-"""Sound pressure as samples: what arrives at the microphone, block by block.
+"""Contact force to sound pressure as samples: what arrives at the microphone, block by block.
 
     p = gain · ω_c (F − q) + landings + background
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cam_rig.acoustics.radiation import REFERENCE_PRESSURE, pressure_pa
+from cam_rig.acoustics.level import REFERENCE_PRESSURE, pressure_pa
 from cam_rig.acoustics.weighting import class_1_up_to_hz, weighting_filter
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError, RefusedError, RunError

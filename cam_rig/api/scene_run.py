@@ -17,8 +17,9 @@ from cam_rig.dynamics import Samples
 from cam_rig.errors import ConfigError
 from cam_rig.extras import libraries_named
 from cam_rig.schema.load import named_path
-from cam_rig.simulation.levels import MeasuredTick, NoiseResult, compare, require_ticks, step_levels
+from cam_rig.simulation.levels import MeasuredTick, require_ticks, step_levels
 from cam_rig.simulation.loaded_scene import LoadedScene
+from cam_rig.simulation.noise_comparison import NoiseResult, compare
 from cam_rig.simulation.schedule import tick_count
 from cam_rig.simulation.simulate import sample_blocks, simulate
 from cam_rig.units import NS, to_rpm
