@@ -10,7 +10,7 @@ from cam_rig.bag.playback import PLAYED, Played, played
 from cam_rig.live.flow_control import FlowControl
 from cam_rig.messages import topics
 from cam_rig.nodes.common.clock_source import ClockSource
-from cam_rig.nodes.common.parameters import CONSUMERS, weightings
+from cam_rig.nodes.common.parameters import ESSENTIAL, weightings
 
 
 class Player(ClockSource):
@@ -24,7 +24,7 @@ class Player(ClockSource):
         self._microphone = AsyncParameterClient(self, "microphone")
         known = {topics.CLOCK: self._clock_out, topics.CAM_STATE: self._state_out}
         self._out = {t: known.get(t) or self.publisher(t) for t in PLAYED}
-        consumers = list(CONSUMERS)
+        consumers = list(ESSENTIAL)
         self._flow = FlowControl(consumers)
         self.begin(consumers, self._flow)
 

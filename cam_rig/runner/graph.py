@@ -14,14 +14,26 @@ from typing import Any
 from cam_rig.errors import RunError
 from cam_rig.extras import require
 from cam_rig.runner.checkpoint_folder import CheckpointFolder
+<<<<<<< HEAD
 from cam_rig.runner.node_process import Arguments, NodeProcess, stop_all
 from cam_rig.runner.node_table import DRIVE, ENTRIES, NODES, PATIENCE_S, PLAYER, RECORDER, VIEWER
+=======
+from cam_rig.runner.node_table import (
+    CONSUMERS,
+    DRIVE,
+    ENTRIES,
+    NODES,
+    PATIENCE_S,
+    PLAYER,
+    RECORDER,
+    VIEWER,
+)
+from cam_rig.runner.process import Arguments, NodeProcess, stop_all
+>>>>>>> live
 from cam_rig.runner.shared_memory import LOCK_GRACE_S, clean, require_room
 
 #: Signals that end a run; a closed terminal is one of them.
 STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-#: Nodes that no consumer of the drive is.
-SOURCES = ("law_server", DRIVE)
 
 
 def live(
@@ -32,7 +44,7 @@ def live(
     ``screen`` is the address that a viewer draws the run to; None starts no viewer.
     """
     names = [entry.name for entry in NODES if screen is not None or entry.name != VIEWER]
-    consumers = [name for name in names if name not in SOURCES]
+    consumers = [name for name in names if name in CONSUMERS]
     given: dict[str, Arguments] = {
         RECORDER: {"bag": str(bag)},
         VIEWER: {"address": screen or ""},
@@ -44,7 +56,7 @@ def live(
 
 def replayed(scene: Path, bag: Path, recorded: Path) -> dict[str, Arguments]:
     """The consumers of a run, and the player in place of the drive and the law server."""
-    nodes = {name: given for name, given in live(scene, bag).items() if name not in SOURCES}
+    nodes = {name: given for name, given in live(scene, bag).items() if name in CONSUMERS}
     return nodes | {PLAYER.name: {"bag": str(recorded), "patience": PATIENCE_S}}
 
 

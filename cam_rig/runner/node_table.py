@@ -40,3 +40,8 @@ NODES = (
 #: The node in place of drive and law server where a bag is replayed.
 PLAYER = NodeEntry("player", {"bag": str})
 ENTRIES = {entry.name: entry for entry in (*NODES, PLAYER)}
+#: The nodes that make what others consume, in a run and in a replay.
+SOURCES = ("law_server", DRIVE, PLAYER.name)
+#: The nodes that the drive may wait for, beside the law server, and those it can go on without.
+CONSUMERS = tuple(entry.name for entry in NODES if entry.name not in SOURCES)
+OPTIONAL = frozenset(entry.name for entry in NODES if not entry.essential)

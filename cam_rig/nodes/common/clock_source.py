@@ -17,6 +17,7 @@ from cam_rig.messages import topics
 from cam_rig.messages.codec import stamp_ns
 from cam_rig.nodes.common.base import RigNode
 from cam_rig.nodes.common.convert import to_cam_state, to_header, to_time
+from cam_rig.runner.node_table import OPTIONAL
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import to_rpm
 
@@ -30,8 +31,8 @@ ACKNOWLEDGES = {
     "law_server": topics.FOLLOWED,
     "viewer": topics.SHOWN,
 }
-#: Consumers that a run goes on without, and the wall time (s) that they alone are waited for.
-OPTIONAL, OPTIONAL_PATIENCE_S = frozenset({"viewer"}), 15.0
+#: Wall time (s) that consumers which a run can go on without are waited for alone.
+OPTIONAL_PATIENCE_S = 15.0
 
 
 class ClockSource(RigNode):

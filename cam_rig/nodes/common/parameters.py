@@ -13,6 +13,7 @@ from rclpy.parameter import Parameter
 from cam_rig.acoustics.sound_level_meter import FREQUENCY_WEIGHTINGS, TIME_WEIGHTINGS
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.live.pacing import factor_of
+from cam_rig.runner.node_table import CONSUMERS, OPTIONAL
 from cam_rig.schema.load import config_root
 
 
@@ -76,7 +77,7 @@ PROGRESS = Spec(
     "open file descriptor that gets a line of JSON for each state; -1: none",
 )
 #: The consumers that are waited for by default: a run need not be seen.
-CONSUMERS = ("follower", "microphone", "recorder")
+ESSENTIAL = tuple(name for name in CONSUMERS if name not in OPTIONAL)
 
 PARAMETERS: dict[str, tuple[Spec, ...]] = {
     "law_server": (
@@ -93,8 +94,7 @@ PARAMETERS: dict[str, tuple[Spec, ...]] = {
         Spec("pacing", "free", "rig time beside wall time: free, real_time, or Nx such as 20x",
              live=True, check=factor_of),
         Spec("autostart", True, "turn as soon as every node is ready; false: wait for ~/start"),
-        Spec("consumers", list(CONSUMERS), "nodes that are waited for",
-             choices=(*CONSUMERS, "viewer")),
+        Spec("consumers", list(ESSENTIAL), "nodes that are waited for", choices=CONSUMERS),
         Spec("patience", 20.0, "wall time without progress before giving up, s", 0.1, 86400.0),
         PROGRESS,
     ),
