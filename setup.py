@@ -71,7 +71,7 @@ def share(folder: str) -> list[tuple[str, list[str]]]:
 
 def version() -> str:
     """Read the version in package.xml, where it stands once."""
-    text = Path("package.xml").read_text(encoding="utf-8")
+    text = Path(__file__).with_name("package.xml").read_text(encoding="utf-8")
     return re.search(r"<version>(.+)</version>", text)[1]
 
 

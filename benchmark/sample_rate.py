@@ -14,7 +14,7 @@ from pathlib import Path
 from cam_rig.acoustics import level_db, steady_power
 from cam_rig.schema import SceneConfig
 from cam_rig.simulation.levels import step_levels
-from cam_rig.simulation.scene import LoadedScene, open_scene
+from cam_rig.simulation.loaded_scene import LoadedScene, open_scene
 from cam_rig.simulation.simulate import simulate
 
 REFERENCE_HZ = 384_000

@@ -23,4 +23,9 @@ for cam, curve in recording.noise.curves.items():
     levels = ", ".join(f"{level:.1f}" for level in curve.level_db)
     print(f"{cam}: {levels} dB; at most {away:.0e} dB from what is computed now")
 
+# The follower's samples: contact is lost where the contact force is zero.
+samples = recording.samples("tm21", rpm=400)
+lost = np.mean(samples.force == 0.0)
+print(f"tm21 at 400 rpm: up to {samples.force.max():.0f} N, contact lost {lost:.0%} of the time")
+
 recording.plot().savefig(OUT / "read_bag.png")

@@ -219,7 +219,7 @@ def ros_domain(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) 
     """
     if request.node.get_closest_marker("starts") is None:
         start = request.getfixturevalue("preloaded").start
-        monkeypatch.setattr("cam_rig.runner.process._started", start)
+        monkeypatch.setattr("cam_rig.runner.node_process._started", start)
     with _hold_domain() as domain:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
         monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SYSTEM_DEFAULT")

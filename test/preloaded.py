@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
 
-from cam_rig.runner.process import environment
+from cam_rig.runner.node_process import environment
 
 NODES = ("law_server", "cam_drive", "follower", "microphone", "recorder", "player")
 #: Ask the kernel to end this process with its parent, or to hand it the orphans below it.
@@ -70,7 +70,7 @@ class Preloaded:
         theirs.close()
 
     def start(self, command: list[str], network: bool, pipe: int | None = None) -> Adopted:
-        """What `cam_rig.runner.process` starts by this command."""
+        """What `cam_rig.runner.node_process` starts by this command."""
         (read_out, out), (read_err, err) = os.pipe(), os.pipe()
         request = {"argv": command[2:], "env": environment(network), "folder": os.getcwd()}
         numbers = {1: out, 2: err} | ({} if pipe is None else {pipe: pipe})

@@ -44,7 +44,11 @@ COMMANDS = {
 }
 
 #: Keys whose name has changed since the numbers were kept, old: new.
-RENAMED: dict[str, str] = {"answer": "conclusions"}
+RENAMED: dict[str, str] = {
+    "answer": "conclusions",
+    "ringing_m": "residual_amplitude_m",
+    "swing_m": "peak_to_peak_m",
+}
 #: Keys, where there were none or sentences when the numbers were kept.
 ADDED = {"conclusions"}
 #: Why a value under one of them does not count.

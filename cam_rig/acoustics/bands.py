@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cam_rig.acoustics.radiation import level_db
+from cam_rig.acoustics.level import level_db
 from cam_rig.acoustics.weighting import CLASS_1
 from cam_rig.arrays import FloatArray
 

@@ -1,6 +1,6 @@
-"""The energy account of the microphone: blocks of contact force in, r.m.s. sound pressure out.
+"""Contact force to r.m.s. sound pressure, by energy: what the microphone node publishes.
 
-It is the mean square of the samples that `sound` makes, with the landings and the background at
+It is the mean square of what `pressure_samples` gives, with the landings and the background at
 their exact energy: no noise of measurement, and no need of a high sample rate.
 """
 
@@ -18,7 +18,7 @@ from cam_rig.arrays import FloatArray
 
 @dataclass(frozen=True)
 class MicrophoneState:
-    """What the structure remembers from one block to the next: q and the last force, N."""
+    """The state of the structure from one block to the next: q and the last force, N."""
 
     structure: float
     force: float

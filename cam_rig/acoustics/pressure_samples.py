@@ -1,4 +1,4 @@
-"""Sound pressure as samples: what arrives at the microphone, block by block.
+"""Contact force to sound pressure as samples: what arrives at the microphone, block by block.
 
     p = gain · ω_c (F − q) + landings + background
 
@@ -43,13 +43,13 @@ class Background:
         self._last = float(self._generator.standard_normal())
 
     @property
-    def memory(self) -> tuple[float, dict[str, Any]]:
+    def state(self) -> tuple[float, dict[str, Any]]:
         """The last sample and the generator's state."""
         return self._last, dict(self._generator.bit_generator.state)
 
-    @memory.setter
-    def memory(self, memory: tuple[float, dict[str, Any]]) -> None:
-        self._last, self._generator.bit_generator.state = memory
+    @state.setter
+    def state(self, state: tuple[float, dict[str, Any]]) -> None:
+        self._last, self._generator.bit_generator.state = state
 
     def samples(self, count: int) -> FloatArray:
         """The next samples, ``(count,)``."""
@@ -70,8 +70,8 @@ SEED = 1
 
 
 @dataclass(frozen=True, eq=False)
-class SourceMemory:
-    """What a source remembers.
+class SourceState:
+    """The state of a sound source.
 
     ``structure`` (None before the first block) and the last ``force`` in N, ``tail`` ``(k,)`` of
     the pulses of landings (N), and the background's last sample and generator.
@@ -85,7 +85,7 @@ class SourceMemory:
 
 @dataclass
 class SoundSource:
-    """The structure, the landings and the background with their memory.
+    """The structure, the landings and the background with their state.
 
     Parameters
     ----------
@@ -110,18 +110,19 @@ class SoundSource:
         self._tail = np.zeros(self._pulse.size - 1)
 
     @property
-    def memory(self) -> SourceMemory:
-        """All that it remembers between two blocks."""
-        return SourceMemory(self._structure, self._force, self._tail, self._background.memory)
+    def state(self) -> SourceState:
+        """Its state between two blocks."""
+        return SourceState(self._structure, self._force, self._tail, self._background.state)
 
-    @memory.setter
-    def memory(self, memory: SourceMemory) -> None:
-        if memory.tail.shape != self._tail.shape:
+    @state.setter
+    def state(self, state: SourceState) -> None:
+        if state.tail.shape != self._tail.shape:
             raise RunError(
-                f"a sound's memory has pulses of {memory.tail.shape}; allowed: {self._tail.shape}"
+                f"the state of a sound source has pulses of {state.tail.shape}; "
+                f"allowed: {self._tail.shape}"
             )
-        self._structure, self._force, self._tail = memory.structure, memory.force, memory.tail
-        self._background.memory = memory.background
+        self._structure, self._force, self._tail = state.structure, state.force, state.tail
+        self._background.state = state.background
 
     @property
     def rate(self) -> int:

@@ -1,4 +1,4 @@
-"""How contact force becomes sound: a structure with one corner, and background.
+"""The acoustic constants of a rig: a structure with one corner, landings, and background.
 
 The pressure follows the rate of the contact force through a structure that cannot follow
 beyond its corner:
@@ -9,6 +9,9 @@ A landing is a force pulse of impulse J, half a sine of the time the follower's 
 its stem. It is far above the corner, so it radiates ∫p² dt = (gain ω_c J)² π²/(8 T_c) and leaves
 q higher by ω_c J: the impact needs no constant of its own. Background (motor, bearings) adds in
 energy, rising with speed. This is the energy accountancy of machinery noise (Richards).
+
+Force becomes pressure by these in `pressure_rms` (energy) and `pressure_samples` (signal); dB are
+in `level`.
 """
 
 from __future__ import annotations
@@ -17,24 +20,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cam_rig.acoustics.level import pressure_pa
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.schema import RigConfig
-
-#: Reference sound pressure in air, Pa (IEC 61672).
-REFERENCE_PRESSURE = 20e-6
-
-
-def level_db(pressure: NDArray[np.float64] | float) -> NDArray[np.float64]:
-    """Level in dB re 20 µPa of an r.m.s. pressure in Pa."""
-    return np.asarray(20.0 * np.log10(np.asarray(pressure) / REFERENCE_PRESSURE))
-
-
-def pressure_pa(level: NDArray[np.float64] | float) -> NDArray[np.float64]:
-    """r.m.s. pressure in Pa of a level in dB re 20 µPa."""
-    return np.asarray(REFERENCE_PRESSURE * 10.0 ** (np.asarray(level) / 20.0))
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cam_rig.acoustics.radiation import REFERENCE_PRESSURE, pressure_pa
+from cam_rig.acoustics.level import REFERENCE_PRESSURE, pressure_pa
 from cam_rig.acoustics.weighting import class_1_up_to_hz, weighting_filter
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError, RefusedError, RunError
@@ -48,8 +48,8 @@ class Reading:
 
 
 @dataclass(frozen=True, eq=False)
-class MeterMemory:
-    """All that a meter remembers.
+class MeterState:
+    """The whole state of a meter.
 
     ``filter`` ``(n, 2)`` and ``power`` (Pa²) are of the frequency and the time weighting; the
     energy (Pa²), samples, highest level (dB) and overload are since it began.
@@ -92,26 +92,26 @@ class SoundLevelMeter:
         self._sections = weighting_filter(self.frequency_weighting, self.rate)
         self._keep = math.exp(-1.0 / (self.rate * TIME_WEIGHTINGS[self.time_weighting]))
         at_rest = np.zeros((len(self._sections), 2))
-        self.memory = MeterMemory(
+        self.state = MeterState(
             self.frequency_weighting, self.time_weighting, at_rest, 0.0, 0.0, 0, SILENCE, False
         )
 
     @classmethod
-    def remembering(cls, rate: int, memory: MeterMemory) -> SoundLevelMeter:
-        """The meter that had this memory.
+    def from_state(cls, rate: int, state: MeterState) -> SoundLevelMeter:
+        """The meter in this state.
 
         Raises
         ------
-        ConfigError : the memory has a weighting that the standard does not have
+        ConfigError : the state has a weighting that the standard does not have
         RunError : or a filter of another kind
         """
-        meter = cls(rate, memory.frequency_weighting, memory.time_weighting)
-        if memory.filter.shape != meter.memory.filter.shape:
+        meter = cls(rate, state.frequency_weighting, state.time_weighting)
+        if state.filter.shape != meter.state.filter.shape:
             raise RunError(
-                f"a meter's memory has a filter of {memory.filter.shape}; "
-                f"allowed: {meter.memory.filter.shape}"
+                f"the state of a meter has a filter of {state.filter.shape}; "
+                f"allowed: {meter.state.filter.shape}"
             )
-        meter.memory = memory
+        meter.state = state
         return meter
 
     @property
@@ -140,8 +140,8 @@ class SoundLevelMeter:
         highest = _level(float(power.max()))
         overload = float(np.abs(pressure).max()) > math.sqrt(2.0) * float(pressure_pa(self.span[1]))
         level = _level(float(power.mean()))
-        before = self.memory
-        self.memory = replace(
+        before = self.state
+        self.state = replace(
             before,
             filter=filter_,
             power=float(power[-1]),
@@ -162,25 +162,25 @@ class SoundLevelMeter:
     @property
     def equivalent(self) -> float:
         """Leq over all samples so far (LAeq, LCeq, LZeq), dB."""
-        return _level(self.memory.energy / max(self.memory.samples, 1))
+        return _level(self.state.energy / max(self.state.samples, 1))
 
     @property
     def highest(self) -> float:
         """Highest time-weighted level so far (LAFmax and its like), dB."""
-        return self.memory.highest
+        return self.state.highest
 
     @property
     def overloaded(self) -> bool:
         """Whether any block so far was an overload: it stays shown, as the standard asks."""
-        return self.memory.overload
+        return self.state.overload
 
     def _weighted(self, pressure: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The samples through the frequency weighting, and what the filter then remembers."""
+        """The samples through the frequency weighting, and the filter's state then."""
         if self._sections.size == 0:
-            return pressure, self.memory.filter
+            return pressure, self.state.filter
         from scipy.signal import sosfilt  # a second of imports, which only who weighs should pay
 
-        weighted, filter_ = sosfilt(self._sections, pressure, zi=self.memory.filter)
+        weighted, filter_ = sosfilt(self._sections, pressure, zi=self.state.filter)
         return np.asarray(weighted), np.asarray(filter_)
 
     def _averaged(self, square: FloatArray) -> FloatArray:
@@ -188,7 +188,7 @@ class SoundLevelMeter:
         from scipy.signal import lfilter
 
         keep = self._keep
-        power, _ = lfilter([1.0 - keep], [1.0, -keep], square, zi=[keep * self.memory.power])
+        power, _ = lfilter([1.0 - keep], [1.0, -keep], square, zi=[keep * self.state.power])
         return np.asarray(power)
 
 

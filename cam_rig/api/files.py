@@ -6,7 +6,7 @@ from pathlib import Path
 
 from cam_rig.schema import CamConfig, RigConfig, load
 from cam_rig.schema.load import named_path
-from cam_rig.simulation.scene import LoadedScene, open_scene
+from cam_rig.simulation.loaded_scene import LoadedScene, open_scene
 
 
 def load_cam(cam: str | Path) -> CamConfig:

@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from cam_rig.api.files import load_scene
 from cam_rig.api.notebook import shown
+from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import Samples
+from cam_rig.errors import ConfigError
 from cam_rig.extras import libraries_named
 from cam_rig.schema.load import named_path
-from cam_rig.simulation.levels import HeardTick, NoiseResult, compare, require_ticks, step_levels
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.levels import MeasuredTick, require_ticks, step_levels
+from cam_rig.simulation.loaded_scene import LoadedScene
+from cam_rig.simulation.noise_comparison import NoiseResult, compare
 from cam_rig.simulation.schedule import tick_count
-from cam_rig.simulation.simulate import simulate
+from cam_rig.simulation.simulate import sample_blocks, simulate
+from cam_rig.units import NS, to_rpm
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
+
+#: Speeds nearer than this part of each other are one.
+SAME = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -31,12 +41,14 @@ class SceneRun:
     loaded : the scene with its cams, laws and rig
     ticks : what the microphone heard, tick by tick: r.m.s. pressure (Pa)
     source : the scene's file, or the bag
+    blocks : gives the follower's samples tick by tick, ``(6, n)`` rows each; see `samples`
     counts : messages by topic, of a bag
     """
 
     loaded: LoadedScene
-    ticks: tuple[HeardTick, ...]
+    ticks: tuple[MeasuredTick, ...]
     source: Path
+    blocks: Callable[[], Iterator[FloatArray]]
     counts: dict[str, int] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -60,6 +72,40 @@ class SceneRun:
         return compare(
             levels, {cam: self.loaded.role(cam) for cam in levels}, self.loaded.published
         )
+
+    def samples(self, cam: str, rpm: float) -> Samples:
+        """The follower's samples of a cam at one speed: ``time``, ``lift``, ``force`` and so on.
+
+        They are read from the bag, or computed again.
+
+        Raises
+        ------
+        ConfigError : the run has no such cam at that speed
+
+        Examples
+        --------
+        >>> import cam_rig
+        >>> samples = cam_rig.read_bag("bags/golden").samples("tm21", 400)
+        >>> round(float(samples.force.max()), 1)  # N
+        114.0
+        """
+        held = (tick for tick in self.ticks if tick.steady and tick.start.cam == cam)
+        spans = [
+            (tick.start.time_ns / NS, tick.stop_ns / NS)
+            for tick in held
+            if abs(to_rpm(tick.start.speed) - rpm) <= SAME * rpm
+        ]
+        if not spans:
+            there = {f"{t.start.cam} at {to_rpm(t.start.speed):g} rpm": None for t in self.ticks}
+            raise ConfigError(f"samples: {cam} at {rpm:g} rpm; allowed: {', '.join(there)}")
+        found = [
+            rows
+            for rows in self.blocks()
+            if any(begin <= Samples(rows).time.mean() < end for begin, end in spans)
+        ]
+        joined = np.hstack(found)
+        joined.setflags(write=False)
+        return Samples(joined)
 
     def to_pandas(self) -> DataFrame:
         """A row each cam and speed: ``cam``, ``rpm``, ``level_db``.
@@ -113,7 +159,7 @@ def run_scene(
     for tick in simulate(loaded):
         ticks.append(tick)
         on_tick()
-    return SceneRun(loaded, tuple(ticks), loaded.scene_file)
+    return SceneRun(loaded, tuple(ticks), loaded.scene_file, partial(sample_blocks, loaded))
 
 
 def read_bag(bag: str | Path, scene: str | Path | None = None) -> SceneRun:
@@ -137,7 +183,8 @@ def read_bag(bag: str | Path, scene: str | Path | None = None) -> SceneRun:
     (True, ['tm21', 'bezier15'])
     """
     with libraries_named():
-        from cam_rig.bag.reader import read_recording
+        from cam_rig.bag.reader import read_recording, read_samples
     path = None if scene is None else named_path("scenes", scene)
     found = read_recording(Path(bag), path)
-    return SceneRun(found.loaded, tuple(found.ticks), Path(bag), found.counts)
+    blocks = partial(read_samples, Path(bag))
+    return SceneRun(found.loaded, tuple(found.ticks), Path(bag), blocks, found.counts)

@@ -13,7 +13,7 @@ from cam_rig.api.notebook import shown
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError
 from cam_rig.extras import libraries_named
-from cam_rig.simulation.levels import HeardTick, step_levels
+from cam_rig.simulation.levels import MeasuredTick, step_levels
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import MicrophoneSimulator
 
@@ -109,7 +109,7 @@ def sound_level(motion: FollowerMotion, *, settle_turns: int = 1) -> SoundLevel:
     return SoundLevel(motion.rpm, level, by_turn, settle_turns, _calibrated_on(motion))
 
 
-def _heard(motion: FollowerMotion) -> list[HeardTick]:
+def _heard(motion: FollowerMotion) -> list[MeasuredTick]:
     """Each turn as the microphone hears it."""
     radiation = RadiationParameters.from_rig(motion.rig)
     microphone = MicrophoneSimulator(radiation, int(motion.scene.sample_rate.si))
@@ -118,7 +118,7 @@ def _heard(motion: FollowerMotion) -> list[HeardTick]:
         i = block.interval
         pressure = microphone.listen(block.rows, i.mean_speed)
         start = CamState(i.start_ns, i.angle, i.speed, CAM, i.turns)
-        heard.append(HeardTick(start, i.stop_ns, pressure, i.acceleration == 0.0))
+        heard.append(MeasuredTick(start, i.stop_ns, pressure, i.acceleration == 0.0))
     return heard
 
 

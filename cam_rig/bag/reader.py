@@ -13,6 +13,7 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
+from cam_rig.arrays import FloatArray
 from cam_rig.bag.attached import unpack
 from cam_rig.bag.bounds import require_bounded, require_plain
 from cam_rig.bag.damage import UNREADABLE, damaged
@@ -20,10 +21,10 @@ from cam_rig.bag.files import TORN, is_closed
 from cam_rig.errors import BagError, CamRigError, RefusedError
 from cam_rig.files import temporary_folder
 from cam_rig.messages import topics
-from cam_rig.messages.codec import cam_state_of, stamp_ns
+from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
 from cam_rig.messages.topics import Topic
-from cam_rig.simulation.levels import HeardTick
-from cam_rig.simulation.scene import LoadedScene, open_scene
+from cam_rig.simulation.levels import MeasuredTick
+from cam_rig.simulation.loaded_scene import LoadedScene, open_scene
 from cam_rig.simulation.schedule import CamState
 
 
@@ -32,7 +33,7 @@ class Recording:
     """A recorded run: its scene, its ticks, and how many messages each topic has."""
 
     loaded: LoadedScene
-    ticks: list[HeardTick]
+    ticks: list[MeasuredTick]
     counts: dict[str, int]
 
 
@@ -128,11 +129,25 @@ def read_recording(bag: Path, scene: Path | None = None) -> Recording:
     except RefusedError as error:
         raise BagError(f"{bag}: {error}") from None
     ticks = [
-        HeardTick(start, end.time_ns, pressures[end.time_ns], start.holds_until(end))
+        MeasuredTick(start, end.time_ns, pressures[end.time_ns], start.holds_until(end))
         for start, end in pairwise(states)
         if end.time_ns in pressures and start.turns_until(end)
     ]
     return Recording(loaded, ticks, read_counts(bag))
+
+
+def read_samples(bag: Path) -> Iterator[FloatArray]:
+    """The follower's samples tick by tick, ``(6, n)`` rows each.
+
+    Raises
+    ------
+    BagError : no such bag, one that was not closed, or samples that are none
+    """
+    try:
+        for _, _, message in messages(bag, (topics.FOLLOWER_SAMPLES,)):
+            yield decode_block(*array_of(message))
+    except RefusedError as error:
+        raise BagError(f"{bag}: {error}") from None
 
 
 def read_counts(bag: Path) -> dict[str, int]:

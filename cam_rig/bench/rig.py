@@ -11,7 +11,7 @@ from cam_rig.bench.cases.case import Case, Solution
 from cam_rig.bench.cases.models import OneMass, Oscillator, Twist, TwoMasses
 from cam_rig.dynamics import FollowerParameters, Interval, elastic_stem
 from cam_rig.dynamics.one_mass.trajectory import OneMassTrajectory
-from cam_rig.dynamics.torsional import solution as torsion
+from cam_rig.dynamics.torsional import motion as torsion
 from cam_rig.dynamics.two_mass.model import states
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters
 from cam_rig.dynamics.two_mass.trajectory import Separation

@@ -6,7 +6,7 @@ viewer no two curves share one, so a curve that is missing there is missed.
 
 from __future__ import annotations
 
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
 
 SKY_BLUE, BLUE, GREEN, PURPLE = 0x56B4E9FF, 0x0072B2FF, 0x009E73FF, 0xCC79A7FF
 ORANGE, VERMILION, BLACK, LIGHT_GREY = 0xE69F00FF, 0xD55E00FF, 0x000000FF, 0xCCCCCCFF

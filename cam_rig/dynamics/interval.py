@@ -9,14 +9,14 @@ from typing import Literal
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.samples import COLUMNS, NamedRows
-from cam_rig.dynamics.validation import (
+from cam_rig.dynamics.input_limits import (
     is_number,
     require_angle,
     require_number,
     require_rate,
     require_stamp,
 )
+from cam_rig.dynamics.samples import COLUMNS, NamedRows
 from cam_rig.errors import DynamicsError
 from cam_rig.units import NS, TURN
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.contact import motion_weights
+from cam_rig.dynamics.input_limits import require_turning
 from cam_rig.dynamics.interval import Block, FollowerState, Interval
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.ramp import with_ramps
-from cam_rig.dynamics.validation import require_turning
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.laws import Law
 from cam_rig.laws.sampling import sample

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from cam_rig.dynamics.validation import require_number
+from cam_rig.dynamics.input_limits import require_number
 from cam_rig.schema import RigConfig
 
 

@@ -1,4 +1,4 @@
-"""Names for the rows of a block of samples: ``samples.force`` in place of ``rows[4]``."""
+"""The columns of a block of samples, and of /follower/samples, by name: ``samples.force``."""
 
 from __future__ import annotations
 

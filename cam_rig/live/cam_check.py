@@ -9,7 +9,7 @@ from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.laws import Law
 from cam_rig.profile import contours
 from cam_rig.schema import CamConfig
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
 
 #: Points of the contour over one turn.
 CONTOUR_POINTS = 180

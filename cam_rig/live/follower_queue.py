@@ -10,8 +10,8 @@ import numpy as np
 from cam_rig.dynamics import Block, FollowerState
 from cam_rig.errors import DynamicsError, RefusedError
 from cam_rig.laws import Law
-from cam_rig.live.admission import Admission, StateValidator
 from cam_rig.live.flow_control import MAX_WAITING
+from cam_rig.live.state_validation import Admission, StateValidator
 from cam_rig.schema import SceneConfig
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import FollowerCheckpoint, FollowerSimulator
@@ -38,14 +38,14 @@ class FollowerQueue:
     ) -> None:
         self._simulator = simulator
         if checkpoint is not None:
-            simulator.memory = checkpoint
-        self._validator = StateValidator.of(scene, simulator.memory.last)
+            simulator.checkpoint = checkpoint
+        self._validator = StateValidator.of(scene, simulator.checkpoint.last)
         self._waiting: deque[CamState] = deque()
 
     @property
     def checkpoint(self) -> FollowerCheckpoint:
         """To be saved after each tick."""
-        return self._simulator.memory
+        return self._simulator.checkpoint
 
     def add_law(self, law: Law) -> None:
         """Take a law.

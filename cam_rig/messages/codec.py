@@ -17,7 +17,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import ANGLE_TOLERANCE, COLUMNS
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.laws import Law
-from cam_rig.live.admission import MAX_SAMPLES, require_possible
+from cam_rig.live.state_validation import MAX_SAMPLES, require_possible
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN
 

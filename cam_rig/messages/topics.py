@@ -8,8 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from cam_rig.live.admission import MAX_SAMPLES
+from cam_rig.dynamics import COLUMNS
 from cam_rig.live.flow_control import HISTORY_DEPTH
+from cam_rig.live.state_validation import MAX_SAMPLES
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ FOLLOWER_SAMPLES = Topic(
     stamped=False,
     twin="/follower/state",
     owner="follower",
-    most_bytes=MAX_SAMPLES * 6 * 8 + 1024,
+    most_bytes=MAX_SAMPLES * len(COLUMNS) * 8 + 1024,
 )
 LEVEL = Topic(
     "/microphone/level",

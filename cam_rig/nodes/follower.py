@@ -10,16 +10,16 @@ from std_msgs.msg import Float64MultiArray
 
 from cam_rig.dynamics import Block, FollowerState
 from cam_rig.errors import DynamicsError
-from cam_rig.live.admission import Admission
 from cam_rig.live.cam_check import require_own_law
 from cam_rig.live.follower_queue import FollowerQueue
+from cam_rig.live.state_validation import Admission
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_law, encode_block
 from cam_rig.nodes.common.base import RigNode
 from cam_rig.nodes.common.convert import to_array, to_header, to_joint_state
 from cam_rig.nodes.common.diagnostics import OK, WARN
 from cam_rig.nodes.common.resend import ResendBuffer
-from cam_rig.simulation.scene import open_scene
+from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import FollowerSimulator
 from cam_rig.units import to_rpm

@@ -8,8 +8,8 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
-from cam_rig.live.admission import Admission
-from cam_rig.live.cam_mounting import CamMounting
+from cam_rig.live.law_server import CamMounting
+from cam_rig.live.state_validation import Admission
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of, encode_law
 from cam_rig.nodes.common.base import RigNode

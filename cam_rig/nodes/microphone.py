@@ -8,7 +8,7 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Float64, Float64MultiArray
 
-from cam_rig.live.admission import Admission, StateValidator
+from cam_rig.live.state_validation import Admission, StateValidator
 from cam_rig.live.tick_matching import TickMatcher
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_block
@@ -18,7 +18,7 @@ from cam_rig.nodes.common.diagnostics import OK, WARN
 from cam_rig.nodes.common.parameters import weightings
 from cam_rig.nodes.common.resend import ResendBuffer
 from cam_rig.simulation.audio import MeterSimulator
-from cam_rig.simulation.scene import open_scene
+from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.simulation.simulate import MicrophoneSimulator
 
 
@@ -32,7 +32,7 @@ class Microphone(RigNode):
         self._meter.weigh(self.given["frequency_weighting"], self.given["time_weighting"])
         begin_ns = 0
         if saved := self.restore():
-            begin_ns, self._source.memory, self._meter.memory = saved[0]
+            begin_ns, self._source.state, self._meter.state = saved[0]
             self.set_parameters(weightings(self._meter.quantity))
         self._save(begin_ns, -1)  # to go back to before the first tick
         self._validator = StateValidator.of(loaded.scene)
@@ -75,4 +75,4 @@ class Microphone(RigNode):
 
     def _save(self, done_ns: int, stamp_ns: int) -> None:
         if self.checkpoint.enabled:  # a meter's state is large
-            self.save((done_ns, self._source.memory, self._meter.memory), stamp_ns)
+            self.save((done_ns, self._source.state, self._meter.state), stamp_ns)

@@ -16,8 +16,8 @@ from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
 from cam_rig.nodes.common.base import RigNode
 from cam_rig.nodes.common.convert import to_header
-from cam_rig.simulation.scene import open_scene
-from cam_rig.viewer.live import LiveView
+from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.viewer.live_view import LiveView
 from cam_rig.viewer.recording import polygon
 from cam_rig.viewer.server.process import require_display, window
 

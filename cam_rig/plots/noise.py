@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 from cam_rig.arrays import FloatArray
 from cam_rig.plots.figures import CAM_SPEED, LEVEL, colour, empty, marker, write
-from cam_rig.simulation.levels import NoiseResult
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
+from cam_rig.simulation.noise_comparison import NoiseResult
 
 #: Room above and below levels turn by turn, dB, so that the rounding of settled ones is not seen.
 MARGIN_DB = 1.0

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from cam_rig.plots.figures import CAM_SPEED, LEVEL, empty, marker, write
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.studies.noise.calibration_methods import Method
 from cam_rig.studies.noise.run import NoiseStudy
 

@@ -92,7 +92,7 @@ def _values(found: Findings) -> dict[str, Any]:
         "proposed": sources.cam_set.titles[found.factorial.config.proposed],
         "published": published,
         "rivals": [sources.loaded.cams[cam].title for cam in published.crossover.between],
-        "cast": found.noise.cast,
+        "cast": found.noise.roles,
         "origins": ", ".join(f"{origins[origin]} {origin}" for origin in ORIGINS),
         "moves": _moves(found),
         "rounding": _rounding(found),
@@ -126,4 +126,4 @@ def _angles(found: Findings) -> tuple[float, float]:
 def _stiffer(found: Findings) -> float:
     """By how much the residual amplitude is smaller on the printed stem, at least."""
     elastic, stiff = (t.at(STEADY_RPM) for t in (found.vibration, found.stiff_vibration))
-    return min(elastic[cam].ringing / stiff[cam].ringing for cam in elastic)
+    return min(elastic[cam].residual_amplitude / stiff[cam].residual_amplitude for cam in elastic)

@@ -12,7 +12,7 @@ from cam_rig.bag.complete import require_complete
 from cam_rig.bag.reader import read_recording
 from cam_rig.errors import BagError
 from cam_rig.simulation.levels import step_levels
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
 
 
 @dataclass(frozen=True, eq=False)

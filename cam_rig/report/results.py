@@ -17,7 +17,7 @@ from cam_rig.schema import (
     load_rig,
     load_tables,
 )
-from cam_rig.simulation.scene import LoadedScene, open_scene
+from cam_rig.simulation.loaded_scene import LoadedScene, open_scene
 from cam_rig.studies.cam_set import CamSet, open_cam_set
 from cam_rig.studies.factorial.design import Factorial, run_factorial
 from cam_rig.studies.factorial.laws import open_factorial

@@ -14,6 +14,7 @@ from typing import Any
 from cam_rig.errors import RunError
 from cam_rig.extras import require
 from cam_rig.runner.checkpoint_folder import CheckpointFolder
+from cam_rig.runner.node_process import Arguments, NodeProcess, stop_all
 from cam_rig.runner.node_table import (
     CONSUMERS,
     DRIVE,
@@ -24,7 +25,6 @@ from cam_rig.runner.node_table import (
     RECORDER,
     VIEWER,
 )
-from cam_rig.runner.process import Arguments, NodeProcess, stop_all
 from cam_rig.runner.shared_memory import LOCK_GRACE_S, clean, require_room
 
 #: Signals that end a run; a closed terminal is one of them.

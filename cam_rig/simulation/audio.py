@@ -7,22 +7,22 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 from cam_rig.acoustics import Reading, SoundLevelMeter, SoundSource
-from cam_rig.acoustics.pressure_samples import SourceMemory
-from cam_rig.acoustics.sound_level_meter import MeterMemory
+from cam_rig.acoustics.pressure_samples import SourceState
+from cam_rig.acoustics.sound_level_meter import MeterState
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import Samples
 from cam_rig.schema import SceneConfig
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import FollowerSimulator
 
 
 @dataclass(frozen=True, eq=False)
-class MeterBenchMemory:
-    """What a bench remembers: the sound's memory, the meter's, and what is read next, as LZF."""
+class MeterSimulatorState:
+    """The state of sound source and meter, and what is read next, as LZF."""
 
-    source: SourceMemory
-    meter: MeterMemory
+    source: SourceState
+    meter: MeterState
     next: str
 
 
@@ -52,15 +52,15 @@ class MeterSimulator:
         return self._next.quantity
 
     @property
-    def memory(self) -> MeterBenchMemory:
-        """All that it remembers, for a successor in the same run."""
-        return MeterBenchMemory(self.source.memory, self.meter.memory, self.quantity)
+    def state(self) -> MeterSimulatorState:
+        """Its state, for a node that is started again."""
+        return MeterSimulatorState(self.source.state, self.meter.state, self.quantity)
 
-    @memory.setter
-    def memory(self, memory: MeterBenchMemory) -> None:
-        self.source.memory = memory.source
-        self.meter = self._next = SoundLevelMeter.remembering(self.source.rate, memory.meter)
-        self.weigh(*memory.next.removeprefix("L"))
+    @state.setter
+    def state(self, state: MeterSimulatorState) -> None:
+        self.source.state = state.source
+        self.meter = self._next = SoundLevelMeter.from_state(self.source.rate, state.meter)
+        self.weigh(*state.next.removeprefix("L"))
 
     def weigh(self, frequency: str, time: str) -> None:
         """Set the weightings; those that are set already change nothing.

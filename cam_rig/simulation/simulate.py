@@ -10,8 +10,8 @@ from cam_rig.acoustics import MicrophoneState, RadiationParameters, hear
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import MODELS, Block, FollowerState, Model, Samples
 from cam_rig.laws import Law
-from cam_rig.simulation.levels import HeardTick
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.levels import MeasuredTick
+from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState, cam_states
 
 
@@ -32,7 +32,7 @@ class FollowerSimulator:
     parameters: Any
     sample_rate: int
     laws: dict[str, Law] = field(default_factory=dict)
-    memory: FollowerCheckpoint = field(default_factory=FollowerCheckpoint)
+    checkpoint: FollowerCheckpoint = field(default_factory=FollowerCheckpoint)
 
     @classmethod
     def of(cls, loaded: LoadedScene) -> FollowerSimulator:
@@ -45,9 +45,9 @@ class FollowerSimulator:
 
         A change of cam puts the follower down on the new one; so does a cam that stood.
         """
-        start, before = self.memory.last, self.memory
+        start, before = self.checkpoint.last, self.checkpoint
         if start is None or not start.turns_until(state):
-            self.memory = FollowerCheckpoint(state)
+            self.checkpoint = FollowerCheckpoint(state)
             return None
         law = self.laws[start.cam]
         end, block = self.model.advance(
@@ -55,19 +55,19 @@ class FollowerSimulator:
         )
         block = block.with_impulse(before.owed)
         if state.cam == start.cam:
-            self.memory = FollowerCheckpoint(state, end)
+            self.checkpoint = FollowerCheckpoint(state, end)
         else:  # what the cam before gave and no sample has shown
-            self.memory = FollowerCheckpoint(state, None, end.pending_impulse)
+            self.checkpoint = FollowerCheckpoint(state, None, end.pending_impulse)
         return end, block
 
 
 @dataclass
 class MicrophoneSimulator:
-    """The microphone with its memory: takes blocks, gives r.m.s. pressure. Used by the node too."""
+    """The microphone with its state: takes blocks, gives r.m.s. pressure. Used by the node too."""
 
     parameters: RadiationParameters
     sample_rate: int
-    memory: MicrophoneState | None = None
+    state: MicrophoneState | None = None
 
     @classmethod
     def of(cls, loaded: LoadedScene) -> MicrophoneSimulator:
@@ -77,13 +77,22 @@ class MicrophoneSimulator:
     def listen(self, block_rows: FloatArray, speed: float) -> float:
         """r.m.s. pressure (Pa) over a block, ``(6, n)`` rows, at cam speed ``speed`` (rad/s)."""
         block = Samples(block_rows)
-        self.memory, pressure = hear(
-            self.parameters, self.memory, block.force, block.impulse, self.sample_rate, speed
+        self.state, pressure = hear(
+            self.parameters, self.state, block.force, block.impulse, self.sample_rate, speed
         )
         return pressure
 
 
-def simulate(loaded: LoadedScene) -> Iterator[HeardTick]:
+def sample_blocks(loaded: LoadedScene) -> Iterator[FloatArray]:
+    """The follower's samples of a scene tick by tick, ``(6, n)`` rows each."""
+    follower = FollowerSimulator.of(loaded)
+    for state in cam_states(loaded.scene):
+        turned = follower.turn_to(state)
+        if turned is not None:
+            yield turned[1].rows
+
+
+def simulate(loaded: LoadedScene) -> Iterator[MeasuredTick]:
     """Run the scene tick by tick."""
     follower, microphone = FollowerSimulator.of(loaded), MicrophoneSimulator.of(loaded)
     start: CamState | None = None
@@ -92,5 +101,5 @@ def simulate(loaded: LoadedScene) -> Iterator[HeardTick]:
         if turned is not None and start is not None:
             interval = turned[1].interval
             pressure = microphone.listen(turned[1].rows, interval.mean_speed)
-            yield HeardTick(start, state.time_ns, pressure, interval.acceleration == 0.0)
+            yield MeasuredTick(start, state.time_ns, pressure, interval.acceleration == 0.0)
         start = state

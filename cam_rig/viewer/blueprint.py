@@ -7,7 +7,7 @@ import rerun.blueprint as rrb
 
 from cam_rig.drawing.outlines import MM
 from cam_rig.errors import ConfigError
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.units import to_rpm
 from cam_rig.viewer import scene2d
 from cam_rig.viewer.charts import level_chart, overlay, series

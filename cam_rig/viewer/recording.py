@@ -16,7 +16,7 @@ from cam_rig.bag.reader import messages, read_counts, read_scene
 from cam_rig.errors import BagError
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState, cam_states
 from cam_rig.units import NS
 from cam_rig.viewer.blueprint import blueprint, compared_rpm

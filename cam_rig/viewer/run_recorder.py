@@ -9,8 +9,8 @@ import rerun as rr
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import Samples
-from cam_rig.simulation.levels import HeardTick
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.levels import MeasuredTick
+from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS
 from cam_rig.viewer.charts import overlay
@@ -91,7 +91,7 @@ class RunRecorder:
         start, end = self._without_sound.pop(end_ns)
         if self._run_view is not None:
             self._run_view.level(end, level)
-        tick = HeardTick(start, end_ns, pressure, start.holds_until(end))
+        tick = MeasuredTick(start, end_ns, pressure, start.holds_until(end))
         measured = self._levels.add(tick, end.unwrapped)
         if measured is not None:
             self._results.level(start.cam, start.speed, measured)

@@ -13,7 +13,7 @@ from cam_rig.drawing.outlines import MM, circle, closed
 from cam_rig.dynamics.contact import force_weights
 from cam_rig.profile import turn_angles
 from cam_rig.profile.motion import Motion
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import to_rpm
 from cam_rig.viewer.timeline import Times, time_columns

@@ -101,6 +101,20 @@ def test_a_scene_and_its_bag_give_one_result(figures):
     assert axes.get_xlabel() == "cam speed [rpm]"
 
 
+def test_the_samples_of_a_bag_are_those_of_the_scene():
+    """All turns of a cam at one speed, in order, to rounding; the times are the rig's grid."""
+    recording = cam_rig.read_bag(GOLDEN)
+    recorded = recording.samples("tm21", 350)
+    computed = cam_rig.run_scene(recording.loaded).samples("tm21", 350.0)
+    away = np.abs(recorded.rows - computed.rows).max(axis=1)
+    assert (away <= 1e-11 * np.abs(computed.rows).max(axis=1)).all()
+    np.testing.assert_allclose(np.diff(recorded.time), 1e-3, rtol=0, atol=1e-12)
+    with pytest.raises(ValueError, match="read-only"):
+        recorded.force[0] = 1.0
+    with pytest.raises(ConfigError, match=r"samples: tm21 at 360 rpm; allowed: tm21 at 200 rpm, "):
+        recording.samples("tm21", 360)
+
+
 def test_progress_is_told_tick_by_tick():
     """As often as there are ticks."""
     told = []

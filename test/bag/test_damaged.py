@@ -19,7 +19,7 @@ from cam_rig.bag.records import records_of
 from cam_rig.cli.main import app
 from cam_rig.errors import CamRigError
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_scene
+from cam_rig.simulation.loaded_scene import open_scene
 
 BAG = config_root().parent / "bags" / "golden"
 STAGE = open_scene(config_root() / "scenes" / "quick.yaml")

@@ -13,7 +13,7 @@ from cam_rig.bag.recording.recover import examine, recover, recover_in_place, st
 from cam_rig.errors import BagError
 from cam_rig.messages.topics import RECORDING
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_scene
+from cam_rig.simulation.loaded_scene import open_scene
 
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 NAMES = {topic.name for topic in RECORDING}

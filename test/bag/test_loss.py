@@ -23,7 +23,7 @@ from cam_rig.bag.records import records_of
 from cam_rig.errors import BagError
 from cam_rig.messages.topics import RECORDING
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_scene
+from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.simulation.schedule import cam_states
 
 from .wrapped_file import WrappedFile

@@ -10,7 +10,7 @@ from cam_rig.bench.cases.case import Case
 from cam_rig.bench.cases.models import CONTACT, OneMass, Oscillator, Twist, TwoMasses
 from cam_rig.bench.reference import exact, exact_twist
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval
-from cam_rig.dynamics.torsional.solution import TorsionalParameters, TorsionalState, solve
+from cam_rig.dynamics.torsional.motion import TorsionalParameters, TorsionalState, solve
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import TURN
 

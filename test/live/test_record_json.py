@@ -12,7 +12,7 @@ from cam_rig.dynamics import FollowerState
 from cam_rig.errors import RunError
 from cam_rig.live.record_json import from_plain, to_plain
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_scene
+from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import FollowerCheckpoint, FollowerSimulator, MicrophoneSimulator
 
@@ -42,8 +42,8 @@ def test_the_simulators_states_can_be_saved():
     follower.turn_to(states[0])
     _, block = follower.turn_to(states[1])
     microphone.listen(block.rows, 20.0)
-    assert isinstance(microphone.memory, MicrophoneState)
-    for saved in (follower.memory, microphone.memory):
+    assert isinstance(microphone.state, MicrophoneState)
+    for saved in (follower.checkpoint, microphone.state):
         assert repr(from_plain(json.loads(json.dumps(to_plain(saved))))) == repr(saved)
 
 

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from cam_rig.bag.complete import expected_counts
 from cam_rig.bag.reader import messages, read_counts, read_recording
 from cam_rig.cli.main import app
-from cam_rig.live.admission import Admission, StateValidator
+from cam_rig.live.state_validation import Admission, StateValidator
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of
 from cam_rig.runner.graph import Graph

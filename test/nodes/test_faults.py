@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from cam_rig.bag.reader import read_recording
 from cam_rig.cli.main import app
-from cam_rig.runner.process import stop_all
+from cam_rig.runner.node_process import stop_all
 
 pytestmark = pytest.mark.ros
 LONG = ("microphone", "follower", "law_server", "cam_drive")

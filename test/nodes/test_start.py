@@ -9,7 +9,7 @@ import time
 import pytest
 
 from cam_rig.runner.graph import Graph, InterruptError
-from cam_rig.runner.process import NodeProcess
+from cam_rig.runner.node_process import NodeProcess
 
 pytestmark = [pytest.mark.ros, pytest.mark.starts]
 NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")

@@ -124,7 +124,7 @@ def test_a_successor_reads_on_bit_for_bit(make_loaded_scene, frequency, changed)
     if changed:
         bench.weigh("C", "F")
     successor = MeterSimulator.of(loaded)
-    successor.memory = from_plain(json.loads(json.dumps(to_plain(bench.memory))))
+    successor.state = from_plain(json.loads(json.dumps(to_plain(bench.state))))
     assert successor.quantity == bench.quantity
     for rows in blocks[4:]:
         assert successor.read(rows, 39.8) == bench.read(rows, 39.8)
@@ -133,11 +133,11 @@ def test_a_successor_reads_on_bit_for_bit(make_loaded_scene, frequency, changed)
 
 
 def test_the_sound_of_another_rate_is_not_gone_on_with(make_loaded_scene):
-    """A memory of filters and pulses that are not this scene's is refused."""
+    """A state of filters and pulses that are not this scene's is refused."""
     mine, other = make_loaded_scene(), make_loaded_scene(sample_rate=200_000)
     bench, foreign = MeterSimulator.of(mine), MeterSimulator.of(other)
-    with pytest.raises(RunError, match="a sound's memory has pulses of"):
-        bench.memory = foreign.memory
+    with pytest.raises(RunError, match="the state of a sound source has pulses of"):
+        bench.state = foreign.state
 
 
 @pytest.mark.parametrize("rate", [100, 999, 12_000, 44_100, 48_000, 95_999, 10**6])

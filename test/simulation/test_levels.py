@@ -6,12 +6,8 @@ import pytest
 from cam_rig.acoustics import level_db
 from cam_rig.errors import CamRigError
 from cam_rig.schema import PublishedNoise
-from cam_rig.simulation.levels import (
-    HeardTick,
-    compare,
-    require_ticks,
-    step_levels,
-)
+from cam_rig.simulation.levels import MeasuredTick, require_ticks, step_levels
+from cam_rig.simulation.noise_comparison import compare
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS
 
@@ -25,7 +21,7 @@ def ticks(pressures, speed=10.0, cam="a", angle=1.0, time_ns=0):
     turn_ns = round(2.0 * np.pi / speed * NS)
     for i, pressure in enumerate(pressures):
         start = CamState(time_ns + i * turn_ns, angle + 2.0 * np.pi * i, speed, cam)
-        yield HeardTick(start, start.time_ns + turn_ns, pressure)
+        yield MeasuredTick(start, start.time_ns + turn_ns, pressure)
 
 
 def steps_of(coefficients):
@@ -71,8 +67,8 @@ def test_mean_is_of_energy_over_time():
     """Level of a step: √(∫p² dt / T), whatever the lengths of its ticks."""
     state = CamState(0, 0.0, 10.0, "a")
     run = [
-        HeardTick(state, NS, 3.0),
-        HeardTick(CamState(NS, 10.0, 10.0, "a"), 4 * NS, 1.0),
+        MeasuredTick(state, NS, 3.0),
+        MeasuredTick(CamState(NS, 10.0, 10.0, "a"), 4 * NS, 1.0),
     ]
     level = step_levels(run, settle_turns=0)["a"][10.0]
     assert level == pytest.approx(float(level_db(np.sqrt((9.0 + 3.0) / 4.0))), abs=1e-12)

@@ -20,7 +20,7 @@ from cam_rig.messages import topics
 from cam_rig.messages.codec import Dimensions, encode_block
 from cam_rig.messages.topics import Topic
 from cam_rig.profile import contours
-from cam_rig.simulation.scene import LoadedScene, open_scene
+from cam_rig.simulation.loaded_scene import LoadedScene, open_scene
 from cam_rig.simulation.schedule import CamState, cam_states
 from cam_rig.simulation.simulate import FollowerSimulator, MicrophoneSimulator
 from cam_rig.units import NS

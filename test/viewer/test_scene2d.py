@@ -11,7 +11,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
 from cam_rig.drawing.outlines import turned
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_scene
+from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.viewer.scene2d import ARROW, FRAMES_PER_TURN, frame_mask, max_contact_force, shapes
 
 from .conftest import Picture, SmallBag

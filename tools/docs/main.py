@@ -15,7 +15,8 @@ from cam_rig.errors import CamRigError
 from cam_rig.files import temporary_folder
 from cam_rig.messages.topics import FOLLOWER_SAMPLES
 from cam_rig.plots import noise
-from cam_rig.simulation.levels import NoiseResult, compare, step_levels
+from cam_rig.simulation.levels import step_levels
+from cam_rig.simulation.noise_comparison import NoiseResult, compare
 from tools.docs.pictures import draw_pictures
 from tools.docs.screenshot import photograph_viewer
 from tools.docs.turn_archive import TurnArchive, read_turns

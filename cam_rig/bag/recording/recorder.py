@@ -20,14 +20,14 @@ from cam_rig.bag.recording.metadata import ros_distribution
 from cam_rig.bag.recording.session import RecordingSession
 from cam_rig.bag.recording.writer import BagWriter, require_new_bag
 from cam_rig.errors import CamRigError, RefusedError
-from cam_rig.live.admission import StateValidator
 from cam_rig.live.cam_check import require_own_contour, require_own_law
 from cam_rig.live.checkpoint import Checkpoint
 from cam_rig.live.flow_control import MAX_STATES_UNFLUSHED
+from cam_rig.live.state_validation import StateValidator
 from cam_rig.messages.codec import array_of, decode_law
 from cam_rig.messages.serialization import cam_of, stamp_of
 from cam_rig.messages.topics import DIAGNOSTICS, LAW_COEFFICIENTS, PROFILE, Topic
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
 
 PACKAGES = ("cam_rig", "numpy", "scipy", "pydantic", "mcap", "rosbags")
 

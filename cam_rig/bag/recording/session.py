@@ -15,7 +15,7 @@ from cam_rig.bag.publishers import Publishers
 from cam_rig.bag.recording.diagnostics import PendingDiagnostics
 from cam_rig.bag.recording.pending import ReceivedMessage, Waiting
 from cam_rig.errors import RefusedError
-from cam_rig.live.admission import Admission, StateValidator
+from cam_rig.live.state_validation import Admission, StateValidator
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of
 from cam_rig.messages.serialization import RawMessages, cam_of, diagnosed_node, stamp_of

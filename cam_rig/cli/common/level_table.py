@@ -11,8 +11,8 @@ from cam_rig.cli.common.outputs import write_json, write_plot
 from cam_rig.tables import Column, DataTable, tabulate
 
 if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
-    from cam_rig.simulation.levels import NoiseCurve, NoiseResult
-    from cam_rig.simulation.scene import LoadedScene
+    from cam_rig.simulation.loaded_scene import LoadedScene
+    from cam_rig.simulation.noise_comparison import NoiseCurve, NoiseResult
 
 
 def to_json(result: NoiseResult, counts: dict[str, int]) -> dict[str, Any]:

@@ -53,7 +53,7 @@ def listen(
         from cam_rig.acoustics import SoundSource
         from cam_rig.acoustics.wav import full_scale, measure, pcm
         from cam_rig.simulation.audio import audition, sounds
-        from cam_rig.simulation.scene import open_scene
+        from cam_rig.simulation.loaded_scene import open_scene
         from cam_rig.simulation.schedule import tick_count
 
         check_outputs(json_target, None)

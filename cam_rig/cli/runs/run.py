@@ -83,8 +83,8 @@ def _run(
     from cam_rig.messages.topics import FOLLOWER_SAMPLES
     from cam_rig.runner.domain_lock import own_domain
     from cam_rig.runner.graph import Graph, live
-    from cam_rig.runner.process import PROFILES
-    from cam_rig.simulation.scene import open_scene
+    from cam_rig.runner.node_process import PROFILES
+    from cam_rig.simulation.loaded_scene import open_scene
     from cam_rig.simulation.schedule import tick_count
 
     loaded = open_scene(path)

@@ -113,7 +113,7 @@ def convert(
     """Write a bag as a Rerun recording, with its own scene unless another is named."""
     from cam_rig.bag.reader import read_counts
     from cam_rig.messages.topics import FOLLOWER_SAMPLES
-    from cam_rig.simulation.scene import open_scene
+    from cam_rig.simulation.loaded_scene import open_scene
     from cam_rig.viewer.recording import save_recording
 
     loaded = open_scene(scene) if scene else None

@@ -31,7 +31,7 @@ def calibrate(
         import numpy as np
 
         from cam_rig.cli.common.edit import set_identified
-        from cam_rig.simulation.scene import open_scene
+        from cam_rig.simulation.loaded_scene import open_scene
         from cam_rig.studies.noise.calibration import calibrate as fit
         from cam_rig.units import to_rpm
 

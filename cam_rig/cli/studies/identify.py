@@ -31,7 +31,7 @@ def identify(
     with user_errors():
         from cam_rig.cli.common.edit import set_identified
         from cam_rig.errors import ConfigError
-        from cam_rig.simulation.scene import open_scene
+        from cam_rig.simulation.loaded_scene import open_scene
         from cam_rig.studies.noise.identify import identify as search
 
         loaded = open_scene(scene_path(scene))

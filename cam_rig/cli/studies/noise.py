@@ -38,7 +38,7 @@ def noise(
     """
     with user_errors():
         from cam_rig.schema import Library, load_rig
-        from cam_rig.simulation.scene import open_scene
+        from cam_rig.simulation.loaded_scene import open_scene
         from cam_rig.studies.noise import tables
         from cam_rig.studies.noise.run import PARTS, study_noise
 

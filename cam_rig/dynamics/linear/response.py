@@ -16,15 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.linear.matrix_exponential import free_motion
-from cam_rig.dynamics.linear.propagator import exponential, piece
-from cam_rig.dynamics.validation import (
+from cam_rig.dynamics.input_limits import (
     require_angle,
     require_number,
     require_turning,
     state_of,
     times_of,
 )
+from cam_rig.dynamics.linear.matrix_exponential import free_motion
+from cam_rig.dynamics.linear.propagator import exponential, piece
 from cam_rig.dynamics.velocity_jumps import SLACK
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein

@@ -83,7 +83,7 @@ class ModalRun:
         return np.asarray(GRID_MISSES * self._free_amplitude(speeds).max(axis=1))
 
     def _free_amplitude(self, speeds: FloatArray) -> FloatArray:
-        """The largest that the output may ring in each piece, ``(m, n)``."""
+        """The largest amplitude of the output in each piece, ``(m, n)``."""
         largest = np.max([np.abs(amplitude) for amplitude in self.turns(speeds)], axis=0)
         own = np.abs(self.model.since_turn(speeds))[:, :-1]
         return np.asarray((largest[:, None] + own) @ np.abs(self.model.shown))

@@ -18,12 +18,12 @@ import numpy as np
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import kinetostatic
 from cam_rig.dynamics.impacts import show_impulses
+from cam_rig.dynamics.input_limits import require_turning
 from cam_rig.dynamics.interval import Block, FollowerState, Interval, SampleGrid
 from cam_rig.dynamics.one_mass.trajectory import OneMassPhase, OneMassTrajectory
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.ramp import with_ramps
 from cam_rig.dynamics.samples import Samples
-from cam_rig.dynamics.validation import require_turning
 from cam_rig.laws import Law
 from cam_rig.units import NS
 

@@ -1,28 +1,24 @@
-"""The follower's course through one interval: phases of contact and flight, and their events."""
+"""The one-mass follower through one interval: phases of contact and flight, and their events."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-
-from cam_rig.dynamics.contact import force_rounding, loss_intervals
+from cam_rig.dynamics.contact import force_rounding
 from cam_rig.dynamics.impacts import least_bounce, rises
 from cam_rig.dynamics.interval import Event, EventKind, FollowerState, Interval
 from cam_rig.dynamics.kinetostatic import state_at
 from cam_rig.dynamics.landing import Approach
 from cam_rig.dynamics.linear.free_system import Flight
+from cam_rig.dynamics.one_mass.events import next_lift_off
 from cam_rig.dynamics.one_mass.flight import lifted_off
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.velocity_jumps import VelocityJumpsAhead, short_of_velocity_jump
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
-from cam_rig.units import TURN
 
 #: A change of the cam's velocity below this fraction of (cam speed x lift) is rounding: no step.
 NO_IMPACT = 1e-12
-#: Angle (rad) of a loss interval too short to lift anything but a rounding error.
-GRAZE = 1e-9
 #: More events in one interval than any physical bounce series has.
 MAX_EVENTS = 10_000
 
@@ -73,7 +69,8 @@ class OneMassTrajectory:
 
     def _contact_phase(self, time: float) -> tuple[float, Flight | None]:
         """A phase of contact: its end, and what flies on then."""
-        lift_off, bound = self._lift_off_time(time), self._joints.bound
+        bound, speed = self._joints.bound, self.interval.speed
+        lift_off = next_lift_off(self.law, self.parameters, speed, self.angle(time), time)
         end = self._joints.no_later(lift_off) if lift_off < self._joints.clear else bound
         self.phases.append(OneMassPhase(time, end, None))
         return end, self._lift_off_at(end) if end < bound else self._impact(end)
@@ -134,18 +131,8 @@ class OneMassTrajectory:
             opening -= step + at_joint
         return lifted_off(self.parameters, state.displacement, state.velocity, gap, opening)
 
-    def _lift_off_time(self, time: float) -> float:
-        """Time of the next lift-off, infinity when the cam never has to pull."""
-        losses = loss_intervals(self.law, self.parameters, self.interval.speed)
-        angle = self.angle(time)
-        turn = float(np.floor(angle / TURN)) * TURN
-        for start, stop in (*losses, *((a + TURN, b + TURN) for a, b in losses)):
-            if turn + stop - angle > GRAZE:
-                return time + max(0.0, (turn + start - angle) / self.interval.speed)
-        return float("inf")
-
     def _lift_off_at(self, time: float, opening: float = 0.0) -> Flight:
-        """The follower leaves the cam, faster than it by ``opening`` m/s."""
+        """The follower lifts off, faster than the cam by ``opening`` m/s."""
         self.events.append(self._event("lift-off", time))
         return self._flight_from(self.on_cam(time), opening)
 

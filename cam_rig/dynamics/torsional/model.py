@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from cam_rig.arrays import FloatArray
+from cam_rig.dynamics.input_limits import require_turning
 from cam_rig.dynamics.interval import Block, FollowerState, Interval, ended, require_joined
 from cam_rig.dynamics.parameters import FollowerParameters
+from cam_rig.dynamics.torsional.motion import TorsionalMotion, solve
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
-from cam_rig.dynamics.torsional.solution import TorsionalMotion, solve
-from cam_rig.dynamics.validation import require_turning
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from cam_rig.dynamics.input_limits import require_number
 from cam_rig.dynamics.parameters import FollowerParameters
-from cam_rig.dynamics.validation import require_number
 
 
 @dataclass(frozen=True)

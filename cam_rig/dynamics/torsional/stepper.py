@@ -15,9 +15,9 @@ from functools import lru_cache
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.torsional.collocation import basis, basis_at, table
+from cam_rig.dynamics.torsional.chebyshev import basis, basis_at, table
+from cam_rig.dynamics.torsional.collocation_window import CollocationWindow, TwistPiece, largest
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
-from cam_rig.dynamics.torsional.window import CollocationWindow, TwistPiece, largest
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein

@@ -8,6 +8,7 @@ import numpy as np
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.impacts import show_impulses
+from cam_rig.dynamics.input_limits import times_of
 from cam_rig.dynamics.interval import Block, FollowerState, Interval, SampleGrid
 from cam_rig.dynamics.linear.free_system import Flight
 from cam_rig.dynamics.linear.sampling import sample
@@ -15,7 +16,6 @@ from cam_rig.dynamics.ramp import with_ramps
 from cam_rig.dynamics.samples import Samples
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
 from cam_rig.dynamics.two_mass.trajectory import Separation, TwoMassPhase
-from cam_rig.dynamics.validation import times_of
 from cam_rig.laws import Law
 from cam_rig.units import NS
 

@@ -19,9 +19,9 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from cam_rig.arrays import FloatArray
+from cam_rig.dynamics.input_limits import require_number
 from cam_rig.dynamics.linear.response import LinearResponse
 from cam_rig.dynamics.linear.sampling import Outputs
-from cam_rig.dynamics.validation import require_number
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig

@@ -14,6 +14,7 @@ import numpy as np
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.impacts import least_bounce, rises
+from cam_rig.dynamics.input_limits import require_angle, require_number, state_of
 from cam_rig.dynamics.interval import Event, EventKind
 from cam_rig.dynamics.linear.free_system import Flight
 from cam_rig.dynamics.linear.response import LinearResponse
@@ -21,7 +22,6 @@ from cam_rig.dynamics.one_mass.trajectory import NO_IMPACT
 from cam_rig.dynamics.two_mass.events import landing, lift_off
 from cam_rig.dynamics.two_mass.flight import free_masses, from_inner, to_inner
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
-from cam_rig.dynamics.validation import require_angle, require_number, state_of
 from cam_rig.dynamics.velocity_jumps import VelocityJumpsAhead, short_of_velocity_jump
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law

@@ -14,7 +14,7 @@ from cam_rig.units import TURN
 
 #: Degree 100 is far beyond any cam, and still stable.
 MAX_ORDINATES = 101
-#: A polynomial through more conditions than this swings between them.
+#: A polynomial through more conditions than this oscillates between them.
 MAX_CONDITIONS = 21
 MAX_HARMONICS = 50
 MAX_B_SPLINE_DEGREE = 15

@@ -3,7 +3,7 @@
 Two full tables of laws against angles. In the first every law has the same event angles, so that
 smoother laws are also sharper: continuity costs acceleration. In the second every law has the
 angle at which all accelerate alike, so that continuity stands alone. Then the proposed cam itself:
-what of its advantage is left in a follower that cannot ring, and what of it when it is squeezed.
+what of its advantage remains with a rigid follower, and what when its event is compressed.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from cam_rig.schema import FactorialConfig, RigConfig
 from cam_rig.simulation.settled_turns import Acoustics, settled_turns
 from cam_rig.studies.jump.rigid import rigid_jump_speed
 from cam_rig.studies.jump.search import sought_speed
-from cam_rig.studies.vibration.steady_state import require_speeds, ringing, steady_turn
+from cam_rig.studies.vibration.steady_state import require_speeds, residual_vibration, steady_turn
 from cam_rig.units import RPM
 
 
@@ -26,10 +26,10 @@ class Measures:
 
     Parameters
     ----------
-    jump : rad/s, from rest; ``rigid_jump`` that of a follower that cannot ring
+    jump : rad/s, from rest; ``rigid_jump`` that of a rigid follower
     acceleration : m/s², geometric mean over the speeds of the largest |ẍ| in steady state;
         ``own_acceleration`` that of the law itself
-    residual : m, r.m.s. over the speeds of the ringing in the low dwell
+    residual : m, r.m.s. over the speeds of the residual vibration in the low dwell
     noise : dB, mean over the speeds, landings among it, on the rigid follower
     noise_in_contact : dB, on the elastic follower, at the one speed
     """
@@ -96,7 +96,7 @@ class Bench:
         peaks = [math.log(float(np.abs(turn.acceleration).max())) for _, turn in turns]
         bend = float(np.abs(law(turns[0][1].angle, 2)).max())
         own = [math.log(bend * speed**2) for speed, _ in turns]
-        swing = ringing(law, self.follower, np.array(config.residual.si_list))
+        amplitude = residual_vibration(law, self.follower, np.array(config.residual.si_list))
         noise = settled_turns(law, "one_mass", self.rigid, config.noise.si_list)
         contact = settled_turns(law, "separation", self.two_mass, [config.noise_in_contact.si])
         return Measures(
@@ -104,7 +104,7 @@ class Bench:
             rigid_jump=rigid_jump_speed(law, self.follower),
             acceleration=math.exp(float(np.mean(peaks))),
             own_acceleration=math.exp(float(np.mean(own))),
-            residual=rms(swing),
+            residual=rms(amplitude),
             noise=float(self.rigid_sound.levels(noise).mean()),
             noise_in_contact=float(self.sound.levels(contact)[0]),
         )

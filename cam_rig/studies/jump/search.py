@@ -1,9 +1,9 @@
 """Where the least contact force of a run first falls to zero, going through the speeds upwards.
 
-That force is not monotone in speed: the stem rings in step with the cam at each harmonic, and at a
-resonance the follower may lose contact and keep it again a little faster. So speeds are gone
-through from the slowest on, in steps in which the ringing's phase turns by no more than half a
-radian over as long as it is remembered: half of a resonance's half-width in steady state.
+That force is not monotone in speed: the stem is in resonance with the cam at each harmonic, where
+the follower may lose contact and keep it again a little faster. So the search takes all speeds
+from the slowest on, in steps in which the phase of the free vibration turns by no more than half
+a radian over its decay time: half of a resonance's half-width in steady state.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def sought(
     run = force_run(law, parameters, duration)
     if duration is None and run.model.rates.real.max() > -UNDAMPED * np.abs(run.model.rates).max():
         raise DynamicsError(
-            "no steady state: a stem without damping rings for ever, at each harmonic of the "
+            "no steady state: a stem without damping vibrates without end, at each harmonic of the "
             "speed louder turn after turn; allowed: damping, or a run from rest"
         )
     low, high = _bracket(run, law, slowest)
@@ -84,10 +84,10 @@ def sought(
 def step(run: ModalRun) -> float:
     """Relative step of the speed from which the force is as good as continuous."""
     rates = run.model.rates
-    memory = 1.0 / max(float(-rates.real.max()), 1e-300)
+    decay_time = 1.0 / max(float(-rates.real.max()), 1e-300)
     if run.duration is not None:
-        memory = min(memory, run.duration)
-    return min(0.02, PHASE_STEP / (float(np.abs(rates).max()) * memory))
+        decay_time = min(decay_time, run.duration)
+    return min(0.02, PHASE_STEP / (float(np.abs(rates).max()) * decay_time))
 
 
 def _bracket(run: ModalRun, law: Law, slowest: float) -> tuple[float, float]:

@@ -86,7 +86,7 @@ class ShapeFit:
 
     shape: ArcShape
     acoustics: Acoustics
-    heard: PublishedCam
+    cam: PublishedCam
     sensitivity: FloatArray
 
 
@@ -106,7 +106,7 @@ class ShapeProblem:
     turn: Callable[[Law], Turns]
     _known: dict[ArcShape, PublishedCam] = field(default_factory=dict, init=False, compare=False)
 
-    def heard(self, shape: ArcShape) -> PublishedCam:
+    def cam_of(self, shape: ArcShape) -> PublishedCam:
         """The shape's turns; kept, since fits to other constants begin at the same shapes."""
         if shape not in self._known:
             turns = self.turn(shape.law(self.cam))
@@ -115,11 +115,11 @@ class ShapeProblem:
 
     def seen(self, shape: ArcShape, acoustics: Acoustics) -> ShapeFit:
         """A shape as it is, with its sound and its sensitivity."""
-        heard = self.heard(shape)
-        moved = [self.heard(shape.scaled(*(1.0 + STEP * axis))) for axis in np.eye(2)]
-        base = acoustics.levels(heard.turns)
+        cam = self.cam_of(shape)
+        moved = [self.cam_of(shape.scaled(*(1.0 + STEP * axis))) for axis in np.eye(2)]
+        base = acoustics.levels(cam.turns)
         slope = [(acoustics.levels(other.turns) - base) / STEP for other in moved]
-        return ShapeFit(shape, acoustics, heard, np.stack(slope, axis=1))
+        return ShapeFit(shape, acoustics, cam, np.stack(slope, axis=1))
 
     def fit(self, near: ArcShape, acoustics: Acoustics) -> ArcShape:
         """Lift and event of least difference, from near a shape whose flank is kept.
@@ -127,11 +127,11 @@ class ShapeProblem:
         Regressions are compared, since a regression is all that is published: the simulated
         levels' cubic with the published one.
         """
-        compared = cubic(self.heard(near).rpm)
+        compared = cubic(self.cam_of(near).rpm)
 
         def cost(shape: ArcShape) -> float:
             try:
-                return rms(compared @ self.heard(shape).difference(acoustics))
+                return rms(compared @ self.cam_of(shape).difference(acoustics))
             except LawError:
                 return IMPOSSIBLE
 

@@ -99,11 +99,11 @@ def calibrate(
     return found.radiation, cam.rms(found)
 
 
-def two_constants(heard: Sequence[PublishedCam], start: Acoustics) -> Acoustics:
+def two_constants(cams: Sequence[PublishedCam], start: Acoustics) -> Acoustics:
     """Gain and corner of least r.m.s. difference over the cams: two numbers."""
 
     def residual(x: FloatArray) -> FloatArray:
-        return np.concatenate([cam.difference(_at(start, x)) for cam in heard])
+        return np.concatenate([cam.difference(_at(start, x)) for cam in cams])
 
     r = start.radiation
     found = least_squares(residual, np.log([r.gain, r.corner]), x_scale=0.1)
@@ -135,13 +135,13 @@ def by_substitution(reference: PublishedCam, start: Acoustics) -> Acoustics:
     return at(found.x)
 
 
-def sensitivity(heard: PublishedCam, acoustics: Acoustics) -> FloatArray:
+def sensitivity(cam: PublishedCam, acoustics: Acoustics) -> FloatArray:
     """``(n, k)``: how the levels (dB) change with each fitted constant.
 
     Two constants: log gain and log corner. By substitution: log gain and the response's terms.
     """
     r = acoustics.radiation
-    base = acoustics.levels(heard.turns)
+    base = acoustics.levels(cam.turns)
     gain = acoustics.with_constants(r.gain * np.exp(STEP), r.corner, acoustics.response)
     moved = [gain]
     if acoustics.response:
@@ -151,4 +151,4 @@ def sensitivity(heard: PublishedCam, acoustics: Acoustics) -> FloatArray:
             moved.append(acoustics.with_constants(r.gain, r.corner, tuple(response.tolist())))
     else:
         moved.append(acoustics.with_constants(r.gain, r.corner * np.exp(STEP)))
-    return np.stack([(a.levels(heard.turns) - base) / STEP for a in moved], axis=1)
+    return np.stack([(a.levels(cam.turns) - base) / STEP for a in moved], axis=1)

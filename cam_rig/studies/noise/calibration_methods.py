@@ -26,7 +26,7 @@ from cam_rig.studies.noise.calibration import (
     sensitivity,
     two_constants,
 )
-from cam_rig.studies.noise.study import NoiseSetup
+from cam_rig.studies.noise.setup import NoiseSetup
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +65,9 @@ class Method:
 
 def with_two_constants(study: NoiseSetup, refit: bool) -> Method:
     """Gain and corner from the reference; the arc cam as its file has it, or fitted anew."""
-    reference = study.heard[study.cast.reference]
+    reference = study.cams[study.roles.reference]
     acoustics = two_constants([reference], study.start)
-    swapped = two_constants([study.heard[study.cast.predicted]], study.start)
+    swapped = two_constants([study.cams[study.roles.predicted]], study.start)
     unseen = reference.difference(swapped)
     if refit:
         fit = study.problem.seen(study.fit_shape(acoustics), acoustics)
@@ -78,10 +78,10 @@ def with_two_constants(study: NoiseSetup, refit: bool) -> Method:
 
 def with_substitution(study: NoiseSetup) -> Method:
     """Gain and speed response from the reference; the arc cam's geometry fitted to that."""
-    reference = study.heard[study.cast.reference]
+    reference = study.cams[study.roles.reference]
     acoustics = by_substitution(reference, study.start)
     fit = study.problem.seen(study.fit_shape(acoustics), acoustics)
-    swapped = by_substitution(study.heard[study.cast.predicted], study.start)
+    swapped = by_substitution(study.cams[study.roles.predicted], study.start)
     unseen = reference.difference(swapped)
     return _method("by substitution", study, fit, cubic(study.rpm), unseen)
 
@@ -97,25 +97,27 @@ def _method(
     unseen : difference (dB) that this way leaves on a cam it was not fitted to: the reference's,
         with the parts of reference and predicted cam exchanged
     """
-    cast, acoustics, project = study.cast, fit.acoustics, cubic(study.rpm)
-    heard = study.heard | {cast.arcs: fit.heard}
-    unlike = dict.fromkeys(heard, -unseen) | {cast.arcs: -fit.heard.difference(acoustics)}
+    roles, acoustics, project = study.roles, fit.acoustics, cubic(study.rpm)
+    cams = study.cams | {roles.arcs: fit.cam}
+    unlike = dict.fromkeys(cams, -unseen) | {roles.arcs: -fit.cam.difference(acoustics)}
     generator = np.random.default_rng(bootstrap.SEED)
     fitted, left = (
-        {cam: bootstrap.resample(unlike[cam], generator) for cam in heard} for _ in range(2)
+        {cam: bootstrap.resample(unlike[cam], generator) for cam in cams} for _ in range(2)
     )
-    slopes = {cam: sensitivity(h, acoustics) for cam, h in heard.items()}
-    constants = fitted[cast.reference] @ _refit(project @ slopes[cast.reference], project).T
+    slopes = {cam: sensitivity(h, acoustics) for cam, h in cams.items()}
+    constants = fitted[roles.reference] @ _refit(project @ slopes[roles.reference], project).T
     moved = {cam: constants @ slope.T for cam, slope in slopes.items()}
-    shape = (fitted[cast.arcs] - moved[cast.arcs]) @ _refit(compared @ fit.sensitivity, compared).T
-    moved[cast.arcs] = moved[cast.arcs] + shape @ fit.sensitivity.T
+    shape = (fitted[roles.arcs] - moved[roles.arcs]) @ _refit(
+        compared @ fit.sensitivity, compared
+    ).T
+    moved[roles.arcs] = moved[roles.arcs] + shape @ fit.sensitivity.T
     refitted = fit.shape != study.shape
-    numbers = {cast.reference: 2 + len(acoustics.response), cast.arcs: 2 if refitted else 3}
+    numbers = {roles.reference: 2 + len(acoustics.response), roles.arcs: 2 if refitted else 3}
     curves = {
         cam: _curve(
             study, h, acoustics, numbers.get(cam, 0), moved[cam] @ project, left[cam] @ project
         )
-        for cam, h in heard.items()
+        for cam, h in cams.items()
     }
     one, two, near = _crossing_cams(study)
     draws = [curves[c].regression_db + (moved[c] + left[c]) @ project for c in (one, two)]
@@ -140,24 +142,24 @@ def _crossing_cams(study: NoiseSetup) -> tuple[str, str, float]:
 
 def _curve(
     study: NoiseSetup,
-    heard: PublishedCam,
+    cam: PublishedCam,
     acoustics: Acoustics,
     numbers: int,
     moved: FloatArray,
     left: FloatArray,
 ) -> StudiedCurve:
-    level = acoustics.levels(heard.turns)
+    level = acoustics.levels(cam.turns)
     fitted = cubic(study.rpm) @ level
     return StudiedCurve(
-        cam=heard.cam,
-        role=study.loaded.role(heard.cam),
+        cam=cam.cam,
+        role=study.loaded.role(cam.cam),
         numbers=numbers,
         level_db=level,
         regression_db=fitted,
         coefficients=regression(study.rpm, level),
-        published_db=heard.published,
-        rms_db=rms(level - heard.published),
-        rms_regression_db=rms(fitted - heard.published),
+        published_db=cam.published,
+        rms_db=rms(level - cam.published),
+        rms_regression_db=rms(fitted - cam.published),
         sure=Band.of(fitted + moved),
         expected=Band.of(fitted + moved + left),
     )

@@ -19,7 +19,7 @@ from cam_rig.laws import build_law
 from cam_rig.laws.cam import arc_cam
 from cam_rig.schema import CamConfig, SceneConfig
 from cam_rig.simulation.levels import step_levels
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.simulate import simulate
 from cam_rig.units import to_rpm
 

@@ -8,7 +8,7 @@ from cam_rig.arrays import rms
 from cam_rig.simulation.regression import cubic
 from cam_rig.simulation.settled_turns import Acoustics
 from cam_rig.studies.noise.calibration import two_constants
-from cam_rig.studies.noise.study import NoiseSetup
+from cam_rig.studies.noise.setup import NoiseSetup
 
 #: Rounds of fitting shape and constants in turn.
 ROUNDS = 2
@@ -34,24 +34,24 @@ class LeftOut:
 
 def leave_one_out(study: NoiseSetup) -> list[LeftOut]:
     """All three, in the order of the scene."""
-    return [_leave_out(study, cam) for cam in study.heard]
+    return [_leave_out(study, cam) for cam in study.cams]
 
 
 def _leave_out(study: NoiseSetup, cam: str) -> LeftOut:
-    arcs = study.cast.arcs
-    trained = tuple(name for name in study.heard if name != cam)
-    known = [study.heard[name] for name in trained if name != arcs]
+    arcs = study.roles.arcs
+    trained = tuple(name for name in study.cams if name != cam)
+    known = [study.cams[name] for name in trained if name != arcs]
     acoustics = two_constants(known, study.start)
     for _ in range(1 if cam == arcs else ROUNDS):
         shape = study.fit_shape(acoustics)
-        heard = study.heard | {arcs: study.problem.heard(shape)}
-        acoustics = two_constants([heard[name] for name in trained], study.start)
+        cams = study.cams | {arcs: study.problem.cam_of(shape)}
+        acoustics = two_constants([cams[name] for name in trained], study.start)
     return LeftOut(
         cam=cam,
         trained=trained,
         numbers=2 if cam == arcs else 4,
         acoustics=acoustics,
-        rms_db=heard[cam].rms(acoustics),
-        rms_regression_db=rms(cubic(study.rpm) @ heard[cam].difference(acoustics)),
-        rms_trained_db={name: heard[name].rms(acoustics) for name in trained},
+        rms_db=cams[cam].rms(acoustics),
+        rms_regression_db=rms(cubic(study.rpm) @ cams[cam].difference(acoustics)),
+        rms_trained_db={name: cams[name].rms(acoustics) for name in trained},
     )

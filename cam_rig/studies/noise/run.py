@@ -10,11 +10,11 @@ import numpy as np
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.schema import RigConfig
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.studies.noise.calibration_methods import Method, with_substitution, with_two_constants
 from cam_rig.studies.noise.leave_one_out import LeftOut, leave_one_out
+from cam_rig.studies.noise.setup import NoiseSetup, StudyRoles
 from cam_rig.studies.noise.shared_rig import OneRig, with_elastic_stem, with_rigid_stem
-from cam_rig.studies.noise.study import NoiseSetup, StudyRoles
 from cam_rig.studies.noise.transfer_functions import StructureFit, compare_structures
 
 #: The parts of a study in order, for the progress bar.
@@ -32,7 +32,7 @@ PARTS = (
 class NoiseStudy:
     """All that a noise study finds; `structures` by the cam that they were fitted to."""
 
-    cast: StudyRoles
+    roles: StudyRoles
     rpm: FloatArray
     structures: dict[str, list[StructureFit]]
     methods: tuple[Method, ...]
@@ -51,7 +51,7 @@ def study_noise(
 
     Parameters
     ----------
-    rig : the rig identified from the jump speeds, to be heard too
+    rig : the rig identified from the jump speeds, whose noise is compared too
     arcs : also fit the arc cam on that rig's two masses, which takes minutes
     on_part, on_best : told the part that begins, and how good (dB) that fit has become
 
@@ -63,7 +63,7 @@ def study_noise(
     on_part(PARTS[0])
     TwoMassParameters.from_rig(rig)  # refused now rather than at the end
     study = NoiseSetup.of(loaded)
-    smooth = (study.cast.reference, study.cast.predicted)
+    smooth = (study.roles.reference, study.roles.predicted)
     on_part(PARTS[1])
     structures = {cam: _structures(study, cam) for cam in smooth}
     on_part(PARTS[2])
@@ -74,17 +74,17 @@ def study_noise(
     left_out = leave_one_out(study)
     on_part(PARTS[5])
     rigs = (with_rigid_stem(study, rig), with_elastic_stem(study, rig, arcs, on_best))
-    return NoiseStudy(study.cast, study.rpm, structures, tuple(methods), left_out, rigs)
+    return NoiseStudy(study.roles, study.rpm, structures, tuple(methods), left_out, rigs)
 
 
 def _structures(study: NoiseSetup, fitted: str) -> list[StructureFit]:
-    loaded, cast = study.loaded, study.cast
-    cams = (cast.reference, cast.predicted)
+    loaded, roles = study.loaded, study.roles
+    cams = (roles.reference, roles.predicted)
     return compare_structures(
         {cam: loaded.laws[cam] for cam in cams},
         loaded.follower,
         loaded.radiation,
-        {cam: study.heard[cam].published for cam in cams},
-        np.asarray(study.heard[fitted].turns.speeds),
+        {cam: study.cams[cam].published for cam in cams},
+        np.asarray(study.cams[fitted].turns.speeds),
         fitted,
     )

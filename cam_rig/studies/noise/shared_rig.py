@@ -26,7 +26,7 @@ from cam_rig.studies.noise.arc_shape import ArcShape, ShapeProblem
 from cam_rig.studies.noise.bootstrap import crossing
 from cam_rig.studies.noise.calibration import PublishedCam, two_constants
 from cam_rig.studies.noise.identify import IMPOSSIBLE, MAX_FLANK
-from cam_rig.studies.noise.study import EVERY, NoiseSetup
+from cam_rig.studies.noise.setup import EVERY, NoiseSetup
 
 #: Lift (m), event (rad) and curvature of the flank (1/m) that the search goes through.
 SEARCHED = Bounds([0.002, 1.2, 1.0 / MAX_FLANK], [0.02, 3.5, 40.0])
@@ -53,8 +53,8 @@ def with_rigid_stem(study: NoiseSetup, rig: RigConfig) -> OneRig:
     """The rig's masses, spring and preload on a rigid stem."""
     follower = FollowerParameters.from_rig(rig)
     smooth = _smooth(study, lambda law, speeds: settled_turns(law, "one_mass", follower, speeds))
-    acoustics = two_constants([smooth[study.cast.reference]], study.start)
-    arcs = study.heard[study.cast.arcs].every(EVERY)
+    acoustics = two_constants([smooth[study.roles.reference]], study.start)
+    arcs = study.cams[study.roles.arcs].every(EVERY)
 
     def turn(law: Law) -> Turns:
         return settled_turns(law, "one_mass", follower, arcs.turns.speeds)
@@ -62,10 +62,10 @@ def with_rigid_stem(study: NoiseSetup, rig: RigConfig) -> OneRig:
     # Lift-off stays at its speed when lift and preload grow together.
     share = rig.follower.preload.si / study.loaded.rig.follower.preload.si
     start = study.shape.scaled(share**0.5, 1.0)
-    problem = ShapeProblem(study.loaded.cams[study.cast.arcs], arcs.published, turn)
+    problem = ShapeProblem(study.loaded.cams[study.roles.arcs], arcs.published, turn)
     shape = problem.fit(start, acoustics)
     name = f"{rig.name}, rigid stem"
-    return _result(name, study, acoustics, smooth, shape, problem.heard(shape))
+    return _result(name, study, acoustics, smooth, shape, problem.cam_of(shape))
 
 
 def with_elastic_stem(
@@ -88,19 +88,19 @@ def with_elastic_stem(
 
     smooth = _smooth(study, turn)
     start = Acoustics(_landing_on_roller(study, follower))
-    acoustics = two_constants([smooth[study.cast.reference]], start)
+    acoustics = two_constants([smooth[study.roles.reference]], start)
     if not arcs:
         return _result(rig.name, study, acoustics, smooth, None, None)
-    thin = study.heard[study.cast.arcs].every(EVERY)
-    cam = study.loaded.cams[study.cast.arcs]
+    thin = study.cams[study.roles.arcs].every(EVERY)
+    cam = study.loaded.cams[study.roles.arcs]
     problem = ShapeProblem(cam, thin.published, lambda law: turn(law, thin.turns.speeds))
     shape = _search(problem, acoustics, on_best)
-    return _result(rig.name, study, acoustics, smooth, shape, problem.heard(shape))
+    return _result(rig.name, study, acoustics, smooth, shape, problem.cam_of(shape))
 
 
 def _smooth(study: NoiseSetup, turn: Callable[[Law, FloatArray], Turns]) -> dict[str, PublishedCam]:
     """Reference and predicted cam on another follower, at all speeds."""
-    cams = {cam: study.heard[cam] for cam in (study.cast.reference, study.cast.predicted)}
+    cams = {cam: study.cams[cam] for cam in (study.roles.reference, study.roles.predicted)}
     return {
         cam: PublishedCam(cam, turn(study.loaded.laws[cam], h.turns.speeds), h.published)
         for cam, h in cams.items()
@@ -125,7 +125,7 @@ def _search(
 
     def cost(x: FloatArray) -> float:
         try:
-            return problem.heard(ArcShape(*x.tolist())).rms(acoustics)
+            return problem.cam_of(ArcShape(*x.tolist())).rms(acoustics)
         except CamRigError:
             return IMPOSSIBLE
 
@@ -149,18 +149,18 @@ def _result(
     shape: ArcShape | None,
     arcs: PublishedCam | None,
 ) -> OneRig:
-    heard = smooth if arcs is None else smooth | {study.cast.arcs: arcs}
-    left = {cam: h.rms(acoustics) for cam, h in heard.items()}
-    crossed = None if arcs is None else _crossing(study, heard, acoustics)
+    cams = smooth if arcs is None else smooth | {study.roles.arcs: arcs}
+    left = {cam: h.rms(acoustics) for cam, h in cams.items()}
+    crossed = None if arcs is None else _crossing(study, cams, acoustics)
     return OneRig(name, acoustics, left, shape, crossed)
 
 
 def _crossing(
-    study: NoiseSetup, heard: dict[str, PublishedCam], acoustics: Acoustics
+    study: NoiseSetup, cams: dict[str, PublishedCam], acoustics: Acoustics
 ) -> float | None:
     published = study.loaded.published
     assert published is not None  # the study has its levels
-    rpm = heard[study.cast.arcs].rpm
-    thinned = {cam: h if cam == study.cast.arcs else h.every(EVERY) for cam, h in heard.items()}
+    rpm = cams[study.roles.arcs].rpm
+    thinned = {cam: h if cam == study.roles.arcs else h.every(EVERY) for cam, h in cams.items()}
     levels = [cubic(rpm) @ acoustics.levels(thinned[c].turns) for c in published.crossover.between]
     return crossing(rpm, levels[0], levels[1], published.crossover.rpm)

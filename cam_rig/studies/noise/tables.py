@@ -158,7 +158,7 @@ def left_out_table(study: NoiseStudy) -> DataTable:
 
 
 def one_rig_table(study: NoiseStudy) -> DataTable:
-    """The follower of the jump speeds heard, below the rigid one that the noise is fitted with."""
+    """Noise with the follower of the jump speeds, and with the rigid one that it is fitted with."""
     base = study.methods[1]
     own = OneRig(
         base.name,
@@ -207,7 +207,7 @@ def to_json(study: NoiseStudy) -> dict[str, Any]:
     """The study as plain data; what is not a number becomes null."""
     return {
         "rpm": [round(rpm, 9) for rpm in study.rpm.tolist()],
-        "parts": vars(study.cast),
+        "parts": vars(study.roles),
         "structures": {cam: [vars(f) for f in fits] for cam, fits in study.structures.items()},
         "methods": {method.name: _method_json(method) for method in study.methods},
         "left_out": [

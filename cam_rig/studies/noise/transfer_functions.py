@@ -32,7 +32,7 @@ Transfer = Callable[[FloatArray, FloatArray], FloatArray]
 
 @dataclass(frozen=True)
 class Structure:
-    """A candidate: its transfer function, where its fit starts, and the weighting heard through."""
+    """A candidate: its transfer function, where its fit starts, and the frequency weighting."""
 
     name: str
     transfer: Transfer

@@ -13,7 +13,7 @@ from cam_rig.studies.vibration.steady_state import Vibration
 #: The cam that the paper proposes, and its two polynomials by degree.
 PROPOSED, LOWER, HIGHER = "bezier15", "poly345", "poly4567"
 #: What residual vibration may be measured by; the paper does not say which.
-RESIDUAL = {"ringing": "residual amplitude", "swing": "peak to peak"}
+RESIDUAL = {"residual_amplitude": "residual amplitude", "peak_to_peak": "peak to peak"}
 
 
 class Verdict(StrEnum):

@@ -12,8 +12,8 @@ from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters, elastic_stem
 from cam_rig.dynamics.linear.sampling import sample
 from cam_rig.dynamics.modal.response import ModalResponse
+from cam_rig.dynamics.torsional.motion import periodic_state, solve
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters
-from cam_rig.dynamics.torsional.solution import periodic_state, solve
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
@@ -21,15 +21,15 @@ from cam_rig.studies.vibration.dwell import LowDwell, low_dwell
 from cam_rig.units import RPM, TURN
 
 #: Least natural periods of the stem a turn: below, free and forced vibration cannot be told apart.
-SWINGS = 3.0
+PERIODS = 3.0
 #: Slowest and fastest speed, rpm; below, a turn has more periods of the stem than can be sampled.
 SLOWEST, FASTEST = 1.0, 1e5
 
 
 def fastest(follower: FollowerParameters) -> float:
-    """Up to which speed (rpm) ringing means something: the stem still swings `SWINGS` a turn."""
+    """Highest speed (rpm) with a residual vibration: `PERIODS` of the stem fit in a turn."""
     stiffness = follower.spring_stiffness + follower.stem_stiffness
-    return min(FASTEST, math.sqrt(stiffness / follower.mass) / SWINGS / RPM)
+    return min(FASTEST, math.sqrt(stiffness / follower.mass) / PERIODS / RPM)
 
 
 def require_speeds(follower: FollowerParameters, rpm: Iterable[float]) -> None:
@@ -44,7 +44,7 @@ def require_speeds(follower: FollowerParameters, rpm: Iterable[float]) -> None:
         if not SLOWEST <= speed * (1.0 + 1e-12) <= most * (1.0 + 2e-12):
             raise DynamicsError(
                 f"speed is {speed:g} rpm; allowed: {SLOWEST:g} to {most:.4g} rpm on this stem, "
-                f"which must swing {SWINGS:g} times a turn"
+                f"of which {PERIODS:g} periods must fit in a turn"
             )
 
 
@@ -97,15 +97,15 @@ class Vibration:
     Parameters
     ----------
     window : where residual vibration is read
-    ringing : m, largest free vibration in the window: what joints have kicked
-    swing : m, peak to peak of x about the static share of the lift there
+    residual_amplitude : m, largest free vibration in the window, excited by the joints
+    peak_to_peak : m, of x about the static share of the lift there
     acceleration, rigid_acceleration : m/s², largest |ẍ|, and that of the law itself
     twist : rad, peak to peak of cam less flywheel; None for a rig without a shaft
     """
 
     window: LowDwell
-    ringing: float
-    swing: float
+    residual_amplitude: float
+    peak_to_peak: float
     acceleration: float
     rigid_acceleration: float
     twist: float | None
@@ -128,15 +128,15 @@ def vibration(
     twist = None if shaft is None else float(np.ptp(steady_twist(law, shaft, speed)[1]))
     return Vibration(
         window=window,
-        ringing=float(ringing(law, follower, np.array([speed]))[0]),
-        swing=float(np.ptp(inside)),
+        residual_amplitude=float(residual_vibration(law, follower, np.array([speed]))[0]),
+        peak_to_peak=float(np.ptp(inside)),
         acceleration=float(np.abs(turn.acceleration).max()),
         rigid_acceleration=float(np.abs(law(turn.angle, 2)).max()) * speed**2,
         twist=twist,
     )
 
 
-def ringing(law: Law, follower: FollowerParameters, speeds: FloatArray) -> FloatArray:
+def residual_vibration(law: Law, follower: FollowerParameters, speeds: FloatArray) -> FloatArray:
     """Largest free vibration (m) in the low dwell at speeds (rad/s), ``(m,)``.
 
     Free vibration dies out between joints, so it is largest where the window begins or at a joint
@@ -144,8 +144,8 @@ def ringing(law: Law, follower: FollowerParameters, speeds: FloatArray) -> Float
 
     Raises
     ------
-    DynamicsError : no steady state; or a speed at which what rings is not told from the rest: one
-        beyond `vibration_speeds.fastest`, or where it is larger than all of the exact vibration
+    DynamicsError : no steady state; or free and forced vibration cannot be told apart: a speed
+        beyond `fastest`, or a free vibration larger than all of the exact one
     """
     require_speeds(follower, speeds / RPM)
     window = low_dwell(law)
@@ -158,7 +158,7 @@ def ringing(law: Law, follower: FollowerParameters, speeds: FloatArray) -> Float
     whole = float(np.abs(steady_turn(law, follower, float(speeds[last])).vibration).max())
     if not found[last] <= MAX_RINGING * whole:
         raise DynamicsError(
-            f"law {law.name!r}: ringing of {1e6 * found[last]:.3g} µm in a vibration of "
+            f"law {law.name!r}: residual vibration of {1e6 * found[last]:.3g} µm in a vibration of "
             f"{1e6 * whole:.3g} µm at {speeds[last] / RPM:g} rpm; allowed: speeds slow enough for "
             "the stem to follow the law"
         )

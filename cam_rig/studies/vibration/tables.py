@@ -27,8 +27,11 @@ def speed_table(
         measures.items(),
         (
             (Column("cam"), lambda row: marked(row[0])),
-            (Column("residual amplitude", "µm", ".3g"), lambda row: 1e6 * row[1].ringing),
-            (Column("peak to peak", "µm", ".3g"), lambda row: 1e6 * row[1].swing),
+            (
+                Column("residual amplitude", "µm", ".3g"),
+                lambda row: 1e6 * row[1].residual_amplitude,
+            ),
+            (Column("peak to peak", "µm", ".3g"), lambda row: 1e6 * row[1].peak_to_peak),
             (Column("peak acceleration", "m/s²", ".1f"), lambda row: row[1].acceleration),
             (Column("of the law", "m/s²", ".1f"), lambda row: row[1].rigid_acceleration),
             (
@@ -89,8 +92,8 @@ def to_json(table: VibrationTable) -> dict[str, Any]:
                 "low_dwell": row[0].window.dwell,
                 "leaves_rpm": table.leaves[cam] if math.isfinite(table.leaves[cam]) else None,
                 "left": [table.leaves[cam] < rpm for rpm in table.rpm],
-                "ringing_m": [v.ringing for v in row],
-                "swing_m": [v.swing for v in row],
+                "residual_amplitude_m": [v.residual_amplitude for v in row],
+                "peak_to_peak_m": [v.peak_to_peak for v in row],
                 "acceleration": [v.acceleration for v in row],
                 "rigid_acceleration": [v.rigid_acceleration for v in row],
                 "twist_deg": [None if v.twist is None else math.degrees(v.twist) for v in row],

@@ -10,8 +10,8 @@ import rerun as rr
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
-from cam_rig.simulation.levels import HeardTick, step_levels
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.levels import MeasuredTick, step_levels
+from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.units import RPM_PER_RAD_S
 from cam_rig.viewer.charts.axes import UNSEEN, Axes, round_marks
 from cam_rig.viewer.timeline import time_columns
@@ -46,7 +46,7 @@ class LevelChart:
     def __init__(self, stream: rr.RecordingStream, loaded: LoadedScene) -> None:
         self._stream, self._loaded, self._axes = stream, loaded, level_axes(loaded)
         self._settle = loaded.scene.program.settle_turns.si
-        self._step: list[HeardTick] = []
+        self._step: list[MeasuredTick] = []
         self._levels: dict[str, dict[float, float]] = {}
         self._new: dict[str, tuple[int, float]] = {}
         self._drawn: set[str] = set()
@@ -56,7 +56,7 @@ class LevelChart:
             for cam in loaded.published.regression_db:
                 self._draw_published(cam)
 
-    def add(self, tick: HeardTick, end_angle: float) -> float | None:
+    def add(self, tick: MeasuredTick, end_angle: float) -> float | None:
         """Take the next tick; ``end_angle`` (rad) is the cam's at its end.
 
         Returns

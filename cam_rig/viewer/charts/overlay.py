@@ -6,7 +6,7 @@ import rerun as rr
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.viewer.charts.band_chart import BandChart
 from cam_rig.viewer.charts.bands import third_octaves

@@ -12,7 +12,7 @@ import rerun as rr
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
 from cam_rig.dynamics import Samples
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, to_rpm
 from cam_rig.viewer.charts.band_chart import BandChart

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cam_rig.schema.quantity import ORIGINS, Quantity
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.units import to_rpm
 from cam_rig.viewer.turns import Turn, lift_offs
 

@@ -7,10 +7,10 @@ import rerun as rr
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import MODELS
+from cam_rig.dynamics.torsional.motion import solve
 from cam_rig.dynamics.torsional.parameters import TorsionalState
-from cam_rig.dynamics.torsional.solution import solve
 from cam_rig.laws.sampling import sample
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS
 from cam_rig.viewer.charts import series

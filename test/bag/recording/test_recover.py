@@ -15,7 +15,7 @@ from cam_rig.errors import BagError
 from cam_rig.live.checkpoint import Checkpoint
 from cam_rig.messages.topics import CAM_STATE, LEVEL
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_scene
+from cam_rig.simulation.loaded_scene import open_scene
 
 GOLDEN = Path(__file__).parents[3] / "bags" / "golden"
 

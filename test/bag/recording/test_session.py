@@ -9,7 +9,7 @@ import pytest
 from cam_rig.bag.publishers import Publishers
 from cam_rig.bag.recording.session import RecordingSession
 from cam_rig.errors import RefusedError, RunError
-from cam_rig.live.admission import StateValidator
+from cam_rig.live.state_validation import StateValidator
 from cam_rig.messages import topics
 from cam_rig.messages.serialization import RawMessages, stamp_of
 

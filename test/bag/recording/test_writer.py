@@ -16,7 +16,7 @@ from cam_rig.bag.recording.writer import BagWriter
 from cam_rig.errors import BagError
 from cam_rig.messages import topics
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_scene
+from cam_rig.simulation.loaded_scene import open_scene
 
 TYPES = get_typestore(Stores.ROS2_KILTED)
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from cam_rig.dynamics.torsional.solution import TorsionalParameters, TorsionalState, solve
+from cam_rig.dynamics.torsional.motion import TorsionalParameters, TorsionalState, solve
 from cam_rig.laws import Law
 from cam_rig.units import TURN
 

@@ -11,7 +11,7 @@ from cam_rig.bench.cases.case import Case
 from cam_rig.bench.cases.models import Twist
 from cam_rig.bench.reference import exact_twist
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval
-from cam_rig.dynamics.torsional.solution import TorsionalParameters, TorsionalState, solve
+from cam_rig.dynamics.torsional.motion import TorsionalParameters, TorsionalState, solve
 from cam_rig.errors import DynamicsError
 from cam_rig.units import NS
 

@@ -129,8 +129,10 @@ def test_advantage_adds_up(found):
     """Slopes and ringing make up all of the advantage, by the definition of the rigid follower."""
     for row in advantages(found):
         best, other = found.cams["bezier15"], found.cams[row.cam]
-        ringing = math.log(best.jump / best.rigid_jump) - math.log(other.jump / other.rigid_jump)
-        assert row.jump == pytest.approx(row.jump_slopes + ringing)
+        residual_vibration = math.log(best.jump / best.rigid_jump) - math.log(
+            other.jump / other.rigid_jump
+        )
+        assert row.jump == pytest.approx(row.jump_slopes + residual_vibration)
         assert 0.5 < row.jump_share < 1.1
 
 

@@ -45,7 +45,7 @@ def test_fit_matches_the_curve_a_shape_was_made_with(problem):
     """From the filed shape, the curve of another is matched to 0.1 dB, the flank kept."""
     problem, acoustics, true = problem
     found = problem.fit(ArcShape.of(problem.cam), acoustics)
-    left = cubic(SPEEDS) @ problem.heard(found).difference(acoustics)
+    left = cubic(SPEEDS) @ problem.cam_of(found).difference(acoustics)
     assert rms(left) < 0.1
     assert found.curvature == true.curvature
 
@@ -56,7 +56,7 @@ def test_sensitivity_is_the_derivative(problem):
     slope = problem.seen(true, acoustics).sensitivity
     for axis, step in enumerate(np.diag([0.05, 0.05])):
         up, down = (
-            acoustics.levels(problem.heard(true.scaled(*(1.0 + s * step))).turns) for s in (1, -1)
+            acoustics.levels(problem.cam_of(true.scaled(*(1.0 + s * step))).turns) for s in (1, -1)
         )
         np.testing.assert_allclose(slope[:3, axis], (up - down)[:3] / 0.1, rtol=0.25, atol=0.7)
 
@@ -71,5 +71,5 @@ def test_a_shape_is_run_once(make_loaded_scene):
 
     problem = ShapeProblem(loaded.cams["tm21"], np.zeros(1), turn)
     shape = ArcShape.of(loaded.cams["tm21"])
-    assert problem.heard(shape) is problem.heard(shape)
+    assert problem.cam_of(shape) is problem.cam_of(shape)
     assert len(runs) == 1

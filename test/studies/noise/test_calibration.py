@@ -16,28 +16,28 @@ SPEEDS = np.linspace(200.0, 400.0, 11) * np.pi / 30.0
 
 
 @pytest.fixture
-def heard(make_loaded_scene):
-    """A function that hears a cam whose published levels are those of given constants."""
+def published_cam(make_loaded_scene):
+    """A function that makes a cam whose published levels are those of given constants."""
     loaded = make_loaded_scene()
 
-    def hear(cam, true):
+    def make(cam, true):
         turns = settled_turns(loaded.laws[cam], "one_mass", loaded.follower, SPEEDS)
         return PublishedCam(cam, turns, true.levels(turns))
 
-    return hear
+    return make
 
 
-def test_two_constants_are_recovered(make_loaded_scene, heard):
+def test_two_constants_are_recovered(make_loaded_scene, published_cam):
     """From one cam or two: gain and corner come back."""
     start = Acoustics(make_loaded_scene().radiation)
     true = start.with_constants(2e-4, 12.0)
     for cams in (["poly345"], ["poly345", "bezier15"]):
-        found = two_constants([heard(cam, true) for cam in cams], start).radiation
+        found = two_constants([published_cam(cam, true) for cam in cams], start).radiation
         assert found.gain == pytest.approx(2e-4, rel=1e-5)
         assert found.corner == pytest.approx(12.0, rel=1e-5)
 
 
-def test_substitution_carries_over(make_loaded_scene, heard):
+def test_substitution_carries_over(make_loaded_scene, published_cam):
     """What one cam measures of the rig's speed response holds for another, to 0.05 dB.
 
     The reference's corner is first fitted as if there were no response, so not all of it is exact.
@@ -45,19 +45,19 @@ def test_substitution_carries_over(make_loaded_scene, heard):
     start = Acoustics(make_loaded_scene().radiation)
     r = start.radiation
     true = start.with_constants(r.gain, r.corner, (0.5, -0.4, 0.3))
-    found = by_substitution(heard("poly345", true), start)
-    assert heard("poly345", true).rms(found) < 0.02
-    assert heard("bezier15", true).rms(found) < 0.2
-    plain = two_constants([heard("poly345", true)], start)
-    assert heard("bezier15", true).rms(found) < heard("bezier15", true).rms(plain)
+    found = by_substitution(published_cam("poly345", true), start)
+    assert published_cam("poly345", true).rms(found) < 0.02
+    assert published_cam("bezier15", true).rms(found) < 0.2
+    plain = two_constants([published_cam("poly345", true)], start)
+    assert published_cam("bezier15", true).rms(found) < published_cam("bezier15", true).rms(plain)
 
 
 @pytest.mark.parametrize("response", [(), (0.5, -0.4, 0.3)])
-def test_sensitivity_is_the_derivative(make_loaded_scene, heard, response):
+def test_sensitivity_is_the_derivative(make_loaded_scene, published_cam, response):
     """A small change of a constant moves the levels as the sensitivity says."""
     r = make_loaded_scene().radiation
     acoustics = Acoustics(r, response)
-    cam = heard("bezier15", acoustics)
+    cam = published_cam("bezier15", acoustics)
     slope = sensitivity(cam, acoustics)
     louder = acoustics.with_constants(r.gain * 1.001, r.corner, response)
     np.testing.assert_allclose(

@@ -5,7 +5,7 @@ import pytest
 
 from cam_rig.acoustics import steady_power
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_scene
+from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.studies.noise.transfer_functions import (
     HARMONICS,
     STRUCTURES,

@@ -19,7 +19,12 @@ from cam_rig.studies.jump.rigid import rigid_jump_speed
 from cam_rig.studies.vibration.claims import Claim, Verdict, vibration_claims
 from cam_rig.studies.vibration.comparison import vibration_table
 from cam_rig.studies.vibration.dwell import low_dwell
-from cam_rig.studies.vibration.steady_state import ringing, steady_turn, steady_twist, vibration
+from cam_rig.studies.vibration.steady_state import (
+    residual_vibration,
+    steady_turn,
+    steady_twist,
+    vibration,
+)
 from cam_rig.units import RPM
 
 FIVE = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
@@ -78,10 +83,10 @@ def test_a_law_that_never_rests_is_read_at_its_lowest(make_cam):
 
 
 @pytest.mark.parametrize("cam", ["poly345", "poly4567", "cycloidal", "bezier_segments"])
-def test_in_a_dwell_all_vibration_is_ringing(laws, soft, cam):
+def test_in_a_dwell_all_vibration_is_free(laws, soft, cam):
     """Where the cam rests nothing drives the stem: it swings by twice the ringing, dying out."""
     found = vibration(laws[cam], soft, None, 300.0 * RPM)
-    assert 1.9 * found.ringing < found.swing <= 2.0 * found.ringing
+    assert 1.9 * found.residual_amplitude < found.peak_to_peak <= 2.0 * found.residual_amplitude
 
 
 def test_acceleration_on_a_stiff_stem_is_the_laws(laws, follower):
@@ -102,8 +107,10 @@ def test_vibration_is_what_the_share_leaves(laws, soft):
 def test_ringing_at_many_speeds_is_that_at_one(laws, soft):
     """Speeds together or alone: the same."""
     speeds = np.array([200.0, 300.0, 380.0]) * RPM
-    alone = [ringing(laws["cycloidal"], soft, speeds[i : i + 1])[0] for i in range(3)]
-    assert ringing(laws["cycloidal"], soft, speeds) == pytest.approx(np.array(alone), rel=1e-9)
+    alone = [residual_vibration(laws["cycloidal"], soft, speeds[i : i + 1])[0] for i in range(3)]
+    assert residual_vibration(laws["cycloidal"], soft, speeds) == pytest.approx(
+        np.array(alone), rel=1e-9
+    )
 
 
 def test_twist_on_a_stiff_shaft_is_torque_over_stiffness(laws, cam_set):
@@ -142,7 +149,7 @@ def test_residual_vibration_has_two_measures(cam_set):
     table = vibration_table(cam_set, (300.0,))
     (claim,) = [c for c in vibration_claims(table) if c.source == "fig. 5"]
     at = table.at(300.0)
-    assert max(at, key=lambda cam: at[cam].swing) == "bezier15"
+    assert max(at, key=lambda cam: at[cam].peak_to_peak) == "bezier15"
     assert (claim.measure, claim.verdict) == ("residual amplitude", Verdict.AGREES)
     other = claim.otherwise
     assert (other.measure, other.verdict) == ("peak to peak", Verdict.DISAGREES)
@@ -209,10 +216,10 @@ def test_steady_turn_is_the_fourier_series(laws, soft, cam, rpm):
     expected = np.fft.irfft(np.fft.rfft(laws[cam](turn.angle)) * passed, turn.angle.size)
     assert turn.displacement == pytest.approx(expected, abs=1e-9)
     found = vibration(laws[cam], soft, None, rpm * RPM)
-    assert found.ringing <= 1.1 * np.abs(turn.vibration).max()
+    assert found.residual_amplitude <= 1.1 * np.abs(turn.vibration).max()
     if found.window.dwell:  # nothing else vibrates there
         inside = np.abs(turn.vibration[found.window.holds(turn.angle)]).max()
-        assert found.ringing == pytest.approx(inside, rel=0.05)
+        assert found.residual_amplitude == pytest.approx(inside, rel=0.05)
 
 
 def test_a_law_too_steep_to_split(laws, soft):
@@ -221,8 +228,10 @@ def test_a_law_too_steep_to_split(laws, soft):
     So it is where the high derivatives of a fitted law grow faster than the stem can follow.
     """
     law = squeezed(laws["cycloidal"], np.radians(60.0))
-    with pytest.raises(DynamicsError, match=r"ringing of .* in a vibration of .*; allowed: speeds"):
-        ringing(law, soft, np.array([3000.0 * RPM]))
+    with pytest.raises(
+        DynamicsError, match=r"residual vibration of .* in a vibration of .*; allowed"
+    ):
+        residual_vibration(law, soft, np.array([3000.0 * RPM]))
 
 
 def test_speeds_given_twice_count_once(cam_set):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cam_rig.simulation.levels import HeardTick, step_levels
+from cam_rig.simulation.levels import MeasuredTick, step_levels
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.viewer.charts.level_chart import level_axes
 from cam_rig.viewer.charts.overlay import at_speed
@@ -49,7 +49,7 @@ def test_measured_points_are_the_steps_levels(bag: SmallBag, picture: Picture) -
     """The chart's last points are the energy mean over each step's settled ticks, in its axes."""
     states = list(cam_states(bag.loaded.scene))
     ticks = [
-        HeardTick(start, end.time_ns, pressure)
+        MeasuredTick(start, end.time_ns, pressure)
         for start, end, pressure in zip(states[:-1], states[1:], bag.pressures, strict=True)
     ]
     axes = level_axes(bag.loaded)

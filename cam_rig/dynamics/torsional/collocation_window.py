@@ -18,7 +18,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.linear.impulse_response import response
-from cam_rig.dynamics.torsional.collocation import CollocationTable
+from cam_rig.dynamics.torsional.chebyshev import CollocationTable
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 
 #: Newton's method has converged when the next correction would be below this, relatively ...
@@ -102,8 +102,8 @@ class CollocationWindow:
             twist_rate = rate * slope - k * z * impulse
             return twist - rest, twist_rate, -k * twist - c * twist_rate
         root = complex(-0.5 * c, math.sqrt(k - 0.25 * c**2))
-        swing = complex(z, -(rate + 0.5 * c * z) / root.imag) * np.exp(root * self.times)
-        return swing.real - rest, (root * swing).real, (root**2 * swing).real
+        wave = complex(z, -(rate + 0.5 * c * z) / root.imag) * np.exp(root * self.times)
+        return wave.real - rest, (root * wave).real, (root**2 * wave).real
 
     def _set(self, more: FloatArray) -> None:
         """Take what ψ̈ is more than free at the nodes, and with it the whole motion."""

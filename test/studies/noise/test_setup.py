@@ -8,12 +8,12 @@ import pytest
 from cam_rig.errors import ConfigError
 from cam_rig.schema import load_rig
 from cam_rig.schema.load import config_root
+from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.simulation.regression import cubic
-from cam_rig.simulation.scene import open_scene
 from cam_rig.studies.noise.calibration_methods import with_substitution, with_two_constants
 from cam_rig.studies.noise.leave_one_out import leave_one_out
+from cam_rig.studies.noise.setup import NoiseSetup, StudyRoles
 from cam_rig.studies.noise.shared_rig import with_elastic_stem, with_rigid_stem
-from cam_rig.studies.noise.study import NoiseSetup, StudyRoles
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def table2():
 
 def test_parts(study):
     """Who calibrates, who is predicted and who is identified follows from the files."""
-    assert study.cast == StudyRoles(reference="poly345", predicted="bezier15", arcs="tm21")
+    assert study.roles == StudyRoles(reference="poly345", predicted="bezier15", arcs="tm21")
 
 
 def test_a_scene_without_the_parts_is_refused(make_loaded_scene):

@@ -9,7 +9,7 @@ from pathlib import Path
 from cam_rig.dynamics import MODELS
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.laws import Law, build_law
-from cam_rig.live.admission import Admission, StateValidator
+from cam_rig.live.state_validation import Admission, StateValidator
 from cam_rig.schema import Library, load_cam, load_scene
 from cam_rig.simulation.cam_files import law_of, require_sprung
 from cam_rig.simulation.schedule import CamState

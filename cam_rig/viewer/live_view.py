@@ -9,7 +9,7 @@ import rerun as rr
 
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import CamRigError
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.units import NS
 from cam_rig.viewer.blueprint import blueprint, compared_rpm

@@ -6,8 +6,10 @@ with s, s', s'' at the twisted angle θ_c, ṡ = s' θ̇_c and s̈ = s'' θ̇_c�
 holds its speed, θ_v = θ_0 + ω t, or has an inertia: I_v θ̈_v = k_s (θ_c − θ_v) + c_s (θ̇_c − θ̇_v)
 + T_motor. Along a ramp of α rad/s² a flywheel that is driven follows it, θ_v = θ_0 + ω t + α t²/2,
 and one with an inertia is free as before while the motor gives I_v α more. The follower is taken
-to stay on the cam: where `TorsionalMotion.contact_force` is negative the result means nothing any
-more.
+to stay on the cam: where `TorsionalMotion.contact_force` is negative the result is not valid.
+
+Method: window after window (`stepper`), each by Newton's method on Chebyshev nodes, in integral
+form (`collocation_window`).
 """
 
 from __future__ import annotations
@@ -18,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.torsional.collocation import ChebyshevPath
+from cam_rig.dynamics.input_limits import require_number
+from cam_rig.dynamics.torsional.chebyshev import ChebyshevPath
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.torsional.stepper import March
-from cam_rig.dynamics.validation import require_number
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import TURN, to_rpm

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from cam_rig.errors import RunError
-from cam_rig.runner import process
-from cam_rig.runner.process import NodeProcess, environment
+from cam_rig.runner import node_process as process
+from cam_rig.runner.node_process import NodeProcess, environment
 
 FULL = "node follower cannot be started \\({}\\); end other programs, or raise what .*ulimit -v"
 

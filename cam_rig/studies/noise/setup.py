@@ -14,7 +14,7 @@ import numpy as np
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.settled_turns import Acoustics, Turns, settled_turns
 from cam_rig.studies.noise.arc_shape import ArcShape, ShapeProblem
 from cam_rig.studies.noise.calibration import PublishedCam
@@ -63,8 +63,8 @@ class NoiseSetup:
     """What all parts of a noise study share: the scene, the roles, the mechanics of each cam."""
 
     loaded: LoadedScene
-    cast: StudyRoles
-    heard: dict[str, PublishedCam]
+    roles: StudyRoles
+    cams: dict[str, PublishedCam]
     start: Acoustics
 
     @classmethod
@@ -75,31 +75,29 @@ class NoiseSetup:
         ------
         ConfigError : a scene without the three parts, or without published levels
         """
-        cast = StudyRoles.of(loaded)
+        roles = StudyRoles.of(loaded)
         speeds = np.array(loaded.scene.program.speeds.si_list)
         published = {cam: loaded.published_levels(cam, to_rpm(speeds)) for cam in loaded.scene.cams}
 
         def turn(law: Law) -> Turns:
             return settled_turns(law, "one_mass", loaded.follower, speeds)
 
-        heard = {
-            cam: PublishedCam(cam, turn(loaded.laws[cam]), published[cam]) for cam in published
-        }
-        return cls(loaded, cast, heard, Acoustics(loaded.radiation))
+        cams = {cam: PublishedCam(cam, turn(loaded.laws[cam]), published[cam]) for cam in published}
+        return cls(loaded, roles, cams, Acoustics(loaded.radiation))
 
     @property
     def shape(self) -> ArcShape:
         """The arc cam's geometry as its file has it."""
-        return ArcShape.of(self.loaded.cams[self.cast.arcs])
+        return ArcShape.of(self.loaded.cams[self.roles.arcs])
 
     @property
     def rpm(self) -> FloatArray:
         """The speeds in rpm."""
-        return self.heard[self.cast.arcs].rpm
+        return self.cams[self.roles.arcs].rpm
 
     @cached_property
     def problem(self) -> ShapeProblem:
-        """What the arc cam's shape is heard by, at all speeds."""
+        """The arc cam's shape as it is fitted, at all speeds."""
         return self._problem(1)
 
     @cached_property
@@ -107,12 +105,12 @@ class NoiseSetup:
         return self._problem(EVERY)
 
     def _problem(self, every: int) -> ShapeProblem:
-        arcs = self.heard[self.cast.arcs].every(every)
+        arcs = self.cams[self.roles.arcs].every(every)
 
         def turn(law: Law) -> Turns:
             return settled_turns(law, "one_mass", self.loaded.follower, arcs.turns.speeds)
 
-        return ShapeProblem(self.loaded.cams[self.cast.arcs], arcs.published, turn)
+        return ShapeProblem(self.loaded.cams[self.roles.arcs], arcs.published, turn)
 
     def fit_shape(self, acoustics: Acoustics) -> ArcShape:
         """Lift and event of the arc cam for these constants."""

@@ -11,9 +11,9 @@ from rerun.chunk import Chunk, RrdReader
 
 from cam_rig.errors import CamRigError
 from cam_rig.simulation.schedule import cam_states
-from cam_rig.viewer import live
+from cam_rig.viewer import live_view as live
 from cam_rig.viewer.charts.series import ACCELERATION, FORCE, LAW, LIFT, VELOCITY, ZERO
-from cam_rig.viewer.live import LiveView, live_window
+from cam_rig.viewer.live_view import LiveView, live_window
 from cam_rig.viewer.server.process import free_port, listening, stream_address
 
 from .conftest import SmallBag

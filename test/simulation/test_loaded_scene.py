@@ -3,7 +3,7 @@
 import pytest
 
 from cam_rig.errors import CamRigError, ConfigError, LawError
-from cam_rig.simulation.scene import open_scene
+from cam_rig.simulation.loaded_scene import open_scene
 
 
 def test_shipped_scenes_open(config_dir):

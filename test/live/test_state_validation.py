@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 
 from cam_rig.errors import RefusedError
-from cam_rig.live.admission import Admission, StateValidator
+from cam_rig.live.state_validation import Admission, StateValidator
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_scene
+from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.simulation.schedule import CamState, cam_states
 
 SCENE = open_scene(config_root() / "scenes" / "quick.yaml").scene
