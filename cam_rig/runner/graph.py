@@ -14,10 +14,7 @@ from typing import Any
 from cam_rig.errors import RunError
 from cam_rig.extras import require
 from cam_rig.runner.checkpoint_folder import CheckpointFolder
-<<<<<<< HEAD
 from cam_rig.runner.node_process import Arguments, NodeProcess, stop_all
-from cam_rig.runner.node_table import DRIVE, ENTRIES, NODES, PATIENCE_S, PLAYER, RECORDER, VIEWER
-=======
 from cam_rig.runner.node_table import (
     CONSUMERS,
     DRIVE,
@@ -28,8 +25,6 @@ from cam_rig.runner.node_table import (
     RECORDER,
     VIEWER,
 )
-from cam_rig.runner.process import Arguments, NodeProcess, stop_all
->>>>>>> live
 from cam_rig.runner.shared_memory import LOCK_GRACE_S, clean, require_room
 
 #: Signals that end a run; a closed terminal is one of them.
