@@ -113,7 +113,7 @@ def test_a_run_in_a_full_shared_memory_is_refused(tmp_path):
 
 
 NODE = """
-from cam_rig.runner.process import NodeProcess
+from cam_rig.runner.node_process import NodeProcess
 node = NodeProcess("follower", {}, False, lambda _line: None)
 node.process.wait(60)
 print(node.exit_summary())
