@@ -48,6 +48,9 @@ RENAMED: dict[str, str] = {
     "answer": "conclusions",
     "ringing_m": "residual_amplitude_m",
     "swing_m": "peak_to_peak_m",
+    "leaves_rpm": "contact_lost_rpm",
+    "left": "contact_lost",
+    "sure_db": "confidence_db",
 }
 #: Keys, where there were none or sentences when the numbers were kept.
 ADDED = {"conclusions"}

@@ -1,4 +1,4 @@
-"""The jump speed of a cam on a rig: the lowest at which the follower leaves the cam."""
+"""The jump speed of a cam on a rig: the lowest at which the follower loses contact."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class JumpSpeed(Jump):
-    """A jump speed: ``rpm``, ``speed`` (rad/s), and where the follower leaves the cam.
+    """A jump speed: ``rpm``, ``speed`` (rad/s), and where contact is lost.
 
     ``angle`` (rad of cam angle in its turn) and ``time`` (s, from rest or from the beginning of a
     turn) are those of the first lift-off. ``duration`` (s) is the run's; None is steady state.
@@ -32,7 +32,7 @@ class JumpSpeed(Jump):
     duration: float | None
 
     def to_pandas(self) -> DataFrame:
-        """One row: cam, speed, and where the follower leaves.
+        """One row: cam, speed, and where contact is lost.
 
         Raises
         ------
@@ -57,7 +57,7 @@ class JumpSpeed(Jump):
 
 
 def jump_speed(law: Law, rig: RigConfig, *, duration: float | None = FROM_REST) -> JumpSpeed:
-    """The lowest speed at which the two-mass follower leaves the cam, to 0.01 rpm.
+    """The lowest speed at which the two-mass follower loses contact, to 0.01 rpm.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def jump_speed(law: Law, rig: RigConfig, *, duration: float | None = FROM_REST) 
     Raises
     ------
     ConfigError : the rig does not say how the mass is split
-    DynamicsError : the follower leaves at any speed, or at none; or there is no steady state
+    DynamicsError : contact is lost at every speed or at none, or there is no steady state
 
     Examples
     --------

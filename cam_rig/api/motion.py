@@ -123,7 +123,7 @@ def simulate(
     Parameters
     ----------
     law : of `build_law`, or one's own `Law`
-    model : ``one_mass`` (rigid; leaves the cam and lands), ``two_mass`` (eq. 14-19 of the paper),
+    model : ``one_mass`` (rigid; lifts off and lands), ``two_mass`` (eq. 14-19 of the paper),
         ``elastic_stem`` (eq. 5, always in contact), ``kinetostatic`` (no vibration, no loss of
         contact), ``torsional`` (eq. 10, elastic shaft)
     rpm : cam speed, rpm

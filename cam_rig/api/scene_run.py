@@ -39,7 +39,7 @@ class SceneRun:
     Parameters
     ----------
     loaded : the scene with its cams, laws and rig
-    ticks : what the microphone heard, tick by tick: r.m.s. pressure (Pa)
+    ticks : what the microphone measured, tick by tick: r.m.s. pressure (Pa)
     source : the scene's file, or the bag
     blocks : gives the follower's samples tick by tick, ``(6, n)`` rows each; see `samples`
     counts : messages by topic, of a bag

@@ -96,7 +96,7 @@ def sound_level(motion: FollowerMotion, *, settle_turns: int = 1) -> SoundLevel:
     >>> print(cam_rig.sound_level(motion))
     83.7 dB at 300 rpm (calibrated on poly345)
     """
-    ticks = [tick for tick in _heard(motion) if tick.steady]
+    ticks = [tick for tick in _measured_ticks(motion) if tick.steady]
     if not 0 <= settle_turns < len(ticks):
         raise ConfigError(
             f"settle_turns: {settle_turns!r}; allowed: 0 to {len(ticks) - 1}, fewer than the "
@@ -109,17 +109,17 @@ def sound_level(motion: FollowerMotion, *, settle_turns: int = 1) -> SoundLevel:
     return SoundLevel(motion.rpm, level, by_turn, settle_turns, _calibrated_on(motion))
 
 
-def _heard(motion: FollowerMotion) -> list[MeasuredTick]:
+def _measured_ticks(motion: FollowerMotion) -> list[MeasuredTick]:
     """Each turn as the microphone hears it."""
     radiation = RadiationParameters.from_rig(motion.rig)
     microphone = MicrophoneSimulator(radiation, int(motion.scene.sample_rate.si))
-    heard = []
+    measured = []
     for block in motion.blocks:
         i = block.interval
         pressure = microphone.listen(block.rows, i.mean_speed)
         start = CamState(i.start_ns, i.angle, i.speed, CAM, i.turns)
-        heard.append(MeasuredTick(start, i.stop_ns, pressure, i.acceleration == 0.0))
-    return heard
+        measured.append(MeasuredTick(start, i.stop_ns, pressure, i.acceleration == 0.0))
+    return measured
 
 
 def _calibrated_on(motion: FollowerMotion) -> str:

@@ -172,7 +172,7 @@ EventKind = Literal["lift-off", "landing"]
 
 @dataclass(frozen=True)
 class Event:
-    """The follower leaves the cam or meets it again.
+    """A lift-off or a landing.
 
     ``time`` in s of rig time, ``angle`` of the cam in rad with all its turns, ``impulse`` in N·s
     and ``energy_lost`` in J (both zero at a lift-off).
@@ -254,7 +254,7 @@ def require_joined(state: FollowerState | None, interval: Interval) -> None:
     if state is None or state.cam_angle is None:
         return
     away = abs(math.remainder(interval.angle - state.cam_angle, TURN))
-    if away > 2.0 * ANGLE_TOLERANCE:  # a gate that lets half of it pass may round
+    if away > 2.0 * ANGLE_TOLERANCE:  # a validator that lets half of it pass may round
         raise DynamicsError(
             f"an interval from {interval.angle:.9g} rad on, for a follower that ended at "
             f"{state.cam_angle:.9g} rad of its turn; allowed: {2.0 * ANGLE_TOLERANCE:g} rad apart, "

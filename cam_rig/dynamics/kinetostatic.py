@@ -1,4 +1,4 @@
-"""The follower that never leaves the cam: what a scene needs when nothing vibrates or jumps.
+"""The follower that is always in contact: what a scene needs when nothing vibrates or jumps.
 
 A law whose velocity jumps is refused: the contact force there is infinite, and no sample shows it.
 """

@@ -223,8 +223,8 @@ class Approach:
     def _piece(self, time: float) -> tuple[int, float, float]:
         """The law's piece from a time on, and the angles (rad) where it begins and ends.
 
-        One that ends within the rounding of the angle is over: a follower that leaves the cam
-        where s'' falls leaves it there, and not a last digit before.
+        One that ends within the rounding of the angle is over: a lift-off
+        where s'' falls is there, and not a last digit before.
         """
         law, at = self.law, self.angle + self.speed * time
         turn = math.floor(at / TURN) * TURN

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cam_rig.drawing.colours import BLUE, LIGHT_GREY, ORANGE, SKY_BLUE, web
 from cam_rig.plots.figures import MARKERS, empty, line, write
 from cam_rig.studies.factorial.design import EFFECTS, Design, Effect, Factorial
-from cam_rig.studies.factorial.in_contact import left
+from cam_rig.studies.factorial.in_contact import contact_lost
 
 #: Effects that have a panel.
 SHOWN = tuple(e for e in EFFECTS if e.key != "noise_in_contact")
@@ -46,7 +46,7 @@ def _effects(out: FigureBase, found: Factorial) -> None:
     panels = out.subplots(2, len(SHOWN))
     for row, design in zip(panels, designs, strict=True):
         for axes, effect in zip(row, SHOWN, strict=True):
-            _curves(axes, design, effect, left(design, effect, found.config))
+            _curves(axes, design, effect, contact_lost(design, effect, found.config))
             axes.axhline(
                 effect.factor * getattr(found.cams[found.config.proposed], effect.key),
                 color="0.35",
@@ -73,13 +73,13 @@ def _effects(out: FigureBase, found: Factorial) -> None:
     )
 
 
-def _curves(axes: Axes, design: Design, effect: Effect, gone: NDArray[np.bool_]) -> None:
+def _curves(axes: Axes, design: Design, effect: Effect, lost: NDArray[np.bool_]) -> None:
     """One curve a law; where contact is lost the marker is hollow."""
     degrees, values = np.degrees(design.angles), effect.values(design.cells)
     for i, (rise, order) in enumerate(zip(design.rises, design.classes, strict=True)):
         label = f"{rise.replace('_', ' ')}, C{order}"
         axes.plot(degrees, values[i], marker=MARKERS[i], ms=4, lw=1.4, label=label, **line(i))
-        (hollow,) = axes.plot(degrees[gone[i]], values[i][gone[i]], ls="", marker=MARKERS[i], ms=4)
+        (hollow,) = axes.plot(degrees[lost[i]], values[i][lost[i]], ls="", marker=MARKERS[i], ms=4)
         hollow.set(color=line(i)["color"], markerfacecolor="white", zorder=3)
     if effect.decibels:
         axes.set_yscale("log")

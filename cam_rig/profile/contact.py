@@ -52,7 +52,7 @@ class Element(ABC):
 
     Besides the contact that the law asks for (`touch`), it knows how a follower is measured
     (`place_on`): that takes points of a finished contour and nothing of the law. Its place (m) is
-    what grows as the follower leaves the cam: height in the guide, way along the arc of the arm.
+    what grows as the follower moves outwards: height in the guide, way along the arc of the arm.
 
     Parameters
     ----------

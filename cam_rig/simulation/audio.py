@@ -31,7 +31,7 @@ class MeterSimulator:
     """The sound of a scene at a sound-level meter. Used by the node too.
 
     Another weighting begins a new measurement with the next block; the sound goes on. One that was
-    changed and changed back between two blocks leaves no trace, as nobody could repeat it.
+    changed and changed back between two blocks changes nothing, as it could not be repeated.
     """
 
     source: SoundSource

@@ -60,7 +60,7 @@ class LoadedScene:
         return [self.scene_file, self.rig_file, *self.cam_files.values(), *points, *published]
 
     def mount(self, name: str) -> None:
-        """Know one more cam, mounted by hand, of the library that the scene's are from.
+        """Add a cam, mounted by an operator, from the library of the scene's cams.
 
         Raises
         ------

@@ -29,7 +29,7 @@ class CamState:
     turns: int = 0
 
     def __post_init__(self) -> None:
-        if math.isfinite(self.angle):  # else a gate says so
+        if math.isfinite(self.angle):  # else a validator says so
             turns, angle = wrap(self.angle, self.turns)
             object.__setattr__(self, "turns", turns)
             object.__setattr__(self, "angle", angle)

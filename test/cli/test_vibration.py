@@ -36,7 +36,7 @@ def test_cams_that_are_left_are_marked():
     assert data["rpm"] == [300, 450]
     assert data["cams"]["poly345"]["left"] == [False, True]
     assert data["cams"]["bezier15"]["left"] == [False, False]
-    assert data["cams"]["poly345"]["leaves_rpm"] == pytest.approx(413.44, abs=0.01)
+    assert data["cams"]["poly345"]["contact_lost_rpm"] == pytest.approx(413.44, abs=0.01)
     assert "poly345 †" in result.stderr
     assert "bezier15 * †" not in result.stderr
     assert "contact is lost at 1 of 2 speeds" in result.stderr

@@ -35,7 +35,7 @@ def run_here(monkeypatch, capfd):
 @pytest.mark.parametrize(
     ("node", "parameter", "code", "words"),
     [
-        ("cam_drive", "consumers:=['bogus']", 2, "consumers: has bogus; allowed: follower"),
+        ("cam_drive", "consumers:=['bogus']", 2, "consumers: has bogus; allowed: recorder, "),
         ("law_server", "scene:=5", 2, "parameter: "),
         ("follower", "scene:=none.yaml", 2, "none.yaml: no such file"),
         ("microphone", "frequency_weighting:=B", 2, "frequency_weighting: has B; allowed: A, C, Z"),

@@ -1,4 +1,4 @@
-"""What a command leaves behind: plots, JSON and CSV, written whole or not at all."""
+"""What a command writes: plots, JSON and CSV, written whole or not at all."""
 
 from __future__ import annotations
 

@@ -75,12 +75,12 @@ def listen(
                 description=loaded.scene.name,
             )
             pressure = np.concatenate(list(ticks))
-        heard = measure(pressure, RATE)
-        scale = full_scale(heard.peak_pa)
+        measured = measure(pressure, RATE)
+        scale = full_scale(measured.peak_pa)
         with writing(out) as part:
             _write(part, pcm(pressure, scale))
-        _show(heard, out, scale, pressure.size / RATE)
-        write_json(_to_json(heard, scale, pressure.size / RATE), json_target)
+        _show(measured, out, scale, pressure.size / RATE)
+        write_json(_to_json(measured, scale, pressure.size / RATE), json_target)
 
 
 def _write(path: Path, samples: bytes) -> None:
@@ -93,28 +93,28 @@ def _write(path: Path, samples: bytes) -> None:
         file.writeframes(samples)
 
 
-def _show(heard: Measurement, out: Path, scale: float, seconds: float) -> None:
-    levels = ", ".join(f"{name} {level:.1f}" for name, level in heard.levels.items())
+def _show(measured: Measurement, out: Path, scale: float, seconds: float) -> None:
+    levels = ", ".join(f"{name} {level:.1f}" for name, level in measured.levels.items())
     console.print(
-        f"{out}: {seconds:.1f} s; full scale is {scale:g} Pa, peak {heard.peak_pa:.3g} Pa"
+        f"{out}: {seconds:.1f} s; full scale is {scale:g} Pa, peak {measured.peak_pa:.3g} Pa"
     )
-    console.print(f"{levels} dB, class 1 up to {heard.class_1_up_to_hz / 1000.0:g} kHz")
-    if heard.overload:
+    console.print(f"{levels} dB, class 1 up to {measured.class_1_up_to_hz / 1000.0:g} kHz")
+    if measured.overload:
         console.print("[bold]overload:[/] beyond the meter's 130 dB")
-    if heard.under_range:
+    if measured.under_range:
         console.print("[bold]under range:[/] a level is below the meter's 30 dB")
 
 
-def _to_json(heard: Measurement, scale: float, seconds: float) -> dict[str, Any]:
+def _to_json(measured: Measurement, scale: float, seconds: float) -> dict[str, Any]:
     return {
         "seconds": seconds,
         "full_scale_pa": scale,
-        "peak_pa": heard.peak_pa,
-        "levels_db": heard.levels,
-        "class_1_up_to_hz": heard.class_1_up_to_hz,
+        "peak_pa": measured.peak_pa,
+        "levels_db": measured.levels,
+        "class_1_up_to_hz": measured.class_1_up_to_hz,
         "third_octaves_db": dict(
-            zip(heard.bands.names, heard.bands.level_db.tolist(), strict=True)
+            zip(measured.bands.names, measured.bands.level_db.tolist(), strict=True)
         ),
-        "overload": heard.overload,
-        "under_range": heard.under_range,
+        "overload": measured.overload,
+        "under_range": measured.under_range,
     }

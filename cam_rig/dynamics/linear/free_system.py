@@ -109,7 +109,7 @@ class Flight:
     """Free motion from the state ``start`` ``(n,)`` at t = 0.
 
     ``gap`` (m) and ``opening`` (m/s) are how far the mass is from the cam then and how fast it
-    leaves it, where that is known better than as the difference of two places: at a lift-off the
+    lifts off, where that is known better than as the difference of two places: at a lift-off the
     gap is not one.
     """
 

@@ -1,12 +1,12 @@
 """One mass on a rigid stem: contact, lift-off, flight, landing.
 
-In contact the follower is the law. It leaves where the contact force crosses zero from above,
+In contact the follower is the law. It lifts off where the contact force crosses zero from above,
 flies freely, and lands where the gap closes: plastically, or with Newton's restitution. Each
 phase is a closed form and each change of phase a root, so neither a step nor the length of an
 interval enters the result.
 
 Where the law's velocity jumps up by Δs' there is an impact, a landing with the impulse
-m (1 + e) ω Δs'; where it jumps down the follower is thrown off with the velocity it had.
+m (1 + e) ω Δs'; where it jumps down the follower lifts off with the velocity it had.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""What the paper leaves open: does continuity lower vibration, or do gentler slopes."""
+"""What the paper leaves open: does continuity reduce vibration, or lower acceleration."""

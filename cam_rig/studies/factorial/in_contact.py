@@ -25,7 +25,7 @@ def fastest(effect: Effect, config: FactorialConfig) -> float | None:
     return float(max(np.atleast_1d(getattr(config, effect.speeds).si_list)))
 
 
-def left(design: Design, effect: Effect, config: FactorialConfig) -> NDArray[np.bool_]:
+def contact_lost(design: Design, effect: Effect, config: FactorialConfig) -> NDArray[np.bool_]:
     """Which cells leave the cam below the effect's fastest speed, ``(a, b)``."""
     speed = fastest(effect, config)
     jumps = np.array([[m.jump for m in row] for row in design.cells])
@@ -37,9 +37,9 @@ def staying(design: Design, effect: Effect, config: FactorialConfig) -> Design |
 
     Laws and angles are dropped one after the other, those first that most of their cells leave.
     """
-    gone = left(design, effect, config)
-    rows, columns = (list(range(n)) for n in gone.shape)
-    while (part := gone[np.ix_(rows, columns)]).any():
+    lost = contact_lost(design, effect, config)
+    rows, columns = (list(range(n)) for n in lost.shape)
+    while (part := lost[np.ix_(rows, columns)]).any():
         by_row, by_column = part.mean(axis=1), part.mean(axis=0)
         if by_row.max() >= by_column.max():
             del rows[int(np.argmax(by_row))]
@@ -58,5 +58,5 @@ def staying(design: Design, effect: Effect, config: FactorialConfig) -> Design |
 
 def laws_left(design: Design, effect: Effect, config: FactorialConfig) -> dict[str, int]:
     """How many cells of each law leave, of the laws that have such."""
-    counts = left(design, effect, config).sum(axis=1).tolist()
+    counts = contact_lost(design, effect, config).sum(axis=1).tolist()
     return {rise: n for rise, n in zip(design.rises, counts, strict=True) if n}

@@ -12,7 +12,7 @@ from cam_rig.studies.factorial.anova import TwoWay
 from cam_rig.studies.factorial.conclusions import conclusions, governed_by, mean_jumps
 from cam_rig.studies.factorial.decomposition import advantages
 from cam_rig.studies.factorial.design import EFFECTS, Design, Effect, Factorial
-from cam_rig.studies.factorial.in_contact import fastest, left, staying
+from cam_rig.studies.factorial.in_contact import contact_lost, fastest, staying
 from cam_rig.tables import Column, DataTable, tabulate
 from cam_rig.units import RPM_PER_RAD_S
 
@@ -31,12 +31,12 @@ def variance_table(design: Design, config: FactorialConfig) -> DataTable:
     """The analysis of variance of each effect, and again over what keeps contact."""
     rows: list[tuple[str, TwoWay, str, int | None]] = []
     for effect in EFFECTS:
-        gone = int(left(design, effect, config).sum())
+        count = int(contact_lost(design, effect, config).sum())
         verdict = governed_by(design, effect)
-        lost = gone if effect.speeds else None
+        lost = count if effect.speeds else None
         rows.append((effect.name, design.analysis(effect), verdict, lost))
         stay = staying(design, effect, config)
-        if gone and stay is not None:
+        if count and stay is not None:
             size = f"… {len(stay.rises)} × {stay.angles.size} in contact"
             rows.append((size, stay.analysis(effect), governed_by(stay, effect), 0))
     a, b = len(design.rises), design.angles.size
@@ -142,7 +142,7 @@ def _design(design: Design, config: FactorialConfig) -> dict[str, Any]:
         "effects": {
             effect.key: _effect(design, effect)
             | {
-                "cells_left": left(design, effect, config).tolist(),
+                "cells_left": contact_lost(design, effect, config).tolist(),
                 "left_below_rpm": _rpm(fastest(effect, config)),
                 "in_contact": _in_contact(staying(design, effect, config), effect),
             }

@@ -1,1 +1,1 @@
-"""The paper's jump speeds: the lowest speed at which a follower leaves its cam."""
+"""The paper's jump speeds: the lowest speed at which a follower loses contact."""

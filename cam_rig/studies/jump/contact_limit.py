@@ -16,12 +16,12 @@ from cam_rig.units import RPM
 FROM_REST = 1.7
 
 
-def leaving_speed(law: Law, rig: RigConfig) -> float:
+def contact_lost_speed(law: Law, rig: RigConfig) -> float:
     """Jump speed (rad/s) on a rig: 0 where contact is lost at any speed, ∞ where at none.
 
     That of two masses from rest, or of one rigid mass on a rig that does not say how they split.
     """
-    if law.velocity_jumps:  # where the velocity jumps down the follower is thrown off
+    if law.velocity_jumps:  # where the velocity jumps down the follower lifts off
         return 0.0
     follower = rig.follower
     if follower.roller_share is None or follower.stem_damping is None:

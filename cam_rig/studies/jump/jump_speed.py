@@ -51,17 +51,19 @@ def jump_speed(law: Law, parameters: TwoMassParameters, duration: float | None =
     ------
     DynamicsError : contact is lost at every speed or at none, or there is no steady state
     """
-    require_smooth(law, "; where it falls the follower is thrown off at any speed")
+    require_smooth(law, "; where it falls contact is lost at any speed")
     found = sought(law, parameters, duration)
 
-    def leaves(speed: float) -> float | None:
+    def lift_off_time(speed: float) -> float | None:
         return _leaves(law, parameters, speed, duration)
 
-    low, high, time = _prove(leaves, found)
+    low, high, time = _prove(lift_off_time, found)
     return Jump(0.5 * (low + high), float((high * time) % TURN), time)
 
 
-def _prove(leaves: Callable[[float], float | None], found: Sought) -> tuple[float, float, float]:
+def _prove(
+    lift_off_time: Callable[[float], float | None], found: Sought
+) -> tuple[float, float, float]:
     """A speed at which the exact model keeps contact, one at which it does not, and when that is.
 
     They are `TOLERANCE` on either side of what was found, or bisected down to that. Upwards they
@@ -70,12 +72,12 @@ def _prove(leaves: Callable[[float], float | None], found: Sought) -> tuple[floa
 
     Raises
     ------
-    DynamicsError : the exact model leaves nowhere in the bracket, nor `TOLERANCE` above
+    DynamicsError : the exact model loses contact nowhere in the bracket, nor `TOLERANCE` above
     """
     most = found.high / found.speed - 1.0
     for away in (min(TOLERANCE, 0.5 * most), most, TOLERANCE):
         high = found.speed * (1.0 + away)
-        if (time := leaves(high)) is not None:
+        if (time := lift_off_time(high)) is not None:
             break
     else:
         raise DynamicsError(
@@ -84,13 +86,13 @@ def _prove(leaves: Callable[[float], float | None], found: Sought) -> tuple[floa
             "the stem more damping"
         )
     away = TOLERANCE
-    while (earlier := leaves(found.speed * (1.0 - away))) is not None:
+    while (earlier := lift_off_time(found.speed * (1.0 - away))) is not None:
         high, time = found.speed * (1.0 - away), earlier
         away *= 4.0
     low = found.speed * (1.0 - away)
     while high - low > 4.0 * TOLERANCE * high:
         middle = 0.5 * (low + high)
-        at = leaves(middle)
+        at = lift_off_time(middle)
         low, high, time = (middle, high, time) if at is None else (low, middle, at)
     return low, high, time
 

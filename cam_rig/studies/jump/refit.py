@@ -59,7 +59,7 @@ def with_event(cam: CamConfig, event: float) -> CamConfig:
 
 #: Largest factor on either side of a start, and the step of a numerical derivative.
 REACH, STEP = 3.0, 1e-3
-#: Relative step on either side for how sure the numbers are.
+#: Relative step on either side for the confidence intervals of the numbers.
 ABOUT = 0.02
 #: Starts, the file's own first; how far they scatter; and their seed.
 STARTS, SCATTER, SEED = 3, np.array([0.02, 0.4, 0.15, 0.3]), 1
@@ -88,9 +88,9 @@ class Numbers:
 
 @dataclass(frozen=True, eq=False)
 class Refit:
-    """What the search found, its relative differences by cam, and how sure each number is.
+    """What the search found, its relative differences by cam, and each standard deviation.
 
-    ``sure`` is the relative standard deviation that the rounding of the published speeds alone
+    ``deviation`` is the relative standard deviation that the rounding of the published speeds alone
     leaves on event, stem, share and preload, about this solution; ``rounding`` is that of the
     speeds. ``solutions`` are where each start ended, with their r.m.s., the best first.
     """
@@ -99,7 +99,7 @@ class Refit:
     numbers: Numbers
     before: dict[str, float]
     after: dict[str, float]
-    sure: FloatArray
+    deviation: FloatArray
     rounding: float
     solutions: tuple[tuple[Numbers, float], ...]
 
@@ -153,7 +153,7 @@ def refit(
         numbers=start.times(chosen.x),
         before=dict(zip(names, differences(np.zeros(4)).tolist(), strict=True)),
         after=dict(zip(names, chosen.fun.tolist(), strict=True)),
-        sure=np.sqrt((spread**2).sum(axis=1)),
+        deviation=np.sqrt((spread**2).sum(axis=1)),
         rounding=rms(rounding),
         solutions=tuple((start.times(s.x), rms(s.fun)) for s in ended),
     )

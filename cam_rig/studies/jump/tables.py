@@ -71,7 +71,7 @@ def _percent(share: float | None) -> float | None:
 
 def refit_table(found: Refit) -> DataTable:
     """The rig's numbers, the refitted ones, and how well the rounding of Table 2 lets them be."""
-    rows = zip(REFITTED.items(), found.sure.tolist(), strict=True)
+    rows = zip(REFITTED.items(), found.deviation.tolist(), strict=True)
     return tabulate(
         "Refit of four numbers to four jump speeds",
         rows,

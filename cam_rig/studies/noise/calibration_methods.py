@@ -35,7 +35,7 @@ class StudiedCurve:
 
     ``numbers`` were fitted to this cam's own published curve, a cubic of four. ``rms_db`` is of
     the simulated points to the published regression, ``rms_regression_db`` of their regression
-    to it. ``sure`` is the band of the regression from what was fitted, ``expected`` where the
+    to it. ``confidence`` is the band of the regression from what was fitted, ``expected`` where the
     published one should lie.
     """
 
@@ -48,7 +48,7 @@ class StudiedCurve:
     published_db: FloatArray
     rms_db: float
     rms_regression_db: float
-    sure: Band
+    confidence: Band
     expected: Band
 
 
@@ -94,7 +94,7 @@ def _method(
     Parameters
     ----------
     compared : ``(n, n)``, what of a difference the geometry was fitted to
-    unseen : difference (dB) that this way leaves on a cam it was not fitted to: the reference's,
+    unseen : difference (dB) of this way on a cam it was not fitted to: the reference's,
         with the parts of reference and predicted cam exchanged
     """
     roles, acoustics, project = study.roles, fit.acoustics, cubic(study.rpm)
@@ -160,6 +160,6 @@ def _curve(
         published_db=cam.published,
         rms_db=rms(level - cam.published),
         rms_regression_db=rms(fitted - cam.published),
-        sure=Band.of(fitted + moved),
+        confidence=Band.of(fitted + moved),
         expected=Band.of(fitted + moved + left),
     )

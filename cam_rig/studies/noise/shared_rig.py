@@ -121,7 +121,7 @@ def _landing_on_roller(study: NoiseSetup, follower: TwoMassParameters) -> Radiat
 def _search(
     problem: ShapeProblem, acoustics: Acoustics, on_best: Callable[[float], None]
 ) -> ArcShape:
-    """The shape of least r.m.s. difference; a springy stem leaves no slope to go down."""
+    """The shape of least r.m.s. difference; an elastic stem gives no smooth gradient."""
 
     def cost(x: FloatArray) -> float:
         try:

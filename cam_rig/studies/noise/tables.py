@@ -235,7 +235,7 @@ def _method_json(method: Method) -> dict[str, Any]:
                 "level_db": curve.level_db.tolist(),
                 "coefficients": curve.coefficients.tolist(),
                 "published_db": curve.published_db.tolist(),
-                "sure_db": _band_json(curve.sure),
+                "confidence_db": _band_json(curve.confidence),
                 "expected_db": _band_json(curve.expected),
             }
             for curve in method.curves.values()

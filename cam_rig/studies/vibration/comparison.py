@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.studies.cam_set import CamSet
-from cam_rig.studies.jump.contact_limit import leaving_speed
+from cam_rig.studies.jump.contact_limit import contact_lost_speed
 from cam_rig.studies.vibration.steady_state import Vibration, require_speeds, vibration
 from cam_rig.units import RPM
 
@@ -17,25 +17,25 @@ from cam_rig.units import RPM
 class VibrationTable:
     """Measures by cam, one for each speed (rpm).
 
-    ``leaves`` : by cam the jump speed (rpm), beyond which the model holds on a follower that left
+    ``contact_lost_rpm`` : by cam the jump speed (rpm), beyond which the model no longer holds
     """
 
     rpm: tuple[float, ...]
     measures: dict[str, list[Vibration]]
-    leaves: dict[str, float]
+    contact_lost_rpm: dict[str, float]
 
     def at(self, rpm: float) -> dict[str, Vibration]:
         """The measures at one of the speeds."""
         return {cam: row[self.rpm.index(rpm)] for cam, row in self.measures.items()}
 
-    def left(self, rpm: float) -> list[str]:
-        """The cams whose follower has left them at a speed."""
-        return [cam for cam, leaves in self.leaves.items() if leaves < rpm]
+    def lost_contact(self, rpm: float) -> list[str]:
+        """The cams on which contact is lost at a speed."""
+        return [cam for cam, limit in self.contact_lost_rpm.items() if limit < rpm]
 
     @property
     def in_contact(self) -> list[int]:
         """Which of the speeds all followers are on their cams at."""
-        return [i for i, rpm in enumerate(self.rpm) if not self.left(rpm)]
+        return [i for i, rpm in enumerate(self.rpm) if not self.lost_contact(rpm)]
 
 
 def vibration_table(
@@ -54,5 +54,7 @@ def vibration_table(
     for cam, law in cam_set.laws.items():
         on_cam(cam)
         found[cam] = [vibration(law, follower, shaft, speed * RPM) for speed in rpm]
-    leaves = {cam: leaving_speed(law, cam_set.rig) / RPM for cam, law in cam_set.laws.items()}
-    return VibrationTable(rpm, found, leaves)
+    contact_lost_rpm = {
+        cam: contact_lost_speed(law, cam_set.rig) / RPM for cam, law in cam_set.laws.items()
+    }
+    return VibrationTable(rpm, found, contact_lost_rpm)

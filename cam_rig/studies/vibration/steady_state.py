@@ -139,7 +139,7 @@ def vibration(
 def residual_vibration(law: Law, follower: FollowerParameters, speeds: FloatArray) -> FloatArray:
     """Largest free vibration (m) in the low dwell at speeds (rad/s), ``(m,)``.
 
-    Free vibration dies out between joints, so it is largest where the window begins or at a joint
+    Free vibration decays between joints, so it is largest where the window begins or at a joint
     inside it.
 
     Raises

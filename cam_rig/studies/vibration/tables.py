@@ -15,7 +15,7 @@ def speed_table(
     table: VibrationTable, rpm: float, rig: str, titles: Mapping[str, str] | None = None
 ) -> DataTable:
     """One speed, one row per cam; ``titles`` are what cams are called, where not by name."""
-    called, lost, measures = titles or {}, table.left(rpm), table.at(rpm)
+    called, lost, measures = titles or {}, table.lost_contact(rpm), table.at(rpm)
     moving = [cam for cam, v in measures.items() if not v.window.dwell]
 
     def marked(cam: str) -> str:
@@ -90,8 +90,10 @@ def to_json(table: VibrationTable) -> dict[str, Any]:
         "cams": {
             cam: {
                 "low_dwell": row[0].window.dwell,
-                "leaves_rpm": table.leaves[cam] if math.isfinite(table.leaves[cam]) else None,
-                "left": [table.leaves[cam] < rpm for rpm in table.rpm],
+                "contact_lost_rpm": table.contact_lost_rpm[cam]
+                if math.isfinite(table.contact_lost_rpm[cam])
+                else None,
+                "contact_lost": [table.contact_lost_rpm[cam] < rpm for rpm in table.rpm],
                 "residual_amplitude_m": [v.residual_amplitude for v in row],
                 "peak_to_peak_m": [v.peak_to_peak for v in row],
                 "acceleration": [v.acceleration for v in row],

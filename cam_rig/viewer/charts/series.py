@@ -80,7 +80,7 @@ SPEED = SeriesLine(
     interpolation=InterpolationMode.StepAfter,
     aggregation=AggregationPolicy.Off,
 )
-#: Where the follower leaves the cam, and where it meets it again.
+#: Lift-off and landing.
 LIFT_OFF = Mark("plots/lift/lift_off", "lift-off", colours.LIFT_OFF)
 LANDING = Mark("plots/lift/landing", "landing", colours.LANDING)
 

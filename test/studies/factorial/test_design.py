@@ -19,7 +19,7 @@ from cam_rig.studies.factorial.conclusions import (
 )
 from cam_rig.studies.factorial.decomposition import advantages
 from cam_rig.studies.factorial.design import EFFECTS, run_factorial
-from cam_rig.studies.factorial.in_contact import fastest, left, staying
+from cam_rig.studies.factorial.in_contact import contact_lost, fastest, staying
 from cam_rig.studies.factorial.laws import as_gentle, squeezed, up_and_down
 from cam_rig.studies.factorial.measures import Bench
 from cam_rig.units import TURN
@@ -180,13 +180,15 @@ def test_cells_that_leave(found):
     speed = fastest(effect, config)
     assert speed == pytest.approx(400.0 * math.pi / 30.0)
     jumps = np.array([[m.jump for m in row] for row in design.cells])
-    assert (left(design, effect, config) == (jumps < speed)).all()
-    assert left(design, effect, config)[0].all()  # the one law with a jump of acceleration
+    assert (contact_lost(design, effect, config) == (jumps < speed)).all()
+    assert contact_lost(design, effect, config)[0].all()  # the one law with a jump of acceleration
     stay = staying(design, effect, config)
-    assert not left(stay, effect, config).any()
+    assert not contact_lost(stay, effect, config).any()
     assert len(stay.cells) == len(stay.rises) >= 2
     assert "simple_harmonic" not in stay.rises
-    assert not left(design, BY_KEY["noise"], config).any()  # a rigid follower may fly and land
+    assert not contact_lost(
+        design, BY_KEY["noise"], config
+    ).any()  # a rigid follower may fly and land
     quick = config.model_copy(
         update={"residual": config.residual.model_copy(update={"assumed": [9e9]})}
     )
@@ -195,9 +197,9 @@ def test_cells_that_leave(found):
 
 def test_conclusions_count_the_cells_without_contact(found):
     """What is measured where contact is lost is not concluded from as if it were kept."""
-    gone = int(left(found.same_acceleration, BY_KEY["residual"], found.config).sum())
+    lost = int(contact_lost(found.same_acceleration, BY_KEY["residual"], found.config).sum())
     residual = conclusions(found).same_acceleration["residual"]
-    assert sum(residual.lost.values()) == gone < residual.cells
+    assert sum(residual.lost.values()) == lost < residual.cells
     assert residual.lost["simple_harmonic"] == 2
     assert residual.fastest_rpm == pytest.approx(400.0)
     assert residual.in_contact is not None

@@ -97,7 +97,7 @@ def test_bands_hold_what_was_published(study, methods):
         for curve in method.curves.values():
             assert curve.expected.holds(curve.published_db) >= 0.8
             wide = np.mean(curve.expected.high - curve.expected.low)
-            assert wide > np.mean(curve.sure.high - curve.sure.low)
+            assert wide > np.mean(curve.confidence.high - curve.confidence.low)
             np.testing.assert_allclose(
                 curve.regression_db, cubic(study.rpm) @ curve.level_db, atol=1e-9
             )

@@ -13,7 +13,7 @@ from cam_rig.laws import build_law
 from cam_rig.schema import load_rig
 from cam_rig.studies.cam_set import open_cam_set
 from cam_rig.studies.factorial.laws import squeezed
-from cam_rig.studies.jump.contact_limit import leaving_speed
+from cam_rig.studies.jump.contact_limit import contact_lost_speed
 from cam_rig.studies.jump.jump_speed import jump_speed
 from cam_rig.studies.jump.rigid import rigid_jump_speed
 from cam_rig.studies.vibration.claims import Claim, Verdict, vibration_claims
@@ -160,25 +160,26 @@ def test_a_cam_that_is_left_is_marked_and_not_asked(cam_set):
     table = vibration_table(cam_set, (300.0, 400.0, 500.0))
     follower = TwoMassParameters.from_rig(cam_set.rig)
     jumps = {cam: jump_speed(law, follower).rpm for cam, law in cam_set.laws.items()}
-    assert table.leaves == pytest.approx(jumps, rel=1e-4)
-    assert table.left(300.0) == []
-    assert set(table.left(400.0)) == {"poly4567", "bezier_segments"}
-    assert set(table.left(500.0)) == set(FIVE) - {"bezier15"}
+    assert table.contact_lost_rpm == pytest.approx(jumps, rel=1e-4)
+    assert table.lost_contact(300.0) == []
+    assert set(table.lost_contact(400.0)) == {"poly4567", "bezier_segments"}
+    assert set(table.lost_contact(500.0)) == set(FIVE) - {"bezier15"}
     assert {claim.cases for claim in vibration_claims(table)} == {1}
     assert Claim("", "", 0, 0).verdict is Verdict.UNDECIDED
 
 
 def test_when_a_cam_is_left(config_dir, laws, cam_set):
     """Where its velocity jumps or nothing presses, at any speed; without two masses, as a rigid."""
-    assert leaving_speed(laws["worked_example_constant_velocity"], cam_set.rig) == 0.0
+    assert contact_lost_speed(laws["worked_example_constant_velocity"], cam_set.rig) == 0.0
     slack = cam_set.rig.follower.preload.model_copy(update={"identified": 0.0})
     follower = cam_set.rig.follower.model_copy(update={"preload": slack})
     assert (
-        leaving_speed(laws["poly345"], cam_set.rig.model_copy(update={"follower": follower})) == 0
+        contact_lost_speed(laws["poly345"], cam_set.rig.model_copy(update={"follower": follower}))
+        == 0
     )
     rigid = load_rig(config_dir / "rigs" / "tm21.yaml")
     expected = rigid_jump_speed(laws["poly345"], FollowerParameters.from_rig(rigid))
-    assert leaving_speed(laws["poly345"], rigid) == expected
+    assert contact_lost_speed(laws["poly345"], rigid) == expected
 
 
 def test_verdicts():
