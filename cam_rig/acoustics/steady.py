@@ -7,7 +7,7 @@ import numpy as np
 from cam_rig.acoustics.radiation import RadiationParameters
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics.contact import force_ordinates
+from cam_rig.dynamics.contact_force import force_ordinates
 from cam_rig.dynamics.linear.propagator import periodic_state, piece
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.laws import Law, bernstein

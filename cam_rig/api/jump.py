@@ -11,7 +11,7 @@ from cam_rig.extras import libraries_named
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.studies.jump import jump_speed as study
-from cam_rig.studies.jump.contact_limit import FROM_REST
+from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.jump_speed import Jump
 
 if TYPE_CHECKING:

@@ -6,8 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from cam_rig.dynamics import elastic_stem as residual
-from cam_rig.dynamics import kinetostatic
+from cam_rig.dynamics import elastic_stem, kinetostatic
 from cam_rig.dynamics.interval import (
     ANGLE_TOLERANCE,
     Block,
@@ -20,8 +19,8 @@ from cam_rig.dynamics.one_mass import model as one_mass
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.ramp import Advance
 from cam_rig.dynamics.samples import COLUMNS, Samples
-from cam_rig.dynamics.torsional import model as torsional_block
-from cam_rig.dynamics.two_mass import model as separation_block
+from cam_rig.dynamics.torsional import model as torsional
+from cam_rig.dynamics.two_mass import model as two_mass
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.laws import Law
@@ -43,9 +42,9 @@ class Model:
 MODELS: dict[str, Model] = {
     "kinetostatic": Model(FollowerParameters.from_rig, kinetostatic.advance, require_smooth),
     "one_mass": Model(FollowerParameters.from_rig, one_mass.advance),
-    "residual": Model(FollowerParameters.from_rig, residual.advance),
-    "separation": Model(TwoMassParameters.from_rig, separation_block.advance),
-    "torsional": Model(torsional_block.from_rig, torsional_block.advance, require_smooth),
+    "residual": Model(FollowerParameters.from_rig, elastic_stem.advance),
+    "separation": Model(TwoMassParameters.from_rig, two_mass.advance),
+    "torsional": Model(torsional.from_rig, torsional.advance, require_smooth),
 }
 
 __all__ = [

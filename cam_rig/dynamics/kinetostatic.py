@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.contact import motion_weights
+from cam_rig.dynamics.contact_force import motion_weights
 from cam_rig.dynamics.input_limits import require_turning
 from cam_rig.dynamics.interval import Block, FollowerState, Interval
 from cam_rig.dynamics.parameters import FollowerParameters

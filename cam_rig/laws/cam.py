@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cam_rig.errors import LawError
-from cam_rig.laws.arcs.geometry import ConcaveFlankCam
-from cam_rig.laws.arcs.segments import circles
+from cam_rig.laws.arcs.from_segments import circles
+from cam_rig.laws.arcs.tangent_arcs import ConcaveFlankCam
 from cam_rig.laws.law import Law
 from cam_rig.laws.named import unit_rise
 from cam_rig.laws.pieces import Pieces, joined

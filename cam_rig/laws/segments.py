@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cam_rig.errors import LawError
-from cam_rig.laws.arcs.segments import tangent_arcs, whole_turn_arcs
+from cam_rig.laws.arcs.from_segments import tangent_arcs, whole_turn_arcs
 from cam_rig.laws.families import b_spline
 from cam_rig.laws.families.polynomial import polynomial_through
 from cam_rig.laws.families.table import Smoothed, smooth

@@ -36,7 +36,10 @@ def start(name: str) -> None:
     # the runner starts this process with both blocked, so that none can come before this line
     signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPPING)
     _end_with_the_runner()
-    module, app = import_module(f"cam_rig.nodes.{name}"), import_module("cam_rig.nodes.common.base")
+    module, app = (
+        import_module(f"cam_rig.nodes.{name}"),
+        import_module("cam_rig.nodes.common.rig_node"),
+    )
     app.run(getattr(module, NODES[name]))
 
 

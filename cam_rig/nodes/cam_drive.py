@@ -17,8 +17,8 @@ from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, decode_law
 from cam_rig.nodes.common.clock_source import ClockSource
 from cam_rig.nodes.common.diagnostics import ERROR, OK, WARN, Diagnostics
-from cam_rig.nodes.common.drive_controls import DriveControls
 from cam_rig.nodes.common.law_server_client import LAW_SERVER, LawServerClient
+from cam_rig.nodes.drive_controls import DriveControls
 from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import RPM

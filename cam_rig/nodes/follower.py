@@ -15,10 +15,10 @@ from cam_rig.live.follower_queue import FollowerQueue
 from cam_rig.live.state_validation import Admission
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_law, encode_block
-from cam_rig.nodes.common.base import RigNode
 from cam_rig.nodes.common.convert import to_array, to_header, to_joint_state
 from cam_rig.nodes.common.diagnostics import OK, WARN
 from cam_rig.nodes.common.resend import ResendBuffer
+from cam_rig.nodes.common.rig_node import RigNode
 from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import FollowerSimulator

@@ -12,11 +12,11 @@ from cam_rig.live.state_validation import Admission, StateValidator
 from cam_rig.live.tick_matching import TickMatcher
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_block
-from cam_rig.nodes.common.base import RigNode
 from cam_rig.nodes.common.convert import to_header
 from cam_rig.nodes.common.diagnostics import OK, WARN
 from cam_rig.nodes.common.parameters import weightings
 from cam_rig.nodes.common.resend import ResendBuffer
+from cam_rig.nodes.common.rig_node import RigNode
 from cam_rig.simulation.audio import MeterSimulator
 from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.simulation.simulate import MicrophoneSimulator

@@ -13,9 +13,9 @@ from cam_rig.bag.publishers import Publishers
 from cam_rig.bag.recording.recorder import open_bag
 from cam_rig.errors import CamRigError
 from cam_rig.messages import topics
-from cam_rig.nodes.common.base import RigNode, require_length, take_rest
 from cam_rig.nodes.common.convert import message_class, qos, to_header
 from cam_rig.nodes.common.diagnostics import OK
+from cam_rig.nodes.common.rig_node import RigNode, require_length, take_rest
 from cam_rig.simulation.loaded_scene import open_scene
 
 #: Nodes that may publish on one topic (/diagnostics) at once.

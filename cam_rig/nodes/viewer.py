@@ -14,8 +14,8 @@ from geometry_msgs.msg import PolygonStamped
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
-from cam_rig.nodes.common.base import RigNode
 from cam_rig.nodes.common.convert import to_header
+from cam_rig.nodes.common.rig_node import RigNode
 from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.viewer.live_view import LiveView
 from cam_rig.viewer.recording import polygon

@@ -20,7 +20,7 @@ from cam_rig.profile.checks.all_checks import check_cam
 from cam_rig.report.results import Sources
 from cam_rig.studies.factorial.design import Factorial
 from cam_rig.studies.jump.comparison import JumpRow
-from cam_rig.studies.jump.contact_limit import FROM_REST
+from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.noise.run import NoiseStudy
 
 #: Speeds of the figures, rpm: below every jump speed, and above all but Bézier 15's.

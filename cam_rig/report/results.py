@@ -23,7 +23,7 @@ from cam_rig.studies.factorial.design import Factorial, run_factorial
 from cam_rig.studies.factorial.laws import open_factorial
 from cam_rig.studies.factorial.measures import Bench
 from cam_rig.studies.jump.comparison import JumpRow, find_jumps, jump_by_degree
-from cam_rig.studies.jump.contact_limit import FROM_REST
+from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.published import references
 from cam_rig.studies.noise.run import NoiseStudy, study_noise
 from cam_rig.studies.vibration.comparison import VibrationTable, vibration_table

@@ -16,7 +16,7 @@ from cam_rig.report.results import Findings
 from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.segments.base import quantities
 from cam_rig.studies.factorial import tables as factorial
-from cam_rig.studies.jump.contact_limit import FROM_REST
+from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.tables import jump_table
 from cam_rig.studies.noise import tables as noise
 from cam_rig.studies.vibration.claims import jump_claims, vibration_claims

@@ -10,7 +10,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
 from cam_rig.drawing.follower import FollowerShape, follower_shape
 from cam_rig.drawing.outlines import MM, circle, closed
-from cam_rig.dynamics.contact import force_weights
+from cam_rig.dynamics.contact_force import force_weights
 from cam_rig.profile import turn_angles
 from cam_rig.profile.motion import Motion
 from cam_rig.simulation.loaded_scene import LoadedScene

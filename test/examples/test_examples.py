@@ -47,7 +47,7 @@ def test_a_script_runs(name, tmp_path, capsys):
 
 def test_the_notebook_runs(capsys):
     """Cell by cell in one namespace, as a notebook runs them; a picture is a cell's last value."""
-    notebook = json.loads((EXAMPLES / "one_turn.ipynb").read_text(encoding="utf-8"))
+    notebook = json.loads((EXAMPLES / "one_cam.ipynb").read_text(encoding="utf-8"))
     assert notebook["nbformat"] == 4
     names, values = {}, []
     for cell in notebook["cells"]:

@@ -4,7 +4,7 @@ from itertools import count
 
 import pytest
 
-from cam_rig.nodes.common.base import MAX_DRAIN_S, take_rest
+from cam_rig.nodes.common.rig_node import MAX_DRAIN_S, take_rest
 
 pytestmark = pytest.mark.ros
 

@@ -1,4 +1,8 @@
-"""cam-rig run: the scene through the live node graph, into a bag."""
+"""cam-rig run: the scene through the live node graph, into a bag.
+
+Started in this order (`cam_rig.runner.node_table`): recorder, viewer where asked for, microphone,
+follower, law_server, cam_drive; ended in the opposite one, the recorder last.
+"""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ def jump(
         from cam_rig.schema import load_tables
         from cam_rig.studies.cam_set import open_cam_set
         from cam_rig.studies.jump import tables
-        from cam_rig.studies.jump.contact_limit import FROM_REST
+        from cam_rig.studies.jump.contact_lost_speed import FROM_REST
         from cam_rig.studies.jump.published import references
 
         check_outputs(json_target, plot, csv)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from cam_rig.dynamics.contact import loss_intervals
+from cam_rig.dynamics.contact_force import loss_intervals
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.laws import Law
 from cam_rig.units import TURN

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from cam_rig.dynamics.contact import force_rounding
+from cam_rig.dynamics.contact_force import force_rounding
 from cam_rig.dynamics.impacts import least_bounce, rises
 from cam_rig.dynamics.interval import Event, EventKind, FollowerState, Interval
 from cam_rig.dynamics.kinetostatic import state_at

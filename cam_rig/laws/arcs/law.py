@@ -17,7 +17,7 @@ import numpy as np
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import LawError
 from cam_rig.laws.arcs.chain import Chain, Circle, Part, StraightLine
-from cam_rig.laws.arcs.geometry import Arc
+from cam_rig.laws.arcs.tangent_arcs import Arc
 from cam_rig.laws.fit import Curve, fit
 from cam_rig.laws.pieces import Pieces, turned_to_zero
 from cam_rig.units import TURN

@@ -15,8 +15,8 @@ from cam_rig.errors import RunError
 from cam_rig.live.flow_control import FlowControl
 from cam_rig.messages import topics
 from cam_rig.messages.codec import stamp_ns
-from cam_rig.nodes.common.base import RigNode
 from cam_rig.nodes.common.convert import to_cam_state, to_header, to_time
+from cam_rig.nodes.common.rig_node import RigNode
 from cam_rig.runner.node_table import OPTIONAL
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import to_rpm

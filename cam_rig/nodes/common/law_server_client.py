@@ -11,7 +11,7 @@ from rclpy.task import Future
 
 from cam_rig.errors import RefusedError
 from cam_rig.messages.topics import PARAMETER_EVENTS
-from cam_rig.nodes.common.base import RigNode
+from cam_rig.nodes.common.rig_node import RigNode
 
 #: Of the drive's own namespace.
 LAW_SERVER = "law_server"

@@ -12,7 +12,7 @@ from cam_rig.acoustics import RadiationParameters
 from cam_rig.acoustics.steady import mean_square_rate
 from cam_rig.arrays import FloatArray, rms
 from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics.contact import loss_intervals
+from cam_rig.dynamics.contact_force import loss_intervals
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.simulation.settled_turns import Acoustics, Sounding

@@ -17,7 +17,7 @@ from cam_rig.acoustics import RadiationParameters, level_db
 from cam_rig.acoustics.weighting import weighting_power
 from cam_rig.arrays import FloatArray, rms
 from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics.contact import force_weights
+from cam_rig.dynamics.contact_force import force_weights
 from cam_rig.laws import Law
 from cam_rig.units import TURN
 

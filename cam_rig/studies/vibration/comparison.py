@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.studies.cam_set import CamSet
-from cam_rig.studies.jump.contact_limit import contact_lost_speed
+from cam_rig.studies.jump.contact_lost_speed import contact_lost_speed
 from cam_rig.studies.vibration.steady_state import Vibration, require_speeds, vibration
 from cam_rig.units import RPM
 

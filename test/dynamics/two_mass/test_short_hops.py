@@ -9,7 +9,7 @@ import pytest
 
 from cam_rig.bench.reference.exact_law import polynomial, powers
 from cam_rig.dynamics import FollowerParameters, FollowerState, Interval
-from cam_rig.dynamics.contact import force_weights
+from cam_rig.dynamics.contact_force import force_weights
 from cam_rig.dynamics.landing import Approach
 from cam_rig.dynamics.one_mass.flight import lifted_off
 from cam_rig.dynamics.one_mass.trajectory import OneMassTrajectory

@@ -9,8 +9,8 @@ import pytest
 from cam_rig.errors import LawError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.arcs.chain import Blend, Circle, StraightLine, close
+from cam_rig.laws.arcs.from_segments import arc_follower
 from cam_rig.laws.arcs.law import ArcFollower, arc_pieces
-from cam_rig.laws.arcs.segments import arc_follower
 from cam_rig.laws.continuity import continuity
 from cam_rig.laws.pieces import joined
 from cam_rig.units import TURN

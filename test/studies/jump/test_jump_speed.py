@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import brentq
 
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
-from cam_rig.dynamics.contact import loss_intervals
+from cam_rig.dynamics.contact_force import loss_intervals
 from cam_rig.dynamics.two_mass.events import lift_off
 from cam_rig.dynamics.two_mass.parameters import contact_response
 from cam_rig.errors import DynamicsError

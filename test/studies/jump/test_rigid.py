@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cam_rig.dynamics.contact import loss_intervals
+from cam_rig.dynamics.contact_force import loss_intervals
 from cam_rig.laws import build_law
 from cam_rig.studies.jump.rigid import rigid_jump_speed
 

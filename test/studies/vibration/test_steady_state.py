@@ -13,7 +13,7 @@ from cam_rig.laws import build_law
 from cam_rig.schema import load_rig
 from cam_rig.studies.cam_set import open_cam_set
 from cam_rig.studies.factorial.laws import squeezed
-from cam_rig.studies.jump.contact_limit import contact_lost_speed
+from cam_rig.studies.jump.contact_lost_speed import contact_lost_speed
 from cam_rig.studies.jump.jump_speed import jump_speed
 from cam_rig.studies.jump.rigid import rigid_jump_speed
 from cam_rig.studies.vibration.claims import Claim, Verdict, vibration_claims

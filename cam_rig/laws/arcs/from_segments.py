@@ -6,8 +6,8 @@ import numpy as np
 
 from cam_rig.errors import LawError
 from cam_rig.laws.arcs.chain import Blend, Circle, close
-from cam_rig.laws.arcs.geometry import ConcaveFlankCam
 from cam_rig.laws.arcs.law import ArcFollower, arc_pieces
+from cam_rig.laws.arcs.tangent_arcs import ConcaveFlankCam
 from cam_rig.laws.fit import fit
 from cam_rig.laws.law import Law
 from cam_rig.laws.peaks import extremes
