@@ -55,7 +55,7 @@ def test_other_cams_and_ways(tmp_path):
         (
             ["worked_example_constant_velocity"],
             1,
-            "one slope; where it falls the follower is thrown",
+            "one slope; where it falls contact is lost",
         ),
         (["--rig", "tm21"], 2, "has no roller_share or no stem_damping"),
         (["--from-rest", "-1"], 1, "the run from rest lasts -1 s; allowed: above 0"),

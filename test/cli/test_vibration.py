@@ -34,8 +34,8 @@ def test_cams_that_are_left_are_marked():
     result = call("poly345", "bezier15", "--rpm", 300, "--rpm", 450, "--rpm", 450, "--json", "-")
     data = json.loads(result.stdout)
     assert data["rpm"] == [300, 450]
-    assert data["cams"]["poly345"]["left"] == [False, True]
-    assert data["cams"]["bezier15"]["left"] == [False, False]
+    assert data["cams"]["poly345"]["contact_lost"] == [False, True]
+    assert data["cams"]["bezier15"]["contact_lost"] == [False, False]
     assert data["cams"]["poly345"]["contact_lost_rpm"] == pytest.approx(413.44, abs=0.01)
     assert "poly345 †" in result.stderr
     assert "bezier15 * †" not in result.stderr
