@@ -92,7 +92,7 @@ def _values(found: Findings) -> dict[str, Any]:
         "proposed": sources.cam_set.titles[found.factorial.config.proposed],
         "published": published,
         "rivals": [sources.loaded.cams[cam].title for cam in published.crossover.between],
-        "cast": found.noise.roles,
+        "roles": found.noise.roles,
         "origins": ", ".join(f"{origins[origin]} {origin}" for origin in ORIGINS),
         "moves": _moves(found),
         "rounding": _rounding(found),
