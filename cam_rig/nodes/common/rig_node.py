@@ -41,6 +41,8 @@ except ImportError:
 SIGNAL_POLL_S = 0.1
 #: Wall time (s) between two checks for other publishers on a node's topics.
 WATCH_PERIOD_S = 0.25
+#: Wall time (s) that the name of a newly discovered publisher's node is waited for.
+NAME_TIMEOUT_S = 5.0
 #: Wall time (s) for messages still in transit at the end; after 10 s the runner kills the node.
 MAX_DRAIN_S = 3.0
 #: What a message of the right type with impossible content may raise where it is read.
@@ -165,13 +167,21 @@ class RigNode(Node):
         self._ready.publish(to_header(0, self.get_name()))
 
     def publishers_of(self, topic: Topic) -> dict[bytes, str]:
-        """The publishers of a topic, by discovery: their node's name by DDS identity."""
-        found = {}
-        for info in self.get_publishers_info_by_topic(topic.name):
-            name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
-            known = "UNKNOWN" not in info.node_name  # a DDS program that is not a ROS node
-            found[bytes(info.endpoint_gid)] = name if known else "a program that is not a ROS node"
-        return found
+        """The publishers of a topic, by discovery: their node's name by DDS identity.
+
+        Asked only for an error. A new node's name may be discovered after its publisher: it is
+        waited for, as only a DDS program that is not a ROS node never gets one.
+        """
+        deadline = time.monotonic() + NAME_TIMEOUT_S
+        while True:
+            found = {
+                bytes(info.endpoint_gid): f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+                for info in self.get_publishers_info_by_topic(topic.name)
+            }
+            unnamed = {gid for gid, name in found.items() if "UNKNOWN" in name}
+            if not unnamed or time.monotonic() > deadline:
+                return found | dict.fromkeys(unnamed, "a program that is not a ROS node")
+            time.sleep(0.02)
 
     def _watch(self) -> None:
         """A second publisher on a topic that this node owns ends the run."""
