@@ -24,6 +24,8 @@ EXTRAS = {
     "typer": "cli",
     "zstandard": "bags",
 }
+#: Ends of the names of packages of ROS messages, which come with rclpy.
+ROS_INTERFACES = ("_msgs", "_srvs", "_interfaces")
 #: Libraries that no part of the rig needs, and no extra brings.
 OPTIONAL = ("pandas",)
 
@@ -58,6 +60,8 @@ def libraries_named() -> Iterator[None]:
         yield
     except ModuleNotFoundError as error:
         library = (error.name or "").partition(".")[0]
+        if library.endswith(ROS_INTERFACES):
+            library = "rclpy"
         if library not in EXTRAS and library not in OPTIONAL:
             raise
         raise MissingLibraryError(_missing(library)) from None

@@ -2,7 +2,7 @@
 
 from cam_rig.acoustics.bands import Spectrum, third_octaves
 from cam_rig.acoustics.level import level_db, pressure_pa
-from cam_rig.acoustics.pressure_rms import MicrophoneState, hear
+from cam_rig.acoustics.pressure_rms import MicrophoneState, rms_pressure
 from cam_rig.acoustics.pressure_samples import SoundSource
 from cam_rig.acoustics.radiation import RadiationParameters
 from cam_rig.acoustics.sound_level_meter import Reading, SoundLevelMeter
@@ -15,9 +15,9 @@ __all__ = [
     "SoundLevelMeter",
     "SoundSource",
     "Spectrum",
-    "hear",
     "level_db",
     "pressure_pa",
+    "rms_pressure",
     "steady_power",
     "third_octaves",
 ]

@@ -24,7 +24,7 @@ class MicrophoneState:
     force: float
 
 
-def hear(
+def rms_pressure(
     parameters: RadiationParameters,
     state: MicrophoneState | None,
     force: FloatArray,

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from cam_rig.api.arguments import require_type, require_within
 from cam_rig.api.notebook import shown
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.extras import libraries_named
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.studies.jump import jump_speed as study
+from cam_rig.studies.jump.comparison import LONGEST
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.jump_speed import Jump
 
@@ -19,7 +22,11 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-@dataclass(frozen=True)
+#: s; a shorter run holds no vibration.
+SHORTEST = 1e-3
+
+
+@dataclass(frozen=True, repr=False)
 class JumpSpeed(Jump):
     """A jump speed: ``rpm``, ``speed`` (rad/s), and where contact is lost.
 
@@ -30,6 +37,11 @@ class JumpSpeed(Jump):
     law: Law = field(repr=False)
     rig: RigConfig = field(repr=False)
     duration: float | None
+
+    def __repr__(self) -> str:
+        """What and where, in rpm and degrees."""
+        where = f"contact lost at {math.degrees(self.angle):.1f}° after {self.time:.3g} s"
+        return f"JumpSpeed({self.law.name}: {self.rpm:.2f} rpm, {where})"
 
     def to_pandas(self) -> DataFrame:
         """One row: cam, speed, and where contact is lost.
@@ -67,7 +79,7 @@ def jump_speed(law: Law, rig: RigConfig, *, duration: float | None = FROM_REST) 
 
     Raises
     ------
-    ConfigError : the rig does not say how the mass is split
+    ConfigError : an argument is out of range, or the rig does not say how the mass is split
     DynamicsError : contact is lost at every speed or at none, or there is no steady state
 
     Examples
@@ -78,5 +90,9 @@ def jump_speed(law: Law, rig: RigConfig, *, duration: float | None = FROM_REST) 
     >>> round(cam_rig.jump_speed(law, rig).rpm, 2)
     413.44
     """
+    require_type("law", law, Law, "a Law, of build_law")
+    require_type("rig", rig, RigConfig, "a rig, of load_rig")
+    if duration is not None:
+        require_within("duration", duration, SHORTEST, LONGEST, "s, or None")
     found = study.jump_speed(law, TwoMassParameters.from_rig(rig), duration)
     return JumpSpeed(found.speed, found.angle, found.time, law, rig, duration)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import ValidationError
 
+from cam_rig.api.arguments import require_type, require_within
 from cam_rig.api.notebook import shown
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import MODELS, Block, Event
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
+#: Samples of one motion at most: 1 GB.
+MAX_TOTAL_SAMPLES = 20_000_000
 #: What the law is called in its scene.
 CAM = "cam"
 
@@ -147,6 +150,7 @@ def simulate(
     >>> [event.kind for event in motion.events][:2]
     ['lift-off', 'landing']
     """
+    _require(law, rig, rpm, turns, sample_rate)
     scene = _scene(rig, model, rpm, turns, sample_rate, ramp)
     chosen = MODELS[scene.model]
     simulator = FollowerSimulator(chosen, chosen.parameters(rig), sample_rate, {CAM: law})
@@ -158,6 +162,21 @@ def simulate(
     views = np.split(rows, ends[:-1], axis=1)
     kept = (replace(block, rows=view) for block, view in zip(blocks, views, strict=True))
     return FollowerMotion(law, rig, scene, rows, tuple(kept))
+
+
+def _require(law: Law, rig: RigConfig, rpm: float, turns: int, sample_rate: int) -> None:
+    """Refuse arguments by their names, and more samples than fit into memory."""
+    require_type("law", law, Law, "a Law, of build_law")
+    require_type("rig", rig, RigConfig, "a rig, of load_rig")
+    require_within("rpm", rpm, 0.01, 1e5, "rpm")
+    require_within("turns", turns, 1, 1e5, "turns")
+    require_within("sample_rate", sample_rate, 1, 10_000_000, "Hz")
+    count = turns * 60.0 / rpm * sample_rate
+    if count > MAX_TOTAL_SAMPLES:
+        raise ConfigError(
+            f"turns: {turns} at {rpm:g} rpm and {sample_rate} Hz make {count:.3g} samples; "
+            f"allowed: {MAX_TOTAL_SAMPLES:g}, so take fewer turns or a lower sample_rate"
+        )
 
 
 def _scene(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cam_rig.acoustics import RadiationParameters, level_db
+from cam_rig.api.arguments import require_type
 from cam_rig.api.motion import CAM, FollowerMotion
 from cam_rig.api.notebook import shown
 from cam_rig.arrays import FloatArray
@@ -20,6 +21,9 @@ from cam_rig.simulation.simulate import MicrophoneSimulator
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
+
+#: A contact force below this part of its largest, negative, is not rounding at a joint.
+PULL = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +81,7 @@ class SoundLevel:
 
 
 def sound_level(motion: FollowerMotion, *, settle_turns: int = 1) -> SoundLevel:
-    """The level that the rig's microphone hears of a motion, as in a scene of the same speed.
+    """The level that the rig's microphone measures of a motion, as in a scene of the same speed.
 
     Parameters
     ----------
@@ -96,6 +100,8 @@ def sound_level(motion: FollowerMotion, *, settle_turns: int = 1) -> SoundLevel:
     >>> print(cam_rig.sound_level(motion))
     83.7 dB at 300 rpm (calibrated on poly345)
     """
+    require_type("motion", motion, FollowerMotion, "a motion, of simulate")
+    require_type("settle_turns", settle_turns, int, "a whole number of turns")
     ticks = [tick for tick in _measured_ticks(motion) if tick.steady]
     if not 0 <= settle_turns < len(ticks):
         raise ConfigError(
@@ -110,7 +116,7 @@ def sound_level(motion: FollowerMotion, *, settle_turns: int = 1) -> SoundLevel:
 
 
 def _measured_ticks(motion: FollowerMotion) -> list[MeasuredTick]:
-    """Each turn as the microphone hears it."""
+    """Each turn as the microphone measures it."""
     radiation = RadiationParameters.from_rig(motion.rig)
     microphone = MicrophoneSimulator(radiation, int(motion.scene.sample_rate.si))
     measured = []
@@ -123,6 +129,9 @@ def _measured_ticks(motion: FollowerMotion) -> list[MeasuredTick]:
 
 
 def _calibrated_on(motion: FollowerMotion) -> str:
+    """The cam that the rig's sound was fitted to; empty where that fit says nothing."""
     radiation = motion.rig.radiation
+    if bool((motion.force < -PULL * np.abs(motion.force).max()).any()):
+        return ""  # a model that holds the follower on the cam, beyond loss of contact
     fitted = radiation.gain.origin == radiation.corner.origin == "identified"
     return (radiation.calibrated_on or "measured levels") if fitted else ""

@@ -1,1 +1,1 @@
-"""Recordings: the table of topics, MCAP writing and reading."""
+"""Recordings: MCAP bags written, read, compared, recovered."""

@@ -128,6 +128,11 @@ def read_recording(bag: Path, scene: Path | None = None) -> Recording:
                 pressures[stamp_ns(message.header.stamp)] = float(message.fluid_pressure)
     except RefusedError as error:
         raise BagError(f"{bag}: {error}") from None
+    if other := {state.cam for state in states} - set(loaded.laws):
+        raise BagError(
+            f"{bag}: holds {', '.join(sorted(other))}; allowed: the cams of scene "
+            f"{loaded.scene.name}, {', '.join(loaded.laws)}, so name the scene that was run"
+        )
     ticks = [
         MeasuredTick(start, end.time_ns, pressures[end.time_ns], start.holds_until(end))
         for start, end in pairwise(states)

@@ -1,4 +1,4 @@
-"""The command line: one short file a verb."""
+"""The command line: a file for each command, and what commands share in `common`."""
 
 import os
 import sys

@@ -77,8 +77,7 @@ class Law:
             raise LawError(f"law {self.name!r}: breakpoints and ordinates must be finite")
         if breaks[0] != 0.0 or breaks[-1] != TURN or np.any(np.diff(breaks) <= 0.0):
             raise LawError(
-                f"law {self.name!r}: breakpoints must rise from 0 to 2π, got "
-                f"{breaks[0]!r} to {breaks[-1]!r}"
+                f"law {self.name!r}: breakpoints must rise from 0 to 2π, got {breaks.tolist()}"
             )
         for field, array in (("breaks", breaks), ("ordinates", ordinates)):
             array.setflags(write=False)
@@ -98,7 +97,13 @@ class Law:
         """Displacement s (m) or d^order s/dθ^order (m/rad^order) at cam angles in rad.
 
         At a joint the piece that begins there is taken (the right limit).
+
+        Raises
+        ------
+        LawError : an order that is not a whole number from 0 on
         """
+        if order < 0 or int(order) != order:
+            raise LawError(f"law {self.name!r}: order is {order!r}; allowed: 0, 1, 2, …")
         at = np.asarray(angle, dtype=np.float64)
         ordinates = self.motion[order] if order < 3 else self.derivative_ordinates(order)
         return np.asarray(self._evaluate(ordinates[None], at.ravel())[0].reshape(at.shape))

@@ -15,6 +15,9 @@ from importlib import import_module
 from types import FrameType
 from typing import NoReturn
 
+from cam_rig.errors import MissingLibraryError
+from cam_rig.extras import libraries_named
+
 #: The class of each node, by its name and its module's.
 NODES = {
     "law_server": "LawServer",
@@ -36,10 +39,12 @@ def start(name: str) -> None:
     # the runner starts this process with both blocked, so that none can come before this line
     signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPPING)
     _end_with_the_runner()
-    module, app = (
-        import_module(f"cam_rig.nodes.{name}"),
-        import_module("cam_rig.nodes.common.rig_node"),
-    )
+    try:
+        with libraries_named():
+            module = import_module(f"cam_rig.nodes.{name}")
+            app = import_module("cam_rig.nodes.common.rig_node")
+    except MissingLibraryError as error:
+        sys.exit(f"cam_rig: {error}")
     app.run(getattr(module, NODES[name]))
 
 

@@ -97,6 +97,10 @@ class RigConfig(Strict):
         for key, value in numbers.items():
             unit = SI_UNITS.get(key, "1")
             data["follower"][key] = {"assumed": value, "unit": unit, "source": "with_follower"}
+        for key in ("gain", "corner"):  # they were fitted with the other follower
+            radiation = data["radiation"][key]
+            if "identified" in radiation:
+                radiation["assumed"] = radiation.pop("identified")
         try:
             return RigConfig.model_validate(data)
         except ValidationError as error:

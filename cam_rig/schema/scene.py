@@ -4,18 +4,26 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from cam_rig.schema.quantity import Quantity, Strict, must_be
 from cam_rig.units import RPM
 
 #: A name refers to a file of that name, without the suffix.
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
-#: Other names of models, as an engineer would look for them.
+#: The field's names of two models, and those that scenes and bags have had from the beginning.
 MODEL_ALIASES = {"two_mass": "separation", "elastic_stem": "residual"}
 Model = Annotated[
-    Literal["kinetostatic", "one_mass", "residual", "separation", "torsional"],
-    BeforeValidator(lambda name: MODEL_ALIASES.get(name, name) if isinstance(name, str) else name),
+    Literal[
+        "kinetostatic",
+        "one_mass",
+        "two_mass",
+        "elastic_stem",
+        "torsional",
+        "residual",
+        "separation",
+    ],
+    AfterValidator(lambda name: MODEL_ALIASES.get(name, name)),
 ]
 
 

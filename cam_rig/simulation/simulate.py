@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from cam_rig.acoustics import MicrophoneState, RadiationParameters, hear
+from cam_rig.acoustics import MicrophoneState, RadiationParameters, rms_pressure
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import MODELS, Block, FollowerState, Model, Samples
 from cam_rig.laws import Law
@@ -77,7 +77,7 @@ class MicrophoneSimulator:
     def listen(self, block_rows: FloatArray, speed: float) -> float:
         """r.m.s. pressure (Pa) over a block, ``(6, n)`` rows, at cam speed ``speed`` (rad/s)."""
         block = Samples(block_rows)
-        self.state, pressure = hear(
+        self.state, pressure = rms_pressure(
             self.parameters, self.state, block.force, block.impulse, self.sample_rate, speed
         )
         return pressure

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from cam_rig.acoustics import RadiationParameters, hear
+from cam_rig.acoustics import RadiationParameters, rms_pressure
 from cam_rig.dynamics import FollowerParameters, Interval, kinetostatic
 from cam_rig.laws import Law
 from cam_rig.units import NS
@@ -36,7 +36,7 @@ def last_turn_power() -> Callable[..., float]:
         for n in range(turns):
             interval = Interval(n * turn_ns, (n + 1) * turn_ns, speed * n * turn_ns / NS, speed)
             _, block = kinetostatic.advance(law, follower, None, interval, sample_rate)
-            state, pressure = hear(
+            state, pressure = rms_pressure(
                 radiation, state, block.rows[4], block.rows[5], sample_rate, speed
             )
             power = pressure**2

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from cam_rig.acoustics import MicrophoneState, hear
+from cam_rig.acoustics import MicrophoneState, rms_pressure
 from cam_rig.dynamics.linear.propagator import piece
 from cam_rig.laws import bernstein
 
@@ -17,7 +17,7 @@ def heard_structure(radiation, ordinates, rate):
     """Structure at the end of a polynomial force, and the exact one."""
     u = np.linspace(0.0, 1.0, int(SECONDS * rate) + 1)
     force = bernstein.evaluate(ordinates, u)
-    state, _ = hear(radiation, None, force, np.zeros_like(force), rate, SPEED)
+    state, _ = rms_pressure(radiation, None, force, np.zeros_like(force), rate, SPEED)
     w = radiation.corner_rate
     exact = piece(np.array([[-w]]), w * ordinates[None, :], SECONDS).end(force[:1])
     return state.structure, float(exact[0])
@@ -43,15 +43,15 @@ def test_steady_ramp(silent):
     """Below the corner the pressure is gain · Ḟ: a ramp of 500 N/s, once settled."""
     t = np.arange(2 * RATE) / RATE
     force, none = 500.0 * t, np.zeros(RATE)
-    state, _ = hear(silent, None, force[:RATE], none, RATE, SPEED)
-    _, pressure = hear(silent, state, force[RATE:], none, RATE, SPEED)
+    state, _ = rms_pressure(silent, None, force[:RATE], none, RATE, SPEED)
+    _, pressure = rms_pressure(silent, state, force[RATE:], none, RATE, SPEED)
     assert pressure == pytest.approx(silent.gain * 500.0, rel=1e-12)
 
 
 def test_constant_force_is_silent(radiation):
     """A force at rest makes no sound: only the background is heard."""
     force = np.full(100, 250.0)
-    _, pressure = hear(radiation, None, force, np.zeros(100), RATE, SPEED)
+    _, pressure = rms_pressure(radiation, None, force, np.zeros(100), RATE, SPEED)
     assert pressure**2 == pytest.approx(radiation.background_power(SPEED), rel=1e-12)
 
 
@@ -60,9 +60,9 @@ def test_two_blocks_hold_the_energy_of_one(radiation, cut):
     """Σ p² n over two blocks is p² n over both: nothing depends on the block's length."""
     force = np.cumsum(RNG.normal(size=1000))
     impulse = np.where(RNG.random(1000) < 0.01, 0.3, 0.0)
-    whole_state, whole = hear(radiation, None, force, impulse, RATE, SPEED)
-    state, first = hear(radiation, None, force[:cut], impulse[:cut], RATE, SPEED)
-    state, second = hear(radiation, state, force[cut:], impulse[cut:], RATE, SPEED)
+    whole_state, whole = rms_pressure(radiation, None, force, impulse, RATE, SPEED)
+    state, first = rms_pressure(radiation, None, force[:cut], impulse[:cut], RATE, SPEED)
+    state, second = rms_pressure(radiation, state, force[cut:], impulse[cut:], RATE, SPEED)
     energy = first**2 * cut + second**2 * (1000 - cut)
     assert energy == pytest.approx(whole**2 * 1000, rel=1e-12)
     assert state.force == whole_state.force
@@ -73,7 +73,9 @@ def test_one_landing(silent):
     """A landing alone: the pulse's energy, and the tail of the structure it leaves behind."""
     impulse = np.zeros(RATE)
     impulse[10] = 1.5
-    state, pressure = hear(silent, MicrophoneState(0.0, 0.0), np.zeros(RATE), impulse, RATE, SPEED)
+    state, pressure = rms_pressure(
+        silent, MicrophoneState(0.0, 0.0), np.zeros(RATE), impulse, RATE, SPEED
+    )
     w = silent.corner_rate
     pulse = float(silent.landing_energy(np.array([1.5]))[0])
     tail = silent.gain**2 * (w * w * 1.5) ** 2 / RATE / -np.expm1(-2.0 * w / RATE)
@@ -87,8 +89,8 @@ def test_gain_scales_the_sound_of_the_cam(silent):
     """Twice the gain, twice the pressure."""
     force = np.cumsum(RNG.normal(size=500))
     none = np.zeros(500)
-    _, once = hear(silent, None, force, none, RATE, SPEED)
-    _, twice = hear(
+    _, once = rms_pressure(silent, None, force, none, RATE, SPEED)
+    _, twice = rms_pressure(
         dataclasses.replace(silent, gain=2 * silent.gain), None, force, none, RATE, SPEED
     )
     assert twice == pytest.approx(2.0 * once, rel=1e-12)
@@ -97,4 +99,4 @@ def test_gain_scales_the_sound_of_the_cam(silent):
 def test_empty_block_is_refused(radiation):
     """No samples, no r.m.s."""
     with pytest.raises(ValueError, match="at least one sample"):
-        hear(radiation, None, np.zeros(0), np.zeros(0), RATE, SPEED)
+        rms_pressure(radiation, None, np.zeros(0), np.zeros(0), RATE, SPEED)

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from cam_rig.acoustics import SoundSource, hear, level_db, third_octaves
+from cam_rig.acoustics import SoundSource, level_db, rms_pressure, third_octaves
 from cam_rig.acoustics.pressure_samples import Background
 
 RATE, SPEED = 12_000, 30.0
@@ -23,9 +23,9 @@ def smooth_force(seconds, rate=RATE):
 
 
 def test_samples_hold_the_energy_of_the_account(silent):
-    """Without background, LZeq of the samples is the level of `hear`, to 1e-3 dB."""
+    """Without background, LZeq of the samples is the level of `rms_pressure`, to 1e-3 dB."""
     force, none = smooth_force(1.0), np.zeros(RATE)
-    _, account = hear(silent, None, force, none, RATE, SPEED)
+    _, account = rms_pressure(silent, None, force, none, RATE, SPEED)
     pressure = SoundSource(silent, RATE).pressure(force, none, SPEED)
     assert rms_db(pressure) == pytest.approx(float(level_db(account)), abs=1e-3)
 

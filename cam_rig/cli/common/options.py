@@ -17,7 +17,10 @@ SceneOfBag = Annotated[
     typer.Option(help="Scene that was run, for a bag without one (made by `ros2 bag record`)."),
 ]
 Plot = Annotated[Path | None, typer.Option(help="Write the plot (PNG, SVG, PDF).")]
-Csv = Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write the tables as CSV.")]
+Csv = Annotated[
+    Path | None,
+    typer.Option("--csv", metavar="FILE", help="Write the tables as CSV; - for stdout."),
+]
 Json = Annotated[
     str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")
 ]

@@ -16,6 +16,8 @@ from cam_rig.tables import DataTable, to_csv
 
 #: Kinds of picture a plot can be written as.
 PICTURES = (".png", ".svg", ".pdf", ".jpg")
+#: In place of a file.
+STDOUT = Path("-")
 
 
 def write_plot(target: Path, draw: Callable[[Path], None]) -> None:
@@ -48,13 +50,15 @@ def write_json(data: dict[str, Any], target: str | None) -> None:
 
 
 def write_csv(tables: Iterable[DataTable], target: Path | None) -> None:
-    """Write tables to a file, nowhere for None.
+    """Write tables to a file, to stdout for ``-``, nowhere for None.
 
     Raises
     ------
     OutputError : the place cannot be written
     """
-    if target is not None:
+    if target == STDOUT:
+        print(to_csv(tables), end="")
+    elif target is not None:
         with writing(target) as part:
             part.write_text(to_csv(tables), encoding="utf-8")
 
@@ -86,7 +90,7 @@ def check_outputs(json_target: str | None, plot: Path | None, csv: Path | None =
     if plot is not None:
         require("matplotlib")
     asked = [plot, csv, None if json_target in (None, "-") else Path(str(json_target))]
-    for target in (path for path in asked if path is not None):
+    for target in (path for path in asked if path not in (None, STDOUT)):
         check_place(target)
 
 
@@ -94,6 +98,8 @@ def check_place(target: Path) -> None:
     """Refuse a place where no file can be written."""
     if target.is_dir():
         raise OutputError(f"{target}: is a folder; allowed: a file")
+    if target.exists() and not target.is_file():
+        raise OutputError(f"{target}: is a device; allowed: a file, or - for stdout")
     nearest = next(parent for parent in target.absolute().parents if parent.exists())
     if not (nearest.is_dir() and os.access(nearest, os.W_OK)):
         raise OutputError(f"{target}: cannot be written, {nearest} is no writable folder")

@@ -14,7 +14,10 @@ from cam_rig.cli.common.console import console, user_errors
 def recover(
     bag: Annotated[Path, typer.Argument(help="Bag folder or .mcap file that cannot be read.")],
     output: Annotated[
-        Path | None, typer.Option(help="New bag; by default BAG_recovered. Must not exist yet.")
+        Path | None,
+        typer.Option(
+            "--out", "--output", help="New bag; by default BAG_recovered. Must not exist yet."
+        ),
     ] = None,
 ) -> None:
     """Copy everything readable of a damaged or unfinished bag into a new, valid one.
@@ -26,7 +29,7 @@ def recover(
     --------
     cam-rig recover bags/tm21_sweep_2026-01-31_12-00-00
 
-    cam-rig recover broken.mcap --output bags/recovered
+    cam-rig recover broken.mcap --out bags/recovered
     """
     with user_errors():
         from cam_rig.bag.recording.recover import recover as recover_bag

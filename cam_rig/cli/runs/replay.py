@@ -23,7 +23,8 @@ def replay(
         float, typer.Option(help="Largest difference allowed, over the largest value.", min=0.0)
     ] = 1e-12,
     output: Annotated[
-        Path | None, typer.Option(help="Keep the new recording here; must not exist yet.")
+        Path | None,
+        typer.Option("--out", "--output", help="Keep the new recording here; must not exist yet."),
     ] = None,
     scene: SceneOfBag = None,
 ) -> None:
@@ -35,7 +36,7 @@ def replay(
     --------
     cam-rig replay bags/golden
 
-    cam-rig replay bags/mine --tolerance 1e-9 --output bags/mine_again
+    cam-rig replay bags/mine --tolerance 1e-9 --out bags/mine_again
     """
     with user_errors():
         from cam_rig.bag.recording.writer import require_new_bag

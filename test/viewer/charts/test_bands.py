@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cam_rig.acoustics import MicrophoneState, RadiationParameters, hear
+from cam_rig.acoustics import MicrophoneState, RadiationParameters, rms_pressure
 from cam_rig.schema import RigConfig
 from cam_rig.viewer.charts.bands import band_numbers, band_power, third_octaves
 
@@ -35,7 +35,7 @@ def test_the_bands_sum_to_what_the_microphone_hears(radiation: RadiationParamete
     force = 100.0 + 60.0 * np.cos(phase) + 20.0 * np.sin(5.0 * phase)
     state: MicrophoneState | None = None
     for _ in range(40):
-        state, pressure = hear(radiation, state, force, np.zeros(turn), RATE, 30.0)
+        state, pressure = rms_pressure(radiation, state, force, np.zeros(turn), RATE, 30.0)
     contact = pressure**2 - radiation.background_power(30.0)
     power = band_power(radiation, force, np.zeros(turn), RATE)
     np.testing.assert_allclose(power.sum(), contact, rtol=1e-4)
