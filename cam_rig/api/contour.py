@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cam_rig.api.arguments import require_type, require_within
+from cam_rig.api.arguments import require_type
 from cam_rig.api.notebook import shown
 from cam_rig.arrays import FloatArray
+from cam_rig.errors import ConfigError
 from cam_rig.extras import libraries_named
 from cam_rig.laws import Law, build_law
 from cam_rig.profile import Contour, contours
@@ -144,7 +145,8 @@ def contour(cam: CamConfig, points: int = 3600) -> CamContour:
     """
     require_type("cam", cam, CamConfig, "a cam, of load_cam")
     require_type("points", points, int, "a whole number")
-    require_within("points", points, FEWEST, 10_000_000, "points")
+    if points < FEWEST:
+        raise ConfigError(f"points: is {points}; allowed: {FEWEST} or more")
     law = build_law(cam)
     found = contours(cam.follower, law, points)
     for disc in found:

@@ -12,6 +12,7 @@ from cam_rig.api.arguments import require_type
 from cam_rig.api.motion import CAM, FollowerMotion
 from cam_rig.api.notebook import shown
 from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import MODELS
 from cam_rig.errors import ConfigError
 from cam_rig.extras import libraries_named
 from cam_rig.simulation.levels import MeasuredTick, step_levels
@@ -21,9 +22,6 @@ from cam_rig.simulation.simulate import MicrophoneSimulator
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
-
-#: A contact force below this part of its largest, negative, is not rounding at a joint.
-PULL = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +129,7 @@ def _measured_ticks(motion: FollowerMotion) -> list[MeasuredTick]:
 def _calibrated_on(motion: FollowerMotion) -> str:
     """The cam that the rig's sound was fitted to; empty where that fit says nothing."""
     radiation = motion.rig.radiation
-    if bool((motion.force < -PULL * np.abs(motion.force).max()).any()):
-        return ""  # a model that holds the follower on the cam, beyond loss of contact
+    if not MODELS[motion.scene.model].lifts_off and bool((motion.force < 0.0).any()):
+        return ""  # contact would be lost
     fitted = radiation.gain.origin == radiation.corner.origin == "identified"
     return (radiation.calibrated_on or "measured levels") if fitted else ""

@@ -31,19 +31,21 @@ from cam_rig.schema import RigConfig
 class Model:
     """A follower model: what it takes from a rig, how it passes through an interval, which laws.
 
-    ``require`` raises a `DynamicsError` for a law that it cannot take.
+    ``require`` raises a `DynamicsError` for a law that it cannot take. One that never ``lifts_off``
+    holds the follower on the cam, with a negative contact force where contact would be lost.
     """
 
     parameters: Callable[[RigConfig], Any]
     advance: Advance[Any]
     require: Callable[[Law], None] = lambda _law: None
+    lifts_off: bool = False
 
 
 MODELS: dict[str, Model] = {
     "kinetostatic": Model(FollowerParameters.from_rig, kinetostatic.advance, require_smooth),
-    "one_mass": Model(FollowerParameters.from_rig, one_mass.advance),
+    "one_mass": Model(FollowerParameters.from_rig, one_mass.advance, lifts_off=True),
     "residual": Model(FollowerParameters.from_rig, elastic_stem.advance),
-    "separation": Model(TwoMassParameters.from_rig, two_mass.advance),
+    "separation": Model(TwoMassParameters.from_rig, two_mass.advance, lifts_off=True),
     "torsional": Model(torsional.from_rig, torsional.advance, require_smooth),
 }
 

@@ -11,11 +11,10 @@ from cam_rig.dynamics.input_limits import MAX_ANGLE
 from cam_rig.errors import RefusedError
 from cam_rig.live.flow_control import REMEMBERED_STATES
 from cam_rig.schema import SceneConfig
+from cam_rig.schema.scene import MAX_SPEED
 from cam_rig.simulation.schedule import CamState
-from cam_rig.units import NS, RPM, TURN
+from cam_rig.units import NS, TURN
 
-#: The greatest cam speed, rad/s; that of a scene has the same limit.
-MAX_SPEED = 1e5 * RPM
 #: Samples in one tick at most: a message of 48 MB.
 MAX_SAMPLES = 1_000_000
 

@@ -8,14 +8,14 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from cam_rig.schema.quantity import Quantity, Strict, must_be
-from cam_rig.schema.scene import Name
+from cam_rig.schema.scene import MAX_SPEED, Name
 from cam_rig.schema.segments.rise import RiseName
 from cam_rig.units import RPM, TURN
 
 Events = Annotated[Quantity, must_be("angle", many=True, above=0.0, most=math.pi)]
-#: Slowest and fastest speed of a measurement, rad/s: 1 and 1e5 rpm.
-SLOWEST, FASTEST = RPM, 1e5 * RPM
-Speeds = Annotated[Quantity, must_be("speed", many=True, least=SLOWEST, most=FASTEST)]
+#: Slowest speed of a measurement, rad/s.
+SLOWEST = 1.0 * RPM
+Speeds = Annotated[Quantity, must_be("speed", many=True, least=SLOWEST, most=MAX_SPEED)]
 
 
 class FactorialConfig(Strict):
@@ -41,7 +41,7 @@ class FactorialConfig(Strict):
     accelerated: Speeds
     residual: Speeds
     noise: Speeds
-    noise_in_contact: Annotated[Quantity, must_be("speed", least=SLOWEST, most=FASTEST)]
+    noise_in_contact: Annotated[Quantity, must_be("speed", least=SLOWEST, most=MAX_SPEED)]
 
     @model_validator(mode="after")
     def _levels(self) -> FactorialConfig:

@@ -9,6 +9,8 @@ from pydantic import AfterValidator, Field, model_validator
 from cam_rig.schema.quantity import Quantity, Strict, must_be
 from cam_rig.units import RPM
 
+#: Cam speeds of a scene, rad/s.
+MIN_SPEED, MAX_SPEED = 0.01 * RPM, 1e5 * RPM
 #: A name refers to a file of that name, without the suffix.
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 #: The field's names of two models, and those that scenes and bags have had from the beginning.
@@ -34,7 +36,7 @@ class Program(Strict):
     the speed steps.
     """
 
-    speeds: Annotated[Quantity, must_be("speed", many=True, least=RPM * 0.01, most=RPM * 1e5)]
+    speeds: Annotated[Quantity, must_be("speed", many=True, least=MIN_SPEED, most=MAX_SPEED)]
     turns: Annotated[Quantity, must_be("turns", least=1.0, most=1e5)]
     settle_turns: Annotated[Quantity, must_be("turns", least=0.0)]
     ticks_per_turn: int = Field(default=1, ge=1, le=1000, strict=True)

@@ -5,7 +5,7 @@ import math
 import pytest
 
 import cam_rig
-from cam_rig.errors import BagError, ConfigError, LawError
+from cam_rig.errors import BagError, ConfigError, DynamicsError, LawError
 
 
 @pytest.fixture(scope="module")
@@ -27,17 +27,17 @@ def test_a_derivative_that_does_not_exist(law, order):
         law(1.0, order)
 
 
-@pytest.mark.parametrize("duration", [1e5, -1, 0, math.nan, "x"])
+@pytest.mark.parametrize("duration", [1e5, -1, 0, math.nan])
 def test_a_duration_out_of_range(law, two_mass_rig, duration):
     """A run longer than the command's would not end in any useful time."""
-    with pytest.raises(ConfigError, match=r"duration: is .*; allowed: 0\.001 to 60 s"):
+    with pytest.raises(DynamicsError, match="allowed: above 0, to 60 s"):
         cam_rig.jump_speed(law, two_mass_rig, duration=duration)
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"rpm": -100}, "rpm: is -100; allowed: 0.01 to 100000 rpm"),
+        ({"rpm": -100}, "rpm: is -100 rpm; allowed: at least 0.01 rpm"),
         ({"rpm": "450"}, "rpm: is '450'; allowed"),
         ({"rpm": 450, "turns": None}, "turns: is None; allowed"),
         ({"rpm": 450, "turns": 100_000}, "make 6.4e[+]08 samples; allowed: 2e[+]07"),

@@ -153,7 +153,8 @@ def _refit(cam_set: CamSet, published: PublishedTables, duration: float) -> None
     from cam_rig.dynamics import TwoMassParameters
     from cam_rig.errors import ConfigError
     from cam_rig.studies.jump import tables
-    from cam_rig.studies.jump.comparison import find_jumps, require_run
+    from cam_rig.studies.jump.comparison import find_jumps
+    from cam_rig.studies.jump.jump_speed import require_run
     from cam_rig.studies.jump.published import Reference
     from cam_rig.studies.jump.refit import refit, refitted
 

@@ -9,17 +9,13 @@ from dataclasses import dataclass
 
 from cam_rig.arrays import rms
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, build_law
 from cam_rig.schema import CamConfig
-from cam_rig.studies.jump.jump_speed import Jump, jump_speed
+from cam_rig.studies.jump.jump_speed import Jump, jump_speed, require_run
 from cam_rig.studies.jump.published import Reference
 from cam_rig.studies.jump.ramp import jump_along_ramp
 from cam_rig.studies.jump.search import sought_speed
 from cam_rig.units import RPM
-
-#: Longest run from rest, s: after a minute little but the steady state is left.
-LONGEST = 60.0
 
 
 @dataclass(frozen=True)
@@ -100,20 +96,6 @@ def find_jumps(
             steady = _steady(law, parameters) if duration is not None else None
         rows.append(_row(cam, found, steady, published.get(cam), ramp))
     return rows
-
-
-def require_run(duration: float) -> None:
-    """Refuse a run from rest that does not last, or for ever.
-
-    Raises
-    ------
-    DynamicsError : with its length (s) and the limits
-    """
-    if not 0.0 < duration <= LONGEST:
-        raise DynamicsError(
-            f"the run from rest lasts {duration:g} s; allowed: above 0, to {LONGEST:g} s, or the "
-            "steady state"
-        )
 
 
 def _steady(law: Law, parameters: TwoMassParameters) -> Jump | None:

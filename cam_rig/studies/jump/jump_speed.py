@@ -23,6 +23,10 @@ from cam_rig.units import RPM, TURN
 TOLERANCE = 5e-6
 
 
+#: Longest run from rest, s: after a minute little but the steady state is left.
+LONGEST = 60.0
+
+
 @dataclass(frozen=True)
 class Jump:
     """A jump speed (rad/s); where (rad of cam angle in its turn) and when (s) contact is lost.
@@ -40,6 +44,20 @@ class Jump:
         return self.speed / RPM
 
 
+def require_run(duration: float) -> None:
+    """Refuse a run from rest that does not last, or for ever.
+
+    Raises
+    ------
+    DynamicsError : with its length (s) and the limits
+    """
+    if not 0.0 < duration <= LONGEST:
+        raise DynamicsError(
+            f"the run from rest lasts {duration:g} s; allowed: above 0, to {LONGEST:g} s, or the "
+            "steady state"
+        )
+
+
 def jump_speed(law: Law, parameters: TwoMassParameters, duration: float | None = 1.7) -> Jump:
     """The lowest speed at which the two-mass follower loses contact.
 
@@ -49,8 +67,11 @@ def jump_speed(law: Law, parameters: TwoMassParameters, duration: float | None =
 
     Raises
     ------
-    DynamicsError : contact is lost at every speed or at none, or there is no steady state
+    DynamicsError : a duration out of its limits; contact lost at every speed or at none; or no
+        steady state
     """
+    if duration is not None:
+        require_run(duration)
     require_smooth(law, "; where it falls contact is lost at any speed")
     found = sought(law, parameters, duration)
 

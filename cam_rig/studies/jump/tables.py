@@ -61,10 +61,6 @@ def jump_table(
     )
 
 
-def _steady_rpm(row: JumpRow) -> float | None:
-    return None if row.steady is None else row.steady.rpm
-
-
 def _percent(share: float | None) -> float | None:
     return None if share is None else 100.0 * share
 
