@@ -19,7 +19,7 @@ NODES = [
 # What `import cam_rig` and a simulation need. package.xml declares the same dependencies, and those
 # of the extras below, by their rosdep keys; cam_rig/extras.py names the extra of a missing one.
 CORE = ["numpy", "pydantic>=2", "pyyaml", "scipy"]
-CLI = ["jinja2", "rich", "typer"]
+CLI = ["jinja2", "rich", "typer>=0.12.4"]
 PLOTS = ["matplotlib"]
 BAGS = ["lz4", "mcap", "rosbags", "zstandard"]
 VIEW = ["rerun-sdk"]
@@ -36,14 +36,17 @@ ROS_WHEELS = [
     "ros-kilted-std-msgs",
     "ros-kilted-std-srvs",
     "ros-kilted-trajectory-msgs",
+    "ros-kilted-visualization-msgs",
 ]
 # The solvers that `cam-rig bench` measures against, beside scipy's.
 BENCH = ["scikit-sundae"]
 # What `make docs` builds the documents with.
 DOCS = ["mkdocs-material", "mkdocstrings[python]"]
 TEST = [
+    "cmeel-urdfdom",  # the parser of URDF that ROS has
     "hypothesis",
     "import-linter",
+    "mcap-ros2-support",  # reads the golden bag as other viewers do
     "mpmath",
     "mypy",
     "pandas",
@@ -112,5 +115,7 @@ setup(
             f"cam-rig = {NAME}.cli:start",
             *(f"{node} = {NAME}.nodes.__main__:{node}" for node in NODES),
         ],
+        # the name is the module's, so that naming it in pytest_plugins as well does no harm
+        "pytest11": [f"{NAME}.testing = {NAME}.testing"],
     },
 )

@@ -3,43 +3,80 @@
 import atexit
 import shutil
 import tempfile
-from time import strftime
 
 from launch import LaunchContext, LaunchDescription
 from launch.actions import (
     DeclareLaunchArgument,
+    IncludeLaunchDescription,
     LogInfo,
     OpaqueFunction,
     SetEnvironmentVariable,
-    SetLaunchConfiguration,
     Shutdown,
 )
 from launch.conditions import IfCondition, UnlessCondition
 from launch.events.process import ProcessExited
+from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
-from cam_rig.runner.node_table import NODES, NodeEntry
+from cam_rig.runner.node_table import DRIVE, END, NODES, PATIENCE_S, STAY, NodeEntry
+
+#: Arguments with what they are without being given, and what they mean; where there is nothing, a
+#: node's parameter is as the parameter file or its own default has it.
+ARGUMENTS = {
+    "scene": ("", "scene file, or a name in config/scenes: which cams, which rig, what to run and "
+              "measure; tm21_sweep where nothing else says so"),
+    "bag": ("", "folder to record into; it must not exist yet; bags/SCENE_DATE without one"),
+    "max_bagfile_size": ("", "bytes after which the bag goes on in another file; 0: no limit"),
+    "max_bagfile_duration": ("", "rig time after which the bag goes on in another file, s; 0: no "
+                             "limit"),
+    "params_file": ("", "parameter file (YAML) of the nodes, such as those in config/params; an "
+                    "argument that is given here comes before it"),
+    "namespace": ("", "namespace of the nodes and their topics, such as rig1"),
+    "use_sim_time": ("", "true: the nodes' clocks follow /clock, which the drive makes"),
+    "view": ("false", "true: show the run in Rerun while it runs"),
+    "rviz": ("false", "true: show the run in RViz, with robot_state_publisher"),
+    "address": ("", "Rerun's address, with view:=true; empty opens a window"),
+    "pacing": ("", "rig time beside wall time: free, real_time, or a factor such as 20 or 20x"),
+    "autostart": ("", "false: wait for the service cam_drive/start"),
+    "points_per_turn": ("", "instants a turn of /joint_states and the like; 0: as the scene says"),
+    "patience": ("", "wall time without an answer after which the drive gives up, s; "
+                 f"{PATIENCE_S:g} without a parameter file"),
+    "at_end": ("", f"what the nodes do when the run is over: {END}, or {STAY} for another run, "
+               "which the service cam_drive/start begins"),
+    "respawn": ("false", "true: start a node again that was killed"),
+    "network": ("false", "true: the subnet may subscribe"),
+}  # fmt: skip
+
+
+def share(*path: str) -> PathJoinSubstitution:
+    """Name a file under share/cam_rig."""
+    return PathJoinSubstitution([FindPackageShare("cam_rig"), *path])
 
 
 def config(*path: str) -> PathJoinSubstitution:
     """Name a file under share/cam_rig/config."""
-    return PathJoinSubstitution([FindPackageShare("cam_rig"), "config", *path])
+    return share("config", *path)
 
 
-def argument(name: str, kind: type = str) -> dict[str, ParameterValue]:
-    """Pass a launch argument on as the parameter of the same name."""
-    return {name: ParameterValue(LaunchConfiguration(name), value_type=kind)}
+def is_true(text: str) -> bool:
+    """Whether a launch argument is true."""
+    return text.lower() in ("true", "1")
+
+
+def value(name: str, context: LaunchContext) -> str:
+    """The text of a launch argument; empty where it was not given."""
+    return LaunchConfiguration(name).perform(context)
 
 
 def ended(event: ProcessExited, context: LaunchContext) -> Shutdown | None:
-    """End all when the drive has run its program, or when a node ended that is not restarted."""
-    again = LaunchConfiguration("respawn").perform(context).lower() in ("true", "1")
-    if again and event.returncode != 0:
+    """End all when a node has ended in order, as at the run's end, or is not started again."""
+    if is_true(value("respawn", context)) and event.returncode != 0:
         return None
-    return Shutdown(reason=f"{event.process_name} has ended")
+    how = f"with code {event.returncode}" if event.returncode else "in order"
+    return Shutdown(reason=f"{event.process_name} has ended {how}")
 
 
 def left_out(event: ProcessExited, _context: LaunchContext) -> LogInfo:
@@ -48,16 +85,30 @@ def left_out(event: ProcessExited, _context: LaunchContext) -> LogInfo:
     return LogInfo(msg=f"node {name} ended with code {code}: the run goes on without it")
 
 
-def checkpoint(_context: LaunchContext) -> list[SetLaunchConfiguration]:
-    """Make the folder of the nodes' checkpoints; it is removed with the launch."""
+def checkpoint(context: LaunchContext) -> str:
+    """Make the folder of the nodes' checkpoints, which is removed with the launch."""
+    if not is_true(value("respawn", context)):
+        return ""
     folder = tempfile.mkdtemp(prefix="cam_rig-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return [SetLaunchConfiguration("checkpoint", folder)]
+    return folder
 
 
-def node(entry: NodeEntry) -> Node:
-    """Start a node of the table with the scene and its further parameters."""
-    given = [argument(name, kind) for name, kind in entry.parameters.items()]
+def node(entry: NodeEntry, folder: str, context: LaunchContext) -> Node:
+    """Start a node of the table with those of its parameters that were given."""
+    wanted = {"scene": str, "use_sim_time": bool, **entry.parameters}
+    if entry.essential:
+        wanted["at_end"] = str
+    given = {
+        name: ParameterValue(LaunchConfiguration(name), value_type=kind)
+        for name, kind in wanted.items()
+        if value(name, context)
+    }
+    file = value("params_file", context)
+    if entry.name == DRIVE and not file:
+        given.setdefault("patience", PATIENCE_S)
+    if folder:
+        given["checkpoint"] = folder
     optional = {
         "respawn": True,
         "respawn_max_retries": entry.max_respawns,
@@ -68,58 +119,31 @@ def node(entry: NodeEntry) -> Node:
     return Node(
         package="cam_rig",
         executable=entry.name,
-        parameters=[argument("scene"), argument("checkpoint"), *given],
+        name=entry.name,
+        namespace=LaunchConfiguration("namespace"),
+        parameters=[*([file] if file else []), given],
         output="screen",
         respawn_delay=0.5,
         **(essential if entry.essential else optional),
     )
 
 
-def generate_launch_description() -> LaunchDescription:
+def nodes(context: LaunchContext) -> list[Node]:
     """Start the nodes of the runner's table, in its order."""
+    folder = checkpoint(context)
+    return [node(entry, folder, context) for entry in NODES]
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Declare the arguments, keep the nodes' sockets on this machine, start the nodes."""
     network = LaunchConfiguration("network")
     quiet, loud = UnlessCondition(network), IfCondition(network)
     profile = "FASTDDS_DEFAULT_PROFILES_FILE"
     return LaunchDescription(
         [
-            DeclareLaunchArgument(
-                "scene",
-                default_value=config("scenes", "tm21_sweep.yaml"),
-                description="scene file: which cams, which rig, what to run and measure",
-            ),
-            DeclareLaunchArgument(
-                "bag",
-                default_value=strftime("bags/rig_%Y_%m_%d-%H_%M_%S"),
-                description="folder to record into; it must not exist yet",
-            ),
-            DeclareLaunchArgument(
-                "view",
-                default_value="false",
-                description="show the run in Rerun while it runs",
-            ),
-            DeclareLaunchArgument(
-                "address",
-                default_value="",
-                description="Rerun's address, with view:=true; empty opens a window",
-            ),
-            DeclareLaunchArgument(
-                "pacing",
-                default_value="free",
-                description="rig time beside wall time: free, real_time, or Nx such as 20x",
-            ),
-            DeclareLaunchArgument(
-                "autostart", default_value="true", description="false: wait for /cam_drive/start"
-            ),
-            DeclareLaunchArgument(
-                "patience",
-                default_value="120.0",
-                description="wall time without an answer after which the drive gives up, s",
-            ),
-            DeclareLaunchArgument(
-                "respawn", default_value="false", description="start a node again that was killed"
-            ),
-            DeclareLaunchArgument(
-                "network", default_value="false", description="true: the subnet may subscribe"
+            *(
+                DeclareLaunchArgument(name, default_value=default, description=words)
+                for name, (default, words) in ARGUMENTS.items()
             ),
             SetEnvironmentVariable(profile, config("fastdds_loopback.xml"), condition=quiet),
             # Any other range, LOCALHOST too, would replace the profile's transports.
@@ -129,7 +153,13 @@ def generate_launch_description() -> LaunchDescription:
             # One in the working directory would open the subnet.
             SetEnvironmentVariable("SKIP_DEFAULT_XML_FILE", "1", condition=quiet),
             SetEnvironmentVariable(profile, config("fastdds_subnet.xml"), condition=loud),
-            OpaqueFunction(function=checkpoint),
-            *map(node, NODES),
+            OpaqueFunction(function=nodes),
+            IncludeLaunchDescription(
+                PythonLaunchDescriptionSource(share("launch", "robot.launch.py")),
+                launch_arguments={
+                    name: LaunchConfiguration(name) for name in ("scene", "namespace")
+                }.items(),
+                condition=IfCondition(LaunchConfiguration("rviz")),
+            ),
         ]
     )

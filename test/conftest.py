@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import socket
-import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
-from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +16,7 @@ from cam_rig.acoustics import RadiationParameters
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.laws import Law, build_law
 from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
+from cam_rig.testing.domain import isolated_domain
 
 from .preloaded import Preloaded
 from .references import many_digits
@@ -27,9 +24,6 @@ from .small_scenes import make_loaded_scene, make_scene
 
 __all__ = ["make_loaded_scene", "make_scene", "many_digits"]
 
-#: Domains that tests take: below the ports that Linux hands out by itself, beside a user's own.
-DOMAINS = range(40, 101)
-_TURNS = count(os.getpid())
 CONFIG = Path(__file__).parents[1] / "config"
 CAM_NAMES = sorted(path.stem for path in (CONFIG / "cams").glob("*.yaml"))
 #: Cams whose velocity jumps: no follower can stay on them, so few models take them.
@@ -41,6 +35,7 @@ SHORT = "test/nodes/test_repeatability.py"
 GROUPS = {
     "test/cli/test_noise.py::test_noise_json_and_plot": "test/cli/test_report.py",
     "test/nodes/test_graph.py::test_the_graph_gives_the_numbers_of_the_core": SHORT,
+    "test/nodes/test_motion.py::test_what_a_subscriber_gets_is_what_the_bag_holds": SHORT,
     "test/nodes/test_security.py::test_messages_on_open_topics_change_nothing": SHORT,
 }
 #: More workers than this only take memory.
@@ -181,29 +176,6 @@ def make_cam() -> Callable[..., CamConfig]:
 
 
 @pytest.fixture(scope="session")
-def hold_domain() -> Callable[[], AbstractContextManager[int]]:
-    """Hold a ROS domain for as long as a context lasts."""
-    return _hold_domain
-
-
-@contextmanager
-def _hold_domain() -> Iterator[int]:
-    """A ROS domain that nobody else on this machine tests in; waits where all are taken.
-
-    It is held by a port of the domain's own block that no participant uses: whoever shares the
-    network shares the lock, and the kernel lets go of it with the process.
-    """
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as lock:
-        while True:
-            domain = DOMAINS[next(_TURNS) % len(DOMAINS)]
-            with suppress(OSError):
-                lock.bind(("127.0.0.1", 7400 + 250 * domain + 9))
-                break
-            time.sleep(0.02)
-        yield domain
-
-
-@pytest.fixture(scope="session")
 def preloaded() -> Iterator[Preloaded]:
     """Where nodes are forked whose start is not the test's subject."""
     made = Preloaded()
@@ -212,16 +184,18 @@ def preloaded() -> Iterator[Preloaded]:
 
 
 @pytest.fixture
-def ros_domain(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+def forked(preloaded: Preloaded, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nodes that are started in this process are forked."""
+    monkeypatch.setattr("cam_rig.runner.node_process._started", preloaded.start)
+
+
+@pytest.fixture
+def ros_domain(request: pytest.FixtureRequest) -> Iterator[int]:
     """A ROS domain of its own for a test, on this machine only.
 
     Nodes of a graph in this process are forked, unless the test is marked ``starts``.
     """
     if request.node.get_closest_marker("starts") is None:
-        start = request.getfixturevalue("preloaded").start
-        monkeypatch.setattr("cam_rig.runner.node_process._started", start)
-    with _hold_domain() as domain:
-        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
-        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SYSTEM_DEFAULT")
-        monkeypatch.setenv("FASTDDS_DEFAULT_PROFILES_FILE", str(CONFIG / "fastdds_loopback.xml"))
+        request.getfixturevalue("forked")
+    with isolated_domain() as domain:
         yield domain

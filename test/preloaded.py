@@ -18,6 +18,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
+from threading import Lock
 
 from cam_rig.runner.node_process import environment
 
@@ -32,13 +33,15 @@ class Adopted:
 
     def __init__(self, pid: int, stdout: int, stderr: int) -> None:
         self.pid, self.returncode = pid, None
+        self._one_at_a_time = Lock()
         self.stdout, self.stderr = os.fdopen(stdout), os.fdopen(stderr)
 
     def poll(self) -> int | None:
-        if self.returncode is None:
-            pid, status = os.waitpid(self.pid, os.WNOHANG)
-            if pid:
-                self.returncode = os.waitstatus_to_exitcode(status)
+        with self._one_at_a_time:  # a second thread would find no child any more
+            if self.returncode is None:
+                pid, status = os.waitpid(self.pid, os.WNOHANG)
+                if pid:
+                    self.returncode = os.waitstatus_to_exitcode(status)
         return self.returncode
 
     def wait(self, timeout: float | None = None) -> int:

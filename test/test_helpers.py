@@ -7,6 +7,8 @@ import signal
 import numpy as np
 import pytest
 
+from cam_rig.testing.domain import hold_domain
+
 from .references import References
 
 
@@ -26,7 +28,7 @@ def test_a_reference_is_of_its_numbers_alone(tmp_path):
     assert list(json.loads(path.read_text(encoding="utf-8"))) == ["t:0"]
 
 
-def test_no_two_hold_one_domain(hold_domain):
+def test_no_two_hold_one_domain():
     """Whoever asks while one is held gets another."""
     with hold_domain() as one, hold_domain() as two:
         assert one != two

@@ -26,6 +26,8 @@ KEYS = {
 IMPORTED_AS = {"PIL": "pillow", "rerun": "rerun-sdk", "sksundae": "scikit-sundae", "yaml": "pyyaml"}
 #: What only the makers of reference numbers import.
 MAKERS = {"mpmath"}
+#: What only a test of somebody else's imports, through `cam_rig.testing`.
+TESTS = {"pytest"}
 IMPORTED_AS |= {"mkdocs": "mkdocs-material", "griffe": "mkdocstrings"}
 IMPORTED_AS |= {"pydantic_core": "pydantic", "rerun_cli": "rerun-sdk"}
 #: The ten lines of the README, without the bag; a library outside the core cannot be imported.
@@ -87,7 +89,7 @@ def test_what_is_imported_is_declared():
     lists, (keys, _) = lists_of_setup(), declared()
     known = lists["CORE"] | lists["ALL"] | lists["BENCH"] | keys
     missing = {n for n in imported() if IMPORTED_AS.get(n, n) not in known}
-    assert missing - {"builtin_interfaces", *OPTIONAL} == MAKERS <= lists["TEST"]
+    assert missing - {"builtin_interfaces", *OPTIONAL} == MAKERS | TESTS <= lists["TEST"]
     assert set(OPTIONAL) <= lists["TEST"]
 
 
@@ -108,15 +110,6 @@ def test_rosdep_and_pip_install_the_same():
     assert by_key <= keys
     assert {key for key in keys if key.startswith("python3-")} <= by_key
     assert without <= runtime
-
-
-def test_the_documents_name_what_rosdep_cannot_install():
-    """The line of pip for ROS 2 has every library without a key."""
-    page = (ROOT / "docs" / "nodes.md").read_text(encoding="utf-8")
-    line = re.search(r"pip install (.*?)\s+# no rosdep key", page)
-    named = {re.split(r"[>=]", word.strip("'"))[0] for word in line[1].split()}
-    _, (without, *_) = declared()
-    assert without <= named <= without | {"pydantic"}
 
 
 def test_each_library_is_of_the_extra_that_its_error_names():

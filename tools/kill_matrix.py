@@ -35,8 +35,9 @@ from cam_rig.bag.reader import read_counts
 from cam_rig.errors import CamRigError
 from cam_rig.runner import graph as graph_module
 from cam_rig.runner.domain_lock import own_domain
-from cam_rig.runner.graph import Graph, live
+from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import NodeProcess
+from cam_rig.runner.nodes_of_run import live
 
 NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
 MOMENTS = ("start", "first", "middle", "last", "closing")

@@ -122,7 +122,8 @@ def _measured_ticks(motion: FollowerMotion) -> list[MeasuredTick]:
         i = block.interval
         pressure = microphone.listen(block.rows, i.mean_speed)
         start = CamState(i.start_ns, i.angle, i.speed, CAM, i.turns)
-        measured.append(MeasuredTick(start, i.stop_ns, pressure, i.acceleration == 0.0))
+        count = block.rows.shape[1]
+        measured.append(MeasuredTick(start, i.stop_ns, pressure, count, i.acceleration == 0.0))
     return measured
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 
 from mcap.opcode import Opcode
 from mcap.records import Attachment
 
 from cam_rig.bag.damage import UNREADABLE, damaged
-from cam_rig.bag.files import mcap_file
+from cam_rig.bag.files import mcap_files
 from cam_rig.bag.records import content, fields, records_of
 from cam_rig.errors import BagError
 from cam_rig.files import MIB, no_room
@@ -33,7 +34,7 @@ def unpack(bag: Path, folder: Path) -> Path:
     """
     scene = None
     try:
-        for attachment in attachments(mcap_file(bag)):
+        for attachment in chain.from_iterable(attachments(file) for file in mcap_files(bag)):
             path = folder / "config" / _safe(bag, attachment.name)
             _write(bag, path, attachment.data)
             scene = path if path.parent.name == "scenes" else scene

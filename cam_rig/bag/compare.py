@@ -18,8 +18,8 @@ from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, decode_block, stamp_ns
 from cam_rig.messages.topics import Topic
 
-#: What the follower and the microphone publish for each tick.
-COMPARED = tuple(topic for topic in topics.RECORDING if topic.per == "tick")
+#: What the follower and the microphone publish for each tick; the rest follows from it.
+COMPARED = tuple(topic for topic in topics.RECEIVED if topic.per == "tick")
 
 
 @dataclass
@@ -83,8 +83,6 @@ def _numbers(topic: Topic, message: Any) -> Iterator[tuple[str, Any]]:
         yield "lift [m]", message.position
         yield "velocity [m/s]", message.velocity
         yield "contact_force [N]", message.effort
-    elif topic is topics.FOLLOWER_CONTACT:
-        yield "contact_force [N]", message.wrench.force.y
     elif topic is topics.PRESSURE:
         yield "pressure [Pa]", message.fluid_pressure
     else:

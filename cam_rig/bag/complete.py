@@ -8,7 +8,7 @@ from cam_rig.bag.reader import messages, read_counts
 from cam_rig.errors import BagError, RefusedError
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of
-from cam_rig.messages.topics import RECORDING, Topic
+from cam_rig.messages.topics import RECEIVED, Topic
 from cam_rig.schema import SceneConfig
 from cam_rig.simulation.schedule import CamState, tick_count
 
@@ -34,11 +34,17 @@ def require_complete(bag: Path, scene: SceneConfig) -> dict[str, int]:
             f"{bag}: has {len(states)} states of the cam; the scene has {tick_count(scene) + 1}"
         )
     expected = expected_counts(states)
-    for topic in RECORDING:
+    for topic in RECEIVED:
         if topic.per in expected and counts.get(topic.name, 0) != expected[topic.per]:
             raise BagError(
                 f"{bag}: {topic.name} has {counts.get(topic.name, 0)} messages; expected: "
                 f"{expected[topic.per]}, one for each {topic.per}"
+            )
+        # None at all in bags of earlier versions; how many a tick is a parameter.
+        if topic.per == "instant" and 0 < counts.get(topic.name, 0) < expected["tick"]:
+            raise BagError(
+                f"{bag}: {topic.name} has {counts[topic.name]} messages; expected: at least "
+                f"{expected['tick']}, one for each tick"
             )
     return counts
 
@@ -50,8 +56,8 @@ def belonging(before: CamState | None, state: CamState) -> tuple[Topic, ...]:
         before is None or (before.cam, before.speed) != (state.cam, state.speed)
     )
     turned = before is not None and before.turns_until(state)
-    there = {"state": True, "cam": new_cam, "speed": new_speed, "tick": turned, "any": False}
-    return tuple(topic for topic in RECORDING if there[topic.per])
+    there = {"state": True, "cam": new_cam, "speed": new_speed, "tick": turned}
+    return tuple(topic for topic in RECEIVED if there.get(topic.per, False))
 
 
 def expected_counts(states: list[CamState]) -> dict[str, int]:

@@ -1,4 +1,6 @@
-"""The files of a bag: their names, which one counts, and how a new file replaces an old one.
+"""The files of a bag: their names, which ones count, and how a new file replaces an old one.
+
+A bag ``B`` has the file ``B_0.mcap``; one that was split, ``B_1.mcap`` and so on as well.
 
 A recording is complete when its MCAP file ends with a footer and the magic, which are written last.
 What a recovery or the successor of a killed recorder writes has ``.part`` at the end of its name
@@ -13,6 +15,8 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
+import re
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
@@ -28,18 +32,37 @@ PART = ".part"
 TORN = ".torn"
 #: A footer's opcode and length; 20 bytes and the magic follow.
 FOOTER = b"\x02" + (20).to_bytes(8, "little")
+#: A file of a bag that may be split: the bag's name, the file's number.
+NUMBERED = re.compile(r"(.+)_(\d{1,9})(\.\w+)")
 #: What a bag is, for the error that refuses something else.
-ALLOWED = "allowed: a folder with metadata.yaml and an .mcap file, or an .mcap file"
+ALLOWED = "allowed: a folder with metadata.yaml and .mcap files, or an .mcap file"
 
 
-def bag_file(directory: Path) -> Path:
-    """Where a bag's MCAP file is written."""
-    return directory / f"{directory.name}_0.mcap"
+def bag_file(directory: Path, number: int = 0) -> Path:
+    """Where an MCAP file of a bag is written, the first one unless another number is given."""
+    return directory / f"{directory.name}_{number}.mcap"
+
+
+def bag_files(directory: Path) -> list[Path]:
+    """The MCAP files that were written of a bag, in their order; a gap in it ends them.
+
+    Of a file that an older version set aside as ``.torn``, the name that it had before.
+    """
+    found = list[Path]()
+    while (file := bag_file(directory, len(found))).exists() or file.with_suffix(TORN).exists():
+        found.append(file)
+    return found
 
 
 def part_of(file: Path) -> Path:
     """The name of a file until it is complete."""
     return file.with_name(file.name + PART)
+
+
+def number_of(file: Path) -> int:
+    """The number of a file in its bag; 0 for one that is named otherwise."""
+    match = NUMBERED.fullmatch(file.name)
+    return int(match[2]) if match else 0
 
 
 def is_closed(file: Path) -> bool:
@@ -61,32 +84,76 @@ def is_closed(file: Path) -> bool:
 
 def is_unclosed(bag: Path) -> bool:
     """Whether a recording was begun here and not closed, or its recovery was not finished."""
-    file = bag_file(bag)
-    if file.with_suffix(TORN).exists():
+    files = bag_files(bag)
+    if any(file.with_suffix(TORN).exists() or not is_closed(file) for file in files):
         return True
-    return file.exists() and not (is_closed(file) and (bag / METADATA).exists())
+    return bool(files) and not (bag / METADATA).exists()
 
 
-def mcap_file(bag: Path) -> Path:
-    """The one file of a bag that holds all that there is of its recording.
+def mcap_files(bag: Path) -> list[Path]:
+    """The MCAP files of a bag, in their order; together they hold all that there is of it.
 
     Parameters
     ----------
-    bag : a bag's folder, or its MCAP file
+    bag : a bag's folder, or one of its MCAP files, which then stands alone
 
     Raises
     ------
-    BagError : there is none, or there are several
+    BagError : there is none, or one is missing between others
     """
-    if what := why_not_a_bag(bag):
-        raise BagError(f"{bag}: {what}; {ALLOWED}")
+    require_a_bag(bag)
     files = [bag]
     if bag.is_dir():
-        files = sorted({file.with_suffix(".mcap") for file in _mcap_files(bag)})
+        files = in_order({file.with_suffix(".mcap") for file in _mcap_files(bag)})
+        if not files:
+            raise BagError(f"{bag}: holds 0 .mcap files; allowed: one or more")
+    return [holding_all(file) for file in files]
+
+
+def mcap_file(bag: Path) -> Path:
+    """The file of a bag that has one; see `mcap_files`."""
+    files = mcap_files(bag)
     if len(files) != 1:
         raise BagError(f"{bag}: holds {len(files)} .mcap files; allowed: one")
-    torn = files[0].with_suffix(TORN)
-    return torn if torn.exists() else files[0]
+    return files[0]
+
+
+def in_order(files: Iterable[Path]) -> list[Path]:
+    """The files of a bag, by the numbers at the end of their names.
+
+    Raises
+    ------
+    BagError : one is missing between others
+    """
+    found = sorted(files, key=lambda file: (len(file.name), file.name))
+    numbered = [match for file in found if (match := NUMBERED.fullmatch(file.name))]
+    names = {match[1] for match in numbered}
+    if len(numbered) == len(found) and len(names) == 1:
+        numbers = {int(match[2]) for match in numbered}
+        missing = [number for number in range(min(numbers), max(numbers)) if number not in numbers]
+        if missing:
+            raise BagError(
+                f"{found[0].parent}: {names.pop()}_{missing[0]}{found[0].suffix} is missing, with "
+                f"later files there; put it back, or name one file instead of the folder"
+            )
+    return found
+
+
+def holding_all(file: Path) -> Path:
+    """The file, or what an older version set aside of it."""
+    torn = file.with_suffix(TORN)
+    return torn if torn.exists() else file
+
+
+def require_a_bag(path: Path) -> None:
+    """Refuse a path that is not a bag and never was one.
+
+    Raises
+    ------
+    BagError : why it is not
+    """
+    if what := why_not_a_bag(path):
+        raise BagError(f"{path}: {what}; {ALLOWED}")
 
 
 def why_not_a_bag(path: Path) -> str | None:

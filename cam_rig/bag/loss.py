@@ -10,12 +10,11 @@ from dataclasses import dataclass, field
 from itertools import groupby, pairwise
 
 from cam_rig.bag.complete import belonging
-from cam_rig.bag.partial_reader import RECORDED_TOPICS
 from cam_rig.errors import RefusedError
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of
 from cam_rig.messages.serialization import RawMessages
-from cam_rig.messages.topics import RECORDING
+from cam_rig.messages.topics import RECORDING, recorded_topic
 from cam_rig.schema import SceneConfig
 from cam_rig.simulation.schedule import CamState, cam_states, tick_count
 
@@ -36,11 +35,11 @@ class Holdings:
 
     def add(self, name: str, log_time: int, number: int, cdr: bytes) -> None:
         """Note a message, if it is of a topic of the rig."""
-        if name not in RECORDED_TOPICS:
+        if (topic := recorded_topic(name)) is None:
             return
-        self.times.setdefault(name, set()).add(log_time)
-        self.numbers.setdefault(name, set()).add(number)
-        if name == topics.CAM_STATE.name:
+        self.times.setdefault(topic.name, set()).add(log_time)
+        self.numbers.setdefault(topic.name, set()).add(number)
+        if topic is topics.CAM_STATE:
             try:
                 message = self._raw.read(topics.CAM_STATE, cdr)[0]
                 self.states.append((number, cam_state_of(message)))
@@ -92,7 +91,7 @@ def loss_of(holdings: Holdings, scene: SceneConfig | None, whole: bool, ours: bo
     if scene is not None and holdings.follows(scene):
         states = list(enumerate(cam_states(scene)))
         total, newest = tick_count(scene), max(state.time_ns for _, state in holdings.states)
-        ends, numbered = "", [topic for topic in RECORDING if topic.per == "any"]
+        ends, numbered = "", [topic for topic in RECORDING if topic.per in ("instant", "any")]
         if whole:  # what was never recorded is not lost
             states = [(k, state) for k, state in states if state.time_ns <= newest]
             if states[-1][0] < total:

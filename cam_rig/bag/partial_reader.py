@@ -25,13 +25,11 @@ from cam_rig.bag.records import (
     unpack,
 )
 from cam_rig.errors import BagError, RefusedError
-from cam_rig.messages import topics
 from cam_rig.messages.serialization import RawMessages, stamp_of
+from cam_rig.messages.topics import recorded_topic
 
 #: The writer's name in the header of this package's files.
 LIBRARY = "cam_rig"
-#: The recorded topics by name.
-RECORDED_TOPICS = {topic.name: topic for topic in topics.RECORDING}
 INDEXES = {
     Opcode.MESSAGE_INDEX,
     Opcode.CHUNK_INDEX,
@@ -40,6 +38,8 @@ INDEXES = {
     Opcode.STATISTICS,
     Opcode.SUMMARY_OFFSET,
 }
+#: When topics are published whose log time is their stamp.
+OF_ITS_STAMP = ("state", "tick", "instant", "speed")
 #: More topics than any rig has.
 MAX_CHANNELS = 1000
 Found = tuple[Schema, Channel, Message] | Attachment
@@ -151,11 +151,11 @@ class PartialReader:
     def _is_plausible(self, found: tuple[Schema, Channel, Message], begin: int, end: int) -> bool:
         """Whether a message of a chunk with a wrong checksum is a plausible one of its topic."""
         _, channel, message = found
-        topic = RECORDED_TOPICS.get(channel.topic)
+        topic = recorded_topic(channel.topic)
         try:
             if topic is not None:
                 self._raw.read(topic, message.data)
-                if self.ours and topic.stamped and topic.per in ("state", "tick", "speed"):
+                if self.ours and topic.stamped and topic.per in OF_ITS_STAMP:
                     begin = max(begin, stamp_of(message.data))
                     end = min(end, stamp_of(message.data))
         except RefusedError:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from itertools import chain, pairwise
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +16,12 @@ from cam_rig.arrays import FloatArray
 from cam_rig.bag.attached import unpack
 from cam_rig.bag.bounds import require_bounded, require_plain
 from cam_rig.bag.damage import UNREADABLE, damaged
-from cam_rig.bag.files import TORN, is_closed
+from cam_rig.bag.files import TORN, in_order, is_closed, require_a_bag
 from cam_rig.errors import BagError, CamRigError, RefusedError
 from cam_rig.files import temporary_folder
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
-from cam_rig.messages.topics import Topic
+from cam_rig.messages.topics import Topic, recorded_topic
 from cam_rig.simulation.levels import MeasuredTick
 from cam_rig.simulation.loaded_scene import LoadedScene, open_scene
 from cam_rig.simulation.schedule import CamState
@@ -64,15 +63,22 @@ def raw_messages(bag: Path, names: set[str]) -> Iterator[tuple[Connection, int, 
     ------
     BagError : no such bag, one that was not closed, or one that claims too much
     """
-    with open_readers(bag) as readers:
-        for reader in readers:
-            wanted = [c for c in reader.connections if c.topic in names]
-            yield from reader.messages(wanted) if wanted else ()
+    try:
+        rigs = set[str]()
+        for reader in readers(bag):
+            namespace = _namespace(bag, reader, rigs)
+            here = {namespace + name: name for name in names}
+            wanted = [c for c in reader.connections if c.topic in here]
+            for connection, time_ns, data in reader.messages(wanted) if wanted else ():
+                yield connection._replace(topic=here[connection.topic]), time_ns, data
+    except UNREADABLE as error:
+        raise damaged(bag, error) from None
 
 
-@contextmanager
-def open_readers(bag: Path) -> Iterator[list[Reader]]:
-    """A reader of each file of a bag, none of which takes more memory than its size warrants.
+def readers(bag: Path) -> Iterator[Reader]:
+    """A reader of each file of a bag in turn, open until the next one is asked for.
+
+    None takes more memory than its file's size warrants.
 
     The content of metadata.yaml is in the files too, so it is not read.
 
@@ -81,8 +87,9 @@ def open_readers(bag: Path) -> Iterator[list[Reader]]:
     BagError : no such bag, one that was not closed, or one that claims too much
     """
     try:
-        with ExitStack() as stack:
-            yield [stack.enter_context(Reader(file)) for file in _sources(bag)]
+        for file in _sources(bag):
+            with Reader(file) as reader:
+                yield reader
     except UNREADABLE as error:
         raise damaged(bag, error) from None
 
@@ -92,18 +99,44 @@ def _sources(bag: Path) -> list[Path]:
     found = [bag]
     if bag.is_dir():
         require_plain(bag)
-        files = [*bag.glob("*.mcap"), *bag.glob("*.db3"), *bag.glob(f"*{TORN}")]
-        found = sorted(files, key=lambda file: (len(file.name), file.name))
+        found = in_order([*bag.glob("*.mcap"), *bag.glob("*.db3"), *bag.glob(f"*{TORN}")])
     for file in found:
         if (torn := file.with_suffix(TORN)).exists():
             raise ValueError(f"{torn.name} is left by an interrupted recovery, and holds all")
         if file.suffix == ".mcap":
             if not is_closed(file):
-                raise ValueError(f"{file.name} was not closed")
+                require_a_bag(bag)
+                raise BagError(
+                    f"{bag}: {file.name} was not closed: its recorder still runs, and ends with "
+                    f"Ctrl-C, or was killed; then recover it with: cam-rig recover {bag}"
+                )
             require_bounded(file)
     if not found:
         raise ValueError("has neither an .mcap nor a .db3 file")
     return found
+
+
+def _namespace(bag: Path, reader: Reader, rigs: set[str]) -> str:
+    """The namespace of the rig in a bag, "/rig1"; empty for the root, or without a rig.
+
+    ``rigs`` are those of the files before, to which this file's is added.
+
+    Raises
+    ------
+    BagError : there are several rigs
+    """
+    names = [connection.topic for connection in reader.connections]
+    rigs |= {name.removesuffix(topics.CAM_STATE.name) for name in names if _is_rig(name)}
+    if len(rigs) > 1:
+        several = ", ".join(sorted(name or "/" for name in rigs))
+        raise BagError(
+            f"{bag}: holds several rigs, {several}; allowed: one a bag, so record each alone"
+        )
+    return next(iter(rigs), "")
+
+
+def _is_rig(name: str) -> bool:
+    return recorded_topic(name) is topics.CAM_STATE
 
 
 def read_recording(bag: Path, scene: Path | None = None) -> Recording:
@@ -133,8 +166,9 @@ def read_recording(bag: Path, scene: Path | None = None) -> Recording:
             f"{bag}: holds {', '.join(sorted(other))}; allowed: the cams of scene "
             f"{loaded.scene.name}, {', '.join(loaded.laws)}, so name the scene that was run"
         )
+    rate = int(loaded.scene.sample_rate.si)
     ticks = [
-        MeasuredTick(start, end.time_ns, pressures[end.time_ns], start.holds_until(end))
+        MeasuredTick.between(start, end, pressures[end.time_ns], rate)
         for start, end in pairwise(states)
         if end.time_ns in pressures and start.turns_until(end)
     ]
@@ -163,9 +197,12 @@ def read_counts(bag: Path) -> dict[str, int]:
     BagError : no such bag, or one that was not closed
     """
     counts: dict[str, int] = {}
-    with open_readers(bag) as readers:
-        for connection in chain.from_iterable(reader.connections for reader in readers):
-            counts[connection.topic] = counts.get(connection.topic, 0) + connection.msgcount
+    rigs = set[str]()
+    for reader in readers(bag):
+        namespace = _namespace(bag, reader, rigs)
+        for connection in reader.connections:
+            name = connection.topic.removeprefix(namespace)
+            counts[name] = counts.get(name, 0) + connection.msgcount
     return dict(sorted(counts.items()))
 
 

@@ -15,6 +15,7 @@ from cam_rig.cli.runs.recover import recover
 from cam_rig.cli.runs.replay import replay
 from cam_rig.cli.runs.run import run
 from cam_rig.cli.runs.simulate import simulate
+from cam_rig.cli.runs.urdf import urdf
 from cam_rig.cli.runs.view import view
 from cam_rig.cli.studies.bench import bench
 from cam_rig.cli.studies.calibrate import calibrate
@@ -39,6 +40,7 @@ for verb in (
     view,
     recover,
     replay,
+    urdf,
     laws,
     law,
     profile,

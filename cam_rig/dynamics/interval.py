@@ -18,6 +18,7 @@ from cam_rig.dynamics.input_limits import (
 )
 from cam_rig.dynamics.samples import COLUMNS, NamedRows
 from cam_rig.errors import DynamicsError
+from cam_rig.laws.sampling import samples_before
 from cam_rig.units import NS, TURN
 
 #: A speed this small beside the other end's is rest: a ramp down to it ends there by rounding.
@@ -164,7 +165,7 @@ class SampleGrid:
 
     def index_after(self, time: float) -> int:
         """Index of the first sample at or after ``time`` (s since the interval's start)."""
-        return max(0, int(np.ceil((time - self.offset) * self.sample_rate)))
+        return samples_before((time - self.offset) * self.sample_rate)
 
 
 EventKind = Literal["lift-off", "landing"]

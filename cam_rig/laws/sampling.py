@@ -7,6 +7,7 @@ fixed matrix of powers then gives all samples of all chunks. No Python loop touc
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -23,6 +24,14 @@ CHUNK = 64
 WIDEST_CHUNK = 0.125
 #: Middle of a chunk, in chunks from its first sample.
 MIDDLE = 0.5 * (CHUNK - 1) / CHUNK
+#: A sample this near a joint or an event, in parts of the time between two, is at it. Rounding,
+#: which differs with where an interval begins, would else choose the side, and with it the force.
+AT_SAMPLE = 1e-6
+
+
+def samples_before(place: float) -> int:
+    """How many of the samples 0, 1, 2, … come before a place among them; one at it does not."""
+    return max(0, math.ceil(place - AT_SAMPLE))
 
 
 @lru_cache(maxsize=64)
@@ -55,7 +64,7 @@ def sample(
         index = piece % law.spans.size
         low = law.breaks[index] + (turn + piece // law.spans.size) * TURN
         span = law.spans[index]
-        end = min(count, max(begin, int(np.ceil((low + span - start) / step))))
+        end = min(count, max(begin, samples_before((low + span - start) / step)))
         if end > begin:
             run = _Run((start + begin * step - low) / span, step / span, end - begin)
             fill = _fill_directly if run.short else _fill_in_chunks

@@ -37,7 +37,6 @@ class OperatorCommands:
 
     schedule: ScheduleState
     running: bool
-    rpm: float
     pacing: str
 
 

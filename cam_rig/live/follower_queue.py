@@ -83,18 +83,18 @@ class FollowerQueue:
             self._waiting.append(state)
         return admission
 
-    def complete(self) -> Iterator[tuple[CamState, FollowerState, Block]]:
-        """End, follower and block of every tick whose cam is known, in order.
+    def complete(self) -> Iterator[tuple[CamState, CamState, FollowerState, Block]]:
+        """Start, end, follower and block of every tick whose cam is known, in order.
 
         Raises
         ------
         DynamicsError : the model cannot pass through a tick
         """
         while self._waiting and self._waiting[0].cam in self._simulator.laws:
-            state = self._waiting.popleft()
-            turned = self._simulator.turn_to(state)
-            if turned is not None:
-                yield state, *turned
+            start, end = self._simulator.checkpoint.last, self._waiting.popleft()
+            turned = self._simulator.turn_to(end)
+            if turned is not None and start is not None:
+                yield start, end, *turned
 
 
 def require_same(known: Law | None, law: Law) -> None:

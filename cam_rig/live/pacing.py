@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, field
+from decimal import Decimal
 
 from cam_rig.errors import ConfigError
 from cam_rig.units import NS
@@ -12,6 +14,18 @@ from cam_rig.units import NS
 MAX_LATENESS_S = 0.1
 #: Least and greatest real-time factor.
 FACTORS = (1e-3, 1e3)
+
+
+def pacing_of(value: object) -> object:
+    """The pacing that a bare number means, 20x for 20; anything else as it is.
+
+    >>> pacing_of(20), pacing_of(0.5), pacing_of("real_time")
+    ('20x', '0.5x', 'real_time')
+    """
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return f"{Decimal(repr(value)):f}x" if math.isfinite(value) else str(value)
+    is_number = isinstance(value, str) and re.fullmatch(r"\d+(?:\.\d+)?", value)
+    return f"{value}x" if is_number else value
 
 
 def factor_of(pacing: str) -> float | None:

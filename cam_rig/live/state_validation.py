@@ -11,7 +11,7 @@ from cam_rig.dynamics.input_limits import MAX_ANGLE
 from cam_rig.errors import RefusedError
 from cam_rig.live.flow_control import REMEMBERED_STATES
 from cam_rig.schema import SceneConfig
-from cam_rig.schema.scene import MAX_SPEED
+from cam_rig.schema.scene import MAX_SPEED, MIN_SAMPLES
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN
 
@@ -25,7 +25,7 @@ def speeds(scene: SceneConfig) -> tuple[float, float]:
     Two at least, as the scene's own; a tick that starts from rest takes twice the time.
     """
     turned = TURN / scene.program.ticks_per_turn * scene.sample_rate.si
-    return 2.0 * turned / MAX_SAMPLES, min(MAX_SPEED, 0.5 * turned)
+    return 2.0 * turned / MAX_SAMPLES, min(MAX_SPEED, turned / MIN_SAMPLES)
 
 
 class Admission(Enum):

@@ -1,16 +1,23 @@
 """The one table of topics: name, type, quality of service, publisher, and how many per tick.
 
-Nodes, recorder, runner and analysis take a topic's name from this table.
+Nodes, recorder, runner and analysis take a topic's name from this table. The names are those of
+the root namespace; a rig in another one has its namespace before each.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 from cam_rig.dynamics import COLUMNS
 from cam_rig.live.flow_control import HISTORY_DEPTH
 from cam_rig.live.state_validation import MAX_SAMPLES
+
+#: Messages of an instant that are kept for a slow subscriber: several turns of them.
+MOTION_DEPTH = 1000
+#: Topics of which ROS has one for all namespaces.
+OF_ALL = ("/parameter_events", "/tf", "/tf_static")
 
 
 @dataclass(frozen=True)
@@ -18,24 +25,38 @@ class Topic:
     """One topic. All are reliable.
 
     ``per`` says when it is published: for each ``state`` of the cam, each ``tick`` (the time
-    between two states), each ``cam`` mounted, each ``speed``, or at ``any`` time.
+    between two states), each ``instant`` (some samples of a tick, stamped with their own time),
+    each ``cam`` mounted, each ``speed``, or at ``any`` time.
 
     ``twin`` names the stamped topic that the same node publishes as often: the n-th message of the
     one belongs to the stamp of the n-th of the other.
 
     ``owner`` is the node that publishes it, and no other may; empty where several do. A message of
     more than ``most_bytes`` is refused before it is read.
+
+    A ``derived`` topic follows from others: it is published while somebody subscribes, and the
+    recorder makes its messages by itself.
     """
 
     name: str
     type: str
-    per: Literal["state", "tick", "cam", "speed", "any"]
+    per: Literal["state", "tick", "instant", "cam", "speed", "any"]
     latched: bool = True
     depth: int = HISTORY_DEPTH
     stamped: bool = True
     twin: str = ""
     owner: str = ""
     most_bytes: int = 1 << 20
+    derived: bool = False
+
+    @property
+    def relative(self) -> str:
+        """The name within a node's namespace, or that of all namespaces."""
+        return self.name if self.name in OF_ALL else self.name.lstrip("/")
+
+    def within(self, namespace: str) -> str:
+        """The name in a namespace such as "/rig1"; empty for the root."""
+        return self.name if self.name in OF_ALL else namespace + self.name
 
     @property
     def package(self) -> str:
@@ -60,9 +81,6 @@ LAW_COEFFICIENTS = Topic(
 PROFILE = Topic("/cam/profile", "geometry_msgs/msg/PolygonStamped", "cam", owner="law_server")
 CAM_STATE = Topic("/cam/state", "sensor_msgs/msg/JointState", "state", owner="cam_drive")
 FOLLOWER_STATE = Topic("/follower/state", "sensor_msgs/msg/JointState", "tick", owner="follower")
-FOLLOWER_CONTACT = Topic(
-    "/follower/contact", "geometry_msgs/msg/WrenchStamped", "tick", owner="follower"
-)
 FOLLOWER_SAMPLES = Topic(
     "/follower/samples",
     "std_msgs/msg/Float64MultiArray",
@@ -71,6 +89,59 @@ FOLLOWER_SAMPLES = Topic(
     twin="/follower/state",
     owner="follower",
     most_bytes=MAX_SAMPLES * len(COLUMNS) * 8 + 1024,
+)
+#: The motion for people. Other robots' nodes may publish joints too: this topic has no owner.
+JOINT_STATES = Topic(
+    "/joint_states",
+    "sensor_msgs/msg/JointState",
+    "instant",
+    latched=False,
+    depth=MOTION_DEPTH,
+    derived=True,
+)
+FOLLOWER_CONTACT = Topic(
+    "/follower/contact",
+    "geometry_msgs/msg/WrenchStamped",
+    "instant",
+    latched=False,
+    depth=MOTION_DEPTH,
+    owner="follower",
+    derived=True,
+)
+FOLLOWER_MARKERS = Topic(
+    "/follower/markers",
+    "visualization_msgs/msg/MarkerArray",
+    "instant",
+    latched=False,
+    depth=MOTION_DEPTH,
+    stamped=False,
+    owner="follower",
+    derived=True,
+)
+CAM_MARKERS = Topic(
+    "/cam/markers",
+    "visualization_msgs/msg/MarkerArray",
+    "cam",
+    stamped=False,
+    owner="law_server",
+    derived=True,
+)
+#: robot_state_publisher publishes it too, so this topic has no owner; its depth is the usual one.
+ROBOT_DESCRIPTION = Topic(
+    "/robot_description", "std_msgs/msg/String", "cam", depth=1, stamped=False, derived=True
+)
+#: Live these two are robot_state_publisher's.
+TF_STATIC = Topic(
+    "/tf_static", "tf2_msgs/msg/TFMessage", "cam", depth=1, stamped=False, derived=True
+)
+TF = Topic(
+    "/tf",
+    "tf2_msgs/msg/TFMessage",
+    "instant",
+    latched=False,
+    depth=100,
+    stamped=False,
+    derived=True,
 )
 LEVEL = Topic(
     "/microphone/level",
@@ -88,14 +159,33 @@ DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "any"
 DIAGNOSED_NODES = ("cam_drive", "law_server", "follower", "microphone", "recorder")
 #: The name there of the drive's pacing. It depends on the wall clock, so bags do not hold it.
 PACE = "cam_drive: pace"
+#: The end of a node's name there, for what it says on wall time while nothing turns.
+HEARTBEAT = ": heartbeat"
 #: The recorder's acknowledgement: the stamp of the newest tick whose messages are all written.
 RECORDED = Topic("/recorder/written", "std_msgs/msg/Header", "tick", owner="recorder")
 #: The law server's acknowledgement: the stamp of the newest state that it has processed.
 FOLLOWED = Topic("/law_server/followed", "std_msgs/msg/Header", "state", owner="law_server")
 #: The viewer's acknowledgement: the stamp of the newest tick that it has drawn.
 SHOWN = Topic("/viewer/shown", "std_msgs/msg/Header", "tick")
-#: A node, by the name in frame_id, takes messages; the recorder once its file is open.
-READY = Topic("/rig/ready", "std_msgs/msg/Header", "any")
+#: The run is over: how it ended (level, message), after how many ticks and at which rig time.
+FINISHED = Topic(
+    "/rig/finished",
+    "diagnostic_msgs/msg/DiagnosticStatus",
+    "any",
+    stamped=False,
+    owner="cam_drive",
+)
+#: The bag's folder, once the recorder has closed it; not latched, so of the present run alone.
+CLOSED = Topic(
+    "/recorder/closed",
+    "std_msgs/msg/String",
+    "any",
+    latched=False,
+    stamped=False,
+    owner="recorder",
+)
+#: The node of this name takes messages; the recorder once its file is open.
+READY = Topic("/rig/ready", "std_msgs/msg/String", "any", stamped=False)
 
 #: A command to the drive: the cam's speed in rpm from the next tick on, 0 as the scene says.
 CAM_RPM = Topic("/cam/rpm", "std_msgs/msg/Float64", "any", latched=False, stamped=False)
@@ -116,9 +206,23 @@ RECORDING = (
     PROFILE,
     CAM_STATE,
     FOLLOWER_STATE,
-    FOLLOWER_CONTACT,
     FOLLOWER_SAMPLES,
+    JOINT_STATES,
+    FOLLOWER_CONTACT,
+    FOLLOWER_MARKERS,
+    CAM_MARKERS,
+    ROBOT_DESCRIPTION,
+    TF_STATIC,
+    TF,
     LEVEL,
     PRESSURE,
     DIAGNOSTICS,
 )
+#: What the recorder receives; the rest of a bag it makes itself.
+RECEIVED = tuple(topic for topic in RECORDING if not topic.derived)
+
+
+@lru_cache(maxsize=1024)
+def recorded_topic(name: str) -> Topic | None:
+    """The topic of a rig that a recorded name is of, in whatever namespace; None for others."""
+    return next((t for t in RECORDING if name == t.name or name.endswith(t.name)), None)

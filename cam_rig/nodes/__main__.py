@@ -28,11 +28,18 @@ NODES = {
     "viewer": "Viewer",
     "player": "Player",
 }
+HELP = ("-h", "--help")
 STOPPING = (signal.SIGINT, signal.SIGTERM)
 
 
 def start(name: str) -> None:
-    """Run a node until it finishes, fails, or gets a signal to stop (SIGINT, SIGTERM)."""
+    """Run a node until it finishes, fails, or gets a signal to stop (SIGINT, SIGTERM).
+
+    Asked for help, print what it takes, and start nothing.
+    """
+    if any(word in sys.argv[1:] for word in HELP):
+        print(import_module("cam_rig.nodes.common.usage").usage(name))
+        return
     # also where a shell that started this process in the background has set SIGINT to be ignored
     for number in STOPPING:
         signal.signal(number, _exit_at_once)
@@ -42,7 +49,7 @@ def start(name: str) -> None:
     try:
         with libraries_named():
             module = import_module(f"cam_rig.nodes.{name}")
-            app = import_module("cam_rig.nodes.common.rig_node")
+            app = import_module("cam_rig.nodes.common.process")
     except MissingLibraryError as error:
         sys.exit(f"cam_rig: {error}")
     app.run(getattr(module, NODES[name]))
@@ -73,5 +80,9 @@ player = partial(start, "player")
 
 if __name__ == "__main__":
     if len(sys.argv) < 2 or sys.argv[1] not in NODES:
-        sys.exit(f"usage: python -m cam_rig.nodes {{{','.join(NODES)}}} [--ros-args ...]")
+        how = f"usage: python -m cam_rig.nodes {{{','.join(NODES)}}} [--help] [--ros-args ...]"
+        if not set(sys.argv[1:]) & set(HELP):
+            sys.exit(how)
+        print(how)
+        sys.exit(0)
     start(sys.argv.pop(1))

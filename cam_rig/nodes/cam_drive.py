@@ -19,6 +19,7 @@ from cam_rig.nodes.common.clock_source import ClockSource
 from cam_rig.nodes.common.diagnostics import ERROR, OK, WARN, Diagnostics
 from cam_rig.nodes.common.law_server_client import LAW_SERVER, LawServerClient
 from cam_rig.nodes.drive_controls import DriveControls
+from cam_rig.runner.node_table import held_by
 from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import RPM
@@ -42,11 +43,10 @@ class CamDrive(ClockSource):
             self._loaded.scene, consumers, server.request, checkpoints, commands
         )
         if commands is not None:
-            values = {"rpm": commands.rpm, "pacing": commands.pacing}
-            self.set_parameters([Parameter(name, value=value) for name, value in values.items()])
+            self.set_parameters([Parameter("pacing", value=commands.pacing)])
         self._program.pacing.set(self.get_parameter("pacing").value)
         if not checkpoints and commands is None:
-            self._program.running = self.given["autostart"]
+            self._program.running = self.given["autostart"] and self.runs_before == 0
             self._program.command(self.given["rpm"] * RPM)
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
         controls = DriveControls(self, self._program, self._send, kept)
@@ -106,9 +106,25 @@ class CamDrive(ClockSource):
         stands = not program.running and program.flow.in_flight == 0
         return stands or self.next_due() > 0.0
 
+    def get_parameter(self, name: str) -> Parameter:
+        """The value that was set; of ``rpm``, the speed of the last state."""
+        found: Parameter = super().get_parameter(name)
+        return Parameter(name, value=self.speed.rpm) if name == "rpm" else found
+
+    @property
+    def is_commanded(self) -> bool:
+        """Whether the cam turns at a commanded speed."""
+        return self._program.schedule.state.speed is not None
+
+    def activity(self) -> str:
+        """What the node does now, in words."""
+        if self._program.halted:
+            return "emergency stop, waiting for ~/reset"
+        if self._awaited or self._program.running:
+            return super().activity()
+        return "stopped, waiting for ~/start"
+
     def stuck(self) -> str:
         """What is missing, in words."""
         program = self._program
-        return (
-            f"{program.sent} of {program.ticks + 1} states from: {', '.join(program.waits_for())}"
-        )
+        return f"{program.sent} of {program.ticks + 1} states from: {held_by(program.waits_for())}"

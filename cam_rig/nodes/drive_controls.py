@@ -84,9 +84,8 @@ class DriveControls:
 
     def save(self) -> None:
         """Save the commands as they are now."""
-        rpm, pacing = (self._node.get_parameter(name).value for name in ("rpm", "pacing"))
-        program = self._program
-        self._kept.save(OperatorCommands(program.schedule.state, program.running, rpm, pacing))
+        program, pacing = self._program, self._node.get_parameter("pacing").value
+        self._kept.save(OperatorCommands(program.schedule.state, program.running, pacing))
 
     def _refuse(self, parameters: list[Parameter]) -> SetParametersResult:
         """Refuse a speed whose ticks would have too few or too many samples."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -19,6 +18,7 @@ from cam_rig.nodes.common.convert import to_array, to_header, to_joint_state
 from cam_rig.nodes.common.diagnostics import OK, WARN
 from cam_rig.nodes.common.resend import ResendBuffer
 from cam_rig.nodes.common.rig_node import RigNode
+from cam_rig.robot.derived import motion_of_follower
 from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import FollowerSimulator
@@ -26,7 +26,9 @@ from cam_rig.units import to_rpm
 
 
 class Follower(RigNode):
-    """Publishes /follower/samples, /follower/contact and /follower/state for each tick."""
+    """Publishes /follower/samples and /follower/state for each tick, and its motion for people."""
+
+    waits_for = "cam_drive and law_server"
 
     def __init__(self) -> None:
         super().__init__("follower")
@@ -36,10 +38,13 @@ class Follower(RigNode):
         predecessor = next(iter(self.restore()), None)
         self._ticks = FollowerQueue(simulator, self._loaded.scene, predecessor)
         self.save(self._ticks.checkpoint, -1)  # to go back to before the first tick
-        out = (topics.FOLLOWER_SAMPLES, topics.FOLLOWER_CONTACT, topics.FOLLOWER_STATE)
+        out = (topics.FOLLOWER_SAMPLES, topics.FOLLOWER_STATE)
         self._out, self._sent = [self.publisher(topic) for topic in out], ResendBuffer()
+        self._motion = motion_of_follower(self._loaded, self.given["points_per_turn"])
+        self._motion_out = {topic: self.publisher(topic) for topic in self._motion.topics}
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
         self.subscribe(topics.CAM_STATE, self._on_state)
+        self.get_logger().info(self.activity())
 
     def _on_law(self, message: Float64MultiArray) -> None:
         law = decode_law(*array_of(message))
@@ -55,7 +60,9 @@ class Follower(RigNode):
 
     def _turn(self) -> None:
         try:
-            for end, state, block in self._ticks.complete():
+            for start, end, state, block in self._ticks.complete():
+                self.ticks += 1
+                self._publish_motion(start, end, block)
                 self._publish(end, state, block)
                 self.save(self._ticks.checkpoint, end.time_ns)
         except DynamicsError as error:
@@ -67,12 +74,16 @@ class Follower(RigNode):
         words = "contact lost" if lost else "in contact"
         self.health.report(end.time_ns, WARN if lost else OK, words, values)
         header = to_header(end.time_ns, "follower")
-        contact = WrenchStamped(header=header)
-        contact.wrench.force.y = float(state.contact_force)
         motion = (state.displacement, state.velocity, state.contact_force)
         messages = (
             to_array(*encode_block(block.rows)),
-            contact,
             to_joint_state("follower", header, *motion),
         )
         self._sent.publish(end.time_ns, list(zip(self._out, messages, strict=True)))
+
+    def _publish_motion(self, start: CamState, end: CamState, block: Block) -> None:
+        """Publish the motion for those who subscribe; who joins later sees the next tick."""
+        out = self._motion_out
+        wanted = {topic for topic in out if out[topic].get_subscription_count() > 0}
+        for topic, _, cdr in self._motion.moved(start, end, block.rows, wanted) if wanted else ():
+            out[topic].publish(cdr)

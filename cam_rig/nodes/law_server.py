@@ -1,4 +1,4 @@
-"""The law server: holds the mounted cam's law and publishes it to every node, latched."""
+"""The law server: holds the mounted cam and publishes its law and its looks, latched."""
 
 from __future__ import annotations
 
@@ -16,11 +16,13 @@ from cam_rig.nodes.common.convert import to_array, to_header, to_polygon, to_tra
 from cam_rig.nodes.common.diagnostics import OK
 from cam_rig.nodes.common.resend import ResendBuffer
 from cam_rig.nodes.common.rig_node import RigNode
+from cam_rig.robot.derived import MountedCam
+from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.simulation.schedule import CamState
 
 
 class LawServer(RigNode):
-    """Publishes /cam/law_coefficients and /cam/profile for each cam, /cam/law for each speed."""
+    """Publishes law, contour and looks of each cam, and /cam/law for each speed."""
 
     def __init__(self) -> None:
         super().__init__("law_server")
@@ -28,6 +30,9 @@ class LawServer(RigNode):
             self.publisher, (topics.LAW, topics.LAW_COEFFICIENTS, topics.PROFILE)
         )
         self._followed = self.publisher(topics.FOLLOWED)
+        self._loaded = open_scene(Path(self.given["scene"]))
+        self._robot = MountedCam(self._loaded)
+        self._robot_out = {topic: self.publisher(topic) for topic in self._robot.topics}
         self._predecessor = self.checkpoint.all()
         left = [checkpoint for checkpoint, _ in self._predecessor]
         self._cams = CamMounting(Path(self.given["scene"]), self.given["cam"], left)
@@ -35,6 +40,7 @@ class LawServer(RigNode):
         self._publish_law()
         self.add_on_set_parameters_callback(self._on_parameters)
         self.subscribe(topics.CAM_STATE, self._on_state)
+        self.get_logger().info(self.activity())
 
     def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
         for parameter in (p for p in parameters if p.name == "cam"):
@@ -47,11 +53,18 @@ class LawServer(RigNode):
                 self._law.resend(0)
         return SetParametersResult(successful=True)
 
+    def summary(self) -> str:
+        """What the node has done, in words, when it ends."""
+        return f"done with {self.ticks} states"
+
     def _publish_law(self) -> None:
+        self.get_logger().info(f"{self._cams.cam} is mounted")
         self._save()
         law, self._law = self._cams.law, ResendBuffer()
         contour = (self._profile, to_polygon(self._cams.config, law))
-        self._law.publish(0, [(self._coefficients, to_array(*encode_law(law))), contour])
+        self._loaded.mount(law.name)
+        looks = [(self._robot_out[topic], cdr) for topic, cdr in self._robot.messages(law.name)]
+        self._law.publish(0, [(self._coefficients, to_array(*encode_law(law))), contour, *looks])
 
     def _on_state(self, message: JointState) -> None:
         state = cam_state_of(message)
@@ -60,7 +73,7 @@ class LawServer(RigNode):
             self._samples.resend(state.time_ns)
         else:
             self._follow(state)
-        self._followed.publish(to_header(state.time_ns, "law_server"))
+        self._followed.publish(to_header(state.time_ns))
 
     def _follow(self, state: CamState) -> None:
         while self._predecessor:  # as far as it was before the first state that comes
@@ -70,6 +83,7 @@ class LawServer(RigNode):
                 self.health.reported = reported
         if (law := self._cams.follow(state)) is not None:
             self._samples.publish(state.time_ns, [(self._sampled, to_trajectory(law, state))])
+        self.ticks += 1
         self.health.report(state.time_ns, OK, f"{state.cam} is mounted")
         self._save()
 

@@ -14,7 +14,7 @@ from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_block
 from cam_rig.nodes.common.convert import to_header
 from cam_rig.nodes.common.diagnostics import OK, WARN
-from cam_rig.nodes.common.parameters import weightings
+from cam_rig.nodes.common.parameter_values import weightings
 from cam_rig.nodes.common.resend import ResendBuffer
 from cam_rig.nodes.common.rig_node import RigNode
 from cam_rig.simulation.audio import MeterSimulator
@@ -24,6 +24,8 @@ from cam_rig.simulation.simulate import MicrophoneSimulator
 
 class Microphone(RigNode):
     """Publishes /microphone/level (dB) and /microphone/pressure (Pa, r.m.s.) for each tick."""
+
+    waits_for = "cam_drive and follower"
 
     def __init__(self) -> None:
         super().__init__("microphone")
@@ -42,6 +44,7 @@ class Microphone(RigNode):
         self._sent = ResendBuffer()
         self.subscribe(topics.FOLLOWER_SAMPLES, self._on_samples)
         self.subscribe(topics.CAM_STATE, self._on_state)
+        self.get_logger().info(f"measuring {self._meter.quantity}, {self.activity()}")
 
     def _on_parameters(self, parameters: list[Parameter]) -> None:
         """Set another weighting from the next tick on."""
@@ -63,6 +66,7 @@ class Microphone(RigNode):
 
     def _listen(self) -> None:
         for start, end, rows in self._ticks.complete():
+            self.ticks += 1
             speed = start.until(end).mean_speed
             pressure, reading = self._source.listen(rows, speed), self._meter.read(rows, speed)
             level, words = (WARN, "overload") if reading.overload else (OK, "hears")

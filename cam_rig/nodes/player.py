@@ -10,7 +10,9 @@ from cam_rig.bag.playback import PLAYED, Played, played
 from cam_rig.live.flow_control import FlowControl
 from cam_rig.messages import topics
 from cam_rig.nodes.common.clock_source import ClockSource
-from cam_rig.nodes.common.parameters import ESSENTIAL, weightings
+from cam_rig.nodes.common.parameter_values import weightings
+from cam_rig.nodes.common.parameters import ESSENTIAL
+from cam_rig.runner.node_table import held_by
 
 
 class Player(ClockSource):
@@ -63,4 +65,4 @@ class Player(ClockSource):
 
     def stuck(self) -> str:
         """What is missing, in words."""
-        return f"{self._sent} states from: {', '.join(self._flow.behind())}"
+        return f"{self._sent} states from: {held_by(self._flow.behind())}"

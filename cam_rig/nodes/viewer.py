@@ -53,6 +53,7 @@ class Viewer(RigNode):
         for topic, handle in handlers.items():
             self.subscribe(replace(topic, depth=QUEUE_DEPTH), self._on(handle))
         self.every(SEND_EVERY_S, self._view.flush)
+        self.get_logger().info(self.activity())
 
     def _on_profile(self, message: PolygonStamped) -> None:
         cam = message.header.frame_id
@@ -65,7 +66,8 @@ class Viewer(RigNode):
             try:
                 handle(message)
                 for _, end, _ in self._view.feed.draw():
-                    self._shown.publish(to_header(end.time_ns, "viewer"))
+                    self.ticks += 1
+                    self._shown.publish(to_header(end.time_ns))
             except CamRigError as error:
                 raise RefusedError(str(error)) from None
 

@@ -1,4 +1,4 @@
-"""One run per ROS domain: two would receive each other's cam states."""
+"""One run, and one recorder, in each namespace of a ROS domain: two would hear each other."""
 
 from __future__ import annotations
 
@@ -23,13 +23,16 @@ NUMBER = re.compile(
 )
 #: Characters of such a number, at most.
 MAX_CHARACTERS = 64
+#: A namespace of ROS; a topic's name ends it, and may have 255 characters with it.
+NAMESPACE = re.compile(r"(/(?:_?[A-Za-z]|_[0-9])(?:_?[A-Za-z0-9])*_?)+", re.ASCII)
+MAX_NAMESPACE = 200
 #: What opening a file raises that is not this user's own: a link, a folder, another user's.
 FOREIGN = (errno.ELOOP, errno.EISDIR, errno.EACCES, errno.EPERM)
 
 
 @contextmanager
-def own_domain() -> Iterator[None]:
-    """Hold the ROS domain of this environment; the kernel releases it with the process.
+def own_domain(namespace: str = "") -> Iterator[None]:
+    """Hold a namespace of this environment's ROS domain; the kernel releases it with the process.
 
     Raises
     ------
@@ -37,17 +40,62 @@ def own_domain() -> Iterator[None]:
     RunError : another run on this machine holds it
     OutputError : the lock cannot be written
     """
-    domain = domain_number(os.environ.get("ROS_DOMAIN_ID", ""))
-    place = user_folder()
-    with open(_lock(place / f"cam_rig-domain-{domain}.lock"), "rb") as lock:
+    with _only("domain", domain_number(os.environ.get("ROS_DOMAIN_ID", "")), namespace) as where:
+        if where:
+            raise RunError(
+                f"another run is active in {where}; allowed: one, so give this one a namespace "
+                "(--namespace /rig2), or set ROS_DOMAIN_ID to another number"
+            )
+        yield
+
+
+@contextmanager
+def own_recorder(domain: int, namespace: str) -> Iterator[None]:
+    """Be the one recorder of a rig: the drive waits for what it has written.
+
+    Raises
+    ------
+    ConfigError : the namespace is too long
+    RunError : another recorder on this machine is at work; it is not disturbed
+    OutputError : the lock cannot be written
+    """
+    with _only("recorder", domain, namespace_named(namespace)) as where:
+        if where:
+            raise RunError(
+                f"this rig has a recorder already, in {where}; allowed: one, as the drive waits "
+                "for what it has written; end it first, record the topics with ros2 bag record, or "
+                "set ROS_DOMAIN_ID to another number"
+            )
+        yield
+
+
+@contextmanager
+def _only(what: str, domain: int, namespace: str) -> Iterator[str]:
+    """Hold a lock of a rig; where another process has it, yields the rig's place in words."""
+    name = f"cam_rig-{what}-{domain}{namespace.replace('/', '-')}.lock"
+    with open(_lock(user_folder() / name), "rb") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            where = ""
         except BlockingIOError:
-            raise RunError(
-                f"another run is active in ROS domain {domain}; allowed: one per domain, so set "
-                "ROS_DOMAIN_ID to another number"
-            ) from None
-        yield
+            where = f"ROS domain {domain}" + (f", namespace {namespace}" if namespace else "")
+        yield where
+
+
+def namespace_named(text: str) -> str:
+    """The namespace that a text names, with its slash: rig1 and /rig1 alike; empty for the root.
+
+    Raises
+    ------
+    ConfigError : ROS allows no such namespace
+    """
+    namespace = f"/{text.strip('/')}".rstrip("/")
+    if len(namespace) > MAX_NAMESPACE or (namespace and not NAMESPACE.fullmatch(namespace)):
+        raise ConfigError(
+            f"namespace: is {text[:80]!r}, {len(text)} characters; allowed: letters, digits, "
+            f"single _ and /, each part begins with a letter, {MAX_NAMESPACE} characters at most"
+        )
+    return namespace
 
 
 def domain_number(text: str) -> int:

@@ -16,43 +16,14 @@ from cam_rig.extras import require
 from cam_rig.runner.checkpoint_folder import CheckpointFolder
 from cam_rig.runner.node_process import Arguments, NodeProcess, stop_all
 from cam_rig.runner.node_table import (
-    CONSUMERS,
-    DRIVE,
     ENTRIES,
-    NODES,
     PATIENCE_S,
-    PLAYER,
     RECORDER,
-    VIEWER,
 )
 from cam_rig.runner.shared_memory import LOCK_GRACE_S, clean, require_room
 
 #: Signals that end a run; a closed terminal is one of them.
 STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-
-
-def live(
-    scene: Path, bag: Path, screen: str | None = None, **drive: str | bool | float
-) -> dict[str, Arguments]:
-    """The nodes of a run in the order of the table, with their parameters.
-
-    ``screen`` is the address that a viewer draws the run to; None starts no viewer.
-    """
-    names = [entry.name for entry in NODES if screen is not None or entry.name != VIEWER]
-    consumers = [name for name in names if name in CONSUMERS]
-    given: dict[str, Arguments] = {
-        RECORDER: {"bag": str(bag)},
-        VIEWER: {"address": screen or ""},
-        # a node that has ended is noticed here at once, so a busy machine may answer late
-        DRIVE: {"consumers": consumers, "patience": PATIENCE_S, **drive},
-    }
-    return {name: {"scene": str(scene), **given.get(name, {})} for name in names}
-
-
-def replayed(scene: Path, bag: Path, recorded: Path) -> dict[str, Arguments]:
-    """The consumers of a run, and the player in place of the drive and the law server."""
-    nodes = {name: given for name, given in live(scene, bag).items() if name in CONSUMERS}
-    return nodes | {PLAYER.name: {"bag": str(recorded), "patience": PATIENCE_S}}
 
 
 class Graph:
@@ -64,6 +35,7 @@ class Graph:
     respawn : start a node again that was killed, instead of ending the run
     network : let the nodes be discovered in the whole subnet, not on this machine alone
     log : called with what happened, a line at a time
+    namespace : the rig's, "/rig1"; empty for the root
     """
 
     def __init__(
@@ -72,8 +44,10 @@ class Graph:
         respawn: bool = False,
         network: bool = False,
         log: Callable[[str], None] = lambda _line: None,
+        namespace: str = "",
     ) -> None:
         self._nodes, self._respawn, self._network = nodes, respawn, network
+        self._namespace = namespace
         self._log, self._when = log, "before the first tick"
         self._drive = list(nodes)[-1]
         self.processes: dict[str, NodeProcess] = {}
@@ -272,7 +246,9 @@ class Graph:
         if self._checkpoints is not None:
             arguments = arguments | {"checkpoint": str(self._checkpoints.path)}
         report = self._progress.put if name == self._drive else None
-        self.processes[name] = NodeProcess(name, arguments, self._network, self._log, report)
+        self.processes[name] = NodeProcess(
+            name, arguments, self._network, self._log, report, self._namespace
+        )
 
 
 class InterruptError(RunError):

@@ -35,6 +35,7 @@ class NodeProcess:
     name : the node's name, and its module's
     arguments : its parameters
     network : see `environment`
+    namespace : the rig's, "/rig1"; empty for the root
     log : called with each line of its stdout; a node of the rig writes none, the middleware may
     report : called with each line of its progress, which it writes into a pipe; None opens none
 
@@ -50,6 +51,7 @@ class NodeProcess:
         network: bool,
         log: Callable[[str], None],
         report: Callable[[str], None] | None = None,
+        namespace: str = "",
     ) -> None:
         self.name = name
         self.stderr_lines: list[str] = []
@@ -57,7 +59,8 @@ class NodeProcess:
         #: Whether it did not end when it was asked to, so that it had to be killed.
         self.overdue = False
         try:
-            self.process, progress = _start(name, arguments, network, report is not None)
+            command = _command(name, arguments, namespace)
+            self.process, progress = _start(command, network, report is not None)
         except (OSError, MemoryError) as error:
             raise _none_left(name, getattr(error, "strerror", None) or "no memory") from None
         try:
@@ -131,14 +134,14 @@ class NodeProcess:
 
 
 def _start(
-    name: str, arguments: Arguments, network: bool, reports: bool
+    command: list[str], network: bool, reports: bool
 ) -> tuple[subprocess.Popen[str], Iterable[str]]:
     """A node's process, and the lines of its progress, which come through a pipe."""
     if not reports:
-        return _started(_command(name, arguments), network, None), ()
+        return _started(command, network, None), ()
     progress, pipe = os.pipe()
     try:
-        command = _command(name, arguments | {"progress_fd": pipe})
+        command = [*command, "-p", f"progress_fd:={pipe}"]
         return _started(command, network, pipe), os.fdopen(progress)
     except BaseException:
         os.close(progress)
@@ -147,11 +150,12 @@ def _start(
         os.close(pipe)
 
 
-def _command(name: str, arguments: Arguments) -> list[str]:
+def _command(name: str, arguments: Arguments, namespace: str) -> list[str]:
     # as JSON, which is YAML too: a folder called yes or 1e3 stays a text
     pairs = (f"{key}:={json.dumps(value)}" for key, value in arguments.items())
     ros = [part for pair in pairs for part in ("-p", pair)]
-    return [sys.executable, "-m", "cam_rig.nodes", name, "--ros-args", *ros]
+    place = ("-r", f"__ns:={namespace}") if namespace else ()
+    return [sys.executable, "-m", "cam_rig.nodes", name, "--ros-args", *place, *ros]
 
 
 def _started(command: list[str], network: bool, pipe: int | None) -> subprocess.Popen[str]:

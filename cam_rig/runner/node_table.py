@@ -5,6 +5,7 @@ Subscribers stand before publishers: they start in this order, and end in the op
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,8 @@ from typing import Any
 MAX_RESPAWNS = 20
 #: Wall time (s) without an answer after which the drive of a run gives up.
 PATIENCE_S = 120.0
+#: What a node does when the run is over: end, stay for another one, or wait for a signal to stop.
+END, STAY, WAIT = "end", "stay", "wait"
 
 
 @dataclass(frozen=True)
@@ -30,10 +33,18 @@ class NodeEntry:
 
 RECORDER, VIEWER, DRIVE = "recorder", "viewer", "cam_drive"
 NODES = (
-    NodeEntry(RECORDER, {"bag": str}),
+    NodeEntry(
+        RECORDER,
+        {
+            "bag": str,
+            "points_per_turn": int,
+            "max_bagfile_size": int,
+            "max_bagfile_duration": float,
+        },
+    ),
     NodeEntry(VIEWER, {"address": str}, essential=False, max_respawns=3),
     NodeEntry("microphone", {}),
-    NodeEntry("follower", {}),
+    NodeEntry("follower", {"points_per_turn": int}),
     NodeEntry("law_server", {}),
     NodeEntry(DRIVE, {"pacing": str, "autostart": bool, "patience": float}),
 )
@@ -45,3 +56,16 @@ SOURCES = ("law_server", DRIVE, PLAYER.name)
 #: The nodes that the drive may wait for, beside the law server, and those it can go on without.
 CONSUMERS = tuple(entry.name for entry in NODES if entry.name not in SOURCES)
 OPTIONAL = frozenset(entry.name for entry in NODES if not entry.essential)
+
+
+def held_by(names: Sequence[str]) -> str:
+    """Which of some nodes that do not answer holds the others, in words.
+
+    Each waits for those that stand after it in the table.
+
+    >>> held_by(["recorder", "microphone", "follower"])
+    'follower, and behind it microphone, recorder'
+    """
+    order = [entry.name for entry in NODES]
+    first, *rest = sorted(names, key=order.index, reverse=True)
+    return f"{first}, and behind it {', '.join(rest)}" if rest else first

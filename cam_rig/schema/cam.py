@@ -11,6 +11,9 @@ from cam_rig.schema.follower import Follower
 from cam_rig.schema.quantity import Quantity, Strict, must_be
 from cam_rig.schema.segments import Segment, Table
 
+#: Frames of the rig's robot besides one for each cam, which bears the cam's name.
+FRAMES = ("base_link", "guide", "motor", "microphone", "cam", "follower", "follower_arc")
+
 
 class CamConfig(Strict):
     """One file of ``config/cams/``.
@@ -26,6 +29,15 @@ class CamConfig(Strict):
     lift: Annotated[Quantity, must_be("length", above=0.0, most=100.0)]
     follower: Follower
     segments: list[Segment] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _own_frame(self) -> CamConfig:
+        if self.name in FRAMES:
+            raise ValueError(
+                f"name: is {self.name!r}, another frame of the rig; allowed: any name but "
+                f"{', '.join(FRAMES)}"
+            )
+        return self
 
     @model_validator(mode="after")
     def _turn(self) -> CamConfig:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
 from cam_rig.schema.quantity import Quantity, Strict, must_be
-from cam_rig.units import RPM
+from cam_rig.units import RPM, TURN
 
 #: Cam speeds of a scene, rad/s.
 MIN_SPEED, MAX_SPEED = 0.01 * RPM, 1e5 * RPM
+#: Instants a turn at which the motion is published for people, at most.
+MAX_POINTS_PER_TURN = 3600
+#: Samples of a tick at the highest speed, at least, and of a ramp.
+MIN_SAMPLES = 2
 #: A name refers to a file of that name, without the suffix.
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 #: The field's names of two models, and those that scenes and bags have had from the beginning.
@@ -65,6 +70,7 @@ class SceneConfig(Strict):
     rig: Name
     model: Model
     sample_rate: Annotated[Quantity, must_be("frequency", least=100.0, most=1e6)]
+    points_per_turn: int = Field(default=72, ge=1, le=MAX_POINTS_PER_TURN, strict=True)
     program: Program
     published: Name | None = None
 
@@ -76,10 +82,24 @@ class SceneConfig(Strict):
             raise ValueError(
                 f"sample_rate: is {self.sample_rate.si:g} Hz; allowed: a whole number of Hz"
             )
-        tick = 6.283185307179586 / max(self.program.speeds.si_list) / self.program.ticks_per_turn
-        if tick * self.sample_rate.si < 2.0:
-            raise ValueError(
-                f"sample_rate: {self.sample_rate.si:g} Hz gives {tick * self.sample_rate.si:.3g} "
-                "samples a tick at the highest speed; allowed: at least 2"
-            )
+        self._require_samples()
         return self
+
+    def _require_samples(self) -> None:
+        """Two at least in every tick: one of a ramp may be half as long, and must hold one."""
+        rate, ticks = self.sample_rate.si, self.program.ticks_per_turn
+        turn = TURN / max(self.program.speeds.si_list) * rate
+        if turn / ticks < MIN_SAMPLES:
+            most = int(turn / MIN_SAMPLES)
+            fewer = f", or ticks_per_turn up to {most}" if most else ""
+            raise ValueError(
+                f"sample_rate: {rate:g} Hz gives {turn / ticks:.3g} samples a tick at the highest "
+                f"speed, {ticks} ticks_per_turn; allowed: at least {MIN_SAMPLES}, so "
+                f"{math.ceil(MIN_SAMPLES * ticks * rate / turn)} Hz{fewer}"
+            )
+        ramp = self.program.ramp
+        if ramp is not None and ramp.si * rate < MIN_SAMPLES:
+            raise ValueError(
+                f"program.ramp: {ramp.si:g} s has {ramp.si * rate:.3g} samples at {rate:g} Hz; "
+                f"allowed: at least {MIN_SAMPLES}, or no ramp: without one the speed steps"
+            )

@@ -10,29 +10,41 @@ import numpy as np
 from cam_rig.acoustics import level_db
 from cam_rig.errors import CamRigError
 from cam_rig.simulation.schedule import CamState
-from cam_rig.units import NS, TURN
+from cam_rig.units import TURN
 
 
 @dataclass(frozen=True)
 class MeasuredTick:
     """The microphone's r.m.s. pressure (Pa) over one tick, from ``start`` to ``stop_ns``.
 
-    ``steady`` is False along a ramp.
+    ``samples`` are those of the tick, of which the pressure is the mean. ``steady`` is False along
+    a ramp.
     """
 
     start: CamState
     stop_ns: int
     pressure: float
+    samples: int
     steady: bool = True
+
+    @classmethod
+    def between(
+        cls, start: CamState, end: CamState, pressure: float, sample_rate: int
+    ) -> MeasuredTick:
+        """The tick from one cam state to the next, of samples at ``sample_rate`` (Hz)."""
+        interval = start.until(end)
+        count = interval.grid(sample_rate).count
+        return cls(start, end.time_ns, pressure, count, interval.acceleration == 0.0)
 
 
 def step_levels(
     ticks: Iterable[MeasuredTick], settle_turns: float
 ) -> dict[str, dict[float, float]]:
-    """Level in dB by cam and speed (rad/s): the energy mean over the step's settled ticks.
+    """Level in dB by cam and speed (rad/s): the energy mean over the step's settled samples.
 
     A step is a run of ticks of one cam at one speed; its first ``settle_turns`` are left out,
-    and ramps are.
+    and ramps are. Each tick counts by its samples, not by its time: short ticks of one length may
+    have two or three, and every sample weighs the same however the turn is divided.
     """
     energy: dict[tuple[str, float], list[float]] = {}
     first: CamState | None = None
@@ -44,13 +56,12 @@ def step_levels(
             first = state
         turned = state.since(first) / TURN
         if turned > settle_turns - 1e-6:
-            duration = (tick.stop_ns - state.time_ns) / NS
             total = energy.setdefault((state.cam, state.speed), [0.0, 0.0])
-            total[0] += tick.pressure**2 * duration
-            total[1] += duration
+            total[0] += tick.pressure**2 * tick.samples
+            total[1] += tick.samples
     levels: dict[str, dict[float, float]] = {}
-    for (cam, speed), (square, duration) in energy.items():
-        levels.setdefault(cam, {})[speed] = float(level_db(np.sqrt(square / duration)))
+    for (cam, speed), (square, samples) in energy.items():
+        levels.setdefault(cam, {})[speed] = float(level_db(np.sqrt(square / samples)))
     return levels
 
 

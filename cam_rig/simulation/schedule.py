@@ -93,8 +93,10 @@ def cam_states(scene: SceneConfig) -> Iterator[CamState]:
 
 def _hold(scene: SceneConfig, speed: float) -> list[Interval]:
     """The ticks of one speed, from time and angle 0."""
-    tick = TURN / speed / scene.program.ticks_per_turn
-    edges = [round(i * tick * NS) for i in range(ticks_a_step(scene) + 1)]
+    tick = Fraction(TURN) * NS / Fraction(speed) / scene.program.ticks_per_turn
+    # In whole numbers, so that a turn ends at the same nanosecond however it is divided.
+    whole, parts = (2 * tick).as_integer_ratio()
+    edges = [(i * whole + parts) // (2 * parts) for i in range(ticks_a_step(scene) + 1)]
     return [_held(a, b, speed) for a, b in pairwise(edges)]
 
 

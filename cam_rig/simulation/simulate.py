@@ -99,7 +99,6 @@ def simulate(loaded: LoadedScene) -> Iterator[MeasuredTick]:
     for state in cam_states(loaded.scene):
         turned = follower.turn_to(state)
         if turned is not None and start is not None:
-            interval = turned[1].interval
-            pressure = microphone.listen(turned[1].rows, interval.mean_speed)
-            yield MeasuredTick(start, state.time_ns, pressure, interval.acceleration == 0.0)
+            pressure = microphone.listen(turned[1].rows, turned[1].interval.mean_speed)
+            yield MeasuredTick.between(start, state, pressure, microphone.sample_rate)
         start = state

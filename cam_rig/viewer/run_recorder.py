@@ -91,7 +91,7 @@ class RunRecorder:
         start, end = self._without_sound.pop(end_ns)
         if self._run_view is not None:
             self._run_view.level(end, level)
-        tick = MeasuredTick(start, end_ns, pressure, start.holds_until(end))
+        tick = MeasuredTick.between(start, end, pressure, int(self._loaded.scene.sample_rate.si))
         measured = self._levels.add(tick, end.unwrapped)
         if measured is not None:
             self._results.level(start.cam, start.speed, measured)

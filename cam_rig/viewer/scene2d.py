@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
 from cam_rig.drawing.follower import FollowerShape, follower_shape
+from cam_rig.drawing.force_scale import ARROW, max_contact_force
 from cam_rig.drawing.outlines import MM, circle, closed
-from cam_rig.dynamics.contact_force import force_weights
-from cam_rig.profile import turn_angles
 from cam_rig.profile.motion import Motion
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
@@ -24,8 +23,6 @@ VIEW = "scene"
 FRAMES_PER_TURN = 72
 #: Radii on the screen: Rerun takes a negative one as points, not as mm.
 LINE, THIN, THICK, SHAFT, UNSEEN = -1.5, -0.7, -2.5, -3.0, -0.1
-#: The longest arrow of the contact force at a speed, as a share of the follower's reach.
-ARROW = 0.5
 
 
 def shapes(loaded: LoadedScene) -> dict[str, FollowerShape]:
@@ -36,13 +33,6 @@ def shapes(loaded: LoadedScene) -> dict[str, FollowerShape]:
 def reach(loaded: LoadedScene) -> float:
     """How far from the cam shaft a follower is at most over all cams of the scene, m."""
     return max(shape.reach for shape in shapes(loaded).values())
-
-
-def max_contact_force(loaded: LoadedScene, cam: str, speed: float) -> float:
-    """Maximum contact force (N) of a follower that stays in contact at a speed (rad/s)."""
-    follower, angle = loaded.follower, turn_angles(720)
-    motion = np.stack([loaded.laws[cam](angle, order) for order in range(3)])
-    return follower.preload + float((force_weights(follower, speed) @ motion).max())
 
 
 def frame_mask(angle: FloatArray, step: float) -> NDArray[np.bool_]:

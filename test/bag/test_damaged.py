@@ -171,7 +171,7 @@ def test_what_is_saved_was_recorded(tmp_path, originals, seed):
         rest = iter(whole[topic])
         assert all(any(one == other for other in rest) for one in true)  # in its order
         wrong += len(part) - len(true)
-    assert wrong <= saved.reader.doubtful
+    assert wrong <= saved.readers[0].doubtful
 
 
 def contents(file):

@@ -88,7 +88,7 @@ def test_a_follower_stays_finite_whatever_is_published(received):
                 follower.add_law(decode_law(*array_of(message(*one))))
             else:
                 follower.add_state(cam_state_of(one))
-            for _, state, block in follower.complete():
+            for _, _, state, block in follower.complete():
                 assert np.isfinite(block.rows).all()
                 assert math.isfinite(state.contact_force)
         except (RefusedError, DynamicsError) as error:

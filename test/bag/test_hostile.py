@@ -22,8 +22,9 @@ from cam_rig.bag.reader import (
     read_recording,
     read_scene,
 )
+from cam_rig.bag.recording.place import require_new_bag
 from cam_rig.bag.recording.recover import recover
-from cam_rig.bag.recording.writer import BagWriter, require_new_bag
+from cam_rig.bag.recording.writer import BagWriter
 from cam_rig.errors import BagError, CamRigError
 from cam_rig.messages import topics
 
@@ -231,7 +232,7 @@ def test_an_attachment_that_was_changed_is_not_read(tmp_path):
     (tmp_path / "a.mcap").write_bytes(data)
     with pytest.raises(BagError, match="has a wrong checksum"):
         read_scene(tmp_path / "a.mcap")
-    assert recover(tmp_path / "a.mcap", tmp_path / "recovered").reader.damaged == 1
+    assert recover(tmp_path / "a.mcap", tmp_path / "recovered").readers[0].damaged == 1
 
 
 def test_a_type_that_is_another_is_refused(tmp_path):
@@ -275,7 +276,7 @@ def test_an_honest_compressed_bag_is_read(tmp_path, kind):
     assert recover(bag, tmp_path / "all").counts == {topics.LEVEL.name: len(noise)}
     bag.write_bytes(bag.read_bytes()[:100_000])
     saved = recover(bag, tmp_path / "part")
-    assert saved.reader.cut == saved.counts[topics.LEVEL.name] > 2000
+    assert saved.readers[0].cut == saved.counts[topics.LEVEL.name] > 2000
     part = [bytes(data) for _, _, data in raw_messages(tmp_path / "part", {topics.LEVEL.name})]
     assert part == noise[: len(part)]
 

@@ -121,7 +121,7 @@ def test_a_recorder_may_be_killed_while_it_closes(tmp_path, killed_at, loaded, g
         recorder._flush()
         if not killed_at(at, recorder.close):
             break
-        recorder._writer._file.close()
+        recorder._writer._file.close_stream()
         if is_unclosed(bag):
             state_words(bag)
         assert payloads(bag) == expected
@@ -135,7 +135,7 @@ def test_what_older_versions_left_of_a_recovery_is_understood(tmp_path, partial,
     """They set the truncated file aside as ``.torn``: all is in it, whatever the new file has."""
     bag, whole = tmp_path / "B", mcap_file(GOLDEN).read_bytes()
     bag.mkdir()
-    (bag / "B_0.torn").write_bytes(whole[:200_000])
+    (bag / "B_0.torn").write_bytes(whole[:500_000])
     if partial is not None:
         (bag / "B_0.mcap").write_bytes(whole[:partial])
     if listed:
@@ -147,7 +147,8 @@ def test_what_older_versions_left_of_a_recovery_is_understood(tmp_path, partial,
         list(messages(bag, RECORDING))
     saved = recover(bag, tmp_path / "recovered")
     assert "read from B_0.torn, left by an interrupted recovery" in saved.words
-    assert sum(saved.counts.values()) == 95
+    cut_off = torn_at(tmp_path / "cut_off", 500_000)
+    assert saved.counts == examine(cut_off).counts and saved.counts["/microphone/level"] > 1
     assert recover_in_place(bag).counts == saved.counts
     assert payloads(bag) == payloads(tmp_path / "recovered")
     assert sorted(p.name for p in bag.iterdir()) == ["B_0.mcap", "metadata.yaml"]
@@ -159,7 +160,7 @@ def test_a_file_beside_its_torn_one_is_not_taken_for_all(tmp_path):
     (tmp_path / "B" / "B_0.torn").write_bytes(mcap_file(GOLDEN).read_bytes())
     for name in ("B_0.mcap", "B_0.torn"):
         saved = recover(tmp_path / "B" / name, tmp_path / name.replace(".", "_"))
-        assert sum(saved.counts.values()) == 150
+        assert saved.counts == read_counts(GOLDEN)
 
 
 def test_a_successor_of_a_recorder_that_had_closed_goes_on(tmp_path, loaded, golden):

@@ -50,9 +50,20 @@ def test_analyze_reads_the_golden_bag():
     assert json.loads(result.stdout)["messages"]["/follower/samples"] == 16
 
 
+def test_urdf_goes_to_stdout_or_into_a_file(tmp_path):
+    """The same text; the mounted cam's base circle, 65 mm of poly345, is in it."""
+    printed = call("urdf", "tm21_sweep", "--cam", "poly345")
+    assert printed.exit_code == 0
+    assert '<cylinder radius="0.065"' in printed.stdout
+    call("urdf", "tm21_sweep", "--cam", "poly345", "--out", tmp_path / "new" / "rig.urdf")
+    assert (tmp_path / "new" / "rig.urdf").read_text(encoding="utf-8") == printed.stdout
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
+        (["urdf", "quick", "--cam", "none"], 2, "no such file; there are: "),
+        (["urdf", "quick", "--cam", "conjugate"], 2, "conjugate"),
         (["simulate", "no_such_scene"], 2, "no_such_scene.yaml: no such file; there are: "),
         (["run", "no_such_scene", "--bag", "{tmp}/bag"], 2, "no such file"),
         (["run", "quick", "--bag", "{tmp}"], 1, "exists already, not overwriting"),

@@ -36,7 +36,8 @@ def test_table_of_parameters():
             described[node, name] = "**live**" in words
     for node, specs in PARAMETERS.items():
         for spec in specs:
-            if spec.name in ("scene", "checkpoint"):
+            if spec.name in ("scene", "checkpoint", "at_end"):
                 continue
             assert described.pop((node, spec.name)) == spec.live, f"{node} {spec.name}"
-    assert set(described) == {("all but player", "scene"), ("all", "checkpoint")}
+    common = {("all but player", "scene"), ("all", "checkpoint"), ("all", "at_end")}
+    assert set(described) == common

@@ -10,6 +10,7 @@ from cam_rig.bench.cases.case import Case
 from cam_rig.bench.cases.models import Oscillator, TwoMasses
 from cam_rig.bench.reference import exact
 from cam_rig.dynamics import MODELS, Interval, TwoMassParameters
+from cam_rig.laws.sampling import AT_SAMPLE
 from cam_rig.units import NS, TURN
 
 SPEED = 120.0 * np.pi / 30.0
@@ -36,7 +37,7 @@ def around(law, model, parameters, piece):
     begin = int(joint / SPEED * NS)
     interval = Interval(begin - 2, begin + 4, SPEED * (begin - 2) / NS, SPEED)
     rows = MODELS[model].advance(law, parameters, None, interval, FINEST)[1].rows
-    after = int(np.searchsorted(SPEED * rows[0], joint))
+    after = int(np.searchsorted(SPEED * rows[0], joint - AT_SAMPLE * SPEED / FINEST))
     return rows[3:5, after - 1], rows[3:5, after], rows
 
 

@@ -1,8 +1,10 @@
-"""Every example runs as it stands, and leaves the pictures that it says."""
+"""Every example runs as it stands, and leaves the pictures that it says or commands the rig."""
 
 import ast
 import json
+import re
 import runpy
+import sys
 from pathlib import Path
 
 import matplotlib as mpl
@@ -10,7 +12,9 @@ import pytest
 from matplotlib.figure import Figure
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-SCRIPTS = sorted(path.name for path in EXAMPLES.glob("*.py"))
+#: Nodes, which need a rig beside them.
+NODES = {"stop_at_lift_off.py"}
+SCRIPTS = sorted({path.name for path in EXAMPLES.glob("*.py")} - NODES)
 #: Something each prints, and the pictures that it leaves in out/.
 LEFT = {
     "jump_speed.py": ("rpm", {"jump_speed.png"}),
@@ -32,6 +36,7 @@ def test_all_are_known():
     """A new example is tested with the others, and stands in their list."""
     assert set(LEFT) == set(SCRIPTS)
     listed = (EXAMPLES / "README.md").read_text(encoding="utf-8")
+    assert all((EXAMPLES / name).is_file() for name in NODES)
     for path in (*EXAMPLES.glob("*.py"), *EXAMPLES.glob("*.ipynb")):
         assert f"({path.name})" in listed
 
@@ -43,6 +48,26 @@ def test_a_script_runs(name, tmp_path, capsys):
     runpy.run_path(str(EXAMPLES / name), run_name="__main__")
     assert words in capsys.readouterr().out
     assert {path.name for path in (tmp_path / "out").iterdir()} == pictures
+
+
+@pytest.mark.ros
+@pytest.mark.usefixtures("forked")
+def test_a_node_stops_the_drive_at_lift_off(start_rig):
+    """At the first speed of the scene that loses contact; it needs nothing of the package."""
+    path = EXAMPLES / "stop_at_lift_off.py"
+    assert "cam_rig" not in path.read_text(encoding="utf-8")
+    rig = start_rig("jump_two_mass", pacing="0.5x", autostart=False)  # a tail of many seconds
+    node = rig.start_program(sys.executable, str(path))
+    # it has called wait_for_service() and listens
+    rig.wait_for(lambda: rig.node.count_subscribers("/diagnostics") > 0)
+    rig.call("/cam_drive/start")
+    rig.wait_for(lambda: node.code is not None, "the end of the node")
+    assert "contact lost at 420 rpm" in node.output
+    states = int(re.search(r"stopped after (\d+) states", node.output)[1])
+    run = rig.read_bag()
+    assert not run.complete
+    assert len(run.ticks) == states - 1
+    assert run.ticks[-1].start.cam == "poly345"
 
 
 def test_the_notebook_runs(capsys):

@@ -11,15 +11,19 @@ from types import ModuleType, SimpleNamespace
 
 import pytest
 
+from cam_rig.messages import topics
 from cam_rig.nodes.common.parameters import PARAMETERS
-from cam_rig.runner.graph import live
-from cam_rig.runner.node_table import NODES, VIEWER
+from cam_rig.robot.frames import Robot
+from cam_rig.robot.urdf import urdf
+from cam_rig.runner.node_table import DRIVE, NODES, VIEWER
+from cam_rig.runner.nodes_of_run import live
+from cam_rig.simulation.loaded_scene import open_scene
 
 LAUNCH = Path(__file__).parents[2] / "launch"
 NAMES = {
     "launch": "LaunchContext LaunchDescription",
     "launch.actions": "DeclareLaunchArgument LogInfo OpaqueFunction SetEnvironmentVariable "
-    "SetLaunchConfiguration Shutdown IncludeLaunchDescription",
+    "Shutdown IncludeLaunchDescription",
     "launch.conditions": "IfCondition UnlessCondition",
     "launch.events": "",
     "launch.events.process": "ProcessExited",
@@ -37,6 +41,10 @@ class Kept:
 
     def __init__(self, *given, **named):
         self.given, self.named = given, named
+
+    def perform(self, context):
+        """The value of a launch argument."""
+        return context[self.given[0]]
 
 
 @pytest.fixture
@@ -58,16 +66,80 @@ def of(actions, kind):
     return [action for action in actions if type(action).__name__ == kind]
 
 
+def nodes_of(actions, **given):
+    """The nodes by executable, launched with these arguments."""
+    defaults = {
+        action.given[0]: action.named["default_value"]
+        for action in of(actions, "DeclareLaunchArgument")
+    }
+    assert set(given) <= set(defaults)
+    (function,) = (action.named["function"] for action in of(actions, "OpaqueFunction"))
+    return {node.named["executable"]: node.named for node in function(defaults | given)}
+
+
+#: Something for each argument that is a node's parameter.
+GIVEN = {
+    "scene": "quick",
+    "bag": "bags/mine",
+    "use_sim_time": "true",
+    "address": "rerun+http://127.0.0.1:9876/proxy",
+    "pacing": "20",
+    "autostart": "false",
+    "points_per_turn": "360",
+    "max_bagfile_size": "100000000",
+    "max_bagfile_duration": "60",
+    "patience": "60",
+    "at_end": "end",
+    "respawn": "true",
+}
+
+
 def test_the_same_nodes_in_the_same_order(load):
     """With parameters that they declare, and what the runner gives them among these."""
-    nodes = of(load("rig.launch.py"), "Node")
+    nodes = nodes_of(load("rig.launch.py"), **GIVEN)
     runner = live(Path("scene"), Path("bag"), screen="", pacing="free")
-    assert [node.named["executable"] for node in nodes] == list(runner)
-    for node in nodes:
-        name = node.named["executable"]
-        given = {key for parameters in node.named["parameters"] for key in parameters}
-        assert given <= {spec.name for spec in PARAMETERS[name]}
-        assert set(runner[name]) - {"consumers"} <= given
+    assert list(nodes) == list(runner)
+    for name, node in nodes.items():
+        (given,) = node["parameters"]
+        own = {spec.name for spec in PARAMETERS[name]}
+        assert set(given) <= own | {"use_sim_time"}
+        wanted = set(runner[name]) - {"consumers"}
+        assert wanted - ({"at_end"} if name == VIEWER else set()) <= set(given)
+
+
+def test_what_is_not_given_is_left_to_the_parameter_file(load):
+    """The file comes first, and after it nothing but what was given: that counts."""
+    nodes = nodes_of(load("rig.launch.py"), params_file="mine.yaml", scene="quick")
+    for name, node in nodes.items():
+        file, given = node["parameters"]
+        assert file == "mine.yaml" and list(given) == ["scene"], name
+        assert node["name"] == name  # else what is given would be of all nodes, and count less
+        assert node["namespace"].given == ("namespace",)
+    alone = nodes_of(load("rig.launch.py"))
+    assert {name: list(node["parameters"][0]) for name, node in alone.items()} == {
+        name: ["patience"] if name == DRIVE else [] for name in alone
+    }
+
+
+def test_every_argument_is_described(load):
+    """As `ros2 launch --show-args` lists them."""
+    actions = of(load("rig.launch.py"), "DeclareLaunchArgument")
+    assert {"params_file", "namespace", "use_sim_time"} <= {action.given[0] for action in actions}
+    assert all(len(action.named["description"]) > 15 for action in actions)
+
+
+def test_a_node_that_ends_in_order_ends_the_launch(load):
+    """So does one that fails, unless it is started again; the reason names it."""
+    on_exit = nodes_of(load("rig.launch.py"))["recorder"]["on_exit"]
+
+    def reason(code, respawn):
+        event = SimpleNamespace(process_name="recorder-1", returncode=code)
+        shutdown = on_exit(event, {"respawn": respawn})
+        return shutdown and shutdown.named["reason"]
+
+    assert reason(0, "false") == reason(0, "true") == "recorder-1 has ended in order"
+    assert reason(-9, "false") == "recorder-1 has ended with code -9"
+    assert reason(-9, "true") is None
 
 
 def test_no_socket_leaves_the_machine_unless_asked(load):
@@ -82,23 +154,65 @@ def test_no_socket_leaves_the_machine_unless_asked(load):
 def test_every_argument_that_is_used_is_declared(load):
     """A misspelt argument would only fail on a full ROS installation."""
     actions = load("rig.launch.py")
-    declared = {action.given[0] for action in of(actions, "DeclareLaunchArgument")} | {"checkpoint"}
-    for node in of(actions, "Node"):
-        for parameters in node.named["parameters"]:
-            for value in parameters.values():
+    declared = {action.given[0] for action in of(actions, "DeclareLaunchArgument")}
+    for node in nodes_of(actions, **GIVEN).values():
+        for name, value in node["parameters"][0].items():
+            if name != "checkpoint":
                 assert value.given[0].given[0] in declared
-        if node.named["respawn"] is not True:
-            assert node.named["respawn"].given[0] in declared
+        if node["respawn"] is not True:
+            assert node["respawn"].given[0] in declared
+
+
+def test_checkpoints_are_kept_where_nodes_are_started_again(load):
+    """One folder for all, that exists; without respawn none."""
+    actions = load("rig.launch.py")
+    nodes = nodes_of(actions, respawn="true").values()
+    (folder,) = {node["parameters"][0]["checkpoint"] for node in nodes}
+    assert Path(folder).is_dir()
+    assert not any("checkpoint" in n["parameters"][0] for n in nodes_of(actions).values())
 
 
 def test_a_run_goes_on_without_its_viewer(load):
     """Under both: it alone is not essential, and its end is reported in one line."""
-    nodes = {node.named["executable"]: node.named for node in of(load("rig.launch.py"), "Node")}
+    nodes = nodes_of(load("rig.launch.py"))
     event = SimpleNamespace(process_name="viewer-2", returncode=1)
     for entry in NODES:
         assert nodes[entry.name]["on_exit"].__name__ == ("ended" if entry.essential else "left_out")
     assert [entry.name for entry in NODES if not entry.essential] == [VIEWER]
     assert "the run goes on without it" in nodes[VIEWER]["on_exit"](event, None).named["msg"]
+
+
+@pytest.mark.parametrize("namespace", ["", "rig1"])
+def test_robot_state_publisher_gets_the_scene_s_robot(load, namespace):
+    """Its URDF is the one of `cam-rig urdf`; it keeps a whole tick's joints, on rig time."""
+    actions = load("robot.launch.py")
+    node = nodes_of(actions, scene="quick", namespace=namespace)["robot_state_publisher"]
+    (parameters,) = node["parameters"]
+    robot = Robot.of(open_scene(LAUNCH.parent / "config" / "scenes" / "quick.yaml"))
+    assert parameters["robot_description"].given == (urdf(robot),)
+    assert parameters["use_sim_time"] is True
+    inside = f"/{namespace}" if namespace else ""
+    depth = f"qos_overrides.{inside}/joint_states.subscription.depth"
+    assert parameters[depth] >= topics.MOTION_DEPTH
+    assert 0.0 < parameters["publish_frequency"] <= 1000.0
+    own, *clock = node["remappings"]
+    assert own[0] == "robot_description"  # the law server's counts
+    assert clock == ([("/clock", "/rig1/clock")] if namespace else [])
+
+
+def test_rviz_opens_the_shipped_layout(load):
+    """The file exists; RViz runs on rig time, and only where asked for."""
+    rviz = nodes_of(load("robot.launch.py"), namespace="/rig1")["rviz2"]
+    flag, layout = rviz["arguments"]
+    assert flag == "-d"
+    assert LAUNCH.parent.joinpath(*layout.given[0][1:]).is_file()
+    assert rviz["parameters"] == [{"use_sim_time": True}]
+    assert ("/cam/markers", "/rig1/cam/markers") in rviz["remappings"]
+    (include,) = of(load("rig.launch.py"), "IncludeLaunchDescription")
+    assert include.given[0].given[0].given[0][1:] == ["launch", "robot.launch.py"]
+    assert include.named["condition"].given[0].given[0] == "rviz"
+    declared = {action.given[0] for action in of(load("robot.launch.py"), "DeclareLaunchArgument")}
+    assert {name for name, _ in include.named["launch_arguments"]} <= declared
 
 
 def test_the_sweep_includes_the_rig(load):

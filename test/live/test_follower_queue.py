@@ -25,7 +25,7 @@ def turn(follower, states):
     out = []
     for state in states:
         follower.add_state(state)
-        out += [(end.time_ns, block.rows) for end, _, block in follower.complete()]
+        out += [(end.time_ns, block.rows) for _, end, _, block in follower.complete()]
     return out
 
 
@@ -43,7 +43,7 @@ def test_states_wait_for_their_law(follower):
     assert turn(late, STATES) == []
     for law in LOADED.laws.values():
         late.add_law(law)
-    out = [(end.time_ns, block.rows) for end, _, block in late.complete()]
+    out = [(end.time_ns, block.rows) for _, end, _, block in late.complete()]
     straight = turn(follower, STATES)
     assert [t for t, _ in out] == [t for t, _ in straight] == [s.time_ns for s in STATES[1:]]
     assert all(np.array_equal(a, b) for (_, a), (_, b) in zip(out, straight, strict=True))

@@ -7,16 +7,16 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-import rclpy
 from mcap.reader import make_reader
-from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.parameter import Parameter, parameter_value_to_python
+from rcl_interfaces.srv import DescribeParameters
 from std_msgs.msg import Float64
-from std_srvs.srv import Trigger
 
-from cam_rig.bag.files import mcap_file
-from cam_rig.runner.graph import Graph, live
+from cam_rig.bag.files import mcap_files
+from cam_rig.errors import RunError
+from cam_rig.runner.graph import Graph
+from cam_rig.runner.nodes_of_run import live
+from cam_rig.testing.client import RigClient
+from cam_rig.testing.domain import isolated_domain
 
 #: Wall time (s) after which something that has not come true never will, however busy the machine.
 WAIT = 300.0
@@ -40,9 +40,10 @@ TICKS = 160
 def payloads(bag):
     """Every message's bytes by topic, in the order of rig time."""
     found = {}
-    with mcap_file(bag).open("rb") as stream:
-        for _, channel, message in make_reader(stream).iter_messages():
-            found.setdefault(channel.topic, []).append(message.data)
+    for file in mcap_files(bag):
+        with file.open("rb") as stream:
+            for _, channel, message in make_reader(stream).iter_messages():
+                found.setdefault(channel.topic, []).append(message.data)
     return found
 
 
@@ -111,11 +112,10 @@ def short_scene(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def undisturbed_bag(hold_domain, short_scene, tmp_path_factory):
+def undisturbed_bag(short_scene, tmp_path_factory):
     """An undisturbed run of the short scene; its users are in one of `GROUPS`."""
     bag = tmp_path_factory.mktemp("undisturbed") / "bag"
-    with hold_domain() as domain, pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ROS_DOMAIN_ID", str(domain))
+    with isolated_domain():
         run_graph(short_scene, bag)
     return bag
 
@@ -132,63 +132,24 @@ def wait_for():
     return wait_until
 
 
-class User:
-    """A node in a context and domain of its own."""
+class User(RigClient):
+    """Somebody at a terminal."""
 
-    def __init__(self, domain):
-        self._context = rclpy.Context()
-        rclpy.init(context=self._context, domain_id=domain)
-        self.node = rclpy.create_node("user", context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self.node)
-        self._rpm = self.node.create_publisher(Float64, "/cam/rpm", 10)
+    get, set = RigClient.get_parameter, RigClient.set_parameter
 
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self._executor.shutdown()
-        self.node.destroy_node()
-        self._context.shutdown()
-
-    def spin(self, seconds=0.0):
-        self._executor.spin_once(timeout_sec=seconds)
-
-    def ask(self, kind, name, request):
-        """A service's answer."""
-        client = self.node.create_client(kind, name)
-        assert client.wait_for_service(WAIT), name
-        future = client.call_async(request)
-        self._executor.spin_until_future_complete(future, WAIT)
-        self.node.destroy_client(client)
-        assert future.done(), name
-        return future.result()
-
-    def call(self, name, succeeds=True):
+    def call(self, service, succeeds=True):
         """The words of a std_srvs/Trigger."""
-        answer = self.ask(Trigger, name, Trigger.Request())
-        assert answer.success == succeeds, answer.message
-        return answer.message
-
-    def _set(self, node, name, value):
-        request = SetParameters.Request()
-        request.parameters = [Parameter(name, value=value).to_parameter_msg()]
-        return self.ask(SetParameters, f"/{node}/set_parameters", request).results[0]
-
-    def set(self, node, name, value):
-        result = self._set(node, name, value)
-        assert result.successful, result.reason
+        if succeeds:
+            return super().call(service)
+        with pytest.raises(RunError) as refused:
+            super().call(service)
+        return str(refused.value)
 
     def refused(self, node, name, value):
         """The reason why a value is refused."""
-        result = self._set(node, name, value)
-        assert not result.successful
-        return result.reason
-
-    def get(self, node, name):
-        request = GetParameters.Request(names=[name])
-        values = self.ask(GetParameters, f"/{node}/get_parameters", request).values
-        return parameter_value_to_python(values[0])
+        with pytest.raises(RunError) as refused:
+            self.set(node, name, value)
+        return str(refused.value)
 
     def describe(self, node, name):
         request = DescribeParameters.Request(names=[name])
@@ -196,15 +157,13 @@ class User:
 
     def say_rpm(self, rpm):
         """The command topic."""
-        while self._rpm.get_subscription_count() == 0:
-            self.spin(0.05)
-        self._rpm.publish(Float64(data=rpm))
+        self.publish("/cam/rpm", Float64(data=rpm))
 
 
 @pytest.fixture
 def user(ros_domain):
     """Somebody at a terminal, in the rig's domain."""
-    with User(ros_domain) as made:
+    with User(ros_domain, name="user") as made:
         yield made
 
 

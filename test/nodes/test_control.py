@@ -22,6 +22,24 @@ def states_of(bag):
     return [cam_state_of(message) for _, _, message in messages(bag, (topics.CAM_STATE,))]
 
 
+def set_speeds(user, reports):
+    """Whole numbers are numbers; 0 is the scene's; what is read is the speed now."""
+
+    def turns_at(rpm):
+        next(report for report in reports if report["rpm"] == pytest.approx(rpm))
+        assert user.get("cam_drive", "rpm") == pytest.approx(rpm)
+
+    assert "Wrong parameter type" in user.refused("cam_drive", "rpm", "fast")
+    user.set("cam_drive", "rpm", 222)
+    turns_at(222.0)
+    user.set("cam_drive", "pacing", 3)
+    assert user.get("cam_drive", "pacing") == "3x"
+    user.set("cam_drive", "rpm", 0)
+    turns_at(250.0)
+    user.say_rpm(333.0)
+    turns_at(333.0)
+
+
 def test_a_whole_session_by_hand(user, rig, short_scene, tmp_path):
     """Start, another speed, another cam, stop, emergency stop, reset: θ never jumps, and nothing
     that was refused has changed anything."""
@@ -40,14 +58,11 @@ def test_a_whole_session_by_hand(user, rig, short_scene, tmp_path):
         assert "allowed: a name" in user.refused("law_server", "cam", "../rigs/" + 300 * "a")
         assert "holds on the cam" in user.refused("law_server", "cam", "conjugate")
         assert "read-only" in user.refused("follower", "scene", "other.yaml").replace("_", "-")
-        assert user.get("cam_drive", "rpm") == 0.0
+        assert user.get("cam_drive", "rpm") == pytest.approx(250.0)  # the scene's
         assert user.get("law_server", "cam") in ("", "tm21")
         assert "rpm" in user.describe("cam_drive", "rpm").description
 
-        user.set("cam_drive", "rpm", 222.0)
-        next(report for report in reports if report["rpm"] == pytest.approx(222.0))
-        user.say_rpm(333.0)
-        next(report for report in reports if report["rpm"] == pytest.approx(333.0))
+        set_speeds(user, reports)
         user.set("microphone", "frequency_weighting", "A")
         user.set("law_server", "cam", "cycloidal")
         next(report for report in reports if report["cam"] == "cycloidal")

@@ -36,8 +36,9 @@ def run_here(monkeypatch, capfd):
     ("node", "parameter", "code", "words"),
     [
         ("cam_drive", "consumers:=['bogus']", 2, "consumers: has bogus; allowed: recorder, "),
-        ("law_server", "scene:=5", 2, "parameter: "),
+        ("law_server", "scene:=5", 2, "scene: is 5; allowed: a text"),
         ("follower", "scene:=none.yaml", 2, "none.yaml: no such file"),
+        ("follower", "scene:=quik", 2, "did you mean 'quick'?"),
         ("microphone", "frequency_weighting:=B", 2, "frequency_weighting: has B; allowed: A, C, Z"),
         (
             "cam_drive",

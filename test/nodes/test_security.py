@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import PolygonStamped, WrenchStamped
+from geometry_msgs.msg import PolygonStamped
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterEvent, ParameterValue
 from rcl_interfaces.srv import SetParameters
@@ -18,12 +18,12 @@ from rclpy._rclpy_pybind11 import RCLError
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, JointState
-from std_msgs.msg import Float64, Float64MultiArray, Header, MultiArrayDimension
+from std_msgs.msg import Float64, Float64MultiArray, Header, MultiArrayDimension, String
 
 from cam_rig.errors import RefusedError, RunError
 from cam_rig.messages import topics
 from cam_rig.messages.codec import BLOCK_LABEL, PIECE_LABEL
-from cam_rig.nodes.common.rig_node import require_length
+from cam_rig.nodes.common.incoming import require_length
 from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import NodeProcess, stop_all
 from cam_rig.schema.load import config_root
@@ -115,7 +115,6 @@ def hostile():
         (JointState, "/follower/state"),
         (FluidPressure, "/microphone/pressure"),
         (Header, "/recorder/written"),
-        (WrenchStamped, "/follower/contact"),
     ):
         message = kind()
         stamp = message.stamp if kind is Header else message.header.stamp
@@ -142,7 +141,7 @@ HEARS = {
     "cam_drive": ("/cam/law_coefficients", "/follower/state", "/microphone/pressure",
                   "/recorder/written", "/cam/rpm"),
     "recorder": ("/cam/state", "/cam/law_coefficients", "/follower/samples", "/follower/state",
-                 "/follower/contact", "/microphone/pressure", "/microphone/level"),
+                 "/microphone/pressure", "/microphone/level"),
 }  # fmt: skip
 
 
@@ -188,7 +187,7 @@ def open_to_all():
         event = ParameterEvent(node="/law_server", changed_parameters=[changed])
         yield "/parameter_events", event
     yield "/diagnostics", DiagnosticArray(status=[DiagnosticStatus(name="laser")])
-    yield "/rig/ready", Header(frame_id="nobody")
+    yield "/rig/ready", String(data="nobody")
 
 
 def test_messages_on_open_topics_change_nothing(user, rig, short_scene, undisturbed, tmp_path):

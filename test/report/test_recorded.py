@@ -60,5 +60,5 @@ def test_truncated_bag(quick, golden, tmp_path):
     bag = shutil.copytree(golden, tmp_path / "golden")
     (file,) = bag.glob("*.mcap")
     file.write_bytes(file.read_bytes()[:60_000])
-    with pytest.raises(BagError, match=r"cannot be read as a rosbag2 bag .*cam-rig recover"):
+    with pytest.raises(BagError, match=r"was not closed: .*cam-rig recover"):
         read_recorded(bag, quick)

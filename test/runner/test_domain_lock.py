@@ -10,7 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cam_rig.errors import ConfigError, OutputError, RunError
-from cam_rig.runner.domain_lock import MAX_DOMAIN, domain_number, own_domain
+from cam_rig.runner.domain_lock import (
+    MAX_DOMAIN,
+    MAX_NAMESPACE,
+    domain_number,
+    namespace_named,
+    own_domain,
+)
 
 
 @pytest.fixture(params=["runtime", "temporary"])
@@ -152,3 +158,27 @@ def test_without_room_for_a_lock_the_way_out_is_named(monkeypatch, tmp_path):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "file"))
     with pytest.raises(OutputError, match="name a folder with room in TMPDIR"), own_domain():
         pass
+
+
+def test_each_namespace_of_a_domain_is_held_once(monkeypatch, place):
+    """Two rigs in one domain, each in its namespace; a third in one of them is refused by name."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", "7")
+    taken = pytest.raises(RunError, match=r"domain 7, namespace /rig1; .*--namespace")
+    with own_domain(), own_domain("/rig1"), own_domain("/lab/rig1"), taken, own_domain("/rig1"):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("text", "namespace"),
+    [("", ""), ("/", ""), ("rig1", "/rig1"), ("/lab/rig_1/", "/lab/rig_1")],
+)
+def test_a_namespace_is_written_with_or_without_its_slash(text, namespace):
+    """As `ros2 run -r __ns:=/rig1` wants it."""
+    assert namespace_named(text) == namespace
+
+
+@pytest.mark.parametrize("text", ["9x", "a b", "a__b", "a//b", "é", "a" * 255, "~x", "a-b", "__a"])
+def test_what_ros_does_not_take_as_a_namespace_is_refused(text):
+    """With the limit, before any node is started."""
+    with pytest.raises(ConfigError, match=f"namespace: is .*{MAX_NAMESPACE} characters at most"):
+        namespace_named(text)

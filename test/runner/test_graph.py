@@ -8,8 +8,9 @@ import pytest
 
 from cam_rig.bag.recording.writer import BagWriter
 from cam_rig.errors import RunError
-from cam_rig.runner.graph import STOPPING, Graph, InterruptError, live
+from cam_rig.runner.graph import STOPPING, Graph, InterruptError
 from cam_rig.runner.node_table import VIEWER
+from cam_rig.runner.nodes_of_run import live
 
 KILLED = -signal.SIGKILL
 

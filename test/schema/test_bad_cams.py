@@ -41,6 +41,7 @@ SPAN = "span: {identified: 117.5, unit: deg"
         ),
         ("type: roller", "type: oscillating_roller", "follower.pivot_distance", "missing"),
         ("name: poly345", "name: Poly 345", "name", "is 'Poly 345'"),
+        ("name: poly345", "name: guide", "name", "is 'guide', another frame of the rig"),
         ("lift: {given: 0.05", "lift: {given: -0.05", "lift", "is -0.05 m; allowed: greater than"),
     ],
 )

@@ -44,6 +44,13 @@ def scene_error(config_dir, error_of):
             "program.ticks_per_turn: is 0; allowed: greater than or equal to 1",
         ),
         ("ticks_per_turn", "1.5", "program.ticks_per_turn: is 1.5; allowed: a valid integer"),
+        ("points_per_turn", "0", "points_per_turn: is 0; allowed: greater than or equal to 1"),
+        (
+            "points_per_turn",
+            "3601",
+            "points_per_turn: is 3601; allowed: less than or equal",
+        ),
+        ("points_per_turn", "7.5", "points_per_turn: is 7.5; allowed: a valid integer"),
         ("ticks_per_turn", "many", "program.ticks_per_turn: is 'many'; allowed: a valid integer"),
     ],
 )
@@ -78,7 +85,15 @@ def test_sample_rate_too_low_for_a_tick(config_dir, error_of):
     text = re.sub(r"ticks_per_turn:.*", "ticks_per_turn: 1000", text)
     message = error_of("scene", text)
     assert message.startswith("sample_rate: 8000 Hz gives 1.2 samples a tick at the highest speed")
-    assert message.endswith("allowed: at least 2")
+    assert message.endswith("allowed: at least 2, so 13334 Hz, or ticks_per_turn up to 600")
+
+
+def test_ramp_too_short_for_a_sample(config_dir, error_of):
+    """A ramp between two samples would be a tick in which nothing is heard."""
+    text = (config_dir / "scenes" / "tm21_sweep.yaml").read_text(encoding="utf-8")
+    ramp = '  ramp: {assumed: 0.1, unit: ms, source: "a test"}\n  ticks_per_turn:'
+    message = error_of("scene", text.replace("  ticks_per_turn:", ramp))
+    assert message.startswith("program.ramp: 0.0001 s has 1.2 samples at 12000 Hz; allowed: at le")
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ CONFIG = Path(__file__).parents[2] / "config"
 LOADERS = {"cams": load_cam, "rigs": load_rig, "scenes": load_scene, "published": load_published}
 FILES = [path for folder in LOADERS for path in sorted((CONFIG / folder).glob("*.yaml"))]
 #: Counts, degrees and fractions of the lift: choices of form, which have no unit and no origin.
-BARE = {"to", "degree", "order", "ticks_per_turn", "seed"}
+BARE = {"to", "degree", "order", "points_per_turn", "ticks_per_turn", "seed"}
 
 
 def quantities(node, key=""):

@@ -21,7 +21,7 @@ def ticks(pressures, speed=10.0, cam="a", angle=1.0, time_ns=0):
     turn_ns = round(2.0 * np.pi / speed * NS)
     for i, pressure in enumerate(pressures):
         start = CamState(time_ns + i * turn_ns, angle + 2.0 * np.pi * i, speed, cam)
-        yield MeasuredTick(start, start.time_ns + turn_ns, pressure)
+        yield MeasuredTick(start, start.time_ns + turn_ns, pressure, samples=100)
 
 
 def steps_of(coefficients):
@@ -63,12 +63,12 @@ def test_each_step_settles_anew():
     assert levels["b"][20.0] == pytest.approx(float(level_db(3.0)))
 
 
-def test_mean_is_of_energy_over_time():
-    """Level of a step: √(∫p² dt / T), whatever the lengths of its ticks."""
+def test_mean_is_of_energy_over_all_samples():
+    """Level of a step: the mean square of its samples, however many of them each tick has."""
     state = CamState(0, 0.0, 10.0, "a")
     run = [
-        MeasuredTick(state, NS, 3.0),
-        MeasuredTick(CamState(NS, 10.0, 10.0, "a"), 4 * NS, 1.0),
+        MeasuredTick(state, 2 * NS, 3.0, samples=1),
+        MeasuredTick(CamState(2 * NS, 20.0, 10.0, "a"), 4 * NS, 1.0, samples=3),
     ]
     level = step_levels(run, settle_turns=0)["a"][10.0]
     assert level == pytest.approx(float(level_db(np.sqrt((9.0 + 3.0) / 4.0))), abs=1e-12)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -25,7 +26,9 @@ OF_ROS = (
     "rosgraph_msgs",
     "sensor_msgs",
     "std_msgs",
+    "tf2_msgs",
     "trajectory_msgs",
+    "visualization_msgs",
 )
 GOLDEN = config_root().parent / "bags" / "golden"
 
@@ -46,6 +49,9 @@ def imported(tmp_path_factory: pytest.TempPathFactory) -> Picture:
         (topics.CAM_STATE, "effort"),
         (topics.FOLLOWER_STATE, "position"),
         (topics.FOLLOWER_STATE, "effort"),
+        (topics.JOINT_STATES, "position"),
+        (topics.JOINT_STATES, "velocity"),
+        (topics.JOINT_STATES, "effort"),
     ],
 )
 def test_joint_states_plot_by_themselves(
@@ -53,8 +59,8 @@ def test_joint_states_plot_by_themselves(
 ) -> None:
     """Angle, speed and torque of the cam, lift and force of the follower, as in the bag."""
     shown = imported.numbers(f"{topic.name[1:]}/{field}", "Scalars:scalars")
-    recorded = [getattr(message, field)[0] for _, _, message in messages(GOLDEN, (topic,))]
-    np.testing.assert_array_equal(shown, recorded)
+    recorded = [getattr(message, field) for _, _, message in messages(GOLDEN, (topic,))]
+    np.testing.assert_array_equal(shown, np.squeeze(recorded))
 
 
 def test_the_pressure_plots_by_itself(imported: Picture) -> None:
@@ -62,6 +68,22 @@ def test_the_pressure_plots_by_itself(imported: Picture) -> None:
     shown = imported.numbers(topics.PRESSURE.name[1:], "Measurements:values")
     recorded = [message.fluid_pressure for _, _, message in messages(GOLDEN, (topics.PRESSURE,))]
     np.testing.assert_array_equal(shown, recorded)
+
+
+def test_the_rig_turns_by_itself(imported: Picture) -> None:
+    """Rerun draws the bodies of the URDF in the bag, each in its link's frame, and moves them by
+    the bag's transforms: every link that has a body has a frame, the cam and the follower at each
+    instant."""
+    description = next(m.data for _, _, m in messages(GOLDEN, (topics.ROBOT_DESCRIPTION,)))
+    links = ElementTree.fromstring(description).iter("link")
+    bodies = {f"/cam_rig/visual_geometries/{e.get('name')}/visual_0" for e in links if len(e)}
+    assert bodies
+    assert bodies <= imported.entities
+    moved = np.ravel(imported.column("tf", "Transform3D:child_frame")).tolist()
+    instants = sum(1 for _ in messages(GOLDEN, (topics.JOINT_STATES,)))
+    assert moved.count("cam") == moved.count("follower") == instants
+    still = set(np.ravel(imported.column("tf_static", "Transform3D:child_frame")))
+    assert {"guide", "motor", "microphone", "tm21", "bezier15"} <= still
 
 
 def test_every_message_explains_itself() -> None:

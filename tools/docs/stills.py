@@ -11,11 +11,11 @@ from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
 from cam_rig.drawing.colours import web
 from cam_rig.drawing.follower import follower_shape
+from cam_rig.drawing.force_scale import ARROW, max_contact_force
 from cam_rig.drawing.outlines import MM, circle, closed, turned
 from cam_rig.plots.figures import CAM_ANGLE, shade, turn_axis
 from cam_rig.profile.motion import Motion
 from cam_rig.simulation.loaded_scene import LoadedScene
-from cam_rig.viewer.scene2d import ARROW, max_contact_force
 from cam_rig.viewer.turns import Turn
 from tools.docs.turn_archive import TurnArchive, gap
 

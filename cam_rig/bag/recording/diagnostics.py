@@ -36,7 +36,7 @@ class PendingDiagnostics:
         ------
         RefusedError : it is of no node of the rig, or there are too many of no known time
         """
-        if node == topics.PACE:
+        if node == topics.PACE or node.endswith(topics.HEARTBEAT):  # of wall time
             return
         if node not in topics.DIAGNOSED_NODES:
             raise RefusedError(

@@ -16,8 +16,8 @@ MAX_WAITING = 4 * HISTORY_DEPTH
 EVICTED_AT_ONCE = MAX_WAITING // 8
 #: The unstamped topics of each stamped one.
 TWINS = {
-    stamped.name: [topic for topic in topics.RECORDING if topic.twin == stamped.name]
-    for stamped in topics.RECORDING
+    stamped.name: [topic for topic in topics.RECEIVED if topic.twin == stamped.name]
+    for stamped in topics.RECEIVED
 }
 
 Key = TypeVar("Key", bound=Hashable)
@@ -49,7 +49,7 @@ class Waiting:
 
     def __init__(self, known: Set[int]) -> None:
         self._known, self._until = known, -1
-        self._held: dict[Topic, dict[int, bytes]] = {topic: {} for topic in topics.RECORDING}
+        self._held: dict[Topic, dict[int, bytes]] = {topic: {} for topic in topics.RECEIVED}
         self._halves: dict[tuple[str, bytes, int], int | bytes] = {}
 
     def has(self, topic: Topic, stamp: int) -> bool:
@@ -59,6 +59,10 @@ class Waiting:
     def is_past(self, topic: Topic, stamp: int) -> bool:
         """Whether a topic's message of a stamp, or of a later one, is here."""
         return any(held >= stamp for held in self._held[topic])
+
+    def get(self, topic: Topic, stamp: int) -> bytes | None:
+        """A topic's message of a stamp; None where there is none."""
+        return self._held[topic].get(stamp)
 
     def pop(self, topic: Topic, stamp: int) -> bytes | None:
         """A topic's message of a stamp, which is not kept any longer; None where there is none."""

@@ -5,20 +5,24 @@ from __future__ import annotations
 import json
 import platform
 from collections import Counter
+from collections.abc import Iterator
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.records import Attachment
+from mcap.records import Attachment, Message
 
-from cam_rig.bag.files import TORN, bag_file, remove
-from cam_rig.bag.partial_reader import RECORDED_TOPICS, PartialReader
+from cam_rig.bag.files import METADATA, bag_files, holding_all, is_closed, remove
+from cam_rig.bag.partial_reader import PartialReader
 from cam_rig.bag.publishers import Publishers
-from cam_rig.bag.recording.metadata import ros_distribution
+from cam_rig.bag.recording.metadata import FileContent, ros_distribution
+from cam_rig.bag.recording.place import require_new_bag
 from cam_rig.bag.recording.session import RecordingSession
-from cam_rig.bag.recording.writer import BagWriter, require_new_bag
+from cam_rig.bag.recording.split import Split
+from cam_rig.bag.recording.writer import BagWriter
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.live.cam_check import require_own_contour, require_own_law
 from cam_rig.live.checkpoint import Checkpoint
@@ -26,7 +30,14 @@ from cam_rig.live.flow_control import MAX_STATES_UNFLUSHED
 from cam_rig.live.state_validation import StateValidator
 from cam_rig.messages.codec import array_of, decode_law
 from cam_rig.messages.serialization import cam_of, stamp_of
-from cam_rig.messages.topics import DIAGNOSTICS, LAW_COEFFICIENTS, PROFILE, Topic
+from cam_rig.messages.topics import (
+    DIAGNOSTICS,
+    LAW_COEFFICIENTS,
+    PROFILE,
+    Topic,
+    recorded_topic,
+)
+from cam_rig.robot.derived import motion_of_bag
 from cam_rig.simulation.loaded_scene import LoadedScene
 
 PACKAGES = ("cam_rig", "numpy", "scipy", "pydantic", "mcap", "rosbags")
@@ -36,7 +47,9 @@ class BagRecorder:
     """Records messages into a bag that holds everything to analyse it alone.
 
     A successor writes a new file, which replaces the old one when it holds all that the old one
-    held. Until then nothing is written that the old one lacks; so it may be killed as well.
+    held. Until then nothing is written that the old one lacks; so it may be killed as well. Of a
+    bag that was split, it is the last file that is written anew; the closed ones before it are
+    kept.
 
     Parameters
     ----------
@@ -44,6 +57,9 @@ class BagRecorder:
     loaded : the scene, attached with its files
     publishers : the one publisher of each topic
     resume : go on with a bag that a killed recorder left, instead of refusing it
+    namespace : of the rig, "/rig1"; empty for the root
+    points_per_turn : instants a turn of the motion for people; 0: as the scene says
+    split : the limits of each of its files
 
     Raises
     ------
@@ -56,18 +72,24 @@ class BagRecorder:
         loaded: LoadedScene,
         publishers: Publishers | None = None,
         resume: bool = False,
+        namespace: str = "",
+        points_per_turn: int = 0,
+        split: Split | None = None,
     ) -> None:
-        self._old = _old_file(bag) if resume else None
-        self._writer = BagWriter(bag, rewrite=resume)
+        kept, self._old = files_to_resume(bag) if resume else ([], [])
+        self._writer = BagWriter(bag, resume, split, len(kept), namespace)
         self._loaded, self._attached = loaded, set[Path]()
         self._attach()
         self._writer.attach("versions.json", versions())
         validator = StateValidator.of(loaded.scene)
-        self._session = RecordingSession(self._writer, validator, publishers, self._check)
+        motion = motion_of_bag(loaded, points_per_turn)
+        self._session = RecordingSession(self._writer, validator, publishers, self._check, motion)
         self._unflushed = 0
         #: Stamps (ns) of the states that a predecessor had written.
         self.resumed: list[int] = []
         if resume:
+            for file in kept:
+                self._replay_kept(file)
             self._replay()
 
     @property
@@ -89,8 +111,17 @@ class BagRecorder:
         """Flush what is due; to be called a few times a second."""
         self._writer.flush_if_due()
 
+    def discard(self) -> None:
+        """Remove the bag, into which nothing was written."""
+        self._writer.abandon()
+        with suppress(OSError):
+            self._writer.file.unlink()
+            (self._writer.directory / METADATA).unlink()
+            self._writer.directory.rmdir()
+
     def close(self) -> None:
         """Write what is left, and close the bag."""
+        self._writer.split = Split()  # what is not complete stays in one file
         self._session.close()
         self._replace_old()
         self._writer.close()
@@ -115,7 +146,9 @@ class BagRecorder:
         for path in self._loaded.files:
             if path not in self._attached:
                 self._attached.add(path)
-                self._writer.attach(f"{path.parent.name}/{path.name}", path.read_bytes())
+                # the other files lie in folders of these names; a scene may lie anywhere
+                folder = "scenes" if path == self._loaded.scene_file else path.parent.name
+                self._writer.attach(f"{folder}/{path.name}", path.read_bytes())
 
     def _flush(self) -> None:
         self._writer.flush()
@@ -129,35 +162,48 @@ class BagRecorder:
 
     def _replay(self) -> None:
         """Take again what the predecessor wrote; what it lost is resent by the publishers."""
-        replayed: Counter[str] = Counter()
-        for record in PartialReader(self._old).records() if self._old else ():
-            if isinstance(record, Attachment) or record[1].topic not in RECORDED_TOPICS:
-                continue
-            topic, message = RECORDED_TOPICS[record[1].topic], record[2]
-            with suppress(RefusedError):  # of a damaged part
-                if topic is DIAGNOSTICS:  # the predecessor had its state
-                    self._session.note_known(stamp_of(message.data))
-                self.resumed += self._take(topic, message.data, b"", message.sequence)
-                replayed[topic.name] += 1
+        replayed = Counter(self._writer.counts)
+        for file in self._old:
+            for topic, message in recorded(file):
+                with suppress(RefusedError):  # of a damaged part
+                    self._take_again(topic, message)
+                    replayed[topic.name] += 1
         if replayed == self._writer.counts:
             self._replace_old()
 
+    def _replay_kept(self, file: Path) -> None:
+        """Take what a closed file holds, which is kept, so that the session knows it."""
+        content = FileContent(file.name)
+        with self._writer.keeping(content):
+            for topic, message in recorded(file):
+                content.note(topic, message.log_time)
+                with suppress(RefusedError):
+                    self._take_again(topic, message)
+
+    def _take_again(self, topic: Topic, message: Message) -> None:
+        if topic.derived:  # made again, and then as many, if all that they follow from is here
+            return
+        if topic is DIAGNOSTICS:  # the predecessor had its state
+            self._session.note_known(stamp_of(message.data))
+        self.resumed += self._take(topic, message.data, b"", message.sequence)
+
     def _replace_old(self) -> None:
-        """Let the new file replace the old one, since it holds all that the old one held."""
+        """Let the new file replace the old ones, since it holds all that those held."""
         self._writer.replace_old()
-        if self._old is not None and self._old != self._writer.file:
-            remove(self._old)
-        self._old = None
-
-
-def _old_file(bag: Path) -> Path | None:
-    """The file of a predecessor; None where it was killed before it had made one."""
-    file = bag_file(bag)
-    return next((path for path in (file.with_suffix(TORN), file) if path.exists()), None)
+        for file in self._old:
+            if file != self._writer.file:
+                remove(file)
+        self._old = []
 
 
 def open_bag(
-    checkpoint: Checkpoint, wanted: Path, loaded: LoadedScene, publishers: Publishers
+    checkpoint: Checkpoint,
+    wanted: Path,
+    loaded: LoadedScene,
+    publishers: Publishers,
+    namespace: str = "",
+    points_per_turn: int = 0,
+    split: Split | None = None,
 ) -> BagRecorder:
     """Begin a bag, or go on with the one that a killed predecessor was recording.
 
@@ -170,10 +216,31 @@ def open_bag(
     BagError : another bag is there, or it cannot be made
     """
     if own := checkpoint.newest():
-        return BagRecorder(Path(own), loaded, publishers, resume=True)
-    require_new_bag(wanted)
+        return BagRecorder(Path(own), loaded, publishers, True, namespace, points_per_turn, split)
+    require_new_bag(wanted, split.last_number if split else 0)
     checkpoint.save(str(wanted))
-    return BagRecorder(wanted, loaded, publishers)
+    return BagRecorder(wanted, loaded, publishers, False, namespace, points_per_turn, split)
+
+
+def files_to_resume(bag: Path) -> tuple[list[Path], list[Path]]:
+    """The files of a predecessor: those that are kept, and those that are written anew as one.
+
+    The last one is, and so is every one from the first that was not closed: a predecessor that was
+    killed while it began a file left two of them.
+    """
+    found = [holding_all(file) for file in bag_files(bag)]
+    closed = takewhile(lambda file: file.suffix == ".mcap" and is_closed(file), found[:-1])
+    kept = list(closed)
+    return kept, found[len(kept) :]
+
+
+def recorded(file: Path) -> Iterator[tuple[Topic, Message]]:
+    """The messages of the rig's topics that a file holds, as far as it can be read."""
+    for record in PartialReader(file).records():
+        if isinstance(record, Attachment):
+            continue
+        if (topic := recorded_topic(record[1].topic)) is not None:
+            yield topic, record[2]
 
 
 def versions() -> bytes:

@@ -17,7 +17,8 @@ from cam_rig.bag.recording.pending import ReceivedMessage, Waiting
 from cam_rig.errors import RefusedError
 from cam_rig.live.state_validation import Admission, StateValidator
 from cam_rig.messages import topics
-from cam_rig.messages.codec import cam_state_of
+from cam_rig.messages.codec import array_of, cam_state_of, decode_block
+from cam_rig.messages.motion import DerivedMessage, MotionMessages
 from cam_rig.messages.serialization import RawMessages, cam_of, diagnosed_node, stamp_of
 from cam_rig.messages.topics import Topic
 from cam_rig.simulation.schedule import CamState
@@ -28,7 +29,7 @@ MAX_CAMS = 256
 #: A state begins with its stamp; the clock's message is that and no more.
 CLOCK_BYTES = 12
 
-TICK_TOPICS = tuple(topic for topic in topics.RECORDING if topic.per == "tick")
+TICK_TOPICS = tuple(topic for topic in topics.RECEIVED if topic.per == "tick")
 CAM_TOPICS = (topics.LAW_COEFFICIENTS, topics.PROFILE)
 
 
@@ -37,6 +38,9 @@ class Writing(Protocol):
 
     def write(self, topic: Topic, log_time: int, cdr: bytes) -> None:
         """Write one message at a rig time in ns."""
+
+    def begin_state(self, stamp: int) -> None:
+        """Called before the messages of a state of some stamp (ns)."""
 
 
 class RecordingSession:
@@ -48,6 +52,7 @@ class RecordingSession:
     validator : which states of the cam are possible
     publishers : the one publisher of each topic
     check : refuses a law or a contour (topic, message) that is not the cam's own
+    motion : makes the derived messages; None: none
     """
 
     def __init__(
@@ -56,8 +61,10 @@ class RecordingSession:
         validator: StateValidator,
         publishers: Publishers | None = None,
         check: Callable[[Topic, Any], None] = lambda _topic, _message: None,
+        motion: MotionMessages | None = None,
     ) -> None:
         self.written = -1
+        self._motion = motion
         self._writer, self._raw = writer, RawMessages()
         self._validator, self._check = validator, check
         self._publishers = publishers or Publishers()
@@ -82,6 +89,8 @@ class RecordingSession:
         RunError : it is from another process than the one that publishes on this topic
         BagError : it cannot be written
         """
+        if topic.derived:
+            raise RefusedError(f"{topic.name}: a recorder makes these messages itself")
         if topic.owner:
             self._publishers.require(topic.owner, topic, source)
         message, cdr = self._raw.read(topic, cdr)
@@ -97,12 +106,11 @@ class RecordingSession:
             self._waiting.keep_twin(topic, received, number)
         else:
             self._waiting.keep_stamped(topic, stamp_of(cdr), received, number)
-        for time_ns, diagnostic in self._diagnostics.due(self._newest):
-            self._writer.write(topics.DIAGNOSTICS, time_ns, diagnostic)
         stamps = []
         while self._states and self._complete():
             self._write_state()
             stamps.append(self.written)
+        self._write_diagnostics(self.written)
         return stamps
 
     @property
@@ -118,12 +126,25 @@ class RecordingSession:
         """Write what was received of the states that are not complete."""
         while self._states:
             self._write_state()
+        self._write_diagnostics(self._newest)
 
     def _take_state(self, state: CamState, cdr: bytes) -> None:
-        if self._validator.admit(state) is not Admission.SEEN:
-            self._states.append((state, cdr))
-            self._known.add(state.time_ns)
-            self._newest = max(self._newest, state.time_ns)
+        if self._validator.admit(state) is Admission.SEEN:
+            return
+        newest = self._states[-1][0].time_ns if self._states else self.written
+        if state.time_ns <= newest:
+            raise RefusedError(
+                f"cam state at {state.time_ns} ns: rig time went back from {newest} ns; allowed: "
+                "one that rises within a bag; record each run into a bag of its own"
+            )
+        self._states.append((state, cdr))
+        self._known.add(state.time_ns)
+        self._newest = max(self._newest, state.time_ns)
+
+    def _write_diagnostics(self, until: int) -> None:
+        """Those of states that are written, so that no file of the bag holds what comes later."""
+        for time_ns, diagnostic in self._diagnostics.due(until):
+            self._writer.write(topics.DIAGNOSTICS, time_ns, diagnostic)
 
     def _take_diagnostic(self, node: str, received: ReceivedMessage) -> None:
         if node in topics.DIAGNOSED_NODES:
@@ -164,6 +185,9 @@ class RecordingSession:
     def _write_state(self) -> None:
         state, cdr = self._states.popleft()
         stamp, put = state.time_ns, self._writer.write
+        self._writer.begin_state(stamp)
+        for derived in self._moved(state):
+            put(*derived)
         if self._is_new_cam(state):
             for topic, known in self._cams.items():
                 if state.cam in known:
@@ -174,6 +198,20 @@ class RecordingSession:
         for topic in self._belonging(state):
             if message := self._waiting.pop(topic, stamp):
                 put(topic, stamp, message)
+        if self._motion is not None and self._is_new_cam(state):
+            for derived in self._motion.mounted(state):
+                put(*derived)
         self._before, self.written = state, stamp
         self._known.discard(stamp)
         self._waiting.forget(stamp)
+
+    def _moved(self, state: CamState) -> list[DerivedMessage]:
+        """The derived messages of the tick that ends at a state; none without its samples."""
+        before, samples = self._before, self._waiting.get(topics.FOLLOWER_SAMPLES, state.time_ns)
+        if self._motion is None or before is None or samples is None:
+            return []
+        message, _ = self._raw.read(topics.FOLLOWER_SAMPLES, samples)
+        try:
+            return self._motion.moved(before, state, decode_block(*array_of(message)))
+        except RefusedError:  # as the microphone says, which refuses it too
+            return []

@@ -1,69 +1,76 @@
-"""Writing a rosbag2 directory: one MCAP file and metadata.yaml."""
+"""Writing a rosbag2 directory: MCAP files and metadata.yaml."""
 
 from __future__ import annotations
 
-import json
-import os
-import time
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO
-
-from mcap.writer import CompressionType, Writer
-from rosbags.typesys import Stores, get_typestore
 
 from cam_rig.bag import files
 from cam_rig.bag.files import METADATA, bag_file, part_of
-from cam_rig.bag.partial_reader import LIBRARY
-from cam_rig.bag.recording.metadata import metadata, offered_qos, type_hash
+from cam_rig.bag.recording.file_writer import FileWriter
+from cam_rig.bag.recording.metadata import FileContent, metadata
+from cam_rig.bag.recording.split import Split
 from cam_rig.errors import BagError
 from cam_rig.messages.topics import RECORDING, Topic
-
-#: Wall time (s) between flushes: what a killed recorder can lose.
-FLUSH_PERIOD_S = 0.5
-#: Wall time (s) between two fsyncs: what a power cut can take.
-SYNC_PERIOD_S = 0.5
 
 
 class BagWriter:
     """A rosbag2 bag being written; a context manager.
 
     From the start it has a metadata.yaml that other readers take, though it counts nothing yet.
+    A file that comes to a limit is followed by another: it repeats the schemas, the channels and
+    the attachments, so that it can be read alone. At every moment the newest file is not closed.
 
     Parameters
     ----------
     directory : the bag; it must not exist yet, its parent folders are made
-    rewrite : instead, what is written replaces a bag's file when `replace_old` is called, or when
-        it is closed; until then that file, if there is one, stays as it is
+    rewrite : instead, what is written replaces one of the bag's files when `replace_old` is called,
+        or when it is closed; until then that file, if there is one, stays as it is
+    split : the limits of each file; one that is rewritten is never split
+    number : of the file that is written first
+    namespace : of the rig, "/rig1"; put before each topic's name
+    others : what the bag's other files hold
 
     Raises
     ------
     BagError : the directory exists already, or the file cannot be made
     """
 
-    def __init__(self, directory: Path, rewrite: bool = False) -> None:
-        self.directory = directory
-        self.file = bag_file(directory)
-        self._part: Path | None = part_of(self.file) if rewrite else None
+    def __init__(
+        self,
+        directory: Path,
+        rewrite: bool = False,
+        split: Split | None = None,
+        number: int = 0,
+        namespace: str = "",
+        others: Iterable[FileContent] = (),
+    ) -> None:
+        self.directory, self.split = directory, split or Split()
+        self._namespace = namespace
         self.counts: dict[str, int] = {}
-        self._channels: dict[str, tuple[Topic, int]] = {}
-        self._types = get_typestore(Stores.ROS2_KILTED)
-        self._first = self._last = 0
-        self._dirty = self._unsynced = True
+        self._number, self._others = number, list(others)
+        self._topics: dict[str, tuple[Topic, bytes | None]] = {}
+        self._attached: dict[str, bytes] = {}
+        self._counts_only = False
+        #: Stamp (ns) of the first state of the file that is written now.
+        self._begin: int | None = None
         self._failed: BagError | None = None
         self._make_folder(rewrite)
-        self._file = self._open()
-        self._writer = Writer(self._file, compression=CompressionType.NONE)
+        self._file = self._open_first(rewrite)
         try:
-            self._writer.start(profile="ros2", library=LIBRARY)
-            self._file.flush()
+            self._file.start(self._others)
             if not rewrite:
-                self._write_metadata(list(RECORDING))
+                self._write_metadata(RECORDING)
         except OSError as error:
             self.abandon()
             raise BagError(f"{directory}: cannot be made ({error.strerror})") from None
-        self._flushed = self._synced = time.monotonic()
+
+    @property
+    def file(self) -> Path:
+        """The MCAP file that is written now."""
+        return self._file.path
 
     def __enter__(self) -> BagWriter:
         return self
@@ -84,15 +91,10 @@ class BagWriter:
             raise
 
     def attach(self, name: str, data: bytes) -> None:
-        """Put a file into the bag, so that it can be analysed alone."""
-        kinds = {".csv": "text/csv", ".txt": "text/plain", ".json": "application/json"}
-        kind = kinds.get(Path(name).suffix, "application/yaml")
-        self._require_sound()
-        self._dirty = True
-        try:
-            self._writer.add_attachment(0, 0, name, kind, data)
-        except OSError as error:
-            raise self._lost(error) from None
+        """Put a file into the bag, so that it can be analysed alone; later files repeat it."""
+        with self._writing():
+            self._file.attach(name, data)
+            self._attached[name] = data
 
     def write(
         self,
@@ -113,66 +115,64 @@ class BagWriter:
         ------
         BagError : the disk is full, or gone
         """
-        self._require_sound()
+        if self._failed is not None:
+            raise self._failed
+        name = topic.name
+        count = self.counts.get(name, 0) + 1
         try:
-            if topic.name not in self._channels:
-                self._channels[topic.name] = (topic, self._register(topic, definition))
-            self._first = min(self._first, log_time) if self.counts else log_time
-            self._last = max(self._last, log_time)
-            count = self.counts.get(topic.name, 0) + 1
-            channel = self._channels[topic.name][1]
-            self._dirty = True
-            self._writer.add_message(channel, log_time, cdr, log_time, number or count)
-            self.counts[topic.name] = count
-            if time.monotonic() - self._flushed > FLUSH_PERIOD_S:
-                self.flush()
+            if name not in self._topics:
+                self._file.register(topic, definition)
+                self._topics[name] = topic, definition
+            if not self._counts_only:
+                self._file.write(topic, log_time, cdr, number or count)
+            self.counts[name] = count
         except OSError as error:
             raise self._lost(error) from None
+
+    def begin_state(self, stamp: int) -> None:
+        """Go on in a new file, where this one has come to a limit; before a state's first message.
+
+        Parameters
+        ----------
+        stamp : of the state, ns
+        """
+        if self._counts_only:
+            return
+        begin = stamp if self._begin is None else self._begin
+        if self._file.part is None and self.split.is_due(self._file.size, begin, stamp):
+            self._begin_file()
+            begin = stamp
+        self._begin = begin
+
+    @contextmanager
+    def keeping(self, content: FileContent) -> Iterator[None]:
+        """Inside, messages are counted, not written: the bag has them in a file that it keeps."""
+        self._others.append(content)
+        self._counts_only = True
+        try:
+            yield
+        finally:
+            self._counts_only = False
 
     def flush_if_due(self) -> None:
         """Flush what was written a while ago; to be called a few times a second."""
-        now = time.monotonic()
-        if self._dirty and now - self._flushed > FLUSH_PERIOD_S:
-            self.flush()
-        elif self._unsynced and now - self._synced > SYNC_PERIOD_S:
-            self.sync()
+        with self._writing():
+            self._file.flush_if_due()
 
     def flush(self) -> None:
-        """Write everything to the file, where a killed process cannot lose it.
-
-        Every half second, fsync as well, so that a power cut cannot take it either.
-        """
-        self._require_sound()
-        try:
-            self._writer.flush()
+        """Write everything to the file; see `FileWriter.flush`."""
+        with self._writing():
             self._file.flush()
-            self._flushed, self._dirty, self._unsynced = time.monotonic(), False, True
-            if self._flushed - self._synced > SYNC_PERIOD_S:
-                self._sync()
-        except OSError as error:
-            raise self._lost(error) from None
-
-    def sync(self) -> None:
-        """Write everything to the disk (fsync)."""
-        self._require_sound()
-        try:
-            self._writer.flush()
-            self._sync()
-        except OSError as error:
-            raise self._lost(error) from None
 
     def replace_old(self) -> None:
         """Let the new file replace the bag's file, whose content it holds."""
-        if self._part is None:
+        if self._file.part is None:
             return
-        self.sync()
-        try:
-            files.replace(self._part, self.file)
-            self._part = None
+        with self._writing():
+            self._file.sync()
+            self._file.replace_old()
             if not (self.directory / METADATA).exists():
-                self._write_metadata(list(RECORDING))
-        except OSError as error:
-            raise self._lost(error) from None
+                self._write_metadata(RECORDING)
 
     def close(self) -> None:
         """Finish the bag: metadata.yaml first, then the file's end, by which it counts as closed.
@@ -181,34 +181,70 @@ class BagWriter:
         """
         if self._file.closed:
             return
-        try:
-            self._writer.flush()
-            self._write_metadata([topic for topic, _ in self._channels.values()])
-            self._writer.finish()
-            self._sync()
-            self._file.close()
-            if self._part is not None:
-                files.replace(self._part, self.file)
-                self._part = None
-        except OSError as error:
-            raise self._lost(error) from None
+        with self._writing():
+            self._file.flush()
+            self._write_metadata()
+            self._file.finish(self._contents())
 
     def abandon(self) -> None:
         """Leave the bag as it is, not closed; a file that was to replace its file is removed."""
-        with suppress(OSError):
-            self._file.close()
-        if self._part is None:
-            return
-        with suppress(OSError):
-            self._part.unlink()
-            if not self.file.exists():
+        rewriting = self._file.part is not None
+        self._file.abandon()
+        if rewriting and not files.bag_files(self.directory):
+            with suppress(OSError):
                 (self.directory / METADATA).unlink(missing_ok=True)
                 self.directory.rmdir()
 
-    def _sync(self) -> None:
-        files.sync(self._file)
-        self._flushed = self._synced = time.monotonic()
-        self._dirty = self._unsynced = False
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """What is done inside may find the disk full; `write` does the same without this cost."""
+        if self._failed is not None:
+            raise self._failed
+        try:
+            yield
+        except OSError as error:
+            raise self._lost(error) from None
+
+    def _lost(self, error: OSError) -> BagError:
+        """The error of a full disk; nothing is written there any longer."""
+        self._file.close_stream()
+        written = sum(self.counts.values())
+        self._failed = BagError(
+            f"{self.directory}: cannot be written ({error.strerror}) after {written} messages, of "
+            "which the last may be lost"
+        )
+        return self._failed
+
+    def _begin_file(self) -> None:
+        """Begin the next file and close this one, in that order.
+
+        So a kill at any moment leaves a file that is not closed, which says that the bag is not.
+        """
+        with self._writing():
+            old = self._file
+            old.sync()
+            self._number += 1
+            self._others.append(old.content)
+            try:
+                self._file = FileWriter(
+                    bag_file(self.directory, self._number), False, self._namespace
+                )
+                self._file.start(self._others)
+                for name, data in self._attached.items():
+                    self._file.attach(name, data)
+                for topic, definition in self._topics.values():
+                    self._file.register(topic, definition)
+                self._file.sync()
+                files.sync_folder(self.directory)
+                old.finish(self._others)
+            finally:
+                old.close_stream()
+            self._write_metadata(RECORDING)
+
+    def _contents(self) -> list[FileContent]:
+        """What all files of the bag hold, in their order."""
+        found = {content.name: content for content in (*self._others, self._file.content)}
+        return sorted(found.values(), key=lambda content: (len(content.name), content.name))
 
     def _make_folder(self, exists: bool) -> None:
         try:
@@ -221,72 +257,17 @@ class BagWriter:
         except OSError as error:
             raise BagError(f"{self.directory}: cannot be made ({error.strerror})") from None
 
-    def _open(self) -> BinaryIO:
+    def _open_first(self, replaces: bool) -> FileWriter:
+        file = bag_file(self.directory, self._number)
         try:
-            return files.create(self._part or self.file)
+            return FileWriter(file, replaces, self._namespace)
         except BlockingIOError:
-            raise BagError(f"{self._part}: is being written by another process") from None
+            raise BagError(f"{part_of(file)}: is being written by another process") from None
         except FileExistsError:
-            raise BagError(
-                f"{self.file}: exists already, not overwriting; name another bag"
-            ) from None
+            raise BagError(f"{file}: exists already, not overwriting; name another bag") from None
         except OSError as error:
             raise BagError(f"{self.directory}: cannot be made ({error.strerror})") from None
 
-    def _write_metadata(self, topics: list[Topic]) -> None:
-        span = range(self._first, self._last)
-        data = metadata(self.file.name, topics, self.counts, span)
+    def _write_metadata(self, topics: tuple[Topic, ...] = ()) -> None:
+        data = metadata(self._contents(), topics, self._namespace)
         files.write_whole(self.directory / METADATA, data)
-
-    def _lost(self, error: OSError) -> BagError:
-        """The error of a full disk; nothing is written there any longer."""
-        with suppress(OSError):
-            self._file.close()
-        written = sum(self.counts.values())
-        self._failed = BagError(
-            f"{self.directory}: cannot be written ({error.strerror}) after {written} messages, of "
-            "which the last may be lost"
-        )
-        return self._failed
-
-    def _require_sound(self) -> None:
-        if self._failed is not None:
-            raise self._failed
-
-    def _register(self, topic: Topic, definition: bytes | None) -> int:
-        if definition is None:
-            text, _ = self._types.generate_msgdef(topic.type, ros_version=2)
-            definition = text.encode()
-        schema = self._writer.register_schema(topic.type, "ros2msg", definition)
-        # JSON is YAML, which rosbag2 reads here.
-        about = {"offered_qos_profiles": json.dumps(offered_qos(topic))}
-        about["topic_type_hash"] = type_hash(topic)
-        return self._writer.register_channel(topic.name, "cdr", schema, about)
-
-
-def require_new_bag(directory: Path) -> None:
-    """Refuse, before anything is started, a bag that cannot be made.
-
-    Raises
-    ------
-    BagError : it exists already, or its place cannot be written
-    """
-    try:
-        there = directory.exists()
-        place = next(path for path in directory.absolute().parents if path.exists())
-        longest = os.pathconf(place, "PC_NAME_MAX"), os.pathconf(place, "PC_PATH_MAX") - 1
-    except OSError as error:
-        raise BagError(f"{directory}: cannot be made ({error.strerror})") from None
-    if there:
-        raise BagError(f"{directory}: exists already, not overwriting; name another bag")
-    if not (place.is_dir() and os.access(place, os.W_OK | os.X_OK)):
-        raise BagError(f"{directory}: cannot be made, {place} cannot be written")
-    file = part_of(bag_file(directory))
-    for what, letters, most in zip(("name", "path"), (file.name, str(file)), longest, strict=True):
-        if (over := len(os.fsencode(letters)) - most) > 0:
-            raise BagError(
-                f"{str(directory)[:80]}...: its {what} is {over} bytes too long; allowed: {most} "
-                f"bytes with {file.name.removeprefix(directory.name)} at its end"
-            )
-    if not file.name.isprintable():
-        raise BagError(f"{directory!r}: allowed: a name of letters that can be written")

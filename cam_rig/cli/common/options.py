@@ -24,3 +24,6 @@ Csv = Annotated[
 Json = Annotated[
     str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")
 ]
+Namespace = Annotated[
+    str, typer.Option(help="Namespace of its nodes and topics, for two rigs side by side.")
+]

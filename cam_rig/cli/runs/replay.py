@@ -39,7 +39,7 @@ def replay(
     cam-rig replay bags/mine --tolerance 1e-9 --out bags/mine_again
     """
     with user_errors():
-        from cam_rig.bag.recording.writer import require_new_bag
+        from cam_rig.bag.recording.place import require_new_bag
         from cam_rig.errors import BagError
         from cam_rig.files import temporary_folder
 
@@ -63,7 +63,8 @@ def _replay(bag: Path, folder: Path, scene: str | None, output: Path | None) -> 
     from cam_rig.errors import BagError
     from cam_rig.messages.topics import CAM_STATE
     from cam_rig.runner.domain_lock import own_domain
-    from cam_rig.runner.graph import Graph, replayed
+    from cam_rig.runner.graph import Graph
+    from cam_rig.runner.nodes_of_run import replayed
 
     total = read_counts(bag).get(CAM_STATE.name, 0)
     if total < 2:

@@ -9,14 +9,35 @@ from __future__ import annotations
 import os
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
 
 from cam_rig.cli.common.console import console, progress_bar, user_errors
 from cam_rig.cli.common.names import DEFAULT_SCENE, scene_path
-from cam_rig.cli.common.options import Scene
+from cam_rig.cli.common.options import Namespace, Scene
+
+if TYPE_CHECKING:
+    from cam_rig.runner.node_process import Arguments
+
+Pacing = Annotated[
+    str, typer.Option(help="Rig time beside wall time: free, real_time, or Nx such as 20x.")
+]
+Respawn = Annotated[
+    bool, typer.Option("--respawn", help="Start a node again that was killed, and go on.")
+]
+Network = Annotated[
+    bool, typer.Option("--network", help="Let the subnet see the nodes; else this machine alone.")
+]
+SplitLimit = Annotated[
+    str | None,
+    typer.Option(
+        "--split",
+        metavar="LIMIT",
+        help="Go on in another file of the bag after this size or rig time: 100MB, 60s.",
+    ),
+]
 
 
 def run(
@@ -31,16 +52,11 @@ def run(
     web: Annotated[
         bool, typer.Option("--web", help="Show it so to a browser on this machine.")
     ] = False,
-    pacing: Annotated[
-        str, typer.Option(help="Rig time beside wall time: free, real_time, or Nx such as 20x.")
-    ] = "free",
-    respawn: Annotated[
-        bool, typer.Option("--respawn", help="Start a node again that was killed, and go on.")
-    ] = False,
-    network: Annotated[
-        bool,
-        typer.Option("--network", help="Let the subnet see the nodes; else this machine alone."),
-    ] = False,
+    pacing: Pacing = "free",
+    respawn: Respawn = False,
+    network: Network = False,
+    namespace: Namespace = "",
+    split: SplitLimit = None,
 ) -> None:
     """Run a scene through the node graph and record it.
 
@@ -57,18 +73,28 @@ def run(
     cam-rig run --view
 
     cam-rig run quick --pacing real_time
+
+    cam-rig run quick --namespace /rig1
+
+    cam-rig run --split 100MB
     """
     with user_errors():
-        from cam_rig.bag.recording.writer import require_new_bag
+        from cam_rig.bag.recording.place import require_new_bag
+        from cam_rig.bag.recording.split import Split
         from cam_rig.cli.common.screen import open_screen
-        from cam_rig.live.pacing import factor_of
+        from cam_rig.live.pacing import factor_of, pacing_of
+        from cam_rig.runner.domain_lock import namespace_named
+        from cam_rig.runner.nodes_of_run import live
 
         path = scene_path(scene)
-        factor_of(pacing)
+        factor_of(pacing := str(pacing_of(pacing)))
+        limits = Split.parsed(split) if split is not None else Split()
+        place = namespace_named(namespace)
         target = bag or Path(time.strftime(f"bags/{path.stem}_%Y-%m-%d_%H-%M-%S"))
-        require_new_bag(target)
+        require_new_bag(target, limits.last_number)
         with open_screen(view, web) as screen:
-            _run(path, target, screen.address, pacing, respawn, network)
+            nodes = live(path, target, screen.address, limits, pacing=pacing)
+            _run(path, target, nodes, respawn, network, place)
             if analyze:
                 from cam_rig.cli.runs.analyze import analyze_bag
 
@@ -81,12 +107,17 @@ def _log(line: str) -> None:
 
 
 def _run(
-    path: Path, target: Path, screen: str | None, pacing: str, respawn: bool, network: bool
+    path: Path,
+    target: Path,
+    nodes: dict[str, Arguments],
+    respawn: bool,
+    network: bool,
+    namespace: str,
 ) -> None:
     from cam_rig.bag.complete import require_complete
     from cam_rig.messages.topics import FOLLOWER_SAMPLES
     from cam_rig.runner.domain_lock import own_domain
-    from cam_rig.runner.graph import Graph, live
+    from cam_rig.runner.graph import Graph
     from cam_rig.runner.node_process import PROFILES
     from cam_rig.simulation.loaded_scene import open_scene
     from cam_rig.simulation.schedule import tick_count
@@ -97,11 +128,10 @@ def _run(
             f"the profile of {PROFILES} is used with --network alone; no socket leaves this machine"
         )
     begun = time.perf_counter()
-    nodes = live(path, target, screen, pacing=pacing)
     with (
-        own_domain(),
+        own_domain(namespace),
         progress_bar() as bar,
-        Graph(nodes, respawn, network, _log) as graph,
+        Graph(nodes, respawn, network, _log, namespace) as graph,
     ):
         task = bar.add_task("starting the nodes", total=tick_count(loaded.scene))
         for report in graph.progress():

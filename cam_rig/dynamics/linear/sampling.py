@@ -17,7 +17,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.linear.matrix_exponential import free_grid, free_motion
 from cam_rig.dynamics.linear.response import LinearResponse, LinearRun, Part
 from cam_rig.laws import bernstein
-from cam_rig.laws.sampling import CHUNK, MIDDLE, WIDEST_CHUNK, chunk_powers
+from cam_rig.laws.sampling import CHUNK, MIDDLE, WIDEST_CHUNK, chunk_powers, samples_before
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ def sample(
     out = np.empty((outputs.state.shape[0], count))
     done = 0
     for run in model.walk(start, angle, first + count * step):
-        end = min(count, max(done, int(np.ceil((run.end - first) / step))))
+        end = min(count, max(done, samples_before((run.end - first) / step)))
         if end > done:
             offset = first + done * step - run.begin
             _fill(model, run, offset, step, outputs, out[:, done:end])

@@ -17,6 +17,7 @@ from cam_rig.dynamics.samples import Samples
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
 from cam_rig.dynamics.two_mass.trajectory import Separation, TwoMassPhase
 from cam_rig.laws import Law
+from cam_rig.laws.sampling import sample as sample_law
 from cam_rig.units import NS
 
 
@@ -107,7 +108,14 @@ def _show(rows: FloatArray, grid: SampleGrid, course: Separation, phase: TwoMass
     if phase.flight is None:
         response = contact_response(course.law, course.parameters, course.speed)
         angle = course.angle + course.speed * phase.begin
-        shown.motion[:, first:end] = course.cam(times)
+        shown.motion[:, first:end] = sample_law(
+            course.law,
+            course.angle + course.speed * float(times[0]),
+            course.speed / grid.sample_rate,
+            end - first,
+            np.diag(course.speed ** np.arange(3.0)),
+            np.zeros(3),
+        )
         shown.force[first:end] = sample(
             response,
             phase.vibration,

@@ -36,12 +36,14 @@ def bezier_pieces(spline: BSpline[np.float64]) -> Pieces:
     Each inner knot is inserted until it stands ``degree`` times; the control points then are
     the Bézier ordinates. Insertion takes convex combinations, so it is as accurate as they are.
     """
+    from scipy.interpolate import insert  # BSpline.insert_knot, its equal, is newer
+
     n = spline.k
     breaks = np.unique(spline.t[n : spline.t.size - n])
     for knot in breaks:
         missing = n - int(np.count_nonzero(spline.t == knot))
         if missing > 0:
-            spline = spline.insert_knot(knot, missing)
+            spline = insert(knot, spline, missing)
     start = int(np.searchsorted(spline.t, breaks[0], side="right")) - n - 1
     count = breaks.size - 1
     columns = [

@@ -16,13 +16,17 @@ from cam_rig.live.flow_control import FlowControl
 from cam_rig.messages import topics
 from cam_rig.messages.codec import stamp_ns
 from cam_rig.nodes.common.convert import to_cam_state, to_header, to_time
+from cam_rig.nodes.common.diagnostics import ERROR, OK, WARN
 from cam_rig.nodes.common.rig_node import RigNode
-from cam_rig.runner.node_table import OPTIONAL
+from cam_rig.nodes.common.run_end import FinishedRun, FinishReport
+from cam_rig.runner.node_table import OPTIONAL, held_by
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import to_rpm
 
 #: Wall time (s) without an answer after which the states in flight are sent again.
 RESEND_AFTER_S = 2.0
+#: Wall time (s) without an answer after which a heartbeat says who is waited for.
+HELD_AFTER_S = 1.0
 #: The nodes that may be waited for, and the stamped topic by which each acknowledges.
 ACKNOWLEDGES = {
     "follower": topics.FOLLOWER_STATE,
@@ -35,15 +39,41 @@ ACKNOWLEDGES = {
 OPTIONAL_PATIENCE_S = 15.0
 
 
+class SpeedReport:
+    """The speed now, and a line for each steady one: of a ramp, for where it leads."""
+
+    def __init__(self) -> None:
+        #: Of the last state, rpm.
+        self.rpm = 0.0
+        self._before = self._reported = ("", 0.0)
+
+    def note(self, state: CamState, commanded: bool) -> str:
+        """Note a state that went out; what there is to say."""
+        self.rpm = to_rpm(state.speed)
+        now, before = (state.cam, state.speed), self._before
+        self._before = now
+        if now == self._reported or (now != before and state.speed > 0.0):
+            return ""
+        self._reported = now
+        how = ", as commanded" if commanded else ""
+        return f"turning {state.cam} at {self.rpm:.6g} rpm{how}" if self.rpm else "the cam stands"
+
+
 class ClockSource(RigNode):
     """The node that makes rig time: the only one on /clock and /cam/state."""
 
     def __init__(self, name: str) -> None:
+        self.speed = SpeedReport()
         super().__init__(name)
         self._moved = self._repeated = time.monotonic()
         #: Rig time (ns) that /clock has come to.
         self.clock_ns = -1
+        self._awaited: set[str] = set()
         self._clock_out, self._state_out = map(self.publisher, (topics.CLOCK, topics.CAM_STATE))
+
+    def listen_for_end(self) -> None:
+        """It is this node that says when the run is over."""
+        self._finished = FinishReport(self)
 
     def begin(self, consumers: list[str], flow: FlowControl) -> None:
         """Subscribe to the consumers' acknowledgements, and turn when all are ready."""
@@ -55,11 +85,23 @@ class ClockSource(RigNode):
         self._alarm = self.every(1.0, self._on_alarm)
         self._alarm.cancel()
         self.every(0.1, self._on_timer)
-        self.get_logger().info(f"waiting for {', '.join(sorted(self._awaited))}")
+        self.get_logger().info(self.activity())
+
+    def activity(self) -> str:
+        """What the node does now, in words."""
+        if self._awaited:
+            return f"waiting for {', '.join(sorted(self._awaited))}"
+        behind = self._flow.behind() if time.monotonic() - self._moved > HELD_AFTER_S else []
+        return f"waiting for {held_by(behind)}" if behind else "turning"
 
     def send_next(self) -> bool:
         """Send the next state, if it may go out; False when it may not."""
         raise NotImplementedError
+
+    @property
+    def is_commanded(self) -> bool:
+        """Whether the cam turns at another speed than the scene's."""
+        return False
 
     def resend(self) -> None:
         """Send once more what no node has answered; it may be lost to queue overflow."""
@@ -82,11 +124,12 @@ class ClockSource(RigNode):
 
     def turn(self) -> None:
         """Send what may be sent now; nothing before every consumer is ready."""
-        while not (self._awaited or self.done.done()) and self.send_next():
+        if self.done.done():
+            return
+        while not self._awaited and self.send_next():
             pass
         if self.is_done():
-            if not self.done.done():
-                self._report_progress(done=True)
+            self._report_progress(done=True)
             self.finish()
         elif self.is_idle():
             self._moved = time.monotonic()
@@ -95,6 +138,16 @@ class ClockSource(RigNode):
         if (due := self.next_due()) > 0.0:
             self._alarm.timer_period_ns = max(100_000, int(due * 1e9))
             self._alarm.reset()
+
+    def conclude(self, spin_once: Callable[..., None]) -> None:
+        """Say that the run is over, and how; the recorder then closes its bag."""
+        level, words = WARN, "stopped"
+        if self.failure is not None:
+            level, words = ERROR, str(self.failure)
+        elif self.is_done():
+            level, words = OK, "done"
+        run = FinishedRun(level, words, self.ticks, max(0, self.clock_ns))
+        self._finished.publish(run, spin_once)
 
     def _stuck_error(self) -> RunError:
         patience = self.given["patience"]
@@ -113,8 +166,10 @@ class ClockSource(RigNode):
 
     def note_sent(self, state: CamState, tick: int) -> None:
         """Note that a state went out, and report it to the runner."""
-        self._moved = time.monotonic()
+        self._moved, self.ticks = time.monotonic(), tick
         self._report_progress(tick=tick, cam=state.cam, rpm=to_rpm(state.speed))
+        if words := self.speed.note(state, self.is_commanded):
+            self.get_logger().info(words)
 
     def _report_progress(self, **values: Any) -> None:
         """Write a line of JSON into the runner's pipe, if there is one."""
@@ -136,15 +191,17 @@ class ClockSource(RigNode):
         return acknowledge
 
     def _on_ready(self, message: Any) -> None:
-        if message.frame_id in self._awaited:
-            self._awaited.discard(message.frame_id)
+        if message.data in self._awaited:
+            self._awaited.discard(message.data)
             self._moved = time.monotonic()
             missing = ", ".join(sorted(self._awaited))
             rest = f"waiting for {missing}" if missing else "all are ready"
-            self.get_logger().info(f"{message.frame_id} is ready, {rest}")
+            self.get_logger().info(f"{message.data} is ready, {rest}")
             self.turn()
 
     def _on_timer(self) -> None:
+        if self.done.done():
+            return
         now = time.monotonic()
         if now - max(self._moved, self._repeated) > RESEND_AFTER_S:
             self._repeated = now
@@ -158,7 +215,7 @@ class ClockSource(RigNode):
 
     def _has_left(self, name: str, waited: float) -> bool:
         """Whether an optional consumer has ended, or alone has been waited for too long (s)."""
-        if name not in self._awaited and not self.count_publishers(ACKNOWLEDGES[name].name):
+        if name not in self._awaited and not self.count_publishers(ACKNOWLEDGES[name].relative):
             return True
         missing = self._awaited or set(self._flow.behind())
         patience = min(OPTIONAL_PATIENCE_S, 0.5 * self.given["patience"])

@@ -52,8 +52,8 @@ def to_time(time_ns: int) -> Time:
     return Time(sec=time_ns // NS, nanosec=time_ns % NS)
 
 
-def to_header(time_ns: int, frame: str) -> Header:
-    """A header with rig time in ns."""
+def to_header(time_ns: int, frame: str = "") -> Header:
+    """A header with rig time in ns; without a frame where nothing has a place."""
     return Header(stamp=to_time(time_ns), frame_id=frame)
 
 

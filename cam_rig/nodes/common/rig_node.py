@@ -2,51 +2,38 @@
 
 from __future__ import annotations
 
-import signal
-import sys
 import time
 from collections.abc import Callable
-from functools import wraps
-from types import FrameType
-from typing import Any
+from dataclasses import replace
+from typing import Any, ClassVar
 
-import rclpy
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.exceptions import ParameterException
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message
-from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.timer import Timer
 from std_srvs.srv import Trigger
 
 from cam_rig.bag.publishers import second_publisher
-from cam_rig.errors import CamRigError, ConfigError, RefusedError
+from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.live.checkpoint import Checkpoint
 from cam_rig.messages.topics import DIAGNOSTICS, READY, Topic
-from cam_rig.nodes.common.convert import message_class, qos, to_header
-from cam_rig.nodes.common.diagnostics import Diagnostics
-from cam_rig.nodes.common.parameters import PARAMETERS, declare, refuse_wrong
+from cam_rig.nodes.common.convert import message_class, qos
+from cam_rig.nodes.common.diagnostics import Diagnostics, Heartbeat
+from cam_rig.nodes.common.incoming import guarded, require_length, take_rest
+from cam_rig.nodes.common.parameter_values import convert, declare, refuse_wrong
+from cam_rig.nodes.common.parameters import PARAMETERS
+from cam_rig.nodes.common.run_end import OWNED, EndWithTheDrive, publishers
+from cam_rig.runner.node_table import STAY
 
-try:  # less CPU time a message; not in every distribution
-    from rclpy.experimental import EventsExecutor as Executor
-except ImportError:
-    Executor = SingleThreadedExecutor
-
-
-#: A signal is noticed when the executor comes back to Python, which it does this often (s).
-SIGNAL_POLL_S = 0.1
 #: Wall time (s) between two checks for other publishers on a node's topics.
 WATCH_PERIOD_S = 0.25
 #: Wall time (s) that the name of a newly discovered publisher's node is waited for.
 NAME_TIMEOUT_S = 5.0
-#: Wall time (s) for messages still in transit at the end; after 10 s the runner kills the node.
-MAX_DRAIN_S = 3.0
-#: What a message of the right type with impossible content may raise where it is read.
-UNREADABLE = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RuntimeError)
+#: Wall time (s) between two heartbeats.
+HEARTBEAT_S = 1.0
 
 
 class RigNode(Node):
@@ -59,6 +46,10 @@ class RigNode(Node):
     #: Whether callbacks need the publisher and number of each message, which rclpy's events
     #: executor does not pass on. The other one takes 0.1 ms more CPU time per message.
     needs_message_info = False
+    #: Whom the node waits for before it has anything to do.
+    waits_for = "cam_drive"
+    #: Runs that this process has done before, as a node that stays.
+    runs_before: ClassVar[int] = 0
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
@@ -66,15 +57,54 @@ class RigNode(Node):
         self.done: Future = Future()
         self.failure: CamRigError | None = None
         self.given = declare(self, PARAMETERS[name])
+        self._require_one_run()
         self.checkpoint = Checkpoint(self.given["checkpoint"], name)
         self.checkpoint.count_launch()
         self._owned: list[Topic] = []
-        #: Messages taken so far.
-        self.taken = 0
+        #: Messages taken, ticks dealt with, signals to stop received so far.
+        self.taken = self.ticks = self.interrupts = 0
+        #: Who published on the rig's topics when the run ended; empty before.
+        self.rig_publishers: dict[str, set[bytes]] = {}
+        self.add_pre_set_parameters_callback(convert(PARAMETERS[name]))
         self.add_on_set_parameters_callback(refuse_wrong(PARAMETERS[name]))
         self.health = Diagnostics(self.publisher(DIAGNOSTICS), name)
+        heartbeat = Heartbeat(self.publisher(replace(DIAGNOSTICS, depth=1)), self.health)
+        self.every(HEARTBEAT_S, lambda: heartbeat.beat(self.activity()))
         self._ready = self.publisher(READY)
         self.every(WATCH_PERIOD_S, self._watch)
+        self.listen_for_end()
+        if self.runs_before:
+            self.get_logger().info("stays for another run")
+
+    def _require_one_run(self) -> None:
+        """A successor would go on with the run before the present one."""
+        if self.given.get("at_end") == STAY and self.given["checkpoint"]:
+            raise ConfigError(
+                f"at_end: is {STAY} with a checkpoint folder, which is of one run; allowed: one of "
+                "the two"
+            )
+
+    def listen_for_end(self) -> None:
+        """End with the run, as the parameter at_end asks."""
+        EndWithTheDrive(self)
+
+    def activity(self) -> str:
+        """What the node does now, in words."""
+        return f"waiting for {self.waits_for}" if self.ticks == 0 else "waiting for the next tick"
+
+    def summary(self) -> str:
+        """What the node has done, in words, when it ends."""
+        return f"done with {self.ticks} ticks"
+
+    @property
+    def stays(self) -> bool:
+        """Whether another run is to follow this one, which has ended."""
+        return bool(self.rig_publishers) and self.given.get("at_end") == STAY
+
+    def remember_publishers(self) -> None:
+        """Note who publishes for the run that ends now."""
+        names = (self.resolve_topic_name(topic.relative) for topic in OWNED)
+        self.rig_publishers = publishers(self, *names)
 
     def save(self, state: Any, stamp_ns: int) -> None:
         """Keep what this node knows at a rig time for the one that takes its place."""
@@ -92,7 +122,7 @@ class RigNode(Node):
         """A publisher with the topic's type and quality of service."""
         if topic.owner:
             self._owned.append(topic)
-        return self.create_publisher(message_class(topic), topic.name, qos(topic))
+        return self.create_publisher(message_class(topic), topic.relative, qos(topic))
 
     def every(self, period: float, act: Callable[[], None]) -> Timer:
         """Call ``act`` with a period (s) of wall time, under use_sim_time too.
@@ -109,31 +139,17 @@ class RigNode(Node):
         A message that cannot be read or is refused (`RefusedError`) is logged as a warning, and the
         node goes on; any other of the rig's errors ends it.
         """
-        guarded = self._guarded(topic, callback)
-        return super().create_subscription(msg_type, topic, guarded, *how, **named)
+        safe = guarded(self, topic, callback)
+        return super().create_subscription(msg_type, topic, safe, *how, **named)
 
     def create_service(self, srv_type: Any, srv_name: str, callback: Any, **named: Any) -> Any:
         """Offer a service; an impossible request, of parameters too, has an empty answer."""
 
         def answer(request: Any, response: Any) -> Any:
-            found = self._guarded(srv_name, callback)(request, response)
+            found = guarded(self, srv_name, callback)(request, response)
             return srv_type.Response() if found is None else found
 
         return super().create_service(srv_type, srv_name, answer, **named)
-
-    def _guarded(self, name: str, callback: Callable[..., Any]) -> Callable[..., Any]:
-        @wraps(callback)
-        def guarded(*message: Any) -> Any:
-            try:
-                return callback(*message)
-            except RefusedError as error:
-                self.refuse(error)
-            except CamRigError as error:
-                self.fail(error)
-            except UNREADABLE as error:
-                self.refuse(RefusedError(f"{name}: cannot be read ({error})"))
-
-        return guarded
 
     def subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> None:
         """Subscribe with the topic's type and quality of service."""
@@ -144,7 +160,7 @@ class RigNode(Node):
             callback(deserialize_message(cdr, kind))
             self.taken += 1
 
-        self.create_subscription(kind, topic.name, take, qos(topic), raw=True)
+        self.create_subscription(kind, topic.relative, take, qos(topic), raw=True)
 
     def refuse(self, error: CamRigError) -> None:
         """Log a refused message as a warning, at most once per second."""
@@ -164,19 +180,20 @@ class RigNode(Node):
 
     def report_ready(self) -> None:
         """Publish, latched, that this node takes messages."""
-        self._ready.publish(to_header(0, self.get_name()))
+        self._ready.publish(message_class(READY)(data=self.get_name()))
 
     def publishers_of(self, topic: Topic) -> dict[bytes, str]:
         """The publishers of a topic, by discovery: their node's name by DDS identity.
 
-        Asked only for an error. A new node's name may be discovered after its publisher: it is
-        waited for, as only a DDS program that is not a ROS node never gets one.
+        One of another type is none: DDS connects it to nobody. A new node's name may be discovered
+        after its publisher: it is waited for, as only a program that is no ROS node never has one.
         """
         deadline = time.monotonic() + NAME_TIMEOUT_S
         while True:
             found = {
                 bytes(info.endpoint_gid): f"{info.node_namespace.rstrip('/')}/{info.node_name}"
-                for info in self.get_publishers_info_by_topic(topic.name)
+                for info in self.get_publishers_info_by_topic(topic.relative)
+                if info.topic_type == topic.type
             }
             unnamed = {gid for gid, name in found.items() if "UNKNOWN" in name}
             if not unnamed or time.monotonic() > deadline:
@@ -186,21 +203,30 @@ class RigNode(Node):
     def _watch(self) -> None:
         """A second publisher on a topic that this node owns ends the run."""
         for topic in self._owned:
-            if self.count_publishers(topic.name) > self.checkpoint.launches(topic.owner):
-                names = list(self.publishers_of(topic).values())
-                own = f"{self.get_namespace().rstrip('/')}/{self.get_name()}"
+            most = self.checkpoint.launches(topic.owner)
+            if self.count_publishers(topic.relative) <= most:
+                continue
+            if len(names := list(self.publishers_of(topic).values())) > most:
+                own = self.get_fully_qualified_name()
                 others = [name for name in names if name != own] or names[1:]
-                if others:
-                    self.fail(second_publisher(topic, topic.owner, ", ".join(others)))
+                self.fail(second_publisher(topic, topic.owner, ", ".join(others)))
 
     def finish(self) -> None:
         """End the process with code 0."""
         if not self.done.done():
             self.done.set_result(None)
 
+    def interrupt(self) -> None:
+        """A signal to stop has come."""
+        self.interrupts += 1
+        self.finish()
+
     def drain(self, spin_once: Callable[..., None]) -> None:
         """Take what has arrived but was not taken yet; see `take_rest`."""
         take_rest(spin_once, lambda: self.taken)
+
+    def conclude(self, spin_once: Callable[..., None]) -> None:
+        """Tell the other nodes that this one ends; called once, while it still takes messages."""
 
     def fail(self, error: CamRigError) -> None:
         """End the process with the error's message and code."""
@@ -209,86 +235,3 @@ class RigNode(Node):
 
     def close(self) -> None:
         """Release what the node holds; called once, after the executor has stopped."""
-
-
-def require_length(topic: Topic, cdr: bytes) -> None:
-    """Refuse a serialized message, before it is read, that is longer than any of its topic.
-
-    Raises
-    ------
-    RefusedError : with its length and the limit
-    """
-    if len(cdr) > topic.most_bytes:
-        raise RefusedError(f"{topic.name}: {len(cdr)} bytes; allowed: {topic.most_bytes}")
-
-
-def take_rest(
-    spin_once: Callable[..., None],
-    taken: Callable[[], int],
-    now: Callable[[], float] = time.monotonic,
-) -> None:
-    """Spin until nothing more is taken for a while, at most `MAX_DRAIN_S`."""
-    quiet, deadline = 0, now() + MAX_DRAIN_S
-    while quiet < 5 and now() < deadline:
-        before = taken()
-        spin_once(timeout_sec=0.02)
-        quiet = quiet + 1 if taken() == before else 0
-
-
-def run(make: Callable[[], RigNode]) -> None:
-    """Run a node until it finishes, fails, or gets a signal to stop (SIGINT, SIGTERM)."""
-    request = StopRequest()
-    try:
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:  # a parameter file that is missing or not one
-        print(f"cam_rig: {error}", file=sys.stderr)
-        sys.exit(ConfigError.exit_code)
-    try:
-        sys.exit(_spin(make, request))
-    finally:
-        rclpy.try_shutdown()
-
-
-class StopRequest:
-    """A signal to stop, which may come before there is a node to end."""
-
-    def __init__(self) -> None:
-        self.received, self.act = False, lambda: None
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._stop)
-
-    def _stop(self, _signal: int, _frame: FrameType | None) -> None:
-        self.received = True
-        self.act()
-
-
-def _spin(make: Callable[[], RigNode], request: StopRequest) -> int:
-    try:
-        node = make()
-    except CamRigError as error:
-        print(f"cam_rig: {error}", file=sys.stderr)
-        return error.exit_code
-    except ParameterException as error:
-        print(f"cam_rig: parameter: {error}", file=sys.stderr)
-        return ConfigError.exit_code
-    request.act = node.finish
-    if request.received:
-        node.finish()
-    executor = SingleThreadedExecutor() if node.needs_message_info else Executor()
-    executor.add_node(node)
-    node.report_ready()
-    while not node.done.done():
-        executor.spin_until_future_complete(node.done, timeout_sec=SIGNAL_POLL_S)
-    if node.failure is None:
-        node.drain(executor.spin_once)
-    executor.shutdown()
-    try:
-        node.close()
-    except CamRigError as error:
-        node.failure = node.failure or error
-    name, failure = node.get_name(), node.failure
-    node.destroy_node()
-    if failure is not None:
-        print(f"{name}: {failure}", file=sys.stderr)
-        return failure.exit_code
-    return 0

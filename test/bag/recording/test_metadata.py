@@ -23,7 +23,7 @@ def wheels(monkeypatch):
 
 def said():
     """The distribution in metadata.yaml, and the key of rclpy in versions.json."""
-    about = yaml.safe_load(metadata.metadata("bag_0.mcap", [], {}, range(7, 9)))
+    about = yaml.safe_load(metadata.metadata([metadata.FileContent("bag_0.mcap", first=7, last=9)]))
     (rclpy,) = (key for key in json.loads(versions()) if key.endswith("-rclpy"))
     return about["rosbag2_bagfile_information"]["ros_distro"], rclpy
 

@@ -58,7 +58,7 @@ def test_every_message_is_written_once_with_its_states_time(golden, kept, states
     assert written == states
     assert len(kept.messages) == len(golden)
     found = by_topic(kept)
-    for topic in topics.RECORDING:
+    for topic in topics.RECEIVED:
         if topic.per == "tick":
             assert [time for time, _ in found[topic.name]] == states[1:]
 
@@ -83,7 +83,7 @@ def test_a_clock_that_was_lost_is_known_from_the_next(golden, kept, states):
     assert by_topic(kept) == whole
 
 
-@pytest.mark.parametrize("missing", [t for t in topics.RECORDING if t.per in ("tick", "state")])
+@pytest.mark.parametrize("missing", [t for t in topics.RECEIVED if t.per in ("tick", "state")])
 def test_a_state_waits_for_every_message_of_its_tick(golden, kept, states, missing):
     """A state is not acknowledged while a message is missing; the rest is written at the end."""
     last = max(n for topic, n, _ in golden if topic is missing)
@@ -91,7 +91,7 @@ def test_a_state_waits_for_every_message_of_its_tick(golden, kept, states, missi
     assert written == states[:-1]
     assert len(by_topic(kept)[missing.name]) == last - 1
     if missing is not topics.CAM_STATE:  # a message without its stamped twin belongs to no tick
-        twins = sum(topic.twin == missing.name for topic in topics.RECORDING)
+        twins = sum(topic.twin == missing.name for topic in topics.RECEIVED)
         assert len(kept.messages) == len(golden) - 1 - twins
 
 
@@ -100,6 +100,22 @@ def test_a_step_waits_for_its_law(golden, kept, states):
     laws = [stamp_of(cdr) for topic, _, cdr in golden if topic is topics.LAW]
     written = record([m for m in golden if m[:2] != (topics.LAW, 2)], kept)
     assert written == [stamp for stamp in states if stamp < laws[1]]
+
+
+def test_a_clock_that_jumps_back_is_refused_in_words(golden, kept, states):
+    """A second run into the same bag, its rig time from zero: named; the first one stays whole."""
+    session = RecordingSession(kept, StateValidator(RATE))
+    for topic, number, cdr in golden:
+        session.take(topic, cdr, LIVE, number)
+    whole = by_topic(kept)
+    first = next(cdr for topic, _, cdr in golden if topic is topics.CAM_STATE)
+    again = first[:4] + struct.pack("<iI", 0, 1) + first[12:]
+    with pytest.raises(RefusedError, match=rf"rig time went back from {states[-1]} ns; allowed"):
+        session.take(topics.CAM_STATE, again, LIVE, len(states) + 1)
+    clock = first[:4] + struct.pack("<iI", 0, 1)
+    session.take(topics.CLOCK, clock, LIVE, len(states) + 1)
+    session.close()
+    assert by_topic(kept) == whole
 
 
 @pytest.mark.parametrize("back", [1, 3, 7])
@@ -125,16 +141,16 @@ def test_what_is_known_is_not_contradicted(golden, kept):
     """A node that was started again differs about a tick: what was here first stays."""
     session = RecordingSession(kept, StateValidator(RATE), Publishers(lambda _node: 2))
     clock, state, *_ = (m for m in golden if m[0] in (topics.CLOCK, topics.CAM_STATE))
-    contact = next(m for m in golden if m[0] is topics.FOLLOWER_CONTACT)
-    for topic, number, cdr in (clock, state, contact):
+    pressure = next(m for m in golden if m[0] is topics.PRESSURE)
+    for topic, number, cdr in (clock, state, pressure):
         session.take(topic, cdr, LIVE, number)
-    other = bytearray(contact[2])
-    other[-20] ^= 1
+    other = bytearray(pressure[2])
+    other[-10] ^= 1
     with pytest.raises(RefusedError, match="two messages that differ"):
-        session.take(topics.FOLLOWER_CONTACT, bytes(other), AGAIN, 1)
+        session.take(topics.PRESSURE, bytes(other), AGAIN, 1)
 
 
-OWNED = [topic for topic in topics.RECORDING if topic.owner]
+OWNED = [topic for topic in topics.RECEIVED if topic.owner]
 
 
 @pytest.mark.parametrize("forged_first", [False, True])
@@ -230,14 +246,14 @@ def record_all(messages, kept):
 
 def test_what_states_have_overtaken_is_let_go(golden, kept):
     """Stray stamps between two states take no room once the second is written."""
-    contact = next(cdr for topic, _, cdr in golden if topic is topics.FOLLOWER_CONTACT)
+    law = next(cdr for topic, _, cdr in golden if topic is topics.LAW)
     session, number = RecordingSession(kept, StateValidator(RATE)), 0
     for topic, n, cdr in golden:
         session.take(topic, cdr, LIVE, n)
         for i in range(9 if topic is topics.CAM_STATE else 0):  # 17 x 9 in all, more than are kept
             number += 1
-            junk = stamped(contact, stamp_of(cdr) + 1 + i)
-            session.take(topics.FOLLOWER_CONTACT, junk, LIVE, number)
+            junk = stamped(law, stamp_of(cdr) + 1 + i)
+            session.take(topics.LAW, junk, LIVE, number)
 
 
 def of_speaker(node, stamp):
@@ -265,7 +281,15 @@ def test_only_the_rig_is_diagnosed_in_its_own_time(golden, kept):
     assert by_topic(kept) == straight
 
 
-@pytest.mark.parametrize("topic", topics.RECORDING, ids=lambda t: t.name)
+def test_what_a_recorder_makes_itself_is_not_taken(kept):
+    """Whoever publishes it: the derived messages of a bag follow from its samples."""
+    session = RecordingSession(kept, StateValidator(RATE))
+    for topic in set(topics.RECORDING) - set(topics.RECEIVED):
+        with pytest.raises(RefusedError, match=f"{topic.name}: a recorder makes these"):
+            session.take(topic, b"", LIVE, 1)
+
+
+@pytest.mark.parametrize("topic", topics.RECEIVED, ids=lambda t: t.name)
 @pytest.mark.parametrize("cdr", [b"", b"\0\1\0\0", b"\xff" * 40])
 def test_bytes_of_no_message_are_refused(kept, topic, cdr):
     """Raw subscriptions check nothing, so this does."""

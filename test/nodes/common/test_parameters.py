@@ -1,43 +1,39 @@
-"""Every node's parameters as `ros2 param describe` shows them."""
-
-import json
-from importlib import import_module
+"""Every node's parameters: as `ros2 param describe` shows them, as they may be given."""
 
 import pytest
 import rclpy
+import yaml
+from rclpy.parameter import Parameter
 
+from cam_rig.errors import ConfigError
+from cam_rig.nodes.common.parameter_values import convert, declare
 from cam_rig.nodes.common.parameters import PARAMETERS
+from cam_rig.schema.load import config_root
+from tools.docs.parameters import FOLDER, text
 
 pytestmark = pytest.mark.ros
-CLASSES = {
-    "law_server": "LawServer",
-    "cam_drive": "CamDrive",
-    "follower": "Follower",
-    "microphone": "Microphone",
-    "recorder": "Recorder",
-}
+LIVE = ("law_server", "cam_drive", "follower", "microphone", "recorder")
+QUICK = str(config_root() / "scenes" / "quick.yaml")
 
 
 @pytest.fixture
-def make(ros_domain, short_scene, tmp_path):
-    """Make a node in this process."""
-    given = {"scene": str(short_scene), "recorder:bag": str(tmp_path / "bag")}
-    pairs = (("-p", f"{key}:={json.dumps(value)}") for key, value in given.items())
-    made = []
-    rclpy.init(args=["--ros-args", *(part for pair in pairs for part in pair)])
+def given(ros_domain):
+    """A node's values, declared with such arguments."""
 
-    def make(name):
-        made.append(getattr(import_module(f"cam_rig.nodes.{name}"), CLASSES[name])())
-        return made[-1]
+    def given(name, *arguments, **node):
+        context = rclpy.Context()
+        rclpy.init(args=["--ros-args", *arguments], context=context)
+        made = rclpy.create_node(name, context=context, **node)
+        try:
+            return declare(made, PARAMETERS[name])
+        finally:
+            made.destroy_node()
+            context.shutdown()
 
-    yield make
-    for node in made:
-        node.close()
-        node.destroy_node()
-    rclpy.shutdown()
+    return given
 
 
-@pytest.mark.parametrize("name", CLASSES)
+@pytest.mark.parametrize("name", LIVE)
 def test_every_parameter_is_described(make, name):
     """Type, unit and range are given; what is not live is read-only."""
     node = make(name)
@@ -46,6 +42,57 @@ def test_every_parameter_is_described(make, name):
         assert about.description == spec.description
         assert about.read_only == (not spec.live)
         if spec.most is not None:
-            assert about.floating_point_range[0].to_value == spec.most
+            (span,) = (*about.floating_point_range, *about.integer_range)
+            assert (span.from_value, span.to_value) == (spec.least, spec.most)
         if spec.choices:
             assert all(choice in about.additional_constraints for choice in spec.choices)
+
+
+def test_whole_numbers_and_names_are_taken_at_the_start(given):
+    """An integer where a number is meant, a factor without its x, a scene by its name."""
+    arguments = ("-p", "rpm:=300", "-p", "pacing:=20", "-p", "scene:=quick", "-p", "patience:=60")
+    values = given("cam_drive", *arguments)
+    assert (values["rpm"], values["pacing"], values["patience"]) == (300.0, "20x", 60.0)
+    assert type(values["rpm"]) is float and values["scene"] == QUICK
+    assert given("cam_drive", "-p", "pacing:=0.5")["pacing"] == "0.5x"
+
+
+@pytest.mark.parametrize(
+    ("argument", "words"),
+    [
+        ("rpm:=fast", "rpm: is 'fast'; allowed: a number"),
+        ("rpm:=-1", "rpm: is -1; allowed: 0 to 100000"),
+        ("rpm:=.nan", "rpm: is nan; allowed: 0 to 100000"),
+        ("autostart:=1", "autostart: is 1; allowed: true or false"),
+        ("pacing:=-3", "pacing: is '-3x'; allowed: free, real_time, or a factor"),
+        ("at_end:=never", "at_end: has never; allowed: end, stay, wait"),
+        ("scene:=7", "scene: is 7; allowed: a text"),
+        ("consumers:=[nobody]", "consumers: has nobody; allowed: recorder"),
+    ],
+)
+def test_a_wrong_value_is_refused_with_what_is_allowed(given, argument, words):
+    """Whatever its type: no node ends with a traceback of rclpy's."""
+    with pytest.raises(ConfigError) as refused:
+        given("cam_drive", "-p", argument)
+    assert words in str(refused.value)
+
+
+def test_what_cannot_be_converted_is_left_to_be_refused():
+    """By rclpy, which names both types."""
+    set_now = convert(PARAMETERS["cam_drive"])
+    wanted = [Parameter("rpm", value=250), Parameter("rpm", value="x"), Parameter("other", value=1)]
+    assert [one.value for one in set_now(wanted)] == [250.0, "x", 1]
+
+
+@pytest.mark.parametrize("name", PARAMETERS)
+def test_a_parameter_file_holds_every_default(given, name):
+    """In any namespace, and what is given after it counts; tools/docs/parameters.py writes it."""
+    file = FOLDER / f"{name}.yaml"
+    assert file.read_text(encoding="utf-8") == text(name)
+    (values,) = (part["ros__parameters"] for part in yaml.safe_load(text(name)).values())
+    assert values == {spec.name: spec.default for spec in PARAMETERS[name]}
+    for namespace in ("/", "/rig1/left"):
+        taken = given(name, "--params-file", str(file), namespace=namespace)
+        assert taken == {spec.name: spec.convert(spec.default) for spec in PARAMETERS[name]}
+    own = ("-p", "at_end:=wait")
+    assert given(name, "--params-file", str(file), *own)["at_end"] == "wait"

@@ -47,9 +47,9 @@ def test_turns_are_counted(bag: SmallBag, picture: Picture) -> None:
 
 def test_measured_points_are_the_steps_levels(bag: SmallBag, picture: Picture) -> None:
     """The chart's last points are the energy mean over each step's settled ticks, in its axes."""
-    states = list(cam_states(bag.loaded.scene))
+    states, rate = list(cam_states(bag.loaded.scene)), int(bag.loaded.scene.sample_rate.si)
     ticks = [
-        MeasuredTick(start, end.time_ns, pressure)
+        MeasuredTick.between(start, end, pressure, rate)
         for start, end, pressure in zip(states[:-1], states[1:], bag.pressures, strict=True)
     ]
     axes = level_axes(bag.loaded)

@@ -1,0 +1,104 @@
+"""A node's process: from rclpy's start to its exit code, and to another run where it stays."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable
+from types import FrameType
+
+import rclpy
+from rclpy.exceptions import NameValidationException, ParameterException
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.signals import SignalHandlerOptions
+
+from cam_rig.errors import CamRigError, ConfigError
+from cam_rig.nodes.common.rig_node import RigNode
+from cam_rig.nodes.common.run_end import wait_until_gone
+
+try:  # less CPU time a message; not in every distribution
+    from rclpy.experimental import EventsExecutor as Executor
+except ImportError:
+    Executor = SingleThreadedExecutor
+
+
+#: A signal is noticed when the executor comes back to Python, which it does this often (s).
+SIGNAL_POLL_S = 0.1
+
+
+class StopRequest:
+    """A signal to stop, which may come before there is a node to end."""
+
+    def __init__(self) -> None:
+        self.received, self.act = False, lambda: None
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._stop)
+
+    def _stop(self, _signal: int, _frame: FrameType | None) -> None:
+        self.received = True
+        self.act()
+
+
+def run(make: Callable[[], RigNode]) -> None:
+    """Run a node until it finishes, fails, or gets a signal to stop (SIGINT, SIGTERM)."""
+    request = StopRequest()
+    try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # a parameter file that is missing or not one
+        print(f"cam_rig: {error}", file=sys.stderr)
+        sys.exit(ConfigError.exit_code)
+    try:
+        sys.exit(_run(make, request))
+    finally:
+        rclpy.try_shutdown()
+
+
+def _run(make: Callable[[], RigNode], request: StopRequest) -> int:
+    """One run after the other, as long as the node stays; the exit code."""
+    while True:
+        try:
+            node = make()
+        except CamRigError as error:
+            print(f"cam_rig: {error}", file=sys.stderr)
+            return error.exit_code
+        except ParameterException as error:
+            print(f"cam_rig: parameter: {error}", file=sys.stderr)
+            return ConfigError.exit_code
+        except (NameValidationException, rclpy_implementation.RCLError) as error:
+            words = str(error).splitlines()[0].split(", at ")[0]
+            print(f"cam_rig: the node cannot be made: {words}", file=sys.stderr)
+            return ConfigError.exit_code
+        code = _spin(node, request)
+        if code or request.received or not node.stays:
+            return code
+        wait_until_gone(node.rig_publishers, lambda: request.received)
+        RigNode.runs_before += 1
+
+
+def _spin(node: RigNode, request: StopRequest) -> int:
+    request.act = node.interrupt
+    if request.received:
+        node.interrupt()
+    executor = SingleThreadedExecutor() if node.needs_message_info else Executor()
+    executor.add_node(node)
+    node.report_ready()
+    while not node.done.done():
+        executor.spin_until_future_complete(node.done, timeout_sec=SIGNAL_POLL_S)
+    if node.failure is None:
+        node.drain(executor.spin_once)
+    node.conclude(executor.spin_once)
+    executor.shutdown()
+    try:
+        node.close()
+    except CamRigError as error:
+        node.failure = node.failure or error
+    name, failure = node.get_name(), node.failure
+    if failure is None:
+        node.get_logger().info(node.summary())
+    request.act = lambda: None
+    node.destroy_node()
+    if failure is not None:
+        print(f"{name}: {failure}", file=sys.stderr)
+        return failure.exit_code
+    return 0

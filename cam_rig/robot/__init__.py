@@ -1,0 +1,1 @@
+"""The rig as other programs draw it: URDF, transforms, markers."""

@@ -1,0 +1,191 @@
+"""A rig that runs for a test: its nodes, its progress, its bag."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+from cam_rig.api.scene_run import SceneRun, read_bag
+from cam_rig.errors import RunError
+from cam_rig.runner.graph import STOPPING, Graph
+from cam_rig.runner.nodes_of_run import live
+from cam_rig.schema.load import named_path
+from cam_rig.testing.client import PATIENCE_S, RigClient
+from cam_rig.testing.domain import hold_domain, in_domain
+from cam_rig.testing.program import StartedProgram
+
+
+class RunningRig(RigClient):
+    """The nodes of a run, each its own process, in a ROS domain of their own on this machine alone.
+
+    A context manager that leaves no process behind, for tests without the fixture `start_rig`.
+    Whatever waits raises `RunError` as soon as a node has ended before its time, with the last line
+    that it wrote.
+
+    Parameters
+    ----------
+    scene : a shipped scene's name, or a path
+    bag : folder to record into; it must not exist
+    patience : wall time (s) after which what has not come true never will
+    drive : parameters of cam_drive: ``autostart=False`` lets the cam stand until
+        ``call("/cam_drive/start")``; ``pacing="20x"``
+
+    Examples
+    --------
+    >>> from cam_rig.testing.running_rig import RunningRig
+    >>> with RunningRig("quick", "out/bag", autostart=False) as rig:  # doctest: +SKIP
+    ...     rig.call("/cam_drive/start")
+    ...     rig.wait_for_tick(3)["rpm"]
+    200.0
+    """
+
+    def __init__(
+        self,
+        scene: str | Path,
+        bag: str | Path,
+        patience: float = PATIENCE_S,
+        **drive: Any,
+    ) -> None:
+        self.scene, self.bag = named_path("scenes", scene), Path(bag)
+        #: What the drive reported, tick by tick: ``tick``, ``cam``, ``rpm``.
+        self.ticks: list[dict[str, Any]] = []
+        #: What happened, a line each.
+        self.log: list[str] = []
+        self._drive: dict[str, Any] = {"patience": patience, **drive}
+        self._given_patience = patience
+        self._programs: list[StartedProgram] = []
+        self._started = self._done = self._ending = False
+        self._failure: RunError | None = None
+        self._reported = False
+        self._stack = ExitStack()
+
+    def __enter__(self) -> RunningRig:
+        if self._started:  # by the fixture
+            return self
+        self._started = True
+        with ExitStack() as stack:
+            self.domain = stack.enter_context(hold_domain())
+            with in_domain(self.domain):
+                #: What programs need to be in the rig's domain.
+                self.environment = dict(os.environ)
+                self._graph = stack.enter_context(self._start())
+                super().__init__(self.domain, self._given_patience)
+            stack.callback(RigClient.__exit__, self)
+            stack.callback(self._end_programs)
+            self._watcher = Thread(target=self._watch, daemon=True)
+            self._watcher.start()
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.end()
+        if error[:1] in ((), (None,)) and not self._reported:
+            self._require_no_failure()
+            self._graph.require_closed()
+
+    @property
+    def pids(self) -> dict[str, int]:
+        """The process of each node, for a test that kills or suspends one."""
+        return {name: node.process.pid for name, node in self._graph.processes.items()}
+
+    def end(self) -> None:
+        """End all nodes and programs; the recorder closes the bag."""
+        if self._ending:
+            return
+        self._notice_failure()
+        self._ending = True
+        self._stack.close()
+        self._watcher.join()
+        for name, process in self._graph.processes.items():
+            process.settle()
+            if process.code and self._failure is None:  # asked to end, it would end with 0
+                last = "" if process.was_killed else f": {process.last_stderr_line()}"
+                self._failure = RunError(f"node {process.exit_summary()}{last}")
+            for line in process.stderr_lines:
+                print(f"[{name}] {line.rstrip()}")
+
+    def read_bag(self) -> SceneRun:
+        """End the rig, and read what it recorded; see `cam_rig.read_bag`."""
+        self.end()
+        return read_bag(self.bag)
+
+    def wait_for(self, condition: Callable[[], Any], what: str = "the condition") -> Any:
+        """Take messages until a condition is true; what it gave.
+
+        Raises
+        ------
+        RunError : a node or a program ended before its time; it did not come true in time
+        """
+
+        def met() -> Any:
+            self._require_no_failure()
+            return condition()
+
+        return super().wait_for(met, what)
+
+    def wait_for_tick(self, number: int = 1) -> dict[str, Any]:
+        """Wait until the drive has sent the end of a tick; its report: ``tick``, ``cam``, ``rpm``.
+
+        Raises
+        ------
+        RunError : the run is over and had fewer ticks; see `wait_for`
+        """
+
+        def found() -> Any:
+            done = self._done
+            reports = (report for report in self.ticks if report["tick"] >= number)
+            if (report := next(reports, None)) is None and done:
+                raise RunError(f"tick {number}: the run was over after tick {len(self.ticks) - 1}")
+            return report
+
+        return dict(self.wait_for(found, f"tick {number}"))
+
+    def wait_until_done(self) -> None:
+        """Wait until the scene was run, every tick is acknowledged, and the bag is closed."""
+        self.wait_for(lambda: self._done, "the end of the run")
+
+    def start_program(self, *command: str) -> StartedProgram:
+        """Start a program in the rig's domain, a node of yours for one; it ends with the rig."""
+        program = StartedProgram(command, self.environment)
+        self._programs.append(program)
+        return program
+
+    @contextmanager
+    def _start(self) -> Iterator[Graph]:
+        """The nodes; a signal meanwhile is the test runner's, as it was before."""
+        before = {number: signal.getsignal(number) for number in STOPPING}
+        nodes = live(self.scene, self.bag, **self._drive)
+        with Graph(nodes, log=self.log.append) as graph:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+            yield graph
+
+    def _watch(self) -> None:
+        try:
+            for report in self._graph.progress():
+                self.ticks.append(report)
+            self._done = True
+        except RunError as error:
+            if not self._ending:
+                self._failure = error
+
+    def _notice_failure(self) -> None:
+        """Of a program; what is ended by the rig itself has not failed."""
+        if not self._ending:
+            failures = (program.failure() for program in self._programs)
+            self._failure = self._failure or next(filter(None, failures), None)
+
+    def _require_no_failure(self) -> None:
+        self._notice_failure()
+        if self._failure is not None:
+            self._reported = True
+            raise self._failure
+
+    def _end_programs(self) -> None:
+        for program in self._programs:
+            program.end()

@@ -1,0 +1,186 @@
+"""The motion at its instants: every peak, in order, and as the messages that others read."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cam_rig.dynamics import MODELS, FollowerParameters
+from cam_rig.errors import RefusedError
+from cam_rig.messages import topics
+from cam_rig.messages.cdr_template import TYPES, CdrTemplate, example_header
+from cam_rig.messages.instants import choose, instants_of
+from cam_rig.messages.motion import JOINTS, MotionMessages, points_per_tick
+from cam_rig.simulation.schedule import CamState
+from cam_rig.simulation.simulate import FollowerSimulator
+from cam_rig.units import NS, RPM, TURN
+
+#: A follower that is lifted off by some cams, and comes down again.
+MODEL = MODELS["one_mass"]
+
+
+def ticks_of(law, follower, rpm, ticks_per_turn, sample_rate, turns=1):
+    """Start, end and rows of each tick at one speed."""
+    simulator = FollowerSimulator(MODEL, follower, sample_rate, {law.name: law})
+    before, tick = None, 60.0 / rpm / ticks_per_turn
+    for n in range(ticks_per_turn * turns + 1):
+        time_ns = round(n * tick * NS)
+        state = CamState(time_ns, rpm * RPM * time_ns / NS, rpm * RPM, law.name)
+        turned = simulator.turn_to(state)
+        if turned is not None:
+            yield before, state, turned[1].rows
+        before = state
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_instants_are_in_order_within_their_tick_and_hold_its_peaks(laws, follower, seed):
+    """Any law, speed, division, number and sample rate."""
+    chance = np.random.default_rng(seed)
+    law = laws[chance.choice(sorted(set(laws) - {"worked_example_constant_velocity"}))]
+    ticks, points = int(chance.choice([1, 3, 7, 72, 100])), int(chance.choice([1, 2, 36, 72, 720]))
+    rate = int(chance.choice([500, 2_000, 12_000, 44_100, 48_000, 192_000]))
+    rpm = float(chance.uniform(10.0, min(600.0, 0.4 * rate * 60.0 / ticks)))
+    wanted, last_ns, last_angle = points_per_tick(points, ticks), -1, -1.0
+    for start, end, rows in ticks_of(law, follower, rpm, ticks, rate):
+        found = instants_of(law, start, end, rows, rate, wanted)
+        count = min(wanted, rows.shape[1])
+        assert count <= found.index.size <= count + 2
+        assert start.time_ns <= found.time_ns[0] and found.time_ns[-1] < end.time_ns
+        assert found.time_ns[0] > last_ns and (np.diff(found.time_ns) > 0).all()
+        assert found.angle[0] > last_angle and (np.diff(found.angle) > 0.0).all()
+        last_ns, last_angle = int(found.time_ns[-1]), float(found.angle[-1])
+        bins = np.arange(count) * rows.shape[1] // count
+        assert set(np.searchsorted(bins, found.index, "right") - 1) == set(range(count))
+        assert found.lift.max() == rows[1].max()
+        assert (found.force.max(), found.force.min()) == (rows[4].max(), rows[4].min())
+        np.testing.assert_array_equal(found.velocity, rows[2, found.index])
+        np.testing.assert_allclose(found.time_ns / NS, rows[0, found.index], rtol=0, atol=1.1e-9)
+        np.testing.assert_allclose(
+            found.angle, start.unwrapped + start.speed * (rows[0, found.index] - start.time_ns / NS)
+        )
+        np.testing.assert_array_equal(found.torque, found.force * law(found.angle_in_turn, 1))
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 36, 72, 359, 360, 1000])
+def test_each_bin_has_its_sample(count):
+    """As many bins as are asked for, none without a sample, and the first of each is taken."""
+    angle = np.linspace(0.0, TURN, 360, endpoint=False)
+    lift, force = 1.0 - np.cos(angle), 20.0 + np.sin(angle)
+    found = choose(lift, force, count)
+    peaks = {90, 180, 270}
+    assert peaks <= set(found.tolist())
+    bins = np.searchsorted(np.arange(min(count, 360)) * 360 // min(count, 360), found, "right") - 1
+    assert set(bins.tolist()) == set(range(min(count, 360)))
+    firsts = set((np.arange(min(count, 360)) * 360 // min(count, 360)).tolist())
+    assert set(found.tolist()) - firsts <= peaks
+
+
+def test_torque_times_speed_is_the_power_that_goes_into_the_follower(laws, follower):
+    """In contact; in flight there is neither."""
+    law, rate = laws["tm21"], 48_000
+    lost = 0
+    for start, end, rows in ticks_of(law, follower, 400.0, 1, rate, turns=2):
+        found = instants_of(law, start, end, rows, rate, 72)
+        power = found.torque * found.speed
+        touching = found.force != 0.0
+        lost += int((~touching).sum())
+        np.testing.assert_allclose(
+            power[touching],
+            (found.force * found.velocity)[touching],
+            rtol=0,
+            atol=1e-9 * np.abs(power).max(),
+        )
+        assert (found.torque[~touching] == 0.0).all()
+    assert lost > 0
+
+
+def test_on_a_ramp_angle_and_speed_are_those_of_the_instant(laws, follower):
+    """From rest to 300 rpm in a fifth of a second: half a turn, and ω rises evenly."""
+    law, rate, speed = laws["tm21"], 12_000, 300.0 * RPM
+    simulator = FollowerSimulator(MODEL, follower, rate, {law.name: law})
+    start = CamState(0, 0.0, 0.0, law.name)
+    end = CamState(NS // 5, 0.1 * speed, speed, law.name)
+    simulator.turn_to(start)
+    _, block = simulator.turn_to(end)
+    found = instants_of(law, start, end, block.rows, rate, 72)
+    times = found.index / rate
+    np.testing.assert_allclose(found.speed, speed * times / 0.2, rtol=1e-12)
+    np.testing.assert_allclose(found.angle, 0.5 * speed * times**2 / 0.2, rtol=1e-12)
+    power = found.force * found.velocity
+    np.testing.assert_allclose(
+        found.torque * found.speed, power, rtol=0, atol=1e-9 * np.abs(power).max()
+    )
+
+
+def test_samples_of_another_tick_are_refused(laws, follower):
+    """One more or less than the tick has."""
+    law = laws["tm21"]
+    start, end, rows = next(ticks_of(law, follower, 300.0, 1, 12_000))
+    for other in (rows[:, 1:], np.hstack([rows, rows[:, :1]])):
+        with pytest.raises(RefusedError, match="allowed: the 2400 of the tick that begins at 0"):
+            instants_of(law, start, end, other, 12_000, 72)
+
+
+def by_rosbags(topic, time_ns, i, n):
+    """A message as rosbags writes it, value by value."""
+    types = TYPES.types
+    stamp = types["builtin_interfaces/msg/Time"](int(time_ns // NS), int(time_ns % NS))
+    header = types["std_msgs/msg/Header"]
+    if topic is topics.JOINT_STATES:
+        message = types[topic.type](
+            header(stamp, "base_link"),
+            list(JOINTS),
+            np.array([i.angle[n], i.lift[n]]),
+            np.array([i.speed[n], i.velocity[n]]),
+            np.array([i.torque[n], i.force[n]]),
+        )
+    else:
+        vector = types["geometry_msgs/msg/Vector3"]
+        wrench = types["geometry_msgs/msg/Wrench"](
+            vector(0.0, float(i.force[n]), 0.0), vector(0.0, 0.0, 0.0)
+        )
+        message = types[topic.type](header(stamp, "follower"), wrench)
+    return bytes(TYPES.serialize_cdr(message, topic.type))
+
+
+@pytest.mark.parametrize("ticks_per_turn", [1, 7])
+def test_messages_are_byte_for_byte_what_rosbags_writes(make_loaded_scene, ticks_per_turn):
+    """Every message of a turn; they are in the order of time, and of topics at one instant."""
+    loaded = make_loaded_scene(ticks_per_turn=ticks_per_turn)
+    motion, rate = MotionMessages(loaded, 72), int(loaded.scene.sample_rate.si)
+    law = next(iter(loaded.laws.values()))
+    follower = FollowerParameters.from_rig(loaded.rig)
+    for start, end, rows in ticks_of(law, follower, 150.0, ticks_per_turn, rate):
+        found = motion.moved(start, end, rows)
+        i = instants_of(law, start, end, rows, rate, points_per_tick(72, ticks_per_turn))
+        expected = [
+            (topic, int(time_ns), by_rosbags(topic, time_ns, i, n))
+            for n, time_ns in enumerate(i.time_ns)
+            for topic in (topics.JOINT_STATES, topics.FOLLOWER_CONTACT)
+        ]
+        assert [tuple(message) for message in found] == expected
+
+
+def test_only_what_is_wanted_is_made(make_loaded_scene, follower):
+    """Of the same bytes; nothing of a cam that the scene lacks."""
+    loaded = make_loaded_scene()
+    motion, rate = MotionMessages(loaded), int(loaded.scene.sample_rate.si)
+    tick = next(ticks_of(next(iter(loaded.laws.values())), follower, 150.0, 1, rate))
+    everything = motion.moved(*tick)
+    wanted = motion.moved(*tick, wanted={topics.FOLLOWER_CONTACT})
+    assert wanted == [m for m in everything if m.topic is topics.FOLLOWER_CONTACT]
+    assert len(wanted) == len(everything) / 2 > 0
+    assert motion.moved(*tick, wanted=set()) == []
+    loaded.laws.clear()
+    assert motion.moved(*tick) == []
+
+
+def test_a_template_needs_every_number_in_its_example():
+    """One that is not there could not be put in its place."""
+    kind = "std_msgs/msg/Float64"
+    assert CdrTemplate(kind, TYPES.types[kind], 1).fill(np.array([5]), np.array([math.pi])) == [
+        bytes(TYPES.serialize_cdr(TYPES.types[kind](math.pi), kind))
+    ]
+    with pytest.raises(ValueError, match="lacks one of its 2 numbers"):
+        CdrTemplate(kind, lambda one, _two: TYPES.types[kind](one), 2)
+    assert example_header("cam").frame_id == "cam"

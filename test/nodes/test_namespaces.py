@@ -1,0 +1,90 @@
+"""Rigs in namespaces: two in one ROS domain, their bags, and names that are too long."""
+
+import subprocess
+import sys
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from cam_rig.bag.complete import require_complete
+from cam_rig.bag.files import mcap_file
+from cam_rig.bag.reader import raw_messages, read_counts, read_recording
+from cam_rig.bag.recording.recover import recover
+from cam_rig.bag.recording.writer import BagWriter
+from cam_rig.errors import BagError
+from cam_rig.messages.topics import RECORDING, recorded_topic
+from cam_rig.runner.graph import Graph
+
+pytestmark = pytest.mark.ros
+
+GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
+
+
+def test_two_rigs_in_one_domain_are_each_as_alone(
+    ros_domain, rig, short_scene, undisturbed, tmp_path
+):
+    """Each has its own bag, whose messages are those of the run alone, byte by byte."""
+    bags = {name: tmp_path / name for name in ("rig1", "rig2")}
+    with ExitStack() as stack:
+        runs = []
+        for name, bag in bags.items():
+            graph = Graph(rig.live(short_scene, bag), namespace=f"/{name}")
+            runs.append(stack.enter_context(graph).progress())
+        while runs:  # side by side, a tick of each in turn
+            runs = [run for run in runs if next(run, None) is not None]
+    for name, bag in bags.items():
+        require_complete(bag, read_recording(bag).loaded.scene)
+        payloads = rig.payloads(bag)
+        names = {t.name: t.within(f"/{name}") for t in RECORDING}
+        assert payloads == {names[topic]: found for topic, found in undisturbed.items()}
+
+
+def test_a_bag_of_a_namespace_is_read_and_recovered_like_any_other(rig, namespaced, tmp_path):
+    """Counts and messages bear the names of the table, and a recovered bag those of its rig."""
+    bag, expected = namespaced("/lab/rig1")
+    assert read_counts(bag) == expected
+    with mcap_file(bag).open("r+b") as stream:
+        stream.truncate(stream.seek(0, 2) - 40)
+    recovered = recover(bag, tmp_path / "recovered")
+    assert not recovered.loss.gaps
+    assert read_counts(tmp_path / "recovered") == expected
+    assert all(name.startswith("/lab/rig1/") for name in rig.payloads(tmp_path / "recovered"))
+
+
+def test_a_bag_of_two_rigs_is_refused_by_their_names(namespaced):
+    """`ros2 bag record -a` takes both rigs; which one is meant is not guessed."""
+    bag, _ = namespaced("", "/rig2")
+    with pytest.raises(BagError, match="holds several rigs, /, /rig2; allowed: one"):
+        read_counts(bag)
+
+
+@pytest.fixture
+def namespaced(tmp_path):
+    """Makes the golden bag anew, in one or more namespaces; it, and its messages by topic."""
+
+    def make(*namespaces):
+        bag, expected = tmp_path / "namespaced", read_counts(GOLDEN)
+        with BagWriter(bag) as writer:
+            for namespace in namespaces:
+                for connection, time_ns, data in raw_messages(GOLDEN, set(expected)):
+                    topic = recorded_topic(connection.topic)
+                    topic = replace(topic, name=namespace + topic.name)
+                    writer.write(topic, time_ns, bytes(data))
+        return bag, expected
+
+    return make
+
+
+@pytest.mark.starts
+@pytest.mark.parametrize("length", [245, 255])
+def test_a_namespace_that_ros_does_not_take_ends_a_node_in_words(ros_domain, length):
+    """One line and the code of a wrong setting, instead of a traceback."""
+    command = [sys.executable, "-m", "cam_rig.nodes", "law_server", "--ros-args", "-r"]
+    ended = subprocess.run(
+        [*command, f"__ns:=/{'a' * (length - 1)}"], capture_output=True, text=True, check=False
+    )
+    assert ended.returncode == 2
+    assert "Traceback" not in ended.stderr
+    assert "cam_rig: the node cannot be made: " in ended.stderr.splitlines()[-1]

@@ -1,0 +1,158 @@
+"""Every layout in config/layouts shows what a bag holds: its topics, fields, frames and types."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+from ruamel.yaml import YAML
+
+ROOT = Path(__file__).parents[1]
+LAYOUTS = sorted((ROOT / "config" / "layouts").iterdir())
+MARKERS, WRENCH = "visualization_msgs/msg/MarkerArray", "geometry_msgs/msg/WrenchStamped"
+#: The type of message that each of RViz's displays takes.
+DISPLAYS = {
+    "rviz_default_plugins/MarkerArray": MARKERS,
+    "rviz_default_plugins/RobotModel": "std_msgs/msg/String",
+    "rviz_default_plugins/TF": None,
+    "rviz_default_plugins/Wrench": WRENCH,
+}
+
+
+class Use(NamedTuple):
+    """A topic that a layout shows, with a number of its messages, and the type that it takes."""
+
+    topic: str
+    field: str = ""
+    type: str | None = None
+
+
+class Bag(NamedTuple):
+    """Types of the golden bag's topics, the last message of each, and all frames of /tf."""
+
+    types: dict[str, str]
+    messages: dict[str, Any]
+    frames: set[str]
+
+
+@pytest.fixture(scope="module")
+def golden() -> Bag:
+    with AnyReader([ROOT / "bags" / "golden"]) as reader:
+        types = {topic: info.msgtype for topic, info in reader.topics.items()}
+        found = {
+            connection.topic: reader.deserialize(raw, connection.msgtype)
+            for connection, _, raw in reader.messages()
+        }
+    frames = {
+        name
+        for topic in ("/tf", "/tf_static")
+        for one in found[topic].transforms
+        for name in (one.header.frame_id, one.child_frame_id)
+    }
+    return Bag(types, found, frames)
+
+
+def rviz(path: Path) -> tuple[list[Use], set[str]]:
+    """The topics of RViz's displays, and the fixed frame."""
+    manager = YAML(typ="safe").load(path.read_text(encoding="utf-8"))["Visualization Manager"]
+    uses = []
+    for display in manager["Displays"]:
+        topic = display.get("Topic") or display.get("Description Topic")
+        if topic is not None:
+            uses.append(Use(topic["Value"], "", DISPLAYS[display["Class"]]))
+        else:
+            assert DISPLAYS[display["Class"]] is None, display["Class"]
+    return uses, {manager["Global Options"]["Fixed Frame"]}
+
+
+def foxglove(path: Path) -> tuple[list[Use], set[str]]:
+    """The topics and paths of Foxglove's panels, and the frame that is followed."""
+    layout = json.loads(path.read_text(encoding="utf-8"))
+    panels, uses, frames = layout["configById"], list[Use](), set[str]()
+    assert sorted(leaves(layout["layout"])) == sorted(panels), "panels that are not shown"
+    for name, panel in panels.items():
+        kind = name.partition("!")[0]
+        if kind == "Plot":
+            for each in panel["paths"]:
+                topic, _, field = each["value"].partition(".")
+                uses.append(Use(topic, field))
+        elif kind == "3D":
+            uses += [Use(topic, "", MARKERS) for topic in panel["topics"]]
+            layers = panel["layers"].values()
+            assert {layer["layerId"] for layer in layers} == {"foxglove.Urdf"}
+            uses += [Use(layer["topic"], "", "std_msgs/msg/String") for layer in layers]
+            frames.add(panel["followTf"])
+        else:
+            assert kind == "DiagnosticSummary", kind
+            uses.append(Use(panel["topicToRender"], "", "diagnostic_msgs/msg/DiagnosticArray"))
+    return uses, frames
+
+
+def leaves(node: Any) -> Iterator[str]:
+    """The panels of a layout's tree of splits."""
+    if isinstance(node, str):
+        yield node
+    else:
+        assert node["direction"] in ("row", "column")
+        assert 0 < node["splitPercentage"] < 100
+        yield from leaves(node["first"])
+        yield from leaves(node["second"])
+
+
+def plotjuggler(path: Path) -> tuple[list[Use], set[str]]:
+    """PlotJuggler's curves: a topic and a field with slashes; of joints, the joint's name first."""
+    names = {curve.get("name") for curve in ElementTree.parse(path).iter("curve")}
+    return [Use(str(name)) for name in sorted(names)], set()
+
+
+READERS: dict[str, Callable[[Path], tuple[list[Use], set[str]]]] = {
+    ".rviz": rviz,
+    ".json": foxglove,
+    ".xml": plotjuggler,
+}
+
+
+def number(message: Any, field: str) -> float:
+    """The number at a path such as ``position[0]`` or ``wrench.force.y``."""
+    for part in field.split("."):
+        name, index = re.fullmatch(r"(\w+)(?:\[(\d+)\])?", part).groups()
+        message = getattr(message, name)
+        message = message if index is None else message[int(index)]
+    return float(message)
+
+
+def curve(golden: Bag, name: str) -> float:
+    """The number of one of PlotJuggler's curves."""
+    topic = max((t for t in golden.types if name.startswith(f"{t}/")), key=len)
+    message, path = golden.messages[topic], name.removeprefix(f"{topic}/")
+    if golden.types[topic] == "sensor_msgs/msg/JointState":
+        joint, field = path.split("/")
+        return float(getattr(message, field)[list(message.name).index(joint)])
+    return number(message, re.sub(r"/|\.(?=\d)", ".", path))
+
+
+@pytest.mark.parametrize("path", LAYOUTS, ids=lambda path: path.name)
+def test_a_layout_shows_what_a_bag_holds(path: Path, golden: Bag) -> None:
+    """Each topic is in the golden bag, of the type that the panel takes; each field is a number."""
+    uses, frames = READERS[path.suffix](path)
+    assert uses
+    assert frames <= golden.frames
+    for use in uses:
+        if path.suffix == ".xml":
+            assert np.isfinite(curve(golden, use.topic)), use.topic
+            continue
+        assert use.topic in golden.types, use.topic
+        assert use.type in (None, golden.types[use.topic]), use
+        if use.field:
+            assert np.isfinite(number(golden.messages[use.topic], use.field)), use
+
+
+def test_there_is_one_for_rviz_and_one_for_foxglove() -> None:
+    assert {".rviz", ".json"} <= {path.suffix for path in LAYOUTS}
