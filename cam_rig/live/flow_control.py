@@ -23,9 +23,12 @@ TICKS_KEPT = {
     "follower": _LOST + _AHEAD,
     "cam_drive": _LOST + 2 * _AHEAD,
 }
-#: Messages in the history of a topic: more than the last node of that chain goes back, and is
-#: ahead, so that a history cannot overflow and a node discovered late still gets the first ticks.
-HISTORY_DEPTH = 32
+#: Ticks whose messages stay in the history of a topic: as far as the last node of that chain goes
+#: back, and is ahead.
+TICKS_IN_HISTORY = TICKS_KEPT["cam_drive"] + _AHEAD
+#: Messages in the history of a topic: the rest of it is for those that are sent again. A node
+#: discovered late still gets the first ticks.
+HISTORY_DEPTH = 64
 #: States that a node remembers, to know one that is sent again: two histories.
 REMEMBERED_STATES = 2 * HISTORY_DEPTH
 #: Blocks and states that wait for their counterpart: two histories as well.

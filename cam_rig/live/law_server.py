@@ -93,6 +93,10 @@ class CamMounting:
         """How a state relates to those before; see `StateValidator.admit`."""
         return self._validator.admit(state)
 
+    def is_newest(self, state: CamState) -> bool:
+        """Whether no state has come after this one."""
+        return state == self._last
+
     def resume(self, checkpoint: MountingCheckpoint) -> None:
         """Go on from what a predecessor knew."""
         self._last = checkpoint.last

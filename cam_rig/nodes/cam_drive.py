@@ -13,6 +13,7 @@ from cam_rig.errors import RefusedError
 from cam_rig.live.cam_check import require_own_law
 from cam_rig.live.checkpoint import Checkpoint
 from cam_rig.live.drive import DriveProgram
+from cam_rig.live.repeats import RepeatBudget
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, decode_law
 from cam_rig.nodes.common.clock_source import ClockSource
@@ -31,7 +32,7 @@ class CamDrive(ClockSource):
     def __init__(self) -> None:
         super().__init__("cam_drive")
         self._loaded = open_scene(Path(self.given["scene"]))
-        self._mechanics = self._loaded.follower
+        self._mechanics, self._repeats = self._loaded.follower, RepeatBudget()
         self._pace = Diagnostics(self.publisher(topics.DIAGNOSTICS), topics.PACE)
         checkpoints = self.restore()
         self.clock_ns = checkpoints[-1].state.time_ns if checkpoints else -1
@@ -84,6 +85,7 @@ class CamDrive(ClockSource):
             self._pace.report(state.time_ns, WARN, "lagging", {"late_s": f"{late:.3g}"})
         elif self._program.pacing.factor is not None:
             self._pace.report(state.time_ns, OK, "on time")
+        self._repeats.publish()
         self._publish(state)
         self.note_sent(state, self._program.sent - 1)
 
@@ -94,7 +96,8 @@ class CamDrive(ClockSource):
     def resend(self) -> None:
         """Send the states in flight once more."""
         for state in self._program.unanswered():
-            self._publish(state)
+            if self._repeats.repeat():
+                self._publish(state)
 
     def is_done(self) -> bool:
         """Whether every state is sent and every tick acknowledged."""

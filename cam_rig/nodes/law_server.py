@@ -36,7 +36,7 @@ class LawServer(RigNode):
         self._predecessor = self.checkpoint.all()
         left = [checkpoint for checkpoint, _ in self._predecessor]
         self._cams = CamMounting(Path(self.given["scene"]), self.given["cam"], left)
-        self._samples = ResendBuffer()
+        self._samples, self._laws, self._mounted = ResendBuffer(), ResendBuffer(), 0
         self._publish_law()
         self.add_on_set_parameters_callback(self._on_parameters)
         self.subscribe(topics.CAM_STATE, self._on_state)
@@ -50,7 +50,7 @@ class LawServer(RigNode):
             if reply.is_new:
                 self._publish_law()
             else:
-                self._law.resend(0)
+                self._laws.resend(self._mounted)
         return SetParametersResult(successful=True)
 
     def summary(self) -> str:
@@ -60,16 +60,19 @@ class LawServer(RigNode):
     def _publish_law(self) -> None:
         self.get_logger().info(f"{self._cams.cam} is mounted")
         self._save()
-        law, self._law = self._cams.law, ResendBuffer()
+        law = self._cams.law
+        self._mounted += 1
         contour = (self._profile, to_polygon(self._cams.config, law))
         self._loaded.mount(law.name)
         looks = [(self._robot_out[topic], cdr) for topic, cdr in self._robot.messages(law.name)]
-        self._law.publish(0, [(self._coefficients, to_array(*encode_law(law))), contour, *looks])
+        coefficients = (self._coefficients, to_array(*encode_law(law)))
+        self._laws.publish(self._mounted, [coefficients, contour, *looks])
 
     def _on_state(self, message: JointState) -> None:
         state = cam_state_of(message)
         if self._cams.admit(state) is Admission.SEEN:
-            self._law.resend(0)
+            if self._cams.is_newest(state):  # once for all the states that are sent again
+                self._laws.resend(self._mounted)
             self._samples.resend(state.time_ns)
         else:
             self._follow(state)

@@ -5,6 +5,7 @@ import pytest
 
 from cam_rig.errors import RefusedError
 from cam_rig.laws import Law
+from cam_rig.live.flow_control import MAX_WAITING
 from cam_rig.live.follower_queue import FollowerQueue
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.loaded_scene import open_scene
@@ -77,5 +78,5 @@ def test_states_of_an_unknown_cam_are_bounded():
     """A cam without a law must not fill the memory."""
     made, turned = ticks(), 2.0
     with pytest.raises(RefusedError, match="wait for the law of 'unknown'"):
-        for i in range(100):
+        for i in range(MAX_WAITING + 1):
             made.add_state(CamState(i * 10**8, i * turned, 20.0, "unknown"))

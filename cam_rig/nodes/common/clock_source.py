@@ -23,8 +23,9 @@ from cam_rig.runner.node_table import OPTIONAL, held_by
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import to_rpm
 
-#: Wall time (s) without an answer after which the states in flight are sent again.
-RESEND_AFTER_S = 2.0
+#: Wall time (s) without an answer after which the states in flight are sent again. Each time it is
+#: twice as long, up to the second: their number is bounded (`RepeatBudget`).
+RESEND_AFTER_S, RESEND_AT_LEAST_S = 2.0, 30.0
 #: Wall time (s) without an answer after which a heartbeat says who is waited for.
 HELD_AFTER_S = 1.0
 #: The nodes that may be waited for, and the stamped topic by which each acknowledges.
@@ -203,7 +204,8 @@ class ClockSource(RigNode):
         if self.done.done():
             return
         now = time.monotonic()
-        if now - max(self._moved, self._repeated) > RESEND_AFTER_S:
+        pause = min(max(RESEND_AFTER_S, self._repeated - self._moved), RESEND_AT_LEAST_S)
+        if now - max(self._moved, self._repeated) > pause:
             self._repeated = now
             self.resend()
         for name in [name for name in self._optional if self._has_left(name, now - self._moved)]:
