@@ -81,9 +81,18 @@ class Follower(RigNode):
         )
         self._sent.publish(end.time_ns, list(zip(self._out, messages, strict=True)))
 
+    def _say_who_holds(self, topic: topics.Topic) -> None:
+        infos = self.get_subscriptions_info_by_topic(topic.relative)
+        nodes = {f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in infos}
+        words = f"{topic.name}: left out for a tick, as one of these takes nothing: "
+        words += ", ".join(sorted(nodes))
+        self.get_logger().warning(words, throttle_duration_sec=10.0)
+
     def _publish_motion(self, start: CamState, end: CamState, block: Block) -> None:
         """Publish the motion for those who subscribe; who joins later sees the next tick."""
         out = self._motion_out
         wanted = {topic for topic in out if out[topic].get_subscription_count() > 0}
         for topic, _, cdr in self._motion.moved(start, end, block.rows, wanted) if wanted else ():
-            out[topic].publish(cdr)
+            if topic in wanted and not out[topic].offer(cdr):
+                wanted.discard(topic)  # the rest of this tick would be held up as well
+                self._say_who_holds(topic)

@@ -21,7 +21,15 @@ from cam_rig.nodes.common.convert import message_class, qos, to_header
 from cam_rig.nodes.common.diagnostics import OK
 from cam_rig.nodes.common.incoming import require_length, take_rest
 from cam_rig.nodes.common.rig_node import RigNode
-from cam_rig.nodes.common.run_end import DELIVERY_S, FinishedRun, Identities, have_left, publishers
+from cam_rig.nodes.common.run_end import (
+    DELIVERY_S,
+    POLL_S,
+    DriveAbsence,
+    FinishedRun,
+    Identities,
+    have_left,
+    publishers,
+)
 from cam_rig.runner.domain_lock import own_recorder
 from cam_rig.runner.node_table import WAIT
 from cam_rig.simulation.loaded_scene import open_scene
@@ -67,6 +75,7 @@ class Recorder(RigNode):
             topic = topics.FINISHED
             take = self._on_finished
             self.create_subscription(message_class(topic), topic.relative, take, qos(topic))
+            self.every(POLL_S, DriveAbsence(self).poll)
 
     def _on_finished(self, message: Any, about: dict[str, Any]) -> None:
         run = FinishedRun.of(message)

@@ -75,8 +75,13 @@ class NodeProcess:
 
     @property
     def code(self) -> int | None:
-        """The exit code; None while it runs."""
-        return self.process.poll()
+        """The exit code; None while it runs.
+
+        A node whose middleware did not let it go ends itself by SIGALRM, when all it had to do was
+        done: this is code 0.
+        """
+        code = self.process.poll()
+        return 0 if code == -signal.SIGALRM else code
 
     @property
     def has_ended(self) -> bool:

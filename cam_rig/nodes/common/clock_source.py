@@ -196,7 +196,7 @@ class ClockSource(RigNode):
             self._awaited.discard(message.data)
             self._moved = time.monotonic()
             missing = ", ".join(sorted(self._awaited))
-            rest = f"waiting for {missing}" if missing else "all are ready"
+            rest = f"waiting for {missing}" if missing else f"all are ready, {self.activity()}"
             self.get_logger().info(f"{message.data} is ready, {rest}")
             self.turn()
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -15,7 +14,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from cam_rig.errors import CamRigError, ConfigError
+from cam_rig.errors import CamRigError
 from cam_rig.nodes.common.parameters import Spec
 
 
@@ -58,24 +57,18 @@ def _given(node: Node, spec: Spec) -> Any:
     return value
 
 
-def convert(table: tuple[Spec, ...]) -> Callable[[list[Parameter]], list[Parameter]]:
+def convert(table: tuple[Spec, ...], parameters: list[Parameter]) -> list[Parameter]:
     """Convert what is to be set: 250 to 250.0, a factor to its text.
 
-    What cannot be converted stays as it is, and is refused for its type.
+    Raises
+    ------
+    ConfigError : a value is of another type; rclpy would name both types by number
     """
     specs = {spec.name: spec for spec in table}
-
-    def converted(parameters: list[Parameter]) -> list[Parameter]:
-        return [_converted(specs.get(one.name), one) for one in parameters]
-
-    return converted
-
-
-def _converted(spec: Spec | None, parameter: Parameter) -> Parameter:
-    if spec is not None:
-        with suppress(ConfigError):
-            return Parameter(spec.name, value=spec.convert(parameter.value))
-    return parameter
+    return [
+        Parameter(one.name, value=specs[one.name].convert(one.value)) if one.name in specs else one
+        for one in parameters
+    ]
 
 
 def refuse_wrong(table: tuple[Spec, ...]) -> Callable[[list[Parameter]], SetParametersResult]:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import faulthandler
+import os
 import signal
 import sys
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import FrameType
 
 import rclpy
@@ -16,6 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.nodes.common.rig_node import RigNode
 from cam_rig.nodes.common.run_end import wait_until_gone
+from cam_rig.runner.domain_lock import MAX_NAMESPACE
 
 try:  # less CPU time a message; not in every distribution
     from rclpy.experimental import EventsExecutor as Executor
@@ -25,6 +30,8 @@ except ImportError:
 
 #: A signal is noticed when the executor comes back to Python, which it does this often (s).
 SIGNAL_POLL_S = 0.1
+#: Wall time (s) that DDS may take to be taken down, however busy the machine; else it never ends.
+MAX_TEARDOWN_S = 30
 
 
 class StopRequest:
@@ -40,18 +47,42 @@ class StopRequest:
         self.act()
 
 
+@contextmanager
+def bounded(failed: bool = False) -> Iterator[None]:
+    """End the process where DDS does not come back: by SIGALRM, with code 1 where it has failed.
+
+    When another node leaves while this one announces itself, Fast DDS may wait for itself for ever
+    (eProsima/Fast-DDS issue 6502). All that the node had to do is done by then.
+    """
+    with open(os.devnull, "w", encoding="utf-8") as nowhere:
+        if failed:
+            faulthandler.dump_traceback_later(MAX_TEARDOWN_S, exit=True, file=nowhere)
+        else:
+            signal.alarm(MAX_TEARDOWN_S)
+        try:
+            yield
+        finally:
+            signal.alarm(0)
+            faulthandler.cancel_dump_traceback_later()
+
+
 def run(make: Callable[[], RigNode]) -> None:
     """Run a node until it finishes, fails, or gets a signal to stop (SIGINT, SIGTERM)."""
     request = StopRequest()
+    # of a node that cannot be made, beside its error
+    warnings.filterwarnings("ignore", "Failed to fini rosout publisher", RuntimeWarning)
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # a parameter file that is missing or not one
         print(f"cam_rig: {error}", file=sys.stderr)
         sys.exit(ConfigError.exit_code)
+    code = 1
     try:
-        sys.exit(_run(make, request))
+        code = _run(make, request)
     finally:
-        rclpy.try_shutdown()
+        with bounded(failed=code != 0):
+            rclpy.try_shutdown()
+    sys.exit(code)
 
 
 def _run(make: Callable[[], RigNode], request: StopRequest) -> int:
@@ -66,14 +97,20 @@ def _run(make: Callable[[], RigNode], request: StopRequest) -> int:
             print(f"cam_rig: parameter: {error}", file=sys.stderr)
             return ConfigError.exit_code
         except (NameValidationException, rclpy_implementation.RCLError) as error:
-            words = str(error).splitlines()[0].split(", at ")[0]
-            print(f"cam_rig: the node cannot be made: {words}", file=sys.stderr)
+            print(f"cam_rig: the node cannot be made: {_reason(error)}", file=sys.stderr)
             return ConfigError.exit_code
         code = _spin(node, request)
         if code or request.received or not node.stays:
             return code
         wait_until_gone(node.rig_publishers, lambda: request.received)
         RigNode.runs_before += 1
+
+
+def _reason(error: Exception) -> str:
+    """Why ROS makes no node; of a namespace that is too long it names no limit."""
+    words = str(error).splitlines()[0].split(", at ")[0]
+    too_long = "NAMESPACE_MAX" in words
+    return f"the namespace is too long; allowed: {MAX_NAMESPACE} characters" if too_long else words
 
 
 def _spin(node: RigNode, request: StopRequest) -> int:
@@ -97,8 +134,8 @@ def _spin(node: RigNode, request: StopRequest) -> int:
     if failure is None:
         node.get_logger().info(node.summary())
     request.act = lambda: None
-    node.destroy_node()
     if failure is not None:
         print(f"{name}: {failure}", file=sys.stderr)
-        return failure.exit_code
-    return 0
+    with bounded(failed=failure is not None):
+        node.destroy_node()
+    return 0 if failure is None else failure.exit_code

@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
-from rclpy.publisher import Publisher
+from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from rclpy.task import Future
 from rclpy.timer import Timer
@@ -25,6 +26,7 @@ from cam_rig.nodes.common.diagnostics import Diagnostics, Heartbeat
 from cam_rig.nodes.common.incoming import guarded, require_length, take_rest
 from cam_rig.nodes.common.parameter_values import convert, declare, refuse_wrong
 from cam_rig.nodes.common.parameters import PARAMETERS
+from cam_rig.nodes.common.rig_publisher import RigPublisher
 from cam_rig.nodes.common.run_end import OWNED, EndWithTheDrive, publishers
 from cam_rig.runner.node_table import STAY
 
@@ -53,6 +55,7 @@ class RigNode(Node):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
+        self._table = name
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.done: Future = Future()
         self.failure: CamRigError | None = None
@@ -65,7 +68,6 @@ class RigNode(Node):
         self.taken = self.ticks = self.interrupts = 0
         #: Who published on the rig's topics when the run ended; empty before.
         self.rig_publishers: dict[str, set[bytes]] = {}
-        self.add_pre_set_parameters_callback(convert(PARAMETERS[name]))
         self.add_on_set_parameters_callback(refuse_wrong(PARAMETERS[name]))
         self.health = Diagnostics(self.publisher(DIAGNOSTICS), name)
         heartbeat = Heartbeat(self.publisher(replace(DIAGNOSTICS, depth=1)), self.health)
@@ -83,6 +85,14 @@ class RigNode(Node):
                 f"at_end: is {STAY} with a checkpoint folder, which is of one run; allowed: one of "
                 "the two"
             )
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Set parameters together, after conversion; refused, with the reason, if one is wrong."""
+        try:
+            wanted = convert(PARAMETERS[self._table], parameter_list)
+        except ConfigError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return super().set_parameters_atomically(wanted)
 
     def listen_for_end(self) -> None:
         """End with the run, as the parameter at_end asks."""
@@ -118,18 +128,28 @@ class RigNode(Node):
             self.health.reported = saved[0][1]
         return [state for state, _ in saved]
 
-    def publisher(self, topic: Topic) -> Publisher:
+    def publisher(self, topic: Topic) -> RigPublisher:
         """A publisher with the topic's type and quality of service."""
         if topic.owner:
             self._owned.append(topic)
-        return self.create_publisher(message_class(topic), topic.relative, qos(topic))
+        made = self.create_publisher(
+            message_class(topic), topic.relative, qos(topic), publisher_class=RigPublisher
+        )
+        return cast(RigPublisher, made)
 
     def every(self, period: float, act: Callable[[], None]) -> Timer:
         """Call ``act`` with a period (s) of wall time, under use_sim_time too.
 
         The rig itself makes rig time: a node that waited for it would wait for ever.
         """
-        return self.create_timer(period, act, clock=self._steady)
+
+        def safe() -> None:
+            try:
+                act()
+            except CamRigError as error:
+                self.fail(error)
+
+        return self.create_timer(period, safe, clock=self._steady)
 
     def create_subscription(
         self, msg_type: Any, topic: str, callback: Any, *how: Any, **named: Any

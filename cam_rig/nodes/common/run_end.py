@@ -29,6 +29,10 @@ DELIVERY_S = 2.0
 #: Wall time (s) between two looks at who has left.
 POLL_S = 0.1
 
+#: Wall time (s) without the drive, once it was there, after which it has left without a word. A
+#: node that was suspended takes it for lost, and discovers it again by its next announcement.
+ABSENT_S = 10.0
+
 #: Topics by their names as resolved, and their publishers by DDS identity.
 Identities = dict[str, set[bytes]]
 
@@ -82,11 +86,35 @@ class FinishedRun(NamedTuple):
         return cls(message.level, message.message, int(values["ticks"]), int(values["stamp_ns"]))
 
 
+class DriveAbsence:
+    """Ends a node whose drive was there, and has left without saying that the run is over.
+
+    It was killed, or this node was suspended while it gave up. With a checkpoint folder it comes
+    back.
+    """
+
+    def __init__(self, node: RigNode) -> None:
+        self._node, self._known, self._polls = node, False, 0
+        self._returns = bool(node.given["checkpoint"])
+
+    def poll(self) -> None:
+        """Look whether the drive is there; to be called every `POLL_S`."""
+        is_there = self._node.count_publishers(topics.FINISHED.relative) > 0
+        self._known |= is_there
+        self._polls = 0 if is_there or not self._known else self._polls + 1
+        if self._polls * POLL_S < ABSENT_S or self._returns or self._node.done.done():
+            return
+        self._node.get_logger().warning("the drive has left without saying that the run is over")
+        self._node.remember_publishers()
+        self._node.finish()
+
+
 class EndWithTheDrive:
     """Ends a node when the drive has said that the run is over, and has left."""
 
     def __init__(self, node: RigNode) -> None:
         self._node, self._drives = node, Identities()
+        self._absence = DriveAbsence(node)
         if node.given["at_end"] != WAIT:
             node.subscribe(topics.FINISHED, self._on_finished)
             node.every(POLL_S, self._watch)
@@ -100,7 +128,9 @@ class EndWithTheDrive:
         self._drives = publishers(self._node, name)
 
     def _watch(self) -> None:
-        if self._drives and have_left(self._node, self._drives):
+        if not self._drives:
+            self._absence.poll()
+        elif have_left(self._node, self._drives):
             self._node.finish()
 
 

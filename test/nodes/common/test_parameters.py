@@ -77,11 +77,31 @@ def test_a_wrong_value_is_refused_with_what_is_allowed(given, argument, words):
     assert words in str(refused.value)
 
 
-def test_what_cannot_be_converted_is_left_to_be_refused():
-    """By rclpy, which names both types."""
-    set_now = convert(PARAMETERS["cam_drive"])
-    wanted = [Parameter("rpm", value=250), Parameter("rpm", value="x"), Parameter("other", value=1)]
-    assert [one.value for one in set_now(wanted)] == [250.0, "x", 1]
+def test_what_is_set_is_converted():
+    """A whole number is a number too; what no node of the rig declares stays as it is."""
+    wanted = [Parameter("rpm", value=250), Parameter("other", value=1)]
+    assert [one.value for one in convert(PARAMETERS["cam_drive"], wanted)] == [250.0, 1]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("rpm", "fast", "rpm: is 'fast'; allowed: a number"),
+        ("rpm", True, "rpm: is True; allowed: a number"),
+        ("rpm", None, "rpm: is None; allowed: a number"),
+        ("rpm", -1, "rpm"),
+        ("scene", [1, 2], "scene: is [1, 2]; allowed: a text"),
+    ],
+)
+def test_a_wrong_value_is_refused_live_in_words(make, name, value, words):
+    """By the node itself, and nothing is changed."""
+    drive = make("cam_drive")
+    before = drive.get_parameter(name).value
+    result = drive.set_parameters_atomically([Parameter(name, value=value)])
+    assert not result.successful
+    assert words in result.reason
+    assert "expected" not in result.reason
+    assert drive.get_parameter(name).value == before
 
 
 @pytest.mark.parametrize("name", PARAMETERS)
