@@ -7,7 +7,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import FluidPressure
 
-from cam_rig.bag.files import is_unclosed
+from cam_rig.bag.files import bag_files, is_unclosed
 from cam_rig.bag.reader import read_recording
 from cam_rig.nodes.common.run_end import FinishedRun
 from cam_rig.runner.node_process import NodeProcess, stop_all
@@ -90,7 +90,7 @@ def test_nodes_that_stay_do_another_run_into_another_bag(
         wait_for(lambda: first.has_ended)
         start(DRIVE)
     second = tmp_path / "bag_2"
-    wait_for(lambda: second.is_dir() and not is_unclosed(second))
+    wait_for(lambda: bag_files(second) and not is_unclosed(second))
     for bag in (tmp_path / "bag", second):
         assert rig.payloads(bag) == undisturbed
     assert not any(node.has_ended for node in nodes)
