@@ -104,7 +104,7 @@ class Graph:
         if self._checkpoints is not None:
             self._checkpoints.remove()
         # a killed node leaves segments behind, and so does one that could not write them whole
-        if any(process.process.returncode for process in started) or any(self._respawned.values()):
+        if any(process.leaves_pieces for process in started) or any(self._respawned.values()):
             time.sleep(LOCK_GRACE_S)  # by then, a port without a lock is not one of a new run
             clean(self._begun)
         for stopping, handler in self._handlers.items():

@@ -89,6 +89,11 @@ class NodeProcess:
         return self.code is not None
 
     @property
+    def leaves_pieces(self) -> bool:
+        """Whether it may have left shared memory behind: its middleware was not taken down."""
+        return bool(self.process.poll())
+
+    @property
     def was_killed(self) -> bool:
         """Whether a signal ended it."""
         return (self.code or 0) < 0

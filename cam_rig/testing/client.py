@@ -85,7 +85,7 @@ class RigClient:
 
         Parameters
         ----------
-        topic : its name; of a latched topic of the rig, the newest 32 messages come first
+        topic : its name; of a latched topic of the rig, its history comes first
         kind : its type; not needed for a topic of the rig
         """
         heard: list[Any] = []

@@ -30,6 +30,10 @@ class Process:
         return self.code is not None
 
     @property
+    def leaves_pieces(self):
+        return bool(self.code)
+
+    @property
     def was_killed(self):
         return self.has_ended and self.code < 0
 

@@ -19,8 +19,9 @@ from rclpy.signals import SignalHandlerOptions
 
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.nodes.common.rig_node import RigNode
-from cam_rig.nodes.common.run_end import wait_until_gone
+from cam_rig.nodes.common.run_end import staying_node, wait_until_gone
 from cam_rig.runner.domain_lock import MAX_NAMESPACE
+from cam_rig.runner.node_table import STAY
 
 try:  # less CPU time a message; not in every distribution
     from rclpy.experimental import EventsExecutor as Executor
@@ -88,6 +89,7 @@ def run(make: Callable[[], RigNode]) -> None:
 
 def _run(make: Callable[[], RigNode], request: StopRequest) -> int:
     """One run after the other, as long as the node stays; the exit code."""
+    staying = None
     while True:
         try:
             node = make()
@@ -100,10 +102,12 @@ def _run(make: Callable[[], RigNode], request: StopRequest) -> int:
         except (NameValidationException, rclpy_implementation.RCLError) as error:
             print(f"cam_rig: the node cannot be made: {_reason(error)}", file=sys.stderr)
             return ConfigError.exit_code
+        if staying is None and node.given.get("at_end") == STAY:
+            staying = staying_node(node.get_name())
         code = _spin(node, request)
-        if code or request.received or not node.stays:
+        if code or request.received or staying is None or not node.stays:
             return code
-        wait_until_gone(node.rig_publishers, lambda: request.received)
+        wait_until_gone(staying, node.rig_publishers, lambda: request.received)
         RigNode.runs_before += 1
 
 

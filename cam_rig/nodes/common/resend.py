@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from typing import Any
 
 from rclpy.publisher import Publisher
@@ -23,10 +24,10 @@ class ResendBuffer:
     """
 
     def __init__(self) -> None:
-        self._ticks: deque[tuple[int, list[Published]]] = deque(maxlen=MAX_TICKS_IN_FLIGHT + 1)
+        self._ticks: deque[tuple[int, Sequence[Published]]] = deque(maxlen=MAX_TICKS_IN_FLIGHT + 1)
         self._budget = RepeatBudget()
 
-    def publish(self, stamp_ns: int, messages: list[Published]) -> None:
+    def publish(self, stamp_ns: int, messages: Sequence[Published]) -> None:
         """Publish all messages of a tick in their order, and remember them."""
         self._ticks.append((stamp_ns, messages))
         self._budget.publish()
@@ -38,6 +39,6 @@ class ResendBuffer:
             if stamp == stamp_ns and self._budget.repeat():
                 self._send(messages)
 
-    def _send(self, messages: list[Published]) -> None:
+    def _send(self, messages: Sequence[Published]) -> None:
         for publisher, message in messages:
             publisher.publish(message)

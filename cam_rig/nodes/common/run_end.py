@@ -45,12 +45,25 @@ def publishers(node: Node, *wanted: str) -> Identities:
     }
 
 
-def wait_until_gone(known: Identities, stopped: Callable[[], bool]) -> None:
+def staying_node(name: str) -> Node:
+    """A hidden node that stays from one run of a process to the next, and its participant with it.
+
+    A DDS participant made anew in a process has the identity of the one before. To a node that has
+    not noticed yet that the old one left, what the new one has to say of itself is said already:
+    it never discovers it.
+    """
+    return rclpy.create_node(
+        f"_{name}_between_runs",
+        use_global_arguments=False,
+        start_parameter_services=False,
+        enable_rosout=False,
+    )
+
+
+def wait_until_gone(node: Node, known: Identities, stopped: Callable[[], bool]) -> None:
     """Return when all publishers have left, or a signal to stop has come."""
-    node = rclpy.create_node("between_runs", start_parameter_services=False, enable_rosout=False)
     while not (have_left(node, known) or stopped()):
         time.sleep(POLL_S)
-    node.destroy_node()
 
 
 def have_left(node: Node, known: Identities) -> bool:

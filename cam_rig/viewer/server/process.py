@@ -34,6 +34,8 @@ HOST = "127.0.0.1"
 OPTIONS = ("--bind", HOST, "--hide-welcome-screen")
 #: Wall time (s) that the viewer has to listen.
 TIMEOUT_S = 30.0
+#: Wall time (s) that it has to end, once asked.
+END_S = 10.0
 #: The viewer reports no usage where CI is set. Its own switch would change the user's settings.
 SILENT = {"RUST_LOG": "error", "CI": "1"}
 
@@ -73,6 +75,17 @@ def wait(process: subprocess.Popen[bytes]) -> None:
         raise CamRigError(f"the viewer ended with code {code}, see above; {ADVICE}")
 
 
+def end(process: subprocess.Popen[bytes]) -> None:
+    """End a viewer and its children, also one that does not let itself be asked."""
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGTERM)
+    try:
+        process.wait(END_S)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
 @contextmanager
 def child(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
     """A viewer that is ended with the context."""
@@ -85,9 +98,7 @@ def child(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
     try:
         yield process
     finally:
-        if process.poll() is None:
-            os.killpg(process.pid, signal.SIGTERM)
-        process.wait()
+        end(process)
 
 
 @contextmanager

@@ -1,40 +1,44 @@
 """Nodes whose drive leaves without saying that the run is over."""
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from cam_rig.nodes.common import run_end
+from cam_rig.nodes.common.run_end import ABSENT_S, POLL_S, DriveAbsence
 from cam_rig.runner.node_table import RECORDER
 
 pytestmark = pytest.mark.ros
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+LONG = int(ABSENT_S / POLL_S) + 1
 
 
 @pytest.mark.parametrize("name", ["microphone", RECORDER])
-def test_a_node_ends_when_the_drive_has_left_without_a_word(make, user, monkeypatch, capfd, name):
-    """It was killed, or the node was suspended while it gave up; a look that finds none, of a
-    node that discovers it again, ends nothing."""
-    monkeypatch.setattr(run_end, "ABSENT_S", 2.0)
-    node, seen = make(name), user.node.count_publishers
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
+def test_a_node_ends_when_the_drive_has_left_without_a_word(make, monkeypatch, capfd, name):
+    """It was killed, or the node was suspended while it gave up; not one that was never there,
+    nor one that is discovered again."""
+    node = make(name)
+    absence = DriveAbsence(node)
 
-    def spin_until(condition):
-        while not condition():
-            executor.spin_once(timeout_sec=0.02)
+    def poll(drives, times):
+        monkeypatch.setattr(node, "count_publishers", lambda _topic: drives)
+        for _ in range(times):
+            absence.poll()
 
-    def drive():
-        return user.node.create_publisher(DiagnosticStatus, "/rig/finished", LATCHED)
-
-    for _ in range(2):
-        publisher = drive()
-        spin_until(lambda: node.count_publishers("/rig/finished") and seen("/rig/finished"))
-        executor.spin_once(timeout_sec=0.2)
-        user.node.destroy_publisher(publisher)
-        spin_until(lambda: not node.count_publishers("/rig/finished"))
+    poll(0, 2 * LONG)
+    for _ in range(3):
+        poll(1, 1)
+        poll(0, LONG - 2)
     assert not node.done.done()
-    spin_until(node.done.done)
+    poll(0, 2)
+    assert node.done.done()
     assert node.failure is None
     assert "the drive has left without saying that the run is over" in capfd.readouterr().err
+
+
+def test_a_node_of_which_the_drive_comes_back_waits(make, monkeypatch, tmp_path):
+    """With a checkpoint folder it is started again."""
+    node = make("microphone")
+    node.given["checkpoint"] = str(tmp_path)
+    absence = DriveAbsence(node)
+    for drives in (1, 0):
+        monkeypatch.setattr(node, "count_publishers", lambda _topic, drives=drives: drives)
+        for _ in range(3 * LONG):
+            absence.poll()
+    assert not node.done.done()
