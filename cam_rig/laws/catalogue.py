@@ -17,6 +17,14 @@ from cam_rig.schema.segments import Rise, Segment
 from cam_rig.schema.segments.base import SegmentBase
 from cam_rig.units import TURN
 
+#: Families of rises with their titles.
+FAMILY_TITLES = {
+    "polynomial": "Full rises, polynomial",
+    "start": "Half-rises, start",
+    "end": "Half-rises, end",
+    "classical": "Full rises, classical",
+}
+
 
 def free_laws() -> dict[str, str]:
     """Laws whose figures depend on the numbers in the cam file, with the keys of these numbers."""
@@ -27,6 +35,30 @@ def free_laws() -> dict[str, str]:
         )
         for kind in kinds
     }
+
+
+@dataclass(frozen=True)
+class RiseFamily:
+    """Rises that are looked at together: a title, and their names."""
+
+    title: str
+    rises: tuple[str, ...]
+
+
+def families() -> dict[str, RiseFamily]:
+    """Every named rise in its one family, in the order of the laws thesis's figures 3.1 to 3.12.
+
+    Examples
+    --------
+    >>> families()["start"].rises
+    ('bezier4_start', 'bezier6_start', 'bezier8_start')
+    """
+    found: dict[str, list[str]] = {key: [] for key in FAMILY_TITLES}
+    for name in NAMED_RISES:
+        end = name.partition("_")[2]
+        curve = "polynomial" if name.startswith(("poly", "bezier")) else "classical"
+        found[end if end in found else curve].append(name)
+    return {key: RiseFamily(FAMILY_TITLES[key], tuple(rises)) for key, rises in found.items()}
 
 
 @dataclass(frozen=True)
@@ -45,14 +77,18 @@ class Figures:
 @lru_cache(maxsize=len(NAMED_RISES))
 def figures(name: str) -> Figures:
     """The figures of a named rise, from exact roots."""
-    law = _between_lines(name)
+    law = between_lines(name)
     velocity, acceleration, jerk = (abs(peak(law, order).value) for order in (1, 2, 3))
     inside = [joint.continuity for joint in joints(law) if 1.0 <= joint.angle <= 2.0]
     return Figures(velocity, acceleration, jerk, min(inside))
 
 
-def _between_lines(name: str) -> Law:
-    """The rise from angle 1 to 2, between the dwells or straight lines that it is made for."""
+def between_lines(name: str) -> Law:
+    """The rise of a name from angle 1 to 2 (rad), between the lines that it is made for.
+
+    Unit lift and unit span; the lines are dwells, or for a half-rise a dwell and constant
+    velocity. The law is not periodic: it is only meant about the rise.
+    """
     before, after = NAMED_RISES[name].slopes
     breaks, columns = unit_rise(name)
     rest = TURN - 2.0

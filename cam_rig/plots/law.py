@@ -9,10 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cam_rig.drawing.colours import DERIVATIVES, web
-from cam_rig.laws import Law, bernstein
+from cam_rig.laws import Law
 from cam_rig.laws.cam import segment_angles
 from cam_rig.laws.continuity import SMOOTHEST, Joint, joints
 from cam_rig.laws.control_polygon import control_polygons
+from cam_rig.laws.curves import sampled_pieces
 from cam_rig.laws.peaks import extremes
 from cam_rig.plots.figures import CAM_ANGLE, empty, turn_axis, write
 from cam_rig.schema import CamConfig
@@ -22,8 +23,6 @@ from cam_rig.schema.segments import Table
 COLOURS = tuple(map(web, DERIVATIVES))
 NAMES = ("lift s", "velocity s′", "acceleration s″", "jerk s‴")
 PER = ("", "/rad", "/rad²", "/rad³")
-#: Points of a curve, but of each of its pieces at least the fewest.
-POINTS, FEWEST = 2000, 12
 #: Joints nearer than this are one, deg.
 SAME_DEG = 1e-6
 #: Segments narrower than this have no name in the plot, or an upright one, deg.
@@ -68,10 +67,8 @@ def _marked(cam: CamConfig, law: Law) -> list[Joint]:
 def _curve(axes: Axes, cam: CamConfig, law: Law, order: int) -> None:
     """One derivative, piece by piece: a jump is a dotted line."""
     ordinates, colour = law.derivative_ordinates(order) / cam.lift.factor, COLOURS[order]
-    count = max(FEWEST, POINTS // law.spans.size)
-    u = np.linspace(0.0, 1.0, count)
-    angles = law.breaks[:-1] + np.outer(u, law.spans)
-    values = bernstein.evaluate(ordinates, u)
+    angles, values = sampled_pieces(law, order)
+    values = values / cam.lift.factor
     gap = np.full((1, law.spans.size), np.nan)  # lifts the pen between pieces
     line = (np.concatenate([part, gap]).T.ravel() for part in (np.degrees(angles), values))
     axes.plot(*line, color=colour, lw=1.7)
