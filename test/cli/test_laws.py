@@ -78,11 +78,82 @@ def test_law_as_csv(laws):
     assert "plot" not in result.stderr
 
 
+def rows_of(result):
+    """The CSV on stdout, row by row."""
+    assert result.exit_code == 0, result.stderr
+    return list(csv.DictReader(io.StringIO(result.stdout)))
+
+
+def test_every_rise_is_accepted_by_name():
+    """All of them at once, each from 0 to 1 over u, with its slopes in the table."""
+    rows = rows_of(call("law", *NAMED_RISES, "--rises", "--csv"))
+    for name in NAMED_RISES:
+        own = [row for row in rows if row["rise"] == name]
+        assert (own[0]["u"], own[-1]["u"]) == ("0", "1")
+        ends = [float(own[i]["lift"]) for i in (0, -1)]
+        assert ends == pytest.approx([0.0, 1.0], abs=1e-12)
+
+
+def test_names_that_are_all_cams_are_cams():
+    """poly345 and cycloidal are both: the cam is meant, unless a rise stands beside it."""
+    cams = rows_of(call("law", "poly345", "cycloidal", "--csv"))
+    assert {row["cam"] for row in cams} == {"poly345", "cycloidal"}
+    assert max(float(row["lift_m"]) for row in cams) == pytest.approx(0.05)
+    for told in (["bezier9"], ["--rises"]):
+        rises = rows_of(call("law", "poly345", "cycloidal", *told, "--csv"))
+        assert max(float(row["lift"]) for row in rises) == pytest.approx(1.0)
+
+
+def test_a_csv_of_several_cams_holds_that_of_each(config_dir):
+    """The same rows below each other, a cam's name before each; paths and names may be mixed."""
+    path = config_dir / "cams" / "bezier15.yaml"
+    both = rows_of(call("law", "poly345", path, "--csv"))
+    for name in ("poly345", "bezier15"):
+        alone = rows_of(call("law", name, "--csv"))
+        assert [row for row in both if row["cam"] == name] == [
+            {"cam": name, **row} for row in alone
+        ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["law", "poly345", "cycloidal", "bezier9", "--out"], "Peaks for unit rise and unit span"),
+        (["law", "poly345", "worked_example_quintic", "--out"], "mm/rad"),
+        (["law", "bezier6_start", "--out"], "bezier6_start  eq. 3.5"),
+        (["laws", "--plot"], "bezier8_end"),
+        (["laws", "--family", "classical", "--plot"], "modified_trapezoid"),
+    ],
+)
+def test_laws_over_each_other(tmp_path, arguments, words):
+    """A picture, its numbers beside it, and where it is."""
+    target = tmp_path / "a.svg"
+    result = call(*arguments, target)
+    assert result.exit_code == 0, result.stderr
+    assert target.read_text(encoding="utf-8").startswith("<?xml")
+    assert words in result.stderr
+    assert "a.svg" in result.stderr
+
+
+def test_a_family_by_itself():
+    """Table and JSON have its rises alone."""
+    result = call("laws", "--family", "end", "--json", "-")
+    assert list(json.loads(result.stdout)) == ["bezier4_end", "bezier6_end", "bezier8_end"]
+    assert "cycloidal" not in result.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        (["law", "no_such_cam"], 2, "no_such_cam.yaml: no such file; there are: "),
-        (["law", "poly354"], 2, "no such file (did you mean 'poly345'?); there are: arcs_"),
+        (["law", "zzz"], 2, "'zzz': no such cam or rise; cams: arcs_"),
+        (["law", "poly354"], 2, "no such cam or rise (did you mean 'poly345'?); cams: arcs_"),
+        (["law", "poly345", "bezier8start"], 2, "did you mean 'bezier8_start'?"),
+        (["law", "poly345", "cycloidal", "poly345"], 2, "'poly345' is named twice; allowed: each"),
+        (["law", "bezier15", "bezier9"], 2, "'bezier15' is a cam and no rise, 'bezier9' is a rise"),
+        (["law", "bezier15", "--rises"], 2, "no rise, --rises asks for rises; allowed: cams with"),
+        (["law", "poly345", "{tmp}/none.yaml"], 2, "cam-rig: {tmp}/none.yaml: no such file"),
+        (["laws", "--family", "strat"], 2, "did you mean 'start'?); allowed: polynomial, start"),
+        (["laws", "--plot", "{tmp}/a.xyz"], 2, "unknown kind of picture; allowed: .png"),
         (["law", "{tmp}"], 2, "cam-rig: {tmp}: is a folder; allowed: a YAML file"),
         (["law", "{tmp}/none"], 2, "cam-rig: {tmp}/none: no such file\n"),
         (["law", "poly345", "--out", "{tmp}/a.xyz"], 2, "unknown kind of picture; allowed: .png"),

@@ -1,10 +1,8 @@
-"""cam-rig law: one cam's law over the turn, as a plot, a table and CSV."""
+"""cam-rig law: one cam's law, or several over each other, as a plot, a table and CSV."""
 
 from __future__ import annotations
 
-import csv
 import math
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,16 +16,22 @@ if TYPE_CHECKING:
     from cam_rig.laws import Law
     from cam_rig.tables import DataTable
 
-#: Rows of the CSV, one every so many degrees.
-CSV_STEP_DEG = 0.5
-
 
 def law(
-    cam: Annotated[str, typer.Argument(help="Cam file, or a name in config/cams.")],
+    names: Annotated[
+        list[str],
+        typer.Argument(
+            help="Cam files, names in config/cams, or names of rises as `cam-rig laws` lists them.",
+        ),
+    ],
+    rises: Annotated[
+        bool,
+        typer.Option("--rises", help="Names that a cam and a rise have in common mean the rise."),
+    ] = False,
     out: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="The plot (PNG, SVG, PDF); out/law_CAM.png if not given."
+            metavar="FILE", help="The plot (PNG, SVG, PDF); out/law_NAMES.png if not given."
         ),
     ] = None,
     as_csv: Annotated[
@@ -39,30 +43,52 @@ def law(
     Peaks come from the roots of the next derivative, not from samples. Derivatives are in the
     cam angle, per rad: times the cam's speed in rad/s they are those in time.
 
+    Several laws are laid over each other: as cams over the turn if every name is a cam's, else
+    as bare rises of unit lift over a unit span.
+
     Examples
     --------
     cam-rig law poly345
+
+    cam-rig law poly345 cycloidal bezier9 --out out/rises.png
+
+    cam-rig law poly345 cycloidal bezier15 --csv > cams.csv
+
+    cam-rig law poly345 bezier8_start --rises
 
     cam-rig law config/cams/worked_example_quintic.yaml --out quintic.pdf
 
     cam-rig law bezier15 --csv > bezier15.csv
     """
     with user_errors():
-        from cam_rig import load_cam
-        from cam_rig.simulation.cam_files import law_of
+        from cam_rig.cli.cams import law_overlay
 
         check_outputs(None, out)
-        config = load_cam(cam)
-        built = law_of(cam_path(cam), config)
-        show(_peaks(built, config.lift.unit, config.lift.factor))
-        say(_joints(built))
-        if as_csv:
-            _print_csv(built)
-        if out is not None or not as_csv:
-            from cam_rig.plots.law import draw
+        if law_overlay.are_rises(names, rises):
+            law_overlay.show_rises(names, out, as_csv)
+        elif len(names) > 1:
+            law_overlay.show_cams(names, out, as_csv)
+        else:
+            _show_one(names[0], out, as_csv)
 
-            target = out or Path("out") / f"law_{config.name}.png"
-            write_plot(target, lambda part: draw(config, built, part))
+
+def _show_one(name: str, out: Path | None, as_csv: bool) -> None:
+    """One cam with its extremes, joints and segments."""
+    from cam_rig import load_cam
+    from cam_rig.cli.cams import law_overlay
+    from cam_rig.simulation.cam_files import law_of
+
+    config = load_cam(name)
+    built = law_of(cam_path(name), config)
+    show(_peaks(built, config.lift.unit, config.lift.factor))
+    say(_joints(built))
+    if as_csv:
+        law_overlay.print_csv(law_overlay.CAM_HEADINGS, [((), *law_overlay.cam_rows(built))])
+    if out is not None or not as_csv:
+        from cam_rig.plots.law import draw
+
+        target = out or Path("out") / f"law_{config.name}.png"
+        write_plot(target, lambda part: draw(config, built, part))
 
 
 def _peaks(law: Law, unit: str, factor: float) -> DataTable:
@@ -95,14 +121,3 @@ def _joints(law: Law) -> str:
         return f"joins C{SMOOTHEST} or smoother everywhere"
     places = ", ".join(f"{math.degrees(j.angle):.5g}° C{j.continuity}" for j in rough)
     return f"joints (others C{SMOOTHEST}): {places}"
-
-
-def _print_csv(law: Law) -> None:
-    import numpy as np
-
-    writer = csv.writer(sys.stdout, lineterminator="\n")
-    writer.writerow(["angle_deg", "lift_m", "velocity_m_rad", "acceleration_m_rad2", "jerk_m_rad3"])
-    degrees = np.arange(0.0, 360.0, CSV_STEP_DEG)
-    motion = [law(np.radians(degrees), order) for order in range(4)]
-    for row in zip(degrees, *motion, strict=True):
-        writer.writerow([f"{value:.12g}" for value in row])

@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import difflib
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from cam_rig.cli.common.console import show, user_errors
-from cam_rig.cli.common.options import Csv, Json
-from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json
+from cam_rig.cli.common.options import Csv, Json, Plot
+from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
 
 if TYPE_CHECKING:
+    from cam_rig.laws.catalogue import Figures, RiseFamily
     from cam_rig.tables import DataTable
+
+    Row = tuple[str, str, Figures | None]
 
 
 def laws(
+    family: Annotated[
+        str | None,
+        typer.Option(help="Only this family of rises: polynomial, start, end (half), classical."),
+    ] = None,
+    plot: Plot = None,
     json_target: Json = None,
     csv: Csv = None,
 ) -> None:
@@ -23,9 +34,15 @@ def laws(
     Continuity Ck: the highest derivative that goes on without a jump where the rise meets a
     dwell (a half-rise: a dwell and constant velocity).
 
+    The plot lays the rises of each family over each other, s to s''' one below the other.
+
     Examples
     --------
     cam-rig laws
+
+    cam-rig laws --plot out/laws.png
+
+    cam-rig laws --family start --plot out/half_rises.pdf
 
     cam-rig laws --json -
     """
@@ -33,24 +50,32 @@ def laws(
         from cam_rig.laws.catalogue import figures
         from cam_rig.laws.named import NAMED_RISES
 
-        check_outputs(json_target, None, csv)
-        shown = _table()
-        show(shown)
-        write_csv([shown], csv)
-        write_json({name: asdict(figures(name)) for name in NAMED_RISES}, json_target)
+        check_outputs(json_target, plot, csv)
+        shown = None if family is None else _family(family)
+        names = tuple(NAMED_RISES) if shown is None else shown.rises
+        table = rises_table(names, with_free=shown is None)
+        show(table)
+        write_csv([table], csv)
+        write_json({name: asdict(figures(name)) for name in names}, json_target)
+        if plot is not None:
+            from cam_rig.laws.catalogue import families
+            from cam_rig.plots.law_overlay import draw_rises
+
+            columns = families().values() if shown is None else [shown]
+            write_plot(plot, lambda part: draw_rises(columns, part))
 
 
-def _table() -> DataTable:
-    from cam_rig.laws.catalogue import Figures, figures, free_laws
+def rises_table(names: Iterable[str], with_free: bool = False) -> DataTable:
+    """Peaks and continuity of named rises; on demand, below them, the laws without fixed ones."""
+    from cam_rig.laws.catalogue import figures, free_laws
     from cam_rig.laws.named import NAMED_RISES
     from cam_rig.tables import Cell, Column, tabulate
 
-    rows: list[tuple[str, str, Figures | None]] = [
-        *((name, rise.source, figures(name)) for name, rise in NAMED_RISES.items()),
-        *((name, keys or "the level before", None) for name, keys in free_laws().items()),
-    ]
+    rows: list[Row] = [(name, NAMED_RISES[name].source, figures(name)) for name in names]
+    if with_free:
+        rows += [(name, keys or "the level before", None) for name, keys in free_laws().items()]
 
-    def peak(order: str) -> Callable[[tuple[str, str, Figures | None]], Cell]:
+    def peak(order: str) -> Callable[[Row], Cell]:
         return lambda row: None if row[2] is None else float(getattr(row[2], f"peak_{order}"))
 
     return tabulate(
@@ -66,3 +91,21 @@ def _table() -> DataTable:
             (Column("joins"), lambda row: "any" if row[2] is None else f"C{row[2].continuity}"),
         ),
     )
+
+
+def _family(name: str) -> RiseFamily:
+    """A family by its name.
+
+    Raises
+    ------
+    ConfigError : there is none of that name
+    """
+    from cam_rig.errors import ConfigError
+    from cam_rig.laws.catalogue import families
+
+    found = families()
+    if name not in found:
+        near = difflib.get_close_matches(name, found, 1)
+        hint = f" (did you mean {near[0]!r}?)" if near else ""
+        raise ConfigError(f"--family {name!r}: no such family{hint}; allowed: {', '.join(found)}")
+    return found[name]
