@@ -9,9 +9,11 @@ from pathlib import Path
 import matplotlib as mpl
 
 from cam_rig.files import temporary_folder
+from cam_rig.laws.catalogue import families
 from cam_rig.plots import factorial as factorial_plot
 from cam_rig.plots import jump as jump_plot
 from cam_rig.plots import law as law_plot
+from cam_rig.plots import law_overlay
 from cam_rig.plots import lift_off as takeoff_plot
 from cam_rig.plots import noise_study as noise_study_plot
 from cam_rig.plots import profile as profile_plot
@@ -45,7 +47,10 @@ def early_figures(sources: Sources, jumps: list[JumpRow]) -> dict[str, str]:
     cam, law = cam_set.cams[PROPOSED], cam_set.laws[PROPOSED]
     tm21, tm21_law = sources.loaded.cams[arcs], sources.loaded.laws[arcs]
     checks = check_cam(cam, law)
+    shown = [(cam_set.cams[name], curve) for name, curve in cam_set.laws.items()]
     return {
+        "rises": uri(lambda path: law_overlay.draw_rises(families().values(), path)),
+        "cams": uri(lambda path: law_overlay.draw_cams(shown, path)),
         "fig1": uri(lambda path: law_plot.draw(tm21, tm21_law, path)),
         "fig2": uri(lambda path: law_plot.draw(cam, law, path)),
         "fig4": uri(lambda path: vibration_plot.draw(cam_set, STEADY_RPM, path)),
