@@ -28,6 +28,7 @@ def test_noise_json_and_plot(sweep, tmp_path):
     assert "NaN" not in text
     data = json.loads(text)
     keys = {"rpm", "parts", "structures", "methods", "best_method", "left_out", "one_rig"}
+    keys |= {"high_dwell"}
     assert set(data) == keys
     assert data["best_method"] in data["methods"]
     assert list(data["methods"]) == [

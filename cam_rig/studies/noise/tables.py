@@ -19,6 +19,7 @@ from cam_rig.studies.noise.crossing_tables import (
     finite,
     largest_table,
 )
+from cam_rig.studies.noise.high_dwell_tables import high_dwell_json, high_dwell_tables
 from cam_rig.studies.noise.run import NoiseStudy
 from cam_rig.studies.noise.shared_rig import OneRig
 from cam_rig.studies.noise.transfer_functions import StructureFit
@@ -39,6 +40,7 @@ def tables(study: NoiseStudy, published: PublishedNoise) -> list[DataTable]:
         left_out_table(study),
         one_rig_table(study),
         claims_table(study, published),
+        *high_dwell_tables(study.high_dwell, study.rpm.tolist()),
         levels_table(study),
     ]
 
@@ -193,6 +195,7 @@ def to_json(study: NoiseStudy) -> dict[str, Any]:
         "rpm": [round(rpm, 9) for rpm in study.rpm.tolist()],
         "parts": vars(study.roles),
         "structures": {cam: [vars(f) for f in fits] for cam, fits in study.structures.items()},
+        "high_dwell": high_dwell_json(study.high_dwell),
         "best_method": study.best.name,
         "methods": {method.name: _method_json(method) for method in study.methods},
         "left_out": [
