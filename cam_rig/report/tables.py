@@ -12,6 +12,7 @@ from cam_rig.laws import Law
 from cam_rig.laws.continuity import SMOOTHEST, joints
 from cam_rig.laws.peaks import extremes
 from cam_rig.report.figures import PROPOSED, STEADY_RPM
+from cam_rig.report.misprints import misprints_table
 from cam_rig.report.results import Findings
 from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.segments.base import quantities
@@ -24,13 +25,6 @@ from cam_rig.studies.vibration.tables import claims_table, speed_table
 from cam_rig.tables import Cell, Column, DataTable, number, tabulate
 from cam_rig.units import RPM
 
-#: Where the paper is misprinted, what stands there, and how it was read.
-MISPRINTS = (
-    ("Table 1, mass", "13 kg", "1.3 kg"),
-    ("control polygon of Bézier 15", "…1.5, 15, …", "…1.5, 1.5, …"),
-    ("eq. 2, two coefficients", "45045, 434434", "4504.5, 4344.34"),
-    ("eq. 20, constant", "2593808", "25.93808"),
-)
 #: The follower's numbers in Table 1: key there, attribute, heading.
 FOLLOWER = (
     ("spring_stiffness_N_per_m", "spring_stiffness", "return spring [N/m]"),
@@ -57,7 +51,7 @@ def tables(found: Findings) -> dict[str, list[DataTable]]:
         "noise": [*noise.tables(found.noise, published), *recorded],
         "question": factorial.tables(found.factorial, titles),
         "numbers": [_origins(name, model) for name, model in files(found).items()],
-        "reading": [_misprints()],
+        "reading": [misprints_table()],
     }
 
 
@@ -186,15 +180,3 @@ def _value(quantity: Quantity) -> str:
     if len(numbers) > MOST_SHOWN:
         numbers = [*numbers[:3], "…", *numbers[-2:]]
     return ", ".join(numbers) + unit
-
-
-def _misprints() -> DataTable:
-    return tabulate(
-        "Misprints of the paper",
-        MISPRINTS,
-        (
-            (Column("where"), lambda row: row[0]),
-            (Column("printed"), lambda row: row[1]),
-            (Column("read as"), lambda row: row[2]),
-        ),
-    )

@@ -37,6 +37,20 @@ def real_roots(coefficients: FloatArray) -> FloatArray:
     return np.asarray(roots.real[np.abs(roots.imag) < ALMOST_REAL])
 
 
+def crossings(
+    difference: FloatArray, speeds: tuple[float, float], *, scale: float, shift: float = 0.0
+) -> FloatArray:
+    """Speeds (rpm) at which two regressions cross, in their order.
+
+    Parameters
+    ----------
+    difference : coefficients c0 … c3 in dB of one less the other, over x = rpm/scale − shift
+    speeds : lowest and highest speed (rpm) at which both are known
+    """
+    found = (real_roots(difference) + shift) * scale
+    return np.sort(found[(found >= speeds[0]) & (found <= speeds[1])])
+
+
 def nearest_crossing(
     difference: FloatArray,
     speeds: tuple[float, float],
@@ -45,13 +59,6 @@ def nearest_crossing(
     scale: float,
     shift: float = 0.0,
 ) -> float | None:
-    """Speed (rpm) at which two regressions cross, nearest to ``near``; None when nowhere.
-
-    Parameters
-    ----------
-    difference : coefficients c0 … c3 in dB of one less the other, over x = rpm/scale − shift
-    speeds : lowest and highest speed (rpm) at which both are known
-    """
-    found = (real_roots(difference) + shift) * scale
-    inside = found[(found >= speeds[0]) & (found <= speeds[1])]
+    """The one of the `crossings` nearest to ``near`` (rpm); None when there is none."""
+    inside = crossings(difference, speeds, scale=scale, shift=shift)
     return float(inside[np.argmin(np.abs(inside - near))]) if inside.size else None

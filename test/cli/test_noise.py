@@ -27,7 +27,10 @@ def test_noise_json_and_plot(sweep, tmp_path):
     text = (tmp_path / "a.json").read_text()
     assert "NaN" not in text
     data = json.loads(text)
-    assert set(data) == {"rpm", "parts", "structures", "methods", "left_out", "one_rig"}
+    keys = {"rpm", "parts", "structures", "methods", "best_method", "left_out", "one_rig"}
+    keys |= {"high_dwell"}
+    assert set(data) == keys
+    assert data["best_method"] in data["methods"]
     assert list(data["methods"]) == [
         "two constants",
         "two constants, arc cam refitted",

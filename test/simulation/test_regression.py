@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cam_rig.simulation.regression import real_roots, regression
+from cam_rig.simulation.regression import crossings, nearest_crossing, real_roots, regression
 
 RPM = np.arange(200.0, 401.0, 10.0)
 ONE = np.array([25.93808, 0.57355, -0.002045, 2.483e-6])
@@ -34,3 +34,12 @@ def test_a_leading_number_of_rounding_has_no_root():
     """A straight line that a cubic was fitted to crosses zero where the line does."""
     assert real_roots(np.array([-1.0, 1.25, 3e-17, -2e-17])) == pytest.approx([0.8], abs=1e-12)
     assert real_roots(np.array([2.0, 0.0, 1.0, 1e-16])).size == 0
+
+
+def test_all_crossings_in_their_order():
+    """The roots of a cubic within the speeds, and of those the one nearest to a speed."""
+    difference = np.polynomial.Polynomial.fromroots([0.7, 1.1, 1.9]).coef
+    found = crossings(difference, (200.0, 400.0), scale=300.0)
+    assert found == pytest.approx([210.0, 330.0])
+    assert nearest_crossing(difference, (200.0, 400.0), 250.0, scale=300.0) == pytest.approx(210.0)
+    assert crossings(difference, (340.0, 400.0), scale=300.0).size == 0

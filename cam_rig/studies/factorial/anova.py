@@ -1,4 +1,4 @@
-"""Two-way analysis of variance of a full table with one value a cell.
+"""Analysis of variance of a full table with one value a cell: two ways, or factors of two levels.
 
 The values come from a model without scatter, so there is nothing to test against: what counts are
 the shares of the sum of squares. What rows and columns do not explain together is interaction.
@@ -8,6 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
 
 from cam_rig.arrays import FloatArray
 
@@ -62,3 +65,34 @@ def two_way(values: FloatArray, groups: Sequence[object] | None = None) -> TwoWa
         columns=a * float(column @ column),
         interaction=float((left**2).sum()),
     )
+
+
+def two_levels(values: FloatArray) -> dict[tuple[int, ...], float]:
+    """Shares of the sum of squares of k factors with two levels each, and of their interactions.
+
+    Parameters
+    ----------
+    values : ``(2, …, 2)``, one axis a factor
+
+    Returns
+    -------
+    By the axes that act together, ``(0,)`` or ``(0, 2)``: shares that add up to one, all zero
+    where nothing varies.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> two_levels(np.array([[0.0, 0.0], [2.0, 2.0]]))
+    {(0,): 1.0, (1,): 0.0, (0, 1): 0.0}
+    """
+    signs = np.array([-1.0, 1.0])
+    squares = {}
+    for count in range(1, values.ndim + 1):
+        for axes in combinations(range(values.ndim), count):
+            contrast = values
+            for axis in axes:
+                shape = [2 if i == axis else 1 for i in range(values.ndim)]
+                contrast = contrast * signs.reshape(shape)
+            squares[axes] = float(contrast.mean()) ** 2
+    whole = sum(squares.values()) or 1.0
+    return {axes: square / whole for axes, square in squares.items()}

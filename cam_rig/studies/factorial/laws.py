@@ -39,25 +39,27 @@ def open_factorial(path: Path) -> FactorialConfig:
     return config
 
 
-def up_and_down(rise: str, event: float, lift: float) -> Law:
-    """Half a low dwell, rise, high dwell, fall, half a low dwell; the two dwells are equal.
+def up_and_down(rise: str, event: float, lift: float, high_dwell: float | None = None) -> Law:
+    """Half a low dwell, rise, high dwell, fall, half a low dwell.
 
     Parameters
     ----------
     event : rad, of the rise and of the fall, at most π
     lift : m
+    high_dwell : rad; by default as long as the low one
     """
     steps, columns = unit_rise(rise)
-    dwell = math.pi - event
+    high = math.pi - event if high_dwell is None else high_dwell
+    low = TURN - 2.0 * event - high
     breaks, pieces = [0.0], []
-    for height, base, before in ((lift, 0.0, 0.5 * dwell), (-lift, lift, dwell)):
+    for height, base, before in ((lift, 0.0, 0.5 * low), (-lift, lift, high)):
         if before > MIN_DWELL:
             breaks.append(breaks[-1] + before)
             pieces.append(np.array([base]))
         start = breaks[-1]
         breaks += [start + event * u for u in steps[1:]]
         pieces += [base + height * column for column in columns]
-    if dwell > MIN_DWELL:
+    if low > MIN_DWELL:
         breaks.append(TURN)
         pieces.append(np.array([0.0]))
     breaks[-1] = TURN

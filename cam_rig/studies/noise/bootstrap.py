@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.simulation.regression import REGRESSION_DEGREE, nearest_crossing
+from cam_rig.simulation.regression import REGRESSION_DEGREE, crossings
 
 #: Neighbouring speeds that are drawn together: a third of the range.
 BLOCK = 7
@@ -68,11 +68,17 @@ class Crossing:
     points_rpm: float | None = None
 
 
-def crossing(rpm: FloatArray, one: FloatArray, two: FloatArray, near: float) -> float | None:
-    """Where two cubics, given by their values ``(n,)``, cross nearest to ``near`` rpm."""
+def all_crossings(rpm: FloatArray, one: FloatArray, two: FloatArray) -> FloatArray:
+    """Where two cubics, given by their values ``(n,)``, cross, rpm."""
     scale = rpm.mean()
     fit = np.polynomial.polynomial.polyfit(rpm / scale - 1.0, one - two, REGRESSION_DEGREE)
-    return nearest_crossing(fit, (rpm[0], rpm[-1]), near, scale=scale, shift=1.0)
+    return crossings(fit, (rpm[0], rpm[-1]), scale=scale, shift=1.0)
+
+
+def crossing(rpm: FloatArray, one: FloatArray, two: FloatArray, near: float) -> float | None:
+    """The one of `all_crossings` nearest to ``near`` rpm; None when there is none."""
+    found = all_crossings(rpm, one, two)
+    return float(found[np.argmin(np.abs(found - near))]) if found.size else None
 
 
 def points_crossing(rpm: FloatArray, one: FloatArray, two: FloatArray, near: float) -> float | None:

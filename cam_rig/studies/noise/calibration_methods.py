@@ -11,6 +11,7 @@ Three ways stand side by side:
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -51,16 +52,46 @@ class StudiedCurve:
     confidence: Band
     expected: Band
 
+    @property
+    def largest_at(self) -> int:
+        """Index of the speed at which a point is furthest from the published curve."""
+        return int(np.argmax(np.abs(self.level_db - self.published_db)))
+
+    @property
+    def largest_db(self) -> float:
+        """That difference, dB: what an r.m.s. hides."""
+        return float((self.level_db - self.published_db)[self.largest_at])
+
+
+@dataclass(frozen=True)
+class PairCrossing:
+    """Where the published curves of two cams cross, and where those of the study do."""
+
+    between: tuple[str, str]
+    published_rpm: float
+    found: Crossing
+
 
 @dataclass(frozen=True, eq=False)
 class Method:
-    """One way of calibrating: shared constants, curves by cam, and the crossing."""
+    """One way of calibrating: shared constants, curves by cam, and where they cross.
+
+    ``crossing`` is of the two cams that the paper names, ``pairs`` of every two at each speed at
+    which their published curves cross.
+    """
 
     name: str
     acoustics: Acoustics
     shape: ArcShape
     curves: dict[str, StudiedCurve]
     crossing: Crossing
+    pairs: tuple[PairCrossing, ...]
+
+    @property
+    def predicted_rms_db(self) -> float:
+        """r.m.s. difference (dB) of the points on what no number was fitted to."""
+        unseen = [curve.rms_db for curve in self.curves.values() if curve.numbers == 0]
+        return rms(np.array(unseen)) if unseen else np.inf
 
 
 def with_two_constants(study: NoiseSetup, refit: bool) -> Method:
@@ -119,13 +150,22 @@ def _method(
         )
         for cam, h in cams.items()
     }
-    one, two, near = _crossing_cams(study)
-    draws = [curves[c].regression_db + (moved[c] + left[c]) @ project for c in (one, two)]
-    best = (curves[one].regression_db, curves[two].regression_db)
-    found = bootstrap.crossing_interval(study.rpm, best, (draws[0], draws[1]), near)
-    levels = (curves[one].level_db, curves[two].level_db)
-    points = bootstrap.points_crossing(study.rpm, *levels, near)
-    return Method(name, acoustics, fit.shape, curves, replace(found, points_rpm=points))
+    drawn = {c: curves[c].regression_db + (moved[c] + left[c]) @ project for c in cams}
+
+    def found(one: str, two: str, near: float) -> Crossing:
+        best = (curves[one].regression_db, curves[two].regression_db)
+        interval = bootstrap.crossing_interval(study.rpm, best, (drawn[one], drawn[two]), near)
+        levels = (curves[one].level_db, curves[two].level_db)
+        return replace(interval, points_rpm=bootstrap.points_crossing(study.rpm, *levels, near))
+
+    pairs = tuple(
+        PairCrossing((one, two), near, found(one, two, near))
+        for one, two in combinations(curves, 2)
+        for near in bootstrap.all_crossings(
+            study.rpm, curves[one].published_db, curves[two].published_db
+        ).tolist()
+    )
+    return Method(name, acoustics, fit.shape, curves, found(*_crossing_cams(study)), pairs)
 
 
 def _refit(slope: FloatArray, compared: FloatArray) -> FloatArray:

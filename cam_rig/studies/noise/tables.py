@@ -11,8 +11,15 @@ import numpy as np
 from cam_rig.schema import PublishedNoise
 from cam_rig.simulation.settled_turns import Acoustics
 from cam_rig.studies.noise.arc_shape import ArcShape
-from cam_rig.studies.noise.bootstrap import Band
+from cam_rig.studies.noise.bootstrap import Band, Crossing
 from cam_rig.studies.noise.calibration_methods import Method
+from cam_rig.studies.noise.crossing_tables import (
+    claims_table,
+    crossings_table,
+    finite,
+    largest_table,
+)
+from cam_rig.studies.noise.high_dwell_tables import high_dwell_json, high_dwell_tables
 from cam_rig.studies.noise.run import NoiseStudy
 from cam_rig.studies.noise.shared_rig import OneRig
 from cam_rig.studies.noise.transfer_functions import StructureFit
@@ -28,9 +35,12 @@ def tables(study: NoiseStudy, published: PublishedNoise) -> list[DataTable]:
         structures_table(study),
         curves_table(study),
         constants_table(study),
+        largest_table(study),
         crossings_table(study, published),
         left_out_table(study),
         one_rig_table(study),
+        claims_table(study, published),
+        *high_dwell_tables(study.high_dwell, study.rpm.tolist()),
         levels_table(study),
     ]
 
@@ -117,30 +127,6 @@ def constants_table(study: NoiseStudy) -> DataTable:
     )
 
 
-def crossings_table(study: NoiseStudy, published: PublishedNoise) -> DataTable:
-    """Where the curves of two cams cross, by each way of calibrating."""
-    crossover = published.crossover
-    nowhere = "nowhere"
-    return tabulate(
-        f"Speed at which {' and '.join(crossover.between)} are equally loud",
-        study.methods,
-        (
-            (Column("calibration"), lambda m: m.name),
-            (Column("regressions", "rpm", ".1f", nowhere), lambda m: m.crossing.rpm),
-            (Column("standard deviation", "rpm", ".1f"), lambda m: _finite(m.crossing.deviation)),
-            (Column("95 % from", "rpm", ".0f"), lambda m: _finite(m.crossing.low)),
-            (Column("to", "rpm", ".0f"), lambda m: _finite(m.crossing.high)),
-            (Column("points", "rpm", ".1f", nowhere), lambda m: m.crossing.points_rpm),
-        ),
-        f"Published: {crossover.rpm:g} rpm. Standard deviation and 95 %: of the bootstrap's draws.",
-    )
-
-
-def _finite(value: float | None) -> float | None:
-    """What is not a number is missing."""
-    return value if value is not None and math.isfinite(value) else None
-
-
 def left_out_table(study: NoiseStudy) -> DataTable:
     """Each cam left out of the calibration in turn."""
     return tabulate(
@@ -185,8 +171,8 @@ def one_rig_table(study: NoiseStudy) -> DataTable:
 
 
 def levels_table(study: NoiseStudy) -> DataTable:
-    """Published regressions and simulated points by the last way of calibrating."""
-    method = study.methods[-1]
+    """Published regressions and simulated points by the best way of calibrating."""
+    method = study.best
 
     def at(levels: np.ndarray[Any, Any]) -> Callable[[int], Cell]:
         return lambda i: float(levels[i])
@@ -209,6 +195,8 @@ def to_json(study: NoiseStudy) -> dict[str, Any]:
         "rpm": [round(rpm, 9) for rpm in study.rpm.tolist()],
         "parts": vars(study.roles),
         "structures": {cam: [vars(f) for f in fits] for cam, fits in study.structures.items()},
+        "high_dwell": high_dwell_json(study.high_dwell),
+        "best_method": study.best.name,
         "methods": {method.name: _method_json(method) for method in study.methods},
         "left_out": [
             vars(row) | {"acoustics": _acoustics_json(row.acoustics)} for row in study.left_out
@@ -225,7 +213,13 @@ def _method_json(method: Method) -> dict[str, Any]:
     return {
         "acoustics": _acoustics_json(method.acoustics),
         "shape": _shape_json(method.shape),
-        "crossing": {key: _finite(value) for key, value in vars(method.crossing).items()},
+        "predicted_rms_db": finite(method.predicted_rms_db),
+        "crossing": _crossing_json(method.crossing),
+        "crossings": [
+            {"between": pair.between, "published_rpm": pair.published_rpm}
+            | _crossing_json(pair.found)
+            for pair in method.pairs
+        ],
         "cams": {
             curve.cam: {
                 "role": curve.role,
@@ -241,6 +235,10 @@ def _method_json(method: Method) -> dict[str, Any]:
             for curve in method.curves.values()
         },
     }
+
+
+def _crossing_json(crossing: Crossing) -> dict[str, float | None]:
+    return {key: finite(value) for key, value in vars(crossing).items()}
 
 
 def _band_json(band: Band) -> dict[str, list[float]]:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from cam_rig.studies.factorial.anova import two_way
+from cam_rig.studies.factorial.anova import two_levels, two_way
 
 TABLES = arrays(np.float64, (3, 4), elements=st.floats(-100.0, 100.0))
 
@@ -55,3 +55,23 @@ def test_classes_of_rows():
 def test_nothing_varies():
     """A constant table has no shares to speak of."""
     assert two_way(np.ones((2, 2))).shares == (0.0, 0.0, 0.0)
+
+
+@given(arrays(np.float64, (2, 2, 2), elements=st.floats(-100.0, 100.0)))
+def test_shares_of_two_levels_are_of_all(values):
+    """Every factor and interaction once; a two-way table gives the same two shares."""
+    shares = two_levels(values)
+    total = ((values - values.mean()) ** 2).sum()
+    assert len(shares) == 7
+    assert sum(shares.values()) == pytest.approx(1.0) or total < 1e-9
+    flat = two_way(values[0])
+    if flat.total > 1e-6:
+        of_two = two_levels(values[0])
+        assert of_two[(0,)] == pytest.approx(flat.shares[0], abs=1e-6)
+        assert of_two[(0, 1)] == pytest.approx(flat.shares[2], abs=1e-6)
+
+
+def test_an_exclusive_or_is_interaction_alone():
+    """It is neither factor's."""
+    shares = two_levels(np.array([[0.0, 1.0], [1.0, 0.0]]))
+    assert shares == {(0,): 0.0, (1,): 0.0, (0, 1): 1.0}

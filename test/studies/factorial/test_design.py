@@ -278,3 +278,16 @@ def test_effects_are_measures(found):
     """Each effect names a measure."""
     for effect in EFFECTS:
         assert np.isfinite(effect.values(found.same_angles.cells)).all()
+
+
+def test_up_and_down_with_another_high_dwell():
+    """The dwell has its width, at the lift; the low one takes the rest of the turn."""
+    event, high = math.radians(100.0), math.radians(20.0)
+    law = up_and_down("poly345", event, 0.05, high)
+    middle = 0.5 * (2.0 * math.pi - 2.0 * event - high) + event
+    inside = middle + np.linspace(0.0, high, 50)
+    np.testing.assert_allclose(law(inside), 0.05, atol=1e-15)
+    assert law(middle - 0.01) < 0.05 and law(middle + high + 0.01) < 0.05
+    none = up_and_down("poly345", event, 0.05, 0.0)
+    assert none(math.pi) == pytest.approx(0.05)
+    assert none(math.pi, 1) == pytest.approx(0.0, abs=1e-12)

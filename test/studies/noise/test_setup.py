@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from cam_rig.errors import ConfigError
-from cam_rig.schema import load_rig
+from cam_rig.schema import load_published, load_rig
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.simulation.regression import cubic
 from cam_rig.studies.noise.calibration_methods import with_substitution, with_two_constants
 from cam_rig.studies.noise.leave_one_out import leave_one_out
+from cam_rig.studies.noise.run import NoiseStudy
 from cam_rig.studies.noise.setup import NoiseSetup, StudyRoles
 from cam_rig.studies.noise.shared_rig import with_elastic_stem, with_rigid_stem
 
@@ -141,3 +142,30 @@ def test_the_study_leaves_its_stage_alone(study):
     assert dataclasses.replace(study.start) == study.start
     assert study.start.radiation == study.loaded.radiation
     assert study.start.response == ()
+
+
+def test_every_crossing_of_the_published_curves_has_its_counterpart(methods):
+    """The roots of the printed cubics (numpy, whatever the study does); the way that predicts best
+    what it was not fitted to is by substitution."""
+    published = load_published(config_root() / "published" / "tm21_noise.yaml").regression_db
+    for method in methods:
+        for pair in method.pairs:
+            one, two = (np.polynomial.Polynomial(published[cam]) for cam in pair.between)
+            assert abs((one - two)(pair.published_rpm)) < 1e-9
+        speeds = sorted(pair.published_rpm for pair in method.pairs)
+        assert speeds == pytest.approx([210.2, 334.8, 360.3], abs=0.05)
+        found = {pair.between: pair.found for pair in method.pairs}
+        assert found["tm21", "bezier15"] == method.crossing
+        assert found["poly345", "bezier15"].rpm is None  # here neither is louder below
+        assert found["poly345", "bezier15"].missing > 0.5
+    best = NoiseStudy(None, None, {}, methods, [], ()).best
+    assert best is methods[2]
+    assert best.predicted_rms_db == best.curves["bezier15"].rms_db
+
+
+def test_the_largest_difference_is_told(methods):
+    """What an r.m.s. hides, by substitution 0.9 dB at 200 rpm."""
+    curve = methods[2].curves["bezier15"]
+    assert abs(curve.largest_db) == np.abs(curve.level_db - curve.published_db).max()
+    assert curve.largest_at == 0
+    assert curve.largest_db == pytest.approx(-0.9, abs=0.1)
