@@ -14,7 +14,8 @@ from cam_rig.dynamics import COLUMNS
 from cam_rig.live.flow_control import HISTORY_DEPTH
 from cam_rig.live.state_validation import MAX_SAMPLES
 
-#: Messages of an instant that are kept for a slow subscriber: several turns of them.
+#: Messages of an instant that are kept for a slow subscriber: several turns of them at the usual
+#: number of points a turn (`motion_depth`).
 MOTION_DEPTH = 1000
 #: Topics of which ROS has one for all namespaces.
 OF_ALL = ("/parameter_events", "/tf", "/tf_static")
@@ -220,6 +221,11 @@ RECORDING = (
 )
 #: What the recorder receives; the rest of a bag it makes itself.
 RECEIVED = tuple(topic for topic in RECORDING if not topic.derived)
+
+
+def motion_depth(points_per_turn: int) -> int:
+    """Messages of an instant that a publisher keeps: four turns, as they come a tick at once."""
+    return max(MOTION_DEPTH, 4 * (points_per_turn + 2))
 
 
 @lru_cache(maxsize=1024)

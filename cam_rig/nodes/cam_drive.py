@@ -112,7 +112,7 @@ class CamDrive(ClockSource):
     def get_parameter(self, name: str) -> Parameter:
         """The value that was set; of ``rpm``, the speed of the last state."""
         found: Parameter = super().get_parameter(name)
-        return Parameter(name, value=self.speed.rpm) if name == "rpm" else found
+        return Parameter(name, value=round(self.speed.rpm, 9)) if name == "rpm" else found
 
     @property
     def is_commanded(self) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from sensor_msgs.msg import JointState
@@ -14,6 +15,7 @@ from cam_rig.live.follower_queue import FollowerQueue
 from cam_rig.live.state_validation import Admission
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_law, encode_block
+from cam_rig.messages.topics import motion_depth
 from cam_rig.nodes.common.convert import to_array, to_header, to_joint_state
 from cam_rig.nodes.common.diagnostics import OK, WARN
 from cam_rig.nodes.common.resend import ResendBuffer
@@ -40,8 +42,11 @@ class Follower(RigNode):
         self.save(self._ticks.checkpoint, -1)  # to go back to before the first tick
         out = (topics.FOLLOWER_SAMPLES, topics.FOLLOWER_STATE)
         self._out, self._sent = [self.publisher(topic) for topic in out], ResendBuffer()
-        self._motion = motion_of_follower(self._loaded, self.given["points_per_turn"])
-        self._motion_out = {topic: self.publisher(topic) for topic in self._motion.topics}
+        points = self.given["points_per_turn"] or self._loaded.scene.points_per_turn
+        self._motion, depth = motion_of_follower(self._loaded, points), motion_depth(points)
+        self._motion_out = {
+            topic: self.publisher(replace(topic, depth=depth)) for topic in self._motion.topics
+        }
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
         self.subscribe(topics.CAM_STATE, self._on_state)
         self.get_logger().info(self.activity())
@@ -84,7 +89,7 @@ class Follower(RigNode):
     def _say_who_holds(self, topic: topics.Topic) -> None:
         infos = self.get_subscriptions_info_by_topic(topic.relative)
         nodes = {f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in infos}
-        words = f"{topic.name}: left out for a tick, as one of these takes nothing: "
+        words = f"{topic.name}: left out for a tick, as one of its subscribers does not keep up: "
         words += ", ".join(sorted(nodes))
         self.get_logger().warning(words, throttle_duration_sec=10.0)
 

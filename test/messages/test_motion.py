@@ -11,6 +11,7 @@ from cam_rig.messages import topics
 from cam_rig.messages.cdr_template import TYPES, CdrTemplate, example_header
 from cam_rig.messages.instants import choose, instants_of
 from cam_rig.messages.motion import JOINTS, MotionMessages, points_per_tick
+from cam_rig.messages.topics import motion_depth
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import FollowerSimulator
 from cam_rig.units import NS, RPM, TURN
@@ -184,3 +185,9 @@ def test_a_template_needs_every_number_in_its_example():
     with pytest.raises(ValueError, match="lacks one of its 2 numbers"):
         CdrTemplate(kind, lambda one, _two: TYPES.types[kind](one), 2)
     assert example_header("cam").frame_id == "cam"
+
+
+@pytest.mark.parametrize("points", [1, 72, 900, 3600])
+def test_the_publishers_keep_four_turns(points):
+    """A tick of one turn comes at once, with two messages more than its points."""
+    assert motion_depth(points) >= 4 * (points + 2)

@@ -19,6 +19,7 @@ from cam_rig.nodes.common.convert import to_cam_state, to_header, to_time
 from cam_rig.nodes.common.diagnostics import ERROR, OK, WARN
 from cam_rig.nodes.common.rig_node import RigNode
 from cam_rig.nodes.common.run_end import FinishedRun, FinishReport
+from cam_rig.nodes.common.same_scene import require_one_scene
 from cam_rig.runner.node_table import OPTIONAL, held_by
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import to_rpm
@@ -192,12 +193,14 @@ class ClockSource(RigNode):
         return acknowledge
 
     def _on_ready(self, message: Any) -> None:
-        if message.data in self._awaited:
-            self._awaited.discard(message.data)
+        name, _, scene = message.data.partition(" ")
+        if name in self._awaited:
+            require_one_scene(name, scene, self.given.get("scene", ""))
+            self._awaited.discard(name)
             self._moved = time.monotonic()
             missing = ", ".join(sorted(self._awaited))
             rest = f"waiting for {missing}" if missing else f"all are ready, {self.activity()}"
-            self.get_logger().info(f"{message.data} is ready, {rest}")
+            self.get_logger().info(f"{name} is ready, {rest}")
             self.turn()
 
     def _on_timer(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Callable
 from typing import Any
 
@@ -55,6 +56,22 @@ def _given(node: Node, spec: Spec) -> Any:
     value: Any = node.declare_parameter(spec.name, spec.default, any_type).value
     node.undeclare_parameter(spec.name)
     return value
+
+
+def unknown_names(node: Node, table: tuple[Spec, ...]) -> list[str]:
+    """What was given for parameters that the node does not have, in words, one each.
+
+    No error: a file of parameters may be meant for several nodes.
+    """
+    known = [spec.name for spec in table]
+    given = (name for name in node._parameter_overrides if not node.has_parameter(name))
+    found = []
+    for name in sorted(given):
+        if not name.startswith("qos_overrides."):
+            near = difflib.get_close_matches(name, known, 1)
+            hint = f" (did you mean {near[0]!r}?)" if near else ""
+            found.append(f"parameter {name!r} is none of this node's{hint}; it is left aside")
+    return found
 
 
 def convert(table: tuple[Spec, ...], parameters: list[Parameter]) -> list[Parameter]:

@@ -53,8 +53,9 @@ class Spec:
         if kind is list and isinstance(value, (list, tuple)):
             return list(value)
         if type(value) is not kind:
-            quote = f"; in quotes: '\"{value}\"'" if kind is str else ""
-            raise ConfigError(f"{self.name}: is {value!r}; allowed: {KINDS[kind]}{quote}")
+            quote = f"; in quotes: '\"{value}\"'" if kind is str and self.check is None else ""
+            allowed = ", ".join(self.choices) or KINDS[kind] + quote
+            raise ConfigError(f"{self.name}: is {value!r}; allowed: {allowed}")
         return value
 
     def require(self, value: Any) -> None:

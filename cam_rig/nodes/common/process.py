@@ -16,6 +16,7 @@ from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
 
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.nodes.common.rig_node import RigNode
@@ -77,6 +78,13 @@ def run(make: Callable[[], RigNode]) -> None:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # a parameter file that is missing or not one
         print(f"cam_rig: {error}", file=sys.stderr)
+        sys.exit(ConfigError.exit_code)
+    if stray := remove_ros_args(sys.argv)[1:]:
+        print(
+            f"cam_rig: {stray[0]!r}: no such argument; allowed: --help, and what is given "
+            "after --ros-args",
+            file=sys.stderr,
+        )
         sys.exit(ConfigError.exit_code)
     code = 1
     try:

@@ -24,10 +24,16 @@ from cam_rig.messages.topics import DIAGNOSTICS, READY, Topic
 from cam_rig.nodes.common.convert import message_class, qos
 from cam_rig.nodes.common.diagnostics import Diagnostics, Heartbeat
 from cam_rig.nodes.common.incoming import guarded, require_length, take_rest
-from cam_rig.nodes.common.parameter_values import convert, declare, refuse_wrong
+from cam_rig.nodes.common.parameter_values import (
+    convert,
+    declare,
+    refuse_wrong,
+    unknown_names,
+)
 from cam_rig.nodes.common.parameters import PARAMETERS
 from cam_rig.nodes.common.rig_publisher import RigPublisher
 from cam_rig.nodes.common.run_end import OWNED, EndWithTheDrive, publishers
+from cam_rig.nodes.common.same_scene import scene_mark
 from cam_rig.runner.node_table import STAY
 
 #: Wall time (s) between two checks for other publishers on a node's topics.
@@ -60,6 +66,8 @@ class RigNode(Node):
         self.done: Future = Future()
         self.failure: CamRigError | None = None
         self.given = declare(self, PARAMETERS[name])
+        for words in unknown_names(self, PARAMETERS[name]):
+            self.get_logger().warning(words)
         self._require_one_run()
         self.checkpoint = Checkpoint(self.given["checkpoint"], name)
         self.checkpoint.count_launch()
@@ -199,8 +207,9 @@ class RigNode(Node):
         self.create_service(Trigger, f"~/{service}", answer)
 
     def report_ready(self) -> None:
-        """Publish, latched, that this node takes messages."""
-        self._ready.publish(message_class(READY)(data=self.get_name()))
+        """Publish, latched, that this node takes messages, and of which scene."""
+        words = f"{self.get_name()} {scene_mark(self.given.get('scene', ''))}".rstrip()
+        self._ready.publish(message_class(READY)(data=words))
 
     def publishers_of(self, topic: Topic) -> dict[bytes, str]:
         """The publishers of a topic, by discovery: their node's name by DDS identity.

@@ -6,7 +6,7 @@ import yaml
 from rclpy.parameter import Parameter
 
 from cam_rig.errors import ConfigError
-from cam_rig.nodes.common.parameter_values import convert, declare
+from cam_rig.nodes.common.parameter_values import convert, declare, unknown_names
 from cam_rig.nodes.common.parameters import PARAMETERS
 from cam_rig.schema.load import config_root
 from tools.docs.parameters import FOLDER, text
@@ -116,3 +116,20 @@ def test_a_parameter_file_holds_every_default(given, name):
         assert taken == {spec.name: spec.convert(spec.default) for spec in PARAMETERS[name]}
     own = ("-p", "at_end:=wait")
     assert given(name, "--params-file", str(file), *own)["at_end"] == "wait"
+
+
+def test_a_parameter_of_another_name_is_told(given, ros_domain):
+    """A slip of the pen is no reason to end, as a file may be meant for several nodes."""
+    context = rclpy.Context()
+    rclpy.init(
+        args=["--ros-args", "-p", "scen:=quick", "-p", "use_sim_time:=false"], context=context
+    )
+    node = rclpy.create_node("follower", context=context)
+    try:
+        declare(node, PARAMETERS["follower"])
+        assert unknown_names(node, PARAMETERS["follower"]) == [
+            "parameter 'scen' is none of this node's (did you mean 'scene'?); it is left aside"
+        ]
+    finally:
+        node.destroy_node()
+        context.shutdown()
