@@ -122,7 +122,7 @@ def _run(make: Callable[[], RigNode], request: StopRequest) -> int:
 def _reason(error: Exception) -> str:
     """Why ROS makes no node; of a namespace that is too long it names no limit."""
     words = str(error).splitlines()[0].split(", at ")[0]
-    too_long = "NAMESPACE_MAX" in words
+    too_long = "should not exceed" in words  # itself, or with the name of a topic or service
     return f"the namespace is too long; allowed: {MAX_NAMESPACE} characters" if too_long else words
 
 

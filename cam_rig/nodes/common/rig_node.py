@@ -34,6 +34,7 @@ from cam_rig.nodes.common.parameters import PARAMETERS
 from cam_rig.nodes.common.rig_publisher import RigPublisher
 from cam_rig.nodes.common.run_end import OWNED, EndWithTheDrive, publishers
 from cam_rig.nodes.common.same_scene import scene_mark
+from cam_rig.runner.domain_lock import namespace_named
 from cam_rig.runner.node_table import STAY
 
 #: Wall time (s) between two checks for other publishers on a node's topics.
@@ -68,6 +69,7 @@ class RigNode(Node):
         self.given = declare(self, PARAMETERS[name])
         for words in unknown_names(self, PARAMETERS[name]):
             self.get_logger().warning(words)
+        namespace_named(self.get_namespace())  # refused where it is too long for a lock's name
         self._require_one_run()
         self.checkpoint = Checkpoint(self.given["checkpoint"], name)
         self.checkpoint.count_launch()
