@@ -25,6 +25,8 @@ from cam_rig.runner.node_table import ENTRIES
 PATIENCE_S = 300.0
 #: Wall time (s) between two looks at a condition.
 POLL_S = 0.02
+#: Wall time (s) without an answer of a service after which it is asked again.
+ANSWER_S = 5.0
 #: Messages that wait for one who listens, of a topic that is not the rig's.
 DEPTH = 1000
 _RIG_TOPICS = {topic.name: topic for topic in vars(topics).values() if isinstance(topic, Topic)}
@@ -134,13 +136,23 @@ class RigClient:
         return str(answer.message)
 
     def ask(self, kind: Any, service: str, request: Any) -> Any:
-        """A service's answer to a request."""
+        """A service's answer to a request.
+
+        The request is repeated where no answer comes: a service that has not discovered this
+        client yet, as on a busy machine, drops its answer. All services of the rig may be asked
+        twice.
+        """
         client: Any = self.node.create_client(kind, service)
+        asked: list[tuple[float, Any]] = []
+
+        def answered() -> Any:
+            if not asked or time.monotonic() - asked[-1][0] > ANSWER_S:
+                asked.append((time.monotonic(), client.call_async(request)))
+            return next((future for _, future in asked if future.done()), None)
+
         try:
             self.wait_for(client.service_is_ready, f"service {service}")
-            future = client.call_async(request)
-            self.wait_for(future.done, f"an answer of {service}")
-            return future.result()
+            return self.wait_for(answered, f"an answer of {service}").result()
         finally:
             self.node.destroy_client(client)
 
