@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 
 class CamRigError(Exception):
     """Root of every error the rig raises on purpose.
@@ -56,3 +58,17 @@ class RefusedError(CamRigError):
 
 class MissingLibraryError(CamRigError):
     """A library is not installed that only part of the rig needs: the message says how to."""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """The likeliest of the known names, in brackets for an error; empty where none is near.
+
+    Examples
+    --------
+    >>> did_you_mean("poly354", ["poly345", "cycloidal"])
+    " (did you mean 'poly345'?)"
+    """
+    import difflib  # only for an error
+
+    near = difflib.get_close_matches(name, list(known), 1)
+    return f" (did you mean {near[0]!r}?)" if near else ""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
+
+from cam_rig.errors import did_you_mean
 
 
 def kind_of(value: object) -> str:
@@ -55,8 +56,7 @@ def _sentence(problem: ErrorDetails, kind: type[BaseModel]) -> str:
 def _unknown_key(problem: ErrorDetails, kind: type[BaseModel]) -> str:
     key, shown = _key(problem, kind), _shown(problem["input"])
     allowed = sorted(_fields_at(kind, problem["loc"][:-1]))
-    near = difflib.get_close_matches(str(problem["loc"][-1]), allowed, 1)
-    hint = f" (did you mean {near[0]!r}?)" if near else ""
+    hint = did_you_mean(str(problem["loc"][-1]), allowed)
     listing = f"; allowed: {', '.join(allowed)}" if allowed else ""
     return f"{key}: unknown key, value {shown}{hint}{listing}"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 import sysconfig
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from cam_rig.errors import ConfigError
+from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.files import MIB, read_bytes
 from cam_rig.schema.cam import CamConfig
 from cam_rig.schema.explain import explain, kind_of
@@ -82,9 +81,7 @@ def read_yaml(path: Path, most: int = MAX_BYTES) -> Any:
 def _neighbours(path: Path) -> str:
     """The YAML files there are beside one that is missing, the likeliest first."""
     there = sorted(p.stem for p in path.parent.glob("*.yaml"))
-    near = difflib.get_close_matches(path.stem, there, 1)
-    hint = f" (did you mean {near[0]!r}?)" if near else ""
-    return f"{hint}; there are: {', '.join(there)}" if there else ""
+    return f"{did_you_mean(path.stem, there)}; there are: {', '.join(there)}" if there else ""
 
 
 def load(path: Path, kind: type[Config]) -> Config:

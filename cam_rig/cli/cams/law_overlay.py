@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import difflib
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -14,7 +13,7 @@ import numpy as np
 from cam_rig.cli.common.console import show
 from cam_rig.cli.common.names import cam_path
 from cam_rig.cli.common.outputs import write_plot
-from cam_rig.errors import ConfigError
+from cam_rig.errors import ConfigError, did_you_mean
 
 if TYPE_CHECKING:
     from cam_rig.arrays import FloatArray
@@ -160,8 +159,7 @@ def _is_cam(name: str, cams: Sequence[str]) -> bool:
 
 
 def _unknown(name: str, cams: Sequence[str], rises: Sequence[str]) -> str:
-    near = difflib.get_close_matches(name, [*cams, *rises], 1)
-    hint = f" (did you mean {near[0]!r}?)" if near else ""
+    hint = did_you_mean(name, [*cams, *rises])
     return (
         f"{name[:40]!r}: no such cam or rise{hint}; cams: {', '.join(cams)}; "
         f"rises: {', '.join(rises)}"

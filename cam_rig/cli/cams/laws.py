@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
@@ -100,12 +99,11 @@ def _family(name: str) -> RiseFamily:
     ------
     ConfigError : there is none of that name
     """
-    from cam_rig.errors import ConfigError
+    from cam_rig.errors import ConfigError, did_you_mean
     from cam_rig.laws.catalogue import families
 
     found = families()
     if name not in found:
-        near = difflib.get_close_matches(name, found, 1)
-        hint = f" (did you mean {near[0]!r}?)" if near else ""
+        hint = did_you_mean(name, found)
         raise ConfigError(f"--family {name!r}: no such family{hint}; allowed: {', '.join(found)}")
     return found[name]

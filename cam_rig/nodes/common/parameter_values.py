@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable
 from typing import Any
 
@@ -15,7 +14,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from cam_rig.errors import CamRigError
+from cam_rig.errors import CamRigError, did_you_mean
 from cam_rig.nodes.common.parameters import Spec
 
 
@@ -68,8 +67,7 @@ def unknown_names(node: Node, table: tuple[Spec, ...]) -> list[str]:
     found = []
     for name in sorted(given):
         if not name.startswith("qos_overrides."):
-            near = difflib.get_close_matches(name, known, 1)
-            hint = f" (did you mean {near[0]!r}?)" if near else ""
+            hint = did_you_mean(name, known)
             found.append(f"parameter {name!r} is none of this node's{hint}; it is left aside")
     return found
 

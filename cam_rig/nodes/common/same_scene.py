@@ -7,15 +7,13 @@ from pathlib import Path
 
 from cam_rig.errors import ConfigError
 from cam_rig.files import read_bytes
-
-#: Bytes of a scene's file, at most.
-MOST_BYTES = 1 << 20
+from cam_rig.schema.load import MAX_BYTES
 
 
 def scene_mark(scene: str) -> str:
     """A scene's file name and a checksum of what it holds; empty where there is no such file."""
     try:
-        data = read_bytes(Path(scene), MOST_BYTES)
+        data = read_bytes(Path(scene), MAX_BYTES)
     except (OSError, ConfigError):  # no scene is given, or its file is gone since it was read
         return ""
     return f"{Path(scene).stem}#{zlib.crc32(data):08x}"

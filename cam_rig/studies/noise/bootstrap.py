@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.simulation.regression import REGRESSION_DEGREE, crossings
+from cam_rig.simulation.regression import REGRESSION_DEGREE, crossings, nearest_crossing
 
 #: Neighbouring speeds that are drawn together: a third of the range.
 BLOCK = 7
@@ -70,15 +70,21 @@ class Crossing:
 
 def all_crossings(rpm: FloatArray, one: FloatArray, two: FloatArray) -> FloatArray:
     """Where two cubics, given by their values ``(n,)``, cross, rpm."""
-    scale = rpm.mean()
-    fit = np.polynomial.polynomial.polyfit(rpm / scale - 1.0, one - two, REGRESSION_DEGREE)
+    fit, scale = _difference(rpm, one, two)
     return crossings(fit, (rpm[0], rpm[-1]), scale=scale, shift=1.0)
 
 
 def crossing(rpm: FloatArray, one: FloatArray, two: FloatArray, near: float) -> float | None:
     """The one of `all_crossings` nearest to ``near`` rpm; None when there is none."""
-    found = all_crossings(rpm, one, two)
-    return float(found[np.argmin(np.abs(found - near))]) if found.size else None
+    fit, scale = _difference(rpm, one, two)
+    return nearest_crossing(fit, (rpm[0], rpm[-1]), near, scale=scale, shift=1.0)
+
+
+def _difference(rpm: FloatArray, one: FloatArray, two: FloatArray) -> tuple[FloatArray, float]:
+    """Coefficients of one less the other over rpm/scale − 1, and that scale."""
+    scale = float(rpm.mean())
+    fit = np.polynomial.polynomial.polyfit(rpm / scale - 1.0, one - two, REGRESSION_DEGREE)
+    return np.asarray(fit, dtype=np.float64), scale
 
 
 def points_crossing(rpm: FloatArray, one: FloatArray, two: FloatArray, near: float) -> float | None:
