@@ -11,6 +11,7 @@ import matplotlib as mpl
 from cam_rig.files import temporary_folder
 from cam_rig.laws.catalogue import families
 from cam_rig.plots import factorial as factorial_plot
+from cam_rig.plots import flywheel as flywheel_plot
 from cam_rig.plots import jump as jump_plot
 from cam_rig.plots import law as law_plot
 from cam_rig.plots import law_overlay
@@ -21,6 +22,7 @@ from cam_rig.plots import vibration as vibration_plot
 from cam_rig.profile.checks.all_checks import check_cam
 from cam_rig.report.results import Sources
 from cam_rig.studies.factorial.design import Factorial
+from cam_rig.studies.flywheel.fluctuation import FlywheelStudy
 from cam_rig.studies.jump.comparison import JumpRow
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.noise.run import NoiseStudy
@@ -66,6 +68,13 @@ def late_figures(sources: Sources, noise: NoiseStudy, factorial: Factorial) -> d
         "fig16": uri(lambda path: noise_study_plot.draw(noise, sources.loaded, path)),
         "factorial": uri(lambda path: factorial_plot.draw(factorial, path)),
     }
+
+
+def flywheel_figures(sources: Sources, study: FlywheelStudy | None) -> dict[str, str]:
+    """That of the flywheel; none for a rig without a shaft."""
+    if study is None:
+        return {}
+    return {"flywheel": uri(lambda path: flywheel_plot.draw(study, sources.cam_set.titles, path))}
 
 
 def _arc_cam(sources: Sources) -> str:

@@ -16,6 +16,7 @@ from cam_rig.report.tables import files, tables
 from cam_rig.schema.quantity import ORIGINS
 from cam_rig.schema.segments.base import quantities
 from cam_rig.studies.factorial.conclusions import conclusions
+from cam_rig.studies.flywheel.fluctuation import SHOWN as FLYWHEEL_SHOWN
 from cam_rig.studies.jump.comparison import compare
 from cam_rig.studies.jump.refit import ROUNDED_TO
 from cam_rig.studies.vibration.dwell import STAND_IN
@@ -27,6 +28,7 @@ SECTIONS = {
     "summary": "In short",
     "cams": "Cams and laws",
     "vibration": "Residual and torsional vibration",
+    "flywheel": "A flywheel that does not hold its speed",
     "jump": "Jump speed",
     "noise": "Noise",
     "question": "Continuity or lower slopes",
@@ -55,6 +57,7 @@ def environment(kind: str) -> Environment:
         lstrip_blocks=True,
     )
     found.filters |= {"percent": percent, "number": number, "to": to, "markdown": to_markdown}
+    found.filters["degrees"] = math.degrees
     return found
 
 
@@ -98,6 +101,8 @@ def _values(found: Findings) -> dict[str, Any]:
         "rounding": _rounding(found),
         "rounded_to": ROUNDED_TO,
         "angles": _angles(found),
+        "infinity": math.inf,
+        "flywheel_shown": FLYWHEEL_SHOWN,
         "stiffer": _stiffer(found),
         "steady_rpm": STEADY_RPM,
         "takeoff_rpm": TAKEOFF_RPM,

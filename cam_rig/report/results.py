@@ -22,6 +22,7 @@ from cam_rig.studies.cam_set import CamSet, open_cam_set
 from cam_rig.studies.factorial.design import Factorial, run_factorial
 from cam_rig.studies.factorial.laws import open_factorial
 from cam_rig.studies.factorial.measures import Bench
+from cam_rig.studies.flywheel.fluctuation import FlywheelStudy, study_flywheel
 from cam_rig.studies.jump.comparison import JumpRow, find_jumps, jump_by_degree
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.published import references
@@ -30,6 +31,8 @@ from cam_rig.studies.vibration.comparison import VibrationTable, vibration_table
 
 #: Speeds of the vibration tables, rpm.
 VIBRATION_RPM = (200.0, 250.0, 300.0, 350.0)
+#: Speed of the flywheel's tables, rpm.
+FLYWHEEL_RPM = 300.0
 #: The paper's fifth law, whose degree it does not print.
 BY_SEGMENTS = "bezier_segments"
 #: What a report computes, as progress is shown.
@@ -64,6 +67,7 @@ class Findings:
     degrees: dict[int, float]
     vibration: VibrationTable
     stiff_vibration: VibrationTable
+    flywheel: FlywheelStudy | None
     noise: NoiseStudy
     factorial: Factorial
 
@@ -121,6 +125,7 @@ def find(
     on_part(PARTS[0])
     vibration = vibration_table(cam_set, VIBRATION_RPM)
     stiff = vibration_table(CamSet(cam_set.cams, cam_set.laws, sources.stiff), VIBRATION_RPM)
+    flywheel = study_flywheel(cam_set, FLYWHEEL_RPM)
     on_part(PARTS[1])
     meanwhile(jumps)
     on_part(PARTS[2])
@@ -128,7 +133,7 @@ def find(
     on_part(PARTS[3])
     effects = factorial.result()
     on_part(PARTS[4])
-    return Findings(sources, jumps, degrees, vibration, stiff, levels, effects)
+    return Findings(sources, jumps, degrees, vibration, stiff, flywheel, levels, effects)
 
 
 def _noise(sources: Sources) -> NoiseStudy:

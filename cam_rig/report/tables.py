@@ -17,10 +17,11 @@ from cam_rig.report.results import Findings
 from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.segments.base import quantities
 from cam_rig.studies.factorial import tables as factorial
+from cam_rig.studies.flywheel.tables import flywheel_tables
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.tables import jump_table
 from cam_rig.studies.noise import tables as noise
-from cam_rig.studies.vibration.claims import jump_claims, vibration_claims
+from cam_rig.studies.vibration.claims import LOWER, jump_claims, vibration_claims
 from cam_rig.studies.vibration.tables import claims_table, speed_table
 from cam_rig.tables import Cell, Column, DataTable, number, tabulate
 from cam_rig.units import RPM
@@ -47,6 +48,7 @@ def tables(found: Findings) -> dict[str, list[DataTable]]:
     return {
         "cams": [_table_1(found), _laws(found)],
         "vibration": [*_vibration(found), _claims(found)],
+        "flywheel": flywheel_tables(found.flywheel, titles, LOWER),
         "jump": [jump_table(found.jumps, caption, titles, rigid)],
         "noise": [*noise.tables(found.noise, published), *recorded],
         "question": factorial.tables(found.factorial, titles),

@@ -79,6 +79,7 @@ def _find(sources: Sources, with_figures: bool) -> tuple[Findings, dict[str, str
         found = find(sources, pool, done, meanwhile)
         if with_figures:
             drawn |= figures.late_figures(sources, found.noise, found.factorial)
+            drawn |= figures.flywheel_figures(sources, found.flywheel)
         done("the page")
     return found, drawn
 
