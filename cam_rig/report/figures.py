@@ -8,6 +8,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 
+from cam_rig.dynamics import TwoMassParameters
 from cam_rig.files import temporary_folder
 from cam_rig.laws.catalogue import families
 from cam_rig.plots import factorial as factorial_plot
@@ -18,6 +19,7 @@ from cam_rig.plots import law_overlay
 from cam_rig.plots import lift_off as takeoff_plot
 from cam_rig.plots import noise_study as noise_study_plot
 from cam_rig.plots import profile as profile_plot
+from cam_rig.plots import stem as stem_plot
 from cam_rig.plots import vibration as vibration_plot
 from cam_rig.profile.checks.all_checks import check_cam
 from cam_rig.report.results import Sources
@@ -26,6 +28,8 @@ from cam_rig.studies.flywheel.fluctuation import FlywheelStudy
 from cam_rig.studies.jump.comparison import JumpRow
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.noise.run import NoiseStudy
+from cam_rig.studies.stem.chain import Stem
+from cam_rig.studies.vibration.claims import LOWER
 
 #: Speeds of the figures, rpm: below every jump speed, and above all but Bézier 15's.
 STEADY_RPM, TAKEOFF_RPM = 300.0, 460.0
@@ -75,6 +79,14 @@ def flywheel_figures(sources: Sources, study: FlywheelStudy | None) -> dict[str,
     if study is None:
         return {}
     return {"flywheel": uri(lambda path: flywheel_plot.draw(study, sources.cam_set.titles, path))}
+
+
+def stem_figures(sources: Sources) -> dict[str, str]:
+    """That of the stem in more and more masses."""
+    cam_set = sources.cam_set
+    stem = Stem(TwoMassParameters.from_rig(cam_set.rig), 1.0)
+    law, title = cam_set.laws[LOWER], cam_set.titles[LOWER]
+    return {"stem": uri(lambda path: stem_plot.draw(law, title, stem, path))}
 
 
 def _arc_cam(sources: Sources) -> str:

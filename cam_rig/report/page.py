@@ -30,6 +30,7 @@ SECTIONS = {
     "vibration": "Residual and torsional vibration",
     "flywheel": "A flywheel that does not hold its speed",
     "jump": "Jump speed",
+    "stem": "Where two masses stop being enough",
     "noise": "Noise",
     "question": "Continuity or lower slopes",
     "numbers": "Given, assumed, identified",

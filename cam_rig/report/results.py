@@ -27,12 +27,15 @@ from cam_rig.studies.jump.comparison import JumpRow, find_jumps, jump_by_degree
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.published import references
 from cam_rig.studies.noise.run import NoiseStudy, study_noise
+from cam_rig.studies.stem.comparison import StemStudy, study_stem
 from cam_rig.studies.vibration.comparison import VibrationTable, vibration_table
 
 #: Speeds of the vibration tables, rpm.
 VIBRATION_RPM = (200.0, 250.0, 300.0, 350.0)
 #: Speed of the flywheel's tables, rpm.
 FLYWHEEL_RPM = 300.0
+#: Speed at which stems are compared, rpm.
+STEM_RPM = 300.0
 #: The paper's fifth law, whose degree it does not print.
 BY_SEGMENTS = "bezier_segments"
 #: What a report computes, as progress is shown.
@@ -68,6 +71,7 @@ class Findings:
     vibration: VibrationTable
     stiff_vibration: VibrationTable
     flywheel: FlywheelStudy | None
+    stems: list[StemStudy]
     noise: NoiseStudy
     factorial: Factorial
 
@@ -126,6 +130,7 @@ def find(
     vibration = vibration_table(cam_set, VIBRATION_RPM)
     stiff = vibration_table(CamSet(cam_set.cams, cam_set.laws, sources.stiff), VIBRATION_RPM)
     flywheel = study_flywheel(cam_set, FLYWHEEL_RPM)
+    stems = [study_stem(cam_set, stem, STEM_RPM) for stem in _stems(sources)]
     on_part(PARTS[1])
     meanwhile(jumps)
     on_part(PARTS[2])
@@ -133,7 +138,13 @@ def find(
     on_part(PARTS[3])
     effects = factorial.result()
     on_part(PARTS[4])
-    return Findings(sources, jumps, degrees, vibration, stiff, flywheel, levels, effects)
+    return Findings(sources, jumps, degrees, vibration, stiff, flywheel, stems, levels, effects)
+
+
+def _stems(sources: Sources) -> tuple[float, float]:
+    """Stiffness (N/m) of the stem on the rig of the jump speeds, and of that of Table 1."""
+    rigs = sources.cam_set.rig, sources.stiff
+    return rigs[0].follower.stem_stiffness.si, rigs[1].follower.stem_stiffness.si
 
 
 def _noise(sources: Sources) -> NoiseStudy:

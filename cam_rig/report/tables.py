@@ -21,6 +21,7 @@ from cam_rig.studies.flywheel.tables import flywheel_tables
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.tables import jump_table
 from cam_rig.studies.noise import tables as noise
+from cam_rig.studies.stem.tables import stem_tables
 from cam_rig.studies.vibration.claims import LOWER, jump_claims, vibration_claims
 from cam_rig.studies.vibration.tables import claims_table, speed_table
 from cam_rig.tables import Cell, Column, DataTable, number, tabulate
@@ -50,6 +51,7 @@ def tables(found: Findings) -> dict[str, list[DataTable]]:
         "vibration": [*_vibration(found), _claims(found)],
         "flywheel": flywheel_tables(found.flywheel, titles, LOWER),
         "jump": [jump_table(found.jumps, caption, titles, rigid)],
+        "stem": stem_tables(found.stems, titles, LOWER),
         "noise": [*noise.tables(found.noise, published), *recorded],
         "question": factorial.tables(found.factorial, titles),
         "numbers": [_origins(name, model) for name, model in files(found).items()],

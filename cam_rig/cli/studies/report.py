@@ -80,6 +80,7 @@ def _find(sources: Sources, with_figures: bool) -> tuple[Findings, dict[str, str
         if with_figures:
             drawn |= figures.late_figures(sources, found.noise, found.factorial)
             drawn |= figures.flywheel_figures(sources, found.flywheel)
+            drawn |= figures.stem_figures(sources)
         done("the page")
     return found, drawn
 
