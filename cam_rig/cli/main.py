@@ -17,6 +17,7 @@ from cam_rig.cli.runs.run import run
 from cam_rig.cli.runs.simulate import simulate
 from cam_rig.cli.runs.urdf import urdf
 from cam_rig.cli.runs.view import view
+from cam_rig.cli.studies.as_cut import as_cut
 from cam_rig.cli.studies.bench import bench
 from cam_rig.cli.studies.calibrate import calibrate
 from cam_rig.cli.studies.factorial import factorial
@@ -44,6 +45,7 @@ for verb in (
     laws,
     law,
     profile,
+    as_cut,
     jump,
     vibration,
     factorial,

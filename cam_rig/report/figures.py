@@ -10,6 +10,7 @@ import matplotlib as mpl
 
 from cam_rig.files import temporary_folder
 from cam_rig.laws.catalogue import families
+from cam_rig.plots import as_cut as as_cut_plot
 from cam_rig.plots import factorial as factorial_plot
 from cam_rig.plots import jump as jump_plot
 from cam_rig.plots import law as law_plot
@@ -19,7 +20,7 @@ from cam_rig.plots import noise_study as noise_study_plot
 from cam_rig.plots import profile as profile_plot
 from cam_rig.plots import vibration as vibration_plot
 from cam_rig.profile.checks.all_checks import check_cam
-from cam_rig.report.results import Sources
+from cam_rig.report.results import CUT, Findings, Sources
 from cam_rig.studies.factorial.design import Factorial
 from cam_rig.studies.jump.comparison import JumpRow
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
@@ -55,7 +56,7 @@ def early_figures(sources: Sources, jumps: list[JumpRow]) -> dict[str, str]:
         "fig2": uri(lambda path: law_plot.draw(cam, law, path)),
         "fig4": uri(lambda path: vibration_plot.draw(cam_set, STEADY_RPM, path)),
         "fig11": uri(lambda path: takeoff_plot.draw(cam_set, TAKEOFF_RPM, path)),
-        "fig12": uri(lambda path: profile_plot.draw(cam, law, checks, path)),
+        "profile": uri(lambda path: profile_plot.draw(cam, law, checks, path)),
         "jump": uri(lambda path: jump_plot.draw(jumps, cam_set, FROM_REST, path)),
     }
 
@@ -66,6 +67,14 @@ def late_figures(sources: Sources, noise: NoiseStudy, factorial: Factorial) -> d
         "fig16": uri(lambda path: noise_study_plot.draw(noise, sources.loaded, path)),
         "factorial": uri(lambda path: factorial_plot.draw(factorial, path)),
     }
+
+
+def cut_figures(found: Findings) -> dict[str, str]:
+    """Fig. 12, where its cam has a roller."""
+    cut, titles = found.cuts.get(CUT), found.sources.cam_set.titles
+    if cut is None:
+        return {}
+    return {"fig12": uri(lambda path: as_cut_plot.draw(cut, titles[CUT], path))}
 
 
 def _arc_cam(sources: Sources) -> str:

@@ -11,7 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from cam_rig import __version__
 from cam_rig.report.figures import PROPOSED, STEADY_RPM, TAKEOFF_RPM
-from cam_rig.report.results import Findings
+from cam_rig.report.results import CUT, Findings
 from cam_rig.report.tables import files, tables
 from cam_rig.schema.quantity import ORIGINS
 from cam_rig.schema.segments.base import quantities
@@ -20,6 +20,7 @@ from cam_rig.studies.jump.comparison import compare
 from cam_rig.studies.jump.refit import ROUNDED_TO
 from cam_rig.studies.vibration.dwell import STAND_IN
 from cam_rig.tables import number, to_markdown
+from cam_rig.units import to_rpm
 
 TITLE = "Cam rig: the paper's experiments, redone and taken further"
 #: The sections in the order they are read: template, title.
@@ -28,6 +29,7 @@ SECTIONS = {
     "cams": "Cams and laws",
     "vibration": "Residual and torsional vibration",
     "jump": "Jump speed",
+    "as_cut": "The cam as it was cut",
     "noise": "Noise",
     "question": "Continuity or lower slopes",
     "numbers": "Given, assumed, identified",
@@ -99,6 +101,8 @@ def _values(found: Findings) -> dict[str, Any]:
         "rounded_to": ROUNDED_TO,
         "angles": _angles(found),
         "stiffer": _stiffer(found),
+        "cut": found.cuts.get(CUT),
+        "rpm": to_rpm,
         "steady_rpm": STEADY_RPM,
         "takeoff_rpm": TAKEOFF_RPM,
         "version": __version__,

@@ -18,6 +18,7 @@ from cam_rig.schema import (
     load_tables,
 )
 from cam_rig.simulation.loaded_scene import LoadedScene, open_scene
+from cam_rig.studies.as_cut.comparison import AsCut, CutBench, cut_all, over_sizes
 from cam_rig.studies.cam_set import CamSet, open_cam_set
 from cam_rig.studies.factorial.design import Factorial, run_factorial
 from cam_rig.studies.factorial.laws import open_factorial
@@ -32,6 +33,8 @@ from cam_rig.studies.vibration.comparison import VibrationTable, vibration_table
 VIBRATION_RPM = (200.0, 250.0, 300.0, 350.0)
 #: The paper's fifth law, whose degree it does not print.
 BY_SEGMENTS = "bezier_segments"
+#: The law that the paper cut a cam for (fig. 12), and radii (m) that it is cut with here.
+CUT, BASES, ROLLERS = "bezier15", (0.050, 0.065, 0.100), (0.005, 0.010, 0.020)
 #: What a report computes, as progress is shown.
 PARTS = ("jump speeds", "vibration", "figures", "noise", "continuity or slopes")
 
@@ -56,7 +59,8 @@ class Findings:
     """All experiments of a report.
 
     ``degrees`` are jump speeds (rpm) of the law by segments by the degree of its half-rises;
-    ``stiff_vibration`` is on the stem of Table 1.
+    ``stiff_vibration`` is on the stem of Table 1; ``cuts`` are cams as fig. 12 has them cut, by
+    name, and ``cut_sizes`` that of `CUT` over its radii.
     """
 
     sources: Sources
@@ -66,6 +70,8 @@ class Findings:
     stiff_vibration: VibrationTable
     noise: NoiseStudy
     factorial: Factorial
+    cuts: dict[str, AsCut]
+    cut_sizes: list[AsCut]
 
 
 def open_sources(scene: Path, rig: str, factorial: str, bag: Path | None) -> Sources:
@@ -122,13 +128,16 @@ def find(
     vibration = vibration_table(cam_set, VIBRATION_RPM)
     stiff = vibration_table(CamSet(cam_set.cams, cam_set.laws, sources.stiff), VIBRATION_RPM)
     on_part(PARTS[1])
+    bench = CutBench.of(cam_set.rig, sources.loaded)
+    cuts = cut_all(cam_set, bench)
+    cut_sizes = over_sizes(cuts[CUT].drawn, bench, BASES, ROLLERS) if CUT in cuts else []
     meanwhile(jumps)
     on_part(PARTS[2])
     levels = noise.result()
     on_part(PARTS[3])
     effects = factorial.result()
     on_part(PARTS[4])
-    return Findings(sources, jumps, degrees, vibration, stiff, levels, effects)
+    return Findings(sources, jumps, degrees, vibration, stiff, levels, effects, cuts, cut_sizes)
 
 
 def _noise(sources: Sources) -> NoiseStudy:
