@@ -25,6 +25,7 @@ from cam_rig.cli.studies.identify import identify
 from cam_rig.cli.studies.jump import jump
 from cam_rig.cli.studies.noise import noise
 from cam_rig.cli.studies.report import report
+from cam_rig.cli.studies.timing import timing
 from cam_rig.cli.studies.vibration import vibration
 
 app = typer.Typer(
@@ -46,6 +47,7 @@ for verb in (
     law,
     profile,
     as_cut,
+    timing,
     jump,
     vibration,
     factorial,

@@ -18,6 +18,7 @@ from cam_rig.plots import law_overlay
 from cam_rig.plots import lift_off as takeoff_plot
 from cam_rig.plots import noise_study as noise_study_plot
 from cam_rig.plots import profile as profile_plot
+from cam_rig.plots import timing as timing_plot
 from cam_rig.plots import vibration as vibration_plot
 from cam_rig.profile.checks.all_checks import check_cam
 from cam_rig.report.results import CUT, Findings, Sources
@@ -75,6 +76,12 @@ def cut_figures(found: Findings) -> dict[str, str]:
     if cut is None:
         return {}
     return {"fig12": uri(lambda path: as_cut_plot.draw(cut, titles[CUT], path))}
+
+
+def timing_figures(found: Findings) -> dict[str, str]:
+    """What the ordinates move, where a cam is one Bézier curve."""
+    columns = [control.timing for control in found.control]
+    return {"timing": uri(lambda path: timing_plot.draw(columns, path))} if columns else {}
 
 
 def _arc_cam(sources: Sources) -> str:

@@ -30,6 +30,7 @@ SECTIONS = {
     "vibration": "Residual and torsional vibration",
     "jump": "Jump speed",
     "as_cut": "The cam as it was cut",
+    "timing": "Timing of the events",
     "noise": "Noise",
     "question": "Continuity or lower slopes",
     "numbers": "Given, assumed, identified",
@@ -57,6 +58,7 @@ def environment(kind: str) -> Environment:
         lstrip_blocks=True,
     )
     found.filters |= {"percent": percent, "number": number, "to": to, "markdown": to_markdown}
+    found.filters["degrees"] = math.degrees
     return found
 
 
@@ -102,6 +104,7 @@ def _values(found: Findings) -> dict[str, Any]:
         "angles": _angles(found),
         "stiffer": _stiffer(found),
         "cut": found.cuts.get(CUT),
+        "cut_name": CUT,
         "rpm": to_rpm,
         "steady_rpm": STEADY_RPM,
         "takeoff_rpm": TAKEOFF_RPM,

@@ -27,6 +27,7 @@ from cam_rig.studies.jump.comparison import JumpRow, find_jumps, jump_by_degree
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.published import references
 from cam_rig.studies.noise.run import NoiseStudy, study_noise
+from cam_rig.studies.timing.comparison import CamTiming, EventControl, beside_b_spline
 from cam_rig.studies.vibration.comparison import VibrationTable, vibration_table
 
 #: Speeds of the vibration tables, rpm.
@@ -60,7 +61,8 @@ class Findings:
 
     ``degrees`` are jump speeds (rpm) of the law by segments by the degree of its half-rises;
     ``stiff_vibration`` is on the stem of Table 1; ``cuts`` are cams as fig. 12 has them cut, by
-    name, and ``cut_sizes`` that of `CUT` over its radii.
+    name, and ``cut_sizes`` that of `CUT` over its radii. ``timing`` are the events of each cam,
+    ``control`` `CUT` and the B-spline of its lift and events.
     """
 
     sources: Sources
@@ -72,6 +74,8 @@ class Findings:
     factorial: Factorial
     cuts: dict[str, AsCut]
     cut_sizes: list[AsCut]
+    timing: dict[str, CamTiming]
+    control: list[EventControl]
 
 
 def open_sources(scene: Path, rig: str, factorial: str, bag: Path | None) -> Sources:
@@ -131,13 +135,27 @@ def find(
     bench = CutBench.of(cam_set.rig, sources.loaded)
     cuts = cut_all(cam_set, bench)
     cut_sizes = over_sizes(cuts[CUT].drawn, bench, BASES, ROLLERS) if CUT in cuts else []
+    timing = {cam: CamTiming.of(cam_set.cams[cam], law) for cam, law in cam_set.laws.items()}
+    control = beside_b_spline(timing[CUT]) if CUT in timing else []
     meanwhile(jumps)
     on_part(PARTS[2])
     levels = noise.result()
     on_part(PARTS[3])
     effects = factorial.result()
     on_part(PARTS[4])
-    return Findings(sources, jumps, degrees, vibration, stiff, levels, effects, cuts, cut_sizes)
+    return Findings(
+        sources=sources,
+        jumps=jumps,
+        degrees=degrees,
+        vibration=vibration,
+        stiff_vibration=stiff,
+        noise=levels,
+        factorial=effects,
+        cuts=cuts,
+        cut_sizes=cut_sizes,
+        timing=timing,
+        control=control,
+    )
 
 
 def _noise(sources: Sources) -> NoiseStudy:

@@ -21,6 +21,7 @@ from cam_rig.studies.factorial import tables as factorial
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.tables import jump_table
 from cam_rig.studies.noise import tables as noise
+from cam_rig.studies.timing import tables as timing
 from cam_rig.studies.vibration.claims import jump_claims, vibration_claims
 from cam_rig.studies.vibration.tables import claims_table, speed_table
 from cam_rig.tables import Cell, Column, DataTable, number, tabulate
@@ -53,6 +54,7 @@ def tables(found: Findings) -> dict[str, list[DataTable]]:
             as_cut.cams_table(found.cuts, titles),
             as_cut.sizes_table(found.cut_sizes, titles[CUT]),
         ],
+        "timing": _timing(found),
         "noise": [*noise.tables(found.noise, published), *recorded],
         "question": factorial.tables(found.factorial, titles),
         "numbers": [_origins(name, model) for name, model in files(found).items()],
@@ -71,6 +73,12 @@ def files(found: Findings) -> dict[str, BaseModel]:
         f"scene {sources.loaded.scene.name}": sources.loaded.scene,
         f"factorial {sources.factorial.name}": sources.factorial,
     }
+
+
+def _timing(found: Findings) -> list[DataTable]:
+    beside = [timing.control_table(found.control)] if found.control else []
+    ordinates = [timing.ordinates_table(c.timing, c.timing.ordinates[0]) for c in found.control]
+    return [timing.events_table(found.timing.values()), *beside, *ordinates[:1]]
 
 
 def _table_1(found: Findings) -> DataTable:

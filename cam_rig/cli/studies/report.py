@@ -79,7 +79,7 @@ def _find(sources: Sources, with_figures: bool) -> tuple[Findings, dict[str, str
         found = find(sources, pool, done, meanwhile)
         if with_figures:
             drawn |= figures.late_figures(sources, found.noise, found.factorial)
-            drawn |= figures.cut_figures(found)
+            drawn |= figures.cut_figures(found) | figures.timing_figures(found)
         done("the page")
     return found, drawn
 
@@ -90,10 +90,12 @@ def to_json(found: Findings) -> dict[str, Any]:
     from cam_rig.studies.factorial import tables as factorial
     from cam_rig.studies.jump import tables as jump
     from cam_rig.studies.noise import tables as noise
+    from cam_rig.studies.timing import tables as timing
     from cam_rig.studies.vibration import tables as vibration
 
     return {
         "jump": jump.to_json(found.jumps),
+        "timing": timing.to_json(found.timing.values()),
         "as-cut": as_cut.to_json(found.cuts),
         "vibration": vibration.to_json(found.vibration),
         "noise": noise.to_json(found.noise),
