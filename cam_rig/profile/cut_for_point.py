@@ -22,7 +22,7 @@ from cam_rig.profile.roller import GuidedCentre
 from cam_rig.units import TURN
 
 #: Steps of Newton's method, with bisection as its guard; the guard alone would take 53.
-STEPS, CONVERGED = 60, 1e-15
+STEPS, CONVERGED = 60, 2e-15
 #: Degree of the fitted third derivative, and its accepted relative tail: s'' is then known to
 #: 1e-12 of its size. Pieces come out short, and a high degree there would lose digits of the force.
 THIRD_DEGREE, TAIL = 10, 1e-10
