@@ -160,7 +160,7 @@ def followed_law(law: Law, base_radius: float, roller: float) -> FollowedLaw:
     >>> law = cam_rig.build_law(cam_rig.load_cam("bezier15"))
     >>> found = followed_law(law, 0.065, 0.010)
     >>> round(1e3 * float(found.law(1.0) - law(1.0)), 3)  # mm that the roller stands too high
-    0.768
+    0.857
     """
     _require_room(law, base_radius, roller)
     breaks: list[float] = []
