@@ -19,6 +19,7 @@ from cam_rig.cli.runs.urdf import urdf
 from cam_rig.cli.runs.view import view
 from cam_rig.cli.studies.bench import bench
 from cam_rig.cli.studies.calibrate import calibrate
+from cam_rig.cli.studies.contact import contact
 from cam_rig.cli.studies.factorial import factorial
 from cam_rig.cli.studies.identify import identify
 from cam_rig.cli.studies.jump import jump
@@ -44,6 +45,7 @@ for verb in (
     laws,
     law,
     profile,
+    contact,
     jump,
     vibration,
     factorial,

@@ -87,6 +87,10 @@ class GuidedCentre(Element):
         """The centre at displacements s."""
         return self.side * (self.eccentricity + 1j * self.height(s))
 
+    def moves(self, points: ComplexArray) -> ComplexArray:
+        """Along the guide, whichever side of the cam it is on."""
+        return np.full_like(points, 1j)
+
 
 @dataclass(frozen=True)
 class SwungCentre(Element):
@@ -164,3 +168,7 @@ class SwungCentre(Element):
     def stand(self, s: FloatArray) -> ComplexArray:
         """The centre at displacements s."""
         return np.asarray(self.pivot - self.arm * np.exp(-1j * self.arm_angle(s)))
+
+    def moves(self, points: ComplexArray) -> ComplexArray:
+        """About the pivot, clockwise as the law grows."""
+        return np.asarray(1j * (self.pivot - points) / self.arm)

@@ -19,6 +19,7 @@ from cam_rig.schema import (
 )
 from cam_rig.simulation.loaded_scene import LoadedScene, open_scene
 from cam_rig.studies.cam_set import CamSet, open_cam_set
+from cam_rig.studies.contact.comparison import ContactTable, compare_contacts
 from cam_rig.studies.factorial.design import Factorial, run_factorial
 from cam_rig.studies.factorial.laws import open_factorial
 from cam_rig.studies.factorial.measures import Bench
@@ -30,6 +31,8 @@ from cam_rig.studies.vibration.comparison import VibrationTable, vibration_table
 
 #: Speeds of the vibration tables, rpm.
 VIBRATION_RPM = (200.0, 250.0, 300.0, 350.0)
+#: Speed of the contact study, rpm, and the cams besides the paper's: other kinds of follower.
+CONTACT_RPM, CONTACT_CAMS = 300.0, ("flat", "oscillating_flat", "oscillating_point")
 #: The paper's fifth law, whose degree it does not print.
 BY_SEGMENTS = "bezier_segments"
 #: What a report computes, as progress is shown.
@@ -40,7 +43,8 @@ PARTS = ("jump speeds", "vibration", "figures", "noise", "continuity or slopes")
 class Sources:
     """Every file a report starts from, read and checked before anything runs.
 
-    ``stiff`` is the rig of the noise study, whose stem is the paper's Table 1.
+    ``stiff`` is the rig of the noise study, whose stem is the paper's Table 1; ``touching`` the
+    cams of the contact study.
     """
 
     cam_set: CamSet
@@ -49,6 +53,7 @@ class Sources:
     factorial: FactorialConfig
     stiff: RigConfig
     recorded: Recorded | None
+    touching: CamSet
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +71,7 @@ class Findings:
     stiff_vibration: VibrationTable
     noise: NoiseStudy
     factorial: Factorial
+    contact: ContactTable
 
 
 def open_sources(scene: Path, rig: str, factorial: str, bag: Path | None) -> Sources:
@@ -96,6 +102,10 @@ def open_sources(scene: Path, rig: str, factorial: str, bag: Path | None) -> Sou
         factorial=config,
         stiff=load_rig(library.path("rigs", config.noise_rig)),
         recorded=None if bag is None else read_recorded(bag, loaded),
+        touching=open_cam_set(
+            [*cams, *(library.path("cams", cam) for cam in CONTACT_CAMS)],
+            library.path("rigs", rig),
+        ),
     )
 
 
@@ -122,13 +132,14 @@ def find(
     vibration = vibration_table(cam_set, VIBRATION_RPM)
     stiff = vibration_table(CamSet(cam_set.cams, cam_set.laws, sources.stiff), VIBRATION_RPM)
     on_part(PARTS[1])
+    contact = compare_contacts(sources.touching, CONTACT_RPM)
     meanwhile(jumps)
     on_part(PARTS[2])
     levels = noise.result()
     on_part(PARTS[3])
     effects = factorial.result()
     on_part(PARTS[4])
-    return Findings(sources, jumps, degrees, vibration, stiff, levels, effects)
+    return Findings(sources, jumps, degrees, vibration, stiff, levels, effects, contact)
 
 
 def _noise(sources: Sources) -> NoiseStudy:

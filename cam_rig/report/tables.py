@@ -11,11 +11,13 @@ from cam_rig.arrays import rms
 from cam_rig.laws import Law
 from cam_rig.laws.continuity import SMOOTHEST, joints
 from cam_rig.laws.peaks import extremes
+from cam_rig.profile.checks.pressure_angle import GUIDED
 from cam_rig.report.figures import PROPOSED, STEADY_RPM
 from cam_rig.report.misprints import misprints_table
 from cam_rig.report.results import Findings
 from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.segments.base import quantities
+from cam_rig.studies.contact import tables as contact
 from cam_rig.studies.factorial import tables as factorial
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.tables import jump_table
@@ -48,6 +50,11 @@ def tables(found: Findings) -> dict[str, list[DataTable]]:
         "cams": [_table_1(found), _laws(found)],
         "vibration": [*_vibration(found), _claims(found)],
         "jump": [jump_table(found.jumps, caption, titles, rigid)],
+        "contact": [
+            *contact.contact_tables(found.contact),
+            contact.parts_table(),
+            *contact.event_tables(GUIDED),
+        ],
         "noise": [*noise.tables(found.noise, published), *recorded],
         "question": factorial.tables(found.factorial, titles),
         "numbers": [_origins(name, model) for name, model in files(found).items()],

@@ -78,13 +78,14 @@ def _find(sources: Sources, with_figures: bool) -> tuple[Findings, dict[str, str
 
         found = find(sources, pool, done, meanwhile)
         if with_figures:
-            drawn |= figures.late_figures(sources, found.noise, found.factorial)
+            drawn |= figures.late_figures(found)
         done("the page")
     return found, drawn
 
 
 def to_json(found: Findings) -> dict[str, Any]:
     """Every part as its own command writes it, by the name of the command."""
+    from cam_rig.studies.contact import tables as contact
     from cam_rig.studies.factorial import tables as factorial
     from cam_rig.studies.jump import tables as jump
     from cam_rig.studies.noise import tables as noise
@@ -93,6 +94,7 @@ def to_json(found: Findings) -> dict[str, Any]:
     return {
         "jump": jump.to_json(found.jumps),
         "vibration": vibration.to_json(found.vibration),
+        "contact": contact.to_json(found.contact),
         "noise": noise.to_json(found.noise),
         "factorial": factorial.to_json(found.factorial),
     }
