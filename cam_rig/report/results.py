@@ -32,7 +32,7 @@ from cam_rig.studies.vibration.comparison import VibrationTable, vibration_table
 #: Speeds of the vibration tables, rpm.
 VIBRATION_RPM = (200.0, 250.0, 300.0, 350.0)
 #: Speed of the contact study, rpm, and the cams besides the paper's: other kinds of follower.
-CONTACT_RPM, CONTACT_CAMS = 300.0, ("flat", "oscillating_flat", "oscillating_point")
+CONTACT_RPM, CONTACT_CAMS = 300.0, ("flat", "oscillating_flat", "point")
 #: The paper's fifth law, whose degree it does not print.
 BY_SEGMENTS = "bezier_segments"
 #: What a report computes, as progress is shown.
