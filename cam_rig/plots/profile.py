@@ -100,7 +100,9 @@ def _follower(axes: Axes, contour: Contour, law: Law, count: int) -> None:
         axes.plot(*places[1:].T, "o", color=FOLLOWER, ms=2.5)
         axes.plot(*places[0], "o", color=BOLD, ms=5)
         ring = circle(float(np.hypot(*places[0])))
-        axes.plot(*ring.T, color=FOLLOWER, ls=":", lw=0.8, label="path of the pivot about the cam")
+        name = "path of the pivot about the cam"
+        label = None if name in axes.get_legend_handles_labels()[1] else name
+        axes.plot(*ring.T, color=FOLLOWER, ls=":", lw=0.8, label=label)
 
 
 def _name_angles(axes: Axes, contour: Contour, law: Law, count: int) -> None:

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cam_rig.dynamics import TwoMassParameters
+from cam_rig.laws import Law
 from cam_rig.report.recorded import Recorded, read_recorded
 from cam_rig.schema import (
+    CamConfig,
     FactorialConfig,
     Library,
     PublishedTables,
@@ -20,6 +22,7 @@ from cam_rig.schema import (
 from cam_rig.simulation.loaded_scene import LoadedScene, open_scene
 from cam_rig.studies.cam_set import CamSet, open_cam_set
 from cam_rig.studies.contact.comparison import ContactTable, compare_contacts
+from cam_rig.studies.contact.form_closed import PlayRow, find_play, open_form_closed
 from cam_rig.studies.factorial.design import Factorial, run_factorial
 from cam_rig.studies.factorial.laws import open_factorial
 from cam_rig.studies.factorial.measures import Bench
@@ -33,6 +36,8 @@ from cam_rig.studies.vibration.comparison import VibrationTable, vibration_table
 VIBRATION_RPM = (200.0, 250.0, 300.0, 350.0)
 #: Speed of the contact study, rpm, and the cams besides the paper's: other kinds of follower.
 CONTACT_RPM, CONTACT_CAMS = 300.0, ("flat", "oscillating_flat", "point")
+#: Cams that move their follower both ways.
+FORM_CLOSED = ("constant_breadth", "constant_diameter", "conjugate", "oscillating_conjugate")
 #: The paper's fifth law, whose degree it does not print.
 BY_SEGMENTS = "bezier_segments"
 #: What a report computes, as progress is shown.
@@ -44,7 +49,7 @@ class Sources:
     """Every file a report starts from, read and checked before anything runs.
 
     ``stiff`` is the rig of the noise study, whose stem is the paper's Table 1; ``touching`` the
-    cams of the contact study.
+    cams of the contact study, ``form_closed`` those that move their follower both ways.
     """
 
     cam_set: CamSet
@@ -54,6 +59,7 @@ class Sources:
     stiff: RigConfig
     recorded: Recorded | None
     touching: CamSet
+    form_closed: list[tuple[CamConfig, Law]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +78,7 @@ class Findings:
     noise: NoiseStudy
     factorial: Factorial
     contact: ContactTable
+    play: list[PlayRow]
 
 
 def open_sources(scene: Path, rig: str, factorial: str, bag: Path | None) -> Sources:
@@ -106,6 +113,7 @@ def open_sources(scene: Path, rig: str, factorial: str, bag: Path | None) -> Sou
             [*cams, *(library.path("cams", cam) for cam in CONTACT_CAMS)],
             library.path("rigs", rig),
         ),
+        form_closed=open_form_closed(library.path("cams", cam) for cam in FORM_CLOSED),
     )
 
 
@@ -133,13 +141,14 @@ def find(
     stiff = vibration_table(CamSet(cam_set.cams, cam_set.laws, sources.stiff), VIBRATION_RPM)
     on_part(PARTS[1])
     contact = compare_contacts(sources.touching, CONTACT_RPM)
+    play = find_play(sources.form_closed)
     meanwhile(jumps)
     on_part(PARTS[2])
     levels = noise.result()
     on_part(PARTS[3])
     effects = factorial.result()
     on_part(PARTS[4])
-    return Findings(sources, jumps, degrees, vibration, stiff, levels, effects, contact)
+    return Findings(sources, jumps, degrees, vibration, stiff, levels, effects, contact, play)
 
 
 def _noise(sources: Sources) -> NoiseStudy:

@@ -54,6 +54,7 @@ def tables(found: Findings) -> dict[str, list[DataTable]]:
             *contact.contact_tables(found.contact),
             contact.parts_table(),
             *contact.event_tables(GUIDED),
+            contact.play_table(found.play),
         ],
         "noise": [*noise.tables(found.noise, published), *recorded],
         "question": factorial.tables(found.factorial, titles),

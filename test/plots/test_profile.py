@@ -26,7 +26,9 @@ def test_positions_touch_the_contour(law: Law, cams: dict[str, CamConfig]) -> No
             assert gap < 0.02
 
 
-@pytest.mark.parametrize("name", ["flat", "oscillating_point", "conjugate", "constant_diameter"])
+@pytest.mark.parametrize(
+    "name", ["flat", "oscillating_point", "conjugate", "oscillating_conjugate"]
+)
 def test_each_kind_is_drawn(
     name: str, cams: dict[str, CamConfig], laws: dict[str, Law], tmp_path: Path
 ) -> None:

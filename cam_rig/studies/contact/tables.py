@@ -15,6 +15,7 @@ from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.segments.base import quantities
 from cam_rig.studies.contact.comparison import ContactRow, ContactTable
 from cam_rig.studies.contact.event_angle import RISES, by_face, by_pressure_angle
+from cam_rig.studies.contact.form_closed import PlayRow
 from cam_rig.tables import Cell, Column, DataTable, tabulate
 from cam_rig.units import RPM_PER_RAD_S
 
@@ -153,6 +154,21 @@ def _events(caption: str, radii: dict[str, FloatArray]) -> DataTable:
             ),
         ),
         "The guide goes through the cam's axis.",
+    )
+
+
+def play_table(rows: Iterable[PlayRow]) -> DataTable:
+    """Play of followers that a cam moves both ways."""
+    return tabulate(
+        "Play between the two contacts over the turn, each element put on its finished contour",
+        rows,
+        (
+            (Column("cam"), lambda row: row.cam.title),
+            (Column("follower"), lambda row: row.cam.follower.type.replace("_", " ")),
+            (Column("least", "nm", ".1e"), lambda row: 1e9 * row.least),
+            (Column("greatest", "nm", ".1e"), lambda row: 1e9 * row.greatest),
+        ),
+        "Negative: the follower would jam. The contours are splines through 3600 points.",
     )
 
 
