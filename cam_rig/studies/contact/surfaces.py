@@ -69,10 +69,11 @@ class Surfaces:
         return np.where(fits, found, np.inf)
 
     def pressure(self, motion: Motion, touch: Touch) -> FloatArray:
-        """Largest Hertz pressure p₀ (Pa)."""
-        load = self.normal_force(motion, touch) / self.parts.face_width.si
+        """Largest Hertz pressure p₀ (Pa); infinite where they do not fit, loaded or not."""
+        load, curvature = self.normal_force(motion, touch), self.curvature(touch)
         with np.errstate(invalid="ignore"):  # no load on what does not fit
-            return peak_pressure(load, self.curvature(touch), self.parts.modulus)
+            found = peak_pressure(load / self.parts.face_width.si, curvature, self.parts.modulus)
+        return np.where(np.isinf(curvature), np.inf, found)
 
     def width(self, motion: Motion, touch: Touch) -> FloatArray:
         """Width 2b of the contact (m)."""

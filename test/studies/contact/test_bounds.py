@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from cam_rig.laws import build_law
-from cam_rig.profile.checks.base_radius import least_base_radius
+from cam_rig.profile.checks.base_radius import least_base_radius, plates_on
+from cam_rig.profile.checks.pressure_angle import greatest_allowed
+from cam_rig.profile.extremes import Scan
 from cam_rig.schema import CamConfig
 from cam_rig.studies.contact.bounds import base_bounds, measured, peak_pressure, peak_sliding
 from cam_rig.studies.contact.event_angle import (
@@ -16,7 +18,7 @@ from cam_rig.studies.contact.event_angle import (
     by_pressure_angle,
 )
 
-from .test_surfaces import RIG, SPEED, case_of
+from .test_surfaces import RIG, SPEED, SPRUNG, case_of
 
 
 @pytest.mark.parametrize("name", ["flat", "inclined_flat", "oscillating_flat", "oscillating_point"])
@@ -72,6 +74,27 @@ def test_a_roller_rolls():
     bounds = base_bounds(case_of("tm21"))
     assert bounds.sliding == np.inf
     assert bounds.feasible
+
+
+@pytest.mark.parametrize("seed", range(14))
+def test_just_above_the_least_base_radius_all_is_permissible(seed):
+    """Random followers, rigs and limits: the largest lower bound holds for every measure."""
+    rng = np.random.default_rng(seed)
+    name = SPRUNG[seed % len(SPRUNG)]
+    case = case_of(name, most_pressure=(10.0 ** rng.uniform(2.0, 3.2), "MPa"))
+    rig = replace(RIG, mass=10.0 ** rng.uniform(-1.0, 1.0), preload=10.0 ** rng.uniform(1.0, 2.5))
+    case = replace(case, surfaces=replace(case.surfaces, rig=rig))
+    bounds, limit = base_bounds(case), case.surfaces.parts.most_pressure.si
+    if bounds.least is None:
+        assert bounds.governing
+        return
+    base = max(1.001 * bounds.least, 0.01 * case.cam.follower.base_radius.si)
+    assert measured(case, peak_pressure, base) <= limit * (1 + 1e-9)
+    scan = Scan(case.law, plates_on(case.cam.follower, case.law, base)[0].element)
+    steepest = scan.greatest(lambda touch: np.abs(touch.pressure)).value
+    most = greatest_allowed(case.cam.follower, scan.element)
+    assert steepest <= most * (1 + 1e-9)
+    assert scan.greatest(lambda touch: -touch.rate).value < 0.0  # not undercut
 
 
 EVENT = np.radians([47.0, 83.0, 121.0])
