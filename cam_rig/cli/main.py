@@ -20,6 +20,7 @@ from cam_rig.cli.runs.view import view
 from cam_rig.cli.studies.as_cut import as_cut
 from cam_rig.cli.studies.bench import bench
 from cam_rig.cli.studies.calibrate import calibrate
+from cam_rig.cli.studies.contact import contact
 from cam_rig.cli.studies.factorial import factorial
 from cam_rig.cli.studies.identify import identify
 from cam_rig.cli.studies.jump import jump
@@ -48,6 +49,7 @@ for verb in (
     profile,
     as_cut,
     timing,
+    contact,
     jump,
     vibration,
     factorial,

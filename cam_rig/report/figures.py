@@ -11,6 +11,7 @@ import matplotlib as mpl
 from cam_rig.files import temporary_folder
 from cam_rig.laws.catalogue import families
 from cam_rig.plots import as_cut as as_cut_plot
+from cam_rig.plots import contact as contact_plot
 from cam_rig.plots import factorial as factorial_plot
 from cam_rig.plots import jump as jump_plot
 from cam_rig.plots import law as law_plot
@@ -21,14 +22,15 @@ from cam_rig.plots import profile as profile_plot
 from cam_rig.plots import timing as timing_plot
 from cam_rig.plots import vibration as vibration_plot
 from cam_rig.profile.checks.all_checks import check_cam
+from cam_rig.profile.checks.pressure_angle import GUIDED
 from cam_rig.report.results import CUT, Findings, Sources
-from cam_rig.studies.factorial.design import Factorial
 from cam_rig.studies.jump.comparison import JumpRow
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
-from cam_rig.studies.noise.run import NoiseStudy
 
 #: Speeds of the figures, rpm: below every jump speed, and above all but Bézier 15's.
 STEADY_RPM, TAKEOFF_RPM = 300.0, 460.0
+#: Roller and least radius of the contour in the nomogram, in lifts.
+SHARPEST = 2.0
 PROPOSED = "bezier15"
 
 
@@ -62,9 +64,12 @@ def early_figures(sources: Sources, jumps: list[JumpRow]) -> dict[str, str]:
     }
 
 
-def late_figures(sources: Sources, noise: NoiseStudy, factorial: Factorial) -> dict[str, str]:
-    """Those of the two studies."""
+def late_figures(found: Findings) -> dict[str, str]:
+    """Those of the studies."""
+    sources, noise, factorial = found.sources, found.noise, found.factorial
     return {
+        "contact": uri(lambda path: contact_plot.draw(found.contact, path)),
+        "events": uri(lambda path: contact_plot.draw_events(GUIDED, SHARPEST, path)),
         "fig16": uri(lambda path: noise_study_plot.draw(noise, sources.loaded, path)),
         "factorial": uri(lambda path: factorial_plot.draw(factorial, path)),
     }

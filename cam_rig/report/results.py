@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cam_rig.dynamics import TwoMassParameters
+from cam_rig.laws import Law
 from cam_rig.report.recorded import Recorded, read_recorded
 from cam_rig.schema import (
+    CamConfig,
     FactorialConfig,
     Library,
     PublishedTables,
@@ -20,6 +22,8 @@ from cam_rig.schema import (
 from cam_rig.simulation.loaded_scene import LoadedScene, open_scene
 from cam_rig.studies.as_cut.comparison import AsCut, CutBench, cut_all, over_sizes
 from cam_rig.studies.cam_set import CamSet, open_cam_set
+from cam_rig.studies.contact.comparison import ContactTable, compare_contacts
+from cam_rig.studies.contact.form_closed import PlayRow, find_play, open_form_closed
 from cam_rig.studies.factorial.design import Factorial, run_factorial
 from cam_rig.studies.factorial.laws import open_factorial
 from cam_rig.studies.factorial.measures import Bench
@@ -32,6 +36,10 @@ from cam_rig.studies.vibration.comparison import VibrationTable, vibration_table
 
 #: Speeds of the vibration tables, rpm.
 VIBRATION_RPM = (200.0, 250.0, 300.0, 350.0)
+#: Speed of the contact study, rpm, and the cams besides the paper's: other kinds of follower.
+CONTACT_RPM, CONTACT_CAMS = 300.0, ("flat", "oscillating_flat", "point")
+#: Cams that move their follower both ways.
+FORM_CLOSED = ("constant_breadth", "constant_diameter", "conjugate", "oscillating_conjugate")
 #: The paper's fifth law, whose degree it does not print.
 BY_SEGMENTS = "bezier_segments"
 #: The law that the paper cut a cam for (fig. 12), and radii (m) that it is cut with here.
@@ -44,7 +52,8 @@ PARTS = ("jump speeds", "vibration", "figures", "noise", "continuity or slopes")
 class Sources:
     """Every file a report starts from, read and checked before anything runs.
 
-    ``stiff`` is the rig of the noise study, whose stem is the paper's Table 1.
+    ``stiff`` is the rig of the noise study, whose stem is the paper's Table 1; ``touching`` the
+    cams of the contact study, ``form_closed`` those that move their follower both ways.
     """
 
     cam_set: CamSet
@@ -53,6 +62,8 @@ class Sources:
     factorial: FactorialConfig
     stiff: RigConfig
     recorded: Recorded | None
+    touching: CamSet
+    form_closed: list[tuple[CamConfig, Law]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +87,8 @@ class Findings:
     cut_sizes: list[AsCut]
     timing: dict[str, CamTiming]
     control: list[EventControl]
+    contact: ContactTable
+    play: list[PlayRow]
 
 
 def open_sources(scene: Path, rig: str, factorial: str, bag: Path | None) -> Sources:
@@ -106,6 +119,11 @@ def open_sources(scene: Path, rig: str, factorial: str, bag: Path | None) -> Sou
         factorial=config,
         stiff=load_rig(library.path("rigs", config.noise_rig)),
         recorded=None if bag is None else read_recorded(bag, loaded),
+        touching=open_cam_set(
+            [*cams, *(library.path("cams", cam) for cam in CONTACT_CAMS)],
+            library.path("rigs", rig),
+        ),
+        form_closed=open_form_closed(library.path("cams", cam) for cam in FORM_CLOSED),
     )
 
 
@@ -137,6 +155,8 @@ def find(
     cut_sizes = over_sizes(cuts[CUT].drawn, bench, BASES, ROLLERS) if CUT in cuts else []
     timing = {cam: CamTiming.of(cam_set.cams[cam], law) for cam, law in cam_set.laws.items()}
     control = beside_b_spline(timing[CUT]) if CUT in timing else []
+    contact = compare_contacts(sources.touching, CONTACT_RPM)
+    play = find_play(sources.form_closed)
     meanwhile(jumps)
     on_part(PARTS[2])
     levels = noise.result()
@@ -155,6 +175,8 @@ def find(
         cut_sizes=cut_sizes,
         timing=timing,
         control=control,
+        contact=contact,
+        play=play,
     )
 
 

@@ -11,12 +11,14 @@ from cam_rig.arrays import rms
 from cam_rig.laws import Law
 from cam_rig.laws.continuity import SMOOTHEST, joints
 from cam_rig.laws.peaks import extremes
+from cam_rig.profile.checks.pressure_angle import GUIDED
 from cam_rig.report.figures import PROPOSED, STEADY_RPM
 from cam_rig.report.misprints import misprints_table
 from cam_rig.report.results import CUT, Findings
 from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.segments.base import quantities
 from cam_rig.studies.as_cut import tables as as_cut
+from cam_rig.studies.contact import tables as contact
 from cam_rig.studies.factorial import tables as factorial
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.tables import jump_table
@@ -55,6 +57,12 @@ def tables(found: Findings) -> dict[str, list[DataTable]]:
             as_cut.sizes_table(found.cut_sizes, titles[CUT]),
         ],
         "timing": _timing(found),
+        "contact": [
+            *contact.contact_tables(found.contact),
+            contact.parts_table(),
+            *contact.event_tables(GUIDED),
+            contact.play_table(found.play),
+        ],
         "noise": [*noise.tables(found.noise, published), *recorded],
         "question": factorial.tables(found.factorial, titles),
         "numbers": [_origins(name, model) for name, model in files(found).items()],
