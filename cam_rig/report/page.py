@@ -11,7 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from cam_rig import __version__
 from cam_rig.report.figures import PROPOSED, STEADY_RPM, TAKEOFF_RPM
-from cam_rig.report.results import Findings
+from cam_rig.report.results import CUT, Findings
 from cam_rig.report.tables import files, tables
 from cam_rig.schema.quantity import ORIGINS
 from cam_rig.schema.segments.base import quantities
@@ -21,6 +21,7 @@ from cam_rig.studies.jump.comparison import compare
 from cam_rig.studies.jump.refit import ROUNDED_TO
 from cam_rig.studies.vibration.dwell import STAND_IN
 from cam_rig.tables import number, to_markdown
+from cam_rig.units import to_rpm
 
 TITLE = "Cam rig: the paper's experiments, redone and taken further"
 #: The sections in the order they are read: template, title.
@@ -31,6 +32,9 @@ SECTIONS = {
     "flywheel": "A flywheel that does not hold its speed",
     "jump": "Jump speed",
     "stem": "Where two masses stop being enough",
+    "as_cut": "The cam as it was cut",
+    "timing": "Timing of the events",
+    "contact": "Contact pressure and sliding",
     "noise": "Noise",
     "question": "Continuity or lower slopes",
     "numbers": "Given, assumed, identified",
@@ -96,6 +100,7 @@ def _values(found: Findings) -> dict[str, Any]:
         "proposed": sources.cam_set.titles[found.factorial.config.proposed],
         "published": published,
         "rivals": [sources.loaded.cams[cam].title for cam in published.crossover.between],
+        "contact": found.contact,
         "roles": found.noise.roles,
         "origins": ", ".join(f"{origins[origin]} {origin}" for origin in ORIGINS),
         "moves": _moves(found),
@@ -105,6 +110,9 @@ def _values(found: Findings) -> dict[str, Any]:
         "infinity": math.inf,
         "flywheel_shown": FLYWHEEL_SHOWN,
         "stiffer": _stiffer(found),
+        "cut": found.cuts.get(CUT),
+        "cut_name": CUT,
+        "rpm": to_rpm,
         "steady_rpm": STEADY_RPM,
         "takeoff_rpm": TAKEOFF_RPM,
         "version": __version__,
