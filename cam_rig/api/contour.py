@@ -109,16 +109,25 @@ class CamContour:
         ]
         return concat(tables, ignore_index=True)
 
-    def plot(self) -> Figure:
+    def plot(self, positions: int = 24) -> Figure:
         """The cam with its follower around it, curvature and pressure angle.
+
+        Parameters
+        ----------
+        positions : of the follower around the cam, 3 to 720
 
         Raises
         ------
+        ConfigError : another number of positions
         MissingLibraryError : matplotlib or shapely is not installed
         """
         with libraries_named():
-            from cam_rig.plots.profile import figure
-        return shown(figure(self.cam, self.law, self.checks))
+            from cam_rig.plots.profile import FEWEST as LEAST
+            from cam_rig.plots.profile import MOST, figure
+        require_type("positions", positions, int, "a whole number")
+        if not LEAST <= positions <= MOST:
+            raise ConfigError(f"positions: is {positions}; allowed: {LEAST} to {MOST}")
+        return shown(figure(self.cam, self.law, self.checks, positions))
 
 
 def contour(cam: CamConfig, points: int = 3600) -> CamContour:

@@ -17,14 +17,17 @@ from cam_rig.cli.runs.run import run
 from cam_rig.cli.runs.simulate import simulate
 from cam_rig.cli.runs.urdf import urdf
 from cam_rig.cli.runs.view import view
+from cam_rig.cli.studies.as_cut import as_cut
 from cam_rig.cli.studies.bench import bench
 from cam_rig.cli.studies.calibrate import calibrate
+from cam_rig.cli.studies.contact import contact
 from cam_rig.cli.studies.factorial import factorial
 from cam_rig.cli.studies.identify import identify
 from cam_rig.cli.studies.jump import jump
 from cam_rig.cli.studies.noise import noise
 from cam_rig.cli.studies.readings import readings
 from cam_rig.cli.studies.report import report
+from cam_rig.cli.studies.timing import timing
 from cam_rig.cli.studies.vibration import vibration
 
 app = typer.Typer(
@@ -45,6 +48,9 @@ for verb in (
     laws,
     law,
     profile,
+    as_cut,
+    timing,
+    contact,
     jump,
     readings,
     vibration,

@@ -26,20 +26,25 @@ Curve = Callable[[FloatArray, int], FloatArray]
 Section = tuple[float, float, Curve]
 
 
-@lru_cache(maxsize=1)
-def _nodes() -> tuple[FloatArray, FloatArray]:
-    """Chebyshev nodes on [0, 1] and the inverse of the Bernstein collocation matrix there."""
-    nodes = 0.5 - 0.5 * np.cos(np.pi * (np.arange(THIRD_DEGREE + 1) + 0.5) / (THIRD_DEGREE + 1))
-    return nodes, bernstein.basis(THIRD_DEGREE, nodes)
+@lru_cache(maxsize=4)
+def _nodes(degree: int) -> tuple[FloatArray, FloatArray]:
+    """Chebyshev nodes on [0, 1] and the Bernstein collocation matrix there."""
+    nodes = 0.5 - 0.5 * np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
+    return nodes, bernstein.basis(degree, nodes)
 
 
-def fit(curve: Curve, start: float, stop: float) -> Pieces:
+def fit(
+    curve: Curve, start: float, stop: float, degree: int = THIRD_DEGREE, accepted_tail: float = TAIL
+) -> Pieces:
     """Bernstein pieces of ``curve`` on [start, stop]: breakpoints and ordinate columns.
 
     ``curve(x, order)`` gives the values and the derivatives up to the third. The third
     derivative is interpolated and integrated three times from exact values at the piece's
     start, so s''' is as accurate as s (differencing an interpolant of s would lose six
     digits). A piece is halved until its Chebyshev tail is at rounding level.
+
+    ``degree`` and ``accepted_tail`` are those of the third derivative: where pieces come out short
+    against a period of the stem, a lower degree keeps the vibration's polynomial solution small.
 
     Raises
     ------
@@ -50,7 +55,7 @@ def fit(curve: Curve, start: float, stop: float) -> Pieces:
     todo = [(start, stop)]
     while todo:
         a, b = todo.pop()
-        third = _third_derivative(curve, a, b)
+        third = _third_derivative(curve, a, b, degree, accepted_tail)
         if third is None:
             if b - a < SHORTEST * (stop - start):
                 raise LawError(
@@ -75,14 +80,16 @@ def fit_sections(sections: list[Section]) -> Pieces:
     return breaks, pieces
 
 
-def _third_derivative(curve: Curve, a: float, b: float) -> FloatArray | None:
+def _third_derivative(
+    curve: Curve, a: float, b: float, degree: int, accepted_tail: float
+) -> FloatArray | None:
     """Ordinates of the third derivative on [a, b], or None when the degree does not do."""
-    nodes, collocation = _nodes()
+    nodes, collocation = _nodes(degree)
     values = curve(a + (b - a) * nodes, 3)
-    series = np.polynomial.chebyshev.chebfit(2.0 * nodes - 1.0, values, THIRD_DEGREE)
+    series = np.polynomial.chebyshev.chebfit(2.0 * nodes - 1.0, values, degree)
     tail = np.abs(series[-2:]).max()
     size = float(np.abs(curve(np.array([a, b]), 0)).max())
-    accepted = max(TAIL * np.abs(series).max(), ROUNDING * size / (b - a) ** 3)
+    accepted = max(accepted_tail * np.abs(series).max(), ROUNDING * size / (b - a) ** 3)
     if not tail <= accepted:
         return None
     return np.asarray(np.linalg.solve(collocation, values))

@@ -23,25 +23,35 @@ INK = tuple(map(web, DISCS))
 DASH = ("-", (0, (5, 2)))
 FOLLOWER, BOLD = "0.62", "black"
 POINTS, POSITIONS = 3600, 24
-#: Every so many degrees a position is named.
-NAMED = 60.0
+#: About every so many degrees a position is named; up to so many positions, each is.
+NAMED, EACH_NAMED = 60.0, 12
+#: Fewest and most positions: fewer are no turn, more are black.
+FEWEST, MOST = 3, 720
 #: Radii of curvature beyond this many times the cam's size are off the diagram.
 OFF = 2.5
 
 
-def draw(cam: CamConfig, law: Law, checks: list[Check], path: Path) -> None:
+def draw(
+    cam: CamConfig, law: Law, checks: list[Check], path: Path, follower_positions: int = POSITIONS
+) -> None:
     """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(figure(cam, law, checks), path)
+    write(figure(cam, law, checks, follower_positions), path)
 
 
-def figure(cam: CamConfig, law: Law, checks: list[Check]) -> Figure:
-    """The cam with its follower around it, radius of curvature and pressure angle over a turn."""
+def figure(
+    cam: CamConfig, law: Law, checks: list[Check], follower_positions: int = POSITIONS
+) -> Figure:
+    """The cam with its follower around it, radius of curvature and pressure angle over a turn.
+
+    ``follower_positions`` of the follower are drawn, at equal steps of the cam angle, as the
+    graphical method divides the turn (profile thesis, §2.2.1).
+    """
     discs = contours(cam.follower, law, POINTS)
     out = empty(12.5, 7.4)
     panels = out.subplot_mosaic(
         [["plan", "curvature"], ["plan", "pressure"]], width_ratios=[1.45, 1.0]
     )
-    _plan(panels["plan"], cam, law, discs)
+    _plan(panels["plan"], cam, law, discs, follower_positions)
     _curvature(panels["curvature"], cam, discs)
     _pressure(panels["pressure"], discs, checks)
     kind = cam.follower.type.replace("_", " ")
@@ -53,10 +63,10 @@ def figure(cam: CamConfig, law: Law, checks: list[Check]) -> Figure:
     return out
 
 
-def _plan(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...]) -> None:
+def _plan(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...], count: int) -> None:
     """The graphical method's picture: the follower goes round the standing cam."""
     for contour, colour, dash in zip(discs, INK, DASH, strict=False):
-        _follower(axes, contour, law)
+        _follower(axes, contour, law, count)
         name = f"contour, {contour.disc.name} cam" if contour.disc.name else "contour"
         outline = _closed(contour.points)
         axes.fill(*outline, color=colour, alpha=0.10, lw=0.0)
@@ -68,39 +78,45 @@ def _plan(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...]) -> N
     base = circle(cam.follower.base_radius.si * MM)
     axes.plot(*base.T, color="0.25", ls=":", lw=1.2, label="base circle")
     axes.plot(0.0, 0.0, "+", color="k", ms=9)
+    axes.margins(0.09)  # for the names of the angles
     axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
-    each = 360 // POSITIONS
-    axes.set_title(f"follower every {each}°, black at 0°; the cam turns ↺", fontsize=10)
-    _name_angles(axes, discs[0], law)
+    each = 360.0 / count
+    axes.set_title(f"follower every {each:.4g}°, black at 0°; the cam turns ↺", fontsize=10)
+    _name_angles(axes, discs[0], law, count)
     axes.legend(fontsize=8, loc="upper left", framealpha=0.9)
 
 
-def _follower(axes: Axes, contour: Contour, law: Law) -> None:
+def _follower(axes: Axes, contour: Contour, law: Law, count: int) -> None:
     element, opposite = contour.disc.element, contour.disc.opposite
-    around = positions(element, law, turn_angles(POSITIONS))
+    around = positions(element, law, turn_angles(count))
     rest = [strip for strips in around[1:] for strip in strips]
     axes.add_collection(LineCollection(rest, colors=FOLLOWER, linewidths=0.6))
     first = list(around[0])
     if opposite is not None:
         first += positions(opposite, law, np.zeros(1))[0]
     axes.add_collection(LineCollection(first, colors=BOLD, linewidths=1.6, zorder=3))
-    places = pivots(element, POSITIONS)
+    places = pivots(element, count)
     if places is not None:
         axes.plot(*places[1:].T, "o", color=FOLLOWER, ms=2.5)
         axes.plot(*places[0], "o", color=BOLD, ms=5)
         ring = circle(float(np.hypot(*places[0])))
-        axes.plot(*ring.T, color=FOLLOWER, ls=":", lw=0.8, label="path of the pivot about the cam")
+        name = "path of the pivot about the cam"
+        label = None if name in axes.get_legend_handles_labels()[1] else name
+        axes.plot(*ring.T, color=FOLLOWER, ls=":", lw=0.8, label=label)
 
 
-def _name_angles(axes: Axes, contour: Contour, law: Law) -> None:
-    """Cam angles at the outer ends of some of the follower's positions."""
-    angle = np.arange(0.0, 360.0, NAMED)
+def _name_angles(axes: Axes, contour: Contour, law: Law, count: int) -> None:
+    """Cam angles at the outer ends of the follower's positions: of few at each, else at some."""
+    step = 360.0 / count
+    every = max(1, round(NAMED / step)) if count > EACH_NAMED else 1
+    angle = np.degrees(turn_angles(count))[::every]
+    angle = angle[angle < 360.0 - 0.5 * every * step]  # no name on that of 0°
     for degrees, strips in zip(
         angle, positions(contour.disc.element, law, np.radians(angle)), strict=True
     ):
         end = strips[-1][-1]
         place = end * (1.0 + 5.0 / np.hypot(*np.abs(end).clip(60.0)))
-        axes.annotate(f"{degrees:g}°", place, ha="center", va="center", fontsize=8, color="0.3")
+        axes.annotate(f"{degrees:.3g}°", place, ha="center", va="center", fontsize=8, color="0.3")
 
 
 def _curvature(axes: Axes, cam: CamConfig, discs: tuple[Contour, ...]) -> None:

@@ -92,6 +92,10 @@ class Element(ABC):
         With an arm and a face: the point of the face at the end of the arm.
         """
 
+    @abstractmethod
+    def moves(self, points: ComplexArray) -> ComplexArray:
+        """Velocity of the follower's own points at ``points``, over that of s (1)."""
+
 
 def offset_curve(
     centre: ComplexArray, tangent: ComplexArray, second: ComplexArray, roller: float

@@ -99,6 +99,19 @@ def _conjugate(follower: kinds.Conjugate, law: Law, base: float) -> tuple[Disc, 
     return Disc("first", first), Disc("second", second)
 
 
+def _swung_conjugate(
+    follower: kinds.OscillatingConjugate, law: Law, base: float
+) -> tuple[Disc, ...]:
+    """Two arms of one rocker: the second roller sinks as the first one rises."""
+    roller, arm, pivot = follower.roller, follower.arm.si, follower.pivot_distance.si
+    first = SwungCentre.on_base(base, roller, arm, pivot)
+    start = first.start + stroke(law) / arm
+    if follower.arms_angle is not None:
+        start = follower.arms_angle.si - first.start
+    second = SwungCentre(roller, arm, pivot, start, side=-1)
+    return Disc("first", first), Disc("second", second)
+
+
 _BUILDERS: dict[type, Callable[..., tuple[Disc, ...]]] = {
     kinds.Point: _centre,
     kinds.Roller: _centre,
@@ -110,4 +123,5 @@ _BUILDERS: dict[type, Callable[..., tuple[Disc, ...]]] = {
     kinds.ConstantBreadth: _breadth,
     kinds.ConstantDiameter: _diameter,
     kinds.Conjugate: _conjugate,
+    kinds.OscillatingConjugate: _swung_conjugate,
 }

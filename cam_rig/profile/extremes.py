@@ -57,11 +57,16 @@ class Scan:
 
     def greatest(self, quantity: Callable[[Touch], FloatArray]) -> Extreme:
         """Greatest value of a quantity of the contact."""
-        u, values = _samples(self.law.spans.size), quantity(self.touch)
+        return self.greatest_of(lambda _, touch: quantity(touch))
+
+    def greatest_of(self, quantity: Callable[[Motion, Touch], FloatArray]) -> Extreme:
+        """Greatest value of a quantity of the follower's motion and the contact."""
+        u, values = _samples(self.law.spans.size), quantity(_dense(self.law), self.touch)
         row, piece = np.unravel_index(np.argmax(values), values.shape)
 
         def curve(x: FloatArray) -> FloatArray:
-            return quantity(self.element.touch(Motion.on_piece(self.law, int(piece), x)))
+            motion = Motion.on_piece(self.law, int(piece), x)
+            return quantity(motion, self.element.touch(motion))
 
         at, value = zoom(curve, float(u[row]), float(u[1]))
         return Extreme(value, float(self.law.breaks[piece] + at * self.law.spans[piece]))

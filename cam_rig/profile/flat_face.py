@@ -78,6 +78,10 @@ class GuidedFace(Element):
         """Where the face meets its guide at displacements s."""
         return self.side * (self.eccentricity + 1j * (self.start + self.side * s))
 
+    def moves(self, points: ComplexArray) -> ComplexArray:
+        """Along the guide, whichever side of the cam it is on."""
+        return np.full_like(points, 1j)
+
 
 @dataclass(frozen=True)
 class SwungFace(Element):
@@ -161,3 +165,7 @@ class SwungFace(Element):
         """The point of the face at the end of the arm, at displacements s."""
         face = (self.arm - 1j * self.offset) * np.exp(-1j * self.arm_angle(s))
         return np.asarray(self.pivot - face)
+
+    def moves(self, points: ComplexArray) -> ComplexArray:
+        """About the pivot, clockwise as the law grows."""
+        return np.asarray(1j * (self.pivot - points) / self.arm)

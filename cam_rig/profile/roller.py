@@ -87,6 +87,10 @@ class GuidedCentre(Element):
         """The centre at displacements s."""
         return self.side * (self.eccentricity + 1j * self.height(s))
 
+    def moves(self, points: ComplexArray) -> ComplexArray:
+        """Along the guide, whichever side of the cam it is on."""
+        return np.full_like(points, 1j)
+
 
 @dataclass(frozen=True)
 class SwungCentre(Element):
@@ -96,12 +100,14 @@ class SwungCentre(Element):
     ----------
     roller, arm, pivot : m; ``pivot`` is the distance of the pivot from the cam's axis
     start : rad, γ: angle at the pivot from the cam's axis to the centre at s = 0
+    side : 1 above the line of pivot and axis; −1 below it, where the law lowers the angle
     """
 
     roller: float
     arm: float
     pivot: float
     start: float
+    side: int = 1
 
     @classmethod
     def on_base(cls, base_radius: float, roller: float, arm: float, pivot: float) -> SwungCentre:
@@ -122,26 +128,29 @@ class SwungCentre(Element):
         return cls(roller, arm, pivot, float(np.arccos(cosine)))
 
     def arm_angle(self, s: FloatArray) -> FloatArray:
-        """Angle at the pivot (rad) at displacements s (m); the arm reaches between 0 and π."""
-        return self.start + s / self.arm
+        """Angle at the pivot (rad) at displacements s (m); the arm reaches between 0 and π.
+
+        From the line of pivot and axis, on the arm's own side of it.
+        """
+        return self.start + self.side * s / self.arm
 
     def touch(self, motion: Motion) -> Touch:
         """The contact that follows the law."""
         slope, bend = motion.slope / self.arm, motion.bend / self.arm
-        out = self.arm * np.exp(-1j * self.arm_angle(motion.s))
+        out = self._out(motion.s)
         centre = self.pivot - out
         tangent = 1j * ((1.0 + slope) * out - self.pivot)
         second = (1.0 + slope) ** 2 * out - self.pivot + 1j * bend * out
         contact, normal, radius, rate, curvature = offset_curve(
             centre, tangent, second, self.roller
         )
-        pressure = np.angle(normal * (1j * out).conj())
+        pressure = np.angle(normal * (1j * self.side * out).conj())
         return Touch(contact, normal, radius, rate, pressure, centre, curvature)
 
     def place_on(self, points: ComplexArray) -> FloatArray:
         """Way along the arc at which the follower just touches each point."""
         arm = self.pivot - points
-        arm_angle = -np.angle(arm)
+        arm_angle = -self.side * np.angle(arm)
         if self.roller == 0.0:
             return np.asarray(self.arm * arm_angle)
         reach = np.abs(arm)
@@ -151,7 +160,7 @@ class SwungCentre(Element):
 
     def lift_at(self, place: FloatArray) -> FloatArray:
         """Displacement at a way along the arc."""
-        return place - self.arm * self.start
+        return self.side * (place - self.arm * self.start)
 
     def beside(self, points: ComplexArray) -> FloatArray:
         """How far points are inside the circle that the centre moves on, m."""
@@ -163,4 +172,12 @@ class SwungCentre(Element):
 
     def stand(self, s: FloatArray) -> ComplexArray:
         """The centre at displacements s."""
-        return np.asarray(self.pivot - self.arm * np.exp(-1j * self.arm_angle(s)))
+        return np.asarray(self.pivot - self._out(s))
+
+    def _out(self, s: FloatArray) -> ComplexArray:
+        """From the centre to the pivot, at displacements s."""
+        return np.asarray(self.arm * np.exp(-1j * self.side * self.arm_angle(s)))
+
+    def moves(self, points: ComplexArray) -> ComplexArray:
+        """About the pivot, clockwise as the law grows, on both sides."""
+        return np.asarray(1j * (self.pivot - points) / self.arm)

@@ -8,25 +8,32 @@ from pathlib import Path
 
 import matplotlib as mpl
 
+from cam_rig.dynamics import TwoMassParameters
 from cam_rig.files import temporary_folder
 from cam_rig.laws.catalogue import families
+from cam_rig.plots import as_cut as as_cut_plot
+from cam_rig.plots import contact as contact_plot
 from cam_rig.plots import factorial as factorial_plot
 from cam_rig.plots import jump as jump_plot
 from cam_rig.plots import law as law_plot
-from cam_rig.plots import law_overlay
+from cam_rig.plots import law_overlay, limits
 from cam_rig.plots import lift_off as takeoff_plot
 from cam_rig.plots import noise_study as noise_study_plot
 from cam_rig.plots import profile as profile_plot
+from cam_rig.plots import timing as timing_plot
 from cam_rig.plots import vibration as vibration_plot
 from cam_rig.profile.checks.all_checks import check_cam
-from cam_rig.report.results import Sources
-from cam_rig.studies.factorial.design import Factorial
+from cam_rig.profile.checks.pressure_angle import GUIDED
+from cam_rig.report.results import CUT, Findings, Sources
 from cam_rig.studies.jump.comparison import JumpRow
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
-from cam_rig.studies.noise.run import NoiseStudy
+from cam_rig.studies.stem.chain import Stem
+from cam_rig.studies.vibration.claims import LOWER
 
 #: Speeds of the figures, rpm: below every jump speed, and above all but Bézier 15's.
 STEADY_RPM, TAKEOFF_RPM = 300.0, 460.0
+#: Roller and least radius of the contour in the nomogram, in lifts.
+SHARPEST = 2.0
 PROPOSED = "bezier15"
 
 
@@ -55,17 +62,50 @@ def early_figures(sources: Sources, jumps: list[JumpRow]) -> dict[str, str]:
         "fig2": uri(lambda path: law_plot.draw(cam, law, path)),
         "fig4": uri(lambda path: vibration_plot.draw(cam_set, STEADY_RPM, path)),
         "fig11": uri(lambda path: takeoff_plot.draw(cam_set, TAKEOFF_RPM, path)),
-        "fig12": uri(lambda path: profile_plot.draw(cam, law, checks, path)),
+        "profile": uri(lambda path: profile_plot.draw(cam, law, checks, path)),
         "jump": uri(lambda path: jump_plot.draw(jumps, cam_set, FROM_REST, path)),
     }
 
 
-def late_figures(sources: Sources, noise: NoiseStudy, factorial: Factorial) -> dict[str, str]:
-    """Those of the two studies."""
+def late_figures(found: Findings) -> dict[str, str]:
+    """Those of the studies."""
+    sources, noise, factorial = found.sources, found.noise, found.factorial
     return {
+        "contact": uri(lambda path: contact_plot.draw(found.contact, path)),
+        "events": uri(lambda path: contact_plot.draw_events(GUIDED, SHARPEST, path)),
         "fig16": uri(lambda path: noise_study_plot.draw(noise, sources.loaded, path)),
         "factorial": uri(lambda path: factorial_plot.draw(factorial, path)),
     }
+
+
+def flywheel_figures(found: Findings) -> dict[str, str]:
+    """That of the flywheel; none for a rig without a shaft."""
+    study, titles = found.flywheel, found.sources.cam_set.titles
+    if study is None:
+        return {}
+    return {"flywheel": uri(lambda path: limits.draw_flywheel(study, titles, path))}
+
+
+def stem_figures(found: Findings) -> dict[str, str]:
+    """That of the stem in more and more masses."""
+    cam_set = found.sources.cam_set
+    stem = Stem(TwoMassParameters.from_rig(cam_set.rig), 1.0)
+    law, title = cam_set.laws[LOWER], cam_set.titles[LOWER]
+    return {"stem": uri(lambda path: limits.draw_stem(law, title, stem, path))}
+
+
+def cut_figures(found: Findings) -> dict[str, str]:
+    """Fig. 12, where its cam has a roller."""
+    cut, titles = found.cuts.get(CUT), found.sources.cam_set.titles
+    if cut is None:
+        return {}
+    return {"fig12": uri(lambda path: as_cut_plot.draw(cut, titles[CUT], path))}
+
+
+def timing_figures(found: Findings) -> dict[str, str]:
+    """What the ordinates move, where a cam is one Bézier curve."""
+    columns = [control.timing for control in found.control]
+    return {"timing": uri(lambda path: timing_plot.draw(columns, path))} if columns else {}
 
 
 def _arc_cam(sources: Sources) -> str:

@@ -11,15 +11,17 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from cam_rig import __version__
 from cam_rig.report.figures import PROPOSED, STEADY_RPM, TAKEOFF_RPM
-from cam_rig.report.results import Findings
+from cam_rig.report.results import CUT, Findings
 from cam_rig.report.tables import files, tables
 from cam_rig.schema.quantity import ORIGINS
 from cam_rig.schema.segments.base import quantities
 from cam_rig.studies.factorial.conclusions import conclusions
+from cam_rig.studies.flywheel.fluctuation import SHOWN as FLYWHEEL_SHOWN
 from cam_rig.studies.jump.comparison import compare
 from cam_rig.studies.jump.refit import ROUNDED_TO
 from cam_rig.studies.vibration.dwell import STAND_IN
 from cam_rig.tables import number, to_markdown
+from cam_rig.units import to_rpm
 
 TITLE = "Cam rig: the paper's experiments, redone and taken further"
 #: The sections in the order they are read: template, title.
@@ -27,7 +29,12 @@ SECTIONS = {
     "summary": "In short",
     "cams": "Cams and laws",
     "vibration": "Residual and torsional vibration",
+    "flywheel": "A flywheel that does not hold its speed",
     "jump": "Jump speed",
+    "stem": "Where two masses stop being enough",
+    "as_cut": "The cam as it was cut",
+    "timing": "Timing of the events",
+    "contact": "Contact pressure and sliding",
     "noise": "Noise",
     "question": "Continuity or lower slopes",
     "numbers": "Given, assumed, identified",
@@ -55,6 +62,7 @@ def environment(kind: str) -> Environment:
         lstrip_blocks=True,
     )
     found.filters |= {"percent": percent, "number": number, "to": to, "markdown": to_markdown}
+    found.filters["degrees"] = math.degrees
     return found
 
 
@@ -92,13 +100,19 @@ def _values(found: Findings) -> dict[str, Any]:
         "proposed": sources.cam_set.titles[found.factorial.config.proposed],
         "published": published,
         "rivals": [sources.loaded.cams[cam].title for cam in published.crossover.between],
+        "contact": found.contact,
         "roles": found.noise.roles,
         "origins": ", ".join(f"{origins[origin]} {origin}" for origin in ORIGINS),
         "moves": _moves(found),
         "rounding": _rounding(found),
         "rounded_to": ROUNDED_TO,
         "angles": _angles(found),
+        "infinity": math.inf,
+        "flywheel_shown": FLYWHEEL_SHOWN,
         "stiffer": _stiffer(found),
+        "cut": found.cuts.get(CUT),
+        "cut_name": CUT,
+        "rpm": to_rpm,
         "steady_rpm": STEADY_RPM,
         "takeoff_rpm": TAKEOFF_RPM,
         "version": __version__,

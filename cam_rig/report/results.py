@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cam_rig.dynamics import TwoMassParameters
+from cam_rig.laws import Law
 from cam_rig.report.recorded import Recorded, read_recorded
 from cam_rig.schema import (
+    CamConfig,
     FactorialConfig,
     Library,
     PublishedTables,
@@ -18,20 +20,36 @@ from cam_rig.schema import (
     load_tables,
 )
 from cam_rig.simulation.loaded_scene import LoadedScene, open_scene
+from cam_rig.studies.as_cut.comparison import AsCut, CutBench, cut_all, over_sizes
 from cam_rig.studies.cam_set import CamSet, open_cam_set
+from cam_rig.studies.contact.comparison import ContactTable, compare_contacts
+from cam_rig.studies.contact.form_closed import PlayRow, find_play, open_form_closed
 from cam_rig.studies.factorial.design import Factorial, run_factorial
 from cam_rig.studies.factorial.laws import open_factorial
 from cam_rig.studies.factorial.measures import Bench
+from cam_rig.studies.flywheel.fluctuation import FlywheelStudy, study_flywheel
 from cam_rig.studies.jump.comparison import JumpRow, find_jumps, jump_by_degree
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.published import references
 from cam_rig.studies.noise.run import NoiseStudy, study_noise
+from cam_rig.studies.stem.comparison import StemStudy, study_stem
+from cam_rig.studies.timing.comparison import CamTiming, EventControl, beside_b_spline
 from cam_rig.studies.vibration.comparison import VibrationTable, vibration_table
 
 #: Speeds of the vibration tables, rpm.
 VIBRATION_RPM = (200.0, 250.0, 300.0, 350.0)
+#: Speed of the flywheel's tables, rpm.
+FLYWHEEL_RPM = 300.0
+#: Speed at which stems are compared, rpm.
+STEM_RPM = 300.0
+#: Speed of the contact study, rpm, and the cams besides the paper's: other kinds of follower.
+CONTACT_RPM, CONTACT_CAMS = 300.0, ("flat", "oscillating_flat", "point")
+#: Cams that move their follower both ways.
+FORM_CLOSED = ("constant_breadth", "constant_diameter", "conjugate", "oscillating_conjugate")
 #: The paper's fifth law, whose degree it does not print.
 BY_SEGMENTS = "bezier_segments"
+#: The law that the paper cut a cam for (fig. 12), and radii (m) that it is cut with here.
+CUT, BASES, ROLLERS = "bezier15", (0.050, 0.065, 0.100), (0.005, 0.010, 0.020)
 #: What a report computes, as progress is shown.
 PARTS = ("jump speeds", "vibration", "figures", "noise", "continuity or slopes")
 
@@ -40,7 +58,8 @@ PARTS = ("jump speeds", "vibration", "figures", "noise", "continuity or slopes")
 class Sources:
     """Every file a report starts from, read and checked before anything runs.
 
-    ``stiff`` is the rig of the noise study, whose stem is the paper's Table 1.
+    ``stiff`` is the rig of the noise study, whose stem is the paper's Table 1; ``touching`` the
+    cams of the contact study, ``form_closed`` those that move their follower both ways.
     """
 
     cam_set: CamSet
@@ -49,6 +68,8 @@ class Sources:
     factorial: FactorialConfig
     stiff: RigConfig
     recorded: Recorded | None
+    touching: CamSet
+    form_closed: list[tuple[CamConfig, Law]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +77,9 @@ class Findings:
     """All experiments of a report.
 
     ``degrees`` are jump speeds (rpm) of the law by segments by the degree of its half-rises;
-    ``stiff_vibration`` is on the stem of Table 1.
+    ``stiff_vibration`` is on the stem of Table 1; ``cuts`` are cams as fig. 12 has them cut, by
+    name, and ``cut_sizes`` that of `CUT` over its radii. ``timing`` are the events of each cam,
+    ``control`` `CUT` and the B-spline of its lift and events.
     """
 
     sources: Sources
@@ -64,8 +87,16 @@ class Findings:
     degrees: dict[int, float]
     vibration: VibrationTable
     stiff_vibration: VibrationTable
+    flywheel: FlywheelStudy | None
+    stems: list[StemStudy]
     noise: NoiseStudy
     factorial: Factorial
+    cuts: dict[str, AsCut]
+    cut_sizes: list[AsCut]
+    timing: dict[str, CamTiming]
+    control: list[EventControl]
+    contact: ContactTable
+    play: list[PlayRow]
 
 
 def open_sources(scene: Path, rig: str, factorial: str, bag: Path | None) -> Sources:
@@ -96,6 +127,11 @@ def open_sources(scene: Path, rig: str, factorial: str, bag: Path | None) -> Sou
         factorial=config,
         stiff=load_rig(library.path("rigs", config.noise_rig)),
         recorded=None if bag is None else read_recorded(bag, loaded),
+        touching=open_cam_set(
+            [*cams, *(library.path("cams", cam) for cam in CONTACT_CAMS)],
+            library.path("rigs", rig),
+        ),
+        form_closed=open_form_closed(library.path("cams", cam) for cam in FORM_CLOSED),
     )
 
 
@@ -121,14 +157,45 @@ def find(
     on_part(PARTS[0])
     vibration = vibration_table(cam_set, VIBRATION_RPM)
     stiff = vibration_table(CamSet(cam_set.cams, cam_set.laws, sources.stiff), VIBRATION_RPM)
+    flywheel = study_flywheel(cam_set, FLYWHEEL_RPM)
+    stems = [study_stem(cam_set, stem, STEM_RPM) for stem in _stems(sources)]
     on_part(PARTS[1])
+    bench = CutBench.of(cam_set.rig, sources.loaded)
+    cuts = cut_all(cam_set, bench)
+    cut_sizes = over_sizes(cuts[CUT].drawn, bench, BASES, ROLLERS) if CUT in cuts else []
+    timing = {cam: CamTiming.of(cam_set.cams[cam], law) for cam, law in cam_set.laws.items()}
+    control = beside_b_spline(timing[CUT]) if CUT in timing else []
+    contact = compare_contacts(sources.touching, CONTACT_RPM)
+    play = find_play(sources.form_closed)
     meanwhile(jumps)
     on_part(PARTS[2])
     levels = noise.result()
     on_part(PARTS[3])
     effects = factorial.result()
     on_part(PARTS[4])
-    return Findings(sources, jumps, degrees, vibration, stiff, levels, effects)
+    return Findings(
+        sources=sources,
+        jumps=jumps,
+        degrees=degrees,
+        vibration=vibration,
+        stiff_vibration=stiff,
+        flywheel=flywheel,
+        stems=stems,
+        noise=levels,
+        factorial=effects,
+        cuts=cuts,
+        cut_sizes=cut_sizes,
+        timing=timing,
+        control=control,
+        contact=contact,
+        play=play,
+    )
+
+
+def _stems(sources: Sources) -> tuple[float, float]:
+    """Stiffness (N/m) of the stem on the rig of the jump speeds, and of that of Table 1."""
+    rigs = sources.cam_set.rig, sources.stiff
+    return rigs[0].follower.stem_stiffness.si, rigs[1].follower.stem_stiffness.si
 
 
 def _noise(sources: Sources) -> NoiseStudy:

@@ -11,16 +11,22 @@ from cam_rig.arrays import rms
 from cam_rig.laws import Law
 from cam_rig.laws.continuity import SMOOTHEST, joints
 from cam_rig.laws.peaks import extremes
+from cam_rig.profile.checks.pressure_angle import GUIDED
 from cam_rig.report.figures import PROPOSED, STEADY_RPM
 from cam_rig.report.misprints import misprints_table
-from cam_rig.report.results import Findings
+from cam_rig.report.results import CUT, Findings
 from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.segments.base import quantities
+from cam_rig.studies.as_cut import tables as as_cut
+from cam_rig.studies.contact import tables as contact
 from cam_rig.studies.factorial import tables as factorial
+from cam_rig.studies.flywheel.tables import flywheel_tables
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.tables import jump_table
 from cam_rig.studies.noise import tables as noise
-from cam_rig.studies.vibration.claims import jump_claims, vibration_claims
+from cam_rig.studies.stem.tables import stem_tables
+from cam_rig.studies.timing import tables as timing
+from cam_rig.studies.vibration.claims import LOWER, jump_claims, vibration_claims
 from cam_rig.studies.vibration.tables import claims_table, speed_table
 from cam_rig.tables import Cell, Column, DataTable, number, tabulate
 from cam_rig.units import RPM
@@ -47,7 +53,20 @@ def tables(found: Findings) -> dict[str, list[DataTable]]:
     return {
         "cams": [_table_1(found), _laws(found)],
         "vibration": [*_vibration(found), _claims(found)],
+        "flywheel": flywheel_tables(found.flywheel, titles, LOWER),
         "jump": [jump_table(found.jumps, caption, titles, rigid)],
+        "stem": stem_tables(found.stems, titles, LOWER),
+        "as_cut": [
+            as_cut.cams_table(found.cuts, titles),
+            as_cut.sizes_table(found.cut_sizes, titles[CUT]),
+        ],
+        "timing": _timing(found),
+        "contact": [
+            *contact.contact_tables(found.contact),
+            contact.parts_table(),
+            *contact.event_tables(GUIDED),
+            contact.play_table(found.play),
+        ],
         "noise": [*noise.tables(found.noise, published), *recorded],
         "question": factorial.tables(found.factorial, titles),
         "numbers": [_origins(name, model) for name, model in files(found).items()],
@@ -66,6 +85,12 @@ def files(found: Findings) -> dict[str, BaseModel]:
         f"scene {sources.loaded.scene.name}": sources.loaded.scene,
         f"factorial {sources.factorial.name}": sources.factorial,
     }
+
+
+def _timing(found: Findings) -> list[DataTable]:
+    beside = [timing.control_table(found.control)] if found.control else []
+    ordinates = [timing.ordinates_table(c.timing, c.timing.ordinates[0]) for c in found.control]
+    return [timing.events_table(found.timing.values()), *beside, *ordinates[:1]]
 
 
 def _table_1(found: Findings) -> DataTable:

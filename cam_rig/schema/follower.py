@@ -20,6 +20,8 @@ Offset = Annotated[Quantity, must_be("length", least=-100.0, most=100.0)]
 #: A face is inclined by less than a right angle.
 Inclination = Annotated[Quantity, must_be("angle", least=-1.5, most=1.5)]
 Steepest = Annotated[Quantity, must_be("angle", above=0.0, most=0.5 * math.pi)]
+#: Between two arms of one rocker.
+ArmsAngle = Annotated[Quantity, must_be("angle", above=0.0, most=2.0 * math.pi)]
 Radius = Annotated[Quantity, must_be("length", least=0.0, most=100.0)]
 
 
@@ -152,8 +154,20 @@ class Conjugate(_Positive, _Guided, _Rolling):
     roller_distance: Length | None = None
 
 
+class OscillatingConjugate(_Positive, _Pivoted, _Rolling):
+    """Two arms about one pivot, a roller at the end of each on its own cam of one shaft.
+
+    The second arm is as long as the first, on the other side of the cam's axis, and turns with it:
+    ``arms_angle`` is between them, 2 γ + s_max / arm when not given: then both cams have one prime
+    circle. γ is the first arm's angle at the pivot at no lift.
+    """
+
+    type: Literal["oscillating_conjugate"]
+    arms_angle: ArmsAngle | None = None
+
+
 Translating = Point | Roller | Flat | InclinedFlat
 Oscillating = OscillatingPoint | OscillatingRoller | OscillatingFlat
-Desmodromic = ConstantBreadth | ConstantDiameter | Conjugate
+Desmodromic = ConstantBreadth | ConstantDiameter | Conjugate | OscillatingConjugate
 
 Follower = Annotated[Translating | Oscillating | Desmodromic, Field(discriminator="type")]

@@ -41,6 +41,8 @@ UNITS: dict[str, dict[str, float]] = {
     "turns": {"turns": 1.0},
     "time": {"s": 1.0, "ms": 1e-3},
     "temperature": {"degC": 1.0},
+    "pressure": {"Pa": 1.0, "MPa": 1e6, "GPa": 1e9},
+    "linear speed": {"m/s": 1.0},
 }
 
 

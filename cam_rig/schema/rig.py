@@ -63,11 +63,18 @@ class Radiation(Strict):
 
 
 class Shaft(Strict):
-    """The shaft between flywheel and cam, for the model ``torsional``."""
+    """The shaft between flywheel and cam, for the model ``torsional``.
+
+    Without ``flywheel_inertia`` the flywheel holds its speed, as in eq. 10 of the paper; with it,
+    a constant torque, the mean of the load, drives it.
+    """
 
     cam_inertia: Annotated[Quantity, must_be("inertia", above=0.0, least=1e-12, most=1e9)]
     stiffness: Annotated[Quantity, must_be("torsional stiffness", above=0.0, least=1e-9, most=1e15)]
     damping: Annotated[Quantity, must_be("torsional damping", least=0.0, most=1e9)]
+    flywheel_inertia: (
+        Annotated[Quantity, must_be("inertia", above=0.0, least=1e-12, most=1e9)] | None
+    ) = None
 
 
 class RigConfig(Strict):

@@ -80,7 +80,10 @@ def test_a_conjugate_cam_has_two_contours(figures):
     shape = cam_rig.contour(cam_rig.load_cam("conjugate"), points=360)
     assert len(shape.discs) == 2
     assert shape.to_pandas()["disc"].nunique() == 2
-    assert len(shape.plot().axes) == 3
+    plan = shape.plot(positions=12).axes[0]
+    assert plan.get_title().startswith("follower every 30°")
+    with pytest.raises(ConfigError, match="positions: is 2; allowed: 3 to 720"):
+        shape.plot(positions=2)
 
 
 def test_a_scene_and_its_bag_give_one_result(figures):

@@ -26,6 +26,7 @@ KINDS = (
     "oscillating_roller",
     "oscillating_flat",
     "conjugate",
+    "oscillating_conjugate",
     "constant_breadth",
 )
 LIFT = 0.01

@@ -32,6 +32,12 @@ FOLLOWERS: dict[str, dict[str, float]] = {
     "constant_breadth": {"base_radius": 50},
     "constant_diameter": {"base_radius": 50, "roller_radius": 8},
     "conjugate": {"base_radius": 50, "roller_radius": 8, "eccentricity": 4},
+    "oscillating_conjugate": {
+        "base_radius": 40,
+        "roller_radius": 8,
+        "pivot_distance": 90,
+        "arm": 75,
+    },
 }
 UNEVEN = [
     ("dwell", 60, None),
@@ -101,7 +107,7 @@ def make(
     return Made(cam, build_law(cam))
 
 
-ANGLES = {"inclination", "most_pressure_angle"}
+ANGLES = {"arms_angle", "inclination", "most_pressure_angle"}
 
 
 @pytest.fixture(params=list(FOLLOWERS))

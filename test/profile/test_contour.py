@@ -161,6 +161,28 @@ def test_conjugate_cams_on_the_same_prime_circle():
         assert np.hypot(*contour.pitch).min() == pytest.approx(0.058, rel=1e-12)
 
 
+@pytest.mark.parametrize("asked", [None, 80.0])
+def test_conjugate_arms_are_one_rocker(asked, angles):
+    """The angle between the arms is 2 γ + s_max / arm, or what the file asks for, all the turn.
+
+    It is taken from the rollers' centres as the contours have them, about the pivot's place.
+    """
+    made = make("oscillating_conjugate", UNEVEN, **({} if asked is None else {"arms_angle": asked}))
+    pivot = 0.090 * np.exp(-1j * angles)  # in the cam's frame
+    arms = [pivot - (c.pitch[0] + 1j * c.pitch[1]) for c in made.contours(angles)]
+    gamma = np.arccos((0.075**2 + 0.090**2 - 0.048**2) / (2 * 0.075 * 0.090))
+    expected = 2 * gamma + 0.010 / 0.075 if asked is None else np.radians(asked)
+    np.testing.assert_allclose(np.abs(arms), 0.075, rtol=1e-13)
+    np.testing.assert_allclose(np.angle(arms[1] / arms[0]), expected, rtol=1e-13)
+
+
+def test_conjugate_cams_of_a_rocker_on_the_same_prime_circle():
+    """When no angle is given both pitch curves come down to one circle."""
+    made = make("oscillating_conjugate", UNEVEN)
+    for contour in contours(made.cam.follower, made.law, 3600):
+        assert np.hypot(*contour.pitch).min() == pytest.approx(0.048, rel=1e-12)
+
+
 def test_motion_has_both_limits_at_a_joint():
     """Sampled piece by piece, s'' of the 3-4-5 rise and of the dwell beside it both are there."""
     law = make("roller", UNEVEN).law

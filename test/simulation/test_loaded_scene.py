@@ -90,7 +90,9 @@ def test_all_errors_share_one_root():
     assert issubclass(LawError, CamRigError)
 
 
-@pytest.mark.parametrize("cam", ["constant_breadth", "constant_diameter", "conjugate"])
+@pytest.mark.parametrize(
+    "cam", ["constant_breadth", "constant_diameter", "conjugate", "oscillating_conjugate"]
+)
 def test_a_follower_that_the_models_do_not_know(make_loaded_scene, cam):
     """No second contact in the dynamics: refused by the cam file and the key."""
     words = rf"{cam}\.yaml: follower\.type is '{cam}'; allowed on a rig: one that a closing spring"

@@ -27,6 +27,9 @@ Out = Annotated[
     Path | None, typer.Option(help="Write the contour: .dxf, .svg or .csv (lengths in mm).")
 ]
 Plot = Annotated[Path | None, typer.Option(help="Draw the cam (PNG, SVG, PDF).")]
+Positions = Annotated[
+    int, typer.Option(min=3, max=720, help="Positions of the follower around the cam in --plot.")
+]
 Pitch = Annotated[
     bool, typer.Option("--pitch", help="Write the pitch curve instead of the contour.")
 ]
@@ -50,6 +53,7 @@ def profile(
     every: Every = False,
     out: Out = None,
     plot: Plot = None,
+    positions: Positions = 24,
     pitch: Pitch = False,
     cutter: Cutter = None,
     tolerance: Tolerance = 1.0,
@@ -62,13 +66,16 @@ def profile(
 
     The code is 1 when a check fails; with --all a cam does not count whose file says that it
     cannot_be_made, and why. With --from the cam's follower is put on the contour of a
-    file and read at every angle; --out then writes that law as CSV.
+    file and read at every angle; --out then writes that law as CSV. --positions are those of the
+    graphical method: the follower's places around the standing cam.
 
     Examples
     --------
     cam-rig profile --all
 
     cam-rig profile oscillating_roller --plot out/cam.png
+
+    cam-rig profile point --plot out/point.png --positions 10
 
     cam-rig profile conjugate --out out/conjugate.dxf --tolerance 0.5
 
@@ -87,7 +94,7 @@ def profile(
             profile_measure.run(request, found[0][0], found[0][1], json_target)
             return
         if out is not None or plot is not None:
-            _draw(request, found, plot, force)
+            _draw(request, found, plot, force, positions)
         write_json(profile_report.to_json(found), json_target)
         if out is None and plot is None:
             profile_report.show_checks(found)
@@ -101,7 +108,7 @@ def _any_fails(found: Found, every: bool) -> bool:
     return not all(check.passed for checks in asked for check in checks)
 
 
-def _draw(request: Request, found: Found, plot: Path | None, force: bool) -> None:
+def _draw(request: Request, found: Found, plot: Path | None, force: bool, positions: int) -> None:
     from cam_rig.cli.cams import profile_files, profile_report
 
     cam, law, checks = found[0]
@@ -111,7 +118,7 @@ def _draw(request: Request, found: Found, plot: Path | None, force: bool) -> Non
     if plot is not None:
         from cam_rig.plots.profile import draw
 
-        write_plot(plot, lambda part: draw(cam, law, checks, part))
+        write_plot(plot, lambda part: draw(cam, law, checks, part, positions))
 
 
 def _paths(cams: list[str], every: bool) -> list[Path]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from scipy.optimize import brentq
 
 from cam_rig.errors import ReachError
@@ -36,25 +38,35 @@ def least_base_radius(follower: Follower, law: Law) -> float | None:
         return max(0.0, own + sharpest - _sharpest(plates, law), own - nearest)
 
     def margin(base: float) -> float:
-        found = _plates(follower, law, base)
+        found = plates_on(follower, law, base)
         value = _sharpest(found, law) - sharpest if found else -own
         return min(max(value, -own), own)  # finite, for the root finder
 
+    least = least_base(margin, own)
+    if least and not _clear_of_the_pivot(follower, law, least * (1.0 + PRECISION)):
+        return None
+    return least
+
+
+def least_base(margin: Callable[[float], float], own: float) -> float | None:
+    """The root next to ``own`` of a finite margin that grows with the base radius (m).
+
+    0 where the margin is positive down to a hundredth of ``own``, None where it nowhere is.
+    """
     good = margin(own) > 0.0
     here, factor = own, SMALLER if good else LARGER
     while LEAST * own < here < MOST * own:
         there = here * factor
         if (margin(there) > 0.0) != good:
             low, high = sorted((here, there))
-            least = float(brentq(margin, low, high, xtol=PRECISION * own))
-            return least if _clear_of_the_pivot(follower, law, least * (1.0 + PRECISION)) else None
+            return float(brentq(margin, low, high, xtol=PRECISION * own))
         here = there
     return 0.0 if good else None
 
 
 def _clear_of_the_pivot(follower: Follower, law: Law, base: float) -> bool:
     """Whether the cam on a base radius does not cut the pivot; on larger ones it sooner does."""
-    found = (Scan(law, disc.element) for disc in _plates(follower, law, base))
+    found = (Scan(law, disc.element) for disc in plates_on(follower, law, base))
     return all(check.passed for scan in found for check in pivot_checks(scan))
 
 
@@ -62,7 +74,7 @@ def _sharpest(plates: tuple[Disc, ...], law: Law) -> float:
     return min(sharpest_convex(Scan(law, disc.element)).value for disc in plates)
 
 
-def _plates(follower: Follower, law: Law, base: float) -> tuple[Disc, ...]:
+def plates_on(follower: Follower, law: Law, base: float) -> tuple[Disc, ...]:
     """The discs on another base radius; none where the follower does not reach."""
     try:
         plates = discs(follower, law, base)

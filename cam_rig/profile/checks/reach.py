@@ -58,10 +58,11 @@ def _arm(element: SwungCentre | SwungFace, law: Law) -> Iterator[Check]:
     """An arm past these angles would have to follow the cam backwards."""
     least, greatest = (0.0, np.pi) if isinstance(element, SwungCentre) else (-np.pi / 2, np.pi / 2)
     remedy = "out of reach: let pivot_distance or the arm be longer, or the lift less"
-    for extreme, relation, limit in zip(
-        extremes(law, 0), ("more than", "less than"), (least, greatest), strict=True
+    ends = [(float(element.arm_angle(np.array(s.value))), s) for s in extremes(law, 0)]
+    ends.sort(key=lambda end: end[0])  # a second arm is nearest at the greatest lift
+    for (arm_angle, extreme), relation, limit in zip(
+        ends, ("more than", "less than"), (least, greatest), strict=True
     ):
-        arm_angle = float(element.arm_angle(np.array(extreme.value)))
         yield Check("angle of the arm", arm_angle, relation, limit, "°", extreme.angle, remedy)
 
 

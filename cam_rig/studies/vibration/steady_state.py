@@ -12,8 +12,9 @@ from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters, elastic_stem
 from cam_rig.dynamics.linear.sampling import sample
 from cam_rig.dynamics.modal.response import ModalResponse
-from cam_rig.dynamics.torsional.motion import periodic_state, solve
+from cam_rig.dynamics.torsional.motion import solve
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters
+from cam_rig.dynamics.torsional.steady import steady_state
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
@@ -174,7 +175,7 @@ def steady_twist(
     ------
     DynamicsError : no periodic state (resonance without damping)
     """
-    start = periodic_state(law, shaft, speed)
-    motion = solve(law, shaft, start, 0.0, TURN / speed)
+    driven, start = steady_state(law, shaft, speed)
+    motion = solve(law, driven, start, 0.0, TURN / speed)
     times = np.linspace(0.0, motion.stop_time, TWIST_SAMPLES)
     return speed * times, motion.at(times)[0]

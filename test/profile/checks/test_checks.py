@@ -9,7 +9,7 @@ from shapely import Point, Polygon
 from cam_rig.errors import ProfileError
 from cam_rig.laws import build_law
 from cam_rig.laws.cam import arc_cam
-from cam_rig.profile import contours
+from cam_rig.profile import contours, discs
 from cam_rig.profile.checks.all_checks import check_cam, require_profile
 from cam_rig.profile.checks.base_radius import least_base_radius
 from cam_rig.profile.checks.curvature import sharpest_concave, sharpest_convex
@@ -269,3 +269,10 @@ def test_the_refusal_names_the_base_radius_that_would_do():
     made = make("flat", UNEVEN, base_radius=5)
     with pytest.raises(ProfileError, match=r"let base_radius be more than 8\.0371 mm"):
         require_profile(made.cam, made.law)
+
+
+def test_the_shipped_point_cam_can_be_made(cams, laws):
+    """All checks pass, and no part is hollow: an edge with any radius gets everywhere."""
+    cam, law = cams["point"], laws["point"]
+    assert all(check.passed for check in check_cam(cam, law))
+    assert sharpest_concave(Scan(law, discs(cam.follower, law)[0].element)) is None

@@ -1,0 +1,82 @@
+"""cam-rig contact: Hertz pressure and sliding over the turn, and what base radius they ask for."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cam_rig.cli.common.console import show, user_errors
+from cam_rig.cli.common.names import cam_path, rig_path, tables_path
+from cam_rig.cli.common.options import Csv, Json, Plot, Rig, TableCams
+from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
+
+#: Below every jump speed of the paper's laws.
+SPEED = 300.0
+Events = Annotated[
+    Path | None,
+    typer.Option("--events", help="Draw the least base radius over the event angle, law by law."),
+]
+Rpm = Annotated[float, typer.Option(min=0.0, max=1e5, help="Speed of the cam.")]
+Steepest = Annotated[
+    float, typer.Option(metavar="DEG", min=1.0, max=89.0, help="Most pressure angle of --events.")
+]
+Sharpest = Annotated[
+    float,
+    typer.Option(
+        metavar="LIFTS", min=0.0, max=100.0, help="Roller and least radius of --events, in lifts."
+    ),
+]
+
+
+def contact(
+    cams: TableCams = None,
+    rig: Rig = "paper_table2",
+    rpm: Rpm = SPEED,
+    events: Events = None,
+    pressure_angle: Steepest = 30.0,
+    sharpest: Sharpest = 2.0,
+    json_target: Json = None,
+    csv: Csv = None,
+    plot: Plot = None,
+) -> None:
+    """Find Hertz pressure and sliding speed over the turn, and the bounds on the base radius.
+
+    A rigid follower in contact, without friction. Face width, material, tip radius of a point and
+    what is permissible stand under contact in the cam file; what it does not give is assumed, and
+    is listed. From below the base radius is bounded by pressure, curvature and pressure angle, from
+    above by sliding. --events draws the nomogram: least radii in lifts over the event angle.
+
+    Examples
+    --------
+    cam-rig contact flat oscillating_point --rpm 400
+
+    cam-rig contact --events out/events.png --plot out/contact.png
+    """
+    with user_errors():
+        from cam_rig.schema import load_tables
+        from cam_rig.studies.cam_set import open_cam_set
+        from cam_rig.studies.contact import tables
+        from cam_rig.studies.contact.comparison import compare_contacts
+
+        check_outputs(json_target, plot, csv)
+        check_outputs(None, events)
+        names = cams or list(load_tables(tables_path()).table_2_jump)
+        found = compare_contacts(open_cam_set(map(cam_path, names), rig_path(rig)), rpm)
+        most = math.radians(pressure_angle)
+        shown = [*tables.contact_tables(found), tables.parts_table()]
+        if events is not None:
+            shown += tables.event_tables(most)
+        show(*shown)
+        write_csv(shown, csv)
+        if plot is not None:
+            from cam_rig.plots.contact import draw
+
+            write_plot(plot, lambda part: draw(found, part))
+        if events is not None:
+            from cam_rig.plots.contact import draw_events
+
+            write_plot(events, lambda part: draw_events(most, sharpest, part))
+        write_json(tables.to_json(found), json_target)

@@ -1,0 +1,72 @@
+"""Cams as they were cut: the jump search and the noise levels run on the roller's law unchanged."""
+
+import numpy as np
+import pytest
+
+from cam_rig.dynamics import TwoMassParameters
+from cam_rig.dynamics.two_mass.events import lift_off
+from cam_rig.errors import ConfigError
+from cam_rig.laws import build_law
+from cam_rig.schema import load_cam, load_rig
+from cam_rig.schema.load import config_root
+from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.studies.as_cut.comparison import CutBench, DrawnCam, as_cut, over_sizes, radii
+from cam_rig.studies.jump.contact_lost_speed import FROM_REST
+
+CONFIG = config_root()
+
+
+def cam(name):
+    return load_cam(CONFIG / "cams" / f"{name}.yaml")
+
+
+@pytest.fixture(scope="module")
+def bench():
+    rig = load_rig(CONFIG / "rigs" / "paper_table2.yaml")
+    return CutBench.of(rig, open_scene(CONFIG / "scenes" / "tm21_sweep.yaml"))
+
+
+@pytest.fixture(scope="module")
+def drawn(bench):
+    return DrawnCam.run(build_law(cam("bezier15")), bench)
+
+
+def test_a_point_changes_nothing(drawn, bench):
+    """With no roller the cam is the one that was drawn, whatever its base circle."""
+    found = as_cut(drawn, bench, 0.04, 0.0)
+    assert found.cut.jump == pytest.approx(drawn.jump, rel=1e-5)
+    assert np.abs(found.level_change).max() < 1e-9
+    assert found.too_high.value < 1e-15
+
+
+def test_bezier_15(drawn, bench):
+    """Highest above s, jump speed proven by the exact model, and noise nearly as before."""
+    found = as_cut(drawn, bench, *radii(cam("bezier15")))
+    dense = np.linspace(0.0, 2.0 * np.pi, 20001)
+    highest = (found.cut.law(dense) - drawn.law(dense)).max()
+    assert found.too_high.value == pytest.approx(highest, rel=1e-6)
+    rig = TwoMassParameters.from_rig(load_rig(CONFIG / "rigs" / "paper_table2.yaml"))
+
+    def leaves(speed):
+        return lift_off(found.cut.law, rig, speed, 0.0, np.zeros(2), FROM_REST) is not None
+
+    assert leaves(found.cut.jump * (1.0 + 1e-5))
+    assert not leaves(found.cut.jump * (1.0 - 1e-5))
+    assert found.cut.jump > drawn.jump
+    assert np.abs(found.level_change).max() < 0.05
+
+
+def test_it_grows_with_the_roller_and_falls_with_the_base(drawn, bench):
+    """The first order, R_r s'²/(2 ρ (ρ + R_r)), does; so does what comes out."""
+    found = over_sizes(drawn, bench, (0.05, 0.08), (0.005, 0.015))
+    sizes = [(row.base_radius, row.roller) for row in found]
+    assert sizes == [(0.05, 0.005), (0.05, 0.015), (0.08, 0.005), (0.08, 0.015)]
+    above = [row.too_high.value for row in found]
+    assert above[0] < above[1] > above[3] > above[2] < above[0]
+
+
+def test_other_followers_are_refused():
+    """A face, and a guide beside the axis: R_b + s is nobody's contour there."""
+    for name in ("flat", "eccentric_roller"):
+        with pytest.raises(ConfigError, match="allowed: a roller in a guide without eccentricity"):
+            radii(cam(name))

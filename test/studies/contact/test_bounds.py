@@ -1,0 +1,139 @@
+"""Bounds on the base radius: the measure is at its limit there; closed forms where there are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cam_rig.laws import build_law
+from cam_rig.profile.checks.base_radius import least_base_radius, plates_on
+from cam_rig.profile.checks.pressure_angle import greatest_allowed
+from cam_rig.profile.extremes import Scan
+from cam_rig.schema import CamConfig
+from cam_rig.studies.contact.bounds import base_bounds, measured, peak_pressure, peak_sliding
+from cam_rig.studies.contact.event_angle import (
+    RISES,
+    by_curvature,
+    by_face,
+    by_pressure_angle,
+)
+
+from .test_surfaces import RIG, SPEED, SPRUNG, case_of
+
+
+@pytest.mark.parametrize("name", ["flat", "inclined_flat", "oscillating_flat", "oscillating_point"])
+def test_at_its_bound_a_measure_is_at_its_limit(name):
+    """Seeded limits around the cam's own values: met on one side, exceeded on the other."""
+    rng = np.random.default_rng(11)
+    case = case_of(name)
+    own = case.cam.follower.base_radius.si
+    pressure, sliding = (measured(case, m, own) for m in (peak_pressure, peak_sliding))
+    limits = {
+        "most_pressure": (pressure * rng.uniform(1.02, 1.3), "Pa"),
+        "most_sliding_speed": (sliding * rng.uniform(0.85, 1.2), "m/s"),
+    }
+    bounds = base_bounds(case_of(name, **limits))
+    assert measured(case, peak_sliding, bounds.sliding) == pytest.approx(
+        limits["most_sliding_speed"][0], rel=1e-9
+    )
+    least = bounds.pressure
+    assert least < own
+    if measured(case, peak_pressure, least) is not None:
+        low, high = (measured(case, peak_pressure, least * f) for f in (0.999, 1.001))
+        assert high < limits["most_pressure"][0]
+        assert low is None or low > limits["most_pressure"][0]
+
+
+def test_sliding_of_a_face_in_closed_form():
+    """R_b = v / ω − s_max."""
+    bounds = base_bounds(case_of("flat", most_sliding_speed=(1.3, "m/s")))
+    assert bounds.sliding == pytest.approx(1.3 / SPEED - 0.012, rel=1e-9)
+
+
+def test_pressure_of_a_still_face_in_closed_form():
+    """With a preload alone F' E* / (π p²) is the least radius, R_b its excess over s + s''."""
+    case = case_of("flat", most_pressure=(60.0, "MPa"))
+    weightless = replace(RIG, mass=1e-12, spring_stiffness=1e-9, damping=0.0)
+    case = replace(case, surfaces=replace(case.surfaces, rig=weightless))
+    least = RIG.preload / 0.01 * case.cam.parts.modulus / (np.pi * 60e6**2)
+    angle = np.linspace(0.0, 2.0 * np.pi, 200_001)
+    expected = least - (case.law(angle) + case.law(angle, 2)).min()
+    assert base_bounds(case).pressure == pytest.approx(expected, rel=1e-7)
+
+
+def test_a_limit_that_no_cam_meets():
+    """A roller presses hard however large the cam; a face slides however small."""
+    assert base_bounds(case_of("tm21", most_pressure=(10.0, "MPa"))).pressure is None
+    bounds = base_bounds(case_of("flat", most_sliding_speed=(1e-3, "m/s")))
+    assert bounds.sliding is None
+    assert not bounds.feasible
+
+
+def test_a_roller_rolls():
+    """Its cam may be as large as one likes."""
+    bounds = base_bounds(case_of("tm21"))
+    assert bounds.sliding == np.inf
+    assert bounds.feasible
+
+
+@pytest.mark.parametrize("seed", range(14))
+def test_just_above_the_least_base_radius_all_is_permissible(seed):
+    """Random followers, rigs and limits: the largest lower bound holds for every measure."""
+    rng = np.random.default_rng(seed)
+    name = SPRUNG[seed % len(SPRUNG)]
+    case = case_of(name, most_pressure=(10.0 ** rng.uniform(2.0, 3.2), "MPa"))
+    rig = replace(RIG, mass=10.0 ** rng.uniform(-1.0, 1.0), preload=10.0 ** rng.uniform(1.0, 2.5))
+    case = replace(case, surfaces=replace(case.surfaces, rig=rig))
+    bounds, limit = base_bounds(case), case.surfaces.parts.most_pressure.si
+    if bounds.least is None:
+        assert bounds.governing
+        return
+    base = max(1.001 * bounds.least, 0.01 * case.cam.follower.base_radius.si)
+    assert measured(case, peak_pressure, base) <= limit * (1 + 1e-9)
+    scan = Scan(case.law, plates_on(case.cam.follower, case.law, base)[0].element)
+    steepest = scan.greatest(lambda touch: np.abs(touch.pressure)).value
+    most = greatest_allowed(case.cam.follower, scan.element)
+    assert steepest <= most * (1 + 1e-9)
+    assert scan.greatest(lambda touch: -touch.rate).value < 0.0  # not undercut
+
+
+EVENT = np.radians([47.0, 83.0, 121.0])
+
+
+def test_simple_harmonic_in_closed_form():
+    """Pressure angle: h/2 (√(1 + (π/(β tan α))²) − 1); face: h (π²/(2 β²) − 1), not below 0."""
+    found = by_pressure_angle("simple_harmonic", EVENT, 0.5)
+    expected = 0.5 * (np.sqrt(1.0 + (np.pi / (EVENT * np.tan(0.5))) ** 2) - 1.0)
+    np.testing.assert_allclose(found, expected, rtol=1e-5)
+    expected = np.maximum(0.5 * (np.pi / EVENT) ** 2 - 1.0, 0.0)
+    np.testing.assert_allclose(by_face("simple_harmonic", EVENT), expected, rtol=1e-12)
+
+
+def cam_of(rise, degrees, kind, roller=None):
+    """Rise, dwell and fall of 10 mm over an event angle."""
+
+    def number(value, unit):
+        return {"assumed": value, "unit": unit}
+
+    follower = {"type": kind, "base_radius": number(60.0, "mm")}
+    if roller is not None:
+        follower["roller_radius"] = number(roller, "mm")
+    spans = (degrees, 40.0, degrees, 320.0 - 2.0 * degrees)
+    laws = ({"law": rise, "to": 1}, {"law": "dwell"}, {"law": rise, "to": 0}, {"law": "dwell"})
+    segments = [law | {"span": number(s, "deg")} for law, s in zip(laws, spans, strict=True)]
+    data = {"name": "made", "title": "made", "lift": number(10.0, "mm")}
+    return CamConfig.model_validate(data | {"follower": follower, "segments": segments})
+
+
+@pytest.mark.parametrize("rise", RISES)
+def test_the_nomogram_is_that_of_cams(rise):
+    """Least base radii of whole cams, found by the contour's own checks, at one event angle."""
+    beta = np.radians([52.0])
+    flat = cam_of(rise, 52.0, "flat")
+    assert by_face(rise, beta)[0] * 0.01 == pytest.approx(
+        least_base_radius(flat.follower, build_law(flat)), rel=1e-5
+    )
+    cam = cam_of(rise, 52.0, "roller", roller=20.0)
+    law = build_law(cam)
+    least = least_base_radius(cam.follower, law)
+    assert by_curvature(rise, beta, 2.0)[0] * 0.01 - 0.02 == pytest.approx(least, rel=1e-5)

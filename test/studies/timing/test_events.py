@@ -1,0 +1,71 @@
+"""The angles at which heights are passed: closed forms, joints, heights that are not reached."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from cam_rig.laws import Law, build_law
+from cam_rig.schema import load_cam
+from cam_rig.schema.load import config_root
+from cam_rig.studies.timing.events import LEVELS, events
+
+
+def shipped(name):
+    return build_law(load_cam(config_root() / "cams" / f"{name}.yaml"))
+
+
+def test_simple_harmonic(make_cam):
+    """(1 − cos πu)/2 passes p at u = arccos(1 − 2p)/π, and the fall is its mirror image."""
+    cam = make_cam(
+        {"law": "simple_harmonic", "to": 1, "span": 180},
+        {"law": "simple_harmonic", "to": 0, "span": 180},
+    )
+    found = events(build_law(cam), cam.lift.si)
+    up = np.arccos(1.0 - 2.0 * np.array(LEVELS))
+    assert [event.angle for event in found] == pytest.approx([*up, *(2 * np.pi - up[::-1])])
+    assert [event.rising for event in found] == [True] * 3 + [False] * 3
+    half = found[1]
+    assert half.slope == pytest.approx(0.5 * cam.lift.si, rel=1e-12)
+
+
+def test_cycloidal():
+    """u − sin(2πu)/2π = p has one root."""
+    span, start = np.radians(117.5), np.radians(31.25)
+    found = events(shipped("cycloidal"), 0.05)
+    for event in found[:3]:
+        u = brentq(
+            lambda u, p=event.level: u - np.sin(2.0 * np.pi * u) / (2.0 * np.pi) - p,
+            *(0.0, 1.0),
+            xtol=1e-15,
+        )
+        assert event.angle == pytest.approx(start + span * u, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["half_rises", "bezier_segments", "poly345", "trigonometric"])
+def test_a_joint_on_the_height_counts_once(name):
+    """Half-rises meet at half the lift, in the middle of rise and fall."""
+    found = events(shipped(name), 0.05, [0.5])
+    assert [event.angle for event in found] == pytest.approx([0.5 * np.pi, 1.5 * np.pi], abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_law_is_there(seed):
+    """At every event the law has that height, over its lowest place; up and down alternate."""
+    random = np.random.default_rng(seed)
+    ordinates = np.concatenate([np.zeros(3), random.uniform(-0.5, 1.0, 9), np.zeros(3)])
+    law = Law("random", [0.0, 2.0 * np.pi], 0.02 * ordinates[:, None])
+    low = law(np.linspace(0.0, 2.0 * np.pi, 100_001)).min()
+    level = 0.4 * law.lift
+    found = events(law, level, [1.0])
+    assert found
+    for event in found:
+        assert float(law(event.angle)) - low == pytest.approx(level, rel=1e-8)
+        assert (event.slope > 0.0) == event.rising
+    assert all(a.rising != b.rising for a, b in pairwise(found))
+
+
+def test_a_height_that_is_not_reached():
+    """Nothing passes it."""
+    assert events(shipped("poly345"), 0.05, [1.01]) == ()
