@@ -16,6 +16,8 @@ from cam_rig.schema import (
     Library,
     PublishedTables,
     RigConfig,
+    TableReadings,
+    load_readings,
     load_rig,
     load_tables,
 )
@@ -31,6 +33,7 @@ from cam_rig.studies.flywheel.fluctuation import FlywheelStudy, study_flywheel
 from cam_rig.studies.jump.comparison import JumpRow, find_jumps, jump_by_degree
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.published import references
+from cam_rig.studies.jump.readings import Read, read
 from cam_rig.studies.noise.run import NoiseStudy, study_noise
 from cam_rig.studies.stem.comparison import StemStudy, study_stem
 from cam_rig.studies.timing.comparison import CamTiming, EventControl, beside_b_spline
@@ -68,6 +71,7 @@ class Sources:
     factorial: FactorialConfig
     stiff: RigConfig
     recorded: Recorded | None
+    readings: TableReadings
     touching: CamSet
     form_closed: list[tuple[CamConfig, Law]]
 
@@ -84,6 +88,7 @@ class Findings:
 
     sources: Sources
     jumps: list[JumpRow]
+    readings: list[Read]
     degrees: dict[int, float]
     vibration: VibrationTable
     stiff_vibration: VibrationTable
@@ -127,6 +132,7 @@ def open_sources(scene: Path, rig: str, factorial: str, bag: Path | None) -> Sou
         factorial=config,
         stiff=load_rig(library.path("rigs", config.noise_rig)),
         recorded=None if bag is None else read_recorded(bag, loaded),
+        readings=load_readings(library.path("published/readings", "table2")),
         touching=open_cam_set(
             [*cams, *(library.path("cams", cam) for cam in CONTACT_CAMS)],
             library.path("rigs", rig),
@@ -154,6 +160,7 @@ def find(
     parameters = TwoMassParameters.from_rig(cam_set.rig)
     jumps = find_jumps(cam_set.laws, parameters, references(cam_set, sources.tables), FROM_REST)
     degrees = jump_by_degree(cam_set.cams[BY_SEGMENTS], parameters, FROM_REST)
+    readings = _readings(sources)
     on_part(PARTS[0])
     vibration = vibration_table(cam_set, VIBRATION_RPM)
     stiff = vibration_table(CamSet(cam_set.cams, cam_set.laws, sources.stiff), VIBRATION_RPM)
@@ -176,6 +183,7 @@ def find(
     return Findings(
         sources=sources,
         jumps=jumps,
+        readings=readings,
         degrees=degrees,
         vibration=vibration,
         stiff_vibration=stiff,
@@ -190,6 +198,12 @@ def find(
         contact=contact,
         play=play,
     )
+
+
+def _readings(sources: Sources) -> list[Read]:
+    known, printed = sources.readings, sources.tables.table_2_jump
+    cams = sources.cam_set.cams
+    return [read(name, one, cams, printed, known.run_s) for name, one in known.readings.items()]
 
 
 def _stems(sources: Sources) -> tuple[float, float]:

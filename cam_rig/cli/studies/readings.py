@@ -25,6 +25,12 @@ def readings(
     with_times: Annotated[
         bool, typer.Option("--with-times", help="Of --search: by the printed times too.")
     ] = False,
+    nearby: Annotated[
+        bool,
+        typer.Option(
+            "--nearby", help="Of --search: contact need hold 5 rpm below each speed, no slower."
+        ),
+    ] = False,
     generations: Annotated[
         int, typer.Option(min=1, max=10_000, help="Of --search: how long to seek.")
     ] = 60,
@@ -49,7 +55,7 @@ def readings(
         check_outputs(None, None, csv)
         known = load_readings(readings_path())
         if search is not None:
-            shown = _search(known, search, with_times, generations, seed)
+            shown = _search(known, search, with_times, nearby, generations, seed)
         else:
             found = _read(known)
             shown = [
@@ -81,7 +87,7 @@ def _read(known: TableReadings) -> list[Read]:
 
 
 def _search(
-    known: TableReadings, name: str, with_times: bool, generations: int, seed: int
+    known: TableReadings, name: str, with_times: bool, nearby: bool, generations: int, seed: int
 ) -> list[DataTable]:
     """Seek a reading's identified numbers anew; Ctrl-C ends it with nothing found.
 
@@ -101,7 +107,7 @@ def _search(
         )
     printed = load_tables(tables_path()).table_2_jump
     cams = {cam: load_cam(cam_path(cam)) for cam in printed}
-    search = ReadingSearch.of(known.readings[name], cams, printed, with_times, known.run_s)
+    search = ReadingSearch.of(known.readings[name], cams, printed, with_times, known.run_s, nearby)
     with progress_bar() as bar:
         task = bar.add_task(name, total=generations)
         found = search.best(

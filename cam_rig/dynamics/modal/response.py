@@ -107,7 +107,8 @@ class ModalResponse:
 
     def _sizes(self, powers: FloatArray) -> FloatArray:
         """The largest value of each term of the series, ``(m, p + 1)``."""
-        return np.abs(self.output) * powers * np.abs(self.derivatives[:-1]).max(axis=(1, 2))
+        largest = np.abs(self.derivatives[:-1]).max(axis=(1, 2))
+        return np.asarray(np.abs(self.output) * powers * largest)
 
     def resolved(self, speeds: FloatArray) -> NDArray[np.bool_]:
         """Whether rounding leaves the output its digits, ``(m,)``.

@@ -84,13 +84,14 @@ class Trials:
         )
 
     def misses(
-        self, numbers: Mapping[str, FloatArray], run: float
+        self, numbers: Mapping[str, FloatArray], run: float, nearby: bool
     ) -> tuple[FloatArray, FloatArray]:
         """By how many rpm each trial misses the printed speed and time, ``(b,)`` each.
 
         At slower speeds of the grid, from the slowest on, the envelope of the vibration is held to
-        keep contact. The time's miss is how far the force at the printed speed is from being zero
-        first in the turn that is nearest to the printed time, as a change of speed.
+        keep contact; ``nearby`` leaves them out but for the next slower one. The time's miss is how
+        far the force at the printed speed is from being zero first in the turn that is nearest to
+        the printed time, as a change of speed.
         """
         event, high = numbers["event"], numbers["high_dwell"]
         spans = self.spans[0] + np.outer(event, self.spans[1]) + np.outer(high, self.spans[2])
@@ -99,14 +100,15 @@ class Trials:
         force, angle = turn_minima(self.shape, spans, rigs, rpm * RPM, turns)
         next_slower = turn_minima(self.shape, spans, rigs, (rpm - ROUNDED_TO) * RPM, turns)
         below = [next_slower.force.min(axis=1)]
-        for slower in np.arange(FIRST_RPM, rpm - 1.5 * ROUNDED_TO, ROUNDED_TO):
+        first = rpm if nearby else FIRST_RPM
+        for slower in np.arange(first, rpm - 1.5 * ROUNDED_TO, ROUNDED_TO):
             found = turn_minima(self.outline, spans, rigs, slower * RPM, turns)
             below.append(found.force.min(axis=1))
         slope = np.maximum((below[0] - force.min(axis=1)) / ROUNDED_TO, MIN_SLOPE)
         late = np.maximum(0.0, force.min(axis=1))
         early = np.maximum(0.0, -np.min(below, axis=0))
-        first = self._turn_of_time(force, angle)
-        return np.maximum(late, early) / slope, _time_miss(force, first, slope)
+        turn = self._turn_of_time(force, angle)
+        return np.maximum(late, early) / slope, _time_miss(force, turn, slope)
 
     def _turn_of_time(self, force: FloatArray, angle: FloatArray) -> NDArray[np.intp]:
         """The turn in which the deepest place is nearest to the printed time, ``(b,)``."""
@@ -157,6 +159,7 @@ class ReadingSearch:
     sought : keys of `BOUNDS`
     with_times : whether the printed times count
     run : s from rest
+    nearby : whether contact need only hold at the next slower speed of the table's grid
     """
 
     trials: Mapping[str, Trials]
@@ -164,6 +167,7 @@ class ReadingSearch:
     sought: tuple[str, ...]
     with_times: bool
     run: float
+    nearby: bool = False
 
     @classmethod
     def of(
@@ -173,6 +177,7 @@ class ReadingSearch:
         printed: Mapping[str, PublishedJump],
         with_times: bool,
         run: float,
+        nearby: bool = False,
     ) -> ReadingSearch:
         """Seek the numbers that a reading identified, with the others as they are.
 
@@ -187,7 +192,7 @@ class ReadingSearch:
             )
         given = {key: value.si for key, value in reading if isinstance(value, Quantity)}
         trials = {cam: Trials.of(cams[cam], row) for cam, row in printed.items()}
-        return cls(trials, given, sought, with_times, run)
+        return cls(trials, given, sought, with_times, run, nearby)
 
     def numbers(self, x: FloatArray) -> dict[str, FloatArray]:
         """Trial numbers from places ``(sought, b)`` of the search, ``(b,)`` each."""
@@ -202,7 +207,7 @@ class ReadingSearch:
     def misses(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Of every cam, in speed and in time, ``(cams, b)`` each, rpm."""
         numbers = self.numbers(x)
-        found = [trial.misses(numbers, self.run) for trial in self.trials.values()]
+        found = [trial.misses(numbers, self.run, self.nearby) for trial in self.trials.values()]
         speeds, times = (np.array(rows) for rows in zip(*found, strict=True))
         return speeds, times if self.with_times else np.zeros_like(times)
 

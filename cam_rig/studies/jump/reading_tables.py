@@ -67,8 +67,10 @@ def speeds_table(found: Sequence[Read]) -> DataTable:
             ),
             (Column("speeds that agree", "", "d"), lambda read: read.speeds),
             (Column("times that agree", "", "d"), lambda read: read.times),
+            (Column("jump speeds, r.m.s.", "%", ".2f"), lambda read: 100.0 * read.rms),
         ),
         "A time agrees within half a turn, where the speed does.",
+        "Jump speeds, r.m.s.: of those at any speed, also between those of the grid.",
     )
 
 
@@ -80,6 +82,7 @@ def times_table(found: Sequence[Read]) -> DataTable:
         (
             (Column("reading"), lambda item: item[0].name),
             (Column("cam"), lambda item: item[1].cam),
+            (Column("jump speed", "rpm", ".1f"), lambda item: item[1].jump),
             (Column("Table 2", "s", ".2f"), lambda item: item[1].printed.time_s),
             (Column("time", "s", ".3f"), lambda item: _finite(item[1].time)),
             (Column("slower by 1e-6", "s", ".3f"), lambda item: _finite(item[1].latest)),
@@ -126,6 +129,11 @@ def widest(found: Sequence[Read]) -> float:
     return max(row.window for read in found for row in read.rows)
 
 
+def nearest(found: Sequence[Read]) -> Read:
+    """The reading whose jump speeds, at any speed, are nearest to the printed ones."""
+    return min(found, key=lambda read: read.rms)
+
+
 def conclusion(found: Sequence[Read]) -> str:
     """What the readings come to, in a line."""
     fitted = ", ".join(
@@ -133,8 +141,10 @@ def conclusion(found: Sequence[Read]) -> str:
         f"{len(read.reading.fitted)} fitted"
         for read in found
     )
+    near = nearest(found)
     return (
-        f"{fitted}; a printed time comes out over {widest(found):.2g} of {2 * ROUNDED_TO:g} rpm "
+        f"{fitted}; jump speeds at any speed are nearest on {near.name}, {100.0 * near.rms:.2f} % "
+        f"r.m.s.; a printed time comes out over {widest(found):.2g} of {2 * ROUNDED_TO:g} rpm "
         "about its speed at most"
     )
 

@@ -20,14 +20,16 @@ from cam_rig.laws import Law, build_law
 from cam_rig.schema import CamConfig, TableReading
 from cam_rig.schema.published import PublishedJump
 from cam_rig.studies.jump.refit import ROUNDED_TO, with_event
-from cam_rig.studies.jump.search import force_run
+from cam_rig.studies.jump.search import force_run, sought_speed
 from cam_rig.studies.jump.turn_minima import Rigs, ShapeTable, turn_minima
 from cam_rig.units import RPM, TURN, to_rpm
 
 #: The first speed looked at, rpm, and the last, as a multiple of the printed one.
 FIRST_RPM, LAST = 200.0, 1.3
-#: Speeds about the printed one at which the time of the first loss is looked at.
-SPEEDS = 1001
+#: Contact is lost far too early below this part of the printed speed.
+EARLY = 0.9
+#: Speeds about the printed one at which the time of the first loss is looked at, and at a time.
+SPEEDS, TOGETHER = 501, 16
 #: Points a turn there: 16 a period up to 3 kHz at 600 rpm.
 POINTS = 4800
 #: A solver of ordinary differential equations knows a speed, or a force, to this part of it.
@@ -40,6 +42,7 @@ class ReadRow:
 
     Parameters
     ----------
+    jump : rpm, the jump speed: at any speed, between those of the grid too
     rpm : the first speed of the table's grid at which contact is lost; NaN where it is at none
     time : s, when it is first lost there
     earliest, latest : s, the same at speeds `SOLVER` of it above and below; NaN where contact holds
@@ -49,6 +52,7 @@ class ReadRow:
 
     cam: str
     printed: PublishedJump
+    jump: float
     rpm: float
     time: float
     earliest: float
@@ -78,8 +82,18 @@ class Read:
 
     @property
     def rms(self) -> float:
-        """r.m.s. of the relative differences of the speeds on the grid."""
-        return rms([row.rpm / row.printed.rpm - 1.0 for row in self.rows])
+        """Of the jump speeds' relative differences to the printed ones, the r.m.s."""
+        return rms([row.jump / row.printed.rpm - 1.0 for row in self.rows])
+
+    @property
+    def hidden(self) -> list[ReadRow]:
+        """Rows with a jump between slower speeds of the grid, which shows a faster one."""
+        return [row for row in self.rows if row.jump < row.rpm - ROUNDED_TO]
+
+    @property
+    def early(self) -> list[ReadRow]:
+        """Rows with loss of contact far below the printed speed, on the grid."""
+        return [row for row in self.rows if row.rpm < EARLY * row.printed.rpm]
 
     @property
     def speeds(self) -> int:
@@ -144,17 +158,17 @@ def window(law: Law, follower: TwoMassParameters, printed: PublishedJump, run: f
 
     Of the speeds no farther than `ROUNDED_TO` from the printed one.
     """
+    shape, near = ShapeTable.of(law, POINTS), []
     speeds = RPM * np.linspace(printed.rpm - ROUNDED_TO, printed.rpm + ROUNDED_TO, SPEEDS)
-    rigs = Rigs.of(follower, SPEEDS)
-    spans = np.broadcast_to(law.spans, (SPEEDS, law.spans.size))
-    turns = math.ceil(run * to_rpm(speeds[-1]) / 60.0)
-    force, angle = turn_minima(ShapeTable.of(law, POINTS), spans, rigs, speeds, turns)
-    lost = force <= 0.0
-    first = lost.argmax(axis=1)
-    rows = np.arange(SPEEDS)
-    times = (TURN * first + angle[rows, first]) / speeds
-    near = np.abs(times - printed.time_s) <= 30.0 / printed.rpm
-    return 2.0 * ROUNDED_TO * float((lost.any(axis=1) & near).mean())
+    for few in np.array_split(speeds, SPEEDS // TOGETHER):
+        spans = np.broadcast_to(law.spans, (few.size, law.spans.size))
+        turns = math.ceil(run * to_rpm(float(few[-1])) / 60.0)
+        force, angle = turn_minima(shape, spans, Rigs.of(follower, few.size), few, turns)
+        lost = force <= 0.0
+        first = lost.argmax(axis=1)
+        times = (TURN * first + angle[np.arange(few.size), first]) / few
+        near.append(lost.any(axis=1) & (np.abs(times - printed.time_s) <= 30.0 / printed.rpm))
+    return 2.0 * ROUNDED_TO * float(np.concatenate(near).mean())
 
 
 def _row(
@@ -166,6 +180,7 @@ def _row(
     return ReadRow(
         cam,
         printed,
+        to_rpm(sought_speed(law, follower, run, FIRST_RPM)),
         rpm,
         there,
         earliest=faster,

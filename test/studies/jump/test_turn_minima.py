@@ -11,7 +11,7 @@ from cam_rig.studies.jump.search import force_run
 from cam_rig.studies.jump.turn_minima import Rigs, ShapeTable, turn_minima
 from cam_rig.units import RPM
 
-CAMS = ("bezier15", "poly345", "cycloidal", "bezier_segments", "modified_trapezoid", "tm21")
+CAMS = ("bezier15", "poly345", "cycloidal", "bezier_segments", "half_rises", "tm21")
 TURNS = 6
 
 
