@@ -91,6 +91,14 @@ class Read:
         return [row for row in self.rows if row.jump < row.rpm - ROUNDED_TO]
 
     @property
+    def moved(self) -> int:
+        """How many times change by half a turn or more within `SOLVER` of the speed."""
+        return sum(
+            not max(abs(row.earliest - row.time), abs(row.latest - row.time)) < 30.0 / row.rpm
+            for row in self.rows
+        )
+
+    @property
     def early(self) -> list[ReadRow]:
         """Rows with loss of contact far below the printed speed, on the grid."""
         return [row for row in self.rows if row.rpm < EARLY * row.printed.rpm]

@@ -155,3 +155,22 @@ def test_tables_of_the_readings():
     assert marks == len(reading.fitted) == 4
     assert len(times_table(found).rows) == len(CAMS)
     assert f"{found[0].speeds} of 5 speeds" in conclusion(found)
+
+
+def test_the_grid_may_hide_a_jump():
+    """The reading with all five speeds loses contact between slower speeds of the grid, the shipped
+    one does not: its jump speeds at any speed are the table's within 0.5 %.
+    """
+    shipped, five = (
+        read(name, KNOWN.readings[name], CAMS, PRINTED, KNOWN.run_s)
+        for name in ("shipped", "five_speeds")
+    )
+    assert not shipped.hidden and shipped.rms < 0.005
+    assert five.speeds == 5 and five.hidden
+    row = five.hidden[0]
+    law = build_law(with_event(CAMS[row.cam], five.reading.event.si, five.reading.high_dwell.si))
+    at_jump = lift_off(
+        law, follower_of(five.reading), row.jump * 1.00001 * RPM, 0.0, np.zeros(2), KNOWN.run_s
+    )
+    assert at_jump is not None
+    assert shipped.moved == five.moved == 0
