@@ -15,6 +15,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import MODELS
 from cam_rig.errors import ConfigError
 from cam_rig.extras import libraries_named
+from cam_rig.simulation.calibrated import is_calibrated
 from cam_rig.simulation.levels import MeasuredTick, step_levels
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import MicrophoneSimulator
@@ -35,7 +36,8 @@ class SoundLevel:
     by_turn : ``(n,)`` dB of every turn at that speed, those left out too
     settle_turns : turns left out at the beginning
     calibrated_on : the cam to whose measured levels the rig's acoustic constants were fitted;
-        empty when they are assumed, and the level is then good for comparisons alone
+        empty when they are assumed, or were fitted with another follower or model: the level is
+        then relative, good for comparisons alone
     """
 
     rpm: float
@@ -50,7 +52,9 @@ class SoundLevel:
         return bool(self.calibrated_on)
 
     def __str__(self) -> str:
-        worth = f"calibrated on {self.calibrated_on}" if self.calibrated else "uncalibrated"
+        worth = (
+            f"calibrated on {self.calibrated_on}" if self.calibrated else "relative: uncalibrated"
+        )
         return f"{self.level_db:.1f} dB at {self.rpm:g} rpm ({worth})"
 
     def to_pandas(self) -> DataFrame:
@@ -132,5 +136,5 @@ def _calibrated_on(motion: FollowerMotion) -> str:
     radiation = motion.rig.radiation
     if not MODELS[motion.scene.model].lifts_off and bool((motion.force < 0.0).any()):
         return ""  # contact would be lost
-    fitted = radiation.gain.origin == radiation.corner.origin == "identified"
+    fitted = is_calibrated(motion.rig, motion.scene.model)
     return (radiation.calibrated_on or "measured levels") if fitted else ""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import sys
+from typing import Annotated
 
 import typer
 
 from cam_rig.cli.cams.law import law
 from cam_rig.cli.cams.laws import laws
 from cam_rig.cli.cams.profile import profile
+from cam_rig.cli.common.version import print_versions
 from cam_rig.cli.runs.analyze import analyze
 from cam_rig.cli.runs.listen import listen
 from cam_rig.cli.runs.recover import recover
@@ -31,12 +33,28 @@ from cam_rig.cli.studies.timing import timing
 from cam_rig.cli.studies.vibration import vibration
 
 app = typer.Typer(
-    help="A virtual cam test rig: turn a cam, move its follower, listen, record, compare.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version",
+            is_eager=True,
+            callback=print_versions,
+            help="Print the versions of cam_rig, rerun and rclpy with its ROS distribution.",
+        ),
+    ] = False,
+) -> None:
+    """A virtual cam test rig: turn a cam, move its follower, listen, record, compare."""
+
+
 for verb in (
     run,
     simulate,

@@ -50,7 +50,8 @@ def figure(result: NoiseResult, loaded: LoadedScene) -> Figure:
             textcoords="offset points",
             color="0.35",
         )
-    axes.set(xlabel=CAM_SPEED, ylabel=LEVEL, title=loaded.scene.title)
+    worth = "" if loaded.calibrated else "relative "
+    axes.set(xlabel=CAM_SPEED, ylabel=worth + LEVEL, title=loaded.scene.title)
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8, loc="upper left")
     return out

@@ -111,4 +111,4 @@ def timing_figures(found: Findings) -> dict[str, str]:
 def _arc_cam(sources: Sources) -> str:
     """The scene's identified cam, which stands in for the TM21's own."""
     loaded = sources.loaded
-    return next(cam for cam in loaded.cams if loaded.role(cam) == "identified")
+    return next(cam for cam in loaded.cams if loaded.part(cam) == "identified")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
@@ -43,7 +44,12 @@ def _sentence(problem: ErrorDetails, kind: type[BaseModel]) -> str:
         case "union_tag_not_found":
             text = f"{key}.{tag}: missing; allowed: one of {_tags(kind, problem)}"
         case "union_tag_invalid":
-            text = f"{key}.{tag}: is {context['tag']!r}; allowed: {context['expected_tags']}"
+            known = str(context["expected_tags"])
+            name = context["tag"]
+            text = f"{key}.{tag}: is {name!r}{_hint(name, known)}; allowed: {known}"
+        case "literal_error":
+            known = str(context["expected"])
+            text = f"{key}: is {shown}{_hint(problem['input'], known)}; allowed: {known}"
         case "string_pattern_mismatch":
             text = f"{key}: is {shown}; allowed: lower case letters, digits and _"
         case "too_short":
@@ -51,6 +57,11 @@ def _sentence(problem: ErrorDetails, kind: type[BaseModel]) -> str:
         case _:
             text = f"{key}: is {shown}; allowed: {problem['msg'].removeprefix('Input should be ')}"
     return text
+
+
+def _hint(name: object, known: str) -> str:
+    """The likeliest of the names that pydantic lists in quotes."""
+    return did_you_mean(str(name), re.findall(r"'([^']*)'", known))
 
 
 def _unknown_key(problem: ErrorDetails, kind: type[BaseModel]) -> str:

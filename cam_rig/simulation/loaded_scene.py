@@ -21,6 +21,7 @@ from cam_rig.schema import (
     load_rig,
     load_scene,
 )
+from cam_rig.simulation.calibrated import RELATIVE, is_calibrated
 from cam_rig.simulation.cam_files import law_of, require_sprung
 
 
@@ -86,8 +87,17 @@ class LoadedScene:
             )
         return self.laws[cam]
 
+    @property
+    def calibrated(self) -> bool:
+        """Whether the levels of the scene are more than relative to each other."""
+        return is_calibrated(self.rig, self.scene.model)
+
     def role(self, cam: str) -> str:
-        """What a comparison of this cam's noise with the published curve is worth."""
+        """What a level of this cam is worth: relative, or its `part` on a calibrated rig."""
+        return self.part(cam) if self.calibrated else RELATIVE
+
+    def part(self, cam: str) -> str:
+        """What the files fit to this cam: calibrated (the rig), identified (the cam), predicted."""
         if cam == self.rig.radiation.calibrated_on:
             return "calibrated"
         source = self.cams[cam].identified_from

@@ -26,7 +26,7 @@ SPAN = "span: {identified: 117.5, unit: deg"
         (RISE, "{law: poly345, to: up,", "segments[1].to", "is 'up'; allowed: a valid number"),
         (RISE, "{law: poly345,", "segments[1].to", "missing; it is required"),
         (RISE, "{law: poly345, to: 1, too: 2,", "segments[1].too", "did you mean 'to'?"),
-        (RISE, "{law: poly346, to: 1,", "segments[1].law", "is 'poly346'; allowed"),
+        (RISE, "{law: poly346, to: 1,", "segments[1].law", "(did you mean 'poly345'?); allowed"),
         ("type: roller", "type: wheel", "follower.type", "is 'wheel'; allowed: 'point', 'roller'"),
         ("  type: roller", "  # type:", "follower.type", "missing; allowed: one of conjugate, "),
         ("type: roller", "type: point", "follower.roller_radius", "unknown key, value a mapping"),

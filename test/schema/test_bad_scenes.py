@@ -25,7 +25,11 @@ def scene_error(config_dir, error_of):
         ("cams", "tm21", "cams: is 'tm21'; allowed: a valid list"),
         ("cams", "[]", "cams: is []"),
         ("cams", "[../tm21]", "cams[0]: is '../tm21'"),
-        ("model", "three_mass", "model: is 'three_mass'; allowed: 'kinetostatic', 'one_mass'"),
+        (
+            "model",
+            "three_mass",
+            "model: is 'three_mass' (did you mean 'one_mass'?); allowed: 'kinetostatic', ",
+        ),
         ("sample_rate", "{given: 99, unit: Hz}", "sample_rate: is 99 Hz; allowed: at least 100 Hz"),
         ("sample_rate", "{given: 2, unit: MHz}", "sample_rate: has unit 'MHz'"),
         ("sample_rate", "{given: 2000, unit: kHz}", "sample_rate: is 2000 kHz; allowed: at most"),

@@ -24,6 +24,8 @@ KINDS = {str: "TEXT", int: "N", float: "NUMBER", Path: "PATH"}
 HEAD = """# Commands
 
 Every command has `--help`. This page is made from it by `tools/docs/commands.py`.
+With `--version` instead of a command, `cam-rig` prints the versions of the package, of Rerun, and
+of rclpy with its ROS distribution.
 
 A file is given by path, or by name where it is a shipped one: `quick` is
 `config/scenes/quick.yaml`, `poly345` is `config/cams/poly345.yaml`. Tables and messages for people

@@ -35,6 +35,8 @@ def to_json(result: NoiseResult, counts: dict[str, int]) -> dict[str, Any]:
 
 def table(result: NoiseResult, loaded: LoadedScene) -> DataTable:
     """Regression, difference to the published one, and what that difference is worth."""
+    from cam_rig.simulation.calibrated import RELATIVE_NOTE
+
     return tabulate(
         f"{loaded.scene.title}: level in dB over x in rpm",
         result.curves.values(),
@@ -42,11 +44,19 @@ def table(result: NoiseResult, loaded: LoadedScene) -> DataTable:
             (Column("cam"), lambda curve: curve.cam),
             (Column("regression"), _regression),
             (Column("difference to published", "dB r.m.s.", ".2f"), lambda curve: curve.rmse_db),
-            (Column("role"), lambda curve: "" if curve.rmse_db is None else curve.role),
+            (Column("role"), _role),
             (Column("first level", "dB", ".1f"), lambda curve: float(curve.level_db[0])),
             (Column("last level", "dB", ".1f"), lambda curve: float(curve.level_db[-1])),
         ),
+        "" if loaded.calibrated else RELATIVE_NOTE,
     )
+
+
+def _role(curve: NoiseCurve) -> str:
+    """What the comparison is worth, or that no level is; nothing where nothing is compared."""
+    from cam_rig.simulation.calibrated import RELATIVE
+
+    return "" if curve.rmse_db is None and curve.role != RELATIVE else curve.role
 
 
 def _regression(curve: NoiseCurve) -> str:

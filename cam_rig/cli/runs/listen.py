@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cam_rig.cli.common.console import console, progress_bar, user_errors
+from cam_rig.cli.common.console import console, progress_bar, say, user_errors
 from cam_rig.cli.common.names import scene_path
 from cam_rig.cli.common.options import Json, Scene
 from cam_rig.cli.common.outputs import check_outputs, check_place, write_json, writing
@@ -79,8 +79,9 @@ def listen(
         scale = full_scale(measured.peak_pa)
         with writing(out) as part:
             _write(part, pcm(pressure, scale))
-        _show(measured, out, scale, pressure.size / RATE)
-        write_json(_to_json(measured, scale, pressure.size / RATE), json_target)
+        lasts = pressure.size / RATE
+        _show(measured, out, scale, lasts, loaded.calibrated)
+        write_json(_to_json(measured, scale, lasts, loaded.calibrated), json_target)
 
 
 def _write(path: Path, samples: bytes) -> None:
@@ -93,7 +94,9 @@ def _write(path: Path, samples: bytes) -> None:
         file.writeframes(samples)
 
 
-def _show(measured: Measurement, out: Path, scale: float, seconds: float) -> None:
+def _show(measured: Measurement, out: Path, scale: float, seconds: float, calibrated: bool) -> None:
+    from cam_rig.simulation.calibrated import RELATIVE_NOTE
+
     levels = ", ".join(f"{name} {level:.1f}" for name, level in measured.levels.items())
     console.print(
         f"{out}: {seconds:.1f} s; full scale is {scale:g} Pa, peak {measured.peak_pa:.3g} Pa"
@@ -103,14 +106,19 @@ def _show(measured: Measurement, out: Path, scale: float, seconds: float) -> Non
         console.print("[bold]overload:[/] beyond the meter's 130 dB")
     if measured.under_range:
         console.print("[bold]under range:[/] a level is below the meter's 30 dB")
+    if not calibrated:
+        say(RELATIVE_NOTE)
 
 
-def _to_json(measured: Measurement, scale: float, seconds: float) -> dict[str, Any]:
+def _to_json(
+    measured: Measurement, scale: float, seconds: float, calibrated: bool
+) -> dict[str, Any]:
     return {
         "seconds": seconds,
         "full_scale_pa": scale,
         "peak_pa": measured.peak_pa,
         "levels_db": measured.levels,
+        "calibrated": calibrated,
         "class_1_up_to_hz": measured.class_1_up_to_hz,
         "third_octaves_db": dict(
             zip(measured.bands.names, measured.bands.level_db.tolist(), strict=True)

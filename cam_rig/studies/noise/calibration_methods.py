@@ -192,7 +192,7 @@ def _curve(
     fitted = cubic(study.rpm) @ level
     return StudiedCurve(
         cam=cam.cam,
-        role=study.loaded.role(cam.cam),
+        role=study.loaded.part(cam.cam),  # true here: each method calibrates anew
         numbers=numbers,
         level_db=level,
         regression_db=fitted,

@@ -1,0 +1,64 @@
+"""Whether a rig's levels are sound pressure levels, or good for comparisons alone.
+
+Gain and cut-off of the radiation take the error of everything before them: they hold for the
+follower and the model that they were fitted with. A copy of the shipped rig with another mass and
+spring has their numbers, but not their calibration. It is told by content, not by name.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+from cam_rig.schema import RigConfig, load_rig
+from cam_rig.schema.load import config_root
+from cam_rig.schema.quantity import Quantity
+
+#: The shipped rig that was calibrated, and the model of the follower it was calibrated with.
+SHIPPED, MODEL = "tm21", "one_mass"
+#: What a level is worth whose rig was not calibrated, and what that means.
+RELATIVE = "relative"
+RELATIVE_NOTE = (
+    "Relative: the rig's acoustic constants were not fitted with this follower and model, so only "
+    "differences between levels mean something."
+)
+#: Two numbers that differ by less, relative, are the same in other units.
+SAME = 1e-9
+
+
+def is_calibrated(rig: RigConfig, model: str) -> bool:
+    """Whether the acoustic constants of a rig were fitted with its own follower.
+
+    They are identified, and not the shipped ones behind another follower or another model.
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> rig = cam_rig.load_rig("tm21")
+    >>> is_calibrated(rig, "one_mass")
+    True
+    >>> is_calibrated(cam_rig.load_rig("paper_table2"), "two_mass")
+    False
+    """
+    own, shipped = rig.radiation, _shipped()
+    if not own.gain.origin == own.corner.origin == "identified":
+        return False
+    constants = shipped.radiation
+    if not (_same(own.gain, constants.gain) and _same(own.corner, constants.corner)):
+        return True  # fitted anew, as cam-rig calibrate writes them
+    return model == MODEL and all(
+        _same(getattr(rig.follower, key), getattr(shipped.follower, key))
+        for key in type(rig.follower).model_fields
+    )
+
+
+def _same(one: Quantity | None, other: Quantity | None) -> bool:
+    """Whether two numbers are one, whatever their units and origins; none is like none."""
+    if one is None or other is None:
+        return one is other
+    return math.isclose(one.si, other.si, rel_tol=SAME)
+
+
+@lru_cache(maxsize=1)
+def _shipped() -> RigConfig:
+    return load_rig(config_root() / "rigs" / f"{SHIPPED}.yaml")
