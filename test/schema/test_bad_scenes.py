@@ -28,7 +28,7 @@ def scene_error(config_dir, error_of):
         (
             "model",
             "three_mass",
-            "model: is 'three_mass' (did you mean 'one_mass'?); allowed: 'kinetostatic', ",
+            "model: is 'three_mass' (did you mean 'two_mass'?); allowed: 'kinetostatic', ",
         ),
         ("sample_rate", "{given: 99, unit: Hz}", "sample_rate: is 99 Hz; allowed: at least 100 Hz"),
         ("sample_rate", "{given: 2, unit: MHz}", "sample_rate: has unit 'MHz'"),
