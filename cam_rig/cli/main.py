@@ -10,6 +10,7 @@ from cam_rig.cli.cams.law import law
 from cam_rig.cli.cams.laws import laws
 from cam_rig.cli.cams.profile import profile
 from cam_rig.cli.runs.analyze import analyze
+from cam_rig.cli.runs.export import export
 from cam_rig.cli.runs.listen import listen
 from cam_rig.cli.runs.recover import recover
 from cam_rig.cli.runs.replay import replay
@@ -40,6 +41,7 @@ for verb in (
     run,
     simulate,
     analyze,
+    export,
     view,
     recover,
     replay,
