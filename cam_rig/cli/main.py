@@ -26,6 +26,7 @@ from cam_rig.cli.studies.factorial import factorial
 from cam_rig.cli.studies.identify import identify
 from cam_rig.cli.studies.jump import jump
 from cam_rig.cli.studies.noise import noise
+from cam_rig.cli.studies.orders import orders
 from cam_rig.cli.studies.report import report
 from cam_rig.cli.studies.timing import timing
 from cam_rig.cli.studies.vibration import vibration
@@ -56,6 +57,7 @@ for verb in (
     vibration,
     factorial,
     noise,
+    orders,
     report,
     listen,
     calibrate,
