@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +15,8 @@ from cam_rig.arrays import FloatArray
 from cam_rig.plots.figures import CAM_SPEED, empty, line, write
 from cam_rig.schema.scene import MODEL_ALIASES
 from cam_rig.studies.orders.spectrum import OrderSpectrum
-from cam_rig.studies.orders.waterfall import CamOrders
+from cam_rig.studies.orders.waterfall import QUANTITIES, RANGE, CamOrders, loudest
 
-Quantity = Callable[[OrderSpectrum], FloatArray]
-#: dB between the brightest and the darkest.
-RANGE = 60.0
 #: Orders that are named at the edge, at most.
 NAMED = 8
 #: The field's names of the models that have another one.
@@ -35,74 +32,47 @@ def draw(found: Sequence[CamOrders], path: Path) -> None:
 def figure(found: Sequence[CamOrders]) -> Figure:
     """A row for each cam: force on the left, sound on the right."""
     out = empty(11.0, 4.2 * len(found) + 0.4)
-    panels = out.subplots(len(found), 2, squeeze=False)
-    top = [max(quantity(s)[1:].max() for c in found for s in c.spectra) for quantity in QUANTITIES]
-    for row, study in enumerate(found):
-        one = len(study.spectra) == 1
-        for axes, quantity, name, most in zip(panels[row], QUANTITIES, NAMES, top, strict=True):
-            model = MODELS.get(study.model, study.model)
-            axes.set_title(f"{study.cam}, {model}: {name.partition(' [')[0]}", fontsize=10)
-            if one:
-                _lines(axes, study.spectra[0], quantity(study.spectra[0]), name, most)
+    panels = out.subplots(len(found), len(QUANTITIES), squeeze=False)
+    for column, (quantity, name) in enumerate(QUANTITIES.items()):
+        most = loudest(found, quantity)
+        for study, axes in zip(found, panels[:, column], strict=True):
+            what, model = name.partition(" [")[0], MODELS.get(study.model, study.model)
+            axes.set_title(f"{study.cam}, {model}: {what}", fontsize=10)
+            if len(study.spectra) == 1:
+                _lines(axes, study.spectra[0], study.values(quantity), name, most)
             else:
-                rays = _rays(axes, study, quantity, most)
+                rays = _rays(axes, study, study.values(quantity), most)
                 out.colorbar(rays, ax=axes, label=name, extend="min")
     return out
 
 
-def _force_db(spectrum: OrderSpectrum) -> FloatArray:
-    """Amplitude of the force, dB re 1 N."""
-    return np.asarray(20.0 * np.log10(np.maximum(spectrum.amplitude, 1e-15)))
-
-
-def _sound_db(spectrum: OrderSpectrum) -> FloatArray:
-    return spectrum.level
-
-
-QUANTITIES = (_force_db, _sound_db)
-NAMES = ("contact force [dB re 1 N]", "sound [dB re 20 µPa]")
-
-
-def _lines(axes: Axes, spectrum: OrderSpectrum, level: FloatArray, name: str, most: float) -> None:
+def _lines(axes: Axes, spectrum: OrderSpectrum, values: FloatArray, name: str, most: float) -> None:
     low = most - RANGE
-    axes.vlines(spectrum.orders[1:], low, level[1:], color=line(0)["color"], lw=1.4)
+    axes.vlines(spectrum.orders[1:], low, values, color=line(0)["color"], lw=1.4)
     axes.set(xlabel=f"order of the cam, {spectrum.rpm:g} rpm", ylabel=name)
     axes.set(ylim=(low, most + 4.0), xlim=(0.0, spectrum.orders[-1] + 1.0))
     axes.grid(alpha=0.25)
 
 
-def _rays(
-    axes: Axes, study: CamOrders, quantity: Callable[[OrderSpectrum], FloatArray], most: float
-) -> LineCollection:
-    """A short stroke for each order at each speed: the strokes of an order lie on its ray.
-
-    Dashed: the natural frequency of the stem.
-    """
-    rpm = np.array([spectrum.rpm for spectrum in study.spectra])
-    edges = np.concatenate(
-        ([1.5 * rpm[0] - 0.5 * rpm[1]], 0.5 * (rpm[1:] + rpm[:-1]), [1.5 * rpm[-1] - 0.5 * rpm[-2]])
-    )
-    strokes, levels = [], []
-    for spectrum, left, right in zip(study.spectra, edges[:-1], edges[1:], strict=True):
-        per_rpm = spectrum.orders[1:] / 60.0
-        ends = [np.column_stack([np.full_like(per_rpm, x), per_rpm * x]) for x in (left, right)]
-        strokes.append(np.stack(ends, axis=1))
-        levels.append(quantity(spectrum)[1:])
+def _rays(axes: Axes, study: CamOrders, values: FloatArray, most: float) -> LineCollection:
+    """The strokes of an order lie on its ray. Dashed: the natural frequency of the stem."""
     shades = colormaps[COLOURS].with_extremes(under=GROUND)
-    rays = LineCollection(list(np.concatenate(strokes)), cmap=shades, lw=1.6)
-    rays.set_array(np.concatenate(levels))
+    rays = LineCollection(list(study.strokes()), cmap=shades, lw=1.6)
+    rays.set_array(values)
     rays.set_clim(most - RANGE, most)
     axes.add_collection(rays)
-    highest = study.spectra[-1].orders[-1]
+    low, high = study.edges[[0, -1]]
+    highest = float(study.spectra[-1].orders[-1])
     axes.set(xlabel=CAM_SPEED, ylabel="frequency [Hz]", facecolor=GROUND)
-    axes.set(xlim=(edges[0], edges[-1]), ylim=(0.0, highest * edges[-1] / 60.0))
+    axes.set(xlim=(low, high), ylim=(0.0, highest * high / 60.0))
     natural = study.spectra[0].steady.natural_frequency
     if natural is not None and natural < axes.get_ylim()[1]:
         axes.axhline(natural, color="w", ls="--", lw=0.8)
-    for order in _named(highest):
-        words = f"{order:g}" if order < _named(highest)[-1] else f"order {order:g}"
-        place = (edges[-1], order * edges[-1] / 60.0)
-        axes.annotate(words, place, xytext=(2, 0), textcoords="offset points", fontsize=7)
+    named = _named(highest)
+    for order in named:
+        words = f"{order:g}" if order < named[-1] else f"order {order:g}"
+        place = (high, order * high / 60.0)
+        axes.annotate(words, place, (2, 0), textcoords="offset points", fontsize=7)
     return rays
 
 

@@ -72,6 +72,7 @@ def test_another_rig_and_model():
         (["poly345", "--cam", "tm21"], "--cam tm21: poly345 is a cam; allowed: with a scene"),
         (["poly345", "--model", "torsional"], "model torsional: its force is no closed form"),
         (["poly345", "--rpm", "0"], "--rpm 0: allowed: 300, or 200,300, or 200:400:10"),
+        (["poly345", "--save", "a.png"], "a.png: unknown kind of recording; allowed: .rrd"),
         (["conjugate"], "allowed on a rig: one that a closing spring alone"),
     ],
 )

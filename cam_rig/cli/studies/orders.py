@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cam_rig.cli.common.console import progress_bar, show, user_errors
+from cam_rig.cli.common.console import progress_bar, say, show, user_errors
 from cam_rig.cli.common.names import cam_path, rig_path, scene_path
 from cam_rig.cli.common.options import Csv, Json, Plot
-from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
+from cam_rig.cli.common.outputs import check_outputs, check_place, write_csv, write_json, write_plot
 from cam_rig.errors import ConfigError, did_you_mean
+from cam_rig.extras import require
 
 if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
     from cam_rig.laws import Law
     from cam_rig.schema import RigConfig
+    from cam_rig.studies.orders.waterfall import CamOrders
 
 #: What a cam alone is put on: rig and model.
 CAM_RIG, CAM_MODEL = "tm21", "one_mass"
@@ -25,27 +29,37 @@ MAX_ORDERS, MAX_SPEEDS = 10_000, 1000
 SHOWN = 40
 
 
+Source = Annotated[
+    str, typer.Argument(metavar="CAM|SCENE", help="Cam or scene: a file, or a name in config.")
+]
+Speeds = Annotated[
+    str | None,
+    typer.Option(help="Speeds: 300, or 200,300, or 200:400:10; by default the scene's."),
+]
+OneCam = Annotated[str | None, typer.Option(help="One cam of a scene; by default all.")]
+OwnRig = Annotated[
+    str | None, typer.Option(help="Rig file, or a name in config/rigs; by default the scene's.")
+]
+OwnModel = Annotated[
+    str | None, typer.Option(help="Model, as in a scene (two_mass); by default the scene's.")
+]
+Highest = Annotated[int, typer.Option("--orders", min=1, max=MAX_ORDERS, help="Highest order.")]
+Save = Annotated[
+    Path | None, typer.Option(help="Write a Rerun recording (.rrd): diagram and spectra.")
+]
+
+
 def orders(
-    source: Annotated[
-        str, typer.Argument(metavar="CAM|SCENE", help="Cam or scene: a file, or a name in config.")
-    ],
-    rpm: Annotated[
-        str | None,
-        typer.Option(help="Speeds: 300, or 200,300, or 200:400:10; by default the scene's."),
-    ] = None,
-    cam: Annotated[str | None, typer.Option(help="One cam of a scene; by default all.")] = None,
-    rig: Annotated[
-        str | None, typer.Option(help="Rig file, or a name in config/rigs; by default the scene's.")
-    ] = None,
-    model: Annotated[
-        str | None, typer.Option(help="Model, as in a scene (two_mass); by default the scene's.")
-    ] = None,
-    highest: Annotated[
-        int, typer.Option("--orders", min=1, max=MAX_ORDERS, help="Highest order.")
-    ] = 100,
+    source: Source,
+    rpm: Speeds = None,
+    cam: OneCam = None,
+    rig: OwnRig = None,
+    model: OwnModel = None,
+    highest: Highest = 100,
     json_target: Json = None,
     csv: Csv = None,
     plot: Plot = None,
+    save: Save = None,
 ) -> None:
     """Find the spectrum of force and sound by orders of the cam: exact, without leakage.
 
@@ -59,6 +73,8 @@ def orders(
     cam-rig orders poly345 --rpm 400
 
     cam-rig orders tm21_sweep --cam tm21 --rpm 200:400:5 --plot out/orders.png --csv out/orders.csv
+
+    cam-rig orders poly345 --rig paper_table2 --model two_mass --rpm 300:500:5 --save out/orders.rrd
     """
     with user_errors():
         from cam_rig.studies.orders import tables
@@ -66,6 +82,8 @@ def orders(
         from cam_rig.units import RPM
 
         check_outputs(json_target, plot, csv)
+        if save is not None:
+            _require_recording(save)
         laws, chosen_rig, own_model, own_speeds = _opened(source, cam, rig)
         speeds = own_speeds if rpm is None else speeds_of(rpm)
         with progress_bar() as bar:
@@ -79,6 +97,8 @@ def orders(
             from cam_rig.plots.orders import draw
 
             write_plot(plot, lambda part: draw(found, part))
+        if save is not None:
+            _save(found, save)
         write_json(tables.to_json(found), json_target)
 
 
@@ -103,6 +123,21 @@ def _opened(
     laws = dict(scene.laws) if cam is None else {cam: scene.law_of(cam)}
     speeds = [round(to_rpm(speed), 9) for speed in scene.scene.program.speeds.si_list]
     return laws, load_rig(rig_path(rig)) if rig else scene.rig, scene.scene.model, sorted(speeds)
+
+
+def _require_recording(path: Path) -> None:
+    """Refuse, before anything is computed, what could not be written afterwards."""
+    require("rerun")
+    check_place(path)
+    if path.suffix != ".rrd":
+        raise ConfigError(f"{path}: unknown kind of recording; allowed: .rrd")
+
+
+def _save(found: Sequence[CamOrders], path: Path) -> None:
+    from cam_rig.viewer.orders import save_orders
+
+    save_orders(found, path)
+    say(f"recording: {path}")
 
 
 def _model(name: str) -> str:

@@ -23,7 +23,7 @@ from cam_rig.studies.orders.fourier import (
 from cam_rig.studies.orders.steady_force import SteadyForce, steady_force
 from cam_rig.units import TURN, to_rpm
 
-#: r.m.s. pressure (Pa) that silence counts as.
+#: r.m.s. pressure (Pa) that silence counts as, and force (N) that none does.
 SILENCE = 1e-15
 
 
@@ -61,6 +61,11 @@ class OrderSpectrum:
     def amplitude(self) -> FloatArray:
         """Of the force at each order, N; the mean force at order 0."""
         return np.abs(self.force) * np.where(self.orders > 0.0, 2.0, 1.0)
+
+    @property
+    def force_db(self) -> FloatArray:
+        """The amplitude in dB re 1 N."""
+        return np.asarray(20.0 * np.log10(np.maximum(self.amplitude, SILENCE)))
 
     @property
     def level(self) -> FloatArray:
