@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 
 from cam_rig.api.arguments import require_type
 from cam_rig.api.notebook import shown
-from cam_rig.dynamics import TwoMassParameters
 from cam_rig.extras import libraries_named
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
-from cam_rig.studies.jump import jump_speed as study
+from cam_rig.studies.jump.any_rig import find_jump, follower_of
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.jump_speed import Jump
 
@@ -59,22 +58,24 @@ class JumpSpeed(Jump):
         """
         with libraries_named():
             from cam_rig.plots.jump import one_cam
-        parameters = TwoMassParameters.from_rig(self.rig)
-        return shown(one_cam(self.law, parameters, self.duration, self.rpm))
+        return shown(one_cam(self.law, follower_of(self.rig), self.duration, self.rpm))
 
 
 def jump_speed(law: Law, rig: RigConfig, *, duration: float | None = FROM_REST) -> JumpSpeed:
-    """The lowest speed at which the two-mass follower loses contact, to 0.01 rpm.
+    """The lowest speed at which the follower loses contact, to 0.01 rpm.
+
+    Of two masses where the rig says how they split, else of one rigid mass, which does not vibrate.
 
     Parameters
     ----------
     law : of `build_law`, or one's own `Law`
-    rig : one with ``roller_share`` and ``stem_damping``, such as ``paper_table2``
+    rig : two masses with ``roller_share`` and ``stem_damping``, such as ``paper_table2``; one
+        mass without both
     duration : s, of runs from rest at cam angle 0, each at one speed; None for the steady state
 
     Raises
     ------
-    ConfigError : an argument of another type, or the rig does not say how the mass is split
+    ConfigError : an argument of another type, or the rig has one of the two numbers alone
     DynamicsError : a duration beyond 60 s; contact lost at every speed or at none; or no steady
         state
 
@@ -90,5 +91,5 @@ def jump_speed(law: Law, rig: RigConfig, *, duration: float | None = FROM_REST) 
     require_type("rig", rig, RigConfig, "a rig, of load_rig")
     if duration is not None:
         require_type("duration", duration, (int, float), "a number of s, or None")
-    found = study.jump_speed(law, TwoMassParameters.from_rig(rig), duration)
+    found = find_jump(law, follower_of(rig), duration)
     return JumpSpeed(found.speed, found.angle, found.time, law, rig, duration)

@@ -1,4 +1,4 @@
-"""Minimum contact force against speed: where it reaches zero, contact is lost."""
+"""Minimum contact force against speed, which is zero at the jump speed; a turn above it."""
 
 from __future__ import annotations
 
@@ -10,15 +10,19 @@ from matplotlib.figure import Figure
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import TwoMassParameters
+from cam_rig.dynamics.two_mass.model import states
+from cam_rig.dynamics.two_mass.trajectory import Separation
 from cam_rig.laws import Law
-from cam_rig.plots.figures import CAM_SPEED, colour, empty, line, write
+from cam_rig.plots.figures import CAM_ANGLE, CAM_SPEED, colour, empty, line, turn_axis, write
 from cam_rig.studies.cam_set import CamSet
+from cam_rig.studies.jump.any_rig import ONE_MASS, AnyFollower, follower_of, least_force
 from cam_rig.studies.jump.comparison import JumpRow
-from cam_rig.studies.jump.search import force_run
-from cam_rig.units import RPM
+from cam_rig.units import RPM, TURN
 
 #: Speeds of a curve.
 POINTS = 400
+#: The turn in which a lift-off is shown, counted from rest, and its samples.
+SHOWN, TURN_POINTS = 3, 3000
 
 
 def draw(rows: list[JumpRow], cam_set: CamSet, duration: float | None, path: Path) -> None:
@@ -28,19 +32,20 @@ def draw(rows: list[JumpRow], cam_set: CamSet, duration: float | None, path: Pat
 
 def figure(rows: list[JumpRow], cam_set: CamSet, duration: float | None) -> Figure:
     """The minimum force of a run of ``duration`` s from rest (None: in steady state) by speed."""
-    parameters = TwoMassParameters.from_rig(cam_set.rig)
+    parameters = follower_of(cam_set.rig)
     out = empty(8.0, 4.6)
     axes = out.subplots()
     last = 1.08 * max(row.found.rpm for row in rows)
     rpm = np.linspace(0.35 * min(row.found.rpm for row in rows), last, POINTS)
     for i, row in enumerate(rows):
-        least = force_run(cam_set.laws[row.cam], parameters, duration).least(rpm * RPM)
+        least = least_force(cam_set.laws[row.cam], parameters, duration, rpm * RPM)
         axes.plot(
             rpm, least, lw=1.6, label=f"{cam_set.titles[row.cam]}: {row.found.rpm:.2f}", **line(i)
         )
         _mark(axes, row, line(i)["color"])
     _frame(axes, rpm)
-    axes.set(title=f"Contact is kept while the minimum force is positive ({_when(duration)})")
+    run = _when(duration) if isinstance(parameters, TwoMassParameters) else ONE_MASS
+    axes.set(title=f"Contact is kept while the minimum force is positive ({run})")
     axes.set(ylim=(-0.55 * parameters.preload, 1.15 * parameters.preload))
     if any(row.published_rpm is not None for row in rows):
         axes.plot([], [], "v", color="0.3", ms=7, mfc="none", label="published (paper, Table 2)")
@@ -54,12 +59,12 @@ def figure(rows: list[JumpRow], cam_set: CamSet, duration: float | None) -> Figu
     return out
 
 
-def one_cam(law: Law, parameters: TwoMassParameters, duration: float | None, jump: float) -> Figure:
+def one_cam(law: Law, parameters: AnyFollower, duration: float | None, jump: float) -> Figure:
     """The minimum force of one cam up to 8 % above its ``jump`` speed (rpm)."""
     out = empty(8.0, 4.4)
     axes = out.subplots()
     rpm = np.linspace(0.35 * jump, 1.08 * jump, POINTS)
-    axes.plot(rpm, force_run(law, parameters, duration).least(rpm * RPM), **line(0), lw=1.6)
+    axes.plot(rpm, least_force(law, parameters, duration, rpm * RPM), **line(0), lw=1.6)
     axes.plot(jump, 0.0, "o", color=colour(0), label=f"jump speed {jump:.2f} rpm")
     _frame(axes, rpm)
     axes.set(title=f"{law.name}, {_when(duration)}")
@@ -82,3 +87,33 @@ def _mark(axes: Axes, row: JumpRow, ink: str) -> None:
     axes.plot(row.found.rpm, 0.0, "o", color=ink, ms=5, zorder=4)
     if row.published_rpm is not None:
         axes.plot(row.published_rpm, 0.0, "v", color=ink, ms=9, mfc="none", zorder=4)
+
+
+def draw_lift_off(cam_set: CamSet, rpm: float, path: Path) -> None:
+    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
+    write(lift_off_figure(cam_set, rpm), path)
+
+
+def lift_off_figure(cam_set: CamSet, rpm: float) -> Figure:
+    """Displacement of the roller, and its gap to the cam, in a turn at one speed (rpm): fig. 11."""
+    out = empty(9.0, 6.4)
+    place, gap = out.subplots(2, 1, sharex=True, height_ratios=[1.4, 1.0])
+    parameters, speed = TwoMassParameters.from_rig(cam_set.rig), rpm * RPM
+    times = (SHOWN - 1 + np.linspace(0.0, 1.0, TURN_POINTS)) * TURN / speed
+    degrees = np.degrees(speed * times) - 360.0 * (SHOWN - 1)
+    for i, (cam, law) in enumerate(cam_set.laws.items()):
+        course = Separation(law, parameters, speed)
+        course.run(SHOWN * TURN / speed)
+        roller = states(course, times)[0]
+        off = 1e3 * (roller - course.cam(times)[0])
+        lift_offs = sum(event.kind == "lift-off" for event in course.events)
+        label = f"{cam_set.titles[cam]}: {'contact kept' if not lift_offs else 'contact lost'}"
+        place.plot(degrees, 1e3 * roller, lw=1.5, label=label, **line(i))
+        gap.plot(degrees, off, lw=1.3, **line(i))
+    place.set(ylabel="displacement of the roller [mm]")
+    place.set(title=f"Turn {SHOWN} from rest at {rpm:g} rpm")
+    gap.set(ylabel="gap to the cam [mm]", xlabel=CAM_ANGLE)
+    for axes in (place, gap):
+        turn_axis(axes, 30)
+    place.legend(fontsize=8.5, handlelength=3.4, loc="lower center")
+    return out

@@ -17,7 +17,6 @@ from cam_rig.plots import factorial as factorial_plot
 from cam_rig.plots import jump as jump_plot
 from cam_rig.plots import law as law_plot
 from cam_rig.plots import law_overlay, limits
-from cam_rig.plots import lift_off as takeoff_plot
 from cam_rig.plots import noise_study as noise_study_plot
 from cam_rig.plots import profile as profile_plot
 from cam_rig.plots import timing as timing_plot
@@ -61,7 +60,7 @@ def early_figures(sources: Sources, jumps: list[JumpRow]) -> dict[str, str]:
         "fig1": uri(lambda path: law_plot.draw(tm21, tm21_law, path)),
         "fig2": uri(lambda path: law_plot.draw(cam, law, path)),
         "fig4": uri(lambda path: vibration_plot.draw(cam_set, STEADY_RPM, path)),
-        "fig11": uri(lambda path: takeoff_plot.draw(cam_set, TAKEOFF_RPM, path)),
+        "fig11": uri(lambda path: jump_plot.draw_lift_off(cam_set, TAKEOFF_RPM, path)),
         "profile": uri(lambda path: profile_plot.draw(cam, law, checks, path)),
         "jump": uri(lambda path: jump_plot.draw(jumps, cam_set, FROM_REST, path)),
     }

@@ -57,7 +57,8 @@ def test_other_cams_and_ways(tmp_path):
             1,
             "one slope; where it falls contact is lost",
         ),
-        (["--rig", "tm21"], 2, "has no roller_share or no stem_damping"),
+        (["--rig", "tm21", "--refit"], 2, "has no roller_share or no stem_damping"),
+        (["--rig", "no_such_rig"], 2, "no_such_rig.yaml: no such file"),
         (["--from-rest", "-1"], 1, "the run from rest lasts -1 s; allowed: above 0"),
         (["--from-rest", "1e9"], 1, "lasts 1e+09 s; allowed: above 0, to 60 s"),
         (["--ramp", "1e9"], 1, "ramp is 1e+09 rpm/s; allowed: 1 to 100000 rpm/s"),
@@ -86,3 +87,25 @@ def test_a_stem_that_rings_for_ever(tmp_path):
     assert result.exit_code == 1
     assert "no steady state" in result.stderr
     assert list(tmp_path.iterdir()) == [rig]
+
+
+def test_a_rig_without_a_stem_has_a_jump_speed(tmp_path):
+    """Its one mass leaves the cam too; rig and follower are named, in words and in JSON."""
+    result = call("poly345", "--rig", "tm21", "--json", "-", "--plot", tmp_path / "a.png")
+    assert result.exit_code == 0
+    row = json.loads(result.stdout)["poly345"]
+    assert (row["rig"], row["follower"]) == ("tm21", "one rigid mass")
+    assert row["rpm"] == pytest.approx(438.29, abs=0.01)
+    assert "rig tm21: one rigid mass" in " ".join(result.stderr.split())
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    ramped = call("poly345", "--rig", "tm21", "--ramp", 300, "--json", "-")
+    assert json.loads(ramped.stdout)["poly345"]["rpm"] > row["rpm"]
+
+
+def test_a_scene_brings_its_rig():
+    """The cams of a scene turn on its rig, and on another where that is asked for."""
+    own = json.loads(call("quick", "--json", "-").stdout)
+    assert set(own) == {"tm21", "bezier15"}
+    assert {row["rig"] for row in own.values()} == {"tm21"}
+    other = json.loads(call("quick", "--rig", "paper_table2", "--json", "-").stdout)
+    assert {row["follower"] for row in other.values()} == {"two masses"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cam_rig.schema.load import config_root, named_path
+from cam_rig.schema.load import Library, config_root, named_path, read_yaml
 
 DEFAULT_SCENE = "tm21_sweep"
 
@@ -22,6 +22,21 @@ def cam_path(cam: str) -> Path:
 def rig_path(rig: str) -> Path:
     """A rig by its path, or by its name in ``config/rigs``."""
     return named_path("rigs", rig)
+
+
+def rig_beside(rig: str, scene: Path) -> Path:
+    """A rig by its path, or by its name beside a scene, then in ``config/rigs``."""
+    path = named_path("rigs", rig)
+    return path if path == Path(rig) else Library.beside(scene).path("rigs", rig)
+
+
+def is_scene(source: str) -> bool:
+    """Whether a file, or a shipped name, is that of a scene and not of a cam."""
+    path = scene_path(source)
+    if not path.is_file():
+        return False
+    data = read_yaml(path)
+    return isinstance(data, dict) and "program" in data
 
 
 def study_path(study: str) -> Path:

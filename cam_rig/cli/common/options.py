@@ -11,7 +11,20 @@ TableCams = Annotated[
     list[str] | None,
     typer.Argument(help="Cam files, or names in config/cams; by default those of Table 2."),
 ]
+CamsOrScene = Annotated[
+    list[str] | None,
+    typer.Argument(
+        help="Cam files, or names in config/cams; or one scene: its cams on its rig. By default "
+        "the cams of Table 2."
+    ),
+]
 Rig = Annotated[str, typer.Option(help="Rig file, or a name in config/rigs.")]
+RigOfScene = Annotated[
+    str | None,
+    typer.Option(
+        help="Rig file, or a name in config/rigs; by default the scene's, paper_table2 for cams."
+    ),
+]
 SceneOfBag = Annotated[
     str | None,
     typer.Option(help="Scene that was run, for a bag without one (made by `ros2 bag record`)."),

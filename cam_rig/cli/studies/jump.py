@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cam_rig.cli.common.cam_sets import asked_cams
 from cam_rig.cli.common.console import console, progress_bar, say, show, user_errors
-from cam_rig.cli.common.names import cam_path, rig_path, tables_path
-from cam_rig.cli.common.options import Csv, Json, Plot, Rig, TableCams
+from cam_rig.cli.common.names import tables_path
+from cam_rig.cli.common.options import CamsOrScene, Csv, Json, Plot, RigOfScene
 from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
 
 if TYPE_CHECKING:
@@ -21,8 +22,8 @@ if TYPE_CHECKING:
 
 
 def jump(
-    cams: TableCams = None,
-    rig: Rig = "paper_table2",
+    cams: CamsOrScene = None,
+    rig: RigOfScene = None,
     from_rest: Annotated[
         float | None,
         typer.Option(
@@ -43,8 +44,8 @@ def jump(
 ) -> None:
     """Find the jump speed of cams to 0.01 rpm, beside the paper's Table 2.
 
-    The two-mass follower starts from rest at cam angle 0, or is in its steady state, or goes along
-    a ramp. Angle and time are those of the first lift-off.
+    The follower is two masses where the rig says how they split, else one rigid mass: from rest at
+    cam angle 0, in steady state, or along a ramp. Angle and time are of the first lift-off.
 
     Examples
     --------
@@ -53,33 +54,35 @@ def jump(
     cam-rig jump poly345 bezier15 --steady --json -
 
     cam-rig jump --ramp 350
+
+    cam-rig jump quick --rig tm21
     """
     with user_errors():
         from cam_rig.schema import load_tables
-        from cam_rig.studies.cam_set import open_cam_set
         from cam_rig.studies.jump import tables
+        from cam_rig.studies.jump.any_rig import described, follower_of
         from cam_rig.studies.jump.contact_lost_speed import FROM_REST
         from cam_rig.studies.jump.published import references
 
         check_outputs(json_target, plot, csv)
         _require_apart(steady, ramp, from_rest, refit, plot, any((plot, json_target, csv)))
-        published = load_tables(tables_path())
-        cam_set = open_cam_set(map(cam_path, cams or published.table_2_jump), rig_path(rig))
+        published, cam_set = load_tables(tables_path()), asked_cams(cams, rig)
         duration = None if steady else FROM_REST if from_rest is None else from_rest
         if refit:
             assert duration is not None  # of runs from rest
             _refit(cam_set, published, duration)
             return
+        follower = described(follower_of(cam_set.rig))
         rows = _find(cam_set, references(cam_set, published), duration, ramp)
-        shown = tables.jump_table(rows, f"Jump speed on {cam_set.rig.name}")
+        shown = tables.jump_table(rows, f"Jump speed on rig {cam_set.rig.name}: {follower}")
         show(shown)
         say(conclusion(rows))
+        write_csv([shown], csv)
+        write_json(tables.to_json(rows, cam_set.rig.name, follower), json_target)
         if plot is not None:
             from cam_rig.plots.jump import draw
 
             write_plot(plot, lambda part: draw(rows, cam_set, duration, part))
-        write_csv([shown], csv)
-        write_json(tables.to_json(rows), json_target)
 
 
 def conclusion(rows: list[JumpRow]) -> str:
@@ -130,10 +133,10 @@ def _find(
     cam_set: CamSet, known: dict[str, Reference], duration: float | None, ramp: float | None
 ) -> list[JumpRow]:
     """Every cam's jump, behind a bar."""
-    from cam_rig.dynamics import TwoMassParameters
+    from cam_rig.studies.jump.any_rig import follower_of
     from cam_rig.studies.jump.comparison import find_jumps
 
-    follower = TwoMassParameters.from_rig(cam_set.rig)
+    follower = follower_of(cam_set.rig)
     with progress_bar() as bar:
         task = bar.add_task("", total=len(cam_set.cams), completed=-1)
 

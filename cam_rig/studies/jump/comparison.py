@@ -11,6 +11,7 @@ from cam_rig.arrays import rms
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.laws import Law, build_law
 from cam_rig.schema import CamConfig
+from cam_rig.studies.jump.any_rig import AnyFollower, find_jump
 from cam_rig.studies.jump.jump_speed import Jump, jump_speed, require_run
 from cam_rig.studies.jump.published import Reference
 from cam_rig.studies.jump.ramp import jump_along_ramp
@@ -65,7 +66,7 @@ class Comparison:
 
 def find_jumps(
     laws: dict[str, Law],
-    parameters: TwoMassParameters,
+    parameters: AnyFollower,
     published: dict[str, Reference],
     duration: float | None,
     ramp: float | None = None,
@@ -92,14 +93,19 @@ def find_jumps(
         if ramp is not None:
             found = jump_along_ramp(law, parameters, ramp * RPM)
         else:
-            found = jump_speed(law, parameters, duration)
+            found = find_jump(law, parameters, duration)
             steady = _steady(law, parameters) if duration is not None else None
         rows.append(_row(cam, found, steady, published.get(cam), ramp))
     return rows
 
 
-def _steady(law: Law, parameters: TwoMassParameters) -> Jump | None:
-    """The steady jump speed beside one from rest; None where a stem without damping has none."""
+def _steady(law: Law, parameters: AnyFollower) -> Jump | None:
+    """The steady jump speed beside one from rest.
+
+    None where a stem without damping has none, and for one mass, where it is the same.
+    """
+    if not isinstance(parameters, TwoMassParameters):
+        return None
     if parameters.stem_damping + parameters.damping == 0.0:
         return None
     return jump_speed(law, parameters, None)

@@ -8,6 +8,7 @@ from cam_rig.dynamics import MODELS, Interval, TwoMassParameters
 from cam_rig.dynamics.interval import FollowerState
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
+from cam_rig.studies.jump.any_rig import AnyFollower
 from cam_rig.studies.jump.jump_speed import Jump
 from cam_rig.studies.jump.search import FASTEST
 from cam_rig.units import NS, RPM, TURN
@@ -18,7 +19,7 @@ SLOWEST, STEEPEST = 1.0, 1e5
 SAMPLE_RATE_HZ = 1000
 
 
-def jump_along_ramp(law: Law, parameters: TwoMassParameters, rate: float) -> Jump:
+def jump_along_ramp(law: Law, parameters: AnyFollower, rate: float) -> Jump:
     """Where the follower first loses contact on a cam that starts from rest at θ = 0.
 
     Parameters
@@ -33,7 +34,8 @@ def jump_along_ramp(law: Law, parameters: TwoMassParameters, rate: float) -> Jum
         raise DynamicsError(
             f"the ramp is {rate / RPM:g} rpm/s; allowed: {SLOWEST:g} to {STEEPEST:g} rpm/s"
         )
-    advance = MODELS["separation"].advance
+    two = isinstance(parameters, TwoMassParameters)
+    advance = MODELS["separation" if two else "one_mass"].advance
     state: FollowerState | None = None
     start = 0
     if law.lift == 0.0:  # a disc: it would be turned to the fastest speed for nothing

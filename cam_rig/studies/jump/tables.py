@@ -104,8 +104,13 @@ def _shown(numbers: Numbers, key: str) -> Cell:
     return float(getattr(numbers, key)) * REFITTED[key][2]
 
 
-def to_json(rows: list[JumpRow]) -> dict[str, Any]:
-    """The jumps as plain data, by cam; the difference is relative."""
+def to_json(
+    rows: list[JumpRow], rig: str | None = None, follower: str | None = None
+) -> dict[str, Any]:
+    """The jumps as plain data, by cam; the difference is relative.
+
+    ``rig`` and ``follower`` say on what, where one file has but one.
+    """
     return {
         row.cam: {
             "rpm": row.found.rpm,
@@ -118,6 +123,8 @@ def to_json(rows: list[JumpRow]) -> dict[str, Any]:
             "fitted": row.role == "fitted",
             "role": row.role or None,
             "ramp_rpm_per_s": row.ramp,
+            "rig": rig,
+            "follower": follower,
         }
         for row in rows
     }
