@@ -90,7 +90,14 @@ setup(
     maintainer_email="cam_rig@example.org",
     python_requires=">=3.11,<3.14",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "bench/reference/*.json", "report/templates/*"]},
+    package_data={
+        NAME: [
+            "py.typed",
+            "bench/reference/*.json",
+            "report/templates/*",
+            "report/templates/scene/*",
+        ]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

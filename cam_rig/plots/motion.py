@@ -1,6 +1,9 @@
-"""Lift and contact force of a follower over time."""
+"""Lift and contact force of a follower over time; the force over a turn, speed by speed."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from matplotlib.figure import Figure
 
@@ -9,7 +12,10 @@ from cam_rig.drawing import colours
 from cam_rig.drawing.colours import web
 from cam_rig.drawing.outlines import MM
 from cam_rig.dynamics.samples import NamedRows
-from cam_rig.plots.figures import empty, shade
+from cam_rig.plots.figures import CAM_ANGLE, empty, line, shade, turn_axis, write
+
+#: A speed (rpm), cam angles in the turn (°, rising) and contact forces (N), both ``(n,)``.
+ForceCurve = tuple[float, FloatArray, FloatArray]
 
 
 def figure(samples: NamedRows, law_lift: FloatArray, title: str) -> Figure:
@@ -31,4 +37,24 @@ def figure(samples: NamedRows, law_lift: FloatArray, title: str) -> Figure:
     lift.margins(y=0.2)
     lift.legend(fontsize=8, loc="upper right", ncols=3)
     force.set(xlabel="time [s]", ylabel="contact force [N]")
+    return out
+
+
+def draw_over_turn(curves: Mapping[str, Sequence[ForceCurve]], path: Path) -> None:
+    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
+    write(over_turn(curves), path)
+
+
+def over_turn(curves: Mapping[str, Sequence[ForceCurve]]) -> Figure:
+    """The contact force over the cam angle: a panel for each cam by its title, a line a speed."""
+    out = empty(8.0, 0.6 + 3.0 * len(curves))
+    panels = out.subplots(len(curves), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (title, speeds) in zip(panels, curves.items(), strict=True):
+        for i, (rpm, degrees, force) in enumerate(speeds):
+            axes.plot(degrees, force, lw=1.3, label=f"{rpm:g} rpm", **line(i))
+        axes.axhline(0.0, color="0.3", lw=0.9)
+        axes.set(ylabel="contact force [N]", title=title)
+        turn_axis(axes, 30)
+        axes.legend(fontsize=8, handlelength=3.4)
+    panels[-1].set_xlabel(CAM_ANGLE)
     return out

@@ -104,13 +104,13 @@ class Findings:
     play: list[PlayRow]
 
 
-def open_sources(scene: Path, rig: str, factorial: str, bag: Path | None) -> Sources:
+def open_sources(scene: Path, rig: Path, factorial: str, bag: Path | None) -> Sources:
     """Read every file of a report.
 
     Parameters
     ----------
     scene : of the noise study; the other files are found beside it, or shipped
-    rig : name of the rig of the jump speeds
+    rig : file of the rig of the jump speeds
     factorial : name of the factorial study
     bag : a recording of the scene to compare with
 
@@ -122,7 +122,7 @@ def open_sources(scene: Path, rig: str, factorial: str, bag: Path | None) -> Sou
     tables = load_tables(library.path("published/tables", "paper"))
     loaded = open_scene(scene)
     cams = [library.path("cams", cam) for cam in tables.table_2_jump]
-    cam_set = open_cam_set(cams, library.path("rigs", rig))
+    cam_set = open_cam_set(cams, rig)
     TwoMassParameters.from_rig(cam_set.rig)  # refused now rather than later
     config = open_factorial(library.path("factorials", factorial))
     return Sources(
@@ -135,7 +135,7 @@ def open_sources(scene: Path, rig: str, factorial: str, bag: Path | None) -> Sou
         readings=load_readings(library.path("published/readings", "table2")),
         touching=open_cam_set(
             [*cams, *(library.path("cams", cam) for cam in CONTACT_CAMS)],
-            library.path("rigs", rig),
+            rig,
         ),
         form_closed=open_form_closed(library.path("cams", cam) for cam in FORM_CLOSED),
     )

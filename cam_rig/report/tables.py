@@ -75,7 +75,7 @@ def tables(found: Findings) -> dict[str, list[DataTable]]:
         ],
         "noise": [*noise.tables(found.noise, published), *recorded],
         "question": factorial.tables(found.factorial, titles),
-        "numbers": [_origins(name, model) for name, model in files(found).items()],
+        "numbers": [origins_table(name, model) for name, model in files(found).items()],
         "reading": [misprints_table()],
     }
 
@@ -134,7 +134,7 @@ def _laws(found: Findings) -> DataTable:
         found.sources.cam_set.laws.items(),
         (
             (Column("law"), lambda row: titles[row[0]]),
-            (Column("continuity"), lambda row: _continuity(row[1])),
+            (Column("continuity"), lambda row: continuity(row[1])),
             (Column("largest s′", "1/rad", ".3f"), peak(1, 1)),
             (Column("smallest s′", "1/rad", ".3f"), peak(1, 0)),
             (Column("largest s″", "1/rad²", ".2f"), peak(2, 1)),
@@ -146,7 +146,8 @@ def _laws(found: Findings) -> DataTable:
     )
 
 
-def _continuity(law: Law) -> str:
+def continuity(law: Law) -> str:
+    """The class of a law's roughest joint."""
     rough = [joint.continuity for joint in joints(law) if joint.continuity < SMOOTHEST]
     return f"C{min(rough)}" if rough else f"C{SMOOTHEST} or smoother"
 
@@ -189,7 +190,8 @@ def _recorded(found: Findings) -> DataTable:
     )
 
 
-def _origins(name: str, model: BaseModel) -> DataTable:
+def origins_table(name: str, model: BaseModel) -> DataTable:
+    """Every number of a file with its origin and its source."""
     return tabulate(
         name,
         quantities(model, ""),

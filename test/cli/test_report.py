@@ -1,6 +1,7 @@
 """cam-rig report: one whole page with every figure and table, or a line and nothing written."""
 
 import json
+import math
 import re
 from concurrent.futures import Future
 from contextlib import nullcontext
@@ -8,8 +9,10 @@ from contextlib import nullcontext
 import pytest
 from typer.testing import CliRunner
 
+from cam_rig import build_law, load_cam, load_scene, run_scene
 from cam_rig.cli.main import app
 from cam_rig.schema.load import config_root
+from cam_rig.studies.jump.any_rig import find_jump, follower_of
 
 
 def call(*arguments):
@@ -96,6 +99,8 @@ def test_the_page(sweep, tmp_path):
         (["--out", "{tmp}/a.html", "--rig", "tm21"], 2, "has no roller_share"),
         (["--out", "{tmp}/a.html", "--scene", "no_such"], 2, "no such file"),
         (["--out", "{tmp}/a.html", "--factorial", "no_such"], 2, "no such file"),
+        (["--out", "{tmp}/a.html", "quick", "--factorial", "continuity"], 2, "not the paper's"),
+        (["--out", "{tmp}/a.html", "quick", "--rig", "no_such"], 2, "no such file"),
     ],
 )
 def test_refusals(tmp_path, arguments, code, words):
@@ -106,3 +111,115 @@ def test_refusals(tmp_path, arguments, code, words):
     assert result.exit_code == code
     assert words in result.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+SECTIONS = ("summary", "cams", "contour", "turn", "jump", "vibration", "sound", "numbers")
+OWN_CAM = """
+name: own
+title: My <measured> cam
+lift: {given: 12, unit: mm, source: dial gauge}
+follower: {type: flat, base_radius: {given: 30, unit: mm, source: drawing}}
+segments:
+  - law: table
+    span: {given: 360, unit: deg, source: all around}
+    file: lifts.csv
+    source: dial gauge
+    tolerance: {assumed: 0.002, unit: mm, source: gauge}
+"""
+HARSH_CAM = """
+name: harsh
+title: A harsh cam
+lift: {given: 12, unit: mm, source: drawing}
+follower: {type: point, base_radius: {given: 30, unit: mm, source: drawing}}
+segments:
+  - {law: constant_velocity, to: 1, span: {given: 180, unit: deg, source: drawing}}
+  - {law: constant_velocity, to: 0, span: {given: 180, unit: deg, source: drawing}}
+"""
+OWN_SCENE = """
+name: own
+title: My cams on my rig
+cams: [own, harsh]
+rig: mine
+model: one_mass
+sample_rate: {assumed: 2, unit: kHz, source: own}
+program:
+  speeds: {assumed: [300, 1500], unit: rpm, source: own}
+  turns: {assumed: 3, unit: turns, source: own}
+  settle_turns: {assumed: 1, unit: turns, source: own}
+"""
+
+
+@pytest.fixture(scope="module")
+def own_scene(tmp_path_factory):
+    """A person's own files: 360 lifts of a cam, one of two lines, a lighter follower."""
+    config = tmp_path_factory.mktemp("person")
+    lift = build_law(load_cam("poly345"))
+    rows = (f"{i},{1e3 * 0.24 * lift(math.radians(i)):.4f}" for i in range(360))
+    rig = (config_root() / "rigs" / "tm21.yaml").read_text(encoding="utf-8")
+    rig = rig.replace("name: tm21", "name: mine").replace("given: 1.3,", "given: 0.45,")
+    files = {
+        "cams/own.yaml": OWN_CAM,
+        "cams/harsh.yaml": HARSH_CAM,
+        "cams/lifts.csv": "angle_deg,lift_mm\n" + "\n".join(rows),
+        "rigs/mine.yaml": rig,
+        "rigs/other.yaml": rig.replace("name: mine", "name: other"),
+        "scenes/own.yaml": OWN_SCENE,
+    }
+    for name, text in files.items():
+        (config / name).parent.mkdir(exist_ok=True)
+        (config / name).write_text(text, encoding="utf-8")
+    return config / "scenes" / "own.yaml"
+
+
+def test_a_scene_of_ones_own(own_scene, tmp_path):
+    """Every section and figure; what a study cannot take is said, and levels are relative."""
+    out, data = tmp_path / "own.html", tmp_path / "own.json"
+    result = call(own_scene, "--out", out, "--json", data)
+    assert result.exit_code == 0, result.stderr
+    page = out.read_text(encoding="utf-8")
+    assert tuple(re.findall(r'<section id="(.*?)">', page)) == SECTIONS
+    assert len(re.findall(r'<img src="data:image/svg', page)) == 10
+    assert [words for words in too_long(page) if "allowed:" not in words] == []  # not errors' own
+    assert "My &lt;measured&gt; cam" in page
+    assert "A harsh cam: law" in page  # its velocity jumps: no jump speed
+    assert "They are relative" in page
+    assert "predicted" not in page
+    for outward in ("<script", "http://", "https://", "<link"):
+        assert outward not in page
+    found = json.loads(data.read_text())
+    assert [(row["cam"], row["rpm"]) for row in found["simulate"]] == [
+        (cam, rpm) for cam in ("own", "harsh") for rpm in (300.0, 1500.0)
+    ]
+    assert found["calibrated"] is False
+    (refusal,) = found["refused"]["jump"]
+    assert "allowed" in refusal
+
+
+def test_the_page_says_what_the_commands_say(own_scene, tmp_path):
+    """Jump speeds and rows are those of cam-rig jump and simulate, on another rig of the folder."""
+    out, data = tmp_path / "own.md", tmp_path / "own.json"
+    result = call("--scene", own_scene, "--rig", "other", "--out", out, "--json", data)
+    assert result.exit_code == 0
+    found = json.loads(data.read_text())
+    loaded = load_scene(own_scene)
+    follower = follower_of(loaded.rig)
+    jump = find_jump(loaded.laws["own"], follower, None).rpm
+    assert found["jump"]["own"]["rpm"] == pytest.approx(jump, rel=1e-12)
+    assert found["jump"]["own"]["rig"] == "other"
+    row = run_scene(loaded).by_speed[1]
+    assert found["simulate"][1] == row.plain()
+    text = out.read_text(encoding="utf-8")
+    assert f"| {row.force_peak:.1f} |" in text
+    assert f"{jump:.1f} rpm, of one rigid mass" in text
+    assert "<img" not in text
+
+
+def test_two_masses_and_a_shaft(tmp_path):
+    """Their jump speeds and twist are there; orders without a closed form are refused in a line."""
+    out = tmp_path / "a.md"
+    result = call("torsion", "--out", out)
+    assert result.exit_code == 0, result.stderr
+    text = out.read_text(encoding="utf-8")
+    assert "of two masses" in text
+    assert "| twist [°] |" in text
+    assert "no closed form" in text

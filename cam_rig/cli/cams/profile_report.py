@@ -30,7 +30,9 @@ NONE = "–"
 
 def show_checks(found: Found) -> None:
     """One cam in full, several in a row each; then what is wrong."""
-    show(_one(*found[0]) if len(found) == 1 else _several(found))
+    from cam_rig.profile.checks.table import checks_table
+
+    show(checks_table(*found[0]) if len(found) == 1 else _several(found))
     for cam, _, checks in found:
         for check in checks:
             if not check.passed:
@@ -50,23 +52,6 @@ def warn(cam: CamConfig, checks: list[Check], force: bool) -> None:
         if check.vital and not force:
             raise ProfileError(f"{cam.name}: {check}; or draw it with --force")
         say(f"warning: {cam.name}: {check}")
-
-
-def _one(cam: CamConfig, law: Law, checks: list[Check]) -> DataTable:
-    from cam_rig.tables import Column, tabulate
-
-    kind = cam.follower.type.replace("_", " ")
-    return tabulate(
-        f"{cam.title}: {kind} follower, lift {law.lift * 1e3:.5g} mm",
-        checks,
-        (
-            (Column("check"), lambda check: check.title),
-            (Column("value"), lambda check: check.shown(check.value)),
-            (Column("at", "°", ".1f"), lambda check: check.degrees),
-            (Column("allowed"), lambda check: check.allowed),
-            (Column("result"), lambda check: "ok" if check.passed else "fails"),
-        ),
-    )
 
 
 def _several(found: Found) -> DataTable:

@@ -53,9 +53,7 @@ def jump(
 
     cam-rig jump poly345 bezier15 --steady --json -
 
-    cam-rig jump --ramp 350
-
-    cam-rig jump quick --rig tm21
+    cam-rig jump quick --rig tm21 --ramp 350
     """
     with user_errors():
         from cam_rig.schema import load_tables

@@ -1,4 +1,4 @@
-"""cam-rig report: every experiment on one page."""
+"""cam-rig report: a scene, or every experiment of the paper, on one page."""
 
 from __future__ import annotations
 
@@ -7,56 +7,91 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from cam_rig.cli.common.cam_sets import RIG
 from cam_rig.cli.common.console import console, progress_bar, user_errors
-from cam_rig.cli.common.names import DEFAULT_SCENE, scene_path
-from cam_rig.cli.common.options import Json
+from cam_rig.cli.common.names import DEFAULT_SCENE, rig_beside, scene_path
+from cam_rig.cli.common.options import Json, Scene
 from cam_rig.cli.common.outputs import check_outputs, check_place, write_json, writing
+from cam_rig.cli.studies.scene_report import scene_page
+from cam_rig.errors import ConfigError
 
 if TYPE_CHECKING:
     from cam_rig.report.results import Findings, Sources
     from cam_rig.studies.jump.comparison import JumpRow
 
+#: The factorial study of the paper's page.
+FACTORIAL = "continuity"
+
 
 def report(
+    scene: Scene = DEFAULT_SCENE,
     out: Annotated[Path, typer.Option(help="The page: .html, or .md without figures.")] = Path(
         "report.html"
     ),
-    scene: Annotated[str, typer.Option(help="Scene of the noise study.")] = DEFAULT_SCENE,
-    rig: Annotated[str, typer.Option(help="Rig of the jump speeds.")] = "paper_table2",
-    factorial: Annotated[str, typer.Option(help="The factorial study.")] = "continuity",
+    rig: Annotated[
+        str | None,
+        typer.Option(
+            help="Rig file, or a name in config/rigs; by default the scene's. On the paper's page: "
+            "of the jump speeds, paper_table2."
+        ),
+    ] = None,
+    factorial: Annotated[
+        str | None, typer.Option(help="The factorial study of the paper's page; continuity.")
+    ] = None,
     bag: Annotated[
         Path | None, typer.Option(help="A recording of the scene, to stand beside the run.")
     ] = None,
     json_target: Json = None,
+    scene_option: Annotated[str | None, typer.Option("--scene", hidden=True)] = None,
 ) -> None:
-    """Redo the paper's experiments and write them as one self-contained page.
+    """Write everything about a scene's cams as one self-contained page.
 
-    Laws, vibration, jump speeds, noise, the question the paper leaves open, and where each number
-    is from. Half a minute on two cores.
+    Laws and their peaks, contour and checks, force over the turn, lift-offs and flights, jump
+    speed, residual vibration, levels, orders, and where each number is from. The scene of the
+    paper's noise study, the default, gives the paper's experiments: half a minute on two cores.
 
     Examples
     --------
-    cam-rig report
+    cam-rig report quick --out out/quick.html
 
     cam-rig report --out out/report.html --bag bags/tm21_sweep --json out/report.json
     """
     with user_errors():
-        from cam_rig.errors import ConfigError
-        from cam_rig.report import page
-        from cam_rig.report.results import open_sources
+        from cam_rig.report.scene.results import is_papers
+        from cam_rig.simulation.loaded_scene import open_scene
 
         if out.suffix.lower() not in (".html", ".md"):
             raise ConfigError(f"{out}: unknown kind of page; allowed: .html, .md")
         check_outputs(json_target, None)
         check_place(out)
-        sources = open_sources(scene_path(scene), rig, factorial, bag)
-        with_figures = out.suffix.lower() == ".html"
-        found, drawn = _find(sources, with_figures)
-        text = page.html(found, drawn) if with_figures else page.markdown(found)
+        path = scene_path(scene_option or scene)
+        loaded = open_scene(path)
+        if is_papers(loaded):
+            text, plain = _papers(path, rig, factorial, bag, out)
+        else:
+            if factorial is not None:
+                raise ConfigError(
+                    f"--factorial {factorial}: {path} is not the paper's noise study; allowed: "
+                    "without it"
+                )
+            text, plain = scene_page(loaded, rig, bag, out)
         with writing(out) as part:
             part.write_text(text, encoding="utf-8")
         console.print(f"report: {out} ({len(text) / 1e6:.1f} MB)", soft_wrap=True)
-        write_json(to_json(found), json_target)
+        write_json(plain, json_target)
+
+
+def _papers(
+    path: Path, rig: str | None, factorial: str | None, bag: Path | None, out: Path
+) -> tuple[str, dict[str, Any]]:
+    """The paper's page, and its findings as plain data."""
+    from cam_rig.report import page
+    from cam_rig.report.results import open_sources
+
+    sources = open_sources(path, rig_beside(rig or RIG, path), factorial or FACTORIAL, bag)
+    with_figures = out.suffix.lower() == ".html"
+    found, drawn = _find(sources, with_figures)
+    return page.html(found, drawn) if with_figures else page.markdown(found), to_json(found)
 
 
 def _find(sources: Sources, with_figures: bool) -> tuple[Findings, dict[str, str]]:

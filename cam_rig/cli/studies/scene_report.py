@@ -1,0 +1,60 @@
+"""The page of one's own scene, for cam-rig report."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from cam_rig.cli.common.console import console
+from cam_rig.cli.common.names import rig_beside
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cam_rig.report.scene.results import SceneFindings
+    from cam_rig.simulation.loaded_scene import LoadedScene
+
+
+def scene_page(
+    loaded: LoadedScene, rig: str | None, bag: Path | None, out: Path
+) -> tuple[str, dict[str, Any]]:
+    """The page as text, HTML or Markdown by ``out``, and its findings as plain data.
+
+    Parameters
+    ----------
+    rig : file or name of another rig than the scene's
+
+    Raises
+    ------
+    CamRigError : the rig, or the bag, is not one that the scene can have
+    """
+    from cam_rig.report.scene import page
+    from cam_rig.report.scene.figures import figures
+    from cam_rig.report.scene.results import find_scene
+    from cam_rig.schema import load_rig
+
+    if rig is not None:
+        path = rig_beside(rig, loaded.scene_file)
+        loaded = replace(loaded, rig=load_rig(path), rig_file=path)
+    with console.status("") as status:
+        found = find_scene(loaded, bag, status.update)
+        status.update("the page")
+        if out.suffix.lower() == ".html":
+            return page.html(found, figures(found)), to_json(found)
+        return page.markdown(found), to_json(found)
+
+
+def to_json(found: SceneFindings) -> dict[str, Any]:
+    """Every part as its own command writes it, by the name of the command."""
+    from cam_rig.studies.jump import tables as jump
+    from cam_rig.studies.orders import tables as orders
+    from cam_rig.studies.vibration import tables as vibration
+
+    return {
+        "simulate": [row.plain() for row in found.run.by_speed],
+        "jump": jump.to_json(found.jumps, found.loaded.rig.name, found.follower),
+        "vibration": None if found.vibration is None else vibration.to_json(found.vibration),
+        "orders": orders.to_json(found.orders),
+        "calibrated": found.loaded.calibrated,
+        "refused": found.refused,
+    }
