@@ -31,6 +31,9 @@ A file is given by path, or by name where it is a shipped one: `quick` is
 `config/scenes/quick.yaml`, `poly345` is `config/cams/poly345.yaml`. Tables and messages for people
 go to stderr; JSON and CSV go to stdout.
 
+A scene is an argument. Where cams are arguments, one scene stands for its cams on its rig, and
+`--rig` puts them on another. A name after `--rig` is looked up beside the scene first.
+
 | exit code | meaning |
 |---:|---|
 | 0 | done |

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cam_rig.cli.common.cam_sets import one_scene
 from cam_rig.cli.common.console import user_errors
-from cam_rig.cli.common.names import cam_path
+from cam_rig.cli.common.names import cam_path, scene_path
 from cam_rig.cli.common.options import Json
 from cam_rig.cli.common.outputs import check_outputs, write_json, write_plot
 
@@ -21,7 +22,10 @@ if TYPE_CHECKING:
     Found = list[tuple[CamConfig, Law, list[Check]]]
 
 
-Cams = Annotated[list[str] | None, typer.Argument(help="Cam files, or names in config/cams.")]
+Cams = Annotated[
+    list[str] | None,
+    typer.Argument(help="Cam files, or names in config/cams; or one scene: its cams."),
+]
 Every = Annotated[bool, typer.Option("--all", help="Check every cam of config/cams.")]
 Out = Annotated[
     Path | None, typer.Option(help="Write the contour: .dxf, .svg or .csv (lengths in mm).")
@@ -73,6 +77,8 @@ def profile(
     --------
     cam-rig profile --all
 
+    cam-rig profile quick
+
     cam-rig profile oscillating_roller --plot out/cam.png
 
     cam-rig profile point --plot out/point.png --positions 10
@@ -123,9 +129,14 @@ def _draw(request: Request, found: Found, plot: Path | None, force: bool, positi
 
 def _paths(cams: list[str], every: bool) -> list[Path]:
     from cam_rig.errors import ConfigError
-    from cam_rig.schema.load import config_root
+    from cam_rig.schema.load import Library, config_root, load_scene
 
-    paths = [cam_path(cam) for cam in cams]
+    if (scene := one_scene(cams)) is not None:
+        path = scene_path(scene)
+        library = Library.beside(path)
+        paths = [library.path("cams", name) for name in load_scene(path).cams]
+    else:
+        paths = [cam_path(cam) for cam in cams]
     if every:
         paths += sorted((config_root() / "cams").glob("*.yaml"))
     if not paths:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from cam_rig.cli.common.names import (
@@ -14,6 +15,7 @@ from cam_rig.cli.common.names import (
 )
 
 if TYPE_CHECKING:
+    from cam_rig.simulation.loaded_scene import LoadedScene
     from cam_rig.studies.cam_set import CamSet
 
 #: The rig of cams that are named without one.
@@ -32,14 +34,49 @@ def asked_cams(names: list[str] | None, rig: str | None) -> CamSet:
     ------
     ConfigError, LawError : one line that names the file and what is wrong in it
     """
-    from cam_rig.schema import load_rig, load_tables
-    from cam_rig.simulation.loaded_scene import open_scene
+    from cam_rig.schema import load_tables
     from cam_rig.studies.cam_set import CamSet, open_cam_set
 
-    if names and len(names) == 1 and is_scene(names[0]):
-        path = scene_path(names[0])
-        loaded = open_scene(path)
-        named = loaded.rig if rig is None else load_rig(rig_beside(rig, path))
-        return CamSet(loaded.cams, loaded.laws, named)
+    if (scene := one_scene(names)) is not None:
+        loaded = asked_scene(scene, rig)
+        return CamSet(loaded.cams, loaded.laws, loaded.rig)
     cams = names or list(load_tables(tables_path()).table_2_jump)
     return open_cam_set(map(cam_path, cams), rig_path(rig or RIG))
+
+
+def one_scene(names: list[str] | None) -> str | None:
+    """The scene that is named in place of cams; None where cams are."""
+    return names[0] if names and len(names) == 1 and is_scene(names[0]) else None
+
+
+def asked_scene(scene: str, rig: str | None) -> LoadedScene:
+    """A scene by file or name, on its rig or on another.
+
+    Parameters
+    ----------
+    rig : file, or name beside the scene or in config; None for the scene's own
+
+    Raises
+    ------
+    ConfigError, LawError : one line that names the file and what is wrong in it
+    """
+    from cam_rig.schema import load_rig
+    from cam_rig.simulation.loaded_scene import open_scene
+
+    path = scene_path(scene)
+    loaded = open_scene(path)
+    if rig is None:
+        return loaded
+    file = rig_beside(rig, path)
+    return replace(loaded, rig=load_rig(file), rig_file=file)
+
+
+def scene_speeds(scene: str, most: int) -> list[float]:
+    """So many of a scene's speeds (rpm) at most, the slowest and the fastest among them."""
+    from cam_rig.schema import load_scene
+    from cam_rig.units import to_rpm
+
+    given = load_scene(scene_path(scene)).program.speeds.si_list
+    speeds = sorted({round(to_rpm(speed), 9) for speed in given})
+    step = max(1.0, (len(speeds) - 1) / (most - 1))
+    return [speeds[round(i * step)] for i in range(min(most, len(speeds)))]

@@ -25,6 +25,9 @@ RigOfScene = Annotated[
         help="Rig file, or a name in config/rigs; by default the scene's, paper_table2 for cams."
     ),
 ]
+OtherRig = Annotated[
+    str | None, typer.Option("--rig", help="Rig file, or a name in config/rigs; the scene's.")
+]
 SceneOfBag = Annotated[
     str | None,
     typer.Option(help="Scene that was run, for a bag without one (made by `ros2 bag record`)."),

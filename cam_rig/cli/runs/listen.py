@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from cam_rig.cli.common.cam_sets import asked_scene
 from cam_rig.cli.common.console import console, progress_bar, say, user_errors
-from cam_rig.cli.common.names import scene_path
-from cam_rig.cli.common.options import Json, Scene
+from cam_rig.cli.common.options import Json, OtherRig, Scene
 from cam_rig.cli.common.outputs import check_outputs, check_place, write_json, writing
 from cam_rig.errors import ConfigError
 
@@ -33,6 +33,7 @@ def listen(
         float | None,
         typer.Option(min=0.1, max=3600.0, help="How long --rpm is held, in whole turns; 5."),
     ] = None,
+    rig: OtherRig = None,
     json_target: Json = None,
 ) -> None:
     """Write what the microphone hears: 48 kHz, 16 bit, sound pressure in proportion.
@@ -53,7 +54,6 @@ def listen(
         from cam_rig.acoustics import SoundSource
         from cam_rig.acoustics.wav import full_scale, measure, pcm
         from cam_rig.simulation.audio import audition, sounds
-        from cam_rig.simulation.loaded_scene import open_scene
         from cam_rig.simulation.schedule import tick_count
 
         check_outputs(json_target, None)
@@ -66,7 +66,7 @@ def listen(
                 "times; allowed: both, or neither"
             )
         held = SECONDS if seconds is None else seconds
-        loaded = audition(open_scene(scene_path(scene)), cam, rpm, held, RATE)
+        loaded = audition(asked_scene(scene, rig), cam, rpm, held, RATE)
         source = SoundSource(loaded.radiation, RATE, least_rate=RATE)
         with progress_bar() as bar:
             ticks = bar.track(

@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
+from cam_rig.cli.common.cam_sets import asked_cams
 from cam_rig.cli.common.console import show, user_errors
-from cam_rig.cli.common.names import cam_path, rig_path, tables_path
-from cam_rig.cli.common.options import Csv, Json, Plot, Rig, TableCams
+from cam_rig.cli.common.options import CamsOrScene, Csv, Json, Plot, RigOfScene
 from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
 
 #: Below every jump speed of the paper's laws.
@@ -32,8 +32,8 @@ Sharpest = Annotated[
 
 
 def contact(
-    cams: TableCams = None,
-    rig: Rig = "paper_table2",
+    cams: CamsOrScene = None,
+    rig: RigOfScene = None,
     rpm: Rpm = SPEED,
     events: Events = None,
     pressure_angle: Steepest = 30.0,
@@ -56,15 +56,12 @@ def contact(
     cam-rig contact --events out/events.png --plot out/contact.png
     """
     with user_errors():
-        from cam_rig.schema import load_tables
-        from cam_rig.studies.cam_set import open_cam_set
         from cam_rig.studies.contact import tables
         from cam_rig.studies.contact.comparison import compare_contacts
 
         check_outputs(json_target, plot, csv)
         check_outputs(None, events)
-        names = cams or list(load_tables(tables_path()).table_2_jump)
-        found = compare_contacts(open_cam_set(map(cam_path, names), rig_path(rig)), rpm)
+        found = compare_contacts(asked_cams(cams, rig), rpm)
         most = math.radians(pressure_angle)
         shown = [*tables.contact_tables(found), tables.parts_table()]
         if events is not None:

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from cam_rig.cli.common.console import progress_bar, show, user_errors
-from cam_rig.cli.common.names import DEFAULT_SCENE, scene_path
+from cam_rig.cli.common.names import DEFAULT_SCENE, rig_beside, scene_path
 from cam_rig.cli.common.options import Csv, Json, Plot, Scene
 from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
 
@@ -15,7 +15,7 @@ from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, wri
 def noise(
     scene: Scene = DEFAULT_SCENE,
     rig: Annotated[
-        str, typer.Option(help="The rig identified from the jump speeds, a name in config/rigs.")
+        str, typer.Option(help="Rig identified from jump speeds, beside the scene's: file or name.")
     ] = "paper_table2",
     one_rig: Annotated[
         bool, typer.Option("--one-rig", help="Fit the arc cam on that rig too: takes minutes.")
@@ -37,14 +37,14 @@ def noise(
     cam-rig noise --json - | jq '.methods["by substitution"].crossing.rpm'
     """
     with user_errors():
-        from cam_rig.schema import Library, load_rig
+        from cam_rig.schema import load_rig
         from cam_rig.simulation.loaded_scene import open_scene
         from cam_rig.studies.noise import tables
         from cam_rig.studies.noise.run import PARTS, study_noise
 
         check_outputs(json_target, plot, csv)
         path = scene_path(scene)
-        loaded, other = open_scene(path), load_rig(Library.beside(path).path("rigs", rig))
+        loaded, other = open_scene(path), load_rig(rig_beside(rig, path))
         with progress_bar() as bar:
             task = bar.add_task("", total=len(PARTS), completed=-1)
             found = study_noise(

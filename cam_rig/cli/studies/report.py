@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cam_rig.cli.common.cam_sets import RIG
+from cam_rig.cli.common.cam_sets import RIG, asked_scene
 from cam_rig.cli.common.console import console, progress_bar, user_errors
 from cam_rig.cli.common.names import DEFAULT_SCENE, rig_beside, scene_path
 from cam_rig.cli.common.options import Json, Scene
@@ -74,7 +74,7 @@ def report(
                     f"--factorial {factorial}: {path} is not the paper's noise study; allowed: "
                     "without it"
                 )
-            text, plain = scene_page(loaded, rig, bag, out)
+            text, plain = scene_page(asked_scene(scene_option or scene, rig), bag, out)
         with writing(out) as part:
             part.write_text(text, encoding="utf-8")
         console.print(f"report: {out} ({len(text) / 1e6:.1f} MB)", soft_wrap=True)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from cam_rig.cli.common.console import console
-from cam_rig.cli.common.names import rig_beside
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -15,27 +13,17 @@ if TYPE_CHECKING:
     from cam_rig.simulation.loaded_scene import LoadedScene
 
 
-def scene_page(
-    loaded: LoadedScene, rig: str | None, bag: Path | None, out: Path
-) -> tuple[str, dict[str, Any]]:
+def scene_page(loaded: LoadedScene, bag: Path | None, out: Path) -> tuple[str, dict[str, Any]]:
     """The page as text, HTML or Markdown by ``out``, and its findings as plain data.
-
-    Parameters
-    ----------
-    rig : file or name of another rig than the scene's
 
     Raises
     ------
-    CamRigError : the rig, or the bag, is not one that the scene can have
+    CamRigError : the bag is not of the scene
     """
     from cam_rig.report.scene import page
     from cam_rig.report.scene.figures import figures
     from cam_rig.report.scene.results import find_scene
-    from cam_rig.schema import load_rig
 
-    if rig is not None:
-        path = rig_beside(rig, loaded.scene_file)
-        loaded = replace(loaded, rig=load_rig(path), rig_file=path)
     with console.status("") as status:
         found = find_scene(loaded, bag, status.update)
         status.update("the page")

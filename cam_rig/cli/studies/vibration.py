@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
+from cam_rig.cli.common.cam_sets import asked_cams, one_scene, scene_speeds
 from cam_rig.cli.common.console import progress_bar, say, show, user_errors
-from cam_rig.cli.common.names import cam_path, rig_path, tables_path
-from cam_rig.cli.common.options import Csv, Json, Plot, Rig, TableCams
+from cam_rig.cli.common.options import CamsOrScene, Csv, Json, Plot, RigOfScene
 from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
 
 #: The jump speed of the first of the paper's laws is 389 rpm.
@@ -16,8 +16,8 @@ SPEEDS = [200.0, 250.0, 300.0, 350.0]
 
 
 def vibration(
-    cams: TableCams = None,
-    rig: Rig = "paper_table2",
+    cams: CamsOrScene = None,
+    rig: RigOfScene = None,
     rpm: Annotated[list[float] | None, typer.Option(help="Speed; may be given often.")] = None,
     json_target: Json = None,
     csv: Csv = None,
@@ -28,28 +28,28 @@ def vibration(
     Eq. 5 and eq. 10 of the paper, in steady state. The residual amplitude is of the free vibration
     that a law's joints excite; a law without a low dwell is read within 31.25° of its lowest lift.
     † marks cams whose follower loses contact below a speed: the model holds it on, and the paper's
-    claims are tested without that speed. The plot shows the last speed. By default 200, 250, 300
-    and 350 rpm, below every jump speed of the paper's laws.
+    claims are tested without that speed. The plot shows the last speed. By default up to four
+    speeds of a scene; 200, 250, 300 and 350 rpm, below every jump speed of the paper's laws.
 
     Examples
     --------
     cam-rig vibration --plot out/vibration.png
 
     cam-rig vibration poly345 poly4567 --rig tm21 --rpm 300 --json -
+
+    cam-rig vibration quick --rig paper_table2
     """
     with user_errors():
-        from cam_rig.schema import load_tables
-        from cam_rig.studies.cam_set import open_cam_set
         from cam_rig.studies.vibration import tables
         from cam_rig.studies.vibration.claims import vibration_claims
         from cam_rig.studies.vibration.comparison import vibration_table
 
         check_outputs(json_target, plot, csv)
-        names = cams or list(load_tables(tables_path()).table_2_jump)
-        cam_set = open_cam_set(map(cam_path, names), rig_path(rig))
+        cam_set, scene = asked_cams(cams, rig), one_scene(cams)
+        own = SPEEDS if scene is None else scene_speeds(scene, len(SPEEDS))
         with progress_bar() as bar:
             task = bar.add_task("", total=len(cam_set.cams), completed=-1)
-            speeds = tuple(rpm or SPEEDS)  # a speed given twice is one
+            speeds = tuple(rpm or own)  # a speed given twice is one
             found = vibration_table(
                 cam_set, speeds, lambda cam: bar.update(task, advance=1, description=cam)
             )

@@ -22,6 +22,8 @@ from cam_rig.units import to_rpm
 
 #: A shape is fitted at each of these of the study's speeds, and then compared at all.
 EVERY = 2
+#: What gives the levels of a scene that is no noise study.
+OTHERWISE = "for any other scene take cam-rig simulate or report"
 #: Half of them still are more than a cubic has numbers.
 MIN_SPEEDS = 9
 
@@ -46,14 +48,15 @@ class StudyRoles:
         if speeds < MIN_SPEEDS:
             raise ConfigError(
                 f"{loaded.scene_file}: program.speeds has {speeds}; a noise study needs at least "
-                f"{MIN_SPEEDS}"
+                f"{MIN_SPEEDS}; {OTHERWISE}"
             )
         roles = {loaded.part(cam): cam for cam in loaded.scene.cams}
         if len(loaded.scene.cams) != 3 or len(roles) != 3 or loaded.scene.model != "one_mass":
             raise ConfigError(
                 f"{loaded.scene_file}: cams are {', '.join(loaded.scene.cams)}, model "
                 f"{loaded.scene.model}; a noise study needs model one_mass and three published "
-                "cams: one that the rig is calibrated on, one identified, one predicted"
+                "cams: one that the rig is calibrated on, one identified, one predicted; "
+                f"{OTHERWISE}"
             )
         return cls(roles["calibrated"], roles["predicted"], roles["identified"])
 
