@@ -163,7 +163,7 @@ class SceneRun:
         MissingLibraryError : matplotlib is not installed
         """
         with libraries_named():
-            from cam_rig.plots.noise import figure
+            from cam_rig.plots.sound.noise import figure
         return shown(figure(self.noise, self.loaded))
 
 

@@ -1,4 +1,4 @@
-"""Minimum contact force against speed, which is zero at the jump speed; a turn above it."""
+"""Minimum contact force against speed: where it reaches zero, contact is lost."""
 
 from __future__ import annotations
 
@@ -10,19 +10,15 @@ from matplotlib.figure import Figure
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.two_mass.model import states
-from cam_rig.dynamics.two_mass.trajectory import Separation
 from cam_rig.laws import Law
-from cam_rig.plots.figures import CAM_ANGLE, CAM_SPEED, colour, empty, line, turn_axis, write
+from cam_rig.plots.figures import CAM_SPEED, colour, empty, line, write
 from cam_rig.studies.cam_set import CamSet
 from cam_rig.studies.jump.any_rig import ONE_MASS, AnyFollower, follower_of, least_force
 from cam_rig.studies.jump.comparison import JumpRow
-from cam_rig.units import RPM, TURN
+from cam_rig.units import RPM
 
 #: Speeds of a curve.
 POINTS = 400
-#: The turn in which a lift-off is shown, counted from rest, and its samples.
-SHOWN, TURN_POINTS = 3, 3000
 
 
 def draw(rows: list[JumpRow], cam_set: CamSet, duration: float | None, path: Path) -> None:
@@ -87,33 +83,3 @@ def _mark(axes: Axes, row: JumpRow, ink: str) -> None:
     axes.plot(row.found.rpm, 0.0, "o", color=ink, ms=5, zorder=4)
     if row.published_rpm is not None:
         axes.plot(row.published_rpm, 0.0, "v", color=ink, ms=9, mfc="none", zorder=4)
-
-
-def draw_lift_off(cam_set: CamSet, rpm: float, path: Path) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(lift_off_figure(cam_set, rpm), path)
-
-
-def lift_off_figure(cam_set: CamSet, rpm: float) -> Figure:
-    """Displacement of the roller, and its gap to the cam, in a turn at one speed (rpm): fig. 11."""
-    out = empty(9.0, 6.4)
-    place, gap = out.subplots(2, 1, sharex=True, height_ratios=[1.4, 1.0])
-    parameters, speed = TwoMassParameters.from_rig(cam_set.rig), rpm * RPM
-    times = (SHOWN - 1 + np.linspace(0.0, 1.0, TURN_POINTS)) * TURN / speed
-    degrees = np.degrees(speed * times) - 360.0 * (SHOWN - 1)
-    for i, (cam, law) in enumerate(cam_set.laws.items()):
-        course = Separation(law, parameters, speed)
-        course.run(SHOWN * TURN / speed)
-        roller = states(course, times)[0]
-        off = 1e3 * (roller - course.cam(times)[0])
-        lift_offs = sum(event.kind == "lift-off" for event in course.events)
-        label = f"{cam_set.titles[cam]}: {'contact kept' if not lift_offs else 'contact lost'}"
-        place.plot(degrees, 1e3 * roller, lw=1.5, label=label, **line(i))
-        gap.plot(degrees, off, lw=1.3, **line(i))
-    place.set(ylabel="displacement of the roller [mm]")
-    place.set(title=f"Turn {SHOWN} from rest at {rpm:g} rpm")
-    gap.set(ylabel="gap to the cam [mm]", xlabel=CAM_ANGLE)
-    for axes in (place, gap):
-        turn_axis(axes, 30)
-    place.legend(fontsize=8.5, handlelength=3.4, loc="lower center")
-    return out

@@ -9,6 +9,8 @@ from pydantic import Field, FiniteFloat, model_validator
 from cam_rig.schema.quantity import Quantity, Strict, must_be
 from cam_rig.schema.rig import Damping, Force, Mass, RollerShare, Stiffness
 
+#: Above, a run has more periods than can be looked at at each speed of the grid.
+Stem = Annotated[Quantity, must_be("stiffness", least=1e4, most=1e9)]
 Span = Annotated[Quantity, must_be("angle", above=0.0, most=3.0)]
 
 
@@ -18,7 +20,7 @@ class TableReading(Strict):
     title: str
     mass: Mass
     spring_stiffness: Stiffness
-    stem_stiffness: Stiffness
+    stem_stiffness: Stem
     roller_share: RollerShare
     stem_damping: Damping
     damping: Damping
@@ -47,5 +49,5 @@ class TableReadings(Strict):
 
     name: str
     source: str
-    run_s: FiniteFloat = Field(gt=0.0, le=60.0)
+    run_s: FiniteFloat = Field(ge=1.0, le=60.0)
     readings: dict[str, TableReading] = Field(min_length=1)

@@ -73,7 +73,7 @@ class Shaft(Strict):
     stiffness: Annotated[Quantity, must_be("torsional stiffness", above=0.0, least=1e-9, most=1e15)]
     damping: Annotated[Quantity, must_be("torsional damping", least=0.0, most=1e9)]
     flywheel_inertia: (
-        Annotated[Quantity, must_be("inertia", above=0.0, least=1e-12, most=1e9)] | None
+        Annotated[Quantity, must_be("inertia", above=0.0, least=1e-6, most=1e9)] | None
     ) = None
 
 

@@ -22,6 +22,13 @@ def test_a_search_says_what_it_found_and_misses(tmp_path):
     out = tmp_path / "found.csv"
     result = call("--search", "printed_stem", "--nearby", "--generations", 1, "--csv", out)
     assert result.exit_code == 0, result.stderr
-    assert "event angle" in result.output
+    assert "best of 128 trials" in result.output
     lines = out.read_text(encoding="utf-8")
     assert all(cam in lines for cam in ("bezier15", "bezier_segments"))
+
+
+def test_what_only_a_search_obeys_is_refused_without_one():
+    """Rather than passed over."""
+    result = call("--with-times")
+    assert result.exit_code == 2
+    assert "needed: --search NAME" in result.stderr

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from cam_rig.drawing.colours import CAMS, DISCS, web
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.laws import Law
-from cam_rig.plots import jump, law, profile, vibration
+from cam_rig.plots import jump, law, lift_off, profile, vibration
 from cam_rig.plots.figures import DASHES, MARKERS, line, marker
 from cam_rig.profile.checks.all_checks import check_cam
 from cam_rig.schema import CamConfig
@@ -48,7 +48,7 @@ def figures(cam_set: CamSet, jumps: list[JumpRow]) -> dict[str, Figure]:
         "law": law.figure(cam, curve),
         "profile": profile.figure(cam, curve, check_cam(cam, curve)),
         "jump": jump.figure(jumps, cam_set, DURATION),
-        "lift-off": jump.lift_off_figure(cam_set, SPEED),
+        "lift-off": lift_off.figure(cam_set, SPEED),
         "vibration": vibration.figure(cam_set, 300.0),
     }
 

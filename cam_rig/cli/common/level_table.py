@@ -88,7 +88,7 @@ def show(
         names = " and ".join(loaded.published.crossover.between)
         console.say(f"{names} cross at {found} (published: {loaded.published.crossover.rpm:g} rpm)")
     if plot is not None:
-        from cam_rig.plots.noise import draw
+        from cam_rig.plots.sound.noise import draw
 
         write_plot(plot, lambda part: draw(result, loaded, part))
     speeds = {"speeds": [row.plain() for row in run.by_speed]}

@@ -30,14 +30,17 @@ Sharpest = Annotated[
     ),
 ]
 
+#: Pressure angle (degrees) of the nomogram, and its roller and least radius in lifts.
+STEEPEST, SHARPEST = 30.0, 2.0
+
 
 def contact(
     cams: CamsOrScene = None,
     rig: RigOfScene = None,
     rpm: Rpm = SPEED,
     events: Events = None,
-    pressure_angle: Steepest = 30.0,
-    sharpest: Sharpest = 2.0,
+    pressure_angle: Steepest = STEEPEST,
+    sharpest: Sharpest = SHARPEST,
     json_target: Json = None,
     csv: Csv = None,
     plot: Plot = None,
@@ -56,11 +59,16 @@ def contact(
     cam-rig contact --events out/events.png --plot out/contact.png
     """
     with user_errors():
+        from cam_rig.errors import ConfigError
         from cam_rig.studies.contact import tables
         from cam_rig.studies.contact.comparison import compare_contacts
 
         check_outputs(json_target, plot, csv)
         check_outputs(None, events)
+        if events is None and (pressure_angle, sharpest) != (STEEPEST, SHARPEST):
+            raise ConfigError(
+                "--pressure-angle, --sharpest: are of the nomogram; needed: --events PATH"
+            )
         found = compare_contacts(asked_cams(cams, rig), rpm)
         most = math.radians(pressure_angle)
         shown = [*tables.contact_tables(found), tables.parts_table()]

@@ -94,7 +94,7 @@ def orders(
         show(tables.speed_table(found), *([every] if len(every.rows) <= SHOWN else []))
         write_csv([every], csv)
         if plot is not None:
-            from cam_rig.plots.orders import draw
+            from cam_rig.plots.sound.orders import draw
 
             write_plot(plot, lambda part: draw(found, part))
         if save is not None:

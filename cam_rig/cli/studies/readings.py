@@ -12,9 +12,10 @@ from cam_rig.cli.common.options import Csv
 from cam_rig.cli.common.outputs import check_outputs, write_csv
 
 if TYPE_CHECKING:
-    from cam_rig.schema import TableReadings
+    from collections.abc import Mapping
+
+    from cam_rig.schema import TableReading, TableReadings
     from cam_rig.studies.jump.readings import Read
-    from cam_rig.tables import DataTable
 
 
 def readings(
@@ -49,27 +50,29 @@ def readings(
     cam-rig readings --search shipped --generations 20
     """
     with user_errors():
+        from cam_rig.errors import ConfigError
         from cam_rig.schema import load_readings
         from cam_rig.studies.jump import reading_tables as tables
 
         check_outputs(None, None, csv)
         known = load_readings(readings_path())
+        looked_at = known.readings
         if search is not None:
-            shown = _search(known, search, with_times, nearby, generations, seed)
-        else:
-            found = _read(known)
-            shown = [
-                tables.numbers_table(known.readings),
-                tables.speeds_table(found),
-                tables.times_table(found),
-            ]
+            looked_at = _search(known, search, with_times, nearby, generations, seed)
+        elif with_times or nearby:
+            raise ConfigError("--with-times, --nearby: are of a search; needed: --search NAME")
+        found = _read(looked_at, known.run_s)
+        shown = [
+            tables.numbers_table(looked_at),
+            tables.speeds_table(found),
+            tables.times_table(found),
+        ]
         show(*shown)
-        if search is None:
-            say(tables.conclusion(found))
+        say(tables.conclusion(found))
         write_csv(shown, csv)
 
 
-def _read(known: TableReadings) -> list[Read]:
+def _read(readings: Mapping[str, TableReading], run: float) -> list[Read]:
     """Every reading on every cam of the table, behind a bar."""
     from cam_rig.schema import load_cam, load_tables
     from cam_rig.studies.jump.readings import read
@@ -78,17 +81,17 @@ def _read(known: TableReadings) -> list[Read]:
     cams = {cam: load_cam(cam_path(cam)) for cam in printed}
     found = []
     with progress_bar() as bar:
-        task = bar.add_task("", total=len(known.readings))
-        for name, reading in known.readings.items():
+        task = bar.add_task("", total=len(readings))
+        for name, reading in readings.items():
             bar.update(task, description=name)
-            found.append(read(name, reading, cams, printed, known.run_s))
+            found.append(read(name, reading, cams, printed, run))
             bar.advance(task)
     return found
 
 
 def _search(
     known: TableReadings, name: str, with_times: bool, nearby: bool, generations: int, seed: int
-) -> list[DataTable]:
+) -> dict[str, TableReading]:
     """Seek a reading's identified numbers anew; Ctrl-C ends it with nothing found.
 
     Raises
@@ -98,7 +101,7 @@ def _search(
     from cam_rig.errors import ConfigError, did_you_mean
     from cam_rig.schema import load_cam, load_tables
     from cam_rig.studies.jump.reading_search import ReadingSearch
-    from cam_rig.studies.jump.reading_tables import found_table, misses_table
+    from cam_rig.studies.jump.reading_tables import with_numbers
 
     if name not in known.readings:
         raise ConfigError(
@@ -117,4 +120,5 @@ def _search(
                 task, completed=done, description=f"{name}, best misses {miss:.2f} rpm in all"
             ),
         )
-    return [found_table(found), misses_table(found)]
+    say(f"best of {found.trials} trials; its numbers, and what they show by the exact model:")
+    return {name: with_numbers(known.readings[name], found)}

@@ -6,10 +6,10 @@ from cam_rig.plots import jump as jump_plot
 from cam_rig.plots import law as law_plot
 from cam_rig.plots import law_overlay
 from cam_rig.plots import motion as motion_plot
-from cam_rig.plots import noise as noise_plot
-from cam_rig.plots import orders as orders_plot
 from cam_rig.plots import profile as profile_plot
 from cam_rig.plots import vibration as vibration_plot
+from cam_rig.plots.sound import noise as noise_plot
+from cam_rig.plots.sound import orders as orders_plot
 from cam_rig.report.figures import uri
 from cam_rig.report.scene.results import SceneFindings, force_curves
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST

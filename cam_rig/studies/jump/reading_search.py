@@ -42,7 +42,7 @@ LOGARITHMIC = frozenset({"stem_stiffness", "stem_damping", "damping"})
 #: Points a turn at the slower speeds, where the envelope of the vibration stands for it.
 OUTLINE = 160
 #: A trial's miss counts up to this, rpm; a time needs a window of at least this many rpm.
-MAX_MISS, MIN_WINDOW = 10.0, 0.02
+MAX_MISS, MIN_WINDOW = 50.0, 0.02
 #: The force falls by this much (N) a rpm at least, so that a miss is finite.
 MIN_SLOPE = 0.2
 #: Trials side by side, for each number sought.
@@ -88,10 +88,11 @@ class Trials:
     ) -> tuple[FloatArray, FloatArray]:
         """By how many rpm each trial misses the printed speed and time, ``(b,)`` each.
 
-        At slower speeds of the grid, from the slowest on, the envelope of the vibration is held to
-        keep contact; ``nearby`` leaves them out but for the next slower one. The time's miss is how
-        far the force at the printed speed is from being zero first in the turn that is nearest to
-        the printed time, as a change of speed.
+        At the printed speed and the next slower one of the grid a miss is a force over how it
+        changes with the speed. At still slower ones the envelope of the vibration must keep
+        contact, else the miss is how much slower; ``nearby`` leaves these out. The time's miss is
+        how far the force at the printed speed is from being zero first in the turn that is nearest
+        to the printed time, as a change of speed.
         """
         event, high = numbers["event"], numbers["high_dwell"]
         spans = self.spans[0] + np.outer(event, self.spans[1]) + np.outer(high, self.spans[2])
@@ -99,16 +100,16 @@ class Trials:
         turns = math.ceil(run * rpm / 60.0)
         force, angle = turn_minima(self.shape, spans, rigs, rpm * RPM, turns)
         next_slower = turn_minima(self.shape, spans, rigs, (rpm - ROUNDED_TO) * RPM, turns)
-        below = [next_slower.force.min(axis=1)]
+        here, below = force.min(axis=1), next_slower.force.min(axis=1)
+        slope = np.maximum((below - here) / ROUNDED_TO, MIN_SLOPE)
+        miss = np.maximum(np.maximum(here, -below), 0.0) / slope
         first = rpm if nearby else FIRST_RPM
         for slower in np.arange(first, rpm - 1.5 * ROUNDED_TO, ROUNDED_TO):
             found = turn_minima(self.outline, spans, rigs, slower * RPM, turns)
-            below.append(found.force.min(axis=1))
-        slope = np.maximum((below[0] - force.min(axis=1)) / ROUNDED_TO, MIN_SLOPE)
-        late = np.maximum(0.0, force.min(axis=1))
-        early = np.maximum(0.0, -np.min(below, axis=0))
+            lost = found.force.min(axis=1) < 0.0
+            miss = np.maximum(miss, np.where(lost, rpm - slower, 0.0))
         turn = self._turn_of_time(force, angle)
-        return np.maximum(late, early) / slope, _time_miss(force, turn, slope)
+        return miss, _time_miss(force, turn, slope)
 
     def _turn_of_time(self, force: FloatArray, angle: FloatArray) -> NDArray[np.intp]:
         """The turn in which the deepest place is nearest to the printed time, ``(b,)``."""
@@ -136,17 +137,11 @@ def rigs_of(numbers: Mapping[str, FloatArray]) -> Rigs:
 
 @dataclass(frozen=True)
 class Found:
-    """The best rig of a search: its sought numbers (SI) and what it misses, rpm, by cam."""
+    """The best rig of a search: its sought numbers (SI), and the sum of what it misses, rpm."""
 
     numbers: dict[str, float]
-    speeds: dict[str, float]
-    times: dict[str, float]
+    miss: float
     trials: int
-
-    @property
-    def miss(self) -> float:
-        """The sum of what it misses, rpm."""
-        return sum(self.speeds.values()) + sum(self.times.values())
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,12 +241,10 @@ class ReadingSearch:
             recombination=0.8,
             callback=tell,
         )
-        x = found.x[:, None]
-        numbers, (speeds, times) = self.numbers(x), self.misses(x)
+        numbers = self.numbers(found.x[:, None])
         return Found(
             {key: float(numbers[key][0]) for key in self.sought},
-            dict(zip(self.trials, speeds[:, 0].tolist(), strict=True)),
-            dict(zip(self.trials, times[:, 0].tolist(), strict=True)),
+            miss=float(found.fun),
             trials=(done[0] + 1) * found.population.shape[0],
         )
 

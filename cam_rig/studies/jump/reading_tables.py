@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from cam_rig.schema import TableReading
+from cam_rig.schema.quantity import Quantity
 from cam_rig.studies.jump.reading_search import Found
 from cam_rig.studies.jump.readings import Read
 from cam_rig.studies.jump.refit import ROUNDED_TO
@@ -13,13 +14,13 @@ from cam_rig.tables import Cell, Column, DataTable, tabulate
 
 #: The numbers of a reading: heading, unit, format, factor from SI.
 NUMBERS = {
-    "event": ("event angle", "°", ".2f", 180.0 / math.pi),
-    "high_dwell": ("high dwell", "°", ".2f", 180.0 / math.pi),
-    "stem_stiffness": ("stem", "N/m", ".4g", 1.0),
-    "roller_share": ("mass split", "", ".3f", 1.0),
-    "stem_damping": ("stem damping", "N·s/m", ".3g", 1.0),
-    "damping": ("damping to ground", "N·s/m", ".3g", 1.0),
-    "preload": ("preload", "N", ".4g", 1.0),
+    "event": ("event angle", "°", ".3f", 180.0 / math.pi),
+    "high_dwell": ("high dwell", "°", ".3f", 180.0 / math.pi),
+    "stem_stiffness": ("stem", "N/m", ".6g", 1.0),
+    "roller_share": ("mass split", "", ".5g", 1.0),
+    "stem_damping": ("stem damping", "N·s/m", ".5g", 1.0),
+    "damping": ("damping to ground", "N·s/m", ".5g", 1.0),
+    "preload": ("preload", "N", ".5g", 1.0),
 }
 
 
@@ -85,43 +86,27 @@ def times_table(found: Sequence[Read]) -> DataTable:
             (Column("jump speed", "rpm", ".1f"), lambda item: item[1].jump),
             (Column("Table 2", "s", ".2f"), lambda item: item[1].printed.time_s),
             (Column("time", "s", ".3f"), lambda item: _finite(item[1].time)),
-            (Column("slower by 1e-6", "s", ".3f"), lambda item: _finite(item[1].latest)),
-            (Column("faster by 1e-6", "s", ".3f"), lambda item: _finite(item[1].earliest)),
+            (Column("at the jump + 1e-6", "s", ".3f"), lambda item: _finite(item[1].at_limit)),
+            (Column("+ 1e-3", "s", ".3f"), lambda item: _finite(item[1].beyond)),
             (Column("window", "rpm", ".2f"), lambda item: item[1].window),
             (Column("least force", "N", "+.1f"), lambda item: item[1].force),
         ),
-        f"Time: at the first speed of the grid. Window: over how many rpm, of {ROUNDED_TO:g} on "
+        "Time: at the first speed of the grid, and above the jump speed by so much of it.",
+        f"Window: over how many rpm, of {ROUNDED_TO:g} on "
         "either side of the printed speed, the printed time comes out within half a turn.",
         "Least force: of a run at the printed speed. Where it is positive, vibration would have to "
         "take it away.",
     )
 
 
-def found_table(found: Found) -> DataTable:
-    """The numbers that a search came to, and what it misses by cam."""
-    return tabulate(
-        f"Best of {found.trials} trials",
-        [*found.numbers.items()],
-        (
-            (Column("number"), lambda item: NUMBERS[item[0]][0]),
-            (Column("unit"), lambda item: NUMBERS[item[0]][1]),
-            (Column("found", "", ".6g"), lambda item: item[1] * NUMBERS[item[0]][3]),
-        ),
-    )
-
-
-def misses_table(found: Found) -> DataTable:
-    """By how many rpm the best rig of a search misses each cam's speed and time."""
-    return tabulate(
-        "What it misses",
-        [*found.speeds],
-        (
-            (Column("cam"), lambda cam: cam),
-            (Column("speed", "rpm", ".2f"), lambda cam: found.speeds[cam]),
-            (Column("time", "rpm", ".2f"), lambda cam: found.times[cam]),
-        ),
-        "Time: the change of speed at which the printed turn would be the first.",
-    )
+def with_numbers(reading: TableReading, found: Found) -> TableReading:
+    """A reading with the numbers that a search found in place of those it identified."""
+    changed = {}
+    for key, value in found.numbers.items():
+        quantity: Quantity = getattr(reading, key)
+        update: dict[str, float] = {quantity.origin: value / quantity.factor}
+        changed[key] = quantity.model_copy(update=update)
+    return reading.model_copy(update=changed)
 
 
 def widest(found: Sequence[Read]) -> float:

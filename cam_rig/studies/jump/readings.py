@@ -32,8 +32,8 @@ EARLY = 0.9
 SPEEDS, TOGETHER = 501, 16
 #: Points a turn there: 16 a period up to 3 kHz at 600 rpm.
 POINTS = 4800
-#: A solver of ordinary differential equations knows a speed, or a force, to this part of it.
-SOLVER = 1e-6
+#: A solver of ordinary differential equations knows a speed, or a force, to the first part of it.
+SOLVER, BEYOND = 1e-6, 1e-3
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class ReadRow:
     jump : rpm, the jump speed: at any speed, between those of the grid too
     rpm : the first speed of the table's grid at which contact is lost; NaN where it is at none
     time : s, when it is first lost there
-    earliest, latest : s, the same at speeds `SOLVER` of it above and below; NaN where contact holds
+    at_limit, beyond : s, the same at speeds `SOLVER` and `BEYOND` of it above the jump speed
     window : rpm, the range of speeds that give the printed time, see `window`
     force : N, the least of a run at the printed speed; what vibration would have to take from it
     """
@@ -55,8 +55,8 @@ class ReadRow:
     jump: float
     rpm: float
     time: float
-    earliest: float
-    latest: float
+    at_limit: float
+    beyond: float
     window: float
     force: float
 
@@ -92,11 +92,13 @@ class Read:
 
     @property
     def moved(self) -> int:
-        """How many times change by half a turn or more within `SOLVER` of the speed."""
-        return sum(
-            not max(abs(row.earliest - row.time), abs(row.latest - row.time)) < 30.0 / row.rpm
-            for row in self.rows
-        )
+        """How many times change by half a turn or more from `SOLVER` to `BEYOND`."""
+        return sum(not abs(row.at_limit - row.beyond) < 30.0 / row.jump for row in self.rows)
+
+    @property
+    def limit_times(self) -> int:
+        """How many printed times come out just above the jump speed, within half a turn."""
+        return sum(abs(row.at_limit - row.printed.time_s) <= 30.0 / row.jump for row in self.rows)
 
     @property
     def early(self) -> list[ReadRow]:
@@ -183,16 +185,17 @@ def _row(
     cam: str, law: Law, follower: TwoMassParameters, printed: PublishedJump, run: float
 ) -> ReadRow:
     rpm = first_on_grid(law, follower, LAST * printed.rpm, run)
-    speeds = rpm * RPM * np.array([1.0 - SOLVER, 1.0, 1.0 + SOLVER])
-    slower, there, faster = (_first_loss(law, follower, speed, run) for speed in speeds)
+    jump = sought_speed(law, follower, run, FIRST_RPM)
+    speeds = rpm * RPM, jump * (1.0 + SOLVER), jump * (1.0 + BEYOND)
+    there, at_limit, beyond = (_first_loss(law, follower, speed, run) for speed in speeds)
     return ReadRow(
         cam,
         printed,
-        to_rpm(sought_speed(law, follower, run, FIRST_RPM)),
+        to_rpm(jump),
         rpm,
         there,
-        earliest=faster,
-        latest=slower,
+        at_limit=at_limit,
+        beyond=beyond,
         window=window(law, follower, printed, run),
         force=force_run(law, follower, run).lowest(printed.rpm * RPM),
     )

@@ -7,7 +7,7 @@ rig's structure makes of it, p = g ω_c (F − q) with q̇ = ω_c (F − q): a f
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -71,6 +71,26 @@ class OrderSpectrum:
     def level(self) -> FloatArray:
         """Of the sound at each order, dB re 20 µPa; order 0 is silence."""
         return level_db(np.maximum(math.sqrt(2.0) * np.abs(self.pressure), SILENCE))
+
+    def up_to(self, highest: float) -> OrderSpectrum:
+        """The same without the orders above one."""
+        kept = int(np.searchsorted(self.orders, highest, side="right"))
+        return replace(
+            self,
+            orders=self.orders[:kept],
+            force=self.force[:kept],
+            pressure=self.pressure[:kept],
+        )
+
+    @property
+    def loudest(self) -> int:
+        """The place of the loudest order in the arrays."""
+        return int(np.argmax(self.level[1:])) + 1
+
+    def order_within(self, share: float) -> float:
+        """The order up to which a share of the sound's power lies, of all orders there are."""
+        power = np.cumsum(np.abs(self.pressure) ** 2)
+        return float(self.orders[np.searchsorted(power, share * power[-1])])
 
     @property
     def total_db(self) -> float:

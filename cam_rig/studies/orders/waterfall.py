@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -29,6 +29,18 @@ class CamOrders:
     model: str
     rig: RigConfig
     spectra: tuple[OrderSpectrum, ...]
+
+    def at(self, rpm: float) -> OrderSpectrum:
+        """The spectrum of the speed that is nearest to one in rpm."""
+        return min(self.spectra, key=lambda spectrum: abs(spectrum.rpm - rpm))
+
+    def only(self, *rpms: float) -> CamOrders:
+        """The same at the speeds that are nearest to these."""
+        return replace(self, spectra=tuple(self.at(rpm) for rpm in rpms))
+
+    def up_to(self, highest: float) -> CamOrders:
+        """The same without the orders above one."""
+        return replace(self, spectra=tuple(found.up_to(highest) for found in self.spectra))
 
     @property
     def edges(self) -> FloatArray:

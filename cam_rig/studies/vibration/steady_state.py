@@ -18,6 +18,7 @@ from cam_rig.dynamics.torsional.steady import steady_state
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
+from cam_rig.studies.flywheel.fluctuation import flywheel_turn
 from cam_rig.studies.vibration.dwell import LowDwell, low_dwell
 from cam_rig.units import RPM, TURN
 
@@ -102,6 +103,7 @@ class Vibration:
     peak_to_peak : m, of x about the static share of the lift there
     acceleration, rigid_acceleration : m/s², largest |ẍ|, and that of the law itself
     twist : rad, peak to peak of cam less flywheel; None for a rig without a shaft
+    fluctuation : (fastest − slowest)/mean speed of the flywheel; None where it holds its speed
     """
 
     window: LowDwell
@@ -110,6 +112,7 @@ class Vibration:
     acceleration: float
     rigid_acceleration: float
     twist: float | None
+    fluctuation: float | None = None
 
 
 def vibration(
@@ -127,6 +130,9 @@ def vibration(
     turn, window = steady_turn(law, follower, speed), low_dwell(law)
     inside = turn.vibration[window.holds(turn.angle)]
     twist = None if shaft is None else float(np.ptp(steady_twist(law, shaft, speed)[1]))
+    fluctuation = None
+    if shaft is not None and shaft.flywheel_inertia is not None:
+        fluctuation = flywheel_turn(law, shaft, shaft.flywheel_inertia, speed).fluctuation
     return Vibration(
         window=window,
         residual_amplitude=float(residual_vibration(law, follower, np.array([speed]))[0]),
@@ -134,6 +140,7 @@ def vibration(
         acceleration=float(np.abs(turn.acceleration).max()),
         rigid_acceleration=float(np.abs(law(turn.angle, 2)).max()) * speed**2,
         twist=twist,
+        fluctuation=fluctuation,
     )
 
 

@@ -60,6 +60,7 @@ def _rays(axes: Axes, study: CamOrders, values: FloatArray, most: float) -> Line
     rays = LineCollection(list(study.strokes()), cmap=shades, lw=1.6)
     rays.set_array(values)
     rays.set_clim(most - RANGE, most)
+    rays.set_rasterized(True)  # thousands of strokes, of which an SVG would be megabytes
     axes.add_collection(rays)
     low, high = study.edges[[0, -1]]
     highest = float(study.spectra[-1].orders[-1])
