@@ -16,6 +16,11 @@ if TYPE_CHECKING:
     from cam_rig.laws import Law
     from cam_rig.tables import DataTable
 
+Save = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Write the curves as a Rerun recording (.rrd) too."),
+]
+
 
 def law(
     names: Annotated[
@@ -37,10 +42,7 @@ def law(
     as_csv: Annotated[
         bool, typer.Option("--csv", help="CSV to stdout; no plot unless --out is given.")
     ] = False,
-    save: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Write the curves as a Rerun recording (.rrd) too."),
-    ] = None,
+    save: Save = None,
 ) -> None:
     """Plot lift, velocity, acceleration and jerk over the cam angle; list peaks and joints.
 
