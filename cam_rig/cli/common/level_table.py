@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from cam_rig.cli.common import console
 from cam_rig.cli.common.outputs import write_csv, write_json, write_plot
-from cam_rig.simulation.by_speed import speed_table
 from cam_rig.tables import Column, DataTable, tabulate
 
 if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
@@ -77,6 +76,8 @@ def show(
     """Print the tables, draw the plot, write JSON and CSV."""
     result, loaded = run.noise, run.loaded
     rate = int(loaded.scene.sample_rate.si)
+    from cam_rig.simulation.by_speed import speed_table
+
     by_speed = speed_table(run.by_speed, loaded.scene.title, rate)
     if by_speed.rows:  # a bag may have no samples
         console.show(by_speed)
