@@ -5,10 +5,13 @@ import io
 
 import numpy as np
 import pytest
+from rosbags.rosbag2 import StoragePlugin
 from typer.testing import CliRunner
 
 from cam_rig.cli.main import app
 from cam_rig.schema.load import config_root
+
+from .test_bags import as_ros2_records
 
 GOLDEN = config_root().parent / "bags" / "golden"
 
@@ -40,6 +43,17 @@ def test_export_says_what_it_wrote(tmp_path, source):
         assert set(columns["cam"]) == {"tm21"}
         assert f"{columns['force_N'].size} samples" in result.stderr
     assert "gaps" not in result.stderr
+
+
+@pytest.mark.parametrize("plugin", list(StoragePlugin), ids=lambda plugin: plugin.name)
+def test_a_bag_of_ros2_bag_record(tmp_path, plugin):
+    """With the wall's time and no scene: the same samples, when the scene is named."""
+    as_ros2_records(tmp_path / "theirs", plugin)
+    for source, words in ((tmp_path / "theirs", ["--scene", "quick"]), (GOLDEN, [])):
+        result = call("export", source, *words, "--to", tmp_path / f"{source.name}.csv")
+        assert result.exit_code == 0, result.stderr
+    one, other = ((tmp_path / f"{name}.csv").read_text() for name in ("theirs", "golden"))
+    assert one == other
 
 
 def test_what_cannot_be_exported_is_said_in_a_line(tmp_path):
