@@ -74,10 +74,10 @@ def show(
     csv: Path | None = None,
 ) -> None:
     """Print the tables, draw the plot, write JSON and CSV."""
-    result, loaded = run.noise, run.loaded
-    rate = int(loaded.scene.sample_rate.si)
     from cam_rig.simulation.by_speed import speed_table
 
+    result, loaded = run.noise, run.loaded
+    rate = int(loaded.scene.sample_rate.si)
     by_speed = speed_table(run.by_speed, loaded.scene.title, rate)
     if by_speed.rows:  # a bag may have no samples
         console.show(by_speed)

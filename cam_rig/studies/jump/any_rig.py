@@ -1,8 +1,7 @@
 """The jump speed on any rig: of two masses where the rig splits its mass, else of one rigid mass.
 
 One mass does not vibrate: contact is lost where its inertia takes all of the spring's force,
-m s'' Ω² + c s' Ω + k s + preload = 0 (eq. 13 of the paper without a stem), from rest as in steady
-state.
+m s'' Ω² + c s' Ω + k s + preload = 0 (eq. 9 of the paper, F = 0), from rest as in steady state.
 """
 
 from __future__ import annotations

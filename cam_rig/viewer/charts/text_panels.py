@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from cam_rig.schema.quantity import ORIGINS, Quantity
+from cam_rig.simulation.calibrated import RELATIVE_NOTE
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.units import to_rpm
 from cam_rig.viewer.turns import Turn, lift_offs
@@ -36,7 +37,12 @@ class ResultTable:
     def words(self) -> str:
         """Markdown."""
         lines = [self._line(*step) for step in reversed(self._motion)]
-        return "\n".join(["# Results", "", *HEAD, *lines]) + "\n"
+        head = (
+            HEAD
+            if self._loaded.calibrated
+            else (HEAD[0].replace("level", "relative level"), HEAD[1])
+        )
+        return "\n".join(["# Results", "", *head, *lines]) + "\n"
 
     def _line(self, cam: str, speed: float) -> str:
         level, rpm = self._levels.get((cam, speed)), to_rpm(speed)
@@ -54,6 +60,8 @@ def about(loaded: LoadedScene, bucket: int) -> str:
         f"{scene.program.turns.si:g} turns at each speed.",
         "The follower is drawn at its simulated lift; contact is lost where the force is zero.",
     ]
+    if not loaded.calibrated:
+        lines.append(RELATIVE_NOTE)
     if bucket > 1:
         lines.append(f"Of every {bucket} samples the curves show the minimum and the maximum.")
     for name, cam in loaded.cams.items():
