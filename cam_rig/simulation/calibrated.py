@@ -43,13 +43,18 @@ def is_calibrated(rig: RigConfig, model: str) -> bool:
     own, shipped = rig.radiation, _shipped()
     if not own.gain.origin == own.corner.origin == "identified":
         return False
-    constants = shipped.radiation
-    if not (_same(own.gain, constants.gain) and _same(own.corner, constants.corner)):
+    if not has_shipped_constants(rig):
         return True  # fitted anew, as cam-rig calibrate writes them
     return model == MODEL and all(
         _same(getattr(rig.follower, key), getattr(shipped.follower, key))
         for key in type(rig.follower).model_fields
     )
+
+
+def has_shipped_constants(rig: RigConfig) -> bool:
+    """Whether gain and cut-off are those that the shipped rig was calibrated to."""
+    own, shipped = rig.radiation, _shipped().radiation
+    return _same(own.gain, shipped.gain) and _same(own.corner, shipped.corner)
 
 
 def _same(one: Quantity | None, other: Quantity | None) -> bool:

@@ -21,7 +21,8 @@ from cam_rig.schema import (
     load_rig,
     load_scene,
 )
-from cam_rig.simulation.calibrated import RELATIVE, is_calibrated
+from cam_rig.schema.shipped import same_as_shipped
+from cam_rig.simulation.calibrated import RELATIVE, has_shipped_constants, is_calibrated
 from cam_rig.simulation.cam_files import law_of, require_sprung
 
 
@@ -94,7 +95,12 @@ class LoadedScene:
 
     def role(self, cam: str) -> str:
         """What a level of this cam is worth: relative, or its `part` on a calibrated rig."""
-        return self.part(cam) if self.calibrated else RELATIVE
+        if not self.calibrated:
+            return RELATIVE
+        part, shipped = self.part(cam), has_shipped_constants(self.rig)
+        if part == "calibrated" and shipped and not same_as_shipped(self.cams[cam]):
+            return "predicted"  # another cam of that name: nothing was fitted to it
+        return part
 
     def part(self, cam: str) -> str:
         """What the files fit to this cam: calibrated (the rig), identified (the cam), predicted."""

@@ -67,3 +67,12 @@ def test_no_cam_of_an_uncalibrated_scene_has_a_role(tm21):
     own = replace(scene, rig=rig)
     assert {own.role(cam) for cam in own.cams} == {RELATIVE}
     assert own.part("poly345") == "calibrated"  # what a study that calibrates anew starts from
+
+
+def test_another_cam_of_the_calibrated_name_is_a_prediction():
+    """The constants were fitted to the shipped cam, not to whatever has its name."""
+    scene = cam_rig.load_scene("tm21_sweep")
+    lower = scene.cams["poly345"].model_copy(update={"lift": scene.cams["tm21"].lift})
+    own = replace(scene, cams=scene.cams | {"poly345": lower})
+    assert own.role("poly345") == "predicted"
+    assert own.role("tm21") == "identified"
