@@ -13,6 +13,7 @@ from functools import lru_cache
 from cam_rig.schema import RigConfig, load_rig
 from cam_rig.schema.load import config_root
 from cam_rig.schema.quantity import Quantity
+from cam_rig.schema.rig import SI_UNITS
 
 #: The shipped rig that was calibrated, and the model of the follower it was calibrated with.
 SHIPPED, MODEL = "tm21", "one_mass"
@@ -22,6 +23,8 @@ RELATIVE_NOTE = (
     "Relative: the rig's acoustic constants were not fitted with this follower and model, so only "
     "differences between levels mean something."
 )
+#: What follows in the source of a calibration: the follower and model it holds for.
+FITTED_WITH = "; fitted with "
 #: Two numbers that differ by less, relative, are the same in other units.
 SAME = 1e-9
 
@@ -43,12 +46,24 @@ def is_calibrated(rig: RigConfig, model: str) -> bool:
     own, shipped = rig.radiation, _shipped()
     if not own.gain.origin == own.corner.origin == "identified":
         return False
-    if not has_shipped_constants(rig):
-        return True  # fitted anew, as cam-rig calibrate writes them
+    if not has_shipped_constants(rig):  # fitted anew
+        said = own.gain.source.partition(FITTED_WITH)[2]
+        return said in ("", fitted_with(rig, model))
     return model == MODEL and all(
         _same(getattr(rig.follower, key), getattr(shipped.follower, key))
         for key in type(rig.follower).model_fields
     )
+
+
+def fitted_with(rig: RigConfig, model: str) -> str:
+    """Model and follower in SI units, as ``cam-rig calibrate`` writes them into the source."""
+    numbers = ((key, getattr(rig.follower, key)) for key in type(rig.follower).model_fields)
+    said = (
+        f"{key} {number.si:.9g} {SI_UNITS.get(key, '')}".strip()
+        for key, number in numbers
+        if number
+    )
+    return ", ".join((model, *said))
 
 
 def has_shipped_constants(rig: RigConfig) -> bool:

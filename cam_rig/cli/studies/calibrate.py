@@ -19,7 +19,8 @@ def calibrate(
 
     They are ``radiation.gain`` and ``corner`` of the rig file, the cam is its ``calibrated_on``.
     Two numbers are fitted, by least squares in dB over the scene's speeds, and written into the
-    rig file with the fit error. Every other cam's curve is then a prediction.
+    rig file with the fit error and the follower they hold for: with another one levels are
+    relative. Every other cam's curve is then a prediction.
 
     Examples
     --------
@@ -31,6 +32,7 @@ def calibrate(
         import numpy as np
 
         from cam_rig.cli.common.edit import set_identified
+        from cam_rig.simulation.calibrated import FITTED_WITH, MODEL, fitted_with
         from cam_rig.simulation.loaded_scene import open_scene
         from cam_rig.studies.noise.calibration import calibrate as fit
         from cam_rig.units import to_rpm
@@ -49,7 +51,8 @@ def calibrate(
                 ("radiation", "gain"): _round(found.gain),
                 ("radiation", "corner"): _round(found.corner),
             }
-            source = f"cam-rig calibrate, published noise of {cam} alone"
+            held = FITTED_WITH + fitted_with(loaded.rig, MODEL)
+            source = f"cam-rig calibrate, published noise of {cam} alone{held}"
             residual = f"{rmse:.3f} dB RMS over {speeds.size} speeds, 2 numbers fitted"
             set_identified(loaded.rig_file, numbers, source, residual)
             console.print(f"written to {loaded.rig_file}")
