@@ -182,7 +182,7 @@ def test_a_scene_of_ones_own(own_scene, tmp_path):
     assert [words for words in too_long(page) if "allowed:" not in words] == []  # not errors' own
     assert "My &lt;measured&gt; cam" in page
     assert "A harsh cam: law" in page  # its velocity jumps: no jump speed
-    assert "They are relative" in page
+    assert "Levels are relative" in page
     assert "predicted" not in page
     for outward in ("<script", "http://", "https://", "<link"):
         assert outward not in page
