@@ -11,7 +11,8 @@ from cam_rig.errors import LawError
 from cam_rig.laws.arcs.from_segments import tangent_arcs, whole_turn_arcs
 from cam_rig.laws.families import b_spline
 from cam_rig.laws.families.polynomial import polynomial_through
-from cam_rig.laws.families.table import Smoothed, smooth
+from cam_rig.laws.families.scatter import require_above_scatter
+from cam_rig.laws.families.table import Rest, Smoothed, smooth
 from cam_rig.laws.families.trigonometric import trigonometric
 from cam_rig.laws.fit import fit
 from cam_rig.laws.pieces import Pieces
@@ -83,8 +84,11 @@ def smoothed(segment: Table, cam: CamConfig) -> Smoothed:
             f"cam {cam.name!r}: lift is {cam.lift.si * 1e3:g} mm, the points of {points.file} "
             f"rise by {height * 1e3:g} mm; allowed: the same, so write that"
         )
+    dwells = [Rest(dwell.start.si, dwell.span.si, dwell.level.si) for dwell in segment.dwells]
+    angles, lifts = np.array(points.angles), np.array(points.lifts)
     try:
-        return smooth(np.array(points.angles), np.array(points.lifts), segment.tolerance.si)
+        require_above_scatter(angles, lifts, segment.tolerance.si)
+        return smooth(angles, lifts, segment.tolerance.si, dwells)
     except LawError as error:
         raise LawError(f"cam {cam.name!r}: {points.file}: {error}") from None
 
