@@ -6,8 +6,10 @@ import sys
 
 import typer
 
+from cam_rig.cli.cams.fit import fit
 from cam_rig.cli.cams.law import law
 from cam_rig.cli.cams.laws import laws
+from cam_rig.cli.cams.new import new
 from cam_rig.cli.cams.profile import profile
 from cam_rig.cli.runs.analyze import analyze
 from cam_rig.cli.runs.listen import listen
@@ -46,6 +48,7 @@ for verb in (
     urdf,
     laws,
     law,
+    new,
     profile,
     as_cut,
     timing,
@@ -61,6 +64,7 @@ for verb in (
     bench,
 ):
     app.command()(verb)
+app.add_typer(fit, name="fit")
 
 
 def main() -> None:

@@ -2,9 +2,10 @@
 
 A polynomial of degree 5 through six neighbours of a reading says what a smooth law would have
 there. The divided difference of order 6 of the seven, scaled to a unit sum of squares, is then
-noise of the reading's own standard deviation. Its median over the turn is not moved by a slip,
-nor by the few places where the law's derivatives jump (Rousseeuw and Croux, *Alternatives to the
-median absolute deviation*, J. Amer. Statist. Assoc. 88, 1993).
+noise of the reading's own standard deviation (Gasser, Sroka and Jennen-Steinmetz, *Residual
+variance and residual pattern in nonlinear regression*, Biometrika 73, 1986, with lines in place of
+polynomials). The median of its size over the turn is not moved by a slip, nor by the few places
+where the law's derivatives jump.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ WINDOW = 7
 NORMAL_MEDIAN = 0.6744897501960817
 #: Standard error of the scatter of n readings, times √n, in parts of it: found by simulation.
 STANDARD_ERROR = 1.75
-#: A tolerance that lies so many standard errors below the scatter follows the noise.
-SURE = 3.0
+#: A tolerance that lies so many standard errors below the scatter follows the noise, and so does
+#: less than this part of it: of few readings the scatter is known so roughly.
+SURE, LEAST_PART = 3.0, 0.4
 #: A window as wide as this (rad) bridges a stretch without readings.
 WIDEST_WINDOW = math.radians(100.0)
 
@@ -79,7 +81,7 @@ def scatter_error(count: int) -> float:
 
 def least_tolerance(found: float, count: int) -> float:
     """The tolerance (m) below which a spline follows a scatter (m) of so many readings."""
-    return found * max(0.0, 1.0 - SURE * scatter_error(count))
+    return found * max(LEAST_PART, 1.0 - SURE * scatter_error(count))
 
 
 def require_above_scatter(angles: FloatArray, lifts: FloatArray, tolerance: float) -> None:

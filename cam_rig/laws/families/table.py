@@ -162,8 +162,11 @@ def _held(
     norms = np.linalg.norm(steps, axis=1)
     size = float(np.median(norms)) if norms.size else 1.0
     bound = t * math.sqrt(1.0 + 2.0 * HELD / x.size) if x.size else t
-    rows, jumps = design[:, free], steps[:, free] / size
-    wanted, rest = y - design @ fixed, -(steps @ fixed) / size
+    jumps, rest = steps[:, free] / size, -(steps @ fixed) / size
+    # the points' part of the sum of squares, in as many rows as there are ordinates
+    both = np.column_stack([design[:, free], y - design @ fixed])
+    triangle = np.asarray(np.linalg.qr(both, mode="r"))
+    rows, wanted = triangle[:, :-1], triangle[:, -1]
 
     def solve(weight: float) -> FloatArray:
         stacked = np.vstack([rows, weight * jumps])
@@ -171,8 +174,8 @@ def _held(
         return np.asarray(np.linalg.lstsq(stacked, aim, rcond=None)[0])
 
     def excess(exponent: float) -> float:
-        found = wanted - rows @ solve(10.0**exponent)
-        return rms(found) / bound - 1.0
+        away = wanted - rows @ solve(10.0**exponent)
+        return float(np.linalg.norm(away)) / math.sqrt(x.size) / bound - 1.0
 
     if not x.size or not steps.size:
         exponent, reached = 0.0, not x.size or excess(0.0) <= 0.0

@@ -1,0 +1,140 @@
+"""A spline with exact dwells through readings, within the error that the gauge has or shows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cam_rig.errors import ConfigError, LawError
+from cam_rig.laws import Law
+from cam_rig.laws.families.scatter import least_tolerance
+from cam_rig.laws.families.table import Rest, Smoothed, smooth
+from cam_rig.laws.peaks import extremes, peak
+from cam_rig.laws.pieces import joined
+from cam_rig.schema.segments.table import MAX_TOLERANCE, WIDEST_GAP_DEG
+from cam_rig.studies.cam_fit.dwells import RANGE, FoundDwell, find_dwells
+from cam_rig.studies.cam_fit.readings import Readings, bridges, without_slips
+
+
+@dataclass(frozen=True, eq=False)
+class SplineFit:
+    """What a spline through readings is, and how far it is from them; lengths in m.
+
+    Parameters
+    ----------
+    readings : those that were used, above the lowest lift
+    zero : what the gauge showed there
+    scatter : standard deviation of the readings about a smooth law, by themselves
+    asked : the gauge's error as it was given, None where it was not
+    tolerance : r.m.s. distance that the spline was allowed
+    """
+
+    readings: Readings
+    zero: float
+    scatter: float
+    asked: float | None
+    tolerance: float
+    dwells: tuple[FoundDwell, ...]
+    smoothed: Smoothed
+    law: Law
+
+    @property
+    def followed(self) -> bool:
+        """Whether the tolerance is the one asked for."""
+        return self.asked is not None and self.tolerance == self.asked
+
+    @property
+    def worst(self) -> int:
+        """Which reading is farthest from the spline."""
+        away = self.law(self.readings.angles) - self.readings.lifts
+        return int(np.argmax(np.abs(away)))
+
+    @property
+    def peaks(self) -> tuple[float, float]:
+        """Largest |s'| (m/rad) and |s''| (m/rad²)."""
+        return abs(peak(self.law, 1).value), abs(peak(self.law, 2).value)
+
+
+def fit_spline(readings: Readings, asked: float | None = None) -> SplineFit:
+    """Fit readings in order; ``asked`` is the gauge's error (m), else their scatter is taken.
+
+    Raises
+    ------
+    ConfigError : the error asked for is more than a cam's lift bears, or a stretch has no readings
+        and is no dwell
+    LawError : no spline comes so near
+    """
+    kept = without_slips(readings)
+    scatter = kept.scatter
+    tolerance = _tolerance(kept, scatter, asked)
+    dwells = find_dwells(kept, scatter)
+    _require_no_gap(kept, dwells)
+    rests = [dwell.rest for dwell in dwells]
+    try:
+        smoothed = smooth(kept.angles, kept.lifts, tolerance, rests)
+    except LawError as error:
+        raise LawError(f"{readings.name}: {error}") from None
+    law = _law(smoothed)
+    zero = _zero(law, rests, scatter)
+    columns = [column - zero for column in smoothed.pieces[1]]
+    smoothed = replace(smoothed, pieces=(smoothed.pieces[0], columns))
+    return SplineFit(
+        replace(kept, lifts=kept.lifts - zero),
+        zero,
+        scatter,
+        asked,
+        tolerance,
+        tuple(_above(dwell, zero) for dwell in dwells),
+        smoothed,
+        _law(smoothed),
+    )
+
+
+def _tolerance(readings: Readings, scatter: float, asked: float | None) -> float:
+    """The one asked for, unless it lies below the scatter; the scatter and its error else."""
+    most = MAX_TOLERANCE * float(np.ptp(readings.lifts))
+    if asked is not None and not 0.0 < asked <= most:
+        raise ConfigError(
+            f"--tolerance: is {asked * 1e3:g} mm; allowed: above 0, at most {most * 1e3:.4g} mm, "
+            f"{MAX_TOLERANCE:g} of the lift"
+        )
+    if asked is not None and asked >= least_tolerance(scatter, readings.angles.size):
+        return asked
+    found = scatter * (1.0 + readings.scatter_error)
+    if found > most:
+        raise ConfigError(
+            f"{readings.name}: readings scatter by {scatter * 1e3:.3g} mm about a smooth law; "
+            f"allowed: at most {most * 1e3:.3g} mm, {MAX_TOLERANCE:g} of the lift, so read finer "
+            "or check the columns"
+        )
+    return found
+
+
+def _require_no_gap(readings: Readings, dwells: tuple[FoundDwell, ...]) -> None:
+    start, span = readings.gap
+    middle = start + 0.5 * span
+    inside = ((middle - dwell.rest.start) % (2.0 * math.pi) < dwell.rest.span for dwell in dwells)
+    if bridges(readings) and not any(inside):
+        raise ConfigError(
+            f"{readings.name}: no reading for {math.degrees(span):.4g} deg after "
+            f"{math.degrees(start):.4g} deg, and the cam does not rest at its ends; allowed: gaps "
+            f"of at most {WIDEST_GAP_DEG:g} deg, or a gap between two readings of one level"
+        )
+
+
+def _zero(law: Law, rests: list[Rest], scatter: float) -> float:
+    """The level (m) of the lowest dwell, or the law's lowest where that is clearly below it."""
+    lowest = extremes(law, 0)[0].value
+    level = min((rest.level for rest in rests), default=lowest)
+    return level if level - lowest < RANGE * scatter else lowest
+
+
+def _above(dwell: FoundDwell, zero: float) -> FoundDwell:
+    return replace(dwell, rest=dwell.rest._replace(level=dwell.rest.level - zero))
+
+
+def _law(smoothed: Smoothed) -> Law:
+    breaks, columns = smoothed.pieces
+    return Law("fitted", np.array(breaks), joined(columns))

@@ -1,0 +1,18 @@
+"""The gauge's zero: what it shows where the lift is lowest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from cam_rig.studies.cam_fit.dwells import RANGE, find_dwells
+from cam_rig.studies.cam_fit.readings import Readings, without_slips
+
+
+def above_zero(readings: Readings) -> Readings:
+    """Readings without slips, above the lowest dwell, or above the lowest reading without one."""
+    kept = without_slips(readings)
+    lowest = float(kept.lifts.min())
+    levels = [dwell.rest.level for dwell in find_dwells(kept, kept.scatter)]
+    level = min(levels, default=lowest)
+    zero = level if level - lowest < RANGE * kept.scatter else lowest
+    return replace(kept, lifts=kept.lifts - zero)
