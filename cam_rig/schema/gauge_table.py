@@ -186,7 +186,7 @@ class _Reader:
         if above and len(above[-1]) > 1 and len(above[-1]) != width:
             raise self._uneven(line, width, len(above[-1]))
         above = [cells for cells in above if len(cells) == width]
-        joined = [" ".join(filter(None, parts)) for parts in zip(*above, strict=True)]
+        joined = [_printable(" ".join(parts)) for parts in zip(*above, strict=True)]
         if not joined:
             return [Heading(f"column {i + 1}", "other", None) for i in range(width)]
         return [heading(text) for text in joined]
@@ -244,6 +244,11 @@ class _Reader:
         decimals = max(len(text.partition(".")[2]) if "e" not in text else 9 for text in texts)
         lifts = tuple(factor * float(text) for text in texts)
         return GaugeColumn(one.text, lifts, factor * 10.0**-decimals)
+
+
+def _printable(text: str) -> str:
+    """A heading in one line, as files and messages can hold it."""
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
 def _separator(lines: list[str]) -> str:

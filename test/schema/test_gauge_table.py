@@ -119,6 +119,11 @@ def test_all_columns_of_lifts_are_read(read):
         table.column("c")
 
 
+def test_a_heading_is_one_printable_line(read):
+    """What ends a line or rings a bell in a heading does neither in a cam's file."""
+    assert read("angle_deg;lift\x07 of\x1f A mm\n0;0\n").columns[0].name == "lift of A mm"
+
+
 def test_resolution_is_the_last_digit_written(read):
     """0.25 and 1.5 mm are written to 0.01 mm."""
     assert read("angle_deg,lift_mm\n0,0\n10,0.25\n20,1.5\n").columns[0].resolution == (

@@ -86,7 +86,7 @@ class FitRequest:
         """
         from cam_rig.errors import ConfigError
         from cam_rig.schema.gauge_table import read_gauge_table
-        from cam_rig.studies.cam_fit.readings import put_in_order
+        from cam_rig.studies.cam_fit.readings import gap_note, put_in_order
         from cam_rig.studies.cam_fit.spline_fit import fit_spline
 
         tables = [read_gauge_table(path) for path in files]
@@ -103,7 +103,9 @@ class FitRequest:
                 for column in ([table.column(self.column)] if self.column else table.columns)
             ]
         notes = [f"{table.file}: {note}" for table in tables for note in table.notes]
-        notes += [f"{one.name}: {note}" for one in readings for note in one.notes]
+        notes += [
+            f"{one.name}: {note}" for one in readings for note in (*one.notes, *gap_note(one))
+        ]
         if self.shape is Shape.spline:
             asked = None if self.tolerance is None else 1e-3 * self.tolerance
             return FitResult(self, tuple(notes), fit_spline(readings[0], asked))
@@ -184,9 +186,10 @@ class FitResult:
 
         kind: FollowerKind = self.kind.value
         if isinstance(self.fit, ArcsFit):
-            return arcs_cam(name, self.fit, kind)
+            return arcs_cam(name, self.fit, kind, self.notes)
         base = self.request.base_radius
-        return spline_cam(name, self.fit, kind, None if base is None else 1e-3 * base)
+        base = None if base is None else 1e-3 * base
+        return spline_cam(name, self.fit, kind, base, self.notes)
 
     def _conclusions(self) -> Iterator[str]:
         from cam_rig.studies.cam_fit import conclusions

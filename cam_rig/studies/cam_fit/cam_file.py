@@ -46,13 +46,18 @@ def quantity(
 
 
 def spline_cam(
-    name: str, fit: SplineFit, kind: FollowerKind, base_radius: float | None = None
+    name: str,
+    fit: SplineFit,
+    kind: FollowerKind,
+    base_radius: float | None = None,
+    notes: tuple[str, ...] = (),
 ) -> CamFiles:
     """The cam file of a spline, and its points.
 
     Parameters
     ----------
     base_radius : m; None takes the first that passes the checks, from two lifts on
+    notes : how the readings were read, for the file's first lines
 
     Raises
     ------
@@ -83,13 +88,14 @@ def spline_cam(
         *([f"roller radius {_mm(ROLLER_PART * radius):.4g} mm"] if kind == "roller" else []),
         *(() if passes else ("no base radius passes all checks: see cam-rig profile",)),
     ]
-    header = f"# {fit.readings.name}: the law is the spline of {name}.csv.\n"
+    header = _comments(f"{fit.readings.name}: the law is the spline of {name}.csv.", *notes)
+    header += _comments(*(f"assumed: {words}" for words in assumed))
     texts = {f"{name}.yaml": header + to_yaml(data), f"{name}.csv": _csv(fit)}
     return CamFiles(cam, law, texts, tuple(assumed))
 
 
-def arcs_cam(name: str, fit: ArcsFit, kind: FollowerKind) -> CamFiles:
-    """The cam file of a contour of tangent arcs, with a follower on it.
+def arcs_cam(name: str, fit: ArcsFit, kind: FollowerKind, notes: tuple[str, ...] = ()) -> CamFiles:
+    """The cam file of a contour of tangent arcs, with a follower on it; notes as `spline_cam`.
 
     Raises
     ------
@@ -132,8 +138,14 @@ def arcs_cam(name: str, fit: ArcsFit, kind: FollowerKind) -> CamFiles:
     }
     cam = _cam(data)
     nose = math.degrees(arcs.nose_angle) % 360.0
-    header = f"# {source}.\n# Cam angle 180 deg, the nose, is {nose:.2f} deg of the readings.\n"
+    at_nose = f"Cam angle 180 deg, the nose, is {nose:.2f} deg of the readings."
+    header = _comments(f"{source}.", at_nose, *notes)
+    header += _comments(*(f"assumed: {words}" for words in assumed))
     return CamFiles(cam, build_law(cam), {f"{name}.yaml": header + to_yaml(data)}, tuple(assumed))
+
+
+def _comments(*lines: str) -> str:
+    return "".join(f"# {''.join(c for c in line if c.isprintable())}\n" for line in lines)
 
 
 def to_yaml(data: dict[str, Any]) -> str:

@@ -36,6 +36,10 @@ def spline_conclusions(fit: SplineFit) -> Iterator[str]:
             f"Readings stand {step:.3g} deg apart: what the law does between them counts as "
             "scatter, and peaks of acceleration are rough."
         )
+    yield (
+        "A spline knows no jumps of acceleration between readings: for a cam of arcs take --shape "
+        "arcs."
+    )
     if not fit.dwells:
         yield "No dwell is found: nowhere do enough readings rest within their scatter."
     slips = ", ".join(f"line {slip.line} by {slip.beside * 1e3:.3g} mm" for slip in readings.slips)

@@ -26,8 +26,6 @@ from cam_rig.units import TURN
 FEWEST, SHORTEST = 5, math.radians(15.0)
 #: Of them so many lie between the ends that are found.
 FEWEST_INSIDE = 3
-#: All readings of a dwell lie within so many scatters of each other.
-RANGE = 6.0
 #: What a parabola may take off the sum of squares, in squares of the scatter: 99.9 % of what chance
 #: takes, with two degrees of freedom.
 TREND = 13.8
@@ -67,12 +65,20 @@ def find_dwells(readings: Readings, scatter: float) -> tuple[FoundDwell, ...]:
     return tuple(sorted(_pooled(kept, scatter), key=lambda dwell: dwell.rest.start))
 
 
+def likely_range(count: int) -> float:
+    """What lies between the lowest and the highest of so many readings of one level, in scatters.
+
+    Twice √(2 ln 2n), which the largest of n normal errors seldom exceeds.
+    """
+    return 2.0 * math.sqrt(2.0 * math.log(2.0 * count))
+
+
 def _runs(readings: Readings, scatter: float) -> list[_RestingRun]:
     """Runs that rest, none overlapping another, in the order of the cam angle."""
     lifts, count = readings.lifts, readings.lifts.size
     free = np.ones(count, dtype=np.bool_)
     found: list[_RestingRun] = []
-    limit = RANGE * scatter
+    limit = likely_range(count) * scatter
     while len(found) < MAX_DWELLS:
         first, length = _longest(readings, free, limit)
         index = (first + np.arange(length)) % count

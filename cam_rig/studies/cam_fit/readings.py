@@ -196,6 +196,16 @@ def _slip(readings: Readings, left: NDArray[np.int64], index: int) -> Slip:
     )
 
 
+def gap_note(readings: Readings) -> tuple[str, ...]:
+    """What is assumed where the readings leave out a stretch: a sentence, or none."""
+    if not bridges(readings):
+        return ()
+    start, span = (math.degrees(angle) for angle in readings.gap)
+    return (
+        f"no readings for {span:.6g} deg after {start:.6g} deg: the cam is assumed to rest there",
+    )
+
+
 def bridges(readings: Readings) -> bool:
     """Whether the readings leave out a stretch that only a dwell can fill."""
     return readings.gap[1] > math.radians(WIDEST_GAP_DEG) + SAME_ANGLE

@@ -14,7 +14,7 @@ from cam_rig.laws.families.table import Rest, Smoothed, smooth
 from cam_rig.laws.peaks import extremes, peak
 from cam_rig.laws.pieces import joined
 from cam_rig.schema.segments.table import MAX_TOLERANCE, WIDEST_GAP_DEG
-from cam_rig.studies.cam_fit.dwells import RANGE, FoundDwell, find_dwells
+from cam_rig.studies.cam_fit.dwells import FoundDwell, find_dwells, likely_range
 from cam_rig.studies.cam_fit.readings import Readings, bridges, without_slips
 
 
@@ -77,7 +77,7 @@ def fit_spline(readings: Readings, asked: float | None = None) -> SplineFit:
     except LawError as error:
         raise LawError(f"{readings.name}: {error}") from None
     law = _law(smoothed)
-    zero = _zero(law, rests, scatter)
+    zero = _zero(law, rests, likely_range(kept.angles.size) * scatter)
     columns = [column - zero for column in smoothed.pieces[1]]
     smoothed = replace(smoothed, pieces=(smoothed.pieces[0], columns))
     return SplineFit(
@@ -124,11 +124,11 @@ def _require_no_gap(readings: Readings, dwells: tuple[FoundDwell, ...]) -> None:
         )
 
 
-def _zero(law: Law, rests: list[Rest], scatter: float) -> float:
-    """The level (m) of the lowest dwell, or the law's lowest where that is clearly below it."""
+def _zero(law: Law, rests: list[Rest], near: float) -> float:
+    """The level (m) of the lowest dwell, or the law's lowest where that is not near it."""
     lowest = extremes(law, 0)[0].value
     level = min((rest.level for rest in rests), default=lowest)
-    return level if level - lowest < RANGE * scatter else lowest
+    return level if level - lowest < near else lowest
 
 
 def _above(dwell: FoundDwell, zero: float) -> FoundDwell:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from cam_rig.studies.cam_fit.dwells import RANGE, find_dwells
+from cam_rig.studies.cam_fit.dwells import find_dwells, likely_range
 from cam_rig.studies.cam_fit.readings import Readings, without_slips
 
 
@@ -14,5 +14,6 @@ def above_zero(readings: Readings) -> Readings:
     lowest = float(kept.lifts.min())
     levels = [dwell.rest.level for dwell in find_dwells(kept, kept.scatter)]
     level = min(levels, default=lowest)
-    zero = level if level - lowest < RANGE * kept.scatter else lowest
+    near = level - lowest < likely_range(kept.angles.size) * kept.scatter
+    zero = level if near else lowest
     return replace(kept, lifts=kept.lifts - zero)

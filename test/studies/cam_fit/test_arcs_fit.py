@@ -103,6 +103,18 @@ def test_scipy_finds_no_better_contour_of_the_gl110(gl110, gl110_fit):
     assert np.sqrt(np.mean(peer.fun**2)) == pytest.approx(gl110_fit.rms, rel=1e-6)
 
 
+def test_the_shipped_cam_is_the_fit(cams, laws, gl110, gl110_fit):
+    """Its numbers are those found, rounded; its law is the roller's readings within 0.063 mm."""
+    cam, arcs = cams["gunt_gl110"], gl110_fit.arcs
+    segment = cam.segments[0]
+    written = [cam.lift, cam.follower.base_radius, segment.flank_radius, segment.nose_radius]
+    found = [arcs.lift, arcs.base_radius, arcs.flank_radius, arcs.nose_radius]
+    assert [number.si for number in written] == pytest.approx(found, abs=6e-7)
+    angles = gl110[0].angles - arcs.nose_angle + math.pi
+    away = laws["gunt_gl110"](angles) - gl110[0].lifts
+    assert np.sqrt(np.mean(away**2)) * 1e3 == pytest.approx(0.063, abs=0.0005)
+
+
 @pytest.mark.parametrize("roller", [0.004, 0.016])
 def test_base_and_roller_radius_are_told_as_a_sum(gl110, gl110_fit, roller):
     """Another roller radius: the same lifts, the same five numbers; and that is said."""
