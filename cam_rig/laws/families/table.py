@@ -31,8 +31,19 @@ if TYPE_CHECKING:
 DEGREE = 5
 #: Ordinates at either end of a spline that are the dwell's level: s, s' and s'' join.
 HELD = 3
-#: Even intervals that are tried from one dwell to the next.
-INTERVALS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24, 28, 32, 40, 48, 56, 64, 80, 96, 128)
+#: Even intervals that are tried from one dwell to the next, ...
+INTERVALS = (
+    *range(1, 9),
+    *range(10, 17, 2),
+    *range(20, 33, 4),
+    *range(40, 65, 8),
+    80,
+    96,
+    128,
+    192,
+)
+#: ... and how many of them an event of so many points bears: with more it would pass through all.
+INTERVALS_PER_POINT = 0.75
 #: Powers of ten of the weight of the jumps that are nothing and everything beside the points.
 LEAST_WEIGHT, MOST_WEIGHT = -12.0, 6.0
 #: A point so near (rad) to a dwell's end is in it.
@@ -133,13 +144,17 @@ def _event(
     x: FloatArray, y: FloatArray, ends: tuple[float, float], levels: tuple[float, float], t: float
 ) -> BSpline[np.float64]:
     """The spline of the fewest even intervals within ``t`` of the points between two dwells."""
-    for count in [n for n in INTERVALS if n < x.size] + [x.size + 1]:
+    for count in (n for n in INTERVALS if n <= max(1.0, INTERVALS_PER_POINT * x.size)):
         inner = np.linspace(*ends, count + 1)[1:-1]
         begin, end = ([angle] * (DEGREE + 1) for angle in ends)
         spline, reached = _held(x, y, np.concatenate([begin, inner, end]), levels, t)
         if reached:
             return spline
-    raise _unreached(t, x.size)
+    raise LawError(
+        f"no spline comes within {t * 1e3:.3g} mm r.m.s. of the {x.size} points between the dwell "
+        f"that ends at {math.degrees(ends[0]):.4g}° and the next with fewer than "
+        f"{INTERVALS_PER_POINT:g} intervals a point; allowed: a larger tolerance"
+    )
 
 
 def _held(
@@ -151,6 +166,7 @@ def _held(
     the fifth derivative is raised until the r.m.s. distance is t.
     """
     from scipy.interpolate import BSpline
+    from scipy.linalg import lstsq
     from scipy.optimize import brentq
 
     count = knots.size - DEGREE - 1
@@ -171,7 +187,7 @@ def _held(
     def solve(weight: float) -> FloatArray:
         stacked = np.vstack([rows, weight * jumps])
         aim = np.concatenate([wanted, weight * rest])
-        return np.asarray(np.linalg.lstsq(stacked, aim, rcond=None)[0])
+        return np.asarray(lstsq(stacked, aim, check_finite=False, lapack_driver="gelsy")[0])
 
     def excess(exponent: float) -> float:
         away = wanted - rows @ solve(10.0**exponent)
@@ -184,7 +200,7 @@ def _held(
         if excess(MOST_WEIGHT) <= 0.0:
             exponent, reached = MOST_WEIGHT, True
         elif reached:
-            exponent = float(brentq(excess, LEAST_WEIGHT, MOST_WEIGHT, xtol=1e-10))
+            exponent = float(brentq(excess, LEAST_WEIGHT, MOST_WEIGHT, xtol=1e-7))
     fixed[free] = solve(10.0**exponent)
     return BSpline(knots, fixed, DEGREE), reached
 

@@ -198,11 +198,14 @@ def _follower(kind: FollowerKind, radius: float, asked: bool) -> dict[str, Any]:
 
 
 def _table_segment(file: str, fit: SplineFit) -> dict[str, Any]:
+    allowed = float(f"{fit.tolerance * 1e3:.9g}")
     if fit.followed:
-        tolerance = quantity("given", _mm(fit.tolerance), "mm", "the gauge's error, as asked")
+        tolerance = quantity("given", allowed, "mm", "the gauge's error, as asked")
     else:
-        source = f"scatter of the readings, {_mm(fit.scatter):.3g} mm, and its error"
-        tolerance = quantity("identified", _mm(fit.tolerance), "mm", source, _distance(fit))
+        source = f"scatter of the readings, {fit.scatter * 1e3:.3g} mm, and its error"
+        if fit.widened:
+            source = "the least that a spline with fewer knots than readings reaches"
+        tolerance = quantity("identified", allowed, "mm", source, _distance(fit))
     segment: dict[str, Any] = {
         "law": "table",
         "span": quantity("given", 360, "deg", "readings all around"),

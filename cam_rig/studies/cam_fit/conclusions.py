@@ -24,7 +24,12 @@ def spline_conclusions(fit: SplineFit) -> Iterator[str]:
         f"The law is {found.rms * 1e3:.3g} mm r.m.s. and {found.largest * 1e3:.3g} mm at most from "
         f"{readings.angles.size} readings, with {found.knots} knots."
     )
-    if fit.asked is not None and not fit.followed:
+    if fit.widened:
+        yield (
+            f"Allowed are {fit.tolerance * 1e3:.3g} mm: nearer, the spline needs nearly a knot a "
+            "reading. The law is less smooth than its readings are fine."
+        )
+    elif fit.asked is not None and not fit.followed:
         yield (
             f"Not followed: {fit.asked * 1e3:.3g} mm were asked, the readings scatter by "
             f"{fit.scatter * 1e3:.3g} mm. A spline so near would follow their noise; allowed: "

@@ -17,6 +17,8 @@ from cam_rig.units import TURN
 
 #: Readings of one angle (rad) are nearer than this.
 SAME_ANGLE = 1e-6
+#: A gauge that shows less than this (m) is none.
+LEAST_RESOLUTION = 1e-9
 #: They differ by no more than so many scatters and steps of the gauge.
 REPEATED = 6.0
 #: A slip is so many scatters from what its neighbours say, and so many times farther than any
@@ -64,7 +66,7 @@ class Readings:
     @property
     def rounding(self) -> float:
         """Standard deviation (m) of the rounding to the step in which lifts are written."""
-        return self.resolution / math.sqrt(12.0)
+        return max(self.resolution, LEAST_RESOLUTION) / math.sqrt(12.0)
 
     @property
     def scatter(self) -> float:
@@ -129,7 +131,8 @@ def _averaged(
         raise ConfigError(f"{name}: all lifts are {means[0] * 1e3:g} mm; allowed: a lift")
     spread = np.maximum.reduceat(lifts, starts) - np.minimum.reduceat(lifts, starts)
     worst = int(np.argmax(spread))
-    limit = REPEATED * found.scatter + found.resolution
+    single = found.scatter * math.sqrt(counts[worst])  # the scatter is that of means
+    limit = REPEATED * single + found.resolution
     if spread[worst] > limit:
         same = lines[starts[worst] : starts[worst] + counts[worst]]
         raise ConfigError(

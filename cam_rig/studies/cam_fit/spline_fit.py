@@ -17,6 +17,9 @@ from cam_rig.schema.segments.table import MAX_TOLERANCE, WIDEST_GAP_DEG
 from cam_rig.studies.cam_fit.dwells import FoundDwell, find_dwells, likely_range
 from cam_rig.studies.cam_fit.readings import Readings, bridges, without_slips
 
+#: Where no spline comes near enough, it is allowed so many times the distance, and again.
+WIDER = 2.0
+
 
 @dataclass(frozen=True, eq=False)
 class SplineFit:
@@ -29,6 +32,8 @@ class SplineFit:
     scatter : standard deviation of the readings about a smooth law, by themselves
     asked : the gauge's error as it was given, None where it was not
     tolerance : r.m.s. distance that the spline was allowed
+    widened : whether that had to be more than was asked for, or than the scatter: nearer, the
+        spline would need nearly a knot a reading
     """
 
     readings: Readings
@@ -36,6 +41,7 @@ class SplineFit:
     scatter: float
     asked: float | None
     tolerance: float
+    widened: bool
     dwells: tuple[FoundDwell, ...]
     smoothed: Smoothed
     law: Law
@@ -72,10 +78,7 @@ def fit_spline(readings: Readings, asked: float | None = None) -> SplineFit:
     dwells = find_dwells(kept, scatter)
     _require_no_gap(kept, dwells)
     rests = [dwell.rest for dwell in dwells]
-    try:
-        smoothed = smooth(kept.angles, kept.lifts, tolerance, rests)
-    except LawError as error:
-        raise LawError(f"{readings.name}: {error}") from None
+    allowed, smoothed = _smoothed(kept, tolerance, rests)
     law = _law(smoothed)
     zero = _zero(law, rests, likely_range(kept.angles.size) * scatter)
     columns = [column - zero for column in smoothed.pieces[1]]
@@ -85,11 +88,29 @@ def fit_spline(readings: Readings, asked: float | None = None) -> SplineFit:
         zero,
         scatter,
         asked,
-        tolerance,
+        allowed,
+        allowed > tolerance,
         tuple(_above(dwell, zero) for dwell in dwells),
         smoothed,
         _law(smoothed),
     )
+
+
+def _smoothed(readings: Readings, tolerance: float, rests: list[Rest]) -> tuple[float, Smoothed]:
+    """The spline, and the tolerance (m) that it took: a wider one where none is so near.
+
+    Raises
+    ------
+    LawError : not even one within what a cam's lift bears
+    """
+    most = MAX_TOLERANCE * float(np.ptp(readings.lifts))
+    while True:
+        try:
+            return tolerance, smooth(readings.angles, readings.lifts, tolerance, rests)
+        except LawError as error:
+            if tolerance * WIDER > most:
+                raise LawError(f"{readings.name}: {error}") from None
+            tolerance *= WIDER
 
 
 def _tolerance(readings: Readings, scatter: float, asked: float | None) -> float:
