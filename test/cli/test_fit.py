@@ -93,6 +93,15 @@ def test_one_column_under_a_named_follower():
     assert data["columns"][0]["follower"] == "flat"
 
 
+def test_a_known_base_radius_gives_the_rollers(tmp_path):
+    """Only their sum is told, 44.52 mm: with 32 mm of base radius the roller has 12.52 mm."""
+    result = call("fit", "cam", GL110, "--shape", "arcs", "--base-radius", "32", "--json", "-")
+    data = json.loads(result.stdout)
+    assert data["base_radius_m"] == pytest.approx(0.032, abs=1e-6)
+    assert data["roller_radius_assumed_m"] == pytest.approx(0.012523, abs=2e-6)
+    assert data["rms_m"] == pytest.approx(5.322e-5, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
@@ -103,6 +112,7 @@ def test_one_column_under_a_named_follower():
         (["fit", "cam", "{table}", "--shape", "arcs"], 2, "no base circle, two equal flanks and a"),
         (["fit", "cam", GL110], 2, "name it with --column ('lift_a_mm', 'lift_b_mm'), or take all"),
         (["fit", "cam", GL110, "--shape", "arcs", "--tolerance", "1"], 2, "--tolerance: is for"),
+        (["fit", "cam", GL110, "--shape", "arcs", "--base-radius", "50"], 2, "allowed: below base"),
         (["fit", "cam", "none.csv"], 2, "none.csv: no such file"),
         (["new", "My Cam", "--from-csv", "{table}"], 2, "name: is 'My Cam'"),
         (["new", "mine", "--from-csv", "{table}", "--rig", "none"], 2, "none.yaml: no such file"),

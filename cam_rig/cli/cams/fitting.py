@@ -14,7 +14,7 @@ from cam_rig.cli.common.console import say, show
 
 if TYPE_CHECKING:
     from cam_rig.studies.cam_fit.arcs_fit import ArcsFit
-    from cam_rig.studies.cam_fit.cam_file import CamFiles, FollowerKind
+    from cam_rig.studies.cam_fit.cam_file import CamFiles, FollowerKind, Known
     from cam_rig.studies.cam_fit.readings import Readings
     from cam_rig.studies.cam_fit.spline_fit import SplineFit
     from cam_rig.tables import DataTable
@@ -125,8 +125,30 @@ class FitRequest:
             roller = 0.0
         base = 3.0 * lift if self.base_radius is None else 1e-3 * self.base_radius
         named = self.follower is not None and len(columns) == 1
-        kind = self.follower is OwnFollower.flat if named else None
-        return fit_arcs(columns, (kind,) * len(columns), roller, base)
+        kinds = (self.follower is OwnFollower.flat if named else None,) * len(columns)
+        found = fit_arcs(columns, kinds, roller, base)
+        if self.base_radius is None or all(column.kind == "flat" for column in found.columns):
+            return found
+        return self._with_base(found, columns)
+
+    def _with_base(self, found: ArcsFit, columns: tuple[Readings, ...]) -> ArcsFit:
+        """The fit again with the roller that leaves the base radius asked for."""
+        from cam_rig.errors import ConfigError
+        from cam_rig.studies.cam_fit.arcs_fit import fit_arcs
+
+        base, prime = 1e-3 * (self.base_radius or 0.0), found.numbers[0]
+        if self.roller_radius is not None or not found.roller_radius:
+            raise ConfigError(
+                f"--base-radius: is {base * 1e3:g} mm; allowed without --roller-radius and under a "
+                f"roller, for the readings tell their sum, {prime * 1e3:.4g} mm"
+            )
+        if not 0.0 < base < prime:
+            raise ConfigError(
+                f"--base-radius: is {base * 1e3:g} mm; allowed: below base and roller radius "
+                f"together, {prime * 1e3:.4g} mm"
+            )
+        kinds = tuple(column.kind == "flat" for column in found.columns)
+        return fit_arcs(columns, kinds, prime - base, base)
 
 
 @dataclass(frozen=True)
@@ -186,10 +208,14 @@ class FitResult:
 
         kind: FollowerKind = self.kind.value
         if isinstance(self.fit, ArcsFit):
-            return arcs_cam(name, self.fit, kind, self.notes)
+            known: Known = None if self.request.roller_radius is None else "roller"
+            known = known if self.request.base_radius is None else "base"
+            return arcs_cam(name, self.fit, kind, known, self.notes)
         base = self.request.base_radius
-        base = None if base is None else 1e-3 * base
-        return spline_cam(name, self.fit, kind, base, self.notes)
+        base, roller = (
+            None if one is None else 1e-3 * one for one in (base, self.request.roller_radius)
+        )
+        return spline_cam(name, self.fit, kind, base, roller, self.notes)
 
     def _conclusions(self) -> Iterator[str]:
         from cam_rig.studies.cam_fit import conclusions

@@ -18,13 +18,15 @@ from cam_rig.studies.cam_fit.spline_fit import SplineFit
 from cam_rig.units import TURN
 
 FollowerKind = Literal["roller", "flat", "point"]
+#: Which radius was given beside the readings; without one the roller's is assumed.
+Known = Literal["base", "roller"] | None
 #: A base radius is sought in lifts, the first that passes the checks of the contour.
 BASE_RADII_IN_LIFTS = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0)
 #: A roller is as large as this part of the base radius.
 ROLLER_PART = 0.3
 #: Decimals of degrees, and of lengths in mm, of a file.
 DEGREES, MILLIMETRES = 4, 6
-FREE_CHOICE = "a free choice, readings do not tell it: replace it by the cam's own"
+FREE_CHOICE = "a free choice, the readings do not tell it: replace it by the cam's own"
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,7 @@ def spline_cam(
     fit: SplineFit,
     kind: FollowerKind,
     base_radius: float | None = None,
+    roller_radius: float | None = None,
     notes: tuple[str, ...] = (),
 ) -> CamFiles:
     """The cam file of a spline, and its points.
@@ -57,6 +60,7 @@ def spline_cam(
     Parameters
     ----------
     base_radius : m; None takes the first that passes the checks, from two lifts on
+    roller_radius : m; None takes a part of the base radius
     notes : how the readings were read, for the file's first lines
 
     Raises
@@ -73,7 +77,11 @@ def spline_cam(
             "lift": quantity(
                 "identified", _mm(fit.law.lift), "mm", "spline through the readings", _distance(fit)
             ),
-            "follower": _follower(kind, radius, base_radius is not None),
+            "follower": _follower(
+                kind,
+                _chosen(radius, base_radius is not None),
+                _chosen(roller_radius or ROLLER_PART * radius, roller_radius is not None),
+            ),
             "segments": [table],
         }
         cam = _cam({**data, "segments": [{**table, "file": points}]})
@@ -81,20 +89,27 @@ def spline_cam(
         passes = all(check.passed for check in check_cam(cam, law))
         if passes:
             break
-    assumed = [
-        f"follower {kind}, and a gauge whose foot is of its shape",
-        f"base radius {_mm(radius):.4g} mm"
-        + (" as asked" if base_radius else ", the first to pass the checks" if passes else ""),
-        *([f"roller radius {_mm(ROLLER_PART * radius):.4g} mm"] if kind == "roller" else []),
-        *(() if passes else ("no base radius passes all checks: see cam-rig profile",)),
-    ]
+    assumed = [f"follower {kind}, and a gauge whose foot is of its shape"]
+    if base_radius is None:
+        first = ", the first to pass the checks" if passes else ""
+        assumed.append(f"base radius {_mm(radius):.4g} mm{first}")
+    if kind == "roller" and roller_radius is None:
+        assumed.append(f"roller radius {_mm(ROLLER_PART * radius):.4g} mm")
+    if not passes:
+        assumed.append("no base radius passes all checks: see cam-rig profile")
     header = _comments(f"{fit.readings.name}: the law is the spline of {name}.csv.", *notes)
     header += _comments(*(f"assumed: {words}" for words in assumed))
     texts = {f"{name}.yaml": header + to_yaml(data), f"{name}.csv": _csv(fit)}
     return CamFiles(cam, law, texts, tuple(assumed))
 
 
-def arcs_cam(name: str, fit: ArcsFit, kind: FollowerKind, notes: tuple[str, ...] = ()) -> CamFiles:
+def arcs_cam(
+    name: str,
+    fit: ArcsFit,
+    kind: FollowerKind,
+    known: Known = None,
+    notes: tuple[str, ...] = (),
+) -> CamFiles:
     """The cam file of a contour of tangent arcs, with a follower on it; notes as `spline_cam`.
 
     Raises
@@ -120,15 +135,18 @@ def arcs_cam(name: str, fit: ArcsFit, kind: FollowerKind, notes: tuple[str, ...]
     }
     if arcs.flank_radius is not None:
         segment["flank_radius"] = found(abs(arcs.flank_radius))
-    follower: dict[str, Any] = {"type": kind, "base_radius": found(arcs.base_radius)}
-    assumed = []
-    if kind == "roller":
-        follower["roller_radius"] = quantity(
-            "assumed", _mm(fit.roller_radius), "mm", "told only as a sum with the base radius"
-        )
-        assumed.append(f"roller radius {_mm(fit.roller_radius):.4g} mm")
-    if all(column.kind == "flat" for column in fit.columns):
-        assumed.append(f"base radius {_mm(arcs.base_radius):.4g} mm")
+    only_flat = all(column.kind == "flat" for column in fit.columns)
+    base, roller = found(arcs.base_radius), found(fit.roller_radius)
+    if known == "base" or only_flat:
+        base = _chosen(arcs.base_radius, known == "base")
+    if known != "base" or only_flat:
+        roller = _chosen(fit.roller_radius, known == "roller")
+    follower = _follower(kind, base, roller)
+    assumed = [
+        f"{key.replace('_', ' ')} {value['assumed']:.4g} mm"
+        for key, value in follower.items()
+        if "assumed" in value
+    ]
     data = {
         "name": name,
         "title": f"{name}, tangent arcs through readings",
@@ -188,13 +206,16 @@ def _cam(data: dict[str, Any]) -> CamConfig:
         raise ConfigError(f"{data['name']}: {explain(error, CamConfig)}") from None
 
 
-def _follower(kind: FollowerKind, radius: float, asked: bool) -> dict[str, Any]:
-    source = "as asked" if asked else FREE_CHOICE
-    base = quantity("assumed", _mm(radius), "mm", source)
-    roller = quantity("assumed", _mm(ROLLER_PART * radius), "mm", FREE_CHOICE)
-    return {"type": kind, "base_radius": base} | (
-        {"roller_radius": roller} if kind == "roller" else {}
-    )
+def _follower(kind: FollowerKind, base: dict[str, Any], roller: dict[str, Any]) -> dict[str, Any]:
+    data = {"type": kind, "base_radius": base}
+    return {**data, "roller_radius": roller} if kind == "roller" else data
+
+
+def _chosen(radius: float, asked: bool) -> dict[str, Any]:
+    """A radius that no reading tells: the one asked for, or a free choice."""
+    if asked:
+        return quantity("given", _mm(radius), "mm", "as asked of cam-rig")
+    return quantity("assumed", _mm(radius), "mm", FREE_CHOICE)
 
 
 def _table_segment(file: str, fit: SplineFit) -> dict[str, Any]:

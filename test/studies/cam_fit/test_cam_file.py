@@ -49,11 +49,15 @@ def test_origins_are_told_apart(measured, tmp_path):
     given = written(spline_cam("mine", fit_spline(readings, 3e-6), "roller"), tmp_path)
     assert given.segments[0].tolerance.origin == "given"
     found = written(spline_cam("mine", fit_spline(readings), "roller", 0.055), tmp_path)
+    assert found.follower.base_radius.origin == "given"
+    assert found.follower.base_radius.si == pytest.approx(0.055)
+    found = written(spline_cam("mine", fit_spline(readings), "roller", None, 0.009), tmp_path)
+    assert found.follower.roller_radius.si == pytest.approx(0.009)
+    assert found.follower.roller_radius.origin == "given"
     assert found.segments[0].tolerance.origin == "identified"
     assert found.lift.origin == "identified"
     assert "r.m.s." in found.lift.residual
     assert found.follower.base_radius.origin == "assumed"
-    assert found.follower.base_radius.si == pytest.approx(0.055)
     assert {dwell.start.origin for dwell in found.segments[0].dwells} == {"identified"}
 
 
@@ -69,6 +73,22 @@ def test_the_file_of_arcs_is_the_contour(tmp_path, flank):
     assert law(FINE) == pytest.approx(arcs.lifts(roller, FINE + 0.7 - np.pi), abs=1e-7)
     assert "40.11 deg of the readings" in files.texts["mine.yaml"]
     assert any("roller radius 10 mm" in words for words in files.assumed)
+
+
+def test_the_radius_that_was_given_is_given():
+    """Of base and roller radius one may be known beside the readings; the other is then found."""
+    arcs, roller = Arcs(0.03, 0.01, 0.09, 0.012, 0.7), ArcFollower(False, 0.01)
+    angles = np.linspace(0.0, TURN, 72, endpoint=False)
+    table = table_of(angles, arcs.lifts(roller, angles))
+    fit = fit_arcs((put_in_order(table, table.columns[0]),), (False,), 0.01, 0.03)
+    for known, base, rolling in (
+        (None, "identified", "assumed"),
+        ("roller", "identified", "given"),
+        ("base", "given", "identified"),
+    ):
+        follower = arcs_cam("mine", fit, "roller", known).cam.follower
+        assert follower.base_radius.origin == base
+        assert follower.roller_radius.origin == rolling
 
 
 def test_rig_and_scene_are_read_back(measured, tmp_path, config_dir):
