@@ -19,8 +19,9 @@ from cam_rig.laws.pieces import Pieces
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segments import Bezier, BSpline, Polynomial, Segment, Table, Trigonometric
 
-#: Lift of a file and height of its own points may differ by this fraction.
-SAME_LIFT = 1e-2
+#: Lift of a file and height of its own points may differ by this fraction, and by so many
+#: tolerances: the errors of the highest and of the lowest point.
+SAME_LIFT, SAME_LIFT_TOLERANCES = 1e-2, 8.0
 
 
 def own_pieces(segment: Segment, cam: CamConfig) -> Pieces | None:
@@ -79,7 +80,8 @@ def smoothed(segment: Table, cam: CamConfig) -> Smoothed:
     """
     points = segment.file
     height = max(points.lifts) - min(points.lifts)
-    if abs(height - cam.lift.si) > SAME_LIFT * height + 2.0 * segment.tolerance.si:
+    limit = SAME_LIFT * height + SAME_LIFT_TOLERANCES * segment.tolerance.si
+    if abs(height - cam.lift.si) > limit:
         raise LawError(
             f"cam {cam.name!r}: lift is {cam.lift.si * 1e3:g} mm, the points of {points.file} "
             f"rise by {height * 1e3:g} mm; allowed: the same, so write that"

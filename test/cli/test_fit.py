@@ -48,6 +48,17 @@ def test_a_table_becomes_a_scene_that_runs(table, tmp_path, monkeypatch):
     assert "mine/cams/mine.yaml: exists already, not overwriting" in again.output
 
 
+def test_new_asks_nothing(tmp_path, monkeypatch):
+    """Of two columns the first is taken, and that is said; the gap in the readings too."""
+    monkeypatch.chdir(tmp_path)
+    made = call("new", "gl110", "--from-csv", GL110)
+    assert made.exit_code == 0, made.output
+    assert "first column of lifts taken, not 'lift_b_mm': --column" in made.output
+    assert "no readings for 200 deg after 80 deg: the cam is assumed to rest there" in made.output
+    text = (tmp_path / "gl110" / "cams" / "gl110.yaml").read_text()
+    assert "# gunt_gl110_convex.csv: first column of lifts taken" in text
+
+
 def test_fit_prints_the_answer_and_writes_it(table, tmp_path):
     """Distance, knots, slip and what was not followed; JSON, CSV, picture and cam."""
     out, plot, csv = tmp_path / "own.yaml", tmp_path / "fit.png", tmp_path / "fit.csv"

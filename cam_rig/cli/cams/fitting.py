@@ -13,6 +13,7 @@ import typer
 from cam_rig.cli.common.console import say, show
 
 if TYPE_CHECKING:
+    from cam_rig.schema.gauge_table import GaugeColumn, GaugeTable
     from cam_rig.studies.cam_fit.arcs_fit import ArcsFit
     from cam_rig.studies.cam_fit.cam_file import CamFiles, FollowerKind, Known
     from cam_rig.studies.cam_fit.readings import Readings
@@ -66,7 +67,10 @@ BaseOption = Annotated[
 
 @dataclass(frozen=True)
 class FitRequest:
-    """What is asked of a fit; lengths in mm."""
+    """What is asked of a fit; lengths in mm.
+
+    ``ask_nothing`` takes the first column for a spline where there are several, and says so.
+    """
 
     shape: Shape = Shape.spline
     follower: OwnFollower | None = None
@@ -75,6 +79,7 @@ class FitRequest:
     reverse: bool = False
     roller_radius: float | None = None
     base_radius: float | None = None
+    ask_nothing: bool = False
 
     def run(self, files: list[Path]) -> FitResult:
         """Read the files and fit.
@@ -95,7 +100,7 @@ class FitRequest:
                 raise ConfigError(
                     f"{len(tables)} files; allowed: one for a spline, several with --shape arcs"
                 )
-            readings = [put_in_order(tables[0], tables[0].column(self.column), self.reverse)]
+            readings = [put_in_order(tables[0], self._column(tables[0]), self.reverse)]
         else:
             readings = [
                 put_in_order(table, column, self.reverse)
@@ -103,6 +108,9 @@ class FitRequest:
                 for column in ([table.column(self.column)] if self.column else table.columns)
             ]
         notes = [f"{table.file}: {note}" for table in tables for note in table.notes]
+        if self.shape is Shape.spline and self.column is None and len(tables[0].columns) > 1:
+            others = ", ".join(repr(column.name) for column in tables[0].columns[1:])
+            notes.append(f"{tables[0].file}: first column of lifts taken, not {others}: --column")
         notes += [
             f"{one.name}: {note}" for one in readings for note in (*one.notes, *gap_note(one))
         ]
@@ -110,6 +118,10 @@ class FitRequest:
             asked = None if self.tolerance is None else 1e-3 * self.tolerance
             return FitResult(self, tuple(notes), fit_spline(readings[0], asked))
         return FitResult(self, tuple(notes), self._arcs(readings))
+
+    def _column(self, table: GaugeTable) -> GaugeColumn:
+        first = self.ask_nothing and self.column is None
+        return table.columns[0] if first else table.column(self.column)
 
     def _arcs(self, readings: list[Readings]) -> ArcsFit:
         from cam_rig.errors import ConfigError

@@ -58,7 +58,7 @@ def new(
         from cam_rig.studies.cam_fit.scene_file import own_rig, own_scene
 
         request = FitRequest(
-            shape, follower, column, tolerance, reverse, roller_radius, base_radius
+            shape, follower, column, tolerance, reverse, roller_radius, base_radius, True
         )
         like = load_rig(rig_path(rig))
         found = request.run([from_csv])

@@ -14,6 +14,7 @@ from cam_rig.laws import Law, build_law
 from cam_rig.profile.checks.all_checks import check_cam
 from cam_rig.schema import CamConfig
 from cam_rig.studies.cam_fit.arcs_fit import ArcsFit
+from cam_rig.studies.cam_fit.dwells import DEGREES
 from cam_rig.studies.cam_fit.spline_fit import SplineFit
 from cam_rig.units import TURN
 
@@ -24,8 +25,8 @@ Known = Literal["base", "roller"] | None
 BASE_RADII_IN_LIFTS = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0)
 #: A roller is as large as this part of the base radius.
 ROLLER_PART = 0.3
-#: Decimals of degrees, and of lengths in mm, of a file.
-DEGREES, MILLIMETRES = 4, 6
+#: Decimals of lengths in mm of a file.
+MILLIMETRES = 6
 FREE_CHOICE = "a free choice, the readings do not tell it: replace it by the cam's own"
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from cam_rig.arrays import FloatArray
 from cam_rig.laws.families.table import Rest
-from cam_rig.schema.segments.table import MAX_DWELLS
+from cam_rig.schema.segments.table import LEAST_EVENT_DEG, MAX_DWELLS
 from cam_rig.studies.cam_fit.readings import Readings, bridges
 from cam_rig.units import TURN
 
@@ -35,6 +35,10 @@ SAME_LEVEL = 3.0
 BEYOND = 0.35
 #: How far (rad) the end may lie inside of the run, and in how many steps it is sought.
 INSIDE, STEPS = math.radians(25.0), 200
+#: Decimals of degrees of a dwell's start and span.
+DEGREES = 4
+#: Two dwells are so far apart (rad), or one of them is none.
+LEAST_ROOM = math.radians(2.0 * LEAST_EVENT_DEG)
 #: Powers of the angle with which a law leaves its dwell.
 POWERS = (3, 4, 5)
 
@@ -46,6 +50,10 @@ class FoundDwell:
     rest: Rest
     count: int
     scatter: float
+
+    def covers(self, start: float, span: float) -> bool:
+        """Whether a stretch of the turn (rad) lies inside."""
+        return (start - self.rest.start) % TURN + span <= self.rest.span
 
 
 @dataclass(frozen=True)
@@ -62,7 +70,19 @@ def find_dwells(readings: Readings, scatter: float) -> tuple[FoundDwell, ...]:
     runs = _runs(readings, scatter)
     found = [_dwell(readings, runs, i, scatter) for i in range(len(runs))]
     kept = [dwell for dwell in found if _is_dwell(readings, dwell, scatter)]
-    return tuple(sorted(_pooled(kept, scatter), key=lambda dwell: dwell.rest.start))
+    return _apart(sorted(_pooled(kept, scatter), key=lambda dwell: dwell.rest.start))
+
+
+def _apart(dwells: list[FoundDwell]) -> tuple[FoundDwell, ...]:
+    """The dwells without the shorter of two between which no law has room."""
+    for i, dwell in enumerate(dwells):
+        after = dwells[(i + 1) % len(dwells)]
+        room = (after.rest.start - dwell.rest.start - dwell.rest.span) % TURN
+        most = TURN - dwell.rest.span - after.rest.span + LEAST_ROOM  # more if they overlap
+        if len(dwells) > 1 and not LEAST_ROOM < room < most:
+            shorter = min(dwell, after, key=lambda one: one.rest.span)
+            return _apart([one for one in dwells if one is not shorter])
+    return tuple(dwells)
 
 
 def likely_range(count: int) -> float:
@@ -137,7 +157,7 @@ def _is_dwell(readings: Readings, dwell: FoundDwell, scatter: float) -> bool:
     """Whether enough readings rest, and a parabola is no better than a level, beyond chance."""
     ahead = (readings.angles - dwell.rest.start) % TURN
     inside = ahead <= dwell.rest.span
-    if bridges(readings) and (readings.gap[0] - dwell.rest.start) % TURN < dwell.rest.span:
+    if bridges(readings) and dwell.covers(*readings.gap):
         return True
     if dwell.count < FEWEST_INSIDE or dwell.rest.span < SHORTEST:
         return False
@@ -192,8 +212,13 @@ def _dwell(readings: Readings, runs: list[_RestingRun], i: int, scatter: float) 
     begin, stop = last - start, first + end
     inside = (readings.angles - begin) % TURN <= stop - begin
     resting = readings.lifts[inside] if inside.any() else np.array([run.level])
-    rest = Rest(begin % TURN, stop - begin, float(np.mean(resting)))
+    rest = Rest(_as_written(begin) % TURN, _as_written(stop - begin), float(np.mean(resting)))
     return FoundDwell(rest, int(np.count_nonzero(inside)), float(np.std(resting)))
+
+
+def _as_written(angle: float) -> float:
+    """An angle (rad) with the digits that a cam's file has of it."""
+    return math.radians(round(math.degrees(angle), DEGREES))
 
 
 def _end(x: FloatArray, y: FloatArray, run: _RestingRun, scatter: float, least: float) -> float:

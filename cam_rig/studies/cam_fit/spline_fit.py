@@ -13,6 +13,7 @@ from cam_rig.laws.families.scatter import least_tolerance
 from cam_rig.laws.families.table import Rest, Smoothed, smooth
 from cam_rig.laws.peaks import extremes, peak
 from cam_rig.laws.pieces import joined
+from cam_rig.laws.segments import SAME_LIFT, SAME_LIFT_TOLERANCES
 from cam_rig.schema.segments.table import MAX_TOLERANCE, WIDEST_GAP_DEG
 from cam_rig.studies.cam_fit.dwells import FoundDwell, find_dwells, likely_range
 from cam_rig.studies.cam_fit.readings import Readings, bridges, without_slips
@@ -80,6 +81,7 @@ def fit_spline(readings: Readings, asked: float | None = None) -> SplineFit:
     rests = [dwell.rest for dwell in dwells]
     allowed, smoothed = _smoothed(kept, tolerance, rests)
     law = _law(smoothed)
+    _require_same_lift(kept, law, allowed)
     zero = _zero(law, rests, likely_range(kept.angles.size) * scatter)
     columns = [column - zero for column in smoothed.pieces[1]]
     smoothed = replace(smoothed, pieces=(smoothed.pieces[0], columns))
@@ -135,9 +137,7 @@ def _tolerance(readings: Readings, scatter: float, asked: float | None) -> float
 
 def _require_no_gap(readings: Readings, dwells: tuple[FoundDwell, ...]) -> None:
     start, span = readings.gap
-    middle = start + 0.5 * span
-    inside = ((middle - dwell.rest.start) % (2.0 * math.pi) < dwell.rest.span for dwell in dwells)
-    if bridges(readings) and not any(inside):
+    if bridges(readings) and not any(dwell.covers(start, span) for dwell in dwells):
         raise ConfigError(
             f"{readings.name}: no reading for {math.degrees(span):.4g} deg after "
             f"{math.degrees(start):.4g} deg, and the cam does not rest at its ends; allowed: gaps "
@@ -150,6 +150,17 @@ def _zero(law: Law, rests: list[Rest], near: float) -> float:
     lowest = extremes(law, 0)[0].value
     level = min((rest.level for rest in rests), default=lowest)
     return level if level - lowest < near else lowest
+
+
+def _require_same_lift(readings: Readings, law: Law, allowed: float) -> None:
+    """Refuse a spline that goes far beyond its readings, or stays far below."""
+    height = float(np.ptp(readings.lifts))
+    if abs(law.lift - height) > SAME_LIFT * height + SAME_LIFT_TOLERANCES * allowed:
+        raise LawError(
+            f"{readings.name}: the spline rises by {law.lift * 1e3:.4g} mm, the readings by "
+            f"{height * 1e3:.4g} mm; allowed: the same within {SAME_LIFT:g} of it, so read finer "
+            "where the cam is steep"
+        )
 
 
 def _above(dwell: FoundDwell, zero: float) -> FoundDwell:
