@@ -3,6 +3,8 @@
 import math
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from cam_rig.errors import ConfigError
 from cam_rig.schema.gauge_table import MAX_LINES, read_gauge_table
@@ -178,3 +180,21 @@ def test_files_that_are_none(read, tmp_path):
         read(b"0 0\n" * 2**20)
     with pytest.raises(ConfigError, match=f"has {MAX_LINES + 1} lines"):
         read(b"0 0\n" * (MAX_LINES + 1))
+
+
+@given(
+    st.one_of(
+        st.binary(max_size=400),
+        st.text(alphabet="0123456789.,;\t -e\n\r°\"'#mangle_deglift\u2028\x07", max_size=300),
+    )
+)
+def test_any_bytes_are_read_or_refused_in_one_line(tmp_path_factory, data):
+    """What is no table is a ConfigError of one line, never another error."""
+    path = tmp_path_factory.getbasetemp() / "any.csv"
+    path.write_bytes(data if isinstance(data, bytes) else data.encode())
+    try:
+        table = read_gauge_table(path)
+    except ConfigError as error:
+        assert len(str(error).splitlines()) == 1
+    else:
+        assert len(table.angles) == len(table.lines) == len(table.columns[0].lifts)

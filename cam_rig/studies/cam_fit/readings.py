@@ -116,11 +116,7 @@ def _averaged(
     starts = np.flatnonzero(np.diff(angles, prepend=-1.0) > SAME_ANGLE)
     counts = np.diff(np.append(starts, angles.size))
     means = np.add.reduceat(lifts, starts) / counts
-    ahead = np.roll(angles[starts], -1) - angles[starts]
-    ahead[-1] += TURN
-    widest = int(np.argmax(ahead))
-    name = f"{table.file}, {column.name}"
-    gap = (float(angles[starts][widest]), float(ahead[widest]))
+    name, gap = f"{table.file}, {column.name}", _widest_gap(angles[starts])
     found = Readings(name, angles[starts], means, lines[starts], column.resolution, gap, ())
     if not FEWEST_POINTS <= found.angles.size <= MAX_POINTS:
         raise ConfigError(
@@ -142,6 +138,13 @@ def _averaged(
             "again, in one turning sense"
         )
     return found
+
+
+def _widest_gap(angles: FloatArray) -> tuple[float, float]:
+    """Start and span (rad) of the longest stretch without readings."""
+    ahead = np.diff(angles, append=angles[0] + TURN)
+    widest = int(np.argmax(ahead))
+    return float(angles[widest]), float(ahead[widest])
 
 
 def without_slips(readings: Readings) -> Readings:
@@ -170,6 +173,7 @@ def without_slips(readings: Readings) -> Readings:
         angles=readings.angles[left],
         lifts=readings.lifts[left],
         lines=readings.lines[left],
+        gap=_widest_gap(readings.angles[left]),
         slips=named,
     )
 

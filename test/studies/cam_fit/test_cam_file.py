@@ -115,6 +115,14 @@ def test_a_cam_that_no_speed_lifts_off(laws, config_dir):
     assert max(own_speeds(laws["poly345"], rig)) <= 20_000.0
 
 
+def test_a_coarse_gauge_is_read_back(measured, tmp_path):
+    """0.1 mm of noise on 10 mm: the points rise by more than their law, and the cam loads."""
+    fit = fit_spline(measured("flat", noise=1e-4))
+    law = build_law(written(spline_cam("mine", fit, "roller"), tmp_path))
+    assert law(FINE) == pytest.approx(fit.law(FINE), abs=2e-8)
+    assert np.ptp(fit.readings.lifts) > law.lift + 2e-4
+
+
 @pytest.mark.parametrize("name", ["Mine", "1st", "my cam", "cam"])
 def test_names_that_are_none(measured, name):
     """The files' own rules for names."""

@@ -106,6 +106,18 @@ def test_a_gap_that_no_dwell_fills(scaled):
         fit_spline(put_in_order(table, table.columns[0]))
 
 
+def test_a_table_finer_than_its_law_is_smooth(scaled):
+    """Arcs written to a nanometre, 1° apart: the distance is widened and said, nothing swings."""
+    angles = np.linspace(0.0, TURN, 360, endpoint=False)
+    table = table_of(angles, scaled("gunt_gl110")(angles))
+    fit = fit_spline(put_in_order(table, table.columns[0]))
+    assert fit.widened
+    assert fit.smoothed.rms < 1e-6
+    assert fit.smoothed.knots < 300
+    assert error_of_acceleration(fit, scaled("gunt_gl110"))[1] < 0.15
+    assert any("needs nearly a knot a reading" in words for words in spline_conclusions(fit))
+
+
 @pytest.mark.parametrize("asked", [0.0, -1e-6, 1e-3])
 def test_tolerances_that_are_none(measured, asked):
     """Zero, negative, more than 5 % of the lift."""
