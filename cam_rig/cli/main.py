@@ -27,6 +27,7 @@ from cam_rig.cli.studies.factorial import factorial
 from cam_rig.cli.studies.identify import identify
 from cam_rig.cli.studies.jump import jump
 from cam_rig.cli.studies.noise import noise
+from cam_rig.cli.studies.readings import readings
 from cam_rig.cli.studies.report import report
 from cam_rig.cli.studies.timing import timing
 from cam_rig.cli.studies.vibration import vibration
@@ -54,6 +55,7 @@ for verb in (
     timing,
     contact,
     jump,
+    readings,
     vibration,
     factorial,
     noise,

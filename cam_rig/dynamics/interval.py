@@ -267,6 +267,10 @@ def speed_change(state: FollowerState | None, interval: Interval) -> float:
     """By how much (rad/s) the cam is faster than where the state ended; rounding counts as 0."""
     if state is None or state.cam_speed is None:
         return 0.0
-    change = interval.speed - state.cam_speed
-    same = SAME_SPEED * max(abs(interval.speed), abs(state.cam_speed))
-    return change if abs(change) > same else 0.0
+    same = same_speed(interval.speed, state.cam_speed)
+    return 0.0 if same else interval.speed - state.cam_speed
+
+
+def same_speed(one: float, other: float) -> bool:
+    """Whether two speeds (rad/s) are one, but for rounding."""
+    return abs(one - other) <= SAME_SPEED * max(abs(one), abs(other))

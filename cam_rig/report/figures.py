@@ -8,6 +8,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 
+from cam_rig.dynamics import TwoMassParameters
 from cam_rig.files import temporary_folder
 from cam_rig.laws.catalogue import families
 from cam_rig.plots import as_cut as as_cut_plot
@@ -15,7 +16,7 @@ from cam_rig.plots import contact as contact_plot
 from cam_rig.plots import factorial as factorial_plot
 from cam_rig.plots import jump as jump_plot
 from cam_rig.plots import law as law_plot
-from cam_rig.plots import law_overlay
+from cam_rig.plots import law_overlay, limits
 from cam_rig.plots import lift_off as takeoff_plot
 from cam_rig.plots import noise_study as noise_study_plot
 from cam_rig.plots import profile as profile_plot
@@ -26,6 +27,8 @@ from cam_rig.profile.checks.pressure_angle import GUIDED
 from cam_rig.report.results import CUT, Findings, Sources
 from cam_rig.studies.jump.comparison import JumpRow
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
+from cam_rig.studies.stem.chain import Stem
+from cam_rig.studies.vibration.claims import LOWER
 
 #: Speeds of the figures, rpm: below every jump speed, and above all but Bézier 15's.
 STEADY_RPM, TAKEOFF_RPM = 300.0, 460.0
@@ -73,6 +76,22 @@ def late_figures(found: Findings) -> dict[str, str]:
         "fig16": uri(lambda path: noise_study_plot.draw(noise, sources.loaded, path)),
         "factorial": uri(lambda path: factorial_plot.draw(factorial, path)),
     }
+
+
+def flywheel_figures(found: Findings) -> dict[str, str]:
+    """That of the flywheel; none for a rig without a shaft."""
+    study, titles = found.flywheel, found.sources.cam_set.titles
+    if study is None:
+        return {}
+    return {"flywheel": uri(lambda path: limits.draw_flywheel(study, titles, path))}
+
+
+def stem_figures(found: Findings) -> dict[str, str]:
+    """That of the stem in more and more masses."""
+    cam_set = found.sources.cam_set
+    stem = Stem(TwoMassParameters.from_rig(cam_set.rig), 1.0)
+    law, title = cam_set.laws[LOWER], cam_set.titles[LOWER]
+    return {"stem": uri(lambda path: limits.draw_stem(law, title, stem, path))}
 
 
 def cut_figures(found: Findings) -> dict[str, str]:

@@ -16,6 +16,8 @@ from cam_rig.report.tables import files, tables
 from cam_rig.schema.quantity import ORIGINS
 from cam_rig.schema.segments.base import quantities
 from cam_rig.studies.factorial.conclusions import conclusions
+from cam_rig.studies.flywheel.fluctuation import SHOWN as FLYWHEEL_SHOWN
+from cam_rig.studies.jump import reading_tables
 from cam_rig.studies.jump.comparison import compare
 from cam_rig.studies.jump.refit import ROUNDED_TO
 from cam_rig.studies.vibration.dwell import STAND_IN
@@ -28,7 +30,10 @@ SECTIONS = {
     "summary": "In short",
     "cams": "Cams and laws",
     "vibration": "Residual and torsional vibration",
+    "flywheel": "A flywheel that does not hold its speed",
     "jump": "Jump speed",
+    "readings": "Table 2 read in other ways",
+    "stem": "Where two masses stop being enough",
     "as_cut": "The cam as it was cut",
     "timing": "Timing of the events",
     "contact": "Contact pressure and sliding",
@@ -104,7 +109,11 @@ def _values(found: Findings) -> dict[str, Any]:
         "rounding": _rounding(found),
         "rounded_to": ROUNDED_TO,
         "angles": _angles(found),
+        "infinity": math.inf,
+        "flywheel_shown": FLYWHEEL_SHOWN,
         "stiffer": _stiffer(found),
+        "readings_nearest": reading_tables.nearest(found.readings),
+        "readings_widest": reading_tables.widest(found.readings),
         "cut": found.cuts.get(CUT),
         "cut_name": CUT,
         "rpm": to_rpm,

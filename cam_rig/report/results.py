@@ -16,6 +16,8 @@ from cam_rig.schema import (
     Library,
     PublishedTables,
     RigConfig,
+    TableReadings,
+    load_readings,
     load_rig,
     load_tables,
 )
@@ -27,15 +29,22 @@ from cam_rig.studies.contact.form_closed import PlayRow, find_play, open_form_cl
 from cam_rig.studies.factorial.design import Factorial, run_factorial
 from cam_rig.studies.factorial.laws import open_factorial
 from cam_rig.studies.factorial.measures import Bench
+from cam_rig.studies.flywheel.fluctuation import FlywheelStudy, study_flywheel
 from cam_rig.studies.jump.comparison import JumpRow, find_jumps, jump_by_degree
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.published import references
+from cam_rig.studies.jump.readings import Read, read
 from cam_rig.studies.noise.run import NoiseStudy, study_noise
+from cam_rig.studies.stem.comparison import StemStudy, study_stem
 from cam_rig.studies.timing.comparison import CamTiming, EventControl, beside_b_spline
 from cam_rig.studies.vibration.comparison import VibrationTable, vibration_table
 
 #: Speeds of the vibration tables, rpm.
 VIBRATION_RPM = (200.0, 250.0, 300.0, 350.0)
+#: Speed of the flywheel's tables, rpm.
+FLYWHEEL_RPM = 300.0
+#: Speed at which stems are compared, rpm.
+STEM_RPM = 300.0
 #: Speed of the contact study, rpm, and the cams besides the paper's: other kinds of follower.
 CONTACT_RPM, CONTACT_CAMS = 300.0, ("flat", "oscillating_flat", "point")
 #: Cams that move their follower both ways.
@@ -62,6 +71,7 @@ class Sources:
     factorial: FactorialConfig
     stiff: RigConfig
     recorded: Recorded | None
+    readings: TableReadings
     touching: CamSet
     form_closed: list[tuple[CamConfig, Law]]
 
@@ -78,9 +88,12 @@ class Findings:
 
     sources: Sources
     jumps: list[JumpRow]
+    readings: list[Read]
     degrees: dict[int, float]
     vibration: VibrationTable
     stiff_vibration: VibrationTable
+    flywheel: FlywheelStudy | None
+    stems: list[StemStudy]
     noise: NoiseStudy
     factorial: Factorial
     cuts: dict[str, AsCut]
@@ -119,6 +132,7 @@ def open_sources(scene: Path, rig: str, factorial: str, bag: Path | None) -> Sou
         factorial=config,
         stiff=load_rig(library.path("rigs", config.noise_rig)),
         recorded=None if bag is None else read_recorded(bag, loaded),
+        readings=load_readings(library.path("published/readings", "table2")),
         touching=open_cam_set(
             [*cams, *(library.path("cams", cam) for cam in CONTACT_CAMS)],
             library.path("rigs", rig),
@@ -146,9 +160,12 @@ def find(
     parameters = TwoMassParameters.from_rig(cam_set.rig)
     jumps = find_jumps(cam_set.laws, parameters, references(cam_set, sources.tables), FROM_REST)
     degrees = jump_by_degree(cam_set.cams[BY_SEGMENTS], parameters, FROM_REST)
+    readings = _readings(sources)
     on_part(PARTS[0])
     vibration = vibration_table(cam_set, VIBRATION_RPM)
     stiff = vibration_table(CamSet(cam_set.cams, cam_set.laws, sources.stiff), VIBRATION_RPM)
+    flywheel = study_flywheel(cam_set, FLYWHEEL_RPM)
+    stems = [study_stem(cam_set, stem, STEM_RPM) for stem in _stems(sources)]
     on_part(PARTS[1])
     bench = CutBench.of(cam_set.rig, sources.loaded)
     cuts = cut_all(cam_set, bench)
@@ -166,9 +183,12 @@ def find(
     return Findings(
         sources=sources,
         jumps=jumps,
+        readings=readings,
         degrees=degrees,
         vibration=vibration,
         stiff_vibration=stiff,
+        flywheel=flywheel,
+        stems=stems,
         noise=levels,
         factorial=effects,
         cuts=cuts,
@@ -178,6 +198,18 @@ def find(
         contact=contact,
         play=play,
     )
+
+
+def _readings(sources: Sources) -> list[Read]:
+    known, printed = sources.readings, sources.tables.table_2_jump
+    cams = sources.cam_set.cams
+    return [read(name, one, cams, printed, known.run_s) for name, one in known.readings.items()]
+
+
+def _stems(sources: Sources) -> tuple[float, float]:
+    """Stiffness (N/m) of the stem on the rig of the jump speeds, and of that of Table 1."""
+    rigs = sources.cam_set.rig, sources.stiff
+    return rigs[0].follower.stem_stiffness.si, rigs[1].follower.stem_stiffness.si
 
 
 def _noise(sources: Sources) -> NoiseStudy:

@@ -20,11 +20,14 @@ from cam_rig.schema.segments.base import quantities
 from cam_rig.studies.as_cut import tables as as_cut
 from cam_rig.studies.contact import tables as contact
 from cam_rig.studies.factorial import tables as factorial
+from cam_rig.studies.flywheel.tables import flywheel_tables
+from cam_rig.studies.jump import reading_tables
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.tables import jump_table
 from cam_rig.studies.noise import tables as noise
+from cam_rig.studies.stem.tables import stem_tables
 from cam_rig.studies.timing import tables as timing
-from cam_rig.studies.vibration.claims import jump_claims, vibration_claims
+from cam_rig.studies.vibration.claims import LOWER, jump_claims, vibration_claims
 from cam_rig.studies.vibration.tables import claims_table, speed_table
 from cam_rig.tables import Cell, Column, DataTable, number, tabulate
 from cam_rig.units import RPM
@@ -51,7 +54,14 @@ def tables(found: Findings) -> dict[str, list[DataTable]]:
     return {
         "cams": [_table_1(found), _laws(found)],
         "vibration": [*_vibration(found), _claims(found)],
+        "flywheel": flywheel_tables(found.flywheel, titles, LOWER),
         "jump": [jump_table(found.jumps, caption, titles, rigid)],
+        "readings": [
+            reading_tables.numbers_table(found.sources.readings.readings),
+            reading_tables.speeds_table(found.readings),
+            reading_tables.times_table(found.readings),
+        ],
+        "stem": stem_tables(found.stems, titles, LOWER),
         "as_cut": [
             as_cut.cams_table(found.cuts, titles),
             as_cut.sizes_table(found.cut_sizes, titles[CUT]),
@@ -80,6 +90,7 @@ def files(found: Findings) -> dict[str, BaseModel]:
         **{f"cam {name}": cam for name, cam in sources.loaded.cams.items()},
         f"scene {sources.loaded.scene.name}": sources.loaded.scene,
         f"factorial {sources.factorial.name}": sources.factorial,
+        f"readings {sources.readings.name}": sources.readings,
     }
 
 

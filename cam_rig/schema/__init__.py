@@ -7,11 +7,13 @@ from cam_rig.schema.load import (
     load_cam,
     load_factorial,
     load_published,
+    load_readings,
     load_rig,
     load_scene,
     load_tables,
 )
 from cam_rig.schema.published import PublishedNoise, PublishedTables
+from cam_rig.schema.reading import TableReading, TableReadings
 from cam_rig.schema.rig import RigConfig
 from cam_rig.schema.scene import SceneConfig
 
@@ -23,9 +25,12 @@ __all__ = [
     "PublishedTables",
     "RigConfig",
     "SceneConfig",
+    "TableReading",
+    "TableReadings",
     "load_cam",
     "load_factorial",
     "load_published",
+    "load_readings",
     "load_rig",
     "load_scene",
     "load_tables",

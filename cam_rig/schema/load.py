@@ -16,6 +16,7 @@ from cam_rig.schema.cam import CamConfig
 from cam_rig.schema.explain import explain, kind_of
 from cam_rig.schema.factorial import FactorialConfig
 from cam_rig.schema.published import PublishedNoise, PublishedTables
+from cam_rig.schema.reading import TableReadings
 from cam_rig.schema.rig import RigConfig
 from cam_rig.schema.scene import SceneConfig
 from cam_rig.schema.yaml_text import parse_yaml
@@ -154,6 +155,11 @@ def load_published(path: Path) -> PublishedNoise:
 def load_tables(path: Path) -> PublishedTables:
     """Read one file of ``config/published/tables/``."""
     return load(path, PublishedTables)
+
+
+def load_readings(path: Path) -> TableReadings:
+    """Read one file of ``config/published/readings/``."""
+    return load(path, TableReadings)
 
 
 def load_factorial(path: Path) -> FactorialConfig:

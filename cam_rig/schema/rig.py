@@ -13,6 +13,8 @@ from cam_rig.schema.quantity import Quantity, Strict, must_be
 Mass = Annotated[Quantity, must_be("mass", above=0.0, least=1e-9, most=1e6)]
 Stiffness = Annotated[Quantity, must_be("stiffness", above=0.0, least=1e-9, most=1e15)]
 Damping = Annotated[Quantity, must_be("damping", least=0.0, most=1e9)]
+Force = Annotated[Quantity, must_be("force", least=0.0, most=1e9)]
+RollerShare = Annotated[Quantity, must_be("ratio", above=0.0, least=1e-6, most=0.99)]
 
 
 #: SI units of the follower's numbers that have one.
@@ -38,10 +40,8 @@ class FollowerMechanics(Strict):
     spring_stiffness: Stiffness
     stem_stiffness: Stiffness
     damping: Damping
-    preload: Annotated[Quantity, must_be("force", least=0.0, most=1e9)]
-    roller_share: Annotated[Quantity, must_be("ratio", above=0.0, least=1e-6, most=0.99)] | None = (
-        None
-    )
+    preload: Force
+    roller_share: RollerShare | None = None
     stem_damping: Damping | None = None
     restitution: Annotated[Quantity, must_be("ratio", least=0.0, most=0.999)]
 
@@ -63,11 +63,18 @@ class Radiation(Strict):
 
 
 class Shaft(Strict):
-    """The shaft between flywheel and cam, for the model ``torsional``."""
+    """The shaft between flywheel and cam, for the model ``torsional``.
+
+    Without ``flywheel_inertia`` the flywheel holds its speed, as in eq. 10 of the paper; with it,
+    a constant torque, the mean of the load, drives it.
+    """
 
     cam_inertia: Annotated[Quantity, must_be("inertia", above=0.0, least=1e-12, most=1e9)]
     stiffness: Annotated[Quantity, must_be("torsional stiffness", above=0.0, least=1e-9, most=1e15)]
     damping: Annotated[Quantity, must_be("torsional damping", least=0.0, most=1e9)]
+    flywheel_inertia: (
+        Annotated[Quantity, must_be("inertia", above=0.0, least=1e-6, most=1e9)] | None
+    ) = None
 
 
 class RigConfig(Strict):

@@ -27,6 +27,6 @@ def test_refusals(tmp_path):
     out = tmp_path / "a.json"
     assert call("flat", "--json", out).exit_code == 2
     none = call("bezier15", "--base", 0, "--json", out)
-    assert none.exit_code == 1
-    assert "base radius is 0 mm" in none.stderr
+    assert none.exit_code == 2
+    assert "--base: is 0 mm" in none.stderr
     assert not out.exists()

@@ -91,7 +91,11 @@ def test_listen_repeats(tmp_path):
     ("arguments", "code", "words"),
     [
         (["noise", "quick"], 2, "a noise study needs at least 9"),
-        (["noise", "--rig", "none"], 2, "none.yaml: no such file; there are: paper_table2"),
+        (
+            ["noise", "--rig", "none"],
+            2,
+            "none.yaml: no such file; there are: paper_flywheel, paper_table2",
+        ),
         (["noise", "--rig", "tm21"], 2, "follower has no roller_share"),
         (["listen", "quick", "--out", "{tmp}/a.mp3"], 2, "unknown kind of sound file; allowed"),
         (["listen", "quick", "--out", "{tmp}/a.wav", "--cam", "no"], 2, "has no cam 'no'"),

@@ -67,7 +67,7 @@ def test_the_page(sweep, tmp_path):
     assert result.exit_code == 0, result.stderr
     page = out.read_text(encoding="utf-8")
     pictures = re.findall(r'<img src="(.{40})', page)
-    assert len(pictures) == 14
+    assert len(pictures) == 16
     assert all(p.startswith("data:image/svg+xml;base64,") for p in pictures)
     for words in ("Table 1.", "Table 2.", "Table 3.", "Given, assumed, identified"):
         assert words in page

@@ -21,7 +21,7 @@ from cam_rig.cad.contour_csv import read_contour
 from cam_rig.errors import CamRigError
 from cam_rig.laws import build_law
 from cam_rig.schema import load_cam, load_published, load_rig, load_scene
-from cam_rig.schema.load import config_root, load_factorial, load_tables
+from cam_rig.schema.load import config_root, load_factorial, load_readings, load_tables
 
 SHIPPED: dict[str, Callable[[Path], object]] = {
     "cams/tm21.yaml": load_cam,
@@ -32,6 +32,7 @@ SHIPPED: dict[str, Callable[[Path], object]] = {
     "scenes/torsion.yaml": load_scene,
     "published/tm21_noise.yaml": load_published,
     "published/tables/paper.yaml": load_tables,
+    "published/readings/table2.yaml": load_readings,
     "factorials/continuity.yaml": load_factorial,
 }
 #: A little under and far over what may be read.

@@ -81,9 +81,9 @@ def fit_cam(
         write_csv(found.tables(), csv)
         write_json(found.to_json(), json_target)
         if plot is not None:
-            from cam_rig.plots.cam_fit import draw
+            from cam_rig.plots.law import draw_fit
 
-            write_plot(plot, lambda part: draw(found.fit, part))
+            write_plot(plot, lambda part: draw_fit(found.fit, part))
         if out is not None:
             files = found.files(out.stem)
             write_new(out.parent, files.texts)

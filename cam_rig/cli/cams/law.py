@@ -16,6 +16,11 @@ if TYPE_CHECKING:
     from cam_rig.laws import Law
     from cam_rig.tables import DataTable
 
+Save = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Write the curves as a Rerun recording (.rrd) too."),
+]
+
 
 def law(
     names: Annotated[
@@ -37,6 +42,7 @@ def law(
     as_csv: Annotated[
         bool, typer.Option("--csv", help="CSV to stdout; no plot unless --out is given.")
     ] = False,
+    save: Save = None,
 ) -> None:
     """Plot lift, velocity, acceleration and jerk over the cam angle; list peaks and joints.
 
@@ -56,6 +62,8 @@ def law(
 
     cam-rig law poly345 bezier8_start --rises
 
+    cam-rig law poly345 cycloidal bezier15 --save out/laws.rrd
+
     cam-rig law config/cams/worked_example_quintic.yaml --out quintic.pdf
 
     cam-rig law bezier15 --csv > bezier15.csv
@@ -64,12 +72,16 @@ def law(
         from cam_rig.cli.cams import law_overlay
 
         check_outputs(None, out)
+        if save is not None:
+            law_overlay.require_recording(save)
         if law_overlay.are_rises(names, rises):
             law_overlay.show_rises(names, out, as_csv)
         elif len(names) > 1:
             law_overlay.show_cams(names, out, as_csv)
         else:
             _show_one(names[0], out, as_csv)
+        if save is not None:
+            law_overlay.record(names, law_overlay.are_rises(names, rises), save)
 
 
 def _show_one(name: str, out: Path | None, as_csv: bool) -> None:

@@ -5,15 +5,17 @@ from __future__ import annotations
 import csv
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cam_rig.cli.common.console import show
+from cam_rig.cli.common.console import say, show
 from cam_rig.cli.common.names import cam_path
-from cam_rig.cli.common.outputs import write_plot
+from cam_rig.cli.common.outputs import check_place, write_plot
 from cam_rig.errors import ConfigError, did_you_mean
+from cam_rig.extras import require
 
 if TYPE_CHECKING:
     from cam_rig.arrays import FloatArray
@@ -96,6 +98,41 @@ def show_cams(names: Sequence[str], out: Path | None, as_csv: bool) -> None:
         from cam_rig.plots.law_overlay import draw_cams
 
         _plot([cam.name for cam in cams], "", out, lambda part: draw_cams(loaded, part))
+
+
+def require_recording(path: Path) -> None:
+    """Refuse, before anything is drawn, a recording that could not be written afterwards.
+
+    Raises
+    ------
+    MissingLibraryError, ConfigError : no rerun; another suffix, or a place that is none
+    """
+    require("rerun")
+    check_place(path)
+    if path.suffix != ".rrd":
+        raise ConfigError(f"{path}: unknown kind of recording; allowed: .rrd")
+
+
+def record(names: Sequence[str], rises: bool, path: Path) -> None:
+    """Write the curves of cams, in their unit of lift, or of bare rises, for Rerun."""
+    from cam_rig import load_cam
+    from cam_rig.laws.curves import cam_curves, common_unit, rise_curves
+    from cam_rig.simulation.cam_files import law_of
+    from cam_rig.viewer.laws import save_laws
+
+    if rises:
+        curves = [rise_curves(name) for name in names]
+        save_laws(curves, "u", ("h", "h/β", "h/β²", "h/β³"), path)
+    else:
+        cams = [load_cam(name) for name in names]
+        unit, factor = common_unit(cams)
+        built = [law_of(cam_path(name), cam) for name, cam in zip(names, cams, strict=True)]
+        curves = [cam_curves(cam.name, law) for cam, law in zip(cams, built, strict=True)]
+        curves = [replace(curve, motion=curve.motion / factor) for curve in curves]
+        save_laws(
+            curves, "°", tuple(f"{unit}{per}" for per in ("", "/rad", "/rad²", "/rad³")), path
+        )
+    say(f"recording: {path}")
 
 
 def cam_rows(law: Law) -> tuple[FloatArray, FloatArray]:

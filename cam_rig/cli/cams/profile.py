@@ -28,7 +28,10 @@ Out = Annotated[
 ]
 Plot = Annotated[Path | None, typer.Option(help="Draw the cam (PNG, SVG, PDF).")]
 Positions = Annotated[
-    int, typer.Option(min=3, max=720, help="Positions of the follower around the cam in --plot.")
+    int | None,
+    typer.Option(
+        min=3, max=720, help="Positions of the follower around the cam in --plot; else 24."
+    ),
 ]
 Pitch = Annotated[
     bool, typer.Option("--pitch", help="Write the pitch curve instead of the contour.")
@@ -53,7 +56,7 @@ def profile(
     every: Every = False,
     out: Out = None,
     plot: Plot = None,
-    positions: Positions = 24,
+    positions: Positions = None,
     pitch: Pitch = False,
     cutter: Cutter = None,
     tolerance: Tolerance = 1.0,
@@ -85,8 +88,11 @@ def profile(
     """
     with user_errors():
         from cam_rig.cli.cams import profile_files, profile_measure, profile_report
+        from cam_rig.errors import ConfigError
 
         check_outputs(json_target, plot)
+        if positions is not None and plot is None:
+            raise ConfigError("--positions: are of the picture; needed: --plot PATH")
         request = profile_files.Request(out, pitch, cutter, tolerance, points, source)
         found = _checked(_paths(cams or [], every))
         request.require(len(found), drawing=plot is not None)
@@ -108,7 +114,9 @@ def _any_fails(found: Found, every: bool) -> bool:
     return not all(check.passed for checks in asked for check in checks)
 
 
-def _draw(request: Request, found: Found, plot: Path | None, force: bool, positions: int) -> None:
+def _draw(
+    request: Request, found: Found, plot: Path | None, force: bool, positions: int | None
+) -> None:
     from cam_rig.cli.cams import profile_files, profile_report
 
     cam, law, checks = found[0]
@@ -116,9 +124,9 @@ def _draw(request: Request, found: Found, plot: Path | None, force: bool, positi
     if request.out is not None:
         profile_files.write(request, cam, law, force)
     if plot is not None:
-        from cam_rig.plots.profile import draw
+        from cam_rig.plots.profile import POSITIONS, draw
 
-        write_plot(plot, lambda part: draw(cam, law, checks, part, positions))
+        write_plot(plot, lambda part: draw(cam, law, checks, part, positions or POSITIONS))
 
 
 def _paths(cams: list[str], every: bool) -> list[Path]:

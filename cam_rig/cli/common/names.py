@@ -32,3 +32,8 @@ def study_path(study: str) -> Path:
 def tables_path() -> Path:
     """The paper's tables as data."""
     return config_root() / "published" / "tables" / "paper.yaml"
+
+
+def readings_path() -> Path:
+    """The readings of the paper's Table 2."""
+    return config_root() / "published" / "readings" / "table2.yaml"

@@ -39,12 +39,16 @@ def as_cut(
     cam-rig as-cut bezier15 --base 80 --roller 20 --plot out/as_cut.png
     """
     with user_errors():
+        from cam_rig.errors import ConfigError
         from cam_rig.schema import load_tables
         from cam_rig.simulation.loaded_scene import open_scene
         from cam_rig.studies.as_cut import comparison, tables
         from cam_rig.studies.cam_set import open_cam_set
 
         check_outputs(json_target, plot, csv)
+        for option, value in (("--base", base), ("--roller", roller)):
+            if value is not None and not value > 0.0:
+                raise ConfigError(f"{option}: is {value:g} mm; allowed: greater than 0 mm")
         names = cams or list(load_tables(tables_path()).table_2_jump)
         cam_set = open_cam_set(map(cam_path, names), rig_path(rig))
         bench = comparison.CutBench.of(cam_set.rig, open_scene(scene_path(scene)))

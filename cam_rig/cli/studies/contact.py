@@ -30,14 +30,17 @@ Sharpest = Annotated[
     ),
 ]
 
+#: Pressure angle (degrees) of the nomogram, and its roller and least radius in lifts.
+STEEPEST, SHARPEST = 30.0, 2.0
+
 
 def contact(
     cams: TableCams = None,
     rig: Rig = "paper_table2",
     rpm: Rpm = SPEED,
     events: Events = None,
-    pressure_angle: Steepest = 30.0,
-    sharpest: Sharpest = 2.0,
+    pressure_angle: Steepest = STEEPEST,
+    sharpest: Sharpest = SHARPEST,
     json_target: Json = None,
     csv: Csv = None,
     plot: Plot = None,
@@ -56,6 +59,7 @@ def contact(
     cam-rig contact --events out/events.png --plot out/contact.png
     """
     with user_errors():
+        from cam_rig.errors import ConfigError
         from cam_rig.schema import load_tables
         from cam_rig.studies.cam_set import open_cam_set
         from cam_rig.studies.contact import tables
@@ -63,6 +67,10 @@ def contact(
 
         check_outputs(json_target, plot, csv)
         check_outputs(None, events)
+        if events is None and (pressure_angle, sharpest) != (STEEPEST, SHARPEST):
+            raise ConfigError(
+                "--pressure-angle, --sharpest: are of the nomogram; needed: --events PATH"
+            )
         names = cams or list(load_tables(tables_path()).table_2_jump)
         found = compare_contacts(open_cam_set(map(cam_path, names), rig_path(rig)), rpm)
         most = math.radians(pressure_angle)

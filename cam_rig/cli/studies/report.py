@@ -79,7 +79,8 @@ def _find(sources: Sources, with_figures: bool) -> tuple[Findings, dict[str, str
         found = find(sources, pool, done, meanwhile)
         if with_figures:
             drawn |= figures.late_figures(found) | figures.cut_figures(found)
-            drawn |= figures.timing_figures(found)
+            drawn |= figures.timing_figures(found) | figures.flywheel_figures(found)
+            drawn |= figures.stem_figures(found)
         done("the page")
     return found, drawn
 

@@ -12,16 +12,19 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cam_rig.arrays import ComplexArray, FloatArray
 from cam_rig.dynamics.linear.response import RESONANT, LinearResponse
 from cam_rig.dynamics.linear.sampling import Outputs
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import Law
+from cam_rig.laws import Law, bernstein
 from cam_rig.units import TURN, to_rpm
 
 #: Terms of the series after two below this fraction of the largest are rounding of a fit.
 SETTLED = 1e-14
+#: Rounding may take this part of the output.
+LOST = 1e-4
 #: Rates nearer than this fraction are moved apart: a critically damped mode is one, not two.
 APART = 1e-7
 
@@ -95,12 +98,26 @@ class ModalResponse:
     def powers(self, speeds: FloatArray) -> FloatArray:
         """Ωᵏ, ``(m, p + 1)``, zero where the series has settled."""
         powers = speeds[:, None] ** np.arange(float(self.own.size))
-        sizes = np.abs(self.output) * powers * np.abs(self.derivatives[:-1]).max(axis=(1, 2))
+        sizes = self._sizes(powers)
         small = sizes <= SETTLED * np.maximum.accumulate(sizes, axis=1)
         over = np.logical_and(small[:, :-1], small[:, 1:])
         over = np.logical_or.accumulate(over[:, 2:], axis=1)
         powers[:, 3:][over] = 0.0
         return powers
+
+    def _sizes(self, powers: FloatArray) -> FloatArray:
+        """The largest value of each term of the series, ``(m, p + 1)``."""
+        largest = np.abs(self.derivatives[:-1]).max(axis=(1, 2))
+        return np.asarray(np.abs(self.output) * powers * largest)
+
+    def resolved(self, speeds: FloatArray) -> NDArray[np.bool_]:
+        """Whether rounding leaves the output its digits, ``(m,)``.
+
+        Where the mode has few periods in a short piece of high degree, the terms grow and cancel
+        against the free vibration.
+        """
+        sizes = self._sizes(speeds[:, None] ** np.arange(float(self.own.size)))
+        return np.asarray(bernstein.EPS * sizes.max(axis=1) <= LOST * sizes[:, :3].max(axis=1))
 
     def forced(self, speeds: FloatArray, piece: int, basis: FloatArray) -> FloatArray:
         """Polynomial part of the output in a piece, ``(m, q)``; basis values are ``(q, p + 1)``."""

@@ -1,9 +1,9 @@
 """One window of the torsional vibration (eq. 10): Newton's method on Chebyshev nodes.
 
 The twist is ψ = θ_c − θ_v. What ψ̈ is more at the nodes than in a free vibration, known in
-closed form, is the only unknown; all else follows from it, also the flywheel's angle, since
-θ̈_v = (k_s ψ + c_s ψ̇ + T_motor)/I_v + α, or α alone. Integration thus never touches the free
-vibration, where it would lose digits with the square of the phase.
+closed form, is the only unknown; all else follows from it, also the flywheel's lead δ on even
+turning, since δ̈ = (k_s ψ + c_s ψ̇ + T_motor)/I_v, or 0 where it holds its speed. Integration thus
+never touches the free vibration, where it would lose digits with the square of the phase.
 """
 
 from __future__ import annotations
@@ -84,6 +84,11 @@ class CollocationWindow:
             self.flywheel_line += 0.5 * ramp * self.times**2
             self.flywheel_speed = start.flywheel_speed + ramp * self.times
         self.free, self.free_rate, self.free_b = self._free()
+        self.has_inertia = parameters.flywheel_inertia is not None
+        if self.has_inertia:
+            self.flywheel_line += start.lead + start.lead_rate * self.times
+            self.flywheel_speed = self.flywheel_speed + start.lead_rate
+        self.driven: FloatArray | float = 0.0
         self.scale = 0.0
         self._set(np.zeros_like(self.times))
 
@@ -94,7 +99,7 @@ class CollocationWindow:
         """
         p, start = self.parameters, self.start
         k, c = p.mobility * p.shaft_stiffness, p.mobility * p.shaft_damping
-        rest = self.ramp / k
+        rest = (p.flywheel_acceleration[2] + self.ramp) / k
         z, rate = start.twist + rest, start.twist_rate
         if k <= (0.51 * c) ** 2:
             impulse, slope, _ = response(c, k, self.times)
@@ -112,6 +117,11 @@ class CollocationWindow:
         self.twist_rate = self.free_rate + self.first @ more
         self.angle = self.flywheel_line + self.twist
         self.speed = self.flywheel_speed + self.twist_rate
+        if self.has_inertia:
+            k, c, steady = self.parameters.flywheel_acceleration
+            self.driven = k * self.twist + c * self.twist_rate + steady
+            self.angle += self.second @ self.driven
+            self.speed += self.first @ self.driven
 
     def solve(self) -> bool:
         """Newton's method to rounding; False when it does not converge."""
@@ -153,7 +163,7 @@ class CollocationWindow:
         """Left side of eq. 10 (N·m), and its slopes in θ̈_c, θ̇_c and θ_c."""
         p, f = self.parameters, self.parameters.follower
         s, s1, s2, s3 = self.piece.at(self.angle)
-        w, a = self.speed, self.b + self.ramp
+        w, a = self.speed, self.b + self.driven + self.ramp
         lever = f.mass * s2 * w
         force = lever * w + s1 * (f.mass * a + f.damping * w) + f.spring_stiffness * s + f.preload
         residual = p.cam_inertia * a + p.shaft_damping * self.twist_rate
@@ -173,20 +183,29 @@ class CollocationWindow:
     ) -> FloatArray:
         """Slope of the residual in b."""
         p = self.parameters
-        matrix = (damping + p.shaft_damping)[:, None] * self.first
-        matrix += (stiffness + p.shaft_stiffness)[:, None] * self.second
-        matrix.flat[:: inertia.size + 1] += inertia
-        return np.asarray(matrix)
+        if not self.has_inertia:
+            matrix = (damping + p.shaft_damping)[:, None] * self.first
+            matrix += (stiffness + p.shaft_stiffness)[:, None] * self.second
+            matrix.flat[:: inertia.size + 1] += inertia
+            return np.asarray(matrix)
+        matrix = damping[:, None] * self.first + stiffness[:, None] * self.second
+        matrix.flat[:: inertia.size + 1] += inertia  # what θ̈_c does; and θ̈_c = ψ̈ + δ̈
+        k, c, _ = p.flywheel_acceleration
+        matrix += matrix @ (k * self.second + c * self.first)
+        return np.asarray(matrix + p.shaft_damping * self.first + p.shaft_stiffness * self.second)
 
     def tail(self) -> tuple[float, float]:
         """Largest coefficient of θ̈_c past 0.4 N, and of the last three, relative to ``scale``."""
         size = self.b.size
-        coefficients = self.table.series[0, :size] @ (self.b + self.ramp)
+        coefficients = self.table.series[0, :size] @ (self.b + self.driven + self.ramp)
         scale = self.scale or 1.0
         return largest(coefficients[int(0.4 * size) :]) / scale, largest(coefficients[-3:]) / scale
 
     def series(self) -> FloatArray:
-        """``(5, N + 3)`` Chebyshev coefficients of ψ, ψ̇, θ_c, θ̇_c, θ̈_c over the window."""
+        """Chebyshev coefficients of ψ, ψ̇, θ_c, θ̇_c, θ̈_c over the window, ``(5, N + 3)``.
+
+        Of a flywheel with an inertia also δ and δ̇, ``(7, N + 3)``.
+        """
         h, start = self.length, self.start
         scales = np.array([[1.0], [h], [h**2]])
         value, rate, twist = scales * (self.table.series @ self.more)
@@ -198,7 +217,14 @@ class CollocationWindow:
         rows[2, 0] += start.flywheel_angle + 0.5 * start.flywheel_speed * h
         rows[2, 1] += 0.5 * start.flywheel_speed * h
         rows[3, 0] += start.flywheel_speed
-        return rows
+        if not self.has_inertia:
+            return rows
+        lead = scales * (self.table.series @ self.driven)
+        lead[2, :2] += 0.5 * h * start.lead_rate
+        lead[2, 0] += start.lead
+        lead[1, 0] += start.lead_rate
+        rows[2:] += lead[::-1]
+        return np.vstack([rows, lead[:0:-1]])
 
 
 def largest(values: FloatArray) -> float:

@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.input_limits import require_turning
-from cam_rig.dynamics.interval import Block, FollowerState, Interval, ended, require_joined
+from cam_rig.dynamics.input_limits import LEAST, require_turning
+from cam_rig.dynamics.interval import (
+    Block,
+    FollowerState,
+    Interval,
+    ended,
+    require_joined,
+    same_speed,
+)
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.torsional.motion import TorsionalMotion, solve
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
+from cam_rig.dynamics.torsional.steady import steady_state
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 
+#: Numbers that a state with a free flywheel remembers.
+FREE = 4
+
 
 def from_rig(rig: RigConfig) -> TorsionalParameters:
-    """The numbers of a rig file, whose flywheel holds its speed: the drive sets it.
+    """The numbers of a rig file; without ``flywheel_inertia`` the flywheel holds its speed.
 
     Raises
     ------
@@ -24,11 +37,13 @@ def from_rig(rig: RigConfig) -> TorsionalParameters:
     """
     if rig.shaft is None:
         raise ConfigError(f"rig {rig.name!r}: has no shaft; required by the model torsional")
+    flywheel = rig.shaft.flywheel_inertia
     return TorsionalParameters(
         follower=FollowerParameters.from_rig(rig),
         cam_inertia=rig.shaft.cam_inertia.si,
         shaft_stiffness=rig.shaft.stiffness.si,
         shaft_damping=rig.shaft.damping.si,
+        flywheel_inertia=None if flywheel is None else flywheel.si,
     )
 
 
@@ -44,6 +59,9 @@ def advance(
     The interval's angle, speed and acceleration are the flywheel's; ``inner`` of the state is twist
     and rate. No substitute law for a ramp: the law is taken at the twisted angle.
 
+    A flywheel with an inertia turns with the interval in the mean, driven by the mean of the load:
+    see `begin`. ``inner`` then also has its lead and the lead's rate.
+
     Raises
     ------
     DynamicsError : a cam that stands or turns back, or begins at another angle than ``state``
@@ -51,16 +69,56 @@ def advance(
     """
     require_turning(interval.mean_speed)
     require_joined(state, interval)
-    twist = (0.0, 0.0) if state is None else state.inner
-    start = TorsionalState(twist[0], twist[1], interval.angle, interval.speed)
+    inner = () if state is None else state.inner
+    last = state.cam_speed if state is not None else None
+    driven, start = begin(law, parameters, inner, last, interval)
     # From time zero: a late start takes no digits from the samples' times.
-    motion = solve(law, parameters, start, 0.0, interval.duration, interval.acceleration)
+    motion = solve(law, driven, start, 0.0, interval.duration, interval.acceleration)
     grid = interval.grid(sample_rate)
     rows = grid.rows(follower_rows(motion, np.minimum(grid.since_start(), motion.stop_time)))
     x, v, _, force = follower_rows(motion, np.array([motion.stop_time]))[:, 0].tolist()
-    inner = (motion.end.twist, motion.end.twist_rate)
-    end = FollowerState(x, v, force, in_contact=True, inner=inner)
+    end = FollowerState(x, v, force, in_contact=True, inner=inner_of(motion))
     return ended(end, interval), Block(interval, rows)
+
+
+def begin(
+    law: Law,
+    parameters: TorsionalParameters,
+    inner: tuple[float, ...],
+    last_speed: float | None,
+    interval: Interval,
+) -> tuple[TorsionalParameters, TorsionalState]:
+    """What an interval starts with: the parameters with the motor's torque, and the state.
+
+    A flywheel with an inertia begins each speed in its steady state there, as a constant torque
+    would take minutes to bring it there. Along a ramp the drive holds it, as in eq. 10.
+
+    Parameters
+    ----------
+    inner : of the state before, empty for none; `inner_of` makes it
+    last_speed : speed (rad/s) at which the state before ended, where it is known
+    """
+    angle, speed = interval.angle, interval.speed
+    if parameters.flywheel_inertia is None or interval.acceleration != 0.0:
+        twist, rate = inner[:2] or (0.0, 0.0)
+        held = replace(parameters, flywheel_inertia=None)
+        return held, TorsionalState(twist, rate, angle, speed)
+    driven, start = steady_state(law, parameters, speed)
+    if len(inner) == FREE and (last_speed is None or same_speed(last_speed, speed)):
+        twist, rate, lead, lead_rate = inner
+        return driven, TorsionalState(twist, rate, angle, speed, lead, lead_rate)
+    if angle / speed >= LEAST:  # the turn's steady state, as it passes here
+        end = solve(law, driven, start, 0.0, angle / speed).end
+        start = replace(end, flywheel_angle=angle)
+    return driven, start
+
+
+def inner_of(motion: TorsionalMotion) -> tuple[float, ...]:
+    """What the model remembers of a motion's end: twist, rate; lead and its rate if it is free."""
+    end = motion.end
+    twist = (end.twist, end.twist_rate)
+    free = motion.parameters.flywheel_inertia is not None
+    return (*twist, end.lead, end.lead_rate) if free else twist
 
 
 def follower_rows(motion: TorsionalMotion, times: FloatArray) -> FloatArray:

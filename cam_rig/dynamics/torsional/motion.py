@@ -2,11 +2,12 @@
 
     I θ̈_c + c_s (θ̇_c − θ̇_v) + k_s (θ_c − θ_v) + (m s̈ + c ṡ + k s + preload) s'(θ_c) = 0
 
-with s, s', s'' at the twisted angle θ_c, ṡ = s' θ̇_c and s̈ = s'' θ̇_c² + s' θ̈_c. The flywheel
-holds its speed, θ_v = θ_0 + ω t, or has an inertia: I_v θ̈_v = k_s (θ_c − θ_v) + c_s (θ̇_c − θ̇_v)
-+ T_motor. Along a ramp of α rad/s² a flywheel that is driven follows it, θ_v = θ_0 + ω t + α t²/2,
-and one with an inertia is free as before while the motor gives I_v α more. The follower is taken
-to stay on the cam: where `TorsionalMotion.contact_force` is negative the result is not valid.
+with s, s', s'' at the twisted angle θ_c, ṡ = s' θ̇_c and s̈ = s'' θ̇_c² + s' θ̈_c; the preload is
+an addition to the paper's equation. The flywheel holds its speed, θ_v = θ_0 + ω t, or has an
+inertia: I_v θ̈_v = k_s (θ_c − θ_v) + c_s (θ̇_c − θ̇_v) + T_motor. Along a ramp of α rad/s² a flywheel
+that is driven follows it, θ_v = θ_0 + ω t + α t²/2, and one with an inertia is free as before while
+the motor gives I_v α more. The follower is taken to stay on the cam: where
+`TorsionalMotion.contact_force` is negative the result is not valid.
 
 Method: window after window (`stepper`), each by Newton's method on Chebyshev nodes, in integral
 form (`collocation_window`).
@@ -26,14 +27,12 @@ from cam_rig.dynamics.torsional.parameters import TorsionalParameters, Torsional
 from cam_rig.dynamics.torsional.stepper import March
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
-from cam_rig.units import TURN, to_rpm
 
 __all__ = [
     "ROWS",
     "TorsionalMotion",
     "TorsionalParameters",
     "TorsionalState",
-    "periodic_state",
     "solve",
 ]
 
@@ -45,13 +44,6 @@ ROWS = (
     "cam_speed [rad/s]",
     "cam_acceleration [rad/s^2]",
 )
-#: A periodic state returns to itself to this fraction of the peak twist; it is sought to PERIODIC.
-RETURNS, PERIODIC = 1e-11, 1e-13
-MAX_TURNS = 25
-#: Twist of the start taken for the slopes of the map, in peaks.
-NUDGE = 0.03
-#: A start that comes back to this fraction of its change: the shaft is in resonance with the cam.
-RESONANT = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +73,17 @@ class TorsionalMotion:
 
         Where θ̈_c steps, at a joint of the law, the right limit is taken.
         """
-        return self.path.at(self._since(times))
+        return self.path.at(self._since(times))[:5]
+
+    def lead(self, times: FloatArray) -> FloatArray:
+        """``(2, len(times))``: by how much the flywheel is ahead of even turning, rad and rad/s.
+
+        Zeros where it holds its speed.
+        """
+        since = self._since(times)
+        if self.parameters.flywheel_inertia is None:
+            return np.zeros((2, since.size))
+        return self.path.at(since)[5:]
 
     def sample(self, first: float, step: float, count: int) -> FloatArray:
         """``(5, count)`` at ``first + j·step`` (s), j = 0 … count − 1."""
@@ -108,7 +110,7 @@ class TorsionalMotion:
     def contact_force(self, times: FloatArray) -> FloatArray:
         """``(len(times),)`` m s̈ + c ṡ + k s + preload in N."""
         since = self._since(times)
-        _, _, angle, speed, acceleration = self.path.at(since)
+        _, _, angle, speed, acceleration = self.path.at(since)[:5]
         window = self.path.window(since)
         piece = self.pieces[window]
         u = (angle - self.lows[window]) / self.law.spans[piece]
@@ -154,49 +156,3 @@ def solve(
     pieces = np.array([stretch.piece for stretch in done])
     lows = np.array([stretch.low for stretch in done])
     return TorsionalMotion(law, parameters, start_time, path, pieces, lows, end)
-
-
-def periodic_state(
-    law: Law, parameters: TorsionalParameters, speed: float, flywheel_angle: float = 0.0
-) -> TorsionalState:
-    """The state at ``flywheel_angle`` (rad) that returns after one turn at ``speed`` (rad/s).
-
-    Newton's method on the map of one turn, which is nearly linear: its slopes are taken once, by
-    differences, and then corrected by Broyden's rule.
-
-    Raises
-    ------
-    DynamicsError : the flywheel stands still, or no such state is found (resonance)
-    """
-    require_number("flywheel_angle", flywheel_angle, "of either sign")
-    require_number("speed", speed, "of either sign")
-    if speed == 0.0:
-        raise DynamicsError(f"speed is {speed!r}; allowed for a periodic state: finite, not 0")
-    march = March(law, parameters)
-    unit = np.array([1.0, march.rate])  # a twist and its rate in the free vibration
-
-    def miss(x: FloatArray) -> FloatArray:
-        start = TorsionalState(x[0], x[1] * unit[1], flywheel_angle, speed)
-        end, _ = march.run(start, TURN / abs(speed))
-        return np.asarray(np.array([end.twist, end.twist_rate]) / unit - x)
-
-    x = np.zeros(2)
-    gap = miss(x)
-    nudge = NUDGE * (march.peak or 1.0)
-    slopes = np.stack([(miss(step) - gap) / nudge for step in nudge * np.eye(2)], axis=1)
-    for _ in range(MAX_TURNS):
-        if np.linalg.norm(slopes, -2) < RESONANT:
-            break
-        step = np.linalg.solve(slopes, -gap)
-        x, last = x + step, gap
-        gap = miss(x)
-        if np.abs(gap).max() <= PERIODIC * march.peak:
-            break
-        slopes += np.outer(gap - last - slopes @ step, step) / (step @ step)
-    if not np.abs(gap).max() <= RETURNS * march.peak:
-        raise DynamicsError(
-            f"no periodic state at {to_rpm(speed):.6g} rpm: a turn misses its start by "
-            f"{np.abs(gap).max():.3g} rad of {march.peak:.3g}, allowed {RETURNS:g} of it; "
-            f"its slope is {np.linalg.norm(slopes, -2):.3g}. Resonance needs damping"
-        )
-    return TorsionalState(float(x[0]), float(x[1] * unit[1]), flywheel_angle, speed)

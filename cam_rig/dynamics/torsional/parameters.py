@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 from cam_rig.dynamics.input_limits import require_number
 from cam_rig.dynamics.parameters import FollowerParameters
+from cam_rig.errors import DynamicsError
 
 
 @dataclass(frozen=True)
 class TorsionalParameters:
-    """A cam on an elastic shaft, behind a flywheel that holds its speed (the paper's case).
+    """A cam on an elastic shaft behind a flywheel, which holds its speed or has an inertia.
 
     Parameters
     ----------
@@ -18,29 +19,64 @@ class TorsionalParameters:
     cam_inertia : I, kg·m²
     shaft_stiffness : k_s, N·m/rad
     shaft_damping : c_s, N·m·s/rad
+    flywheel_inertia : I_v, kg·m²; None holds its speed (eq. 10 of the paper, the limit I_v → ∞)
+    motor_torque : T, N·m, constant, on a flywheel that has an inertia; `steady.steady_state`
+        finds the one that holds the mean speed
     """
 
     follower: FollowerParameters
     cam_inertia: float
     shaft_stiffness: float
     shaft_damping: float = 0.0
+    flywheel_inertia: float | None = None
+    motor_torque: float = 0.0
 
     def __post_init__(self) -> None:
         require_number("cam_inertia", self.cam_inertia, "> 0")
         require_number("shaft_stiffness", self.shaft_stiffness, "> 0")
         require_number("shaft_damping", self.shaft_damping, "≥ 0")
+        if self.flywheel_inertia is not None:
+            require_number("flywheel_inertia", self.flywheel_inertia, "> 0")
+        require_number("motor_torque", self.motor_torque, "of either sign")
+        if self.flywheel_inertia is None and self.motor_torque != 0.0:
+            raise DynamicsError(
+                f"motor_torque is {self.motor_torque!r}; allowed: 0 where the flywheel holds its "
+                "speed, so give a flywheel_inertia"
+            )
 
     @property
     def mobility(self) -> float:
-        """1/I, 1/(kg·m²): what a torque in the shaft accelerates."""
-        return 1.0 / self.cam_inertia
+        """1/I + 1/I_v, 1/(kg·m²): what a torque in the shaft accelerates."""
+        flywheel = 0.0 if self.flywheel_inertia is None else 1.0 / self.flywheel_inertia
+        return 1.0 / self.cam_inertia + flywheel
+
+    @property
+    def flywheel_acceleration(self) -> tuple[float, float, float]:
+        """Weights of ψ, ψ̇ and 1 in θ̈_v, SI; zeros where the flywheel holds its speed."""
+        if self.flywheel_inertia is None:
+            return 0.0, 0.0, 0.0
+        torques = self.shaft_stiffness, self.shaft_damping, self.motor_torque
+        k, c, t = (torque / self.flywheel_inertia for torque in torques)
+        return k, c, t
 
 
 @dataclass(frozen=True)
 class TorsionalState:
-    """Twist ψ = θ_c − θ_v (rad), its rate (rad/s), flywheel's angle (rad) and speed (rad/s)."""
+    """Twist ψ = θ_c − θ_v (rad), its rate (rad/s), and where the flywheel is.
+
+    ``flywheel_angle`` (rad) and ``flywheel_speed`` (rad/s) are those of even turning, which the
+    drive sets; ``lead`` (rad) and ``lead_rate`` (rad/s) are by how much a flywheel of finite
+    inertia is ahead of it. Apart, a heavy flywheel's fluctuation keeps all its digits.
+    """
 
     twist: float
     twist_rate: float
     flywheel_angle: float
     flywheel_speed: float
+    lead: float = 0.0
+    lead_rate: float = 0.0
+
+    @property
+    def cam_angle(self) -> float:
+        """θ_c, rad."""
+        return self.flywheel_angle + self.lead + self.twist

@@ -38,6 +38,8 @@ MAX_TRIES = 40
 MAX_WINDOWS = 100_000
 #: Windows without length that may follow one another at a joint.
 MAX_STALLS = 3
+#: What is left of a run behind a joint and below this fraction of it is rounding, and not run.
+SLIVER = 4e-16
 #: Newton's method for a crossing ends at this relative correction.
 SETTLED = 1e-10
 
@@ -99,7 +101,7 @@ class March:
         self, state: TorsionalState, duration: float
     ) -> tuple[TorsionalState, list[SmoothInterval]]:
         """The state after ``duration`` (s), and the windows up to there."""
-        index = self._index(state.flywheel_angle + state.twist)
+        index = self._index(state.cam_angle)
         state = self._from(state, -self._low(index))
         self.peak = max(self.peak, abs(state.twist))
         time, stalls, done = 0.0, 0, list[SmoothInterval]()
@@ -108,7 +110,8 @@ class March:
             series = window.series()
             at, way = leave(window, series)
             last = way == 0 and window.length >= duration - time
-            end = duration if last else min(time + at, duration)
+            last = last or duration - (time + at) <= SLIVER * duration
+            end = duration if last else time + at
             stalls = stalls + 1 if end <= time else 0
             if stalls > MAX_STALLS or len(done) >= MAX_WINDOWS:
                 raise self._stuck(index, time, len(done))
@@ -169,10 +172,11 @@ class March:
 
     def _length(self, state: TorsionalState, piece: int, remaining: float) -> float:
         """Time (s) to a little past the next joint as the flywheel turns, in equal windows."""
-        span, speed = self.pieces[piece].span, state.flywheel_speed
+        span, speed = self.pieces[piece].span, state.flywheel_speed + state.lead_rate
         margin = min(2.0 * self.peak + 0.002 * span, 0.1 * span)
         forwards = (speed or self.ramp) > 0.0
-        ahead = span - state.flywheel_angle if forwards else state.flywheel_angle
+        angle = state.flywheel_angle + state.lead
+        ahead = span - angle if forwards else angle
         way = max(ahead, 0.0) + margin
         square = speed**2 + 2.0 * way * (self.ramp if forwards else -self.ramp)
         length = remaining
@@ -183,12 +187,12 @@ class March:
     def _state(
         self, series: FloatArray, start: TorsionalState, at: float, length: float
     ) -> TorsionalState:
-        twist, twist_rate = (series @ basis_at(series.shape[1], at / length))[:2]
+        rows = (series @ basis_at(series.shape[1], at / length)).tolist()
         gained = self.ramp * at
         turned = start.flywheel_angle + (start.flywheel_speed + 0.5 * gained) * at
-        return TorsionalState(
-            float(twist), float(twist_rate), turned, start.flywheel_speed + gained
-        )
+        lead, lead_rate = rows[5:] or (0.0, 0.0)
+        speed = start.flywheel_speed + gained
+        return TorsionalState(rows[0], rows[1], turned, speed, lead, lead_rate)
 
     def _stuck(self, index: int, time: float, windows: int) -> DynamicsError:
         why = "the cam stands still there"

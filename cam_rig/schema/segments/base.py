@@ -53,4 +53,6 @@ def quantities(node: BaseModel, prefix: str) -> Iterator[tuple[str, Quantity]]:
 def _items(value: object) -> list[tuple[str, object]]:
     if isinstance(value, list):
         return [(f"[{i}]", item) for i, item in enumerate(value)]
+    if isinstance(value, dict):
+        return [(f".{key}", item) for key, item in value.items()]
     return [("", value)]

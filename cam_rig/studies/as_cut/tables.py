@@ -33,6 +33,8 @@ def cams_table(found: Mapping[str, AsCut], titles: Mapping[str, str]) -> DataTab
             (Column("as cut", "rpm", ".0f", "–"), lambda row: _rpm(row[1].cut.lands_from)),
         ),
         *_radii(found.values()),
+        "Jump speeds are those of two masses, from rest; levels and landings those of the scene's "
+        "own rig.",
         f"The roller's law is fitted to its closed form within {number(errors, '.0e')} m.",
     )
 

@@ -175,7 +175,7 @@ def play_table(rows: Iterable[PlayRow]) -> DataTable:
 def parts_table() -> DataTable:
     """What a cam file's ``contact`` is where it does not say."""
     return tabulate(
-        "Contact where a cam file does not say",
+        "What is assumed of a contact where a cam file does not say",
         quantities(ContactParts(), ""),
         (
             (Column("number"), lambda row: row[0]),

@@ -32,29 +32,38 @@ def event_of(cams: Iterable[CamConfig]) -> float:
     raise ConfigError("no cam has a dwell; needed: one, its rises have the event angle")
 
 
-def with_event(cam: CamConfig, event: float) -> CamConfig:
-    """A cam with every rise and fall over ``event`` rad and equal dwells; a whole turn stays.
+def with_event(cam: CamConfig, event: float, high_dwell: float | None = None) -> CamConfig:
+    """A cam with every rise and fall over ``event`` rad; a whole turn stays.
 
-    Parts of a rise share its angle as they did.
+    Parts of a rise share its angle as they did. The high dwell takes ``high_dwell`` rad and the
+    low ones what is left; without it all dwells share that as they did.
     """
-    moving = [s for s in cam.segments if s.law != "dwell"]
-    dwells = [s for s in cam.segments if s.law == "dwell"]
-    if not dwells:
+    if all(s.law != "dwell" for s in cam.segments):
         return cam
-    factors = {
-        id(s): f
-        for group, f in (
-            (moving, 2.0 * event / sum(s.span.si for s in moving)),
-            (dwells, (TURN - 2.0 * event) / sum(s.span.si for s in dwells)),
-        )
-        for s in group
-    }
+    kinds = _kinds(cam)
+    if high_dwell is None:
+        kinds = ["low" if kind == "high" else kind for kind in kinds]
+    angles = {"event": 2.0 * event, "high": high_dwell or 0.0}
+    angles["low"] = TURN - sum(angles.values())
+    sums = dict.fromkeys(kinds, 0.0)
+    for kind, segment in zip(kinds, cam.segments, strict=True):
+        sums[kind] += segment.span.si
     segments = []
-    for s in cam.segments:
-        value = s.span.numbers[0] * factors[id(s)]
+    for kind, s in zip(kinds, cam.segments, strict=True):
+        value = s.span.numbers[0] * angles[kind] / sums[kind]
         span = s.span.model_copy(update={s.span.origin: value})
         segments.append(s.model_copy(update={"span": span}))
     return cam.model_copy(update={"segments": segments})
+
+
+def _kinds(cam: CamConfig) -> list[str]:
+    """Of each segment: event, or the dwell it is, high above half the lift."""
+    kinds, place = [], 0.0
+    for segment in cam.segments:
+        place = getattr(segment, "to", place)
+        dwell = "high" if place > 0.5 else "low"
+        kinds.append(dwell if segment.law == "dwell" else "event")
+    return kinds
 
 
 #: Largest factor on either side of a start, and the step of a numerical derivative.

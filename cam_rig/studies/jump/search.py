@@ -8,6 +8,7 @@ a radian over its decay time: half of a resonance's half-width in steady state.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,7 @@ from cam_rig.dynamics.modal.response import ModalResponse
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
-from cam_rig.units import RPM
+from cam_rig.units import RPM, to_rpm
 
 #: Where the search begins and ends, rpm.
 SLOWEST, FASTEST = 1.0, 1e5
@@ -96,6 +97,8 @@ def _bracket(run: ModalRun, law: Law, slowest: float) -> tuple[float, float]:
     first = slowest
     while first < FASTEST:
         speeds = RPM * first * ratio ** np.arange(TOGETHER + 1.0)
+        clear = run.model.resolved(speeds)
+        speeds = speeds[: speeds.size if clear.all() else int(np.argmin(clear))]
         if (run.bound(speeds) <= 0.0).any():
             found = _first_below(run, speeds, RPM * slowest)
             if found is not None:
@@ -106,10 +109,22 @@ def _bracket(run: ModalRun, law: Law, slowest: float) -> tuple[float, float]:
                         "preload"
                     )
                 return found
+        if not clear.all():
+            raise _unresolved(law, float(speeds[-1]) if speeds.size else 0.0)
         first *= ratio**TOGETHER
     raise DynamicsError(
         f"cam {law.name!r}: the follower keeps contact up to {FASTEST:g} rpm; allowed for a "
         "jump speed: a cam on which contact is lost"
+    )
+
+
+def _unresolved(law: Law, speed: float) -> DynamicsError:
+    """What is raised where contact holds as far (rad/s) as the force can be told."""
+    return DynamicsError(
+        f"cam {law.name!r}: contact holds up to {to_rpm(speed):.4g} rpm, but above it the stem has "
+        f"too few periods in the law's shortest piece ({math.degrees(law.spans.min()):.3g} deg, of "
+        f"degree {law.degree}) for double precision; allowed for a jump speed: a stiffer stem, "
+        "less preload, or a law of longer pieces"
     )
 
 

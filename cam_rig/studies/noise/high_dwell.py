@@ -57,6 +57,11 @@ class HighDwellStudy:
     levels_db: dict[Variant, FloatArray]
     shares: Mapping[tuple[int, ...], float]
 
+    def change_db(self, factor: str) -> FloatArray:
+        """What changing one of `FACTORS` alone does to the reference's levels, dB."""
+        alone = 4 >> FACTORS.index(factor)  # the last factor turns first
+        return list(self.levels_db.values())[alone] - self.reference
+
     @property
     def reference(self) -> FloatArray:
         """Levels (dB) of the reference cam."""

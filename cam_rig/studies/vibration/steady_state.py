@@ -12,11 +12,13 @@ from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters, elastic_stem
 from cam_rig.dynamics.linear.sampling import sample
 from cam_rig.dynamics.modal.response import ModalResponse
-from cam_rig.dynamics.torsional.motion import periodic_state, solve
+from cam_rig.dynamics.torsional.motion import solve
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters
+from cam_rig.dynamics.torsional.steady import steady_state
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
+from cam_rig.studies.flywheel.fluctuation import flywheel_turn
 from cam_rig.studies.vibration.dwell import LowDwell, low_dwell
 from cam_rig.units import RPM, TURN
 
@@ -101,6 +103,7 @@ class Vibration:
     peak_to_peak : m, of x about the static share of the lift there
     acceleration, rigid_acceleration : m/s², largest |ẍ|, and that of the law itself
     twist : rad, peak to peak of cam less flywheel; None for a rig without a shaft
+    fluctuation : (fastest − slowest)/mean speed of the flywheel; None where it holds its speed
     """
 
     window: LowDwell
@@ -109,6 +112,7 @@ class Vibration:
     acceleration: float
     rigid_acceleration: float
     twist: float | None
+    fluctuation: float | None = None
 
 
 def vibration(
@@ -126,6 +130,9 @@ def vibration(
     turn, window = steady_turn(law, follower, speed), low_dwell(law)
     inside = turn.vibration[window.holds(turn.angle)]
     twist = None if shaft is None else float(np.ptp(steady_twist(law, shaft, speed)[1]))
+    fluctuation = None
+    if shaft is not None and shaft.flywheel_inertia is not None:
+        fluctuation = flywheel_turn(law, shaft, shaft.flywheel_inertia, speed).fluctuation
     return Vibration(
         window=window,
         residual_amplitude=float(residual_vibration(law, follower, np.array([speed]))[0]),
@@ -133,6 +140,7 @@ def vibration(
         acceleration=float(np.abs(turn.acceleration).max()),
         rigid_acceleration=float(np.abs(law(turn.angle, 2)).max()) * speed**2,
         twist=twist,
+        fluctuation=fluctuation,
     )
 
 
@@ -174,7 +182,7 @@ def steady_twist(
     ------
     DynamicsError : no periodic state (resonance without damping)
     """
-    start = periodic_state(law, shaft, speed)
-    motion = solve(law, shaft, start, 0.0, TURN / speed)
+    driven, start = steady_state(law, shaft, speed)
+    motion = solve(law, driven, start, 0.0, TURN / speed)
     times = np.linspace(0.0, motion.stop_time, TWIST_SAMPLES)
     return speed * times, motion.at(times)[0]

@@ -38,12 +38,20 @@ def speed_table(
                 Column("twist", "°", ".4f"),
                 lambda row: None if row[1].twist is None else math.degrees(row[1].twist),
             ),
+            (Column("flywheel", "%", ".2f"), lambda row: _percent(row[1].fluctuation)),
         ),
         "* No low dwell: read within 31.25° of the lowest lift, where the follower still moves."
         if moving
         else "",
         "† Contact is lost below this speed; the model holds the follower on." if lost else "",
+        "Flywheel: (fastest − slowest)/mean speed, driven by a constant torque."
+        if any(v.fluctuation is not None for v in measures.values())
+        else "",
     )
+
+
+def _percent(share: float | None) -> float | None:
+    return None if share is None else 100.0 * share
 
 
 def claims_table(by_rig: Mapping[str, list[Claim]], rpm: tuple[float, ...]) -> DataTable:
@@ -99,6 +107,7 @@ def to_json(table: VibrationTable) -> dict[str, Any]:
                 "acceleration": [v.acceleration for v in row],
                 "rigid_acceleration": [v.rigid_acceleration for v in row],
                 "twist_deg": [None if v.twist is None else math.degrees(v.twist) for v in row],
+                "fluctuation": [v.fluctuation for v in row],
             }
             for cam, row in table.measures.items()
         },

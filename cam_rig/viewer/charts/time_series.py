@@ -7,8 +7,8 @@ import rerun as rr
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import MODELS
+from cam_rig.dynamics.torsional.model import begin, inner_of
 from cam_rig.dynamics.torsional.motion import solve
-from cam_rig.dynamics.torsional.parameters import TorsionalState
 from cam_rig.laws.sampling import sample
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
@@ -103,15 +103,15 @@ class ShaftTwist:
     def __init__(self, loaded: LoadedScene) -> None:
         self._loaded = loaded
         self._parameters = MODELS[TORSIONAL].parameters(loaded.rig)
-        self._end: tuple[str, TorsionalState] | None = None
+        self._end: tuple[str, tuple[float, ...], float] | None = None
 
     def tick(self, start: CamState, end: CamState, time: FloatArray) -> FloatArray:
         """``(n,)`` twist in rad at ``time`` (s of rig time) within the tick."""
-        last = self._end[1] if self._end is not None and self._end[0] == start.cam else None
-        twist, rate = (0.0, 0.0) if last is None else (last.twist, last.twist_rate)
-        begin, duration = start.time_ns / NS, (end.time_ns - start.time_ns) / NS
-        state = TorsionalState(twist, rate, start.angle, start.speed)
-        law, ramp = self._loaded.laws[start.cam], start.until(end).acceleration
-        motion = solve(law, self._parameters, state, begin, duration, ramp)
-        self._end = start.cam, motion.end
-        return motion.at(time.clip(begin, motion.stop_time))[0]
+        known = self._end is not None and self._end[0] == start.cam
+        inner, speed = self._end[1:] if self._end is not None and known else ((), None)
+        law, interval = self._loaded.laws[start.cam], start.until(end)
+        driven, state = begin(law, self._parameters, inner, speed, interval)
+        at = start.time_ns / NS
+        motion = solve(law, driven, state, at, interval.duration, interval.acceleration)
+        self._end = start.cam, inner_of(motion), interval.speed_at(interval.duration)
+        return motion.at(time.clip(at, motion.stop_time))[0]

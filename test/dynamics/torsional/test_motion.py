@@ -37,7 +37,8 @@ def integrate(law, p, state, duration, times, method="DOP853", rtol=2.3e-14):
     """The same by scipy, joint by joint (cam turning forwards), with BPoly for the law."""
     lift = BPoly(law.ordinates, law.breaks)
     laws = [lift, lift.derivative(), lift.derivative(2)]
-    y = np.array(dataclasses.astuple(state))
+    k, c, steady = p.flywheel_acceleration
+    y = np.array(dataclasses.astuple(state)[:4])
     out, time = np.empty((4, times.size)), 0.0
     while time < duration:
         angle = y[0] + y[2] + 1e-9
@@ -50,7 +51,8 @@ def integrate(law, p, state, duration, times, method="DOP853", rtol=2.3e-14):
         def slopes(_, y, low=low, series=series):
             x = y[0] + y[2] - low
             s = [sum(a * x**j for j, a in enumerate(row)) for row in series]
-            return [y[1], acceleration(p, s, y[0], y[1], y[1] + y[3]), y[3], 0.0]
+            flywheel = k * y[0] + c * y[1] + steady
+            return [y[1], acceleration(p, s, y[0], y[1], y[1] + y[3]) - flywheel, y[3], flywheel]
 
         def crossing(_, y, joint=joint):
             return y[0] + y[2] - joint
@@ -81,13 +83,20 @@ def local(poly, at):
 
 
 @pytest.mark.parametrize("name", ["poly345", "tm21"])
-def test_against_dop853(laws, shaft, name):
+@pytest.mark.parametrize("inertia", [None, 0.05])
+def test_against_dop853(laws, shaft, name, inertia):
     """Two turns, all joints crossed (tm21: with steps of s''): within the peer's own error."""
     duration = 2.0 * TURN / SPEED
     times = np.linspace(0.0, duration, 301)
     state = TorsionalState(1e-4, 0.02, 0.1, SPEED)
-    got = solve(laws[name], shaft, state, 0.0, duration).at(times)
+    shaft = dataclasses.replace(
+        shaft, flywheel_inertia=inertia, motor_torque=0.3 if inertia else 0.0
+    )
+    motion = solve(laws[name], shaft, state, 0.0, duration)
+    got = motion.at(times)
     twist, rate, angle, speed = integrate(laws[name], shaft, state, duration, times)
+    lead = np.stack([angle - 0.1 - SPEED * times, speed - SPEED])
+    np.testing.assert_allclose(motion.lead(times), lead, rtol=0, atol=2e-11)
     peak = np.abs(twist).max()
     np.testing.assert_allclose(got[0], twist, rtol=0, atol=1e-11 * peak)
     np.testing.assert_allclose(got[1], rate, rtol=0, atol=1e-11 * np.abs(rate).max())
@@ -111,7 +120,7 @@ def test_against_forty_digits(laws, shaft, many_digits):
     got = solve(law, p, state, 0.0, duration).at([duration])[:, 0]
     f = p.follower
     numbers = (p.cam_inertia, p.shaft_stiffness, p.shaft_damping)
-    inputs = (law.breaks, law.ordinates, dataclasses.astuple(state), duration, numbers)
+    inputs = (law.breaks, law.ordinates, dataclasses.astuple(state)[:4], duration, numbers)
     follower = (f.mass, f.spring_stiffness, f.damping, f.preload)
     twist, rate, angle, speed = many_digits(
         lambda: by_taylor(law, p, state, duration), (*inputs, follower)
@@ -147,7 +156,9 @@ def taylor(law, p, state, duration):
         s = [casteljau(row, u) for row in rows]
         return [y[1], acceleration(p, s, y[0], y[1], y[1] + y[3]), y[3], mp.mpf(0)]
 
-    return mp.odefun(slopes, 0, [mp.mpf(x) for x in dataclasses.astuple(state)])(mp.mpf(duration))
+    return mp.odefun(slopes, 0, [mp.mpf(x) for x in dataclasses.astuple(state)[:4]])(
+        mp.mpf(duration)
+    )
 
 
 def test_linear_limit(laws, shaft):

@@ -10,9 +10,9 @@ from cam_rig.dynamics.torsional.motion import (
     ROWS,
     TorsionalParameters,
     TorsionalState,
-    periodic_state,
     solve,
 )
+from cam_rig.dynamics.torsional.steady import periodic_state
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import TURN

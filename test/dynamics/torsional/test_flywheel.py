@@ -1,0 +1,208 @@
+"""A flywheel of finite inertia: momentum, energy, closed forms, and the limit that is eq. 10."""
+
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from cam_rig.dynamics import MODELS, FollowerParameters, Interval
+from cam_rig.dynamics.torsional.motion import TorsionalParameters, TorsionalState, solve
+from cam_rig.dynamics.torsional.steady import steady_state
+from cam_rig.errors import DynamicsError
+from cam_rig.laws import Law
+from cam_rig.schema import load_rig
+from cam_rig.units import NS, TURN
+
+SPEED = 300.0 * np.pi / 30.0
+MS = NS // 1000
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(48)
+
+
+@pytest.fixture(scope="module")
+def shaft(config_dir):
+    """The shipped shaft behind its flywheel."""
+    return MODELS["torsional"].parameters(load_rig(config_dir / "rigs" / "paper_flywheel.yaml"))
+
+
+def integral(motion, value):
+    """∫ value dt over all windows of a motion, by Gauss-Legendre in each."""
+    edges = motion.path.edges
+    half = 0.5 * np.diff(edges)
+    times = (edges[:-1] + half)[:, None] + half[:, None] * NODES
+    return float(np.sum(half[:, None] * WEIGHTS * value(times.ravel()).reshape(times.shape)))
+
+
+def momentum(motion, time):
+    """Angular momentum (N·m·s) of flywheel and cam."""
+    p, at = motion.parameters, np.array([time])
+    cam = p.cam_inertia * motion.at(at)[3, 0]
+    return cam + p.flywheel_inertia * (SPEED + motion.lead(at)[1, 0])
+
+
+def turn_of(law, p, speed=SPEED):
+    """One turn in steady state."""
+    driven, start = steady_state(law, p, speed)
+    return solve(law, driven, start, 0.0, TURN / speed)
+
+
+def test_the_flywheel_feels_the_cam(law, shaft):
+    """Momentum of both inertias changes by the motor's torque less the follower's, F s'."""
+    p = dataclasses.replace(shaft, motor_torque=2.0)
+    start = TorsionalState(2e-4, -0.1, 0.7, SPEED, 0.01, -0.3)
+    motion = solve(law, p, start, 0.0, 1.7 * TURN / SPEED)
+
+    def load(times):
+        return motion.contact_force(times) * law(motion.at(times)[2], 1)
+
+    change = momentum(motion, motion.stop_time) - momentum(motion, 0.0)
+    given = 2.0 * motion.stop_time - integral(motion, load)
+    assert change == pytest.approx(given, abs=1e-12 * integral(motion, lambda t: np.abs(load(t))))
+
+
+def test_two_inertias_and_a_motor(shaft):
+    """Without lift the momentum grows by the motor's torque, and ψ swings about −T/(k I_v μ)."""
+    disc = Law("round", np.array([0.0, TURN]), np.zeros((1, 1)))
+    p = dataclasses.replace(shaft, shaft_damping=0.0, flywheel_inertia=0.05, motor_torque=7.0)
+    times = np.linspace(0.0, 0.2, 300)
+    motion = solve(disc, p, TorsionalState(0.0, 0.0, 0.0, SPEED), 0.0, 0.2)
+    got, lead = motion.at(times), motion.lead(times)
+    total = p.cam_inertia * got[3] + 0.05 * (SPEED + lead[1])
+    np.testing.assert_allclose(total, (p.cam_inertia + 0.05) * SPEED + 7.0 * times, rtol=1e-13)
+    middle = -7.0 / 0.05 / (p.mobility * p.shaft_stiffness)
+    rate = math.sqrt(p.mobility * p.shaft_stiffness)
+    swing = middle * (1.0 - np.cos(rate * times))
+    np.testing.assert_allclose(got[0], swing, rtol=0, atol=1e-13 * abs(middle))
+    np.testing.assert_allclose(got[2], SPEED * times + lead[0] + got[0], rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_turn_brings_back_the_steady_state(laws, seed):
+    """On random rigs: state and angle return, and the motor's work is what the dampers take."""
+    rng = np.random.default_rng(seed)
+    law = laws[["poly345", "tm21", "bezier15", "cycloidal", "poly4567", "modified_sine"][seed]]
+    inertia, flywheel = 10.0 ** rng.uniform(-2.5, -1.0), 10.0 ** rng.uniform(-2.0, 4.0)
+    follower = FollowerParameters(
+        rng.uniform(0.3, 2.0), rng.uniform(1e3, 8e3), rng.uniform(1.0, 20.0), 40.0, 1e6
+    )
+    stiffness, damping = 10.0 ** rng.uniform(3.5, 5.0), rng.uniform(0.02, 1.0)
+    speed = rng.uniform(15.0, 60.0)
+    p = TorsionalParameters(follower, inertia, stiffness, damping, flywheel)
+    motion = turn_of(law, p, speed)
+    ends = np.array([0.0, motion.stop_time])
+    (first, last), peak = motion.lead(ends).T, np.abs(motion.lead(motion.path.edges)).max(axis=1)
+    assert (np.abs(last - first) <= 1e-9 * peak).all()
+    twist = motion.at(ends)[:2]
+    assert np.abs(np.diff(twist[0])) <= 1e-9 * np.abs(motion.at(motion.path.edges)[0]).max()
+
+    def taken(times):
+        _, rate, angle, cam_speed = motion.at(times)[:4]
+        return damping * rate**2 + follower.damping * (law(angle, 1) * cam_speed) ** 2
+
+    work = motion.parameters.motor_torque * TURN
+    assert work == pytest.approx(integral(motion, taken), rel=1e-8)
+
+
+@pytest.mark.parametrize("cam", ["poly345", "tm21"])
+def test_a_heavy_flywheel_holds_its_speed(laws, shaft, cam):
+    """I_v → ∞ is eq. 10: the twist comes to it as 1/I_v, down to rounding."""
+    law, times = laws[cam], np.linspace(0.0, TURN / SPEED, 400)
+    held = turn_of(law, dataclasses.replace(shaft, flywheel_inertia=None)).at(times)
+    away = []
+    for inertia in (1e3, 1e5, 1e13):
+        found = turn_of(law, dataclasses.replace(shaft, flywheel_inertia=inertia)).at(times)
+        away.append(np.abs(found[0] - held[0]).max() / np.abs(held[0]).max())
+    assert away[0] / away[1] == pytest.approx(100.0, rel=0.02)
+    assert away[2] < 1e-10
+
+
+def by_energy(law, p, motion, times):
+    """Cam speed (rad/s) of one rigid body with the follower, without damping: energy is constant.
+
+    ½(I + I_v + m s'²) θ̇² + ½ k s² + F₀ s = E, with E from the first instant.
+    """
+    angle, speed = motion.at(times)[2:4]
+    f, s, s1 = p.follower, law(angle), law(angle, 1)
+    inertia = p.cam_inertia + p.flywheel_inertia + f.mass * s1**2
+    stored = 0.5 * f.spring_stiffness * s**2 + f.preload * s
+    energy = 0.5 * inertia[0] * speed[0] ** 2 + stored[0]
+    return np.sqrt(2.0 * (energy - stored) / inertia)
+
+
+@pytest.mark.parametrize(
+    ("inertia", "stiffness", "error"), [(0.2, 1e7, 2e-5), (0.02, 1e7, 2e-5), (1e-5, 5e3, 1e-3)]
+)
+def test_a_rigid_shaft_or_no_flywheel_in_closed_form(laws, shaft, inertia, stiffness, error):
+    """A rigid shaft, or one with nothing behind it, is one body: its speed follows from energy."""
+    follower = dataclasses.replace(shaft.follower, damping=0.0)
+    p = TorsionalParameters(follower, 0.02, stiffness, 1e-9, inertia)
+    law, times = laws["poly4567"], np.linspace(0.0, TURN / SPEED, 300)
+    motion = turn_of(law, p)
+    expected = by_energy(law, p, motion, times)
+    np.testing.assert_allclose(motion.at(times)[3], expected, rtol=error)
+    assert np.ptp(expected) > 0.02 * SPEED
+
+
+def test_what_is_behind_the_shaft_twists_it(laws, shaft):
+    """I_v → 0: a constant torque passes the shaft, whose twist changes in proportion to I_v."""
+    small = [dataclasses.replace(shaft, flywheel_inertia=value) for value in (2e-4, 1e-4)]
+    times = np.linspace(0.0, TURN / SPEED, 500)
+    one, other = (np.ptp(turn_of(laws["poly4567"], p).at(times)[0]) for p in small)
+    assert one / other == pytest.approx(2.0, rel=0.02)
+
+
+def blocks(law, p, cuts, speed=SPEED):
+    """Rows and last state of a run cut at instants (ns)."""
+    state, rows = None, []
+    for a, b in itertools.pairwise(cuts):
+        part = Interval(a, b, speed * a / NS, speed)
+        state, block = MODELS["torsional"].advance(law, p, state, part, 24_000)
+        rows.append(block.rows)
+    return np.hstack(rows), state
+
+
+@pytest.mark.parametrize("milliseconds", [7, 200])
+def test_how_time_is_cut_does_not_enter(laws, shaft, milliseconds):
+    """Two turns at once or tick by tick: the same samples; every turn is the first again."""
+    whole, end = blocks(laws["poly345"], shaft, [0, 400 * MS])
+    cut, state = blocks(laws["poly345"], shaft, [*range(0, 400 * MS, milliseconds * MS), 400 * MS])
+    size = np.abs(whole[1:5]).max(axis=1, keepdims=True)
+    assert (np.abs(cut[1:5] - whole[1:5]) < 1e-10 * size).all()
+    turn = whole.shape[1] // 2
+    assert (np.abs(whole[1:5, turn:] - whole[1:5, :turn]) < 1e-8 * size).all()
+    assert state.inner == pytest.approx(end.inner, abs=1e-12)
+
+
+def test_a_run_may_begin_anywhere_in_the_turn(laws, shaft):
+    """Begun in mid-turn it is where the steady state of the turn is there."""
+    whole = blocks(laws["poly345"], shaft, [0, 200 * MS])[0]
+    part = Interval(90 * MS, 200 * MS, SPEED * 0.09, SPEED)
+    late = MODELS["torsional"].advance(laws["poly345"], shaft, None, part, 24_000)[1].rows
+    np.testing.assert_allclose(late[1], whole[1, -late.shape[1] :], rtol=0, atol=1e-12)
+
+
+def test_a_new_speed_begins_steady_and_a_ramp_is_held(laws, shaft):
+    """After a ramp, on which the drive holds the flywheel as in eq. 10, the turn is steady."""
+    law, advance = laws["poly345"], MODELS["torsional"].advance
+    ramp = Interval(0, 100 * MS, 0.0, 0.0, 10.0 * SPEED)
+    held = dataclasses.replace(shaft, flywheel_inertia=None)
+    state, block = advance(law, shaft, None, ramp, 24_000)
+    np.testing.assert_array_equal(block.rows, advance(law, held, None, ramp, 24_000)[1].rows)
+    after = Interval(100 * MS, 300 * MS, ramp.angle_at(0.1), SPEED)
+    one = advance(law, shaft, state, after, 24_000)[1].rows
+    np.testing.assert_array_equal(one, advance(law, shaft, None, after, 24_000)[1].rows)
+    faster = dataclasses.replace(after, speed=1.1 * SPEED)
+    state = advance(law, shaft, None, after, 24_000)[0]
+    other = dataclasses.replace(state, cam_angle=None)
+    one = advance(law, shaft, other, faster, 24_000)[1].rows
+    np.testing.assert_array_equal(one, advance(law, shaft, None, faster, 24_000)[1].rows)
+
+
+def test_what_is_refused(shaft):
+    """A torque on a flywheel that holds its speed; an inertia that is none."""
+    with pytest.raises(DynamicsError, match=r"motor_torque is 1.0; allowed: 0 where the flywheel"):
+        dataclasses.replace(shaft, flywheel_inertia=None, motor_torque=1.0)
+    for value in (0.0, -1.0, math.inf, math.nan):
+        with pytest.raises(DynamicsError, match=r"flywheel_inertia is .*; allowed: finite and > 0"):
+            dataclasses.replace(shaft, flywheel_inertia=value)

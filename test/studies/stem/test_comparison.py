@@ -1,0 +1,123 @@
+"""From which speed on two masses are not enough: jump speed, vibration and level of a bar."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cam_rig.acoustics.steady import mean_square_rate
+from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.dynamics.linear.sampling import sample
+from cam_rig.schema import load_rig
+from cam_rig.studies.cam_set import CamSet
+from cam_rig.studies.jump.jump_speed import jump_speed
+from cam_rig.studies.stem.chain import BAR, Stem, chain_response
+from cam_rig.studies.stem.comparison import (
+    ELEMENTS,
+    matched_stiffness,
+    stem_jump,
+    study_stem,
+    vibration,
+)
+from cam_rig.studies.stem.steady import stem_turn
+from cam_rig.studies.stem.tables import stem_tables
+from cam_rig.units import RPM, TURN
+
+
+@pytest.fixture(scope="module")
+def rig(config_dir):
+    return load_rig(config_dir / "rigs" / "paper_table2.yaml")
+
+
+@pytest.fixture(scope="module")
+def study(laws, rig):
+    """The polynomial 3-4-5 on the identified stem."""
+    return study_stem(CamSet({}, {"poly345": laws["poly345"]}, rig), 1.26e6, 300.0)
+
+
+@pytest.mark.parametrize("cam", ["poly345", "bezier15", "poly4567", "cycloidal"])
+def test_one_element_jumps_as_two_masses(laws, rig, cam):
+    """The jump study's steady state, found by its own search and exact proof."""
+    follower = TwoMassParameters.from_rig(rig)
+    expected = jump_speed(laws[cam], follower, None).speed
+    assert stem_jump(laws[cam], Stem(follower, 1.0), rig) == pytest.approx(expected, rel=2e-5)
+
+
+@pytest.mark.parametrize("elements", [2.0, 5.0])
+def test_the_exact_solver_loses_contact_there(laws, rig, elements):
+    """A chain's least force through the rig's solver changes its sign at the jump speed."""
+    law, stem = laws["cycloidal"], Stem(TwoMassParameters.from_rig(rig), elements)
+    jump = stem_jump(law, stem, rig)
+    least = []
+    for speed in (jump * (1.0 - 1e-4), jump * (1.0 + 1e-4)):
+        model, outputs = chain_response(law, stem, speed)
+        step = TURN / speed / 8000
+        least.append(sample(model, model.periodic(), 0.0, 0.0, step, 8000, outputs)[0].min())
+    assert least[0] > 0.0 > least[1]
+
+
+def test_the_sound_of_a_stiff_stem_is_that_of_a_rigid_follower(laws, rig):
+    """⟨(ω_c (F − q))²⟩ by harmonics, and by the exact steady structure under eq. 9's force."""
+    law, follower = laws["poly4567"], FollowerParameters.from_rig(rig)
+    stiff = replace(TwoMassParameters.from_rig(rig), stem_stiffness=1e10)
+    turn = stem_turn(law, Stem(stiff, BAR), 300.0 * RPM)
+    expected = mean_square_rate(law, follower, 116.0, 300.0 * RPM)
+    assert turn.power(116.0) == pytest.approx(expected, rel=1e-4)
+
+
+def test_the_rows_tend_to_the_bar(study):
+    """Frequency, jump speed, vibration and level, nearer with every mass from three on."""
+    bar = study.bar
+    for value in (
+        lambda row: row.frequency,
+        lambda row: row.jump["poly345"],
+        lambda row: row.vibration["poly345"],
+        lambda row: row.level["poly345"],
+    ):
+        away = [abs(value(row) - value(bar)) for row in study.rows[1:-1]]
+        assert np.all(np.diff(away) < 0.0)
+    five, nine = study.rows[-3:-1]
+    ratio = (five.jump["poly345"] - bar.jump["poly345"]) / (
+        nine.jump["poly345"] - bar.jump["poly345"]
+    )
+    assert ratio == pytest.approx((9.0 / 5.0) ** 2, rel=0.1)
+
+
+def test_where_two_masses_are_not_enough(study, laws, rig):
+    """At the speed given they miss the bar's least force by a tenth of the preload, not below."""
+    cam, rpm = study.off
+    follower = TwoMassParameters.from_rig(rig)
+
+    def missed(at):
+        two, bar = (stem_turn(laws[cam], Stem(follower, n), at * RPM) for n in (1.0, BAR))
+        return abs(two.force.min() - bar.force.min()) / follower.preload
+
+    assert missed(rpm) > 0.1 >= max(missed(rpm - 5.0), missed(rpm - 10.0))
+    assert study.jump_error[0] == "poly345"
+    assert abs(study.jump_error[1]) > 0.05
+
+
+def test_a_bar_of_the_same_frequency_jumps_nearly_as_two_masses(study, rig):
+    """What the two masses miss is mostly that frequency."""
+    follower = replace(TwoMassParameters.from_rig(rig))
+    stiffness = matched_stiffness(follower)
+    bar = Stem(replace(follower, stem_stiffness=stiffness), BAR).natural_frequencies(1)
+    assert bar == pytest.approx(Stem(follower, 1.0).natural_frequencies(1), rel=1e-10)
+    assert study.matched_stiffness == pytest.approx(stiffness)
+    assert abs(study.matched_error[1]) < 0.1 * abs(study.jump_error[1])
+
+
+def test_vibration_is_read_in_the_low_dwell(laws, rig):
+    """There the head moves about its place by the free vibration alone, dying out."""
+    law = laws["poly345"]
+    turn = stem_turn(law, Stem(TwoMassParameters.from_rig(rig), BAR), 300.0 * RPM)
+    assert 0.0 < vibration(law, turn) < np.ptp(turn.head)
+
+
+def test_tables(study):
+    """One row for each number of masses, the bar last; jump speeds of each cam."""
+    over, jumps = stem_tables([study], {"poly345": "3-4-5"}, "poly345")
+    assert [row[0] for row in over.texts] == ["2", "3", "4", "6", "10", "bar"]
+    assert len(over.rows) == len(ELEMENTS) and math.isinf(ELEMENTS[-1])
+    assert jumps.rows[0][0] == "3-4-5"
