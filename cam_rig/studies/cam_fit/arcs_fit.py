@@ -34,7 +34,7 @@ NUMBERS = (
 )
 #: Starts of the search: prime radius in lifts, nose radius in parts of it, flank curvature in parts
 #: of the greatest.
-STARTS = tuple(product((2.0, 5.0), (0.3,), (0.3, 0.7, -0.3)))
+STARTS = tuple(product((3.0,), (0.3,), (0.3, 0.7, -0.3)))
 #: Lifts (m) for numbers of which no contour can be made: far from any reading.
 NO_CONTOUR = 1.0
 #: A contour whose lifts are off the readings by this part of the lift, r.m.s., is another one.
