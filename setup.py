@@ -23,8 +23,9 @@ CLI = ["jinja2", "rich", "typer>=0.12.4"]
 PLOTS = ["matplotlib"]
 BAGS = ["lz4", "mcap", "rosbags", "zstandard"]
 VIEW = ["rerun-sdk"]
+PARQUET = ["pyarrow"]
 CAD = ["ezdxf", "shapely>=2"]
-ALL = [*CLI, *PLOTS, *BAGS, *VIEW, *CAD]
+ALL = [*CLI, *PLOTS, *BAGS, *VIEW, *PARQUET, *CAD]
 # Only for a plain Python; where ROS 2 is installed, these come from it.
 ROS_WHEELS = [
     "ros-kilted-rclpy[fastrtps]",
@@ -103,6 +104,7 @@ setup(
         "plots": PLOTS,
         "bags": BAGS,
         "view": VIEW,
+        "parquet": PARQUET,
         "cad": CAD,
         "all": ALL,
         "ros-wheels": ROS_WHEELS,

@@ -15,6 +15,7 @@ EXTRAS = {
     "lz4": "bags",
     "matplotlib": "plots",
     "mcap": "bags",
+    "pyarrow": "parquet",
     "rclpy": "ros-wheels",
     "rerun": "view",
     "rich": "cli",

@@ -7,7 +7,7 @@ import os
 import stat
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from cam_rig.errors import ConfigError, OutputError
@@ -45,6 +45,26 @@ def read_bytes(path: Path, most: int, follow: bool = True) -> bytes:
         size = max(about.st_size, len(data)) / MIB
         raise ConfigError(f"has {size:.3g} MiB; allowed: {most / MIB:g} MiB")
     return data
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[Path]:
+    """A file beside ``path`` to write into, which then takes its place whole.
+
+    Raises
+    ------
+    OutputError : the place cannot be written
+    """
+    part = path.with_name(f".{path.stem}.part{path.suffix}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield part
+        part.replace(path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
+    finally:
+        with suppress(OSError):
+            part.unlink()
 
 
 @contextmanager

@@ -159,6 +159,11 @@ def test_the_core_alone_runs_the_ten_lines():
             ["simulate", "quick", "--plot", "out/none.png"],
             "matplotlib is not installed: pip install 'cam_rig[plots]'",
         ),
+        (
+            "pyarrow",
+            ["export", "quick", "--to", "out/none.parquet"],
+            "pyarrow is not installed: pip install 'cam_rig[parquet]'",
+        ),
         ("shapely", ["profile", "flat"], "shapely is not installed: pip install 'cam_rig[cad]'"),
         (
             "rclpy",

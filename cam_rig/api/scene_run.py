@@ -12,24 +12,23 @@ import numpy as np
 
 from cam_rig.api.files import load_scene
 from cam_rig.api.notebook import shown
-from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import Samples
 from cam_rig.errors import ConfigError
+from cam_rig.export.write import export
 from cam_rig.extras import libraries_named
 from cam_rig.schema.load import named_path
+from cam_rig.simulation.by_speed import SpeedRow, rows_by_speed
 from cam_rig.simulation.levels import MeasuredTick, require_ticks, step_levels
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.noise_comparison import NoiseResult, compare
 from cam_rig.simulation.schedule import tick_count
-from cam_rig.simulation.simulate import sample_blocks, simulate
-from cam_rig.units import NS, to_rpm
+from cam_rig.simulation.simulate import simulate, turned_ticks
+from cam_rig.simulation.tick_samples import TickSamples
+from cam_rig.units import to_rpm
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
-
-#: Speeds nearer than this part of each other are one.
-SAME = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,14 +40,14 @@ class SceneRun:
     loaded : the scene with its cams, laws and rig
     ticks : what the microphone measured, tick by tick: r.m.s. pressure (Pa)
     source : the scene's file, or the bag
-    blocks : gives the follower's samples tick by tick, ``(6, n)`` rows each; see `samples`
+    blocks : gives the follower's samples tick by tick, with the cam under them; see `samples`
     counts : messages by topic, of a bag
     """
 
     loaded: LoadedScene
     ticks: tuple[MeasuredTick, ...]
     source: Path
-    blocks: Callable[[], Iterator[FloatArray]]
+    blocks: Callable[[], Iterator[TickSamples]]
     counts: dict[str, int] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -89,36 +88,72 @@ class SceneRun:
         >>> round(float(samples.force.max()), 1)  # N
         114.0
         """
-        held = (tick for tick in self.ticks if tick.steady and tick.start.cam == cam)
-        spans = [
-            (tick.start.time_ns / NS, tick.stop_ns / NS)
-            for tick in held
-            if abs(to_rpm(tick.start.speed) - rpm) <= SAME * rpm
-        ]
-        if not spans:
+        found = [tick.rows for tick in self.blocks() if tick.is_of(cam, rpm)]
+        if not found:
             there = {f"{t.start.cam} at {to_rpm(t.start.speed):g} rpm": None for t in self.ticks}
             raise ConfigError(f"samples: {cam} at {rpm:g} rpm; allowed: {', '.join(there)}")
-        found = [
-            rows
-            for rows in self.blocks()
-            if any(begin <= Samples(rows).time.mean() < end for begin, end in spans)
-        ]
         joined = np.hstack(found)
         joined.setflags(write=False)
         return Samples(joined)
 
+    @cached_property
+    def by_speed(self) -> tuple[SpeedRow, ...]:
+        """A row each cam and speed: level, forces, lift-offs, landings, torque; settled turns.
+
+        Raises
+        ------
+        CamRigError : no tick of a settled turn was run
+
+        Examples
+        --------
+        >>> import cam_rig
+        >>> for row in cam_rig.read_bag("bags/golden").by_speed[2:4]:
+        ...     print(row.cam, row.rpm, round(row.force_peak, 1), round(row.lift_offs, 6))
+        tm21 350.0 92.8 1.0
+        tm21 400.0 114.0 1.0
+        """
+        scene = self.loaded.scene
+        rate, settle = int(scene.sample_rate.si), scene.program.settle_turns.si
+        levels = step_levels(self.ticks, settle)
+        require_ticks(levels, str(self.source))
+        return rows_by_speed(self.blocks(), self.loaded.laws, rate, settle, levels)
+
+    def export(self, path: str | Path, *, cam: str | None = None, rpm: float | None = None) -> None:
+        """Write every sample with θ, rpm and cam beside it, as ``cam-rig export`` does.
+
+        Parameters
+        ----------
+        path : .parquet, .csv, .npz or .wav; columns ``time_s``, ``cam``, ``rpm``, ``angle_rad``,
+            ``angle_in_turn_rad``, ``lift_m``, ``velocity_m_s``, ``acceleration_m_s2``,
+            ``force_N``, ``impulse_N_s``
+        cam, rpm : only this cam, only this speed
+
+        Raises
+        ------
+        ConfigError : an unknown kind of file, or the run has no such cam at that speed
+        OutputError : the place cannot be written; or a .wav would have gaps
+        MissingLibraryError : pyarrow, for .parquet, is not installed
+
+        Examples
+        --------
+        >>> import cam_rig, numpy as np
+        >>> cam_rig.read_bag("bags/golden").export("out/golden.npz", cam="tm21")
+        >>> with np.load("out/golden.npz") as table:
+        ...     print(table["cam"][0], table["rpm"][0].round(), table["force_N"].size)
+        tm21 200.0 1643
+        """
+        export(Path(path), self.blocks(), self.loaded, cam, rpm)
+
     def to_pandas(self) -> DataFrame:
-        """A row each cam and speed: ``cam``, ``rpm``, ``level_db``.
+        """A row each cam and speed, as `by_speed`: ``cam``, ``rpm``, ``level_db`` and so on.
 
         Raises
         ------
         MissingLibraryError : pandas is not installed
         """
         with libraries_named():
-            from pandas import DataFrame, concat
-        curves = self.noise.curves.values()
-        tables = [DataFrame({"cam": c.cam, "rpm": c.rpm, "level_db": c.level_db}) for c in curves]
-        return concat(tables, ignore_index=True)
+            from pandas import DataFrame
+        return DataFrame([row.plain() for row in self.by_speed])
 
     def plot(self) -> Figure:
         """Level (dB) against speed (rpm), with regressions and what is published.
@@ -128,7 +163,7 @@ class SceneRun:
         MissingLibraryError : matplotlib is not installed
         """
         with libraries_named():
-            from cam_rig.plots.noise import figure
+            from cam_rig.plots.sound.noise import figure
         return shown(figure(self.noise, self.loaded))
 
 
@@ -159,7 +194,7 @@ def run_scene(
     for tick in simulate(loaded):
         ticks.append(tick)
         on_tick()
-    return SceneRun(loaded, tuple(ticks), loaded.scene_file, partial(sample_blocks, loaded))
+    return SceneRun(loaded, tuple(ticks), loaded.scene_file, partial(turned_ticks, loaded))
 
 
 def read_bag(bag: str | Path, scene: str | Path | None = None) -> SceneRun:
@@ -183,8 +218,8 @@ def read_bag(bag: str | Path, scene: str | Path | None = None) -> SceneRun:
     (True, ['tm21', 'bezier15'])
     """
     with libraries_named():
-        from cam_rig.bag.reader import read_recording, read_samples
+        from cam_rig.bag.reader import read_recording, read_ticks
     path = None if scene is None else named_path("scenes", scene)
     found = read_recording(Path(bag), path)
-    blocks = partial(read_samples, Path(bag))
+    blocks = partial(read_ticks, Path(bag))
     return SceneRun(found.loaded, tuple(found.ticks), Path(bag), blocks, found.counts)

@@ -74,7 +74,7 @@ class SoundLevel:
         MissingLibraryError : matplotlib is not installed
         """
         with libraries_named():
-            from cam_rig.plots.noise import turn_by_turn
+            from cam_rig.plots.sound.noise import turn_by_turn
         return shown(turn_by_turn(self.by_turn, self.settle_turns, self.level_db, str(self)))
 
 

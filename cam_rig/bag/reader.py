@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -17,14 +18,18 @@ from cam_rig.bag.attached import unpack
 from cam_rig.bag.bounds import require_bounded, require_plain
 from cam_rig.bag.damage import UNREADABLE, damaged
 from cam_rig.bag.files import TORN, in_order, is_closed, require_a_bag
+from cam_rig.dynamics import ANGLE_TOLERANCE
 from cam_rig.errors import BagError, CamRigError, RefusedError
 from cam_rig.files import temporary_folder
+from cam_rig.live.flow_control import HISTORY_DEPTH
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
 from cam_rig.messages.topics import Topic, recorded_topic
 from cam_rig.simulation.levels import MeasuredTick
 from cam_rig.simulation.loaded_scene import LoadedScene, open_scene
 from cam_rig.simulation.schedule import CamState
+from cam_rig.simulation.tick_samples import TickSamples
+from cam_rig.units import NS
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,6 +192,48 @@ def read_samples(bag: Path) -> Iterator[FloatArray]:
             yield decode_block(*array_of(message))
     except RefusedError as error:
         raise BagError(f"{bag}: {error}") from None
+
+
+def read_ticks(bag: Path) -> Iterator[TickSamples]:
+    """The same, each joined with the states of the cam between which it lies.
+
+    A tick whose states are missing is left out, as nobody knows its angle. States and samples are
+    held only until they find each other.
+
+    Raises
+    ------
+    BagError : no such bag, one that was not closed, or messages that are none of a rig
+    """
+    states: deque[CamState] = deque()
+    waiting: deque[FloatArray] = deque(maxlen=4 * HISTORY_DEPTH)
+    try:
+        for topic, _, message in messages(bag, (topics.CAM_STATE, topics.FOLLOWER_SAMPLES)):
+            if topic is topics.CAM_STATE:
+                states.append(cam_state_of(message))
+            else:
+                waiting.append(decode_block(*array_of(message)))
+            while states and waiting and states[-1].time_ns / NS > waiting[0][0, -1]:
+                joined = _joined(states, waiting.popleft())
+                if joined is not None:
+                    yield joined
+    except RefusedError as error:
+        raise BagError(f"{bag}: {error}") from None
+
+
+def _joined(states: deque[CamState], rows: FloatArray) -> TickSamples | None:
+    """A tick's samples with the cam under them; earlier states are dropped."""
+    middle = 0.5 * (rows[0, 0] + rows[0, -1])
+    while len(states) > 1 and states[1].time_ns / NS <= middle:
+        states.popleft()
+    if len(states) == 1 or states[0].time_ns / NS > middle:
+        return None
+    start, end = states[0], states[1]
+    if not start.turns_until(end):
+        return None
+    interval = start.until(end)
+    off = interval.angle_at(interval.duration) - interval.angle - end.since(start)
+    # States between them are missing, and the speed was another meanwhile.
+    return None if abs(off) > ANGLE_TOLERANCE else TickSamples(start, interval, rows)
 
 
 def read_counts(bag: Path) -> dict[str, int]:

@@ -12,6 +12,7 @@ from cam_rig.cli.cams.laws import laws
 from cam_rig.cli.cams.new import new
 from cam_rig.cli.cams.profile import profile
 from cam_rig.cli.runs.analyze import analyze
+from cam_rig.cli.runs.export import export
 from cam_rig.cli.runs.listen import listen
 from cam_rig.cli.runs.recover import recover
 from cam_rig.cli.runs.replay import replay
@@ -27,6 +28,7 @@ from cam_rig.cli.studies.factorial import factorial
 from cam_rig.cli.studies.identify import identify
 from cam_rig.cli.studies.jump import jump
 from cam_rig.cli.studies.noise import noise
+from cam_rig.cli.studies.orders import orders
 from cam_rig.cli.studies.readings import readings
 from cam_rig.cli.studies.report import report
 from cam_rig.cli.studies.timing import timing
@@ -43,6 +45,7 @@ for verb in (
     run,
     simulate,
     analyze,
+    export,
     view,
     recover,
     replay,
@@ -59,6 +62,7 @@ for verb in (
     vibration,
     factorial,
     noise,
+    orders,
     report,
     listen,
     calibrate,

@@ -21,6 +21,8 @@ EPS = float(np.finfo(np.float64).eps)
 FEW = 128
 #: Subdivision stops here: roots nearer than this cannot be told apart in double precision.
 _ROOT_RESOLUTION = 2.0**-46
+#: A root beside 0 may take as many halvings as a float has; an ordinary one takes some ten steps.
+MAX_HALVINGS = 2000
 
 
 @lru_cache(maxsize=128)
@@ -183,7 +185,8 @@ def _opposite(one: float, other: float) -> bool:
 def _bracketed_root(ordinates: FloatArray) -> float:
     from scipy.optimize import brentq  # a third of a node's imports, which few scenes need
 
-    return float(brentq(scalar(ordinates), 0.0, 1.0, xtol=1e-300, rtol=4 * EPS))
+    found = brentq(scalar(ordinates), 0.0, 1.0, xtol=1e-300, rtol=4 * EPS, maxiter=MAX_HALVINGS)
+    return float(found)
 
 
 def _sign_before(ordinates: FloatArray) -> float:

@@ -18,10 +18,12 @@ from cam_rig.plots import jump as jump_plot
 from cam_rig.plots import law as law_plot
 from cam_rig.plots import law_overlay, limits
 from cam_rig.plots import lift_off as takeoff_plot
-from cam_rig.plots import noise_study as noise_study_plot
 from cam_rig.plots import profile as profile_plot
 from cam_rig.plots import timing as timing_plot
 from cam_rig.plots import vibration as vibration_plot
+from cam_rig.plots.figures import write
+from cam_rig.plots.sound import noise_study as noise_study_plot
+from cam_rig.plots.sound import orders as orders_plot
 from cam_rig.profile.checks.all_checks import check_cam
 from cam_rig.profile.checks.pressure_angle import GUIDED
 from cam_rig.report.results import CUT, Findings, Sources
@@ -35,6 +37,10 @@ STEADY_RPM, TAKEOFF_RPM = 300.0, 460.0
 #: Roller and least radius of the contour in the nomogram, in lifts.
 SHARPEST = 2.0
 PROPOSED = "bezier15"
+#: Highest order of the Campbell diagrams, whose rays stay apart on paper.
+SHOWN_ORDERS = 40
+#: Dots per inch of their thousands of strokes, which are pixels within the SVG.
+ORDERS_DPI = 80
 
 
 def uri(draw: Callable[[Path], None]) -> str:
@@ -106,6 +112,14 @@ def timing_figures(found: Findings) -> dict[str, str]:
     """What the ordinates move, where a cam is one Bézier curve."""
     columns = [control.timing for control in found.control]
     return {"timing": uri(lambda path: timing_plot.draw(columns, path))} if columns else {}
+
+
+def order_figures(found: Findings) -> dict[str, str]:
+    """Orders over speed, where the scene's model has them."""
+    if not found.orders:
+        return {}
+    shown = [study.up_to(SHOWN_ORDERS) for study in found.orders]
+    return {"orders": uri(lambda path: write(orders_plot.figure(shown), path, ORDERS_DPI))}
 
 
 def _arc_cam(sources: Sources) -> str:

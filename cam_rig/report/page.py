@@ -38,6 +38,7 @@ SECTIONS = {
     "timing": "Timing of the events",
     "contact": "Contact pressure and sliding",
     "noise": "Noise",
+    "orders": "Orders of force and sound",
     "question": "Continuity or lower slopes",
     "numbers": "Given, assumed, identified",
     "reading": "How the paper was read, and how this was made",

@@ -35,6 +35,8 @@ from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.published import references
 from cam_rig.studies.jump.readings import Read, read
 from cam_rig.studies.noise.run import NoiseStudy, study_noise
+from cam_rig.studies.orders.steady_force import BUILDERS
+from cam_rig.studies.orders.waterfall import CamOrders, waterfall
 from cam_rig.studies.stem.comparison import StemStudy, study_stem
 from cam_rig.studies.timing.comparison import CamTiming, EventControl, beside_b_spline
 from cam_rig.studies.vibration.comparison import VibrationTable, vibration_table
@@ -83,7 +85,7 @@ class Findings:
     ``degrees`` are jump speeds (rpm) of the law by segments by the degree of its half-rises;
     ``stiff_vibration`` is on the stem of Table 1; ``cuts`` are cams as fig. 12 has them cut, by
     name, and ``cut_sizes`` that of `CUT` over its radii. ``timing`` are the events of each cam,
-    ``control`` `CUT` and the B-spline of its lift and events.
+    ``control`` `CUT` and the B-spline of its lift and events. ``orders`` are of the scene's sweep.
     """
 
     sources: Sources
@@ -102,6 +104,7 @@ class Findings:
     control: list[EventControl]
     contact: ContactTable
     play: list[PlayRow]
+    orders: tuple[CamOrders, ...]
 
 
 def open_sources(scene: Path, rig: str, factorial: str, bag: Path | None) -> Sources:
@@ -174,6 +177,7 @@ def find(
     control = beside_b_spline(timing[CUT]) if CUT in timing else []
     contact = compare_contacts(sources.touching, CONTACT_RPM)
     play = find_play(sources.form_closed)
+    orders = _orders(sources.loaded)
     meanwhile(jumps)
     on_part(PARTS[2])
     levels = noise.result()
@@ -197,7 +201,16 @@ def find(
         control=control,
         contact=contact,
         play=play,
+        orders=orders,
     )
+
+
+def _orders(loaded: LoadedScene) -> tuple[CamOrders, ...]:
+    """The scene's sweep by orders; nothing of a model that has no closed form."""
+    scene = loaded.scene
+    if scene.model not in BUILDERS:
+        return ()
+    return waterfall(loaded.laws, scene.model, loaded.rig, sorted(scene.program.speeds.si_list))
 
 
 def _readings(sources: Sources) -> list[Read]:

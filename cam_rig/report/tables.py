@@ -25,6 +25,7 @@ from cam_rig.studies.jump import reading_tables
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.tables import jump_table
 from cam_rig.studies.noise import tables as noise
+from cam_rig.studies.orders import tables as orders
 from cam_rig.studies.stem.tables import stem_tables
 from cam_rig.studies.timing import tables as timing
 from cam_rig.studies.vibration.claims import LOWER, jump_claims, vibration_claims
@@ -74,6 +75,7 @@ def tables(found: Findings) -> dict[str, list[DataTable]]:
             contact.play_table(found.play),
         ],
         "noise": [*noise.tables(found.noise, published), *recorded],
+        "orders": _orders(found),
         "question": factorial.tables(found.factorial, titles),
         "numbers": [_origins(name, model) for name, model in files(found).items()],
         "reading": [misprints_table()],
@@ -98,6 +100,15 @@ def _timing(found: Findings) -> list[DataTable]:
     beside = [timing.control_table(found.control)] if found.control else []
     ordinates = [timing.ordinates_table(c.timing, c.timing.ordinates[0]) for c in found.control]
     return [timing.events_table(found.timing.values()), *beside, *ordinates[:1]]
+
+
+def _orders(found: Findings) -> list[DataTable]:
+    """At the lowest speed, where all keep contact, and at the highest."""
+    speeds = [spectrum.rpm for study in found.orders[:1] for spectrum in study.spectra]
+    if not speeds:
+        return []
+    shown = (speeds[0], STEADY_RPM, speeds[-1])
+    return [orders.speed_table(study.only(*shown) for study in found.orders)]
 
 
 def _table_1(found: Findings) -> DataTable:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -37,26 +37,39 @@ class MeasuredTick:
         return cls(start, end.time_ns, pressure, count, interval.acceleration == 0.0)
 
 
+@dataclass
+class Settling:
+    """Which ticks of a run are settled.
+
+    A step is a run of ticks of one cam at one speed; its first ``turns`` are left out, and ramps
+    are.
+    """
+
+    turns: float
+    _first: CamState | None = field(default=None, init=False)
+
+    def is_over(self, start: CamState, steady: bool) -> bool:
+        """Whether the tick that begins at ``start`` is settled; to be asked of each in order."""
+        if not steady:
+            return False
+        if self._first is None or (start.cam, start.speed) != (self._first.cam, self._first.speed):
+            self._first = start
+        return start.since(self._first) / TURN > self.turns - 1e-6
+
+
 def step_levels(
     ticks: Iterable[MeasuredTick], settle_turns: float
 ) -> dict[str, dict[float, float]]:
     """Level in dB by cam and speed (rad/s): the energy mean over the step's settled samples.
 
-    A step is a run of ticks of one cam at one speed; its first ``settle_turns`` are left out,
-    and ramps are. Each tick counts by its samples, not by its time: short ticks of one length may
-    have two or three, and every sample weighs the same however the turn is divided.
+    Each tick counts by its samples, not by its time: short ticks of one length may have two or
+    three, and every sample weighs the same however the turn is divided.
     """
     energy: dict[tuple[str, float], list[float]] = {}
-    first: CamState | None = None
+    settling = Settling(settle_turns)
     for tick in ticks:
-        state = tick.start
-        if not tick.steady:
-            continue
-        if first is None or (state.cam, state.speed) != (first.cam, first.speed):
-            first = state
-        turned = state.since(first) / TURN
-        if turned > settle_turns - 1e-6:
-            total = energy.setdefault((state.cam, state.speed), [0.0, 0.0])
+        if settling.is_over(tick.start, tick.steady):
+            total = energy.setdefault((tick.start.cam, tick.start.speed), [0.0, 0.0])
             total[0] += tick.pressure**2 * tick.samples
             total[1] += tick.samples
     levels: dict[str, dict[float, float]] = {}

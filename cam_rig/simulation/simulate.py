@@ -13,6 +13,7 @@ from cam_rig.laws import Law
 from cam_rig.simulation.levels import MeasuredTick
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState, cam_states
+from cam_rig.simulation.tick_samples import TickSamples
 
 
 @dataclass(frozen=True)
@@ -83,22 +84,21 @@ class MicrophoneSimulator:
         return pressure
 
 
-def sample_blocks(loaded: LoadedScene) -> Iterator[FloatArray]:
-    """The follower's samples of a scene tick by tick, ``(6, n)`` rows each."""
+def turned_ticks(loaded: LoadedScene) -> Iterator[TickSamples]:
+    """The follower's samples of a scene tick by tick, with the cam that turned under it."""
     follower = FollowerSimulator.of(loaded)
-    for state in cam_states(loaded.scene):
-        turned = follower.turn_to(state)
-        if turned is not None:
-            yield turned[1].rows
-
-
-def simulate(loaded: LoadedScene) -> Iterator[MeasuredTick]:
-    """Run the scene tick by tick."""
-    follower, microphone = FollowerSimulator.of(loaded), MicrophoneSimulator.of(loaded)
     start: CamState | None = None
     for state in cam_states(loaded.scene):
         turned = follower.turn_to(state)
         if turned is not None and start is not None:
-            pressure = microphone.listen(turned[1].rows, turned[1].interval.mean_speed)
-            yield MeasuredTick.between(start, state, pressure, microphone.sample_rate)
+            yield TickSamples(start, turned[1].interval, turned[1].rows)
         start = state
+
+
+def simulate(loaded: LoadedScene) -> Iterator[MeasuredTick]:
+    """Run the scene tick by tick."""
+    microphone = MicrophoneSimulator.of(loaded)
+    for tick in turned_ticks(loaded):
+        pressure = microphone.listen(tick.rows, tick.interval.mean_speed)
+        count = tick.rows.shape[1]
+        yield MeasuredTick(tick.start, tick.interval.stop_ns, pressure, count, tick.steady)

@@ -27,6 +27,7 @@ WITH_EXAMPLES = (
     "cam_rig.laws.cam",
     "cam_rig.laws.law",
     "cam_rig.schema.rig",
+    "cam_rig.simulation.flights",
 )
 
 

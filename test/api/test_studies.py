@@ -99,7 +99,8 @@ def test_a_scene_and_its_bag_give_one_result(figures):
             recording.noise.curves[cam].level_db, curve.level_db, rtol=0, atol=1e-9
         )
     table = recording.to_pandas()
-    assert list(table) == ["cam", "rpm", "level_db"]
+    assert list(table)[:4] == ["cam", "rpm", "turns", "level_db"]
+    assert table["level_db"].tolist()[:4] == recording.noise.curves["tm21"].level_db.tolist()
     (axes,) = recording.plot().axes
     assert axes.get_xlabel() == "cam speed [rpm]"
 

@@ -20,7 +20,9 @@ def test_simulate_writes_the_promised_json():
     result = call("simulate", SWEEP, "--json", "-")
     assert result.exit_code == 0
     data = json.loads(result.stdout)
-    assert set(data) == {"cams", "crossover_rpm", "messages"}
+    assert set(data) == {"cams", "crossover_rpm", "messages", "speeds"}
+    assert [len({row["cam"] for row in data["speeds"]}), len(data["speeds"])] == [3, 63]
+    assert {type(row["torque_mean_N_m"]) for row in data["speeds"]} == {float}
     cams = data["cams"]
     assert {name: cam["role"] for name, cam in cams.items()} == {
         "tm21": "identified",

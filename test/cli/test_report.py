@@ -67,7 +67,7 @@ def test_the_page(sweep, tmp_path):
     assert result.exit_code == 0, result.stderr
     page = out.read_text(encoding="utf-8")
     pictures = re.findall(r'<img src="(.{40})', page)
-    assert len(pictures) == 16
+    assert len(pictures) == 17
     assert all(p.startswith("data:image/svg+xml;base64,") for p in pictures)
     for words in ("Table 1.", "Table 2.", "Table 3.", "Given, assumed, identified"):
         assert words in page
@@ -80,7 +80,7 @@ def test_the_page(sweep, tmp_path):
     for word in ("ringing", "swing", "cells left", "of its variance"):
         assert word not in page
     assert set(json.loads(data.read_text())) == {
-        *("jump", "as-cut", "timing", "vibration", "contact", "noise", "factorial")
+        *("jump", "as-cut", "timing", "vibration", "contact", "noise", "orders", "factorial")
     }
     assert sorted(p.name for p in out.parent.iterdir()) == ["report.html", "report.json"]
 

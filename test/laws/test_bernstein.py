@@ -114,3 +114,11 @@ def test_shared_tables_are_frozen():
     for table in (bernstein.binomials(7), bernstein.elevation_matrix(3, 5)):
         with pytest.raises(ValueError, match="read-only"):
             table[0] = 2.0
+
+
+@pytest.mark.parametrize(("power", "root"), [(3, 1e-34), (5, 1e-20), (9, 1e-28)])
+def test_a_root_beside_the_start_is_found(power, root):
+    """u^p − r^p has its root to a few digits' ends, though a secant from 1 creeps towards it."""
+    ordinates = np.zeros(power + 1)
+    ordinates[-1] = 1.0
+    assert bernstein.crossings(ordinates - root**power) == pytest.approx([root], rel=1e-12)

@@ -14,7 +14,7 @@ from cam_rig.cli.runs.analyze import newest_bag
 from cam_rig.errors import CamRigError
 from cam_rig.files import temporary_folder
 from cam_rig.messages.topics import FOLLOWER_SAMPLES
-from cam_rig.plots import noise
+from cam_rig.plots.sound import noise
 from cam_rig.simulation.levels import step_levels
 from cam_rig.simulation.noise_comparison import NoiseResult, compare
 from tools.docs.pictures import draw_pictures

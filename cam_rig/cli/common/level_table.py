@@ -1,4 +1,4 @@
-"""A noise comparison as a table, as JSON, and as a plot."""
+"""A run's rows by speed and its noise comparison: as tables, JSON and CSV, and as a plot."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cam_rig.cli.common import console
-from cam_rig.cli.common.outputs import write_json, write_plot
+from cam_rig.cli.common.outputs import write_csv, write_json, write_plot
+from cam_rig.simulation.by_speed import speed_table
 from cam_rig.tables import Column, DataTable, tabulate
 
 if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
+    from cam_rig.api.scene_run import SceneRun
     from cam_rig.simulation.loaded_scene import LoadedScene
     from cam_rig.simulation.noise_comparison import NoiseCurve, NoiseResult
 
@@ -57,13 +59,17 @@ def _regression(curve: NoiseCurve) -> str:
 
 
 def show(
-    result: NoiseResult,
-    loaded: LoadedScene,
-    counts: dict[str, int],
+    run: SceneRun,
     json_target: str | None,
     plot: Path | None,
+    csv: Path | None = None,
 ) -> None:
-    """Print the table, draw the plot, write the JSON."""
+    """Print the tables, draw the plot, write JSON and CSV."""
+    result, loaded = run.noise, run.loaded
+    rate = int(loaded.scene.sample_rate.si)
+    by_speed = speed_table(run.by_speed, loaded.scene.title, rate)
+    if by_speed.rows:  # a bag may have no samples
+        console.show(by_speed)
     console.show(table(result, loaded))
     if loaded.published is not None and set(loaded.published.crossover.between) <= set(
         result.curves
@@ -72,7 +78,9 @@ def show(
         names = " and ".join(loaded.published.crossover.between)
         console.say(f"{names} cross at {found} (published: {loaded.published.crossover.rpm:g} rpm)")
     if plot is not None:
-        from cam_rig.plots.noise import draw
+        from cam_rig.plots.sound.noise import draw
 
         write_plot(plot, lambda part: draw(result, loaded, part))
-    write_json(to_json(result, counts), json_target)
+    speeds = {"speeds": [row.plain() for row in run.by_speed]}
+    write_json(to_json(result, run.counts) | speeds, json_target)
+    write_csv([by_speed], csv)

@@ -4,15 +4,26 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 from cam_rig.cli.common.console import console
 from cam_rig.errors import ConfigError, OutputError
 from cam_rig.extras import require
+from cam_rig.files import writing
 from cam_rig.tables import DataTable, to_csv
+
+__all__ = [
+    "PICTURES",
+    "STDOUT",
+    "check_outputs",
+    "check_place",
+    "write_csv",
+    "write_json",
+    "write_plot",
+    "writing",
+]
 
 #: Kinds of picture a plot can be written as.
 PICTURES = (".png", ".svg", ".pdf", ".jpg")
@@ -61,26 +72,6 @@ def write_csv(tables: Iterable[DataTable], target: Path | None) -> None:
     elif target is not None:
         with writing(target) as part:
             part.write_text(to_csv(tables), encoding="utf-8")
-
-
-@contextmanager
-def writing(path: Path) -> Iterator[Path]:
-    """A file beside ``path`` to write into, which then takes its place whole.
-
-    Raises
-    ------
-    OutputError : the place cannot be written
-    """
-    part = path.with_name(f".{path.stem}.part{path.suffix}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        yield part
-        part.replace(path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
-    finally:
-        with suppress(OSError):
-            part.unlink()
 
 
 def check_outputs(json_target: str | None, plot: Path | None, csv: Path | None = None) -> None:

@@ -10,7 +10,7 @@ from rich.markup import escape
 
 from cam_rig.cli.common.console import console, user_errors
 from cam_rig.cli.common.level_table import show
-from cam_rig.cli.common.options import Json, Plot, SceneOfBag
+from cam_rig.cli.common.options import Csv, Json, Plot, SceneOfBag
 from cam_rig.cli.common.outputs import check_outputs
 
 
@@ -21,8 +21,12 @@ def analyze(
     json_target: Json = None,
     plot: Plot = None,
     scene: SceneOfBag = None,
+    csv: Csv = None,
 ) -> None:
-    """Read a recorded sweep back and compare its noise with the published regressions.
+    """Read a recorded sweep back: a row each speed, and its noise beside the published regressions.
+
+    A row has level, peak and least force, lift-offs a turn, longest flight, hardest landing, and
+    torque, of the settled turns.
 
     Examples
     --------
@@ -33,12 +37,16 @@ def analyze(
     cam-rig analyze recorded_by_ros2 --scene quick
     """
     with user_errors():
-        check_outputs(json_target, plot)
-        analyze_bag(bag or newest_bag(), json_target, plot, scene)
+        check_outputs(json_target, plot, csv)
+        analyze_bag(bag or newest_bag(), json_target, plot, scene, csv)
 
 
 def analyze_bag(
-    bag: Path, json_target: str | None, plot: Path | None, scene: str | None = None
+    bag: Path,
+    json_target: str | None,
+    plot: Path | None,
+    scene: str | None = None,
+    csv: Path | None = None,
 ) -> None:
     """Analyse one bag, with the scene attached to it unless another is named."""
     from cam_rig import read_bag
@@ -53,7 +61,7 @@ def analyze_bag(
     if not run.complete:
         whole = tick_count(run.loaded.scene)
         console.print(f"[bold]not complete:[/] {len(run.ticks)} of {whole} ticks")
-    show(run.noise, run.loaded, run.counts, json_target, plot)
+    show(run, json_target, plot, csv)
 
 
 def newest_bag() -> Path:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from cam_rig.cli.common.console import console, progress_bar, user_errors
 from cam_rig.cli.common.level_table import show
 from cam_rig.cli.common.names import DEFAULT_SCENE
-from cam_rig.cli.common.options import Json, Plot, Scene
+from cam_rig.cli.common.options import Csv, Json, Plot, Scene
 from cam_rig.cli.common.outputs import check_outputs
 from cam_rig.units import NS
 
@@ -13,15 +13,19 @@ from cam_rig.units import NS
 def simulate(
     scene: Scene = DEFAULT_SCENE,
     json_target: Json = None,
+    csv: Csv = None,
     plot: Plot = None,
 ) -> None:
-    """Run a scene without ROS, on the same core, and compare its noise.
+    """Run a scene without ROS, on the same core: a row each speed, and its noise compared.
+
+    A row has level, peak and least force, lift-offs a turn, longest flight, hardest landing, and
+    torque, of the settled turns.
 
     Examples
     --------
     cam-rig simulate
 
-    cam-rig simulate config/scenes/tm21_sweep.yaml --plot out/sweep.png --json -
+    cam-rig simulate config/scenes/tm21_sweep.yaml --plot out/sweep.png --csv out/sweep.csv --json -
     """
     with user_errors():
         import time
@@ -29,7 +33,7 @@ def simulate(
         from cam_rig import load_scene, run_scene
         from cam_rig.simulation.schedule import tick_count
 
-        check_outputs(json_target, plot)
+        check_outputs(json_target, plot, csv)
         loaded = load_scene(scene)
         begun = time.perf_counter()
         with progress_bar() as bar:
@@ -41,4 +45,4 @@ def simulate(
             f"{len(run.ticks)} ticks, {rig_time:.1f} s of rig time in {took:.2f} s "
             f"({rig_time / took:.0f} x real time)"
         )
-        show(run.noise, loaded, run.counts, json_target, plot)
+        show(run, json_target, plot, csv)

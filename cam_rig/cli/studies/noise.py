@@ -59,7 +59,7 @@ def noise(
         show(*shown)
         write_csv(shown, csv)
         if plot is not None:
-            from cam_rig.plots.noise_study import draw
+            from cam_rig.plots.sound.noise_study import draw
 
             write_plot(plot, lambda part: draw(found, loaded, part))
         write_json(tables.to_json(found), json_target)

@@ -80,7 +80,7 @@ def _find(sources: Sources, with_figures: bool) -> tuple[Findings, dict[str, str
         if with_figures:
             drawn |= figures.late_figures(found) | figures.cut_figures(found)
             drawn |= figures.timing_figures(found) | figures.flywheel_figures(found)
-            drawn |= figures.stem_figures(found)
+            drawn |= figures.stem_figures(found) | figures.order_figures(found)
         done("the page")
     return found, drawn
 
@@ -92,6 +92,7 @@ def to_json(found: Findings) -> dict[str, Any]:
     from cam_rig.studies.factorial import tables as factorial
     from cam_rig.studies.jump import tables as jump
     from cam_rig.studies.noise import tables as noise
+    from cam_rig.studies.orders import tables as orders
     from cam_rig.studies.timing import tables as timing
     from cam_rig.studies.vibration import tables as vibration
 
@@ -102,5 +103,6 @@ def to_json(found: Findings) -> dict[str, Any]:
         "vibration": vibration.to_json(found.vibration),
         "contact": contact.to_json(found.contact),
         "noise": noise.to_json(found.noise),
+        "orders": orders.to_json(found.orders),
         "factorial": factorial.to_json(found.factorial),
     }

@@ -1,0 +1,148 @@
+"""Order spectra against an FFT of a million points and against 50 digits: docs/accuracy.md.
+
+OMP_NUM_THREADS=1 .venv/bin/python benchmark/orders.py
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from itertools import pairwise
+from pathlib import Path
+
+import mpmath
+import numpy as np
+
+import cam_rig
+from cam_rig.acoustics import level_db
+from cam_rig.simulation.levels import step_levels
+from cam_rig.simulation.simulate import simulate
+from cam_rig.studies.orders.spectrum import force_orders, spectrum
+from cam_rig.studies.orders.steady_force import ForcePiece, SteadyForce, steady_force
+from cam_rig.units import RPM, to_rpm
+
+PAGE = Path("docs/accuracy.md")
+HEADING, LAST_LINE = "## Orders\n", "Made by `benchmark/orders.py`.\n"
+ORDERS = 100
+COUNTS = (10**5, 10**6)
+#: Cam, rig, model, rpm, and what it is a case of.
+CASES = (
+    ("bezier15", "tm21", "one_mass", 400, "smooth"),
+    ("poly345", "tm21", "one_mass", 400, "steps of jerk"),
+    ("poly345", "paper_table2", "residual", 400, "vibration of the stem"),
+    ("tm21", "tm21", "kinetostatic", 300, "steps of force"),
+    ("tm21", "tm21", "one_mass", 400, "a flight a turn"),
+    ("poly345", "paper_table2", "separation", 480, "stem and flights"),
+)
+TEXT = """{heading}
+`cam-rig orders` integrates the steady force in closed form. Largest difference over orders 0 to
+{n}, as part of the largest order, to an FFT of samples of the same force over the same turn, and to
+the integrals of the same pieces in 50 digits:
+
+| cam, model, rpm | force | FFT of 10⁵ | FFT of 10⁶ | 50 digits |
+|---|---|---:|---:|---:|
+{rows}
+
+The FFT's difference falls with the samples, so it is the FFT's own: it folds back what lies beyond
+half its points, and where the force jumps it knows the place of the step to one sample. The
+landings, which no sample shows, are left out of this table; they are closed forms too.
+
+Summed up to 40 kHz and with the background, the orders of `tm21_sweep` give its levels to
+{kept:.2f} dB where contact is kept. Where the follower jumps they differ from them by {low:+.2f}
+to {high:+.2f} dB: the energy account behind the levels adds the sound of a landing's pulse and
+that of the step of the force at the same instant as if they were independent. Samples of the sound
+have the level of the orders, to 0.02 dB.
+
+"""
+
+
+def by_digits(steady: SteadyForce, rates: np.ndarray) -> np.ndarray:
+    """c_n with every operation in 50 digits or more, of the same pieces."""
+    with mpmath.workdps(90):
+        found = []
+        for rate in rates:
+            total = mpmath.mpc(0)
+            for piece in steady.pieces:
+                w = mpmath.mpc(0, float(rate))
+                part = _polynomial(piece, w) + _vibration(piece, w)
+                total += mpmath.exp(-w * mpmath.mpf(piece.begin)) * part
+            found.append(complex(total / mpmath.mpf(steady.duration)))
+    return np.array(found)
+
+
+def _polynomial(piece: ForcePiece, w: mpmath.mpc) -> mpmath.mpc:
+    """By parts: each derivative at both ends, as differences of the ordinates."""
+    length, ordinates = mpmath.mpf(piece.length), [mpmath.mpf(float(x)) for x in piece.ordinates]
+    if w == 0:
+        return length * mpmath.fsum(ordinates) / len(ordinates)
+    total, end = mpmath.mpc(0), mpmath.exp(-w * length)
+    for k in range(len(ordinates)):
+        total += (ordinates[0] - ordinates[-1] * end) / w ** (k + 1)
+        degree = len(ordinates) - 1
+        ordinates = [degree * (b - a) / length for a, b in pairwise(ordinates)]
+    return total
+
+
+def _vibration(piece: ForcePiece, w: mpmath.mpc) -> mpmath.mpc:
+    if piece.free is None:
+        return mpmath.mpc(0)
+    length, free = mpmath.mpf(piece.length), piece.free
+    matrix, start = (mpmath.matrix(x.tolist()) for x in (free.matrix, free.start))
+    shifted = matrix - w * mpmath.eye(2)
+    change = mpmath.expm(shifted * length) * start - start
+    return (mpmath.matrix(free.row.tolist()).T * mpmath.lu_solve(shifted, change))[0]
+
+
+def row(cam: str, rig: str, model: str, rpm: float, what: str) -> str:
+    """A line of the table."""
+    law = cam_rig.build_law(cam_rig.load_cam(cam))
+    steady = steady_force(law, model, cam_rig.load_rig(rig), rpm * RPM)
+    steady = dataclasses.replace(steady, landings=())
+    assert steady.settled
+    rates = np.arange(ORDERS * steady.turns + 1) * steady.speed / steady.turns
+    exact = force_orders(steady, rates, 1e-4)
+    others = [np.fft.fft(samples(steady, n))[: rates.size] / n for n in COUNTS]
+    others.append(by_digits(steady, rates))
+    peak = np.abs(exact).max()
+    away = [f"{np.abs(other - exact).max() / peak:.1e}" for other in others]
+    return " | ".join([f"| {cam}, `{model}`, {rpm:g}", what, *away]) + " |"
+
+
+def samples(steady: SteadyForce, count: int) -> np.ndarray:
+    """The force at evenly spaced instants of all its turns."""
+    return steady.at(np.arange(count) * (steady.duration / count))
+
+
+def level_differences() -> tuple[list[float], list[float]]:
+    """Summed orders less the sweep's levels, dB: where contact is kept, and where it is left."""
+    loaded = cam_rig.load_scene("tm21_sweep")
+    kept, left = list[float](), list[float]()
+    for cam, steps in step_levels(simulate(loaded), loaded.scene.program.settle_turns.si).items():
+        for speed, level in steps.items():
+            steady = steady_force(loaded.laws[cam], loaded.scene.model, loaded.rig, speed)
+            highest = round(40_000.0 * 60.0 / to_rpm(speed)) if steady.landings else 2000
+            found = spectrum(steady, loaded.radiation, highest)
+            powers = [10.0 ** (x / 10.0) for x in (found.total_db, found.background_db)]
+            total = float(level_db(20e-6 * sum(powers) ** 0.5))
+            (left if steady.landings else kept).append(total - level)
+    return kept, left
+
+
+def main() -> None:
+    """Measure, and write the section."""
+    rows = []
+    for case in CASES:
+        rows.append(row(*case))
+        print(rows[-1])
+    kept, left = level_differences()
+    facts = {"heading": HEADING, "n": ORDERS, "rows": "\n".join(rows)}
+    facts |= {"kept": max(map(abs, kept)), "low": min(left), "high": max(left)}
+    print(facts)
+    text = PAGE.read_text(encoding="utf-8")
+    before, _, rest = text.partition(HEADING)
+    after = rest.partition(LAST_LINE)[2]
+    whole = f"{before.rstrip()}\n\n{TEXT.format(**facts)}{LAST_LINE}{after}"
+    PAGE.write_text(whole, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Samples of a run as columns in files of other programs."""

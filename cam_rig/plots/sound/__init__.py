@@ -1,0 +1,1 @@
+"""Figures of sound: levels over speed, the noise study, orders."""

@@ -1,0 +1,187 @@
+"""What a run says of each cam at each speed: level, forces, lift-offs, landings, torque.
+
+All but the level is of the samples, be they computed or read from a bag: both give the same row.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+from cam_rig.laws import Law
+from cam_rig.simulation.flights import OFF_THE_CAM, FlightCount
+from cam_rig.simulation.levels import Settling
+from cam_rig.simulation.tick_samples import TickSamples
+from cam_rig.tables import Cell, Column, DataTable, tabulate
+from cam_rig.units import TURN, to_rpm
+
+
+@dataclass(frozen=True)
+class SpeedRow:
+    """The settled turns of one cam at one speed.
+
+    Parameters
+    ----------
+    rpm : cam speed
+    turns : how many settled turns there are samples of
+    level_db : sound level, dB re 20 µPa; None where the microphone's messages are missing
+    force_peak, force_least : N, contact force at the samples, 0 in flight; below 0 in a model
+        that holds the follower on the cam
+    lift_offs : a turn
+    flight : s, longest time off the cam, to one sample
+    landing : N·s, hardest landing (two landings within one sample count as one)
+    torque_peak, torque_least, torque_mean : N·m, F s' (eq. 8 of the paper); below 0 it is the
+        follower that turns the cam
+    """
+
+    cam: str
+    rpm: float
+    turns: float
+    level_db: float | None
+    force_peak: float
+    force_least: float
+    lift_offs: float
+    flight: float
+    landing: float
+    torque_peak: float
+    torque_least: float
+    torque_mean: float
+
+    def plain(self) -> dict[str, str | float | None]:
+        """The row with units in its names, for JSON and for tables of other programs."""
+        return {name + UNITS.get(name, ""): value for name, value in vars(self).items()}
+
+
+#: What follows a field's name in plain data, where the name has no unit yet.
+UNITS = {
+    "force_peak": "_N",
+    "force_least": "_N",
+    "lift_offs": "_per_turn",
+    "flight": "_s",
+    "landing": "_N_s",
+    "torque_peak": "_N_m",
+    "torque_least": "_N_m",
+    "torque_mean": "_N_m",
+}
+
+
+@dataclass
+class _Step:
+    """One cam at one speed, as its samples come."""
+
+    law: Law
+    flights: FlightCount = field(init=False)
+    samples: int = 0
+    turned: float = 0.0
+    force: tuple[float, float] = (-math.inf, math.inf)
+    torque: tuple[float, float] = (-math.inf, math.inf)
+    torque_sum: float = 0.0
+    landing: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.flights = FlightCount(OFF_THE_CAM * self.law.lift)
+
+    def take(self, tick: TickSamples, rate: int, settled: bool) -> None:
+        """Go on with the samples of the next tick, at ``rate`` Hz."""
+        lift, slope, _ = self.law.motion_at(tick.angle_in_turn)
+        self.flights.take(tick.force, tick.lift - lift, tick.impulse, settled)
+        if not settled:
+            return
+        torque = tick.force * slope
+        self.samples += torque.size
+        self.turned += tick.turned(rate)
+        self.force = _widened(self.force, tick.force.max(), tick.force.min())
+        self.torque = _widened(self.torque, torque.max(), torque.min())
+        self.torque_sum += float(torque.sum())
+        self.landing = max(self.landing, float(tick.impulse.max()))
+
+    def row(self, cam: str, speed: float, rate: int, level: float | None) -> SpeedRow:
+        """The row of a cam at a speed (rad/s) with samples at ``rate`` Hz."""
+        turns = self.turned / TURN
+        return SpeedRow(
+            cam=cam,
+            rpm=round(to_rpm(speed), 9),
+            turns=turns,
+            level_db=level,
+            force_peak=self.force[0],
+            force_least=self.force[1],
+            lift_offs=self.flights.lift_offs / turns,
+            flight=self.flights.longest / rate,
+            landing=self.landing,
+            torque_peak=self.torque[0],
+            torque_least=self.torque[1],
+            torque_mean=self.torque_sum / self.samples,
+        )
+
+
+def _widened(span: tuple[float, float], most: float, least: float) -> tuple[float, float]:
+    return max(span[0], float(most)), min(span[1], float(least))
+
+
+def rows_by_speed(
+    ticks: Iterable[TickSamples],
+    laws: dict[str, Law],
+    rate: int,
+    settle_turns: float,
+    levels: dict[str, dict[float, float]],
+) -> tuple[SpeedRow, ...]:
+    """A row for each cam and speed of a run, in the order of the cams, then of the speeds.
+
+    Parameters
+    ----------
+    ticks : of the run, in order; no more than one is held at a time
+    laws : by cam
+    rate : Hz, of the samples
+    settle_turns : turns of each step that are left out
+    levels : dB by cam and speed (rad/s), as of `step_levels`
+    """
+    steps: dict[tuple[str, float], _Step] = {}
+    settling = Settling(settle_turns)
+    before: tuple[str, float] | None = None
+    for tick in ticks:
+        key = tick.cam, tick.start.speed
+        if before is not None and (before != key or not tick.steady):
+            steps[before].flights.end(settled=True)
+        before = key if tick.steady else None
+        if not tick.steady:
+            continue
+        settled = settling.is_over(tick.start, tick.steady)
+        steps.setdefault(key, _Step(laws[tick.cam])).take(tick, rate, settled)
+    order = {cam: i for i, cam in enumerate(dict.fromkeys(cam for cam, _ in steps))}
+    found = []
+    for (cam, speed), step in sorted(steps.items(), key=lambda x: (order[x[0][0]], x[0][1])):
+        step.flights.end(settled=True)
+        if step.samples:
+            found.append(step.row(cam, speed, rate, levels.get(cam, {}).get(speed)))
+    return tuple(found)
+
+
+def speed_table(rows: Iterable[SpeedRow], title: str, rate: int) -> DataTable:
+    """A row for each cam and speed of a run called ``title``, sampled at ``rate`` Hz."""
+
+    def of(name: str, factor: float = 1.0) -> Callable[[SpeedRow], Cell]:
+        def take(row: SpeedRow) -> Cell:
+            value: Cell = getattr(row, name)
+            return value * factor if isinstance(value, float) else value
+
+        return take
+
+    return tabulate(
+        f"{title}: by speed",
+        rows,
+        (
+            (Column("cam"), of("cam")),
+            (Column("speed", "rpm", ".6g"), of("rpm")),
+            (Column("level", "dB", ".1f"), of("level_db")),
+            (Column("peak force", "N", ".1f"), of("force_peak")),
+            (Column("least force", "N", ".1f"), of("force_least")),
+            (Column("lift-off rate", "1/turn", ".3g"), of("lift_offs")),
+            (Column("longest flight", "ms", ".2f"), of("flight", 1e3)),
+            (Column("hardest landing", "N·s", ".3f"), of("landing")),
+            (Column("peak torque", "N·m", ".2f"), of("torque_peak")),
+            (Column("least torque", "N·m", ".2f"), of("torque_least")),
+            (Column("mean torque", "N·m", ".3f"), of("torque_mean")),
+        ),
+        f"Settled turns, of samples at {rate} Hz: a flight is known to one sample.",
+    )

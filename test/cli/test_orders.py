@@ -1,0 +1,94 @@
+"""cam-rig orders: of a cam and of a scene, tables, CSV, JSON, a plot, refusals in a line."""
+
+import csv
+import io
+import json
+import math
+
+import pytest
+from typer.testing import CliRunner
+
+from cam_rig.cli.main import app
+from cam_rig.cli.studies.orders import speeds_of
+from cam_rig.errors import ConfigError
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, ["orders", *(str(a) for a in arguments)])
+
+
+def test_a_cam_at_one_speed(tmp_path):
+    """3-4-5 up and down alike: its even orders are rounding; the CSV has what the table shows."""
+    plot = tmp_path / "orders.png"
+    result = call("poly345", "--rpm", "400", "--orders", "12", "--csv", "-", "--plot", plot)
+    assert result.exit_code == 0, result.stderr
+    _caption, heading, *rows = csv.reader(io.StringIO(result.stdout))
+    assert heading == [
+        "cam",
+        "speed [rpm]",
+        "order",
+        "frequency [Hz]",
+        "force amplitude [N]",
+        "force phase [°]",
+        "sound level [dB]",
+    ]
+    assert [float(row[2]) for row in rows] == list(range(1, 13))
+    amplitudes = [float(row[4]) for row in rows]
+    assert max(amplitudes[1::2]) < 1e-10
+    assert min(amplitudes[::2]) > 1.0
+    assert float(rows[2][3]) == pytest.approx(20.0)
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_scene_over_speed(tmp_path):
+    """Its cams, rig, model and speeds; the phase is of the force over θ."""
+    plot = tmp_path / "orders.png"
+    result = call("quick", "--orders", "20", "--json", "-", "--plot", plot)
+    assert result.exit_code == 0, result.stderr
+    found = json.loads(result.stdout)
+    assert list(found) == ["tm21", "bezier15"]
+    assert [speed["rpm"] for speed in found["tm21"]["speeds"]] == [200.0, 300.0, 350.0, 400.0]
+    speed = found["bezier15"]["speeds"][0]
+    waves = zip(speed["order"], speed["force_amplitude_N"], speed["force_phase_rad"], strict=True)
+    at_rest = sum(a * math.cos(phase) for _, a, phase in waves)
+    assert at_rest == pytest.approx(12.753, abs=0.5)  # the preload, where the lift is zero
+    assert plot.stat().st_size > 10_000
+
+
+def test_another_rig_and_model():
+    """A cam, or a cam of a scene, on a rig that is named; the model by the field's name."""
+    of_cam = call("poly345", "--rig", "paper_table2", "--model", "two_mass", "--rpm", "390,400")
+    assert of_cam.exit_code == 0, of_cam.stderr
+    words = ["--cam", "poly345", "--rpm", "400", "--rig", "paper_table2", "--json", "-"]
+    of_scene = json.loads(call("tm21_sweep", *words).stdout)
+    assert of_scene["poly345"]["rig"] == "paper_table2"
+    assert of_scene["poly345"]["model"] == "one_mass"
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        (["poly354"], "poly354: no such cam or scene (did you mean 'poly345'?)"),
+        (["poly345", "--cam", "tm21"], "--cam tm21: poly345 is a cam; allowed: with a scene"),
+        (["poly345", "--model", "torsional"], "model torsional: its force is no closed form"),
+        (["poly345", "--rpm", "0"], "--rpm 0: allowed: 300, or 200,300, or 200:400:10"),
+        (["poly345", "--save", "a.png"], "a.png: unknown kind of recording; allowed: .rrd"),
+        (["conjugate"], "allowed on a rig: one that a closing spring alone"),
+    ],
+)
+def test_refusals(words, error):
+    """In one line, with what is allowed."""
+    result = call(*words)
+    assert result.exit_code == 2
+    assert error in result.stderr
+    assert result.stderr.strip().count("\n") == 0
+
+
+def test_speeds_as_words():
+    """One, some, or from and to by a step."""
+    assert speeds_of("300") == [300.0]
+    assert speeds_of("300,200") == [200.0, 300.0]
+    assert speeds_of("0.1:0.4:0.1") == pytest.approx([0.1, 0.2, 0.3, 0.4])
+    for wrong in ("", "a", "1:2", "1:2:0", "2:1:1", "1:1e9:1", "nan", "-3", "1e6"):
+        with pytest.raises(ConfigError, match=r"--rpm .*allowed: 300"):
+            speeds_of(wrong)

@@ -1,0 +1,185 @@
+"""An exported run holds every sample with the cam under it, in any kind of file."""
+
+import itertools
+import tracemalloc
+import zipfile
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+from scipy.io import wavfile
+
+import cam_rig
+from cam_rig.bag import reader
+from cam_rig.errors import ConfigError, OutputError
+from cam_rig.export import columns, wav_file
+from cam_rig.export.columns import COLUMNS
+from cam_rig.export.write import FORMATS, export
+from cam_rig.messages import topics
+from cam_rig.schema.load import config_root
+from cam_rig.simulation.simulate import turned_ticks
+from cam_rig.units import TURN
+
+GOLDEN = config_root().parent / "bags" / "golden"
+NUMBERS = [column.name for column in COLUMNS]
+
+
+def read(path):
+    """A file as columns, by somebody else's reader."""
+    if path.suffix == ".csv":
+        return pd.read_csv(path)
+    if path.suffix == ".parquet":
+        return pq.read_table(path).to_pandas()
+    with np.load(path) as archive:
+        return pd.DataFrame({name: archive[name] for name in ["cam", *NUMBERS]})
+
+
+@pytest.fixture(scope="module")
+def run():
+    return cam_rig.read_bag(GOLDEN)
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet", ".npz"])
+def test_every_sample_is_in_the_file_to_the_last_digit(tmp_path, run, ending):
+    """As pandas, pyarrow and NumPy read it: those of the run, and θ, rpm and cam beside them."""
+    run.export(tmp_path / f"all{ending}")
+    table = read(tmp_path / f"all{ending}")
+    ticks = list(run.blocks())
+    for column, name in (("lift", "lift_m"), ("force", "force_N"), ("time", "time_s")):
+        wanted = np.concatenate([getattr(tick, column) for tick in ticks])
+        np.testing.assert_array_equal(table[name], wanted)
+    assert list(dict.fromkeys(table["cam"])) == ["tm21", "bezier15"]
+    steady = [c for c, _ in itertools.groupby(table["rpm"])]
+    assert steady == [200.0, 300.0, 350.0, 400.0] * 2
+
+
+def test_the_angle_is_that_of_the_lift(tmp_path, run):
+    """In contact the lift is the law at the angle that stands beside it; both angles agree."""
+    run.export(tmp_path / "a.npz")
+    table = read(tmp_path / "a.npz")
+    for cam, rows in table.groupby("cam"):
+        touching = rows[rows["force_N"] > 0.0]
+        law = run.loaded.laws[cam]
+        away = law(touching["angle_in_turn_rad"].to_numpy()) - touching["lift_m"]
+        assert np.abs(away).max() < 1e-14
+    turns = (table["angle_rad"] - table["angle_in_turn_rad"]) / TURN
+    assert np.abs(turns - np.round(turns)).max() < 1e-9
+    assert table["angle_in_turn_rad"].between(0.0, TURN, inclusive="left").all()
+
+
+def test_a_bag_exports_what_its_scene_exports(tmp_path, run):
+    """The nodes recorded what the scene gives."""
+    run.export(tmp_path / "bag.csv")
+    cam_rig.run_scene(run.loaded).export(tmp_path / "scene.csv")
+    one, other = (read(tmp_path / name) for name in ("bag.csv", "scene.csv"))
+    for name in NUMBERS:
+        scale = other[name].abs().max()
+        np.testing.assert_allclose(one[name], other[name], rtol=0, atol=1e-11 * scale)
+
+
+def test_parquet_says_units(tmp_path, run):
+    """In the schema, with the meaning; and what was run."""
+    run.export(tmp_path / "a.parquet")
+    schema = pq.read_schema(tmp_path / "a.parquet")
+    assert schema.field("force_N").metadata[b"unit"] == b"N"
+    assert schema.field("acceleration_m_s2").metadata[b"unit"].decode() == "m/s²"
+    assert schema.metadata[b"sample_rate_Hz"] == b"1000"
+    assert schema.names[:3] == ["time_s", "cam", "rpm"]
+
+
+def test_a_wav_has_a_channel_each_quantity(tmp_path, run):
+    """As scipy reads it: 32-bit floats in SI at the scene's rate, and the names in its comment."""
+    path = tmp_path / "a.wav"
+    run.export(path)
+    rate, data = wavfile.read(path)
+    assert rate == 1000
+    assert data.dtype == np.float32
+    names = [NUMBERS[i] for i in wav_file.CHANNELS]
+    force = np.concatenate([tick.force for tick in run.blocks()])
+    np.testing.assert_array_equal(data[:, names.index("force_N")], force.astype(np.float32))
+    assert b"lift_m [m], velocity_m_s [m/s]" in path.read_bytes()[:600]
+    assert path.stat().st_size == 8 + int.from_bytes(path.read_bytes()[4:8], "little")
+
+
+def test_one_cam_at_one_speed(tmp_path, run):
+    """Only these rows; a scene that has none says what it has, and leaves no file."""
+    run.export(tmp_path / "a.csv", cam="tm21", rpm=400)
+    table = read(tmp_path / "a.csv")
+    assert set(table["cam"]) == {"tm21"}
+    assert set(table["rpm"]) == {400.0}
+    np.testing.assert_array_equal(table["force_N"], run.samples("tm21", 400).force)
+    with pytest.raises(ConfigError, match=r"no samples of tm21 at 360 rpm; allowed: tm21 at 200"):
+        run.export(tmp_path / "b.csv", cam="tm21", rpm=360)
+    with pytest.raises(ConfigError, match=r"run.txt: unknown kind of file; allowed: .parquet, "):
+        run.export(tmp_path / "run.txt")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
+
+
+def lossy(lost):
+    """The bag's messages without some: topics and numbers, as (topic, number within it)."""
+    whole = reader.messages
+
+    def messages(bag, wanted):
+        counts = {}
+        for topic, time, message in whole(bag, wanted):
+            number = counts[topic] = counts.get(topic, -1) + 1
+            if (topic, number) not in lost:
+                yield topic, time, message
+
+    return messages
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_lost_messages_are_gaps(tmp_path, run, monkeypatch, ending):
+    """Samples that were lost are missing, all others have their own angle; a state that was lost
+    between two of one speed costs nothing, one where the speed changes costs what it began and
+    ended. A sound file, which cannot have gaps, is refused.
+    """
+    whole = {tick.time[0]: tick.angle for tick in run.blocks()}
+    lost = {(topics.FOLLOWER_SAMPLES, 5), (topics.CAM_STATE, 1), (topics.CAM_STATE, 8)}
+    monkeypatch.setattr(reader, "messages", lossy(lost))
+    ticks = list(run.blocks())
+    assert len(ticks) == 16 - 3
+    for tick in ticks:
+        np.testing.assert_allclose(tick.angle, whole[tick.time[0]], rtol=0, atol=1e-6)
+    path = tmp_path / f"a{ending}"
+    if ending == ".wav":
+        with pytest.raises(OutputError, match=r"no samples from 1.\d+ to .* s; allowed: a sound"):
+            run.export(path)
+        assert not path.exists()
+        return
+    contents = export(path, run.blocks(), run.loaded)
+    assert contents.gaps == 2
+    assert contents.rows == sum(tick.time.size for tick in ticks) == len(read(path))
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_memory_does_not_grow_with_the_run(tmp_path, make_loaded_scene, monkeypatch, ending):
+    """A run ten times as long takes as much of it, here with small chunks."""
+    monkeypatch.setattr(columns, "CHUNK_ROWS", 1000)
+    peaks = []
+    for turns in (4, 4, 40):  # the first imports
+        loaded = make_loaded_scene(speeds=[60], turns=turns, sample_rate=1000, cams=["poly345"])
+        tracemalloc.start()
+        contents = export(tmp_path / f"a{ending}", turned_ticks(loaded), loaded)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        assert contents.rows == turns * 1000
+    assert peaks[2] < peaks[1] + 0.2 * 36_000 * 8 * len(NUMBERS)
+
+
+def test_a_wav_beyond_its_format_is_refused(tmp_path, run, monkeypatch):
+    """Its sizes are numbers of 32 bits."""
+    monkeypatch.setattr(wav_file, "MAX_BYTES", 10_000)
+    with pytest.raises(OutputError, match=r"more than 4 GiB; allowed: what WAV can hold, so name"):
+        run.export(tmp_path / "a.wav")
+
+
+def test_the_archive_is_one_that_anybody_opens(tmp_path, run):
+    """Plain members, no pickle; what was run stands in it too."""
+    run.export(tmp_path / "a.npz")
+    assert zipfile.ZipFile(tmp_path / "a.npz").testzip() is None
+    with np.load(tmp_path / "a.npz", allow_pickle=False) as archive:
+        assert str(archive["scene"]) == "quick"
+        assert str(archive["sample_rate_Hz"]) == "1000"

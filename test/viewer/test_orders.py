@@ -1,0 +1,59 @@
+"""The recording of orders shows the spectra's own numbers, speed by speed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cam_rig
+from cam_rig.errors import CamRigError
+from cam_rig.studies.orders.waterfall import RANGE, CamOrders, loudest, waterfall
+from cam_rig.units import RPM
+from cam_rig.viewer.orders import SPEED, entity, save_orders
+
+from .conftest import Picture
+
+STRIPS = "LineStrips2D:strips"
+SPEEDS = (300.0, 350.0, 400.0)
+
+
+@pytest.fixture(scope="module")
+def found() -> tuple[CamOrders, ...]:
+    law = cam_rig.build_law(cam_rig.load_cam("poly345"))
+    rig = cam_rig.load_rig("paper_table2")
+    return waterfall({"poly345": law}, "residual", rig, [rpm * RPM for rpm in SPEEDS], 40)
+
+
+def test_bars_are_the_levels_of_the_speed(found: tuple[CamOrders, ...], tmp_path: Path) -> None:
+    """Their tops lie as the levels do; each stands at its speed on the timeline."""
+    path = tmp_path / "a.rrd"
+    save_orders(found, path)
+    picture, (study,) = Picture(path), found
+    view = entity(study, "level", "lines")
+    assert picture.numbers(f"{view}/orders", SPEED).tolist() == list(SPEEDS)
+    most = loudest(found, "level")
+    low = 10.0 * np.ceil(most / 10.0) - RANGE
+    for spectrum, bars in zip(study.spectra, picture.column(f"{view}/orders", STRIPS), strict=True):
+        ends = np.array([np.array(list(bar)) for bar in bars])
+        heights = ends[:, 0, 1] - ends[:, 1, 1]
+        levels = np.clip(spectrum.level[1:], low, None) - low
+        np.testing.assert_allclose(heights / heights.max(), levels / levels.max(), atol=1e-5)
+
+
+def test_only_what_is_loud_is_a_stroke(found: tuple[CamOrders, ...], tmp_path: Path) -> None:
+    """Within 60 dB of the loudest; the even orders of a cam that rises as it falls are not."""
+    path = tmp_path / "a.rrd"
+    save_orders(found, path)
+    (study,) = found
+    rays = f"{entity(study, 'level', 'rays')}/orders"
+    (strokes,) = Picture(path).column(rays, STRIPS)
+    shown = study.values("level") > loudest(found, "level") - RANGE
+    assert len(strokes) == int(shown.sum()) < 0.6 * shown.size
+
+
+def test_another_suffix_is_refused(found: tuple[CamOrders, ...], tmp_path: Path) -> None:
+    """As no viewer opens it."""
+    with pytest.raises(CamRigError, match=r"ends in '.png'; allowed: .rrd"):
+        save_orders(found, tmp_path / "a.png")
