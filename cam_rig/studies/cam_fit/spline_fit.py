@@ -18,6 +18,9 @@ from cam_rig.schema.segments.table import MAX_TOLERANCE, WIDEST_GAP_DEG
 from cam_rig.studies.cam_fit.dwells import FoundDwell, find_dwells, likely_range
 from cam_rig.studies.cam_fit.readings import Readings, bridges, without_slips
 
+#: Without a gauge's error the scatter is allowed, and so many of its standard errors: one that was
+#: found too small makes a spline of many knots, one found too large hardly another one.
+MARGIN = 1.5
 #: Where no spline comes near enough, it is allowed so many times the distance, and again.
 WIDER = 2.0
 
@@ -125,7 +128,7 @@ def _tolerance(readings: Readings, scatter: float, asked: float | None) -> float
         )
     if asked is not None and asked >= least_tolerance(scatter, readings.angles.size):
         return asked
-    found = scatter * (1.0 + readings.scatter_error)
+    found = scatter * (1.0 + MARGIN * readings.scatter_error)
     if found > most:
         raise ConfigError(
             f"{readings.name}: readings scatter by {scatter * 1e3:.3g} mm about a smooth law; "
