@@ -4,8 +4,8 @@ A polynomial of degree 5 through six neighbours of a reading says what a smooth 
 there. The divided difference of order 6 of the seven, scaled to a unit sum of squares, is then
 noise of the reading's own standard deviation (Gasser, Sroka and Jennen-Steinmetz, *Residual
 variance and residual pattern in nonlinear regression*, Biometrika 73, 1986, with lines in place of
-polynomials). The median of its size over the turn is not moved by a slip, nor by the few places
-where the law's derivatives jump.
+polynomials). Differences far beyond their median are left out, so neither a slip moves the scatter
+nor the few places where the law's derivatives jump.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cam_rig.arrays import FloatArray
+from cam_rig.arrays import FloatArray, rms
 from cam_rig.errors import LawError
 from cam_rig.units import TURN
 
@@ -23,8 +23,11 @@ from cam_rig.units import TURN
 WINDOW = 7
 #: Median of |x| of the standard normal distribution.
 NORMAL_MEDIAN = 0.6744897501960817
+#: Differences beyond so many standard deviations are of slips, and of jumps of the derivatives;
+#: what is left of the standard normal distribution without them has this standard deviation.
+TRIMMED, TRIMMED_STANDARD_DEVIATION = 3.0, 0.9865784
 #: Standard error of the scatter of n readings, times √n, in parts of it: found by simulation.
-STANDARD_ERROR = 1.75
+STANDARD_ERROR = 1.35
 #: A tolerance that lies so many standard errors below the scatter follows the noise, and so does
 #: less than this part of it: of few readings the scatter is known so roughly.
 SURE, LEAST_PART = 3.0, 0.4
@@ -71,7 +74,10 @@ def scatter(angles: FloatArray, lifts: FloatArray) -> float:
     found, counts = differences(angles, lifts)
     if np.count_nonzero(counts) < WINDOW:
         return 0.0
-    return float(np.median(np.abs(found[counts]))) / NORMAL_MEDIAN
+    sizes = np.abs(found[counts])
+    first = float(np.median(sizes)) / NORMAL_MEDIAN
+    near = sizes[sizes <= TRIMMED * first]
+    return rms(near) / TRIMMED_STANDARD_DEVIATION
 
 
 def scatter_error(count: int) -> float:

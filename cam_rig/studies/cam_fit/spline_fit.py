@@ -20,7 +20,7 @@ from cam_rig.studies.cam_fit.readings import Readings, bridges, without_slips
 
 #: Without a gauge's error the scatter is allowed, and so many of its standard errors: one that was
 #: found too small makes a spline of many knots, one found too large hardly another one.
-MARGIN = 1.5
+MARGIN = 2.0
 #: Where no spline comes near enough, it is allowed so many times the distance, and again.
 WIDER = 2.0
 

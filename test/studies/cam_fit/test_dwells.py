@@ -23,7 +23,7 @@ def degrees(dwell):
 
 
 @pytest.mark.parametrize("name", TRUE)
-@pytest.mark.parametrize(("count", "near"), [(36, 6.0), (72, 3.0), (360, 1.0)])
+@pytest.mark.parametrize(("count", "near"), [(36, 8.0), (72, 3.0), (360, 1.0)])
 def test_dwells_of_2_um_scatter(measured, name, count, near):
     """Each one, its ends within a degree of 360 readings, its level within the scatter."""
     readings = measured(name, count, zero=0.003)
