@@ -7,8 +7,10 @@ from typing import Annotated
 
 import typer
 
+from cam_rig.cli.cams.fit import fit
 from cam_rig.cli.cams.law import law
 from cam_rig.cli.cams.laws import laws
+from cam_rig.cli.cams.new import new
 from cam_rig.cli.cams.profile import profile
 from cam_rig.cli.common.version import print_versions
 from cam_rig.cli.runs.analyze import analyze
@@ -68,6 +70,7 @@ for verb in (
     urdf,
     laws,
     law,
+    new,
     profile,
     as_cut,
     timing,
@@ -85,6 +88,7 @@ for verb in (
     bench,
 ):
     app.command()(verb)
+app.add_typer(fit, name="fit")
 
 
 def main() -> None:

@@ -11,15 +11,17 @@ from cam_rig.errors import LawError
 from cam_rig.laws.arcs.from_segments import tangent_arcs, whole_turn_arcs
 from cam_rig.laws.families import b_spline
 from cam_rig.laws.families.polynomial import polynomial_through
-from cam_rig.laws.families.table import Smoothed, smooth
+from cam_rig.laws.families.scatter import require_above_scatter
+from cam_rig.laws.families.table import Rest, Smoothed, smooth
 from cam_rig.laws.families.trigonometric import trigonometric
 from cam_rig.laws.fit import fit
 from cam_rig.laws.pieces import Pieces
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segments import Bezier, BSpline, Polynomial, Segment, Table, Trigonometric
 
-#: Lift of a file and height of its own points may differ by this fraction.
-SAME_LIFT = 1e-2
+#: Lift of a file and height of its own points may differ by this fraction, and by so many
+#: tolerances: the errors of the highest and of the lowest point.
+SAME_LIFT, SAME_LIFT_TOLERANCES = 1e-2, 8.0
 
 
 def own_pieces(segment: Segment, cam: CamConfig) -> Pieces | None:
@@ -78,13 +80,17 @@ def smoothed(segment: Table, cam: CamConfig) -> Smoothed:
     """
     points = segment.file
     height = max(points.lifts) - min(points.lifts)
-    if abs(height - cam.lift.si) > SAME_LIFT * height + 2.0 * segment.tolerance.si:
+    limit = SAME_LIFT * height + SAME_LIFT_TOLERANCES * segment.tolerance.si
+    if abs(height - cam.lift.si) > limit:
         raise LawError(
             f"cam {cam.name!r}: lift is {cam.lift.si * 1e3:g} mm, the points of {points.file} "
             f"rise by {height * 1e3:g} mm; allowed: the same, so write that"
         )
+    dwells = [Rest(dwell.start.si, dwell.span.si, dwell.level.si) for dwell in segment.dwells]
+    angles, lifts = np.array(points.angles), np.array(points.lifts)
     try:
-        return smooth(np.array(points.angles), np.array(points.lifts), segment.tolerance.si)
+        require_above_scatter(angles, lifts, segment.tolerance.si)
+        return smooth(angles, lifts, segment.tolerance.si, dwells)
     except LawError as error:
         raise LawError(f"cam {cam.name!r}: {points.file}: {error}") from None
 

@@ -1,4 +1,7 @@
-"""A law over the cam angle as the theses draw it: s, s', s'', s''' in four stacked panels."""
+"""A law over the cam angle as the theses draw it: s, s', s'', s''' in four stacked panels.
+
+A law that was fitted is drawn with its readings instead, and what is between them.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cam_rig.drawing.colours import DERIVATIVES, web
+from cam_rig.drawing.colours import CAMS, DERIVATIVES, web
 from cam_rig.laws import Law
 from cam_rig.laws.cam import segment_angles
 from cam_rig.laws.continuity import SMOOTHEST, Joint, joints
@@ -18,6 +21,9 @@ from cam_rig.laws.peaks import extremes
 from cam_rig.plots.figures import CAM_ANGLE, empty, turn_axis, write
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segments import Table
+from cam_rig.studies.cam_fit.arcs_fit import ArcsFit
+from cam_rig.studies.cam_fit.spline_fit import SplineFit
+from cam_rig.units import TURN
 
 #: One a panel.
 COLOURS = tuple(map(web, DERIVATIVES))
@@ -28,6 +34,8 @@ SAME_DEG = 1e-6
 #: Segments narrower than this have no name in the plot, or an upright one, deg.
 NAMELESS_DEG, UPRIGHT_DEG = 12.0, 60.0
 GREY = "0.45"
+#: Points of a fitted curve over the turn, and what is behind it.
+FIT_POINTS, SHADE = 3601, "0.8"
 
 
 def draw(cam: CamConfig, law: Law, path: Path) -> None:
@@ -159,3 +167,61 @@ def _classes(axes: Axes, marked: list[Joint]) -> None:
     top = axes.secondary_xaxis("top")
     top.set_xticks(at, labels, fontsize=8)
     top.set_xlabel("continuity class at each knot", fontsize=8, color=GREY)
+
+
+def draw_fit(fit: SplineFit | ArcsFit, path: Path) -> None:
+    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
+    write(_arcs_fit(fit) if isinstance(fit, ArcsFit) else _spline_fit(fit), path)
+
+
+def _spline_fit(fit: SplineFit) -> Figure:
+    """Lift, distance and acceleration; dwells are shaded."""
+    out = empty(8.0, 8.0)
+    lift, away, bend = out.subplots(3, 1, sharex=True)
+    angles, colour = np.linspace(0.0, TURN, FIT_POINTS), web(CAMS[0])
+    degrees, readings = np.degrees(angles), fit.readings
+    lift.plot(degrees, fit.law(angles) * 1e3, color=colour)
+    lift.plot(np.degrees(readings.angles), readings.lifts * 1e3, ".", color="k", ms=3)
+    for slip in readings.slips:
+        lift.plot(np.degrees(slip.angle), (slip.lift - fit.zero) * 1e3, "x", color="r")
+    distance = (readings.lifts - fit.law(readings.angles)) * 1e3
+    away.plot(np.degrees(readings.angles), distance, ".", color="k", ms=3)
+    away.axhspan(-fit.tolerance * 1e3, fit.tolerance * 1e3, color=SHADE, lw=0)
+    bend.plot(degrees, fit.law(angles, 2) * 1e3, color=colour)
+    for axes in (lift, bend):
+        for dwell in fit.dwells:
+            start, stop = np.degrees([dwell.rest.start, dwell.rest.start + dwell.rest.span])
+            axes.axvspan(start, min(stop, 360.0), color=SHADE, lw=0, zorder=0)
+            axes.axvspan(0.0, max(stop - 360.0, 0.0), color=SHADE, lw=0, zorder=0)
+    _label((lift, "lift [mm]"), (away, "reading − law [mm]"), (bend, "acceleration s″ [mm/rad²]"))
+    lift.set_title(f"{readings.name}: dwells shaded; below, the distance allowed")
+    turn_axis(bend, 30)
+    bend.set_xlabel(CAM_ANGLE)
+    return out
+
+
+def _arcs_fit(fit: ArcsFit) -> Figure:
+    """Lift of each follower, and distance of its readings; the nose is at 180°."""
+    out = empty(8.0, 6.4)
+    lift, away = out.subplots(2, 1, sharex=True)
+    angles = np.linspace(0.0, TURN, FIT_POINTS)
+    for i, column in enumerate(fit.columns):
+        colour, readings = web(CAMS[i % len(CAMS)]), column.readings
+        own = -readings.angles if column.reverse else readings.angles
+        from_nose = np.degrees((own - fit.arcs.nose_angle + 0.5 * TURN) % TURN)
+        curve = fit.arcs.lifts(column.follower, angles + fit.arcs.nose_angle - 0.5 * TURN)
+        lift.plot(np.degrees(angles), curve * 1e3, color=colour, label=column.kind)
+        lift.plot(from_nose, readings.lifts * 1e3, ".", color=colour, ms=4)
+        away.plot(from_nose, -column.away * 1e3, ".", color=colour, label=readings.name)
+    away.axhline(0.0, color=SHADE, zorder=0)
+    _label((lift, "lift [mm]"), (away, "reading − arcs [mm]"))
+    for axes in (lift, away):
+        axes.legend(frameon=False)
+    turn_axis(away, 30)
+    away.set_xlabel(CAM_ANGLE)
+    return out
+
+
+def _label(*panels: tuple[Axes, str]) -> None:
+    for axes, label in panels:
+        axes.set_ylabel(label)

@@ -119,3 +119,51 @@ def test_a_tolerance_that_loses_the_cam(load):
 def test_a_tolerance_below_what_a_spline_reaches(load):
     """0 goes through every point: there is always a way."""
     assert load(table(), tolerance="0").segments[0].tolerance.si == 0.0
+
+
+DWELL = (
+    "{{start: {{assumed: {}, unit: deg}}, span: {{assumed: {}, unit: deg}}, "
+    "level: {{assumed: 0, unit: mm}}}}"
+)
+
+
+@pytest.fixture
+def with_dwells(load, tmp_path, config_dir):
+    """The shipped table cam with a CSV and dwells (start and span in deg) of its own."""
+
+    def write(dwells, rows=ROWS, tolerance="0.003"):
+        text = (config_dir / "cams" / "measured.yaml").read_text(encoding="utf-8")
+        listed = ", ".join(DWELL.format(*dwell) for dwell in dwells)
+        path = tmp_path / "measured.yaml"
+        text = text.replace("assumed: 0.003", f"assumed: {tolerance}")
+        path.write_text(f"{text.rstrip()}\n    dwells: [{listed}]\n", encoding="utf-8")
+        (tmp_path / "measured.csv").write_text(table(rows), encoding="utf-8")
+        return load_cam(path)
+
+    return write
+
+
+def test_a_dwell_needs_no_points(with_dwells):
+    """A gap of 90°, and one across the turn's end, are allowed inside of a dwell."""
+    assert with_dwells([(100, 120)], [*ROWS[:8], *ROWS[13:]]).segments[0].dwells[0].span.si > 2.0
+    with_dwells([(270, 150)], ROWS[4:19])
+    with pytest.raises(ConfigError, match=r"has no point for 90° after 105°"):
+        with_dwells([(110, 100)], [*ROWS[:8], *ROWS[13:]])
+
+
+@pytest.mark.parametrize(
+    ("dwells", "tolerance", "words"),
+    [
+        ([(100, 50)], "0", "tolerance: is 0; allowed beside dwells: greater than 0"),
+        ([(100, 50), (150.5, 20)], "0.003", "dwells[0]: ends at 150°, the next begins at 150.5°"),
+        ([(200, 50), (100, 20)], "0.003", "dwells[0]: ends at 250°, the next begins at 100°"),
+        ([(100, 20), (300, 170)], "0.003", "dwells[1]: ends at 470°, the next begins at 460°"),
+        ([(100, 360)], "0.003", "dwells[0]: ends at 460°, the next begins at 460°"),
+        ([(-1, 20)], "0.003", "dwells[0].start: is -1 deg; allowed: at least 0 deg"),
+    ],
+)
+def test_wrong_dwells_are_refused(with_dwells, dwells, tolerance, words):
+    """Dwells follow one another with an event between each two, around the turn."""
+    with pytest.raises(ConfigError) as caught:
+        with_dwells(dwells, tolerance=tolerance)
+    assert words in str(caught.value)

@@ -48,13 +48,22 @@ An error is one line: the file or option, its value, what is allowed. A bag is n
 def page() -> str:
     """The whole page as Markdown."""
     group: Any = typer.main.get_command(app)
-    verbs = group.commands
+    verbs = dict(_verbs(group))
     summary = ["| command | does |", "|---|---|"]
     for name, verb in verbs.items():
         first = inspect.cleandoc(verb.help).split("\n\n")[0].replace("\n", " ")
-        summary.append(f"| [`{name}`](#{name}) | {first} |")
+        summary.append(f"| [`{name}`](#{name.replace(' ', '-')}) | {first} |")
     parts = [HEAD, "\n".join(summary), *(section(name, verb) for name, verb in verbs.items())]
     return "\n\n".join(part.strip() for part in parts) + "\n"
+
+
+def _verbs(group: Any) -> Iterator[tuple[str, Any]]:
+    """Each command by its words; those of a group, such as ``fit cam``, one by one."""
+    for name, verb in group.commands.items():
+        if hasattr(verb, "commands"):
+            yield from ((f"{name} {word}", one) for word, one in _verbs(verb))
+        else:
+            yield name, verb
 
 
 def section(name: str, verb: Any) -> str:

@@ -34,6 +34,25 @@ class ArcFollower:
     roller_radius: float
 
 
+def arc_lift(
+    chain: Chain, base_radius: float, follower: ArcFollower, angle: FloatArray
+) -> FloatArray:
+    """The lift (m) above the base circle at cam angles ``(n,)`` in rad, straight from the arcs.
+
+    Raises
+    ------
+    LawError : the follower cannot stay on the contour
+    """
+    angles = _flat_angles(chain) if follower.flat else _pitch_angles(chain, follower.roller_radius)
+    inside = angles[0] + (angle - angles[0]) % TURN
+    places = np.searchsorted(angles[1:-1], inside, side="right")
+    out = np.empty(angle.size)
+    for i in np.unique(places):
+        here = places == i
+        out[here] = _curve(chain.parts[i], base_radius, follower)(inside[here], 0)
+    return out
+
+
 def arc_pieces(chain: Chain, base_radius: float, follower: ArcFollower) -> Pieces:
     """The lift (m) above the base circle of ``base_radius`` (m), one whole turn from angle 0.
 
@@ -49,15 +68,17 @@ def arc_pieces(chain: Chain, base_radius: float, follower: ArcFollower) -> Piece
             breaks.append(stop)
             columns.append(np.array([part.radius - base_radius]))
             continue
-        curve = (
-            _support(part, base_radius)
-            if follower.flat
-            else _polar(part, base_radius, follower.roller_radius)
-        )
-        steps, fitted = fit(curve, start, stop)
+        steps, fitted = fit(_curve(part, base_radius, follower), start, stop)
         breaks += steps[1:]
         columns += fitted
     return turned_to_zero((breaks, columns), TURN)
+
+
+def _curve(part: Part, base_radius: float, follower: ArcFollower) -> Curve:
+    """The lift above the base circle while the follower is on a part."""
+    if follower.flat:
+        return _support(part, base_radius)
+    return _polar(part, base_radius, follower.roller_radius)
 
 
 def _flat_angles(chain: Chain) -> list[float]:

@@ -18,6 +18,12 @@ from cam_rig.units import TURN
 FEWEST_POINTS, MAX_POINTS = 12, 7200
 #: A wider gap than this (deg) leaves the law there to chance.
 WIDEST_GAP_DEG = 45.0
+#: Dwells of one turn, at most.
+MAX_DWELLS = 36
+#: Two dwells are so far apart (deg) at least, ...
+LEAST_EVENT_DEG = 1.0
+#: ... and a point at a dwell's end (rad) is in it.
+ROUNDING = 1e-9
 #: Where a table repeats its first point at 360°, the two may differ by so many tolerances.
 CLOSING_TOLERANCES = 3.0
 
@@ -62,26 +68,67 @@ def _check(name: str, angles: list[float]) -> None:
         raise ValueError(
             f"{name}: angles are {degrees[0]:g}° to {degrees[-1]:g}°; allowed: 0° to 360°"
         )
-    ends = zip(degrees, [*degrees[1:], degrees[0] + 360.0], strict=True)
-    gap, start = max((end - start, start) for start, end in ends)
-    if gap > WIDEST_GAP_DEG:
-        raise ValueError(
-            f"{name}: has no point for {gap:.4g}° after {start:.4g}°; allowed: gaps of at most "
-            f"{WIDEST_GAP_DEG:g}° all around, so measure there too"
-        )
+
+
+class MeasuredDwell(Strict):
+    """A stretch in which the follower rests, exactly: ``level`` as the file's lifts have it."""
+
+    start: Annotated[Quantity, must_be("angle", least=0.0, most=TURN)]
+    span: Annotated[Quantity, must_be("angle", above=0.0, most=TURN)]
+    level: Annotated[Quantity, must_be("length", least=-100.0, most=100.0)]
+
+    def holds(self, start: float, stop: float) -> bool:
+        """Whether a stretch of the turn (rad) lies inside."""
+        before = (start - self.start.si + ROUNDING) % TURN
+        return before + (stop - start) <= self.span.si + 2.0 * ROUNDING
 
 
 class Table(WholeTurn):
     """Points (angle, lift) of a whole turn, joined by a smooth periodic spline.
 
     ``tolerance`` is the r.m.s. distance (m) of the spline from the points: what a reading of
-    them is worth. With 0 the spline goes through every point.
+    them is worth. With 0 the spline goes through every point. ``dwells``, in the order of the cam
+    angle, are exact; a stretch without points is allowed inside of one.
     """
 
     law: Literal["table"]
     file: Annotated[MeasuredPoints, BeforeValidator(_read)]
     tolerance: Annotated[Quantity, must_be("length", least=0.0, most=1.0)]
+    dwells: list[MeasuredDwell] = Field(default=[], max_length=MAX_DWELLS)
     source: str = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _all_around(self) -> Table:
+        degrees = [math.degrees(angle) for angle in self.file.angles]
+        ends = zip(degrees, [*degrees[1:], degrees[0] + 360.0], strict=True)
+        open_gaps = [
+            (end - start, start)
+            for start, end in ends
+            if not any(d.holds(math.radians(start), math.radians(end)) for d in self.dwells)
+        ]
+        gap, start = max(open_gaps, default=(0.0, 0.0))
+        if gap > WIDEST_GAP_DEG:
+            raise ValueError(
+                f"{self.file.file}: has no point for {gap:.4g}° after {start:.4g}°; allowed: gaps "
+                f"of at most {WIDEST_GAP_DEG:g}° all around, so measure there too"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _apart(self) -> Table:
+        if self.dwells and self.tolerance.si == 0.0:
+            raise ValueError("tolerance: is 0; allowed beside dwells: greater than 0")
+        starts = [dwell.start.si for dwell in self.dwells]
+        nexts = [*starts[1:], *(start + TURN for start in starts[:1])]
+        for i, (dwell, after) in enumerate(zip(self.dwells, nexts, strict=True)):
+            end = math.degrees(dwell.start.si + dwell.span.si)
+            if end > math.degrees(after) - LEAST_EVENT_DEG:
+                raise ValueError(
+                    f"dwells[{i}]: ends at {end:g}°, the next begins at {math.degrees(after):g}°; "
+                    "allowed: dwells in the order of the cam angle, at least "
+                    f"{LEAST_EVENT_DEG:g}° apart"
+                )
+        return self
 
     @model_validator(mode="after")
     def _closes(self) -> Table:

@@ -11,8 +11,11 @@ from cam_rig.arrays import FloatArray
 from cam_rig.laws import Law
 from cam_rig.units import TURN
 
-#: A piece no higher above the lowest lift than this fraction of the lift is flat.
+#: A piece whose ordinates differ by no more than this fraction of the lift is flat, ...
 FLAT = 1e-12
+#: ... and low where it is no higher than this fraction above the lowest ordinate: a spline through
+#: readings that leaves its dwell may dip below it by part of their scatter.
+LOW = 1e-3
 #: In place of the low dwell of a law without one: this much (rad) about its lowest lift, as wide
 #: as the low dwell of the paper's other laws here.
 GRID = 3600
@@ -40,8 +43,8 @@ class LowDwell:
 def low_dwell(law: Law) -> LowDwell:
     """The longest run of pieces at the lowest lift, around the turn; else the stand-in."""
     lowest = float(law.ordinates.min())
-    height = np.abs(law.ordinates - lowest).max(axis=0)
-    flat = height <= FLAT * law.lift
+    low = law.ordinates.max(axis=0) - lowest <= LOW * law.lift
+    flat = low & (np.ptp(law.ordinates, axis=0) <= FLAT * law.lift)
     best = LowDwell(0.0, 0.0, True)
     count = flat.size
     for i in np.flatnonzero(flat & ~np.roll(flat, 1)):

@@ -1,0 +1,57 @@
+"""How far a cam fitted to readings is from the one that was read: the table of docs/accuracy.md.
+
+    .venv/bin/python benchmark/fit_cam.py
+
+Readings of shipped laws with noise, an unknown zero and one slip; takes half a minute.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+import cam_rig
+from cam_rig.schema.gauge_table import GaugeColumn, GaugeTable
+from cam_rig.studies.cam_fit.readings import put_in_order
+from cam_rig.studies.cam_fit.spline_fit import fit_spline
+from cam_rig.units import TURN
+
+CAMS = ("poly345", "cycloidal", "flat", "bezier15", "b_spline")
+COUNTS, SEEDS = (360, 72, 36), range(5000, 5040)
+LIFT, NOISE, ZERO, SLIP = 0.01, 2e-6, 3e-3, 4e-4  # m
+FINE = np.linspace(0.0, TURN, 2000, endpoint=False)
+
+
+def errors(name: str, count: int, seed: int) -> tuple[float, float, float]:
+    """r.m.s. of the lift (µm), of the acceleration over its peak (%), and of the peak (%)."""
+    rng = np.random.default_rng(seed)
+    law = cam_rig.build_law(cam_rig.load_cam(name))
+    scale = LIFT / law.lift
+    angles = np.linspace(0.0, TURN, count, endpoint=False)
+    lifts = scale * law(angles) + NOISE * rng.normal(size=count) + ZERO
+    lifts[rng.integers(count)] += SLIP
+    column = GaugeColumn("lift", tuple(lifts), 1e-9)
+    table = GaugeTable(name, tuple(angles), (column,), tuple(range(count)), ())
+    fit = fit_spline(put_in_order(table, column))
+    true, found = scale * law(FINE, 2), fit.law(FINE, 2)
+    peak = np.abs(true).max()
+    away = fit.law(FINE) - scale * law(FINE)
+    return (
+        1e6 * float(np.sqrt(np.mean(away**2))),
+        100.0 * float(np.sqrt(np.mean((found - true) ** 2)) / peak),
+        100.0 * abs(float(np.abs(found).max() / peak) - 1.0),
+    )
+
+
+def main() -> None:
+    """Print the rows: median, 95th percentile and worst of each error."""
+    for count in COUNTS:
+        found = np.array([errors(name, count, seed) for name in CAMS for seed in SEEDS])
+        cells = [
+            ", ".join(f"{value:.2g}" for value in (np.median(e), np.percentile(e, 95), e.max()))
+            for e in found.T
+        ]
+        print(f"| {count} | {cells[0]} µm | {cells[1]} % | {cells[2]} % |")
+
+
+if __name__ == "__main__":
+    main()

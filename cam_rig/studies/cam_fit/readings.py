@@ -1,0 +1,218 @@
+"""Readings put in order for a fit: one turn, rising angles, slips told apart."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cam_rig.arrays import FloatArray
+from cam_rig.errors import ConfigError
+from cam_rig.laws.families.scatter import WINDOW, differences, scatter, scatter_error
+from cam_rig.schema.gauge_table import GaugeColumn, GaugeTable
+from cam_rig.schema.segments.table import FEWEST_POINTS, MAX_POINTS, WIDEST_GAP_DEG
+from cam_rig.units import TURN
+
+#: Readings of one angle (rad) are nearer than this.
+SAME_ANGLE = 1e-6
+#: A gauge that shows less than this (m) is none.
+LEAST_RESOLUTION = 1e-9
+#: They differ by no more than so many scatters and steps of the gauge.
+REPEATED = 6.0
+#: A slip is so many scatters from what its neighbours say, and so many times farther than any
+#: reading that is none: the few places where the law itself is not smooth come in numbers.
+SLIP, SLIP_ALONE = 6.0, 2.0
+#: Slips, at most: of all readings, and in parts of them. More is another kind of error.
+MOST_SLIPS, MOST_SLIPS_PART = 10, 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Slip:
+    """A reading that its neighbours contradict: ``beside`` (m) is how far it is off them."""
+
+    line: int
+    angle: float
+    lift: float
+    beside: float
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """Readings of one follower over one turn.
+
+    Parameters
+    ----------
+    name : of the file and the column
+    angles : ``(n,)`` rad, rising, from 0 on
+    lifts : ``(n,)`` m, above the gauge's own zero
+    lines : ``(n,)`` line of the file of each
+    resolution : the step in which lifts are written, m
+    gap : start and span (rad) of the longest stretch without readings
+    notes : what was done to them, a sentence each
+    slips : readings that were left out
+    """
+
+    name: str
+    angles: FloatArray
+    lifts: FloatArray
+    lines: NDArray[np.int64]
+    resolution: float
+    gap: tuple[float, float]
+    notes: tuple[str, ...]
+    slips: tuple[Slip, ...] = ()
+
+    @property
+    def rounding(self) -> float:
+        """Standard deviation (m) of the rounding to the step in which lifts are written."""
+        return max(self.resolution, LEAST_RESOLUTION) / math.sqrt(12.0)
+
+    @property
+    def scatter(self) -> float:
+        """Standard deviation (m) of the readings about a smooth law, their rounding at least."""
+        return max(scatter(self.angles, self.lifts), self.rounding)
+
+    @property
+    def scatter_error(self) -> float:
+        """Its relative standard error."""
+        return scatter_error(self.angles.size)
+
+
+def put_in_order(table: GaugeTable, column: GaugeColumn, reverse: bool = False) -> Readings:
+    """Readings of one column over one turn, those of one angle averaged.
+
+    ``reverse`` is for a cam that was turned the other way than the rig turns it: θ becomes −θ.
+
+    Raises
+    ------
+    ConfigError : too few or too many readings, or two of one angle that contradict each other
+    """
+    angles, lifts = np.array(table.angles), np.array(column.lifts)
+    notes = []
+    if np.all(np.diff(angles) < 0.0):
+        notes.append("angles fall in the file: put in rising order, lift over angle is the same")
+    if reverse:
+        angles = -angles
+        notes.append("turning sense reversed as asked: the law is that of -angle")
+    if angles.min() < 0.0 or angles.max() >= TURN - SAME_ANGLE:
+        low, high = math.degrees(angles.min()), math.degrees(angles.max())
+        notes.append(f"angles of {low:.6g} to {high:.6g} deg taken within one turn")
+    inside = angles - TURN * np.floor((angles + SAME_ANGLE) / TURN)
+    inside = np.maximum(inside, 0.0)
+    order = np.argsort(inside, kind="stable")
+    found = _averaged(table, column, (inside[order], lifts[order], np.array(table.lines)[order]))
+    if found.angles.size < inside.size:
+        notes.append(f"{inside.size - found.angles.size} repeated angles averaged")
+    return replace(found, notes=tuple(notes))
+
+
+def _averaged(
+    table: GaugeTable,
+    column: GaugeColumn,
+    rows: tuple[FloatArray, FloatArray, NDArray[np.int64]],
+) -> Readings:
+    angles, lifts, lines = rows
+    starts = np.flatnonzero(np.diff(angles, prepend=-1.0) > SAME_ANGLE)
+    counts = np.diff(np.append(starts, angles.size))
+    means = np.add.reduceat(lifts, starts) / counts
+    name, gap = f"{table.file}, {column.name}", _widest_gap(angles[starts])
+    found = Readings(name, angles[starts], means, lines[starts], column.resolution, gap, ())
+    if not FEWEST_POINTS <= found.angles.size <= MAX_POINTS:
+        raise ConfigError(
+            f"{table.file}: has {found.angles.size} readings of different angles; allowed: "
+            f"{FEWEST_POINTS} to {MAX_POINTS} over a turn"
+        )
+    if not np.ptp(means) > 0.0:
+        raise ConfigError(f"{name}: all lifts are {means[0] * 1e3:g} mm; allowed: a lift")
+    spread = np.maximum.reduceat(lifts, starts) - np.minimum.reduceat(lifts, starts)
+    worst = int(np.argmax(spread))
+    single = found.scatter * math.sqrt(counts[worst])  # the scatter is that of means
+    limit = REPEATED * single + found.resolution
+    if spread[worst] > limit:
+        same = lines[starts[worst] : starts[worst] + counts[worst]]
+        raise ConfigError(
+            f"{name}: lines {', '.join(map(str, same))} are both of "
+            f"{math.degrees(angles[starts][worst]):g} deg and {spread[worst] * 1e3:.4g} mm apart; "
+            f"allowed: {limit * 1e3:.3g} mm. The gauge has slipped, or there is backlash: read "
+            "again, in one turning sense"
+        )
+    return found
+
+
+def _widest_gap(angles: FloatArray) -> tuple[float, float]:
+    """Start and span (rad) of the longest stretch without readings."""
+    ahead = np.diff(angles, append=angles[0] + TURN)
+    widest = int(np.argmax(ahead))
+    return float(angles[widest]), float(ahead[widest])
+
+
+def without_slips(readings: Readings) -> Readings:
+    """The readings without those that look like slips of the gauge or of the pen."""
+    most = min(MOST_SLIPS, math.ceil(MOST_SLIPS_PART * readings.angles.size))
+    kept = np.arange(readings.angles.size)
+    sizes, taken = [], []
+    for _ in range(most + 1):
+        found, counts = differences(readings.angles[kept], readings.lifts[kept])
+        away = np.where(counts, np.abs(found), 0.0)
+        worst = int(np.argmax(away))
+        sizes.append(float(away[worst]))
+        taken.append(int(kept[worst]))
+        kept = np.delete(kept, worst)
+    slips = 0
+    for k in range(most):
+        rest = np.setdiff1d(np.arange(readings.angles.size), taken[: k + 1])
+        normal = max(scatter(readings.angles[rest], readings.lifts[rest]), readings.rounding)
+        clear = sizes[k] > SLIP * normal and sizes[k] > SLIP_ALONE * sizes[k + 1]
+        if clear and _scattered(taken[: k + 1], readings.angles.size):
+            slips = k + 1
+    left = np.setdiff1d(np.arange(readings.angles.size), taken[:slips])
+    named = tuple(_slip(readings, left, i) for i in sorted(taken[:slips]))
+    return replace(
+        readings,
+        angles=readings.angles[left],
+        lifts=readings.lifts[left],
+        lines=readings.lines[left],
+        gap=_widest_gap(readings.angles[left]),
+        slips=named,
+    )
+
+
+def _scattered(indices: list[int], count: int) -> bool:
+    """Whether no two readings are neighbours: several in a row are where the law is not smooth."""
+    apart = np.abs(np.subtract.outer(indices, indices))
+    apart = np.minimum(apart, count - apart) + count * np.eye(len(indices), dtype=np.int64)
+    return bool(apart.min() >= WINDOW // 2)
+
+
+def _slip(readings: Readings, left: NDArray[np.int64], index: int) -> Slip:
+    """How far a reading is from the polynomial through three good neighbours on either side."""
+    ahead = (readings.angles[left] - readings.angles[index] + 0.5 * TURN) % TURN - 0.5 * TURN
+    half = WINDOW // 2
+    order = np.argsort(ahead)
+    place = int(np.searchsorted(ahead[order], 0.0))
+    near = order[np.arange(place - half, place + half) % left.size]
+    x, y = ahead[near], readings.lifts[left][near]
+    lagrange = [np.prod(np.delete(x, i) / (np.delete(x, i) - x[i])) for i in range(x.size)]
+    lift = float(readings.lifts[index])
+    return Slip(
+        int(readings.lines[index]),
+        float(readings.angles[index]),
+        lift,
+        lift - float(np.dot(lagrange, y)),
+    )
+
+
+def gap_note(readings: Readings) -> tuple[str, ...]:
+    """What is assumed where the readings leave out a stretch: a sentence, or none."""
+    if not bridges(readings):
+        return ()
+    start, span = (math.degrees(angle) for angle in readings.gap)
+    return (
+        f"no readings for {span:.6g} deg after {start:.6g} deg: the cam is assumed to rest there",
+    )
+
+
+def bridges(readings: Readings) -> bool:
+    """Whether the readings leave out a stretch that only a dwell can fill."""
+    return readings.gap[1] > math.radians(WIDEST_GAP_DEG) + SAME_ANGLE

@@ -1,0 +1,19 @@
+"""The gauge's zero: what it shows where the lift is lowest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from cam_rig.studies.cam_fit.dwells import find_dwells, likely_range
+from cam_rig.studies.cam_fit.readings import Readings, without_slips
+
+
+def above_zero(readings: Readings) -> Readings:
+    """Readings without slips, above the lowest dwell, or above the lowest reading without one."""
+    kept = without_slips(readings)
+    lowest = float(kept.lifts.min())
+    levels = [dwell.rest.level for dwell in find_dwells(kept, kept.scatter)]
+    level = min(levels, default=lowest)
+    near = level - lowest < likely_range(kept.angles.size) * kept.scatter
+    zero = level if near else lowest
+    return replace(kept, lifts=kept.lifts - zero)

@@ -1,0 +1,140 @@
+"""cam-rig fit cam and cam-rig new: from a table to numbers, files, and a run."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cam_rig.cli.main import app
+from cam_rig.schema.load import config_root
+
+GL110 = config_root() / "cams" / "gunt_gl110_convex.csv"
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+@pytest.fixture
+def table(tmp_path):
+    """A table of 360 lifts as a spreadsheet in German writes it, with 2 µm and one slip."""
+    angles = np.arange(0, 360)
+    u = np.clip((angles - 60.0) / 100.0, 0.0, 1.0), np.clip((angles - 220.0) / 100.0, 0.0, 1.0)
+    up, down = (10 * x**3 - 15 * x**4 + 6 * x**5 for x in u)
+    lifts = 3.2 + 10.0 * (up - down) + np.random.default_rng(1).normal(scale=0.002, size=360)
+    lifts[100] += 0.4
+    rows = [f"{a};{s:.4f}".replace(".", ",") for a, s in zip(angles, lifts, strict=True)]
+    path = tmp_path / "lifts.csv"
+    path.write_text("\ufeffWinkel (Grad);Hub (mm)\r\n" + "\r\n".join(rows), encoding="utf-8")
+    return path
+
+
+def test_a_table_becomes_a_scene_that_runs(table, tmp_path, monkeypatch):
+    """cam-rig new, then simulate, vibration and profile on its files, as they are."""
+    monkeypatch.chdir(tmp_path)
+    made = call("new", "mine", "--from-csv", table)
+    assert made.exit_code == 0, made.output
+    for words in ("separator semicolon, decimal comma", "assumed: follower roller", "mine.csv"):
+        assert words in made.output
+    assert "slips: line 102 by " in made.output
+    run = call("simulate", "mine/scenes/mine.yaml", "--json", "-")
+    assert run.exit_code == 0
+    assert all(map(math.isfinite, json.loads(run.stdout)["cams"]["mine"]["level_db"]))
+    assert call("profile", "mine/cams/mine.yaml").exit_code == 0
+    again = call("new", "mine", "--from-csv", table)
+    assert again.exit_code == 1
+    assert "mine/cams/mine.yaml: exists already, not overwriting" in again.output
+
+
+def test_new_asks_nothing(tmp_path, monkeypatch):
+    """Of two columns the first is taken, and that is said; the gap in the readings too."""
+    monkeypatch.chdir(tmp_path)
+    made = call("new", "gl110", "--from-csv", GL110)
+    assert made.exit_code == 0, made.output
+    assert "first column of lifts taken, not 'lift_b_mm': --column" in made.output
+    assert "no readings for 200 deg after 80 deg: the cam is assumed to rest there" in made.output
+    text = (tmp_path / "gl110" / "cams" / "gl110.yaml").read_text()
+    assert "# gunt_gl110_convex.csv: first column of lifts taken" in text
+
+
+def test_fit_prints_the_answer_and_writes_it(table, tmp_path):
+    """Distance, knots, slip and what was not followed; JSON, CSV, picture and cam."""
+    out, plot, csv = tmp_path / "own.yaml", tmp_path / "fit.png", tmp_path / "fit.csv"
+    result = call("fit", "cam", table, "--tolerance", 0.0005, "--out", out, "--plot", plot,
+                  "--csv", csv, "--json", tmp_path / "fit.json")  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert "Not followed: 0.0005 mm were asked, the readings scatter by 0.00" in result.output
+    data = json.loads((tmp_path / "fit.json").read_text())
+    assert data["scatter_m"] == pytest.approx(2e-6, rel=0.3)
+    assert data["zero_m"] == pytest.approx(3.2e-3, abs=2e-6)
+    assert [slip["line"] for slip in data["slips"]] == [102]
+    assert [round(dwell["span_deg"]) for dwell in data["dwells"]] == pytest.approx([60, 100], abs=2)
+    assert data["peak_acceleration_m_per_rad2"] == pytest.approx(
+        0.0057735 * 10 / math.radians(100) ** 2, rel=0.02
+    )
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    assert "Dwells, exact in the law" in csv.read_text()
+    assert {"own.yaml", "own.csv"} <= {path.name for path in tmp_path.iterdir()}
+
+
+def test_arcs_of_the_gl110(tmp_path):
+    """Which column is the flat follower's; a cam that loads; a picture."""
+    out, plot = tmp_path / "gl110.yaml", tmp_path / "arcs.png"
+    result = call("fit", "cam", GL110, "--shape", "arcs", "--out", out, "--plot", plot)
+    assert result.exit_code == 0, result.output
+    for words in (
+        "The flat follower's readings are gunt_gl110_convex.csv, lift_b_mm.",
+        "5 numbers of tangent arcs: 0.0532 mm r.m.s. from 66 readings.",
+        "Base and roller radius are told only as a sum",
+    ):
+        assert words in result.output
+    assert call("law", out).exit_code == 0
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_one_column_under_a_named_follower():
+    """A column and a kind by name; the flat one alone tells no base radius."""
+    result = call("fit", "cam", GL110, "--shape", "arcs", "--column", "lift_b_mm", "--follower",
+                  "flat", "--json", "-")  # fmt: skip
+    data = json.loads(result.stdout)
+    assert data["told"]["base radius + roller radius"]["standard_error"] is None
+    assert data["rms_m"] < 0.05e-3
+    assert data["columns"][0]["follower"] == "flat"
+
+
+def test_a_known_base_radius_gives_the_rollers(tmp_path):
+    """Only their sum is told, 44.52 mm: with 32 mm of base radius the roller has 12.52 mm."""
+    result = call("fit", "cam", GL110, "--shape", "arcs", "--base-radius", "32", "--json", "-")
+    data = json.loads(result.stdout)
+    assert data["base_radius_m"] == pytest.approx(0.032, abs=1e-6)
+    assert data["roller_radius_assumed_m"] == pytest.approx(0.012523, abs=2e-6)
+    assert data["rms_m"] == pytest.approx(5.322e-5, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["fit", "cam", "{table}", "--out", "cam.txt"], 2, "--out: is cam.txt; allowed: a name"),
+        (["fit", "cam", "{table}", "--column", "lift"], 2, "has no column 'lift'; allowed: 'Hub"),
+        (["fit", "cam", "{table}", "{table}"], 2, "2 files; allowed: one for a spline, several"),
+        (["fit", "cam", "{table}", "--tolerance", "9"], 2, "--tolerance: is 9 mm; allowed: above"),
+        (["fit", "cam", "{table}", "--shape", "arcs"], 2, "no base circle, two equal flanks and a"),
+        (["fit", "cam", GL110], 2, "name it with --column ('lift_a_mm', 'lift_b_mm'), or take all"),
+        (["fit", "cam", GL110, "--shape", "arcs", "--tolerance", "1"], 2, "--tolerance: is for"),
+        (["fit", "cam", GL110, "--shape", "arcs", "--base-radius", "50"], 2, "allowed: below base"),
+        (["fit", "cam", "none.csv"], 2, "none.csv: no such file"),
+        (["new", "My Cam", "--from-csv", "{table}"], 2, "name: is 'My Cam'"),
+        (["new", "mine", "--from-csv", "{table}", "--rig", "none"], 2, "none.yaml: no such file"),
+    ],
+)
+def test_what_is_wrong_is_one_line(table, tmp_path, monkeypatch, arguments, code, words):
+    """The code of a wrong argument, one line, and no file is written."""
+    monkeypatch.chdir(tmp_path)
+    before = set(tmp_path.rglob("*"))
+    result = call(*(str(a).format(table=table) for a in arguments))
+    assert result.exit_code == code, result.output
+    assert words in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert set(tmp_path.rglob("*")) == before

@@ -1,0 +1,212 @@
+"""Tangent arcs through readings: the GL 110's table, and contours made at random."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from cam_rig.errors import LawError
+from cam_rig.laws.arcs.law import ArcFollower
+from cam_rig.schema.gauge_table import read_gauge_table
+from cam_rig.studies.cam_fit.arcs_fit import NO_CONTOUR, Arcs, fit_arcs
+from cam_rig.studies.cam_fit.conclusions import arcs_conclusions
+from cam_rig.studies.cam_fit.readings import put_in_order
+from cam_rig.studies.cam_fit.zero import above_zero
+from cam_rig.units import TURN
+
+from .conftest import table_of
+
+ANGLES = np.linspace(0.0, TURN, 72, endpoint=False)
+
+
+@pytest.fixture(scope="module")
+def gl110(config_dir):
+    """Both columns of the shipped table."""
+    table = read_gauge_table(config_dir / "cams" / "gunt_gl110_convex.csv")
+    return tuple(above_zero(put_in_order(table, column)) for column in table.columns)
+
+
+@pytest.fixture(scope="module")
+def gl110_fit(gl110):
+    return fit_arcs(gl110, (None, None), 0.010, 0.03)
+
+
+def readings_of(arcs, *followers, noise=0.0, reverse=(), seed=0):
+    """Readings of followers on a contour, the columns of ``reverse`` read backwards."""
+    rng = np.random.default_rng(seed)
+    columns = []
+    for i, follower in enumerate(followers):
+        own = -ANGLES if i in reverse else ANGLES
+        lifts = arcs.lifts(follower, own) + rng.normal(scale=noise, size=ANGLES.size)
+        table = table_of(ANGLES, lifts)
+        columns.append(put_in_order(table, table.columns[0]))
+    return tuple(columns)
+
+
+def random_arcs(seed):
+    """A convex contour that a flat face can follow, the nose anywhere."""
+    rng = np.random.default_rng(seed)
+    base, lift = rng.uniform(0.02, 0.05), rng.uniform(0.006, 0.014)
+    nose = rng.uniform(0.3, 0.7) * base
+    least = base + 0.5 * lift
+    return Arcs(base, lift, least * rng.uniform(1.6, 4.0), nose, rng.uniform(-3.0, 3.0))
+
+
+FLAT, ROLLER = ArcFollower(True, 0.0), ArcFollower(False, 0.01)
+
+
+def test_both_tables_of_the_gl110_within_0_07_mm(gl110_fit):
+    """66 readings with five numbers: 0.063 mm r.m.s. under the roller, 0.042 mm under the flat."""
+    fit = gl110_fit
+    assert sum(column.away.size for column in fit.columns) == 66
+    assert len(fit.numbers) == np.count_nonzero(np.isfinite(fit.errors)) == 5
+    assert [column.rms * 1e3 for column in fit.columns] == pytest.approx([0.063, 0.042], abs=0.001)
+    assert all(column.rms <= 0.07e-3 for column in fit.columns)
+
+
+def test_which_table_of_the_gl110_is_the_flat_followers(gl110_fit):
+    """The second one: every other kind for the columns leaves ten times as much."""
+    assert [column.kind for column in gl110_fit.columns] == ["roller", "flat"]
+    swapped = [distance for name, distance in gl110_fit.others if "lift_a_mm flat" in name]
+    assert min(swapped) > 10.0 * gl110_fit.rms
+
+
+def test_the_tables_of_the_gl110_were_read_in_two_senses(gl110_fit):
+    """Or from zeros 0.73° apart: in one sense, from one zero, 0.099 mm are left."""
+    assert [column.reverse for column in gl110_fit.columns] == [False, True]
+    name, distance = gl110_fit.others[0]
+    assert name == "lift_a_mm roller, lift_b_mm flat"
+    assert distance * 1e3 == pytest.approx(0.099, abs=0.001)
+    words = " ".join(arcs_conclusions(gl110_fit))
+    assert "lift_b_mm fits as read in the other turning sense, or from a zero 0.73 deg" in words
+
+
+def test_scipy_finds_no_better_contour_of_the_gl110(gl110, gl110_fit):
+    """The same likelihood in other numbers, trust-region search: its optimum is this one."""
+
+    def away(x):
+        arcs = Arcs(x[0] - 0.01, x[1], x[2], x[3], x[4])
+        try:
+            roller = arcs.lifts(ROLLER, gl110[0].angles) - gl110[0].lifts
+            flat = arcs.lifts(FLAT, -gl110[1].angles) - gl110[1].lifts
+        except LawError:
+            return np.full(66, NO_CONTOUR)
+        return np.concatenate([roller, flat])
+
+    arcs = gl110_fit.arcs
+    found = np.array(
+        [arcs.base_radius + 0.01, arcs.lift, arcs.flank_radius, arcs.nose_radius, arcs.nose_angle]
+    )
+    peer = least_squares(away, 1.02 * found, x_scale=np.abs(found), xtol=1e-12, ftol=1e-14)
+    assert peer.x == pytest.approx(found, rel=1e-4)
+    assert np.sqrt(np.mean(peer.fun**2)) == pytest.approx(gl110_fit.rms, rel=1e-6)
+
+
+def test_the_shipped_cam_is_the_fit(cams, laws, gl110, gl110_fit):
+    """Its numbers are those found, rounded; its law is the roller's readings within 0.063 mm."""
+    cam, arcs = cams["gunt_gl110"], gl110_fit.arcs
+    segment = cam.segments[0]
+    written = [cam.lift, cam.follower.base_radius, segment.flank_radius, segment.nose_radius]
+    found = [arcs.lift, arcs.base_radius, arcs.flank_radius, arcs.nose_radius]
+    assert [number.si for number in written] == pytest.approx(found, abs=6e-7)
+    angles = gl110[0].angles - arcs.nose_angle + math.pi
+    away = laws["gunt_gl110"](angles) - gl110[0].lifts
+    assert np.sqrt(np.mean(away**2)) * 1e3 == pytest.approx(0.063, abs=0.0005)
+
+
+@pytest.mark.parametrize("roller", [0.004, 0.016])
+def test_base_and_roller_radius_are_told_as_a_sum(gl110, gl110_fit, roller):
+    """Another roller radius: the same lifts, the same five numbers; and that is said."""
+    other = fit_arcs(gl110, (False, True), roller, 0.03)
+    assert other.rms == pytest.approx(gl110_fit.rms, rel=1e-6)
+    assert other.numbers == pytest.approx(gl110_fit.numbers, rel=1e-4)
+    assert other.arcs.base_radius == pytest.approx(gl110_fit.arcs.base_radius + 0.01 - roller, 1e-4)
+    assert "only as a sum" in gl110_fit.cannot_tell[0]
+
+
+def test_what_cannot_be_told_is_a_null_direction():
+    """Six numbers under roller and flat: one singular value is rounding, along R_b, −R_r."""
+    arcs = random_arcs(4)
+
+    def lifts(x):
+        shape = Arcs(arcs.base_radius + x[0], arcs.lift + x[1], arcs.flank_radius + x[2],
+                     arcs.nose_radius + x[3], arcs.nose_angle + x[4])  # fmt: skip
+        roller = shape.lifts(ArcFollower(False, 0.01 + x[5]), ANGLES)
+        return np.concatenate([roller, shape.lifts(FLAT, ANGLES)])
+
+    slopes = np.stack([(lifts(h) - lifts(-h)) / 2e-7 for h in 1e-7 * np.eye(6)], axis=1)
+    _, sizes, directions = np.linalg.svd(slopes)
+    assert sizes[-1] < 1e-6 * sizes[-2]
+    nothing = directions[-1] / directions[-1][0]
+    assert nothing == pytest.approx([1.0, 0.0, 1.0, 1.0, 0.0, -1.0], abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("seed", "kinds"), [(0, (None, None)), (1, (False, True)), (3, (False, True))]
+)
+def test_a_random_contour_comes_back(seed, kinds):
+    """Exact lifts of two columns, unnamed or not, one read backwards: kinds, sense, numbers."""
+    arcs = random_arcs(seed)
+    columns = readings_of(arcs, ROLLER, FLAT, reverse=(1,))
+    fit = fit_arcs(columns, kinds, 0.01, 0.03)
+    assert [column.kind for column in fit.columns] == ["roller", "flat"]
+    assert [column.reverse for column in fit.columns] == [False, True]
+    assert fit.rms < 1e-8
+    found, true = fit.arcs, arcs
+    for key in ("base_radius", "lift", "flank_radius", "nose_radius"):
+        assert getattr(found, key) == pytest.approx(getattr(true, key), rel=1e-4)
+    assert math.remainder(found.nose_angle - true.nose_angle, TURN) == pytest.approx(0.0, abs=1e-5)
+
+
+@pytest.mark.parametrize("flank", [None, -0.15])
+def test_straight_and_concave_flanks_under_a_roller(flank):
+    """A flank's curvature passes through zero: any of the three kinds is found."""
+    arcs = Arcs(0.03, 0.01, flank, 0.012, 0.5)
+    fit = fit_arcs(readings_of(arcs, ROLLER), (False,), 0.01, 0.03)
+    assert fit.rms < 1e-7
+    if flank is None:
+        assert fit.arcs.flank_radius is None or abs(fit.arcs.flank_radius) > 100.0
+    else:
+        assert fit.arcs.flank_radius == pytest.approx(flank, rel=1e-3)
+
+
+def test_a_flat_follower_alone_tells_differences():
+    """Its lifts are the same for any base radius, so one is taken; no error is given for it."""
+    arcs = random_arcs(2)
+    columns = readings_of(arcs, FLAT)
+    one, other = (fit_arcs(columns, (True,), 0.01, base) for base in (0.03, 0.06))
+    assert one.rms < 1e-8
+    assert other.rms < 1e-8
+    assert math.isnan(one.errors[0])
+    assert one.numbers[2:4] == pytest.approx(other.numbers[2:4], rel=1e-5)
+    assert one.numbers[3] == pytest.approx(arcs.nose_radius - arcs.base_radius, rel=1e-4)
+    assert "less the base radius" in one.cannot_tell[0]
+
+
+def test_a_point_tells_all():
+    """Without a roller nothing is a sum."""
+    arcs = random_arcs(1)
+    fit = fit_arcs(readings_of(arcs, ArcFollower(False, 0.0)), (False,), 0.0, 0.03)
+    assert fit.arcs.base_radius == pytest.approx(arcs.base_radius, rel=1e-4)
+    assert fit.cannot_tell == ()
+
+
+def test_the_errors_are_those_of_repeated_readings():
+    """10 sets of readings with 20 µm: off by one standard error, r.m.s. over sets and numbers."""
+    arcs = random_arcs(3)
+    base = arcs.base_radius
+    true = (base + 0.01, arcs.lift, arcs.flank_radius - base, arcs.nose_radius - base)
+    off = []
+    for seed in range(10):
+        columns = readings_of(arcs, ROLLER, FLAT, noise=2e-5, seed=seed)
+        fit = fit_arcs(columns, (False, True), 0.01, 0.03)
+        off.append((np.array(fit.numbers[:4]) - true) / fit.errors[:4])
+    assert 0.7 < np.sqrt(np.mean(np.square(off))) < 1.4
+
+
+def test_another_cam_is_no_arcs(measured):
+    """A dwell-rise-dwell-fall cam: no base circle, flanks and nose come near."""
+    readings = above_zero(measured("poly345", 72))
+    with pytest.raises(LawError, match=r"no base circle, two equal flanks and a nose come near"):
+        fit_arcs((readings,), (None,), 0.01, 0.03)

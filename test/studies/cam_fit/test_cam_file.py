@@ -1,0 +1,130 @@
+"""A fit as files: they load, give the fitted law, and say where each number comes from."""
+
+import numpy as np
+import pytest
+
+from cam_rig.errors import ConfigError
+from cam_rig.laws import build_law
+from cam_rig.laws.arcs.law import ArcFollower
+from cam_rig.profile.checks.all_checks import check_cam
+from cam_rig.schema import load_cam, load_rig, load_scene
+from cam_rig.studies.cam_fit.arcs_fit import Arcs, fit_arcs
+from cam_rig.studies.cam_fit.cam_file import arcs_cam, spline_cam
+from cam_rig.studies.cam_fit.readings import put_in_order
+from cam_rig.studies.cam_fit.scene_file import own_rig, own_scene, own_speeds
+from cam_rig.studies.cam_fit.spline_fit import fit_spline
+from cam_rig.units import TURN
+
+from .conftest import table_of
+
+FINE = np.linspace(0.0, TURN, 1000, endpoint=False)
+
+
+def written(files, folder):
+    """The cam as it is read back."""
+    for name, text in files.texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return load_cam(folder / next(iter(files.texts)))
+
+
+@pytest.mark.parametrize("kind", ["roller", "flat", "point"])
+@pytest.mark.parametrize("name", ["poly345", "bezier15", "arcs_convex"])
+def test_the_file_of_a_spline_is_the_spline(measured, tmp_path, kind, name):
+    """Read back: the law to a nanometre, dwells exact, and a contour that passes its checks."""
+    fit = fit_spline(measured(name, 180, zero=0.002, slips={50: 4e-4}))
+    files = spline_cam("mine", fit, kind)
+    cam = written(files, tmp_path)
+    law = build_law(cam)
+    assert law(FINE) == pytest.approx(fit.law(FINE), abs=2e-8)
+    assert law(FINE) == pytest.approx(files.law(FINE), abs=1e-12)
+    assert len(cam.segments[0].dwells) == len(fit.dwells)
+    assert all(check.passed for check in check_cam(cam, law))
+    assert "left out, a slip: line 52" in files.texts["mine.csv"]
+    assert any(f"follower {kind}" in words for words in files.assumed)
+
+
+def test_origins_are_told_apart(measured, tmp_path):
+    """The gauge's error is given, what was fitted identified, what nobody read assumed."""
+    readings = measured("poly345")
+    given = written(spline_cam("mine", fit_spline(readings, 3e-6), "roller"), tmp_path)
+    assert given.segments[0].tolerance.origin == "given"
+    found = written(spline_cam("mine", fit_spline(readings), "roller", 0.055), tmp_path)
+    assert found.follower.base_radius.origin == "given"
+    assert found.follower.base_radius.si == pytest.approx(0.055)
+    found = written(spline_cam("mine", fit_spline(readings), "roller", None, 0.009), tmp_path)
+    assert found.follower.roller_radius.si == pytest.approx(0.009)
+    assert found.follower.roller_radius.origin == "given"
+    assert found.segments[0].tolerance.origin == "identified"
+    assert found.lift.origin == "identified"
+    assert "r.m.s." in found.lift.residual
+    assert found.follower.base_radius.origin == "assumed"
+    assert {dwell.start.origin for dwell in found.segments[0].dwells} == {"identified"}
+
+
+@pytest.mark.parametrize("flank", [0.09, None, -0.15])
+def test_the_file_of_arcs_is_the_contour(tmp_path, flank):
+    """The law of the file is the arcs' lift, turned so that the nose is at 180°."""
+    arcs, roller = Arcs(0.03, 0.01, flank, 0.012, 0.7), ArcFollower(False, 0.01)
+    angles = np.linspace(0.0, TURN, 72, endpoint=False)
+    table = table_of(angles, arcs.lifts(roller, angles))
+    fit = fit_arcs((put_in_order(table, table.columns[0]),), (False,), 0.01, 0.03)
+    files = arcs_cam("mine", fit, "roller")
+    law = build_law(written(files, tmp_path))
+    assert law(FINE) == pytest.approx(arcs.lifts(roller, FINE + 0.7 - np.pi), abs=1e-7)
+    assert "40.11 deg of the readings" in files.texts["mine.yaml"]
+    assert any("roller radius 10 mm" in words for words in files.assumed)
+
+
+def test_the_radius_that_was_given_is_given():
+    """Of base and roller radius one may be known beside the readings; the other is then found."""
+    arcs, roller = Arcs(0.03, 0.01, 0.09, 0.012, 0.7), ArcFollower(False, 0.01)
+    angles = np.linspace(0.0, TURN, 72, endpoint=False)
+    table = table_of(angles, arcs.lifts(roller, angles))
+    fit = fit_arcs((put_in_order(table, table.columns[0]),), (False,), 0.01, 0.03)
+    for known, base, rolling in (
+        (None, "identified", "assumed"),
+        ("roller", "identified", "given"),
+        ("base", "given", "identified"),
+    ):
+        follower = arcs_cam("mine", fit, "roller", known).cam.follower
+        assert follower.base_radius.origin == base
+        assert follower.roller_radius.origin == rolling
+
+
+def test_rig_and_scene_are_read_back(measured, tmp_path, config_dir):
+    """Every number of the rig is assumed; the speeds go beyond the jump speed, and are few."""
+    like = load_rig(config_dir / "rigs" / "tm21.yaml")
+    (tmp_path / "rig.yaml").write_text(own_rig("mine", like), encoding="utf-8")
+    rig = load_rig(tmp_path / "rig.yaml")
+    assert rig.follower.mass.si == like.follower.mass.si
+    assert {getattr(rig.follower, key).origin for key in ("mass", "preload")} == {"assumed"}
+    assert rig.radiation.gain.origin == "assumed"
+    assert rig.radiation.calibrated_on == ""
+    law = fit_spline(measured("poly345")).law
+    text, speeds = own_scene("mine", law, rig)
+    (tmp_path / "scene.yaml").write_text(text, encoding="utf-8")
+    scene = load_scene(tmp_path / "scene.yaml")
+    assert scene.program.speeds.numbers == list(speeds)
+    assert list(speeds) == sorted(speeds)
+    assert len(speeds) == 5
+
+
+def test_a_cam_that_no_speed_lifts_off(laws, config_dir):
+    """A disc that hardly moves under a heavy preload: speeds all the same, none of them huge."""
+    rig = load_rig(config_dir / "rigs" / "tm21.yaml").with_follower(preload=1e9)
+    assert max(own_speeds(laws["poly345"], rig)) <= 20_000.0
+
+
+def test_a_coarse_gauge_is_read_back(measured, tmp_path):
+    """0.1 mm of noise on 10 mm: the points rise by more than their law, and the cam loads."""
+    fit = fit_spline(measured("flat", noise=1e-4))
+    law = build_law(written(spline_cam("mine", fit, "roller"), tmp_path))
+    assert law(FINE) == pytest.approx(fit.law(FINE), abs=2e-8)
+    assert np.ptp(fit.readings.lifts) > law.lift + 2e-4
+
+
+@pytest.mark.parametrize("name", ["Mine", "1st", "my cam", "cam"])
+def test_names_that_are_none(measured, name):
+    """The files' own rules for names."""
+    with pytest.raises(ConfigError, match="name: is"):
+        spline_cam(name, fit_spline(measured("poly345", 72)), "roller")

@@ -1,0 +1,144 @@
+"""Readings put in order: one turn, rising angles, slips found and good readings kept."""
+
+import numpy as np
+import pytest
+
+from cam_rig.errors import ConfigError
+from cam_rig.studies.cam_fit.readings import bridges, put_in_order, without_slips
+from cam_rig.units import TURN
+
+from .conftest import table_of
+
+STEPS = np.arange(0.0, 360.0, 10.0)
+
+
+def lift(degrees):
+    return 0.005 * (1.0 - np.cos(np.radians(degrees)))
+
+
+def ordered(degrees, lifts=None, **kwargs):
+    degrees = np.asarray(degrees)
+    table = table_of(np.radians(degrees), lift(degrees) if lifts is None else lifts)
+    return put_in_order(table, table.columns[0], **kwargs)
+
+
+@pytest.mark.parametrize(
+    "degrees", [STEPS, STEPS[::-1], STEPS - 180.0, STEPS + 720.0, np.roll(STEPS, 7), -STEPS]
+)
+def test_any_order_and_range_is_one_turn(degrees):
+    """Falling, negative, several turns on: lift over angle is the same."""
+    found = ordered(degrees)
+    assert np.degrees(found.angles) == pytest.approx(STEPS, abs=1e-9)
+    assert found.lifts == pytest.approx(lift(STEPS), abs=1e-15)
+
+
+def test_falling_angles_and_a_reversed_cam_are_told():
+    """Falling rows change nothing; --reverse mirrors the law; both are said."""
+    table = table_of(np.radians(STEPS[::-1]), 0.001 * np.arange(36.0)[::-1])
+    same, mirrored = (put_in_order(table, table.columns[0], reverse) for reverse in (False, True))
+    assert "angles fall in the file" in same.notes[0]
+    assert any("turning sense reversed" in note for note in mirrored.notes)
+    assert mirrored.lifts == pytest.approx(same.lifts[(-np.arange(36)) % 36])
+
+
+def test_a_closing_reading_is_averaged():
+    """0° and 360°: one reading of their mean."""
+    lifts = lift(np.arange(0.0, 361.0, 10.0))
+    lifts[-1] += 1e-9
+    found = ordered(np.arange(0.0, 361.0, 10.0), lifts)
+    assert found.angles.size == 36
+    assert found.lifts[0] == pytest.approx(5e-10, abs=1e-15)
+    assert "1 repeated angles averaged" in found.notes
+
+
+def test_a_gauge_that_moved_does_not_close():
+    """0.4 mm between the readings at 0° and 360°: both lines, both numbers, what to do."""
+    lifts = lift(np.arange(0.0, 361.0, 10.0))
+    lifts[-1] += 4e-4
+    message = r"lines 2, 38 are both of 0 deg and 0\.4 mm apart; allowed: .* slipped, or there is"
+    with pytest.raises(ConfigError, match=message):
+        ordered(np.arange(0.0, 361.0, 10.0), lifts)
+
+
+def test_backlash_of_two_passes_is_not_averaged():
+    """There and back with 0.2 mm of backlash on the flanks: refused, to be read in one sense."""
+    degrees = np.concatenate([STEPS, STEPS[::-1]])
+    slope = np.sign(np.sin(np.radians(degrees)))
+    lifts = lift(degrees) + np.where(np.arange(72) < 36, 1e-4, -1e-4) * slope
+    with pytest.raises(ConfigError, match=r"0\.2 mm apart; .* in one turning sense"):
+        ordered(degrees, lifts)
+
+
+@pytest.mark.parametrize("count", [5, 8000])
+def test_too_few_and_too_many(count):
+    """A cam is told by 12 to 7200 readings."""
+    with pytest.raises(ConfigError, match=f"has {count} readings of different angles; allowed: 12"):
+        ordered(np.linspace(0.0, 359.9, count))
+
+
+def test_a_disc_has_no_lift():
+    """All readings equal."""
+    with pytest.raises(ConfigError, match="all lifts are 3 mm; allowed: a lift"):
+        ordered(STEPS, np.full(36, 0.003))
+
+
+def test_a_stretch_without_readings_is_found():
+    """Of 200° between 80° and −80°; none where readings stand at 10°."""
+    found = ordered(np.arange(-80.0, 81.0, 5.0))
+    assert np.degrees(found.gap) == pytest.approx([80.0, 200.0])
+    assert bridges(found)
+    assert not bridges(ordered(STEPS))
+
+
+LAWS = ["poly345", "cycloidal", "arcs_convex", "bezier15", "tm21", "modified_trapezoid"]
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("count", [72, 360])
+@pytest.mark.parametrize("seed", range(3))
+def test_one_slip_of_0_4_mm_is_found(measured, name, count, seed):
+    """That reading alone, and how far it is off, within what the law bends between neighbours."""
+    place = int(np.random.default_rng(seed).integers(count))
+    found = without_slips(measured(name, count, seed=seed, slips={place: 4e-4}))
+    assert [slip.line for slip in found.slips] == [place + 2]
+    assert found.slips[0].beside == pytest.approx(4e-4, abs=1e-4)
+    assert found.angles.size == count - 1
+
+
+@pytest.mark.parametrize("name", ["poly345", "cycloidal", "bezier15"])
+def test_a_slip_among_readings_every_10_deg(measured, name):
+    """36 readings are enough where the law has no jump of acceleration."""
+    found = without_slips(measured(name, 36, slips={7: -4e-4}))
+    assert [slip.line for slip in found.slips] == [9]
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("count", [36, 72, 120, 360])
+def test_good_readings_are_kept(measured, name, count):
+    """Jumps of acceleration are no slips: they come in numbers, and in rows."""
+    for seed in range(4):
+        assert without_slips(measured(name, count, seed=seed)).slips == ()
+
+
+def test_three_slips_among_360(measured):
+    """Of either sign, apart from each other."""
+    slips = {20: 4e-4, 150: -3e-4, 301: 5e-4}
+    found = without_slips(measured("poly345", slips=slips))
+    assert [slip.line for slip in found.slips] == [22, 152, 303]
+    assert [slip.beside for slip in found.slips] == pytest.approx([4e-4, -3e-4, 5e-4], abs=1e-5)
+
+
+def test_the_scatter_is_at_least_the_rounding(measured):
+    """Readings of 0.01 mm that agree: their rounding is 2.9 µm."""
+    degrees = np.arange(0.0, 360.0, 30.0)
+    lifts = np.where(degrees < 180.0, 0.0, 0.01)
+    table = table_of(np.radians(degrees), lifts, resolution=1e-5)
+    found = put_in_order(table, table.columns[0])
+    assert found.scatter >= 1e-5 / np.sqrt(12.0)
+
+
+def test_of_a_turn_in_other_units_nothing_is_lost():
+    """Turns of 0 to 1 and their last reading a hair below a whole one."""
+    found = ordered(np.append(STEPS, 360.0 - 1e-9))
+    assert found.angles.size == 36
+    assert found.angles[-1] < TURN

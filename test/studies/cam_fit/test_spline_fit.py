@@ -1,0 +1,133 @@
+"""Splines through readings: near the law that was measured, never nearer than the gauge is good."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import make_smoothing_spline
+
+from cam_rig.errors import ConfigError
+from cam_rig.studies.cam_fit.conclusions import spline_conclusions
+from cam_rig.studies.cam_fit.readings import put_in_order
+from cam_rig.studies.cam_fit.spline_fit import fit_spline
+from cam_rig.studies.vibration.dwell import low_dwell
+from cam_rig.units import TURN
+
+from .conftest import table_of
+
+FINE = np.linspace(0.0, TURN, 2000, endpoint=False)
+
+
+def error_of_acceleration(fit, law):
+    """r.m.s. over the turn, and of the peak, in parts of the true peak."""
+    true, found = law(FINE, 2), fit.law(FINE, 2)
+    peak = np.abs(true).max()
+    return np.sqrt(np.mean((found - true) ** 2)) / peak, abs(np.abs(found).max() / peak - 1.0)
+
+
+@pytest.mark.parametrize("name", ["poly345", "cycloidal", "flat", "bezier15", "b_spline"])
+@pytest.mark.parametrize(("count", "most"), [(36, 0.05), (72, 0.02), (360, 0.015)])
+def test_the_law_comes_back(measured, scaled, name, count, most):
+    """2 µm on 10 mm, unknown zero, one slip of 0.4 mm: s'' within 1.5 % of 360 readings."""
+    fit = fit_spline(measured(name, count, zero=0.0034, slips={count // 5: 4e-4}))
+    rms, peak = error_of_acceleration(fit, scaled(name))
+    assert rms < most
+    assert peak < most
+    assert fit.law(FINE) == pytest.approx(scaled(name)(FINE), abs=1.2e-5 if count > 36 else 4e-5)
+    assert fit.zero == pytest.approx(0.0034, abs=1e-5)
+    assert len(fit.readings.slips) == 1
+
+
+def test_a_tolerance_below_the_scatter_is_not_followed(measured, scaled):
+    """0.5 µm asked of 2 µm: the peak acceleration stays, the sentence names both numbers."""
+    for count in (36, 72, 360):
+        fit = fit_spline(measured("cycloidal", count), 0.5e-6)
+        assert not fit.followed
+        assert fit.tolerance > 1.5e-6
+        assert error_of_acceleration(fit, scaled("cycloidal"))[1] < 0.03
+        words = " ".join(spline_conclusions(fit))
+        assert "Not followed: 0.0005 mm were asked, the readings scatter by 0.00" in words
+
+
+@pytest.mark.parametrize("asked", [2e-6, 3e-6, 1e-5])
+def test_a_tolerance_that_the_readings_bear_is_followed(measured, asked):
+    """The r.m.s. distance is the gauge's error, with the ordinates that dwells hold."""
+    fit = fit_spline(measured("bezier15"), asked)
+    assert fit.followed
+    assert fit.smoothed.rms == pytest.approx(asked, rel=1e-3)
+    assert not any("Not followed" in words for words in spline_conclusions(fit))
+
+
+def test_the_distance_is_that_of_the_readings(measured):
+    """r.m.s., largest and the worst reading, computed again from the law."""
+    fit = fit_spline(measured("flat", 120, zero=-0.001))
+    away = fit.law(fit.readings.angles) - fit.readings.lifts
+    assert fit.smoothed.rms == pytest.approx(np.sqrt(np.mean(away**2)), rel=1e-9)
+    assert fit.smoothed.largest == pytest.approx(np.abs(away).max(), rel=1e-9)
+    assert fit.worst == np.abs(away).argmax()
+    assert fit.smoothed.knots <= fit.law.spans.size  # the piece at 0° is cut in two
+
+
+def test_it_is_as_good_as_scipys_smoothing_spline(measured, scaled):
+    """Against `make_smoothing_spline`, cross-validated, over three turns of readings.
+
+    The same lift within the scatter, and an acceleration that is no worse.
+    """
+    law = scaled("poly345")
+    readings = measured("poly345")
+    fit = fit_spline(readings)
+    x = np.concatenate([readings.angles + TURN * k for k in (-1, 0, 1)])
+    peer = make_smoothing_spline(x, np.tile(readings.lifts, 3))
+    assert np.abs(fit.law(FINE) + fit.zero - peer(FINE)).max() < 6e-6
+    theirs = np.sqrt(np.mean((peer(FINE, 2) - law(FINE, 2)) ** 2))
+    assert error_of_acceleration(fit, law)[0] < theirs / np.abs(law(FINE, 2)).max()
+
+
+def test_dwells_rest_and_vibration_sees_them(measured):
+    """The low dwell is that of the law, no stand-in; the lowest lift is 0."""
+    fit = fit_spline(measured("poly345", zero=0.001))
+    dwell = low_dwell(fit.law)
+    assert dwell.dwell
+    assert np.degrees(dwell.span) == pytest.approx(62.5, abs=1.5)
+    assert float(fit.law(0.0)) == 0.0
+
+
+def test_every_10_deg_is_said(measured):
+    """36 readings: what the law does between them counts as scatter."""
+    words = " ".join(spline_conclusions(fit_spline(measured("poly345", 36))))
+    assert "Readings stand 10 deg apart" in words
+    assert "No reading looks like a slip." in words
+
+
+def test_a_gap_that_no_dwell_fills(scaled):
+    """200° to 300° of a cam without dwells were not read: refused with angle and limit."""
+    angles = np.radians(np.concatenate([np.arange(0.0, 201.0, 5.0), np.arange(300.0, 360.0, 5.0)]))
+    table = table_of(angles, scaled("bezier15")(angles))
+    message = r"no reading for 100 deg after 200 deg, and the cam does not rest .* at most 45 deg"
+    with pytest.raises(ConfigError, match=message):
+        fit_spline(put_in_order(table, table.columns[0]))
+
+
+def test_a_table_finer_than_its_law_is_smooth(scaled):
+    """Arcs written to a nanometre, 1° apart: the distance is widened and said, nothing swings."""
+    angles = np.linspace(0.0, TURN, 360, endpoint=False)
+    table = table_of(angles, scaled("gunt_gl110")(angles))
+    fit = fit_spline(put_in_order(table, table.columns[0]))
+    assert fit.widened
+    assert fit.smoothed.rms < 1e-6
+    assert fit.smoothed.knots < 300
+    assert error_of_acceleration(fit, scaled("gunt_gl110"))[1] < 0.15
+    assert any("needs nearly a knot a reading" in words for words in spline_conclusions(fit))
+
+
+@pytest.mark.parametrize("asked", [0.0, -1e-6, 1e-3])
+def test_tolerances_that_are_none(measured, asked):
+    """Zero, negative, more than 5 % of the lift."""
+    with pytest.raises(ConfigError, match=r"--tolerance: is .* mm; allowed: above 0, at most 0\.5"):
+        fit_spline(measured("poly345", 72), asked)
+
+
+def test_readings_of_no_cam():
+    """Random numbers scatter by more than a lift bears: said, with the limit."""
+    lifts = np.random.default_rng(1).uniform(0.0, 0.01, 72)
+    table = table_of(np.linspace(0.0, TURN, 72, endpoint=False), lifts)
+    with pytest.raises(ConfigError, match=r"readings scatter by .* mm about a smooth law; allowed"):
+        fit_spline(put_in_order(table, table.columns[0]))
