@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from cam_rig.arrays import FloatArray
+from cam_rig.arrays import FloatArray, rms
 from cam_rig.bag.complete import require_complete
 from cam_rig.bag.reader import read_recording
 from cam_rig.errors import BagError
 from cam_rig.simulation.levels import step_levels
 from cam_rig.simulation.loaded_scene import LoadedScene
+from cam_rig.tables import Column, DataTable, tabulate
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +39,30 @@ def read_recorded(bag: Path, loaded: LoadedScene) -> Recorded:
     levels = step_levels(recording.ticks, loaded.scene.program.settle_turns.si)
     by_cam = {cam: np.array([steps[s] for s in sorted(steps)]) for cam, steps in levels.items()}
     return Recorded(bag, by_cam, sum(recording.counts.values()))
+
+
+def recorded_table(
+    recorded: Recorded,
+    simulated: Mapping[str, FloatArray],
+    published: Mapping[str, FloatArray] | None = None,
+) -> DataTable:
+    """What lies between a bag's levels and the simulated ones (dB), and published ones if any."""
+    known = published or {}
+    return tabulate(
+        f"The recorded run {recorded.bag.name}, {recorded.messages} messages",
+        recorded.level_db.items(),
+        (
+            (Column("cam"), lambda row: row[0]),
+            (
+                Column("largest difference to this run", "dB", ".4f"),
+                lambda row: float(np.abs(row[1] - simulated[row[0]]).max()),
+            ),
+            (
+                Column("r.m.s. difference to published", "dB", ".2f"),
+                lambda row: rms(row[1] - known[row[0]]) if row[0] in known else None,
+            ),
+        ),
+    )
 
 
 def _require_same(bag: Path, found: LoadedScene, wanted: LoadedScene) -> None:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
 from pydantic import BaseModel
 
-from cam_rig.arrays import rms
 from cam_rig.laws import Law
 from cam_rig.laws.continuity import SMOOTHEST, joints
 from cam_rig.laws.peaks import extremes
 from cam_rig.profile.checks.pressure_angle import GUIDED
 from cam_rig.report.figures import PROPOSED, STEADY_RPM
 from cam_rig.report.misprints import misprints_table
+from cam_rig.report.recorded import recorded_table
 from cam_rig.report.results import CUT, Findings
 from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.segments.base import quantities
@@ -51,7 +50,11 @@ def tables(found: Findings) -> dict[str, list[DataTable]]:
     caption = f"Table 2. Jump speed, {FROM_REST:g} s from rest at constant speed"
     published = found.sources.loaded.published
     assert published is not None  # the study has its levels
-    recorded = [] if found.sources.recorded is None else [_recorded(found)]
+    curves = found.noise.methods[0].curves
+    simulated = {cam: curve.level_db for cam, curve in curves.items()}
+    printed = {cam: curve.published_db for cam, curve in curves.items()}
+    bag = found.sources.recorded
+    recorded = [] if bag is None else [recorded_table(bag, simulated, printed)]
     return {
         "cams": [_table_1(found), _laws(found)],
         "vibration": [*_vibration(found), _claims(found)],
@@ -179,26 +182,6 @@ def _claims(found: Findings) -> DataTable:
         f"rig {sources.stiff.name}": vibration_claims(found.stiff_vibration),
     }
     return claims_table(by_rig, found.vibration.rpm)
-
-
-def _recorded(found: Findings) -> DataTable:
-    recorded, curves = found.sources.recorded, found.noise.methods[0].curves
-    assert recorded is not None
-    return tabulate(
-        f"The recorded run {recorded.bag.name}, {recorded.messages} messages",
-        recorded.level_db.items(),
-        (
-            (Column("cam"), lambda row: row[0]),
-            (
-                Column("largest difference to this run", "dB", ".4f"),
-                lambda row: float(np.abs(row[1] - curves[row[0]].level_db).max()),
-            ),
-            (
-                Column("r.m.s. difference to published", "dB", ".2f"),
-                lambda row: rms(row[1] - curves[row[0]].published_db),
-            ),
-        ),
-    )
 
 
 def origins_table(name: str, model: BaseModel) -> DataTable:

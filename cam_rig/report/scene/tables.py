@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
 from pydantic import BaseModel
 
 from cam_rig.laws import Law
 from cam_rig.laws.peaks import extremes
 from cam_rig.profile.checks.table import checks_table
+from cam_rig.report.recorded import recorded_table
 from cam_rig.report.scene.results import SceneFindings
 from cam_rig.report.tables import continuity, origins_table
 from cam_rig.simulation.by_speed import speed_table
@@ -27,6 +27,7 @@ def tables(found: SceneFindings) -> dict[str, list[DataTable]]:
     """Every table of the page, by the section that shows it."""
     loaded = found.loaded
     rate = int(loaded.scene.sample_rate.si)
+    simulated = {cam: curve.level_db for cam, curve in found.run.noise.curves.items()}
     return {
         "cams": [_laws(found)],
         "contour": [
@@ -38,7 +39,7 @@ def tables(found: SceneFindings) -> dict[str, list[DataTable]]:
         "vibration": _vibration(found),
         "sound": [
             _levels(found),
-            *([] if found.recorded is None else [_recorded(found)]),
+            *([] if found.recorded is None else [recorded_table(found.recorded, simulated)]),
             *([orders_table(found.orders)] if found.orders else []),
         ],
         "numbers": [origins_table(name, model) for name, model in files(found).items()],
@@ -117,20 +118,4 @@ def _levels(found: SceneFindings) -> DataTable:
             (Column("difference to published", "dB r.m.s.", ".2f"), lambda curve: curve.rmse_db),
         ),
         "" if found.loaded.calibrated else RELATIVE_NOTE,
-    )
-
-
-def _recorded(found: SceneFindings) -> DataTable:
-    recorded, curves = found.recorded, found.run.noise.curves
-    assert recorded is not None
-    return tabulate(
-        f"The recorded run {recorded.bag.name}, {recorded.messages} messages",
-        recorded.level_db.items(),
-        (
-            (Column("cam"), lambda row: row[0]),
-            (
-                Column("largest difference to this run", "dB", ".4f"),
-                lambda row: float(np.abs(row[1] - curves[row[0]].level_db).max()),
-            ),
-        ),
     )

@@ -43,6 +43,8 @@ LOGARITHMIC = frozenset({"stem_stiffness", "stem_damping", "damping"})
 OUTLINE = 160
 #: A trial's miss counts up to this, rpm; a time needs a window of at least this many rpm.
 MAX_MISS, MIN_WINDOW = 50.0, 0.02
+#: What it costs, rpm, where no speed has the printed turn as the first.
+NO_WINDOW = 2.0
 #: The force falls by this much (N) a rpm at least, so that a miss is finite.
 MIN_SLOPE = 0.2
 #: Trials side by side, for each number sought.
@@ -125,7 +127,7 @@ def _time_miss(force: FloatArray, first: NDArray[np.intp], slope: FloatArray) ->
     there, before = deepest[rows, first] / slope, deepest[rows, first - 1] / slope
     miss = np.maximum(np.maximum(0.0, there + MIN_WINDOW), np.maximum(0.0, -before))
     narrow = np.maximum(0.0, MIN_WINDOW - (before - there))
-    return np.asarray(miss + np.where(narrow > 0.0, 2.0 + narrow, 0.0))
+    return np.asarray(miss + np.where(narrow > 0.0, NO_WINDOW + narrow, 0.0))
 
 
 def rigs_of(numbers: Mapping[str, FloatArray]) -> Rigs:

@@ -20,7 +20,7 @@ from cam_rig.dynamics.modal.response import SETTLED
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import TURN
 
-#: Derivatives of the law that are kept: the next adds less than 1e-14 where a turn has ten periods.
+#: Derivatives of the law that are kept: enough where a turn has ten periods of the vibration.
 DERIVATIVES = 14
 #: Points of a turn, and how many a period of the vibration needs: with fewer its envelope is taken.
 POINTS, PER_PERIOD = 640, 16

@@ -129,10 +129,12 @@ def vibration(
         require_smooth(law, ", or a rig without a shaft")
     turn, window = steady_turn(law, follower, speed), low_dwell(law)
     inside = turn.vibration[window.holds(turn.angle)]
-    twist = None if shaft is None else float(np.ptp(steady_twist(law, shaft, speed)[1]))
-    fluctuation = None
+    twist = fluctuation = None
     if shaft is not None and shaft.flywheel_inertia is not None:
-        fluctuation = flywheel_turn(law, shaft, shaft.flywheel_inertia, speed).fluctuation
+        behind = flywheel_turn(law, shaft, shaft.flywheel_inertia, speed)
+        twist, fluctuation = behind.twist, behind.fluctuation
+    elif shaft is not None:
+        twist = float(np.ptp(steady_twist(law, shaft, speed)[1]))
     return Vibration(
         window=window,
         residual_amplitude=float(residual_vibration(law, follower, np.array([speed]))[0]),
