@@ -1,0 +1,88 @@
+"""How often the 95 % intervals of ``cam-rig fit rig`` hold the truth, over simulated machines.
+
+    python benchmark/fit_rig.py --trials 200 --model one_mass
+
+Each trial has a rig, a cam, five speeds and noise of its own: force 1 %, lift 10 µm, an encoder of
+1024 counts, 3° off, and a sensors' clock 200 ppm fast.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections import defaultdict
+
+import numpy as np
+
+import cam_rig
+from cam_rig.dynamics import FollowerParameters
+from cam_rig.schema import RigConfig
+from cam_rig.simulation.instruments import InstrumentErrors, measured_run
+from cam_rig.studies.jump.rigid import rigid_jump_speed
+from cam_rig.studies.rig_fit.rig_fit import WITHIN_95, RigFit, fit_rig
+from cam_rig.units import to_rpm
+
+#: Cams with a dwell, with and without, smooth and with steps of acceleration.
+CAMS = ("poly345", "cycloidal", "bezier15", "poly4567", "arcs_convex")
+#: Speeds in parts of the rigid follower's jump speed, and how far each scatters.
+PARTS, SCATTER = (0.35, 0.55, 0.75, 0.95, 1.08), 0.03
+
+
+def trial(seed: int, model: str) -> tuple[RigConfig, RigFit, float]:
+    """A machine, what a fit found of it, and how long that took (s)."""
+    random = np.random.default_rng(seed)
+    law = cam_rig.build_law(cam_rig.load_cam(CAMS[seed % len(CAMS)]))
+    rig = cam_rig.load_rig("tm21" if model == "one_mass" else "paper_table2")
+    follower = rig.follower
+    numbers = {
+        name: getattr(follower, name).si * float(random.uniform(0.6, 1.6))
+        for name in ("mass", "spring_stiffness", "preload", "damping")
+    }
+    if model == "one_mass":
+        numbers["restitution"] = float(random.uniform(0.1, 0.6))
+    else:
+        stem, share = follower.stem_stiffness.si, float(random.uniform(0.25, 0.6))
+        numbers |= {"stem_stiffness": stem * float(random.uniform(0.5, 2.0)), "roller_share": share}
+        numbers["stem_damping"] = float(random.uniform(5.0, 30.0))
+    rig = rig.with_follower(**numbers)
+    jump = to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
+    parts = np.array(PARTS) + random.uniform(-SCATTER, SCATTER, len(PARTS))
+    errors = InstrumentErrors(in_proportion=seed % 2 == 1)
+    run = measured_run(law, rig, model, (parts * jump).tolist(), errors, seed)
+    begin = time.perf_counter()
+    found = fit_rig(law, run, cam_rig.load_rig("tm21"))
+    return rig, found, time.perf_counter() - begin
+
+
+def main() -> None:
+    """Print a line a number: how often it is told, and how often its interval holds the truth."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--trials", type=int, default=200)
+    parser.add_argument("--first", type=int, default=0, help="seed of the first")
+    parser.add_argument("--model", choices=("one_mass", "separation"), default="one_mass")
+    asked = parser.parse_args()
+    scores, seconds, models = defaultdict[str, list[float]](list), [], defaultdict[str, int](int)
+    for seed in range(asked.first, asked.first + asked.trials):
+        rig, found, took = trial(seed, asked.model)
+        seconds.append(took)
+        models[found.model] += 1
+        for number in found.identified:
+            assert number.value is not None
+            assert number.error is not None
+            truth = getattr(rig.follower, number.name).si
+            score = (number.value - truth) / number.error
+            scores[number.name].append(score)
+            if abs(score) > 4.0:
+                print(f"seed {seed}: {number.name} {score:.1f} standard errors off", flush=True)
+    print("number            told  within 95 %  mean score  its scatter")
+    for name, found_scores in scores.items():
+        z = np.array(found_scores)
+        within = 100.0 * np.mean(np.abs(z) < WITHIN_95)
+        print(f"{name:16} {z.size:5d} {within:10.1f} % {z.mean():11.2f} {z.std():12.2f}")
+    every = np.abs(np.concatenate([np.array(z) for z in scores.values()]))
+    print(f"all              {every.size:5d} {100.0 * np.mean(every < WITHIN_95):10.1f} %")
+    print(f"models {dict(models)}; {np.median(seconds):.1f} s a fit, {max(seconds):.1f} s at most")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,156 @@
+"""A simulated run as instruments would record it: counts, noise, clocks of their own.
+
+What a fit or a comparison makes of a real machine is proven on these, where the truth is known.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.signal import cont2discrete, lfilter
+
+from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import MODELS, Interval, Samples
+from cam_rig.laws import Law
+from cam_rig.schema import RigConfig
+from cam_rig.simulation.measured_run import MeasuredRun, Signal
+from cam_rig.units import NS, RPM, TURN
+
+#: Samples of the model for one of a force sensor that vibrates.
+FINER = 16
+
+
+@dataclass(frozen=True)
+class InstrumentErrors:
+    """What the instruments of a machine do to what they measure.
+
+    Parameters
+    ----------
+    rate, encoder_rate : Hz, samples of lift and force, and of the encoder
+    counts : of the encoder in a turn; 0 for one without steps
+    offset : rad, what the encoder shows where the cam is at θ = 0
+    clock : part by which the clock of lift and force is fast beside the encoder's
+    force_noise : part of the largest force, or with ``in_proportion`` of each force
+    lift_noise : m
+    backlash : m, by how much the gauge of the lift reads less in a rise than in a fall
+    sensor_frequency : Hz, resonance of the force sensor; 0 for one without
+    sensor_damping : its damping ratio
+    """
+
+    rate: int = 2000
+    encoder_rate: int = 1000
+    counts: int = 1024
+    offset: float = math.radians(3.0)
+    clock: float = 200e-6
+    force_noise: float = 0.01
+    in_proportion: bool = False
+    lift_noise: float = 10e-6
+    backlash: float = 0.0
+    sensor_frequency: float = 0.0
+    sensor_damping: float = 0.02
+
+
+def measured_run(
+    law: Law,
+    rig: RigConfig,
+    model: str,
+    rpms: Iterable[float],
+    errors: InstrumentErrors = InstrumentErrors(),  # noqa: B008 (it cannot be changed)
+    seed: int = 0,
+    turns: float = 4.0,
+    settled_for: int = 20,
+    ramp: float = 0.3,
+) -> MeasuredRun:
+    """A run at some speeds (rpm), one after another, as it would be recorded.
+
+    Parameters
+    ----------
+    model : of the scenes' models
+    turns : at each speed
+    settled_for : turns at a speed before those that are recorded
+    ramp : s, from one speed to the next; only the encoder is recorded in it
+    """
+    random = np.random.default_rng(seed)
+    time, angle, before = 0.0, float(random.uniform(0.0, TURN)), 0.0
+    encoder, sensors = list[FloatArray](), list[FloatArray]()
+    for speed in (rpm * RPM for rpm in rpms):
+        since = np.arange(int(ramp * errors.encoder_rate)) / errors.encoder_rate
+        turned = before * since + 0.5 * (speed - before) / ramp * since**2
+        encoder.append(np.stack([time + since, angle + turned]))
+        time, angle, before = time + ramp, angle + 0.5 * (before + speed) * ramp, speed
+        length = turns * TURN / speed
+        since = np.arange(int(length * errors.encoder_rate)) / errors.encoder_rate
+        encoder.append(np.stack([time + since, angle + speed * since]))
+        rows = _settled(law, rig, model, (angle, speed, length), settled_for, errors)
+        rows[0] += time
+        sensors.append(rows)
+        time, angle = time + length, angle + speed * length
+    times, lift, force = np.hstack(sensors)
+    times = times * (1.0 + errors.clock)
+    noise = np.abs(force) if errors.in_proportion else float(force.max())
+    force = force + errors.force_noise * noise * random.standard_normal(force.size)
+    lift = lift + errors.lift_noise * random.standard_normal(lift.size)
+    return MeasuredRun(
+        Path("simulated"),
+        law.name,
+        _counted(np.hstack(encoder), errors),
+        Signal(times, lift, "lift"),
+        Signal(times, force, "force"),
+    )
+
+
+def _counted(encoder: FloatArray, errors: InstrumentErrors) -> Signal:
+    time, angle = encoder[0], encoder[1] + errors.offset
+    if errors.counts:
+        count = TURN / errors.counts
+        angle = np.floor(angle / count) * count
+    return Signal(time, angle, "encoder")
+
+
+def _settled(
+    law: Law,
+    rig: RigConfig,
+    model: str,
+    hold: tuple[float, float, float],
+    settled_for: int,
+    errors: InstrumentErrors,
+) -> FloatArray:
+    """Time since the hold's start (s), lift (m) and force (N), ``(3, n)``; angle, speed, length."""
+    angle, speed, length = hold
+    rate = errors.rate * (FINER if errors.sensor_frequency else 1)
+    parameters, advance = MODELS[model].parameters(rig), MODELS[model].advance
+    begin = round(settled_for * TURN / speed * NS)
+    first = Interval(0, begin, math.fmod(angle, TURN) - speed * begin / NS + settled_for * TURN, speed)
+    state, before = advance(law, parameters, None, first, rate)
+    at = first.angle_at(first.duration)
+    last = Interval(begin, begin + round(length * NS), at, speed)
+    _, block = advance(law, parameters, state, last, rate)
+    rows, count = np.hstack([before.rows, block.rows]), block.time.size
+    force = _sensed(rows, rate, errors)[-count:]
+    since, lift = block.time - begin / NS, block.lift
+    if errors.backlash:
+        lift = lift - 0.5 * errors.backlash * _side(Samples(rows).velocity)[-count:]
+    every = slice(None, None, rate // errors.rate)
+    return np.stack([since[every], lift[every], force[every]])
+
+
+def _sensed(rows: FloatArray, rate: int, errors: InstrumentErrors) -> FloatArray:
+    """The force as the sensor shows it: itself, or through a resonance with the landings' blows."""
+    samples = Samples(rows)
+    if not errors.sensor_frequency:
+        return samples.force.copy()
+    own, ratio = TURN * errors.sensor_frequency, errors.sensor_damping
+    system = ([own**2], [1.0, 2.0 * ratio * own, own**2])
+    top, bottom, _ = cont2discrete(system, 1.0 / rate, "foh")
+    return np.asarray(lfilter(np.ravel(top), bottom, samples.force + samples.impulse * rate))
+
+
+def _side(velocity: FloatArray) -> FloatArray:
+    """1 after a rise, -1 after a fall: where a play is taken up."""
+    moving = np.abs(velocity) > 1e-9 * np.abs(velocity).max()
+    last = np.maximum.accumulate(np.where(moving, np.arange(velocity.size), 0))
+    return np.sign(velocity[last])

@@ -1,0 +1,1 @@
+"""A rig's numbers from what was measured on it."""

@@ -1,0 +1,113 @@
+"""What a fit found of a rig, in sentences: the answer, what is not told and why, what looks odd."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from cam_rig.studies.rig_fit.numbers import NUMBERS
+from cam_rig.studies.rig_fit.rig_fit import FoundNumber, RigFit
+
+#: Neighbours that err alike over more samples than this are no noise.
+COLOURED = 1.5
+#: A residual larger than this part of the lift is not a gauge's.
+WRONG_CAM = 0.01
+#: A peak of a spectrum stands out that has this part of all of it in its eight lines.
+STANDS_OUT = 0.3
+
+
+def number_sentences(numbers: Iterable[FoundNumber]) -> Iterator[str]:
+    """What has no number, and why."""
+    for number in numbers:
+        if number.value is None:
+            yield f"{number.name}: no number, {number.reason}."
+
+
+def rig_conclusions(fit: RigFit) -> Iterator[str]:
+    """The answer first, then what stands in its way."""
+    told = ", ".join(f"{n.name} {n.value:.5g} {n.unit}".rstrip(" 1") for n in fit.identified)
+    model = "two masses and a stem" if fit.model == "separation" else "one rigid mass"
+    yield (
+        f"Identified as {model}: {told}."
+        if told
+        else f"Nothing of the follower is told, as {model}."
+    )
+    yield from number_sentences(fit.numbers)
+    yield (
+        "The force sensor is taken as true, its zero is in the preload; so is the encoder's clock: "
+        "100 ppm of it are 200 ppm of a mass."
+    )
+    yield from _odd(fit)
+    yield from fit.notes
+
+
+def _odd(fit: RigFit) -> Iterator[str]:
+    noise = fit.gauges.lift_noise
+    if noise is not None and noise > WRONG_CAM * fit.law.lift:
+        yield (
+            f"The lift is {noise * 1e3:.3g} mm r.m.s. from the law of {fit.law.name}: another cam, "
+            "or turned the other way?"
+        )
+        return
+    if fit.gauges.backlash is not None:
+        yield (
+            f"The lift reads {abs(fit.gauges.backlash) * 1e3:.3g} mm "
+            f"{'less' if fit.gauges.backlash > 0.0 else 'more'} in rises than in falls: backlash, "
+            "or a gauge that drags. It is fitted with."
+        )
+    for name, length in zip(("lift", "force"), fit.alike, strict=True):
+        if length > COLOURED:
+            yield (
+                f"What is left of the {name} is no noise: {length:.2g} neighbours err alike"
+                f"{_frequency_words(fit, name)}. The standard errors count them as one, but the "
+                "model lacks something."
+            )
+    ripple = max(hold.hold.ripple for hold in fit.solution.likelihood.holds)
+    if ripple > np.radians(0.3):
+        yield (
+            f"The cam's angle is up to {np.degrees(ripple):.2g} deg from a steady turn: the speed "
+            "fluctuates, and the model holds it."
+        )
+
+
+def _frequency_words(fit: RigFit, name: str) -> str:
+    """Where the spectrum of what is left stands out, of the hold with most samples."""
+    found = strongest_frequency(fit, name)
+    if found is None:
+        return ""
+    cause = "a resonance of the sensor or its mount?" if name == "force" else "the gauge's?"
+    return f", most at {found:.3g} Hz ({cause})"
+
+
+def strongest_frequency(fit: RigFit, name: str) -> float | None:
+    """Hz at which what is left stands out; None where it nowhere does."""
+    likelihood, best = fit.solution.likelihood, (STANDS_OUT, None)
+    for i, hold in enumerate(likelihood.holds):
+        predicted = likelihood.predicted(fit.solution.x, i)
+        if predicted is None:
+            continue
+        if name == "lift":
+            since, left = hold.lift.since, predicted.lift - hold.lift.value
+        else:
+            kept = likelihood.kept[i]
+            since = hold.force.since[kept]
+            left = predicted.force - hold.force.value[kept]
+        if since.size < 64:
+            continue
+        step = float(np.median(np.diff(since)))
+        even = np.zeros(round((since[-1] - since[0]) / step) + 1)
+        even[np.rint((since - since[0]) / step).astype(int)] = left - left.mean()
+        power = np.abs(np.fft.rfft(even)) ** 2
+        at = int(np.argmax(power))
+        part = float(power[max(0, at - 4) : at + 5].sum() / power.sum())
+        if part > best[0]:
+            best = (part, at / (even.size * step))
+    return best[1]
+
+
+def gist(number: FoundNumber) -> str:
+    """A number in words: 1.2995 ± 0.0008 kg."""
+    unit = NUMBERS[number.name].unit
+    return f"{number.value:.6g} ± {number.error:.2g} {unit}".removesuffix(" 1")
+

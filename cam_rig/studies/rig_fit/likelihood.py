@@ -1,0 +1,295 @@
+"""How far a follower of some numbers is from what was measured, and how that changes with them.
+
+Beside the numbers sought there are those of the instruments, told by the same samples: in each hold
+the phase of the samples against the encoder and how far its speed is off, one error of the sensors'
+clock, the zero of the lift, and where asked its backlash.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import FollowerParameters
+from cam_rig.laws import Law
+from cam_rig.studies.rig_fit.measured_turns import MeasuredHold
+from cam_rig.studies.rig_fit.numbers import (
+    NUMBERS,
+    Follower,
+    follower_of,
+    from_search,
+    to_search,
+)
+from cam_rig.studies.rig_fit.steady_turn import (
+    SteadyTurn,
+    TwoMassTurn,
+    one_mass_turn,
+    two_mass_turn,
+)
+from cam_rig.units import TURN
+
+#: Step of what is sought, of its size; of an angle, rad.
+STEP, ANGLE_STEP = 1e-5, 1e-6
+#: The clock's error is sought in parts of this.
+PPM = 1e-6
+#: Residual, in standard deviations, of a follower without a steady turn.
+FAR = 1e3
+#: Cam angles (rad) at which the side of a play is known; a cam slower than this part stands still.
+SIDES, STILL = np.linspace(0.0, TURN, 4097), 1e-6
+
+
+@dataclass(frozen=True)
+class Instruments:
+    """Where the numbers of the instruments stand behind those of the follower.
+
+    ``first`` is how many those are; ``lift`` and ``play`` whether a lift was measured, and whether
+    it is to have backlash.
+    """
+
+    first: int
+    holds: int
+    lift: bool
+    play: bool
+
+    @property
+    def phases(self) -> slice:
+        """Of each hold, rad."""
+        return slice(self.first, self.first + self.holds)
+
+    @property
+    def speeds(self) -> slice:
+        """Of each hold: how far its speed is off, in standard errors of the encoder's."""
+        return slice(self.first + self.holds, self.first + 2 * self.holds)
+
+    @property
+    def clock(self) -> int | None:
+        """Error of the sensors' clock, ppm; with one hold it is not told from the speed's."""
+        return self.first + 2 * self.holds if self.holds > 1 else None
+
+    @property
+    def zero(self) -> int | None:
+        """The lift's zero, m."""
+        return self.first + 2 * self.holds + (self.holds > 1) if self.lift else None
+
+    @property
+    def backlash(self) -> int | None:
+        """By how much the gauge reads less in a rise than in a fall, m."""
+        return self.zero + 1 if self.zero is not None and self.play else None
+
+    @property
+    def size(self) -> int:
+        """How many numbers there are, the follower's among them."""
+        return self.first + 2 * self.holds + (self.holds > 1) + self.lift * (1 + self.play)
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """A hold as the numbers make it: the steady turn, and lift and force at its samples."""
+
+    turn: SteadyTurn
+    lift_angle: FloatArray
+    force_angle: FloatArray
+    lift: FloatArray
+    force: FloatArray
+
+
+@dataclass(eq=False)
+class Likelihood:
+    """Residuals in standard deviations, and their slopes.
+
+    Parameters
+    ----------
+    sought : the follower's numbers that are sought, by name
+    given : the other ones
+    lift_noise, force_noise : m and N, one standard deviation
+    force_part : the force's noise in parts of the force, beside ``force_noise``
+    play : whether the gauge of the lift is to have backlash
+    kept : of each hold, which samples of force count; all by default
+    pressing : of each hold, the forces (N) that their noise is in proportion to; none by default
+    """
+
+    law: Law
+    holds: tuple[MeasuredHold, ...]
+    sought: tuple[str, ...]
+    given: dict[str, float]
+    stem_stiffness: float
+    lift_noise: float = 1e-5
+    force_noise: float = 1.0
+    force_part: float = 0.0
+    play: bool = False
+    kept: list[NDArray[np.bool_]] = field(default_factory=list)
+    pressing: list[FloatArray] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        if not self.kept:
+            self.kept = [np.ones(hold.force.since.size, dtype=bool) for hold in self.holds]
+        if not self.pressing:
+            self.pressing = [np.zeros(hold.force.since.size) for hold in self.holds]
+
+    def force_deviation(self, i: int) -> FloatArray:
+        """Standard deviation (N) of the forces of a hold that count."""
+        part = self.force_part * self.pressing[i][self.kept[i]]
+        return np.asarray(np.hypot(self.force_noise, part))
+
+    @cached_property
+    def instruments(self) -> Instruments:
+        """Where the instruments' numbers stand."""
+        lift = any(hold.lift.since.size for hold in self.holds)
+        return Instruments(len(self.sought), len(self.holds), lift, self.play)
+
+    def values(self, x: FloatArray) -> dict[str, float]:
+        """The follower's numbers, sought and given."""
+        found = {n: from_search(n, float(v)) for n, v in zip(self.sought, x, strict=False)}
+        return self.given | found
+
+    def follower(self, x: FloatArray) -> Follower:
+        """The follower of what is sought."""
+        return follower_of(self.values(x), self.stem_stiffness)
+
+    def speed_of(self, x: FloatArray, i: int) -> float:
+        """The speed (rad/s) of a hold."""
+        hold = self.holds[i]
+        return hold.speed + float(x[self.instruments.speeds][i]) * hold.hold.speed_error
+
+    def predicted(self, x: FloatArray, i: int, near: SteadyTurn | None = None) -> Predicted | None:
+        """A hold as the numbers make it; None where they make no steady turn."""
+        speed = self.speed_of(x, i)
+        turn = _steady(self.law, self.follower(x), speed, near)
+        if turn is None:
+            return None
+        lift_angle, force_angle = self.angles(x, i)
+        return Predicted(turn, lift_angle, force_angle, *self._shown(x, turn, lift_angle, force_angle))
+
+    def _shown(
+        self, x: FloatArray, turn: SteadyTurn, lift_angle: FloatArray, force_angle: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Lift and force as the instruments would show them."""
+        where, lift = self.instruments, turn.at(lift_angle)[0]
+        if where.zero is not None:
+            lift = lift + float(x[where.zero])
+        if where.backlash is not None:
+            lift = lift - 0.5 * float(x[where.backlash]) * self.side(lift_angle)
+        return lift, turn.at(force_angle)[1]
+
+    def side(self, angle: FloatArray) -> FloatArray:
+        """1 after a rise and -1 after a fall at cam angles (rad): where play is taken up."""
+        slope = self.law.motion_at(SIDES)[1]
+        moving = np.abs(slope) > STILL * np.abs(slope).max()
+        last = np.maximum.accumulate(np.where(moving, np.arange(slope.size), -1))
+        last = np.where(last < 0, np.flatnonzero(moving)[-1], last)
+        return np.asarray(np.sign(slope[last])[np.searchsorted(SIDES, np.mod(angle, TURN)) - 1])
+
+    def angles(self, x: FloatArray, i: int) -> tuple[FloatArray, FloatArray]:
+        """Cam angle (rad) at the samples of lift, and at those of force that count, of a hold."""
+        hold = self.holds[i]
+        return (
+            self._angles(x, i, hold.lift.since),
+            self._angles(x, i, hold.force.since[self.kept[i]]),
+        )
+
+    def _angles(self, x: FloatArray, i: int, since: FloatArray) -> FloatArray:
+        where = self.instruments
+        clock = 0.0 if where.clock is None else PPM * float(x[where.clock])
+        begin = self.holds[i].angle + float(x[where.phases][i])
+        return np.asarray(begin + self.speed_of(x, i) * (1.0 + clock) * since)
+
+    def residuals(self, x: FloatArray) -> FloatArray:
+        """All of them; far off where there is no steady turn."""
+        found = [self._residual(i, self.predicted(x, i)) for i in range(len(self.holds))]
+        return np.concatenate([*found, x[self.instruments.speeds]])
+
+    def _residual(self, i: int, predicted: Predicted | None) -> FloatArray:
+        hold, force = self.holds[i], self.holds[i].force.value[self.kept[i]]
+        if predicted is None:
+            return np.full(hold.lift.value.size + force.size, FAR)
+        return np.concatenate(
+            [
+                (predicted.lift - hold.lift.value) / self.lift_noise,
+                (predicted.force - force) / self.force_deviation(i),
+            ]
+        )
+
+    def slopes(self, x: FloatArray) -> FloatArray:
+        """The residuals' slopes, ``(m, n)``."""
+        blocks = [self._slopes_of(x, i) for i in range(len(self.holds))]
+        last = np.zeros((len(self.holds), x.size))
+        last[:, self.instruments.speeds] = np.eye(len(self.holds))
+        return np.vstack([*blocks, last])
+
+    def _slopes_of(self, x: FloatArray, i: int) -> FloatArray:
+        hold, where = self.holds[i], self.instruments
+        base = self.predicted(x, i)
+        sizes = hold.lift.value.size, int(self.kept[i].sum())
+        out = np.zeros((sum(sizes), x.size))
+        if base is None:
+            return out
+        for k in (*range(where.first), where.speeds.start + i):
+            step = STEP * self._size(x, k)
+            beside = self.predicted(x + step * (np.arange(x.size) == k), i, base.turn)
+            if beside is not None:
+                out[: sizes[0], k] = (beside.lift - base.lift) / step
+                out[sizes[0] :, k] = (beside.force - base.force) / step
+        by_angle = self._by_angle(base)
+        out[:, where.phases.start + i] = by_angle
+        if where.clock is not None:
+            since = np.concatenate([hold.lift.since, hold.force.since[self.kept[i]]])
+            out[:, where.clock] = by_angle * self.speed_of(x, i) * since * PPM
+        if where.zero is not None:
+            out[: sizes[0], where.zero] = 1.0
+        if where.backlash is not None:
+            out[: sizes[0], where.backlash] = -0.5 * self.side(base.lift_angle)
+        out[: sizes[0]] /= self.lift_noise
+        out[sizes[0] :] /= self.force_deviation(i)[:, None]
+        return out
+
+    def _size(self, x: FloatArray, k: int) -> float:
+        """What a step of something sought is to be measured by."""
+        name = self.sought[k] if k < len(self.sought) else None
+        if name is None:
+            return 10.0
+        if NUMBERS[name].logarithm or NUMBERS[name].high < 1.0:
+            return 1.0
+        return max(abs(float(x[k])), 1.0)
+
+    def _by_angle(self, base: Predicted) -> FloatArray:
+        """What lift and force change with the angle, by differences on both sides of a sample."""
+        lift = [base.turn.at(base.lift_angle + d)[0] for d in (ANGLE_STEP, -ANGLE_STEP)]
+        force = [base.turn.at(base.force_angle + d)[1] for d in (ANGLE_STEP, -ANGLE_STEP)]
+        rises = [(up - down) / (2.0 * ANGLE_STEP) for up, down in (lift, force)]
+        return np.concatenate(rises)
+
+    def start(self, values: dict[str, float], phase: float, zero: float) -> FloatArray:
+        """What is sought, of numbers, one phase (rad) for all holds, and the lift's zero (m)."""
+        where = self.instruments
+        x = np.zeros(where.size)
+        x[: where.first] = [to_search(name, values[name]) for name in self.sought]
+        x[where.phases] = phase
+        if where.zero is not None:
+            x[where.zero] = zero
+        return x
+
+    def keep_clear(self, x: FloatArray, guard: float) -> bool:
+        """Leave out the force next to landings (rad), where it jumps; whether that changed."""
+        before, kept, pressing = self.kept, [], []
+        for i, hold in enumerate(self.holds):
+            turn = _steady(self.law, self.follower(x), self.speed_of(x, i), None)
+            angle = self._angles(x, i, hold.force.since)
+            clear = np.ones(angle.size, dtype=bool)
+            for event in turn.events if turn is not None else ():
+                if event.kind == "landing":
+                    away = np.abs(np.mod(angle - event.angle + 0.5 * TURN, TURN) - 0.5 * TURN)
+                    clear &= away > guard
+            kept.append(clear)
+            pressing.append(np.zeros(angle.size) if turn is None else np.abs(turn.at(angle)[1]))
+        self.kept, self.pressing = kept, pressing
+        return any((a != b).any() for a, b in zip(before, kept, strict=True))
+
+
+def _steady(law: Law, follower: Follower, speed: float, near: SteadyTurn | None) -> SteadyTurn | None:
+    if isinstance(follower, FollowerParameters):
+        return one_mass_turn(law, follower, speed)
+    return two_mass_turn(law, follower, speed, near if isinstance(near, TwoMassTurn) else None)

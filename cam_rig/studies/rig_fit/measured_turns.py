@@ -1,0 +1,98 @@
+"""What is compared of a measured run: its samples in each hold, on the encoder's angle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cam_rig.arrays import FloatArray
+from cam_rig.errors import ConfigError
+from cam_rig.simulation.measured_run import MeasuredRun, Signal
+from cam_rig.studies.rig_fit.holds import Hold, steady_holds
+
+#: Turns of a hold that are left out, for the follower to settle, where it has twice as many.
+SETTLE_TURNS = 1.0
+#: Samples of a quantity that are fitted, at most; of more every k-th is taken.
+MOST_SAMPLES = 40_000
+#: Samples of a hold, at least.
+LEAST_SAMPLES = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """One quantity in one hold: times since the hold's middle (s) and values (SI), ``(n,)``."""
+
+    since: FloatArray
+    value: FloatArray
+
+    def where(self, kept: NDArray[np.bool_]) -> Samples:
+        """Some of them."""
+        return Samples(self.since[kept], self.value[kept])
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredHold:
+    """A hold with what was measured in it; ``angle`` (rad) is the encoder's in its middle."""
+
+    hold: Hold
+    angle: float
+    lift: Samples
+    force: Samples
+
+    @property
+    def speed(self) -> float:
+        """rad/s, by the encoder."""
+        return self.hold.speed
+
+
+def measured_holds(run: MeasuredRun) -> tuple[MeasuredHold, ...]:
+    """The holds of a run in which something was measured.
+
+    Raises
+    ------
+    ConfigError : there is none, or neither lift nor force was recorded
+    """
+    if run.lift is None and run.force is None:
+        raise ConfigError(
+            f"{run.source}: has neither lift nor contact force; needed: one of them, so map its "
+            "topic"
+        )
+    holds = [
+        hold.after(SETTLE_TURNS) or hold if hold.turns > 2.0 * SETTLE_TURNS else hold
+        for hold in steady_holds(run)
+    ]
+    every = [_every(signal, holds) for signal in (run.lift, run.force)]
+    found = []
+    for hold in holds:
+        lift = _within(run.lift, hold, every[0])
+        force = _within(run.force, hold, every[1])
+        if lift.since.size + force.since.size >= LEAST_SAMPLES:
+            middle = 0.5 * (hold.begin + hold.end)
+            found.append(MeasuredHold(hold, float(hold.angle_at(np.array(middle))), lift, force))
+    if not found:
+        raise ConfigError(
+            f"{run.source}: no samples of lift or force while the cam turns steadily; needed: "
+            f"{LEAST_SAMPLES} of a speed (are their stamps of one clock?)"
+        )
+    return tuple(found)
+
+
+def _inside(signal: Signal, hold: Hold) -> slice:
+    return slice(*np.searchsorted(signal.time, [hold.begin, hold.end]).tolist())
+
+
+def _every(signal: Signal | None, holds: list[Hold]) -> int:
+    if signal is None:
+        return 1
+    count = sum(signal.time[_inside(signal, hold)].size for hold in holds)
+    return -(-count // MOST_SAMPLES) or 1
+
+
+def _within(signal: Signal | None, hold: Hold, every: int) -> Samples:
+    if signal is None:
+        return Samples(np.empty(0), np.empty(0))
+    inside = _inside(signal, hold)
+    middle = 0.5 * (hold.begin + hold.end)
+    return Samples(signal.time[inside][::every] - middle, signal.value[inside][::every])

@@ -1,0 +1,86 @@
+"""The numbers of a follower that a fit looks for: names, units, limits, and the follower of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+
+Follower = FollowerParameters | TwoMassParameters
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number of a rig file: its unit, its limits, and whether it is sought by its logarithm."""
+
+    unit: str
+    low: float
+    high: float
+    logarithm: bool = False
+
+
+#: By their keys in a rig file.
+NUMBERS = {
+    "mass": Number("kg", 1e-6, 1e6, logarithm=True),
+    "spring_stiffness": Number("N/m", 1e-6, 1e12, logarithm=True),
+    "preload": Number("N", 0.0, 1e9),
+    "damping": Number("N*s/m", 0.0, 1e9),
+    "restitution": Number("1", 0.0, 0.95),
+    "stem_stiffness": Number("N/m", 1.0, 1e15, logarithm=True),
+    "roller_share": Number("1", 0.01, 0.99),
+    "stem_damping": Number("N*s/m", 0.0, 1e9),
+}
+ONE_MASS = ("mass", "spring_stiffness", "preload", "damping", "restitution")
+TWO_MASSES = (*ONE_MASS, "stem_stiffness", "roller_share", "stem_damping")
+
+
+def follower_of(values: dict[str, float], stem_stiffness: float) -> Follower:
+    """The follower of some numbers: two masses where they say how the mass splits.
+
+    ``stem_stiffness`` (N/m) is that of one mass, which only a landing's pulse feels.
+    """
+    v = values
+    if "roller_share" not in v:
+        return FollowerParameters(
+            v["mass"],
+            v["spring_stiffness"],
+            v["damping"],
+            v["preload"],
+            stem_stiffness,
+            v["restitution"],
+        )
+    roller = v["roller_share"] * v["mass"]
+    return TwoMassParameters(
+        roller,
+        v["mass"] - roller,
+        v["stem_stiffness"],
+        v["spring_stiffness"],
+        v["stem_damping"],
+        v["damping"],
+        v["preload"],
+        v["restitution"],
+    )
+
+
+def to_search(name: str, value: float) -> float:
+    """The number as it is sought."""
+    return float(np.log(value)) if NUMBERS[name].logarithm else value
+
+
+def from_search(name: str, x: float) -> float:
+    """What is sought as a number of the rig."""
+    return float(np.exp(x)) if NUMBERS[name].logarithm else x
+
+
+def slope(name: str, value: float) -> float:
+    """The number's change with what is sought."""
+    return value if NUMBERS[name].logarithm else 1.0
+
+
+def search_limits(names: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
+    """Lowest and highest of what is sought, ``(n,)`` each."""
+    low = [to_search(name, NUMBERS[name].low) for name in names]
+    return np.array(low), np.array([to_search(name, NUMBERS[name].high) for name in names])

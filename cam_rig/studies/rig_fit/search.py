@@ -1,0 +1,113 @@
+"""The numbers that make what was measured likeliest: least squares on exact turns.
+
+With errors of lift and force that are normal, of one size each and independent from sample to
+sample, the sum of squares in standard deviations is twice the negative logarithm of the likelihood.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares, nnls
+
+from cam_rig.arrays import FloatArray, rms
+from cam_rig.studies.rig_fit.likelihood import Likelihood
+from cam_rig.studies.rig_fit.numbers import search_limits
+
+#: Looks at which samples lie beside a landing, at most; distances from one, rad.
+MOST_ROUNDS, FIRST_GUARD, GUARD = 8, 0.05, 0.01
+#: Steps of the first searches, whose noise is not known yet, and of the others.
+FIRST_STEPS, MOST_STEPS = 6, 40
+#: A search is over where the sum of squares falls by this part of it.
+SETTLED = 3e-7
+#: Looks at the noise; its floor, in parts of the whole.
+NOISE_ROUNDS, LEAST_FLOOR = 4, 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Where a search ended: what is sought, its slopes and residuals in standard deviations."""
+
+    likelihood: Likelihood
+    x: FloatArray
+    slopes: FloatArray
+    residuals: FloatArray
+
+    @property
+    def misfit(self) -> float:
+        """The sum of squares, in standard deviations."""
+        return float(self.residuals @ self.residuals)
+
+
+def search(likelihood: Likelihood, x: FloatArray) -> Solution:
+    """The least squares from ``x`` on, with the noise and the samples beside landings anew.
+    """
+    low, high = search_limits(likelihood.sought)
+    free = np.full(x.size - low.size, np.inf)
+    bounds = np.concatenate([low, -free]), np.concatenate([high, free])
+    inner = [
+        b + 1e-9 * max(1.0, abs(b)) * d if math.isfinite(b) else b
+        for bs, d in zip(bounds, (1.0, -1.0), strict=True)
+        for b in bs.tolist()
+    ]
+    x = np.clip(x, inner[: x.size], inner[x.size :])
+    for i in range(MOST_ROUNDS):
+        moved = likelihood.keep_clear(x, FIRST_GUARD if i == 0 else GUARD)
+        sized = _size_noise(likelihood, likelihood.residuals(x))
+        if i > 1 and not moved and not sized:
+            break
+        found = least_squares(
+            likelihood.residuals,
+            x,
+            likelihood.slopes,
+            bounds=bounds,
+            x_scale="jac",
+            ftol=SETTLED,
+            xtol=1e-10,
+            gtol=1e-12,
+            max_nfev=FIRST_STEPS if i < 2 else MOST_STEPS,
+        )
+        x = np.clip(found.x, inner[: x.size], inner[x.size :])
+    return Solution(likelihood, found.x, found.jac, found.fun)
+
+
+def _size_noise(likelihood: Likelihood, residuals: FloatArray) -> bool:
+    """Take the noise from the residuals; whether it changed by more than a hundredth.
+
+    That of the force is a floor and a part in proportion to the force, as of most sensors.
+    """
+    lifts, forces, pressing, at = [np.empty(0)], [np.empty(0)], [np.empty(0)], 0
+    for i, (hold, kept) in enumerate(zip(likelihood.holds, likelihood.kept, strict=True)):
+        middle = at + hold.lift.value.size
+        end = middle + int(kept.sum())
+        lifts.append(residuals[at:middle])
+        forces.append(residuals[middle:end] * likelihood.force_deviation(i))
+        pressing.append(likelihood.pressing[i][kept])
+        at = end
+    before = np.array([likelihood.lift_noise, likelihood.force_noise, likelihood.force_part])
+    lift, force = np.concatenate(lifts), np.concatenate(forces)
+    if lift.any():
+        likelihood.lift_noise *= rms(lift)
+    if force.any():
+        likelihood.force_noise, likelihood.force_part = noise_of(force, np.concatenate(pressing))
+    after = np.array([likelihood.lift_noise, likelihood.force_noise, likelihood.force_part])
+    return bool((np.abs(after - before) > 0.01 * before + 1e-4 * np.array([0.0, 0.0, 1.0])).any())
+
+
+def noise_of(residual: FloatArray, force: FloatArray) -> tuple[float, float]:
+    """Floor (N) and part of the force of a noise, from residuals and forces (N), ``(n,)`` each.
+
+    Their squares are a² + b² F² on average, and scatter by √2 of that: weighted least squares.
+    """
+    squares, scale = residual**2, max(float(np.abs(force).max(initial=0.0)), 1e-12)
+    whole = float(squares.mean())
+    parts = np.stack([np.ones(force.size), (force / scale) ** 2], axis=1)
+    variance = np.full(force.size, whole)
+    fitted = np.array([whole, 0.0])
+    for _ in range(NOISE_ROUNDS):
+        fitted, _ = nnls(parts / variance[:, None], squares / variance)
+        fitted[0] = max(fitted[0], LEAST_FLOOR**2 * whole)
+        variance = parts @ fitted
+    return math.sqrt(fitted[0]), math.sqrt(fitted[1]) / scale

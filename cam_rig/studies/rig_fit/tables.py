@@ -1,0 +1,150 @@
+"""What a fit found of a rig, as tables and as plain data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+from cam_rig.arrays import FloatArray
+from cam_rig.studies.rig_fit.rig_fit import FoundNumber, HoldFit, RigFit
+from cam_rig.tables import Cell, Column, DataTable, tabulate
+
+
+def numbers_table(numbers: Iterable[FoundNumber], caption: str) -> DataTable:
+    """A row a number: what was found, or that nothing tells it."""
+
+    def error(number: FoundNumber) -> Cell:
+        return number.error if number.value is not None else None
+
+    def origin(number: FoundNumber) -> str:
+        return "not told" if number.value is None else number.origin
+
+    return tabulate(
+        caption,
+        numbers,
+        (
+            (Column("number"), lambda number: number.name),
+            (Column("value", "", ".6g"), lambda number: number.value),
+            (Column("standard error", "", ".2g"), error),
+            (Column("unit"), lambda number: number.unit),
+            (Column(""), origin),
+        ),
+    )
+
+
+def correlation_table(names: tuple[str, ...], correlation: FloatArray) -> DataTable:
+    """How the errors of the identified numbers go together, -1 to 1."""
+    return tabulate(
+        "Correlation of their errors",
+        range(len(names)),
+        (
+            (Column("number"), lambda i: names[i]),
+            *(
+                (Column(_short(name), "", ".2f"), lambda i, k=k: float(correlation[i, k]))
+                for k, name in enumerate(names)
+            ),
+        ),
+    )
+
+
+def _short(name: str) -> str:
+    """A heading of several lines."""
+    return name.replace("_", " ")
+
+
+def holds_table(fit: RigFit) -> DataTable:
+    """What is left of lift and force at each speed."""
+
+    def micro(hold: HoldFit) -> Cell:
+        return None if hold.lift is None else hold.lift * 1e6
+
+    return tabulate(
+        "What is left, r.m.s.",
+        fit.holds,
+        (
+            (Column("speed", "rpm", ".2f"), lambda hold: hold.rpm),
+            (Column("turns", "", ".1f"), lambda hold: hold.turns),
+            (Column("samples", "", "d"), lambda hold: hold.samples),
+            (Column("lift", "µm", ".3g"), micro),
+            (Column("force", "N", ".3g"), lambda hold: hold.force),
+            (Column("lift-offs a turn", "", "d"), lambda hold: hold.lift_offs),
+        ),
+    )
+
+
+def gauges_table(fit: RigFit) -> DataTable:
+    """What the same samples say of the instruments."""
+    g = fit.gauges
+    rows: list[tuple[str, float | None, float | None, str]] = [
+        ("encoder at θ = 0", math.degrees(g.offset), math.degrees(g.offset_error), "deg"),
+        ("sensors' clock, fast by", _times(g.clock, 1e6), _times(g.clock_error, 1e6), "ppm"),
+        ("zero of the lift", _times(g.zero, 1e6), None, "µm"),
+        ("backlash of the lift", _times(g.backlash, 1e6), _times(g.backlash_error, 1e6), "µm"),
+        ("noise of the lift", _times(g.lift_noise, 1e6), None, "µm"),
+        ("noise of the force", g.force_noise, None, "N"),
+        ("and of the force itself", _times(g.force_part or None, 100.0), None, "%"),
+    ]
+    return tabulate(
+        "The instruments, by the same samples",
+        [row for row in rows if row[1] is not None],
+        (
+            (Column(""), lambda row: row[0]),
+            (Column("value", "", ".5g"), lambda row: row[1]),
+            (Column("standard error", "", ".2g"), lambda row: row[2]),
+            (Column("unit"), lambda row: row[3]),
+        ),
+    )
+
+
+def _times(value: float | None, factor: float) -> float | None:
+    return None if value is None else value * factor
+
+
+def numbers_json(numbers: Iterable[FoundNumber]) -> dict[str, Any]:
+    """By name; null where nothing tells it, and why."""
+    return {
+        n.name: {
+            "value": n.value,
+            "standard_error": n.error if n.value is not None else None,
+            "unit": n.unit,
+            "origin": n.origin if n.value is not None else "not told",
+            **({"reason": n.reason} if n.reason else {}),
+        }
+        for n in numbers
+    }
+
+
+def rig_json(fit: RigFit) -> dict[str, Any]:
+    """All that a fit found, SI."""
+    return {
+        "source": str(fit.run.source),
+        "cam": fit.law.name,
+        "model": fit.model,
+        "numbers": numbers_json(fit.numbers),
+        "correlation": {
+            "of": [number.name for number in fit.identified],
+            "matrix": fit.correlation.tolist(),
+        },
+        "instruments": {
+            "encoder_offset_rad": fit.gauges.offset,
+            "sensor_clock_fast_by": fit.gauges.clock,
+            "lift_zero_m": fit.gauges.zero,
+            "lift_backlash_m": fit.gauges.backlash,
+            "lift_noise_m": fit.gauges.lift_noise,
+            "force_noise_N": fit.gauges.force_noise,
+            "force_noise_part": fit.gauges.force_part,
+        },
+        "by_speed": [
+            {
+                "rpm": hold.rpm,
+                "turns": hold.turns,
+                "samples": hold.samples,
+                "lift_rms_m": hold.lift,
+                "force_rms_N": hold.force,
+                "lift_offs_per_turn": hold.lift_offs,
+            }
+            for hold in fit.holds
+        ],
+        "notes": list(fit.notes),
+    }
