@@ -11,10 +11,10 @@ from cam_rig.arrays import FloatArray
 from cam_rig.bag.foreign.signals import read_fields, topic_list
 from cam_rig.bag.foreign.topic_map import EXAMPLE, MappedField
 from cam_rig.bag.foreign.wrapped_angle import forward_turns
-from cam_rig.bag.reader import messages, read_ticks, rigs_of
+from cam_rig.bag.reader import read_ticks, rigs_of
+from cam_rig.bag.recorded_states import read_pressures
 from cam_rig.errors import BagError, did_you_mean
 from cam_rig.messages import topics
-from cam_rig.messages.codec import stamp_ns
 from cam_rig.simulation.measured_run import MeasuredRun, Signal
 from cam_rig.units import NS
 
@@ -123,11 +123,11 @@ def _one_cam(bag: Path, there: list[str], cam: str | None) -> str:
 
 def _levels(bag: Path, namespace: str, spans: list[tuple[float, float]]) -> Signal | None:
     """The level of each tick of a cam, at the tick's end."""
-    rows = []
-    for _, _, message in messages(bag, (topics.PRESSURE,), namespace):
-        pressure = float(message.fluid_pressure)
-        if pressure > 0.0:
-            rows.append((stamp_ns(message.header.stamp) / NS, float(level_db(pressure))))
+    rows = [
+        (stamp / NS, float(level_db(pressure)))
+        for stamp, pressure in read_pressures(bag, namespace).items()
+        if pressure > 0.0
+    ]
     ends = {end for _, end in spans}
     kept = np.array([row for row in rows if row[0] in ends]).reshape(-1, 2)
     if not kept.size:
