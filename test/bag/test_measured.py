@@ -67,6 +67,15 @@ def test_a_field_may_be_left_out_named_by_its_joint_or_put_on_the_bag_s_clock(tm
         np.testing.assert_array_equal(run.angle.time, run.lift.time)
 
 
+def test_counts_of_an_encoder_are_an_angle(tmp_path):
+    """4096 a turn, as an integer counts them on over all turns."""
+    bag = bench(tmp_path, encoder=(number, TIME, np.floor(ANGLE * 4096 / TURN)))
+    line = "angle=/encoder.data:turn/4096 lift=/lvdt.data:mm"
+    run = read_measured(bag, parse_topics(line))
+    off = ANGLE - run.angle.value
+    assert off.min() > -1e-9 and off.max() < TURN / 4096 + 1e-9 and not run.angle.gaps().size
+
+
 @pytest.mark.parametrize("whole", [True, False], ids=["all turns", "within a turn"])
 def test_a_cam_that_turns_the_other_way_is_turned_over_and_said(tmp_path, whole):
     """An angle that falls becomes one that rises by as much."""
@@ -189,6 +198,7 @@ def test_a_bag_of_others_without_a_mapping_is_told_its_topics(tmp_path):
     ("line", "error"),
     [
         ("angle=/a lft=/b", "unknown quantity 'lft'; .*did you mean 'lift'"),
+        ("angle=/a:turn/0 lift=/b", r"angle has unit 'turn/0'; allowed: rad, deg, turn, turn/1024"),
         ("angle=/a lift=/b:furlong", "lift has unit 'furlong'; allowed: m, cm, mm"),
         ("lift=/b", "names lift; allowed: the angle and at least one of lift, force, level"),
         ("angle=/a", "names angle; allowed"),

@@ -80,6 +80,19 @@ def test_another_rig_s_scene_departs(tmp_path):
     assert "The largest departure is of the" in result.stderr and "(tm21)" in result.stderr
 
 
+def test_of_several_cams_the_scene_needs_only_the_one_that_is_named(make_loaded_scene):
+    """The golden bag turned two cams; a scene with the first alone does for that one."""
+    settings = {"model": "one_mass", "settle_turns": 1, "sample_rate": 1000}
+    scene = make_loaded_scene(cams=["bezier15"], **settings).scene_file
+    refused = call(GOLDEN, scene)
+    assert refused.exit_code == 2 and "has no cam 'tm21', which the bag holds" in refused.stderr
+    result = call(GOLDEN, scene, "--cam", "bezier15", "--json", "-")
+    assert result.exit_code == 0, result.stderr
+    rows = json.loads(result.stdout)["speeds"]
+    assert [row["cam"] for row in rows] == ["bezier15"] * 4
+    assert all(row["force_within_noise"] for row in rows)
+
+
 def test_a_bench_s_bag_is_compared_by_its_topics(bench, tmp_path):
     """Agreement within the noise, what was done, tables in CSV, a picture and a recording."""
     bag, loaded = bench
@@ -145,6 +158,7 @@ def test_of_two_rigs_one_is_compared(tmp_path):
     [
         (["quick", "--offset", "3"], 2, "--offset 3: the rig's bags have exact angles"),
         (["quick", "--topics", "angle=/a lift=/b"], 2, "has cams tm21, bezier15; say with --cam"),
+        (["quick", "--topics", "angle=/a lift=/b", "--namespace", "x"], 2, "names whole topics"),
         (["quick", "--topics", "angle=/a"], 2, "names angle; allowed: the angle and at least one"),
         (["quick", "--cam", "tm12"], 2, "has no cam 'tm12'; allowed: tm21, bezier15"),
         (["quick", "--save", "a.txt"], 2, "a.txt: unknown kind of recording; allowed: .rrd"),

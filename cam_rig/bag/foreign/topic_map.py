@@ -10,15 +10,18 @@ from dataclasses import dataclass
 
 from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.schema.quantity import UNITS
+from cam_rig.units import TURN
 
-#: What may be named, with its unit where none is given, and those that are allowed. An r.m.s.
-#: sound pressure in Pa is taken as a level.
+#: What may be named, with its unit where none is given, and those that are allowed. An angle may
+#: be in counts too, "turn/1024"; an r.m.s. sound pressure in Pa is taken as a level.
 QUANTITIES: dict[str, dict[str, float]] = {
     "angle": UNITS["angle"],
-    "lift": UNITS["length"],
-    "force": UNITS["force"],
+    "lift": {**UNITS["length"], "um": 1e-6},
+    "force": {**UNITS["force"], "kN": 1e3},
     "level": {**UNITS["level"], "Pa": 1.0},
 }
+#: A unit of an angle: so many counts a turn.
+COUNTS = re.compile(r"turn/([1-9]\d{0,8})")
 #: What stands for a quantity whose messages have the time of the bag, not that of their header.
 BY_BAG_TIME = "@bag"
 #: An item: quantity, sign, topic and field, unit, whose time.
@@ -38,7 +41,7 @@ class MappedField:
     quantity : angle, lift, force or level
     topic : name of the topic, or of the topic and the field after it
     field : dotted names, with a number or a joint's name in brackets; empty for the only number
-    unit : of the numbers, one of `QUANTITIES`
+    unit : of the numbers, one of `QUANTITIES`, or counts a turn
     sign : 1, or -1 for a sensor that counts the other way
     bag_time : whether the time is that of the bag, and not of the message's header
     """
@@ -53,6 +56,8 @@ class MappedField:
     @property
     def factor(self) -> float:
         """From the numbers of the message to SI."""
+        if counts := COUNTS.fullmatch(self.unit):
+            return self.sign * TURN / int(counts[1])
         return self.sign * QUANTITIES[self.quantity][self.unit]
 
 
@@ -97,9 +102,10 @@ def _parsed(item: str) -> MappedField:
         )
     units = QUANTITIES[quantity]
     unit = match["unit"] or next(iter(units))
-    if unit not in units:
+    if unit not in units and not (quantity == "angle" and COUNTS.fullmatch(unit)):
+        counts = ", turn/1024 (counts)" if quantity == "angle" else ""
         raise ConfigError(
-            f"--topics: {quantity} has unit {unit!r}; allowed: {', '.join(units)}"
+            f"--topics: {quantity} has unit {unit!r}; allowed: {', '.join(units)}{counts}"
             f"{did_you_mean(unit, units)}"
         )
     sign = -1.0 if match["sign"] else 1.0

@@ -88,6 +88,8 @@ def compare(
                     f"--offset {offset:g}: the rig's bags have exact angles; allowed: with --topics"
                 )
             rows, said = _recorded(bag, loaded, cam, namespace)
+        elif namespace is not None:
+            raise ConfigError(f"--namespace {namespace}: --topics names whole topics; allowed: one")
         else:
             rows, said = _measured(bag, loaded, topics, cam, offset)
         _show(rows, said, loaded, plot, save, csv, json_target)

@@ -29,9 +29,16 @@ def sentences(rows: Sequence[SpeedDeparture]) -> list[str]:
     ]
     if not found:
         return ["Neither lift nor force was measured at a steady speed: only levels compare."]
-    parted = [entry for entry in found if not entry[2].within]
+    restless = {id(row) for _, row, one in found if one.restless}
+    parted = [entry for entry in found if not entry[2].within and id(entry[1]) not in restless]
     said = [_largest(*max(parted, key=lambda entry: entry[2].relative))] if parted else []
     said += _agreements(found)
+    if restless:
+        speeds = ", ".join(f"{row.rpm:.4g}" for row in rows if id(row) in restless)
+        said.append(
+            f"At {speeds} rpm the model's own turns differ, as it bounces: there lift-offs a turn "
+            "compare, and curves do not."
+        )
     differing = [row for row in rows if row.contact and _count_differs(row)]
     if differing:
         row = differing[0]
@@ -64,14 +71,16 @@ def _agreements(found: Sequence[tuple[str, SpeedDeparture, Departure]]) -> list[
     said = []
     for name, (factor, unit) in SHOWN.items():
         here = [one for what, _, one in found if what == name]
-        if not here or not all(one.within for one in here):
+        if not here or not all(one.within or one.restless for one in here):
             continue
+        steady = "steady " if any(one.restless for one in here) else ""
+        here = [one for one in here if not one.restless] or here
         noise = max(one.noise for one in here)
         if noise == 0.0:
             said.append(f"The {name} is that of the model, to rounding, at every speed.")
         else:
             said.append(
-                f"The {name} agrees with the model within the noise at every speed: "
+                f"The {name} agrees with the model within the noise at every {steady}speed: "
                 f"{factor * noise:.2g} {unit} r.m.s."
             )
     return said

@@ -36,6 +36,7 @@ class Departure:
         parts of 2°, where there is noise
     degrees : cam angle in its turn at which that is
     scale : largest less least value of the model
+    unrest : SI, by so much the model's own turns differ from each other in 5 % of the turn
     exact : whether the model was driven with the very states of the cam
     """
 
@@ -44,6 +45,7 @@ class Departure:
     largest: float
     degrees: float
     scale: float
+    unrest: float
     exact: bool
 
     @property
@@ -57,6 +59,11 @@ class Departure:
         if self.exact:
             return abs(self.largest) <= ROUNDING * self.scale
         return self.systematic <= WITHIN * self.noise
+
+    @property
+    def restless(self) -> bool:
+        """Whether the model's turns differ from each other, as it bounces: curves say little."""
+        return self.unrest > self.noise > 0.0
 
     @property
     def relative(self) -> float:
@@ -83,11 +90,12 @@ def departure(pair: PairedSignal, exact: bool) -> Departure:
     if exact:
         at = int(np.argmax(np.abs(difference)))
         degrees = float(np.degrees(np.remainder(pair.angle[at], TURN)))
-        return Departure(rms, 0.0, float(difference[at]), degrees, scale, exact)
+        return Departure(rms, 0.0, float(difference[at]), degrees, scale, 0.0, exact)
     noise = scatter(pair.angle, difference)
     places, means = mean_over_turns(pair.angle, difference)
     at = int(np.argmax(np.abs(means)))
-    return Departure(rms, noise, float(means[at]), float(places[at]), scale, exact)
+    unrest = float(np.percentile(np.abs(_off_neighbours(pair.angle, pair.model)), 95.0))
+    return Departure(rms, noise, float(means[at]), float(places[at]), scale, unrest, exact)
 
 
 def mean_over_turns(angle: FloatArray, value: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -103,14 +111,27 @@ def mean_over_turns(angle: FloatArray, value: FloatArray) -> tuple[FloatArray, F
 def scatter(angle: FloatArray, value: FloatArray) -> float:
     """r.m.s. of what differs from turn to turn, of readings at any angles.
 
-    Readings that are neighbours by their angle in the turn are of different turns mostly: their
-    differences have √2 the noise. The median of each part of a turn is taken, so that a departure
-    that moves quickly there (a landing) counts no more than its part.
+    Readings that are neighbours by their angle in the turn are of different turns mostly: each is
+    taken less what its two neighbours have there on a straight line. The median of each part of a
+    turn counts, so that a departure that moves quickly there (a landing) is no more than its part.
     """
+    off = np.abs(_off_neighbours(angle, value))
+    if not off.size:
+        return 0.0
+    bins = max(1, min(BINS, off.size // LEAST))
+    medians = [float(np.median(part)) for part in np.array_split(off, bins)]
+    return math.sqrt(float(np.mean(np.square(medians)))) / MEDIAN
+
+
+def _off_neighbours(angle: FloatArray, value: FloatArray) -> FloatArray:
+    """Each value less that of its neighbours by the angle in the turn, with a value's scatter."""
     inside = np.remainder(angle, TURN)
     order = np.argsort(inside, kind="stable")
-    steps = np.abs(np.diff(value[order]))
-    bins = max(1, min(BINS, steps.size // LEAST))
-    medians = [float(np.median(part)) for part in np.array_split(steps, bins)]
-    squares = np.square(medians) / (2.0 * MEDIAN**2)
-    return math.sqrt(float(squares.mean()))
+    places, values = inside[order], value[order]
+    if values.size < 3:
+        return np.empty(0)
+    span = places[2:] - places[:-2]
+    ahead = np.divide(places[2:] - places[1:-1], span, out=np.full_like(span, 0.5), where=span > 0)
+    off = values[1:-1] - ahead * values[:-2] - (1.0 - ahead) * values[2:]
+    off /= np.sqrt(1.0 + ahead**2 + (1.0 - ahead) ** 2)
+    return np.asarray(off)

@@ -56,8 +56,8 @@ def lost_contact(step: PairedStep, law: Law) -> LostContact | None:
             _exactly(pair.model, step.lift.model, step.lift.angle, law),
         )
     elif step.force is not None:
-        pair, limit, rule = _of_force(step.force)
-        clear = 0.5 * limit
+        pair, limit, zero, rule = _of_force(step.force)
+        clear = limit - zero
         lost = (pair.measured - limit, pair.model - limit)
     elif step.lift is not None:
         pair, rise = step.lift, law(np.remainder(step.lift.angle, TURN))
@@ -81,15 +81,16 @@ def _exactly(force: FloatArray, lift: FloatArray, angle: FloatArray, law: Law) -
     return np.where((force <= 0.0) & ~off, 1.0, force)
 
 
-def _of_force(pair: PairedSignal) -> tuple[PairedSignal, float, str]:
-    """The force below which contact counts as lost: what its noise and zero leave of it."""
+def _of_force(pair: PairedSignal) -> tuple[PairedSignal, float, float, str]:
+    """The force below which contact may be lost, and that below which the mean of some is none."""
     places, means = mean_over_turns(pair.angle, pair.measured)
     lowest = places[np.argsort(means)[: max(1, means.size // 20)]]
     part = np.remainder(np.degrees(pair.angle), 360.0)
     near = np.abs(part[:, None] - lowest).min(axis=1) <= 360.0 / means.size
     noise = scatter(pair.angle[near], pair.difference[near]) if near.sum() > 2 else 0.0
-    limit = max(SIGMAS * noise, PART_OF_MEAN * float(pair.measured.mean()))
-    return pair, limit, f"a force below {limit:.3g} N"
+    error = PART_OF_MEAN * float(pair.measured.mean())
+    limit, zero = max(SIGMAS * noise, error), max(noise, 0.5 * error)
+    return pair, limit, zero, f"a force below {limit:.3g} N"
 
 
 def _events(

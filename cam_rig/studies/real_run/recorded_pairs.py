@@ -102,7 +102,7 @@ class RecordedPairs:
                 yield from [parts.step()] if parts.rows else []
                 parts = None
             settled = settling.is_over(tick.start, tick.steady)
-            if not settled or (self.cam is not None and tick.cam != self.cam):
+            if not settled:
                 continue
             down = model.put_down
             if down is not None and tick.start.since(down) / TURN <= settle - 1e-6:
@@ -141,7 +141,8 @@ class RecordedPairs:
         start: CamState | None = None
         put_down: CamState | None = None
         for state in states:
-            self._require(state.cam)
+            if start is None and not self._takes(state.cam):
+                continue
             if start is not None and start.turns_until(state) and not _joined(start, state):
                 follower.checkpoint, put_down = FollowerCheckpoint(), state
             turned = follower.turn_to(state)
@@ -151,14 +152,20 @@ class RecordedPairs:
                 samples = TickSamples(start, block.interval, block.rows)
                 yield _ModelTick(samples, pressure, put_down)
             start = state
+            if not self._takes(state.cam):  # it ended the last tick of the cam before
+                start, follower.checkpoint = None, FollowerCheckpoint()
 
-    def _require(self, cam: str) -> None:
+    def _takes(self, cam: str) -> bool:
+        """Whether a cam is compared; one that is must be in the scene."""
+        if self.cam is not None and cam != self.cam:
+            return False
         if cam not in self.loaded.laws:
             there = list(self.loaded.laws)
             raise ConfigError(
                 f"{self.loaded.scene_file}: has no cam {cam!r}, which the bag holds; allowed: a "
                 f"scene that has it; this one has {', '.join(there)}{did_you_mean(cam, there)}"
             )
+        return True
 
 
 def _joined(start: CamState, end: CamState) -> bool:

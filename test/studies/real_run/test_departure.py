@@ -28,8 +28,8 @@ def test_noise_is_found_beside_a_departure(seed, kind):
     noise = size * rng.normal(size=TIME.size)
     alone, both = departure(pair(noise), False), departure(pair(noise + np.sin(3.0 * ANGLE)), False)
     true = float(np.sqrt(np.mean(noise**2)))
-    assert alone.noise == pytest.approx(true, rel=0.08) and alone.within
-    assert both.noise == pytest.approx(true, rel=0.08) and not both.within
+    assert alone.noise == pytest.approx(true, rel=0.1) and alone.within
+    assert both.noise == pytest.approx(true, rel=0.1) and not both.within
     assert both.systematic == pytest.approx(np.sqrt(0.5), rel=0.15)
 
 
@@ -40,6 +40,19 @@ def test_the_largest_difference_is_of_the_mean_over_the_turns():
     found = departure(pair(rng.normal(size=TIME.size) - 3.0 * np.exp(-((away / 8.0) ** 2))), False)
     assert found.degrees == pytest.approx(200.0, abs=5.0)
     assert found.largest == pytest.approx(-3.0, abs=0.7)
+
+
+def test_a_model_whose_turns_differ_is_told_from_one_that_jumps_alike_in_each():
+    """A force that is lost at one angle in each turn, and one that is lost anywhere in a quarter."""
+    rng = np.random.default_rng(5)
+    noise = rng.normal(size=TIME.size)
+    inside, turn = np.remainder(np.degrees(ANGLE), 360.0), np.floor(ANGLE / TURN).astype(int)
+    places = np.full(TURNS + 2, 200.0)
+    alike = np.where(np.abs(inside - places[turn]) < 20.0, 0.0, 50.0)
+    places += rng.uniform(-45.0, 45.0, places.size)
+    differing = np.where(np.abs(inside - places[turn]) < 20.0, 0.0, 50.0)
+    assert not departure(pair(noise, alike), False).restless
+    assert departure(pair(noise, differing), False).restless
 
 
 def test_exactly_driven_there_is_no_noise():
