@@ -43,7 +43,7 @@ def test_the_largest_difference_is_of_the_mean_over_the_turns():
 
 
 def test_a_model_whose_turns_differ_is_told_from_one_that_jumps_alike_in_each():
-    """A force that is lost at one angle in each turn, and one that is lost anywhere in a quarter."""
+    """A force that is lost at one angle in each turn, and one that is lost within a quarter."""
     rng = np.random.default_rng(5)
     noise = rng.normal(size=TIME.size)
     inside, turn = np.remainder(np.degrees(ANGLE), 360.0), np.floor(ANGLE / TURN).astype(int)
