@@ -41,8 +41,14 @@ class Recording:
     counts: dict[str, int]
 
 
-def messages(bag: Path, wanted: tuple[Topic, ...]) -> Iterator[tuple[Topic, int, Any]]:
+def messages(
+    bag: Path, wanted: tuple[Topic, ...], namespace: str | None = None
+) -> Iterator[tuple[Topic, int, Any]]:
     """Topic, rig time in ns, and message, in the order of the bag.
+
+    Parameters
+    ----------
+    namespace : of the rig, for a bag of several
 
     Raises
     ------
@@ -50,7 +56,7 @@ def messages(bag: Path, wanted: tuple[Topic, ...]) -> Iterator[tuple[Topic, int,
     """
     by_name = {topic.name: topic for topic in wanted}
     types = get_typestore(Stores.ROS2_KILTED)
-    for connection, log_time, data in raw_messages(bag, set(by_name)):
+    for connection, log_time, data in raw_messages(bag, set(by_name), namespace):
         topic = by_name[connection.topic]
         if connection.msgtype != topic.type:
             raise BagError(f"{bag}: {topic.name} is {connection.msgtype}; wanted: {topic.type}")
@@ -61,8 +67,14 @@ def messages(bag: Path, wanted: tuple[Topic, ...]) -> Iterator[tuple[Topic, int,
         yield topic, log_time, message
 
 
-def raw_messages(bag: Path, names: set[str]) -> Iterator[tuple[Connection, int, bytes]]:
+def raw_messages(
+    bag: Path, names: set[str], chosen: str | None = None
+) -> Iterator[tuple[Connection, int, bytes]]:
     """The serialized messages of some topics with their rig time in ns, in the order of the bag.
+
+    Parameters
+    ----------
+    chosen : the rig's namespace, for a bag of several
 
     Raises
     ------
@@ -71,7 +83,7 @@ def raw_messages(bag: Path, names: set[str]) -> Iterator[tuple[Connection, int, 
     try:
         rigs = set[str]()
         for reader in readers(bag):
-            namespace = _namespace(bag, reader, rigs)
+            namespace = _namespace(bag, reader, rigs) if chosen is None else chosen
             here = {namespace + name: name for name in names}
             wanted = [c for c in reader.connections if c.topic in here]
             for connection, time_ns, data in reader.messages(wanted) if wanted else ():
@@ -130,8 +142,7 @@ def _namespace(bag: Path, reader: Reader, rigs: set[str]) -> str:
     ------
     BagError : there are several rigs
     """
-    names = [connection.topic for connection in reader.connections]
-    rigs |= {name.removesuffix(topics.CAM_STATE.name) for name in names if _is_rig(name)}
+    rigs |= _rigs(reader)
     if len(rigs) > 1:
         several = ", ".join(sorted(name or "/" for name in rigs))
         raise BagError(
@@ -140,8 +151,20 @@ def _namespace(bag: Path, reader: Reader, rigs: set[str]) -> str:
     return next(iter(rigs), "")
 
 
-def _is_rig(name: str) -> bool:
-    return recorded_topic(name) is topics.CAM_STATE
+def _rigs(reader: Reader) -> set[str]:
+    names = {connection.topic for connection in reader.connections}
+    cams = {name for name in names if recorded_topic(name) is topics.CAM_STATE}
+    return {name.removesuffix(topics.CAM_STATE.name) for name in cams}
+
+
+def rigs_of(bag: Path) -> list[str]:
+    """The namespaces of the rigs in a bag, "" the root's; none in a bag of other topics.
+
+    Raises
+    ------
+    BagError : no such bag, or one that was not closed
+    """
+    return sorted(set[str]().union(*(_rigs(reader) for reader in readers(bag))))
 
 
 def read_recording(bag: Path, scene: Path | None = None) -> Recording:
@@ -194,11 +217,15 @@ def read_samples(bag: Path) -> Iterator[FloatArray]:
         raise BagError(f"{bag}: {error}") from None
 
 
-def read_ticks(bag: Path) -> Iterator[TickSamples]:
+def read_ticks(bag: Path, namespace: str | None = None) -> Iterator[TickSamples]:
     """The same, each joined with the states of the cam between which it lies.
 
     A tick whose states are missing is left out, as nobody knows its angle. States and samples are
     held only until they find each other.
+
+    Parameters
+    ----------
+    namespace : of the rig, for a bag of several
 
     Raises
     ------
@@ -207,7 +234,8 @@ def read_ticks(bag: Path) -> Iterator[TickSamples]:
     states: deque[CamState] = deque()
     waiting: deque[FloatArray] = deque(maxlen=4 * HISTORY_DEPTH)
     try:
-        for topic, _, message in messages(bag, (topics.CAM_STATE, topics.FOLLOWER_SAMPLES)):
+        both = topics.CAM_STATE, topics.FOLLOWER_SAMPLES
+        for topic, _, message in messages(bag, both, namespace):
             if topic is topics.CAM_STATE:
                 states.append(cam_state_of(message))
             else:

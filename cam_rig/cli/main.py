@@ -14,6 +14,7 @@ from cam_rig.cli.cams.new import new
 from cam_rig.cli.cams.profile import profile
 from cam_rig.cli.common.version import print_versions
 from cam_rig.cli.runs.analyze import analyze
+from cam_rig.cli.runs.compare import compare
 from cam_rig.cli.runs.export import export
 from cam_rig.cli.runs.listen import listen
 from cam_rig.cli.runs.recover import recover
@@ -63,6 +64,7 @@ for verb in (
     run,
     simulate,
     analyze,
+    compare,
     export,
     view,
     recover,

@@ -19,6 +19,7 @@ __all__ = [
     "STDOUT",
     "check_outputs",
     "check_place",
+    "check_recording",
     "write_csv",
     "write_json",
     "write_plot",
@@ -94,3 +95,11 @@ def check_place(target: Path) -> None:
     nearest = next(parent for parent in target.absolute().parents if parent.exists())
     if not (nearest.is_dir() and os.access(nearest, os.W_OK)):
         raise OutputError(f"{target}: cannot be written, {nearest} is no writable folder")
+
+
+def check_recording(target: Path) -> None:
+    """Refuse, before anything is computed, a Rerun recording that could not be written."""
+    require("rerun")
+    check_place(target)
+    if target.suffix != ".rrd":
+        raise ConfigError(f"{target}: unknown kind of recording; allowed: .rrd")

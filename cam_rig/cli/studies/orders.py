@@ -12,9 +12,14 @@ import typer
 from cam_rig.cli.common.console import progress_bar, say, show, user_errors
 from cam_rig.cli.common.names import cam_path, rig_path, scene_path
 from cam_rig.cli.common.options import Csv, Json, Plot
-from cam_rig.cli.common.outputs import check_outputs, check_place, write_csv, write_json, write_plot
+from cam_rig.cli.common.outputs import (
+    check_outputs,
+    check_recording,
+    write_csv,
+    write_json,
+    write_plot,
+)
 from cam_rig.errors import ConfigError, did_you_mean
-from cam_rig.extras import require
 
 if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
     from cam_rig.laws import Law
@@ -83,7 +88,7 @@ def orders(
 
         check_outputs(json_target, plot, csv)
         if save is not None:
-            _require_recording(save)
+            check_recording(save)
         laws, chosen_rig, own_model, own_speeds = _opened(source, cam, rig)
         speeds = own_speeds if rpm is None else speeds_of(rpm)
         with progress_bar() as bar:
@@ -123,14 +128,6 @@ def _opened(
     laws = dict(scene.laws) if cam is None else {cam: scene.law_of(cam)}
     speeds = [round(to_rpm(speed), 9) for speed in scene.scene.program.speeds.si_list]
     return laws, load_rig(rig_path(rig)) if rig else scene.rig, scene.scene.model, sorted(speeds)
-
-
-def _require_recording(path: Path) -> None:
-    """Refuse, before anything is computed, what could not be written afterwards."""
-    require("rerun")
-    check_place(path)
-    if path.suffix != ".rrd":
-        raise ConfigError(f"{path}: unknown kind of recording; allowed: .rrd")
 
 
 def _save(found: Sequence[CamOrders], path: Path) -> None:

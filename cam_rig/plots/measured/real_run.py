@@ -1,0 +1,102 @@
+"""A run and its model over one turn, on top of each other, and the difference below."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cam_rig.drawing import colours
+from cam_rig.drawing.colours import web
+from cam_rig.plots.figures import CAM_ANGLE, empty, turn_axis, write
+from cam_rig.studies.real_run.comparison import OverTurn, SpeedDeparture
+
+#: Name of a quantity, its unit, factor to it, unit and factor of its difference, colour.
+QUANTITIES = (
+    ("lift", "mm", 1e3, "µm", 1e6, colours.LIFT),
+    ("force", "N", 1.0, "N", 1.0, colours.FORCE),
+)
+#: More readings a turn than this are drawn as a line.
+MANY = 600
+#: A difference below this (µm, N) is drawn as none.
+LEAST_DIFFERENCE = 1e-3
+
+
+def chosen(rows: Sequence[SpeedDeparture]) -> list[SpeedDeparture]:
+    """Of each cam the lowest speed, the first with lift-offs, and the highest; with curves."""
+    found: list[SpeedDeparture] = []
+    for cam in dict.fromkeys(row.cam for row in rows):
+        here = [row for row in rows if row.cam == cam and (row.lift_turn or row.force_turn)]
+        here.sort(key=lambda row: row.rpm)
+        leaving = [row for row in here if row.contact and row.contact.measured >= 0.5]
+        some = {id(row): row for row in (*here[:1], *leaving[:1], *here[-1:])}
+        found += sorted(some.values(), key=lambda row: row.rpm)
+    return found
+
+
+def draw(rows: Sequence[SpeedDeparture], path: Path) -> None:
+    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
+    write(figure(rows), path)
+
+
+def figure(rows: Sequence[SpeedDeparture]) -> Figure:
+    """For each cam a column for each chosen speed: the curves, and below them their difference."""
+    by_cam: dict[str, list[SpeedDeparture]] = {}
+    for row in chosen(rows):
+        by_cam.setdefault(row.cam, []).append(row)
+    shown = [q for q in QUANTITIES if any(getattr(row, f"{q[0]}_turn") for row in rows)]
+    across = max((len(columns) for columns in by_cam.values()), default=1)
+    down = len(shown) * len(by_cam)
+    if not down:
+        return empty(4.0, 1.0)
+    out = empty(0.8 + 4.0 * across, 0.6 + 3.7 * down)
+    ratios = [2.0, 1.0] * down
+    panels = out.subplots(
+        2 * down, across, sharex=True, sharey="row", squeeze=False, height_ratios=ratios
+    )
+    for i, columns in enumerate(by_cam.values()):
+        _block(panels[2 * i * len(shown) : 2 * (i + 1) * len(shown)], columns, shown)
+        for unused in panels[2 * i * len(shown) : 2 * (i + 1) * len(shown), len(columns) :].flat:
+            unused.set_visible(False)
+    for axes in panels[-1]:
+        axes.set_xlabel(CAM_ANGLE)
+    return out
+
+
+def _block(
+    panels: Any, columns: Sequence[SpeedDeparture], shown: Sequence[tuple[Any, ...]]
+) -> None:
+    """The panels of one cam."""
+    for j, row in enumerate(columns):
+        panels[0, j].set_title(f"{row.cam}, {row.rpm:.4g} rpm", fontsize=10)
+        for i, (name, _, factor, _, fine, colour) in enumerate(shown):
+            turn: OverTurn | None = getattr(row, f"{name}_turn")
+            if turn is not None:
+                _curves(panels[2 * i, j], turn, factor, web(colour))
+                _difference(panels[2 * i + 1, j], turn, fine)
+    for i, (name, unit, _, small, fine, _) in enumerate(shown):
+        panels[2 * i, 0].set_ylabel("contact force [N]" if name == "force" else f"{name} [{unit}]")
+        panels[2 * i + 1, 0].set_ylabel(f"difference [{small}]")
+        panels[2 * i, 0].legend(fontsize=8, loc="upper right")
+        turns = [turn for row in columns if (turn := getattr(row, f"{name}_turn")) is not None]
+        if all(np.abs(t.difference).max() * fine < LEAST_DIFFERENCE for t in turns):  # rounding
+            panels[2 * i + 1, 0].set_ylim(-LEAST_DIFFERENCE, LEAST_DIFFERENCE)
+
+
+def _curves(axes: Axes, turn: OverTurn, factor: float, colour: str) -> None:
+    many = turn.degrees.size > MANY
+    style = {"lw": 3.0} if many else {"lw": 0.0, "marker": ".", "ms": 4.0}
+    axes.plot(turn.degrees, turn.measured * factor, color=colour, label="measured", **style)
+    axes.plot(turn.degrees, turn.model * factor, color="0.1", lw=1.0, label="model")
+    turn_axis(axes)
+
+
+def _difference(axes: Axes, turn: OverTurn, factor: float) -> None:
+    axes.axhline(0.0, color="0.1", lw=0.8)
+    difference = turn.difference * factor
+    axes.plot(turn.degrees, difference, color=web(colours.LIMIT), lw=0.0, marker=".", ms=2.5)
+    turn_axis(axes)

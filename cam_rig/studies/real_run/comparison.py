@@ -1,0 +1,111 @@
+"""Where a run and its model part: a row for each speed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cam_rig.arrays import FloatArray
+from cam_rig.laws import Law
+from cam_rig.studies.real_run.departure import Departure, departure
+from cam_rig.studies.real_run.lost_contact import LostContact, lost_contact
+from cam_rig.studies.real_run.pairs import PairedSignal, PairedStep
+from cam_rig.studies.real_run.spectrum import peak_frequency
+from cam_rig.units import TURN
+
+#: Readings of a drawn turn, at least and at most.
+LEAST_DRAWN, MOST_DRAWN = 300, 1500
+
+
+@dataclass(frozen=True, eq=False)
+class OverTurn:
+    """One turn of a quantity for a picture: cam angle (°, rising), measured, model; ``(n,)``."""
+
+    degrees: FloatArray
+    measured: FloatArray
+    model: FloatArray
+
+    @property
+    def difference(self) -> FloatArray:
+        """Measured less model."""
+        return self.measured - self.model
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedDeparture:
+    """One cam at one speed.
+
+    Parameters
+    ----------
+    rpm, turns : mean speed, settled turns
+    lift, force : None where it was not measured
+    contact : lift-offs and when; None where neither lift nor force was measured
+    measured_db, model_db : sound level, dB re 20 µPa; None where there is none
+    peak_hz : frequency that stands out of the force's difference; None: none does
+    lift_turn, force_turn : the last turn, for a picture
+    """
+
+    cam: str
+    rpm: float
+    turns: float
+    lift: Departure | None
+    force: Departure | None
+    contact: LostContact | None
+    measured_db: float | None
+    model_db: float | None
+    peak_hz: float | None
+    lift_turn: OverTurn | None
+    force_turn: OverTurn | None
+
+    @property
+    def level_difference(self) -> float | None:
+        """Measured less modelled level, dB."""
+        if self.measured_db is None or self.model_db is None:
+            return None
+        return self.measured_db - self.model_db
+
+    @property
+    def agrees(self) -> bool:
+        """Whether lift and force agree within their noise, or exactly where there is none."""
+        return all(one is None or one.within for one in (self.lift, self.force))
+
+
+def compare_steps(steps: Iterable[PairedStep], laws: dict[str, Law]) -> list[SpeedDeparture]:
+    """A row for each step; no more than one step is held at a time."""
+    return [_row(step, laws[step.cam]) for step in steps]
+
+
+def _row(step: PairedStep, law: Law) -> SpeedDeparture:
+    lift, force = (
+        None if pair is None else departure(pair, step.exact) for pair in (step.lift, step.force)
+    )
+    seen = step.force is not None and force is not None and not step.exact and not force.within
+    return SpeedDeparture(
+        cam=step.cam,
+        rpm=step.rpm,
+        turns=step.turns,
+        lift=lift,
+        force=force,
+        contact=lost_contact(step, law),
+        measured_db=step.levels[0],
+        model_db=step.levels[1],
+        peak_hz=peak_frequency(step.force) if seen and step.force is not None else None,
+        lift_turn=_over_turn(step.lift),
+        force_turn=_over_turn(step.force),
+    )
+
+
+def _over_turn(pair: PairedSignal | None) -> OverTurn | None:
+    """The last turn, or as many of the last as have enough readings, over the cam angle."""
+    if pair is None:
+        return None
+    count = int(np.count_nonzero(pair.angle > pair.angle[-1] - TURN))
+    count = min(pair.angle.size, max(count, LEAST_DRAWN))
+    inside = np.degrees(np.remainder(pair.angle[-count:], TURN))
+    order = np.argsort(inside, kind="stable")
+    if order.size > MOST_DRAWN:
+        order = order[np.linspace(0, order.size - 1, MOST_DRAWN).astype(np.intp)]
+    measured, model = pair.measured[-count:][order], pair.model[-count:][order]
+    return OverTurn(inside[order], measured, model)

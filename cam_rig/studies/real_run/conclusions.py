@@ -1,0 +1,157 @@
+"""What a comparison says, in sentences that follow from its rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cam_rig.studies.real_run.alignment import Alignment
+from cam_rig.studies.real_run.comparison import SpeedDeparture
+from cam_rig.studies.real_run.departure import Departure
+from cam_rig.studies.real_run.measured_pairs import MeasuredPairs
+from cam_rig.studies.real_run.spectrum import common_frequency
+from cam_rig.units import TURN
+
+#: Both by their name: factor to the unit that is shown, and the unit.
+SHOWN = {"lift": (1e6, "µm"), "force": (1.0, "N")}
+#: dB, levels that differ by less are alike to the ear.
+ALIKE_DB = 1.0
+
+
+def sentences(rows: Sequence[SpeedDeparture]) -> list[str]:
+    """Where they part most, or that they agree."""
+    found = [
+        (name, row, one)
+        for row in rows
+        for name in SHOWN
+        if (one := getattr(row, name)) is not None
+    ]
+    if not found:
+        return ["Neither lift nor force was measured at a steady speed: only levels compare."]
+    restless = {id(row) for _, row, one in found if one.restless}
+    parted = [entry for entry in found if not entry[2].within and id(entry[1]) not in restless]
+    said = [_largest(*max(parted, key=lambda entry: entry[2].relative))] if parted else []
+    said += _agreements(found)
+    if restless:
+        speeds = ", ".join(f"{row.rpm:.4g}" for row in rows if id(row) in restless)
+        said.append(
+            f"At {speeds} rpm the model's own turns differ, as it bounces: there lift-offs a turn "
+            "compare, and curves do not."
+        )
+    differing = [row for row in rows if row.contact and _count_differs(row)]
+    if differing:
+        row = differing[0]
+        assert row.contact is not None
+        said.append(
+            f"Lift-offs differ first at {row.rpm:.4g} rpm: {row.contact.measured:.2g} a turn "
+            f"measured, {row.contact.model:.2g} of the model."
+        )
+    said += _levels(rows)
+    peaks = [row.peak_hz for row in rows]
+    frequency = common_frequency([row.rpm for row in rows], peaks)
+    if frequency is not None:
+        said.append(
+            f"The difference of the force rings near {frequency:.3g} Hz at several speeds alike: a "
+            "resonance, perhaps of the force sensor."
+        )
+    return said
+
+
+def _largest(name: str, row: SpeedDeparture, one: Departure) -> str:
+    factor, unit = SHOWN[name]
+    return (
+        f"The largest departure is of the {name}: {factor * one.largest:+.3g} {unit} at "
+        f"{row.rpm:.4g} rpm, θ = {one.degrees:.0f}° ({row.cam}), {100.0 * one.relative:.2g} % of "
+        "its range."
+    )
+
+
+def _agreements(found: Sequence[tuple[str, SpeedDeparture, Departure]]) -> list[str]:
+    said = []
+    for name, (factor, unit) in SHOWN.items():
+        here = [one for what, _, one in found if what == name]
+        if not here or not all(one.within or one.restless for one in here):
+            continue
+        steady = "steady " if any(one.restless for one in here) else ""
+        here = [one for one in here if not one.restless] or here
+        noise = max(one.noise for one in here)
+        if noise == 0.0:
+            said.append(f"The {name} is that of the model, to rounding, at every speed.")
+        else:
+            said.append(
+                f"The {name} agrees with the model within the noise at every {steady}speed: "
+                f"{factor * noise:.2g} {unit} r.m.s."
+            )
+    return said
+
+
+def _count_differs(row: SpeedDeparture) -> bool:
+    """Whether a lift-off in two turns is more or less: noise alone may show one now and then."""
+    assert row.contact is not None
+    return abs(row.contact.measured - row.contact.model) >= 0.5
+
+
+def _levels(rows: Sequence[SpeedDeparture]) -> list[str]:
+    known = [row for row in rows if row.level_difference is not None]
+    if not known:
+        return []
+    worst = max(known, key=lambda row: abs(row.level_difference or 0.0))
+    most = worst.level_difference or 0.0
+    if abs(most) < ALIKE_DB:
+        return [f"Sound levels differ by {abs(most):.2g} dB at most."]
+    return [f"The level differs most at {worst.rpm:.4g} rpm: {most:+.1f} dB."]
+
+
+def done(pairs: MeasuredPairs) -> list[str]:
+    """What was done to lay a bench's readings on the cam's angle."""
+    said = [_resolution(pairs), *_aligned(pairs.alignment, pairs.run.lift is not None)]
+    curved = sum(not stretch.line for stretch in pairs.stretches)
+    if curved:
+        said.append(
+            f"The speed is not even within {curved} of {len(pairs.stretches)} steady parts: there "
+            "the cam follows a smooth curve through the readings."
+        )
+    if pairs.left_out > 0.02:
+        said.append(
+            f"{100.0 * pairs.left_out:.0f} % of the time the cam does not turn steadily: left out."
+        )
+    return said
+
+
+def _resolution(pairs: MeasuredPairs) -> str:
+    if not pairs.count:
+        return "The angle shows no counts of an encoder: it is taken as it is, smoothed."
+    worst = max(float(np.degrees(stretch.largest)) for stretch in pairs.stretches)
+    return (
+        f"The angle has {TURN / pairs.count:.0f} counts a turn; the motion through them is within "
+        f"{worst:.2g}° of every reading."
+    )
+
+
+def _aligned(found: Alignment, lift: bool) -> list[str]:
+    if not lift:
+        return [
+            f"The cam is taken {np.degrees(found.offset):+.3g}° from the angle given, as no lift "
+            "was measured to find it by; --offset changes that."
+        ]
+    known = "found from the lift" if found.shows("offset") or found.errors[0] > 0.0 else "as given"
+    said = [f"The cam is {np.degrees(found.offset):+.3f}° from the angle measured, {known}."]
+    if found.drift:
+        said.append(
+            f"The sensors' clock is {1e6 * abs(found.drift):.0f} ppm "
+            f"{'slow' if found.drift > 0.0 else 'fast'} beside that of the angle: corrected."
+        )
+    if found.delay:
+        said.append(
+            f"The sensors' stamps are {1e3 * abs(found.delay):.3g} ms "
+            f"{'early' if found.delay > 0.0 else 'late'} beside those of the angle: corrected."
+        )
+    if found.shows("zero") and abs(found.zero) > found.scatter:
+        said.append(f"The lift's zero is off by {1e6 * found.zero:+.3g} µm: taken off.")
+    if found.shows("lag") and abs(found.lag) > found.scatter:
+        said.append(
+            f"On rise and return the lift differs by {2e6 * abs(found.lag):.3g} µm: "
+            f"{'backlash, or a gauge that sticks' if found.lag < 0.0 else 'it leads its motion'}."
+        )
+    return said

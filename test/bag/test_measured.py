@@ -1,0 +1,212 @@
+"""What instruments recorded is read as it was, from any bag; what was odd in it is said."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import StoragePlugin
+
+from cam_rig.bag.foreign.topic_map import parse_topics
+from cam_rig.bag.measured import read_measured
+from cam_rig.bag.reader import raw_messages, read_counts, read_ticks
+from cam_rig.bag.recording.writer import BagWriter
+from cam_rig.errors import BagError, ConfigError
+from cam_rig.messages.topics import recorded_topic
+from cam_rig.units import TURN
+
+from ..foreign_bags import BEGIN, joint, number, wrench, write_bag
+
+GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
+TIME = np.arange(400) / 200.0
+ANGLE = TURN * 3.0 * TIME  # 180 rpm
+LIFT = 5.0 * (1.0 - np.cos(ANGLE))  # mm
+FORCE = 40.0 + np.sin(ANGLE)
+LINE = "angle=/encoder.position[0] lift=/lvdt.data:mm force=-/cell.wrench.force.z"
+
+
+def bench(path, plugin=StoragePlugin.MCAP, **changes):
+    """A bag of an encoder within its turn, an inductive gauge in mm, and a load cell in tension."""
+    topics = {
+        "/encoder": (joint, TIME, np.remainder(ANGLE, TURN)),
+        "/lvdt": (number, TIME, LIFT),
+        "/cell": (wrench, TIME, -FORCE),
+        **{f"/{name}": topic for name, topic in changes.items()},
+    }
+    return write_bag(path / "bench", topics, plugin)
+
+
+@pytest.mark.parametrize("plugin", list(StoragePlugin), ids=lambda p: p.name)
+def test_a_bag_of_standard_messages_is_read_in_si(tmp_path, plugin):
+    """MCAP or SQLite: turns counted, mm and the cell's sign turned to SI, each number the same."""
+    run = read_measured(bench(tmp_path, plugin), parse_topics(LINE), cam="own")
+    np.testing.assert_allclose(run.angle.value, ANGLE, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(run.lift.value, 1e-3 * LIFT, rtol=1e-15)
+    np.testing.assert_array_equal(run.force.value, FORCE)
+    assert (run.cam, run.level, run.begin_ns) == ("own", None, BEGIN)
+    np.testing.assert_allclose(run.angle.time, TIME, rtol=0, atol=1e-9)
+    # A Float64 has no header: its time is the bag's, half a millisecond later.
+    np.testing.assert_allclose(run.lift.time, TIME + 5e-4, rtol=0, atol=1e-9)
+    said = " ".join(run.notes)
+    assert "lift: /lvdt.data, 400 readings, the time is that of the bag." in said
+    assert "angle: /encoder.position[0], 400 readings, the time is that of the message's" in said
+    assert "turns were counted" in said and "gap" not in said
+
+
+def test_a_field_may_be_left_out_named_by_its_joint_or_put_on_the_bag_s_clock(tmp_path):
+    """Three spellings of one reading."""
+    bag = bench(tmp_path)
+    for line in (
+        "angle=/encoder.position[encoder]@bag lift=/lvdt:mm",
+        "angle=/encoder.position[0]@bag lift=/lvdt/data:mm",
+    ):
+        run = read_measured(bag, parse_topics(line))
+        np.testing.assert_array_equal(
+            run.lift.value, read_measured(bag, parse_topics(LINE)).lift.value
+        )
+        np.testing.assert_array_equal(run.angle.time, run.lift.time)
+
+
+def test_counts_of_an_encoder_are_an_angle(tmp_path):
+    """4096 a turn, as an integer counts them on over all turns."""
+    bag = bench(tmp_path, encoder=(number, TIME, np.floor(ANGLE * 4096 / TURN)))
+    line = "angle=/encoder.data:turn/4096 lift=/lvdt.data:mm"
+    run = read_measured(bag, parse_topics(line))
+    off = ANGLE - run.angle.value
+    assert off.min() > -1e-9 and off.max() < TURN / 4096 + 1e-9 and not run.angle.gaps().size
+
+
+@pytest.mark.parametrize("whole", [True, False], ids=["all turns", "within a turn"])
+def test_a_cam_that_turns_the_other_way_is_turned_over_and_said(tmp_path, whole):
+    """An angle that falls becomes one that rises by as much."""
+    angle = -ANGLE if whole else np.remainder(-ANGLE, TURN)
+    bag = bench(tmp_path, encoder=(joint, TIME, np.degrees(angle)))
+    run = read_measured(bag, parse_topics(LINE.replace("[0]", "[0]:deg")))
+    np.testing.assert_allclose(run.angle.value - run.angle.value[0], ANGLE, rtol=0, atol=1e-9)
+    assert any("turned over" in note for note in run.notes)
+
+
+def test_disorder_is_put_in_order_and_what_is_no_number_is_dropped(tmp_path):
+    """Two stamps exchanged, one doubled, one value NaN: all said, the rest is as it was."""
+    time, lift = TIME.copy(), np.radians(LIFT)
+    time[[10, 11]], time[50] = time[[11, 10]], time[49]
+    lift[[10, 11]], lift[70] = lift[[11, 10]], np.nan
+    bag = bench(tmp_path, lvdt=(joint, time, lift))
+    run = read_measured(bag, parse_topics(LINE.replace("lvdt.data:mm", "lvdt.position[0]")))
+    kept = np.delete(np.arange(400), [50, 70])
+    np.testing.assert_allclose(run.lift.time, TIME[kept], rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(run.lift.value, np.radians(LIFT)[kept])
+    said = " ".join(run.notes)
+    assert (
+        "1 of 400 readings are not numbers" in said and "1 stamps are before the last one" in said
+    )
+    assert "1 of the stamps are doubled" in said
+
+
+def test_lost_messages_are_a_gap_and_nothing_is_put_there(tmp_path):
+    """One message of a steady rate, and a run of them; jitter within the usual is no gap."""
+    jitter = TIME + 2e-5 * np.random.default_rng(5).normal(size=TIME.size)
+    kept = np.delete(np.arange(400), [20, *range(100, 140)])
+    bag = bench(tmp_path, cell=(wrench, jitter[kept], FORCE[kept]))
+    run = read_measured(bag, parse_topics(LINE))
+    begin = min(jitter.min(), 0.0)
+    np.testing.assert_allclose(run.force.gaps(), jitter[[[19, 21], [99, 140]]] - begin, atol=1e-8)
+    assert run.force.time.size == 359 and len(run.angle.gaps()) == 0
+    assert any(
+        note.startswith("force: 2 gaps in the readings, the longest of 0.205 s")
+        for note in run.notes
+    )
+
+
+def test_the_rig_s_own_bag_needs_no_mapping():
+    """Every sample of the cam with its exact angle, and the level of each of its ticks."""
+    run = read_measured(GOLDEN, cam="tm21")
+    ticks = [tick for tick in read_ticks(GOLDEN) if tick.cam == "tm21"]
+    np.testing.assert_array_equal(run.angle.value, np.hstack([tick.angle for tick in ticks]))
+    np.testing.assert_array_equal(run.lift.value, np.hstack([tick.lift for tick in ticks]))
+    np.testing.assert_array_equal(run.force.value, np.hstack([tick.force for tick in ticks]))
+    assert run.level.value.size == len(ticks) == 8 and run.notes == ()
+    with pytest.raises(BagError, match=r"holds cams tm21, .*choose one with --cam tm21"):
+        read_measured(GOLDEN)
+    with pytest.raises(BagError, match=r"no samples of cam 'tm12'.*did you mean 'tm21'"):
+        read_measured(GOLDEN, cam="tm12")
+
+
+def test_of_two_rigs_one_is_chosen_by_its_namespace(tmp_path):
+    """Which one is meant is not guessed; named, it is read as if it were alone."""
+    bag = tmp_path / "two"
+    with BagWriter(bag) as writer:
+        for connection, time_ns, data in raw_messages(GOLDEN, set(read_counts(GOLDEN))):
+            for namespace in ("", "/rig2"):
+                topic = recorded_topic(connection.topic)
+                writer.write(replace(topic, name=namespace + topic.name), time_ns, bytes(data))
+    with pytest.raises(
+        BagError, match=r"several rigs, /, /rig2; choose one with --namespace /rig2"
+    ):
+        read_measured(bag, cam="tm21")
+    expected = read_measured(GOLDEN, cam="tm21")
+    for namespace in ("/", "rig2", "/rig2"):
+        run = read_measured(bag, cam="tm21", namespace=namespace)
+        np.testing.assert_array_equal(run.force.value, expected.force.value)
+        np.testing.assert_array_equal(run.level.value, expected.level.value)
+    with pytest.raises(BagError, match="holds no rig /rig3; allowed: /, /rig2"):
+        read_measured(bag, cam="tm21", namespace="/rig3")
+
+
+@pytest.mark.parametrize(
+    ("line", "error"),
+    [
+        ("angle=/encodr.position[0] lift=/lvdt", "no topic /encodr; .*did you mean '/encoder'"),
+        ("angle=/encoder.positon[0] lift=/lvdt", r"angle: /encoder .*did you mean 'position\[0\]'"),
+        ("angle=/encoder.position[3] lift=/lvdt", r"'position' has 1 entries; allowed: less than"),
+        ("angle=/encoder.position[cam] lift=/lvdt", "no entry 'cam'; allowed: .* or encoder"),
+        ("angle=/encoder.position lift=/lvdt", r"holds 1 numbers; allowed: one, as position\[0\]"),
+        ("angle=/lvdt lift=/cell", "lift: /cell .*no field is named, and there are wrench.force.x"),
+        ("angle=/lvdt lift=/encoder.name[0]", "no number 'name"),
+        ("angle=/lvdt lift=/cell.wrench", "no number 'wrench'; allowed: wrench.force.x"),
+        (
+            "angle=/still lift=/lvdt",
+            "/still: the angle goes from -0° .*allowed: a cam that turns",
+        ),
+        ("angle=/few.data lift=/lvdt", "angle: /few has 1 readings; allowed: two or more"),
+        (
+            "angle=/encoder.position[0] lift=/late.data",
+            "late.data is from 50.* of one time",
+        ),
+    ],
+)
+def test_what_is_not_there_is_named_beside_what_is(tmp_path, line, error):
+    """Bag, quantity, topic, field; what is there; the likeliest spelling."""
+    bag = bench(
+        tmp_path,
+        still=(number, TIME, np.sin(ANGLE)),
+        few=(number, TIME[:1], ANGLE[:1]),
+        late=(number, TIME + 50.0, LIFT),
+    )
+    with pytest.raises(BagError, match=error) as raised:
+        read_measured(bag, parse_topics(line))
+    assert str(bag) in str(raised.value)
+
+
+def test_a_bag_of_others_without_a_mapping_is_told_its_topics(tmp_path):
+    """What it holds is what --topics may name."""
+    with pytest.raises(BagError, match=r"--topics .*/cell \[geometry_msgs/msg/WrenchStamped\]"):
+        read_measured(bench(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("line", "error"),
+    [
+        ("angle=/a lft=/b", "unknown quantity 'lft'; .*did you mean 'lift'"),
+        ("angle=/a:turn/0 lift=/b", r"angle has unit 'turn/0'; allowed: rad, deg, turn, turn/1024"),
+        ("angle=/a lift=/b:furlong", "lift has unit 'furlong'; allowed: m, cm, mm"),
+        ("lift=/b", "names lift; allowed: the angle and at least one of lift, force, level"),
+        ("angle=/a", "names angle; allowed"),
+        ("angle=/a angle=/b", "angle is named twice"),
+        ("angle=encoder lift=/b", "'angle=encoder' is not QUANTITY=/TOPIC.FIELD:UNIT"),
+    ],
+)
+def test_a_line_that_cannot_be_right_is_refused(line, error):
+    """Item, what is allowed, an example."""
+    with pytest.raises(ConfigError, match=error):
+        parse_topics(line)

@@ -1,0 +1,172 @@
+"""cam-rig compare: of a bag of the rig, and of a bench's; tables, files, refusals in a line."""
+
+import csv
+import io
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cam_rig.bag.reader import raw_messages, read_counts
+from cam_rig.bag.recording.writer import BagWriter
+from cam_rig.cli.main import app
+from cam_rig.messages.topics import recorded_topic
+from cam_rig.studies.real_run.comparison import compare_steps
+from cam_rig.studies.real_run.measured_pairs import pair_measured
+from cam_rig.viewer.orders import SPEED
+from cam_rig.viewer.real_run import real_run_entity, save_real_run
+
+from ..foreign_bags import joint, number, wrench, write_bag
+from ..studies.real_run.bench import measured
+from ..viewer.conftest import Picture
+
+GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
+LINE = "angle=/encoder.position[0] lift=/lvdt.position[0]:mm force=/cell.wrench.force.z level=/mic"
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, ["compare", *(str(a) for a in arguments)])
+
+
+@pytest.fixture
+def bench(tmp_path, make_loaded_scene):
+    """Bag and scene of a bench with an encoder, two sensors of a slow clock, and a microphone."""
+    loaded = make_loaded_scene(
+        cams=["tm21"], speeds=[250, 400], turns=12, settle_turns=2, sample_rate=8000
+    )
+    run = measured(loaded, slow=200e-6)
+    topics = {
+        "/encoder": (joint, run.angle.time, run.angle.value),
+        "/lvdt": (joint, run.lift.time, 1e3 * run.lift.value),
+        "/cell": (wrench, run.force.time, run.force.value),
+        "/mic": (number, run.level.time, run.level.value),
+    }
+    return write_bag(tmp_path / "bench", topics), loaded
+
+
+def test_a_bag_of_the_rig_is_its_scene_s(tmp_path):
+    """The golden run: the same numbers but for another machine's rounding, at every speed."""
+    plot = tmp_path / "compare.png"
+    result = call(GOLDEN, "quick", "--json", "-", "--plot", plot)
+    assert result.exit_code == 0, result.stderr
+    found = json.loads(result.stdout)
+    assert [(row["cam"], row["rpm"]) for row in found["speeds"]] == [
+        (cam, rpm) for cam in ("tm21", "bezier15") for rpm in (200.0, 300.0, 350.0, 400.0)
+    ]
+    for row in found["speeds"]:
+        assert row["lift_within_noise"] and row["force_within_noise"]
+        assert abs(row["force_largest_N"]) < 1e-9 and row["lift_noise_m"] == 0.0
+        assert row["lift_offs_measured_per_turn"] == row["lift_offs_model_per_turn"]
+        assert row["level_measured_db"] == pytest.approx(row["level_model_db"], abs=1e-9)
+    assert "The force is that of the model, to rounding, at every speed." in found["conclusions"]
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_another_rig_s_scene_departs(tmp_path):
+    """A scene with the same cams on another rig: where, and by how much."""
+    result = call(GOLDEN, "jump_two_mass", "--cam", "tm21")
+    assert result.exit_code == 2 and "has no cam 'tm21'" in result.stderr
+    scene = tmp_path / "scenes" / "mine.yaml"
+    scene.parent.mkdir()
+    text = (GOLDEN.parents[1] / "config" / "scenes" / "quick.yaml").read_text(encoding="utf-8")
+    text = text.replace("rig: tm21", "rig: paper_table2").replace("name: quick", "name: mine")
+    scene.write_text(text, encoding="utf-8")
+    result = call(GOLDEN, scene, "--cam", "tm21")
+    assert result.exit_code == 0, result.stderr
+    assert "The largest departure is of the" in result.stderr and "(tm21)" in result.stderr
+
+
+def test_of_several_cams_the_scene_needs_only_the_one_that_is_named(make_loaded_scene):
+    """The golden bag turned two cams; a scene with the first alone does for that one."""
+    settings = {"model": "one_mass", "settle_turns": 1, "sample_rate": 1000}
+    scene = make_loaded_scene(cams=["bezier15"], **settings).scene_file
+    refused = call(GOLDEN, scene)
+    assert refused.exit_code == 2 and "has no cam 'tm21', which the bag holds" in refused.stderr
+    result = call(GOLDEN, scene, "--cam", "bezier15", "--json", "-")
+    assert result.exit_code == 0, result.stderr
+    rows = json.loads(result.stdout)["speeds"]
+    assert [row["cam"] for row in rows] == ["bezier15"] * 4
+    assert all(row["force_within_noise"] for row in rows)
+
+
+def test_a_bench_s_bag_is_compared_by_its_topics(bench, tmp_path):
+    """Agreement within the noise, what was done, tables in CSV, a picture and a recording."""
+    bag, loaded = bench
+    plot, recording = tmp_path / "a.svg", tmp_path / "a.rrd"
+    files = "--plot", plot, "--save", recording, "--csv", "-"
+    result = call(bag, loaded.scene_file, "--topics", LINE, *files)
+    assert result.exit_code == 0, result.stderr
+    said = " ".join(result.stderr.split())
+    assert re.search(r"The cam is \+3\.1\d+° from the angle measured, found from the lift", said)
+    assert re.search(r"The sensors' clock is (19|20)\d ppm slow", said)
+    assert "The force agrees with the model within the noise at every speed" in said
+    assert "level: /mic, 24 readings, the time is that of the bag." in said
+    first, second = result.stdout.split("\n\n")
+    heading, *rows = list(csv.reader(io.StringIO(first)))[1:]
+    assert heading[3:6] == ["lift r.m.s. [µm]", "noise [µm]", "largest [µm]"]
+    assert [float(row[1]) for row in rows] == pytest.approx([250.0, 400.0], rel=1e-4)
+    assert all(row[7] == row[12] == "*" for row in rows)
+    events = list(csv.reader(io.StringIO(second)))[2:]
+    assert [float(row[3]) for row in events] == pytest.approx([0.0, 1.0], abs=0.01)
+    assert plot.read_text(encoding="utf-8").count("rpm") >= 1
+    assert recording.stat().st_size > 10_000
+
+
+def test_the_recording_has_both_side_by_side(bench, tmp_path):
+    """Each speed on the timeline; measured less model, in the same units, is the difference."""
+    _, loaded = bench
+    pairs = pair_measured(measured(loaded), loaded, "tm21")
+    rows = compare_steps(pairs.steps(), loaded.laws)
+    save_real_run(rows, tmp_path / "a.rrd")
+    picture = Picture(tmp_path / "a.rrd")
+    for quantity in ("lift", "force"):
+        curves = {}
+        for chart in ("measured", "model", "difference"):
+            entity = f"{real_run_entity('tm21', quantity, chart)}/curve"
+            assert picture.numbers(entity, SPEED).tolist() == [250.0, 400.0]
+            strips = picture.column(entity, "LineStrips2D:strips")
+            curves[chart] = np.array([np.array(list(strip))[0][:300] for strip in strips])
+        np.testing.assert_array_equal(curves["measured"][..., 0], curves["model"][..., 0])
+        both, apart = curves["measured"][..., 1] - curves["model"][..., 1], curves["difference"]
+        apart = apart[..., 1] - np.median(apart[..., 1])
+        scale = np.sum(both * apart) / np.sum(apart**2)
+        np.testing.assert_allclose(both, scale * apart, atol=0.05 * np.abs(both).max())
+
+
+def test_of_two_rigs_one_is_compared(tmp_path):
+    """Refused with their names and the remedy; then the one that is named."""
+    bag = tmp_path / "two"
+    with BagWriter(bag) as writer:
+        for connection, time_ns, data in raw_messages(GOLDEN, set(read_counts(GOLDEN))):
+            for namespace in ("", "/rig2"):
+                topic = recorded_topic(connection.topic)
+                writer.write(replace(topic, name=namespace + topic.name), time_ns, bytes(data))
+    result = call(bag, "quick")
+    assert result.exit_code == 1
+    assert "several rigs, /, /rig2; choose one with --namespace /rig2" in result.stderr
+    result = call(bag, "quick", "--namespace", "/rig2", "--cam", "tm21", "--json", "-")
+    assert result.exit_code == 0, result.stderr
+    assert len(json.loads(result.stdout)["speeds"]) == 4
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "error"),
+    [
+        (["quick", "--offset", "3"], 2, "--offset 3: the rig's bags have exact angles"),
+        (["quick", "--topics", "angle=/a lift=/b"], 2, "has cams tm21, bezier15; say with --cam"),
+        (["quick", "--topics", "angle=/a lift=/b", "--namespace", "x"], 2, "names whole topics"),
+        (["quick", "--topics", "angle=/a"], 2, "names angle; allowed: the angle and at least one"),
+        (["quick", "--cam", "tm12"], 2, "has no cam 'tm12'; allowed: tm21, bezier15"),
+        (["quick", "--save", "a.txt"], 2, "a.txt: unknown kind of recording; allowed: .rrd"),
+        (["quick", "--plot", "a.txt"], 2, "unknown kind of picture"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_a_line(arguments, code, error):
+    """Name, value, what is allowed."""
+    result = call(GOLDEN, *arguments)
+    assert result.exit_code == code and error in result.stderr
+    assert len(result.stderr.splitlines()) == 1

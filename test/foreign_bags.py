@@ -1,0 +1,55 @@
+"""Bags of a bench that knows nothing of this package: standard messages, written by rosbags."""
+
+import numpy as np
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from cam_rig.units import NS
+
+TYPES = get_typestore(Stores.ROS2_KILTED)
+TIME, HEADER = (
+    TYPES.types[name] for name in ("builtin_interfaces/msg/Time", "std_msgs/msg/Header")
+)
+#: The wall's time at which such a run begins, ns.
+BEGIN = 1_767_225_600_000_000_000
+
+
+def header(stamp):
+    return HEADER(TIME(*divmod(int(stamp), NS)), "bench")
+
+
+def joint(stamp, value, name="encoder"):
+    kind = TYPES.types["sensor_msgs/msg/JointState"]
+    return kind(header(stamp), [name], np.array([value]), np.array([]), np.array([]))
+
+
+def number(_, value):
+    return TYPES.types["std_msgs/msg/Float64"](float(value))
+
+
+def wrench(stamp, value):
+    vector = TYPES.types["geometry_msgs/msg/Vector3"]
+    forces = TYPES.types["geometry_msgs/msg/Wrench"](vector(0.0, 0.0, value), vector(0.0, 0.0, 0.0))
+    return TYPES.types["geometry_msgs/msg/WrenchStamped"](header(stamp), forces)
+
+
+def write_bag(path, topics, plugin=StoragePlugin.MCAP):
+    """A bag of ``topics``: name -> (maker of messages, times in s from its begin, values).
+
+    The bag's time is half a millisecond after the stamp, and never goes back within a topic.
+    """
+    rows = [
+        (BEGIN + round(time * NS), name, make, value)
+        for name, (make, times, values) in topics.items()
+        for time, value in zip(times, values, strict=True)
+    ]
+    with Writer(path, version=9, storage_plugin=plugin) as writer:
+        made, newest = {}, {}
+        for stamp, name, make, value in rows:
+            message = make(stamp, value)
+            kind = message.__msgtype__
+            if name not in made:
+                made[name] = writer.add_connection(name, kind, typestore=TYPES)
+            newest[name] = max(stamp + 500_000, newest.get(name, 0) + 1)
+            writer.write(made[name], newest[name], TYPES.serialize_cdr(message, kind))
+    return path

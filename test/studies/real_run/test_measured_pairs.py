@@ -1,0 +1,181 @@
+"""A bench's readings against the model: what they agree in, and each fault of an instrument."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import TransferFunction, lsim
+
+from cam_rig.errors import BagError
+from cam_rig.simulation.measured_run import Signal
+from cam_rig.studies.real_run.comparison import compare_steps
+from cam_rig.studies.real_run.conclusions import done, sentences
+from cam_rig.studies.real_run.measured_pairs import pair_measured
+from cam_rig.units import RPM
+
+from .bench import COUNTS, OFFSET_DEG, measured, with_follower
+
+#: ° by which a reading is behind on average, as an encoder rounds down.
+HALF = 180.0 / COUNTS
+
+
+@pytest.fixture
+def scene(make_loaded_scene):
+    def make(cam="poly345", speeds=(200, 250, 300, 350, 400), **changes):
+        settings = {"turns": 12, "settle_turns": 2, "sample_rate": 8000, **changes}
+        return make_loaded_scene(cams=[cam], speeds=list(speeds), **settings)
+
+    return make
+
+
+@pytest.mark.parametrize(
+    ("cam", "speeds", "seed"),
+    [
+        ("poly345", (200, 250, 300, 350, 400), 1),
+        ("poly345", (200, 250, 300, 350, 400), 2),
+        ("tm21", (250, 300, 380, 430, 480), 1),
+    ],
+    ids=["in contact", "another noise", "jumping"],
+)
+def test_a_bench_of_the_scene_agrees_within_the_noise(scene, cam, speeds, seed):
+    """Five speeds, 1 % of force noise, 10 µm, 1024 counts, 3° off, a clock 200 ppm slow."""
+    loaded = scene(cam, speeds)
+    pairs = pair_measured(measured(loaded, seed, slow=200e-6), loaded, cam)
+    found = pairs.alignment
+    assert np.degrees(found.offset) == pytest.approx(OFFSET_DEG + HALF, abs=0.05)
+    assert found.drift == pytest.approx(200e-6, abs=4e-6) and found.delay == 0.0
+    rows = compare_steps(pairs.steps(), loaded.laws)
+    assert [row.rpm for row in rows] == pytest.approx(list(speeds), rel=1e-4)
+    for row in rows:
+        assert row.agrees
+        assert row.lift.noise == pytest.approx(10e-6, rel=0.15)
+        assert row.lift.rms == pytest.approx(10e-6, rel=0.05)
+        assert abs(row.level_difference) < 0.02
+        assert row.contact.measured == pytest.approx(row.contact.model, abs=0.5)
+        if row.contact.model > 0.5:
+            assert abs(row.contact.degrees) < 0.3
+    said = [*done(pairs), *sentences(rows)]
+    assert "The sensors' clock is 200 ppm slow beside that of the angle: corrected." in said
+    assert said[0].startswith("The angle has 1024 counts a turn;")
+    for name in ("lift", "force"):
+        words = f"The {name} agrees with the model within the noise at every speed"
+        assert any(line.startswith(words) for line in said)
+
+
+def test_a_heavier_follower_shows_beyond_the_noise(scene):
+    """ΔF = Δm ω² s'' at the place of the largest difference, to the noise of its mean."""
+    loaded = scene(speeds=(200, 350))
+    heavy = with_follower(loaded, mass=1.25)
+    run, law = measured(heavy, force_noise=0.005), loaded.laws["poly345"]
+    rows = compare_steps(pair_measured(run, loaded, "poly345").steps(), loaded.laws)
+    more = heavy.follower.mass - loaded.follower.mass
+    row = rows[-1]
+    assert row.lift.within and not row.force.within
+    # A part of 2° is averaged, and the mean has a fifth of a reading's noise.
+    near = np.radians(row.force.degrees + np.linspace(-1.0, 1.0, 21))
+    expected = more * (row.rpm * RPM) ** 2 * float(law(near, 2).mean())
+    assert row.force.largest == pytest.approx(expected, abs=1.5 * row.force.noise)
+    assert abs(expected) > 5.0 * row.force.noise
+    (first, *_) = sentences(rows)
+    assert first.startswith("The largest departure is of the force:") and "350 rpm" in first
+
+
+def test_a_heavier_follower_leaves_its_cam_later_or_sooner_and_that_is_not_hidden(scene):
+    """Zero and clock are found at speeds in contact: a flight's error does not go into them."""
+    loaded = scene("tm21", (250, 300, 400, 450))
+    run = measured(with_follower(loaded, mass=1.1), slow=200e-6)
+    pairs = pair_measured(run, loaded, "tm21")
+    assert np.degrees(pairs.alignment.offset) == pytest.approx(OFFSET_DEG + HALF, abs=0.05)
+    rows = compare_steps(pairs.steps(), loaded.laws)
+    assert rows[0].lift.within and not any(row.lift.within for row in rows[2:])
+    assert all(row.contact.degrees > 1.0 for row in rows[2:])  # the heavier one flies farther
+
+
+def test_backlash_of_the_gauge_is_named_with_its_width(scene):
+    """0.2 mm: the offset is right all the same, the lift departs by half of it, the force not."""
+    loaded = scene(speeds=(200, 300))
+    pairs = pair_measured(measured(loaded, backlash=0.2e-3), loaded, "poly345")
+    assert np.degrees(pairs.alignment.offset) == pytest.approx(OFFSET_DEG + HALF, abs=0.05)
+    rows = compare_steps(pairs.steps(), loaded.laws)
+    assert all(abs(row.lift.largest) == pytest.approx(1e-4, rel=0.15) for row in rows)
+    assert all(row.force.within and not row.lift.within for row in rows)
+    assert any("lift differs by 200 µm: backlash" in line for line in done(pairs))
+
+
+def test_a_load_cell_that_rings_is_told_by_its_frequency(scene):
+    """150 Hz at every speed alike; a difference of mass moves with the speed, and is none."""
+    loaded = scene(speeds=(250, 300, 350))
+    w, damping = 2.0 * np.pi * 150.0, 0.03
+
+    def cell(time, force):
+        system = TransferFunction([w * w], [1.0, 2.0 * damping * w, w * w])
+        return lsim(system, force, time - time[0])[1]
+
+    run = measured(loaded, sense=cell)
+    rows = compare_steps(pair_measured(run, loaded, "poly345").steps(), loaded.laws)
+    assert [row.peak_hz for row in rows[1:]] == pytest.approx(
+        [150.0] * 2, abs=7.0
+    )  # an order's width
+    assert any(re.search(r"force rings near 1[45]\d Hz", line) for line in sentences(rows))
+    run = measured(with_follower(loaded, mass=1.3))
+    rows = compare_steps(pair_measured(run, loaded, "poly345").steps(), loaded.laws)
+    assert not any("rings" in line for line in sentences(rows))
+
+
+def test_stamps_that_are_late_are_told_from_an_offset_by_several_speeds(scene):
+    """2 ms are 2.4° at 200 rpm and 4.8° at 400; the encoder's zero is 3° at each."""
+    loaded = scene(speeds=(200, 300, 400))
+    pairs = pair_measured(measured(loaded, late=2e-3), loaded, "poly345")
+    assert pairs.alignment.delay == pytest.approx(-2e-3, abs=2e-5)
+    assert np.degrees(pairs.alignment.offset) == pytest.approx(OFFSET_DEG + HALF, abs=0.05)
+    assert any("stamps are 2 ms late" in line for line in done(pairs))
+    assert all(row.agrees for row in compare_steps(pairs.steps(), loaded.laws))
+
+
+def test_a_given_offset_is_kept_and_one_without_a_lift_is_said(scene):
+    """Nothing else is known of it where only the force was measured."""
+    loaded = scene(speeds=(200, 300))
+    run = measured(loaded)
+    given = pair_measured(run, loaded, "poly345", np.radians(OFFSET_DEG + HALF))
+    assert given.alignment.offset == np.radians(OFFSET_DEG + HALF)
+    assert any("as given" in line for line in done(given))
+    blind = pair_measured(replace(run, lift=None), loaded, "poly345")
+    assert blind.alignment.offset == 0.0
+    assert any("no lift was measured to find it by" in line for line in done(blind))
+    (row, _) = compare_steps(blind.steps(), loaded.laws)
+    assert row.lift is None and not row.force.within  # 3° are seen in the force
+
+
+def test_lost_readings_are_not_bridged(scene):
+    """Of the sensors they are not there; of the encoder they end the steady turns."""
+    loaded = scene(speeds=(200, 300))
+    run = measured(loaded)
+    time = run.angle.time
+    lost = (time > 2.0) & (time < 2.5)
+    sensors = {
+        name: Signal(signal.time[~lost], signal.value[~lost], signal.source)
+        for name, signal in (("lift", run.lift), ("force", run.force))
+    }
+    pairs = pair_measured(replace(run, **sensors), loaded, "poly345")
+    assert len(pairs.stretches) == 2
+    step = next(pairs.steps())
+    assert not ((step.force.time > 2.001) & (step.force.time < 2.499)).any()
+    assert all(row.agrees for row in compare_steps(pairs.steps(), loaded.laws))
+    angle = Signal(time[~lost], run.angle.value[~lost], run.angle.source)
+    pairs = pair_measured(replace(run, angle=angle), loaded, "poly345")
+    assert [round(one.rpm) for one in pairs.stretches] == [200, 200, 300] or len(
+        pairs.stretches
+    ) == 2
+    edges = [(one.knots[0], one.knots[-1]) for one in pairs.stretches]
+    assert not any(begin < 2.25 < end for begin, end in edges)
+    assert all(row.agrees for row in compare_steps(pairs.steps(), loaded.laws))
+
+
+def test_a_cam_that_never_turns_steadily_is_refused(scene):
+    """With what steady means and how many turns are asked."""
+    loaded = scene(speeds=(200, 300))
+    time = np.arange(1500) / 1000.0
+    run = replace(measured(loaded), angle=Signal(time, 40.0 * time**2, "/encoder"))
+    with pytest.raises(BagError, match=r"nowhere 4 turns at a speed that is held within 2 %"):
+        pair_measured(run, loaded, "poly345")
