@@ -79,6 +79,17 @@ def heading(text: str) -> Heading:
     return Heading(text, "other" if length is None else "lift", length)
 
 
+def plain_words(text: str) -> list[str]:
+    """The words of a heading in small letters without accents.
+
+    Examples
+    --------
+    >>> plain_words("Précharge [N]")
+    ['precharge', 'n']
+    """
+    return re.findall(r"[a-z]+", _plain(text))
+
+
 def _plain(text: str) -> str:
     """Small letters without accents."""
     parts = unicodedata.normalize("NFD", text.casefold())

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import cont2discrete, lfilter
+from scipy.signal import bilinear, lfilter
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import MODELS, Interval, Samples
@@ -59,7 +59,7 @@ def measured_run(
     rig: RigConfig,
     model: str,
     rpms: Iterable[float],
-    errors: InstrumentErrors = InstrumentErrors(),  # noqa: B008 (it cannot be changed)
+    errors: InstrumentErrors = InstrumentErrors(),
     seed: int = 0,
     turns: float = 4.0,
     settled_for: int = 20,
@@ -124,7 +124,8 @@ def _settled(
     rate = errors.rate * (FINER if errors.sensor_frequency else 1)
     parameters, advance = MODELS[model].parameters(rig), MODELS[model].advance
     begin = round(settled_for * TURN / speed * NS)
-    first = Interval(0, begin, math.fmod(angle, TURN) - speed * begin / NS + settled_for * TURN, speed)
+    back = speed * begin / NS - settled_for * TURN  # begin is a whole number of ns
+    first = Interval(0, begin, math.fmod(angle, TURN) - back, speed)
     state, before = advance(law, parameters, None, first, rate)
     at = first.angle_at(first.duration)
     last = Interval(begin, begin + round(length * NS), at, speed)
@@ -144,9 +145,8 @@ def _sensed(rows: FloatArray, rate: int, errors: InstrumentErrors) -> FloatArray
     if not errors.sensor_frequency:
         return samples.force.copy()
     own, ratio = TURN * errors.sensor_frequency, errors.sensor_damping
-    system = ([own**2], [1.0, 2.0 * ratio * own, own**2])
-    top, bottom, _ = cont2discrete(system, 1.0 / rate, "foh")
-    return np.asarray(lfilter(np.ravel(top), bottom, samples.force + samples.impulse * rate))
+    top, bottom = bilinear([own**2], [1.0, 2.0 * ratio * own, own**2], rate)
+    return np.asarray(lfilter(top, bottom, samples.force + samples.impulse * rate))
 
 
 def _side(velocity: FloatArray) -> FloatArray:

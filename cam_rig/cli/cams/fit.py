@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from cam_rig.cli.cams.fit_rig import fit_rig
 from cam_rig.cli.cams.fitting import (
     BaseOption,
     ColumnOption,
@@ -25,7 +26,7 @@ from cam_rig.cli.common.options import Csv, Json, Plot
 from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
 
 fit = typer.Typer(
-    help="Find the numbers of a cam from what was measured.",
+    help="Find the numbers of a cam, or of a rig, from what was measured.",
     no_args_is_help=True,
     rich_markup_mode="markdown",
 )
@@ -37,7 +38,10 @@ Out = Annotated[
 
 @fit.callback()
 def _group() -> None:
-    """Find the numbers of a cam from what was measured."""
+    """Find the numbers of a cam, or of a rig, from what was measured."""
+
+
+fit.command("rig")(fit_rig)
 
 
 @fit.command("cam")

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from cam_rig.studies.rig_fit.jump_fit import JumpFit
 from cam_rig.studies.rig_fit.numbers import NUMBERS
 from cam_rig.studies.rig_fit.rig_fit import FoundNumber, RigFit
 
@@ -15,6 +16,8 @@ COLOURED = 1.5
 WRONG_CAM = 0.01
 #: A peak of a spectrum stands out that has this part of all of it in its eight lines.
 STANDS_OUT = 0.3
+#: What is left of jump speeds is too much beyond so many times their error, and of one a slip.
+TOO_FAR, SLIP = 2.0, 3.0
 
 
 def number_sentences(numbers: Iterable[FoundNumber]) -> Iterator[str]:
@@ -26,7 +29,7 @@ def number_sentences(numbers: Iterable[FoundNumber]) -> Iterator[str]:
 
 def rig_conclusions(fit: RigFit) -> Iterator[str]:
     """The answer first, then what stands in its way."""
-    told = ", ".join(f"{n.name} {n.value:.5g} {n.unit}".rstrip(" 1") for n in fit.identified)
+    told = ", ".join(f"{n.name} {n.value:.5g} {n.unit}".removesuffix(" 1") for n in fit.identified)
     model = "two masses and a stem" if fit.model == "separation" else "one rigid mass"
     yield (
         f"Identified as {model}: {told}."
@@ -40,6 +43,31 @@ def rig_conclusions(fit: RigFit) -> Iterator[str]:
     )
     yield from _odd(fit)
     yield from fit.notes
+
+
+def jump_conclusions(fit: JumpFit) -> Iterator[str]:
+    """The answer first, then how far it may be trusted."""
+    told = ", ".join(f"{n.name} {n.value:.5g} {n.unit}".removesuffix(" 1") for n in fit.identified)
+    yield f"Identified: {told}." if told else "Nothing of the follower is told."
+    yield from number_sentences(fit.numbers)
+    if "mass" in fit.table.columns:
+        yield "The mass is the follower's own, beside what was put on."
+    if fit.error_given:
+        left = float(np.sqrt((fit.left**2).sum() / max(fit.free, 1)))
+        if fit.free and left > TOO_FAR * fit.error:
+            yield (
+                f"The readings are {left:.3g} rpm from the speeds found, and {fit.error:.3g} rpm "
+                "were said to be their error: the model lacks something, or the error is larger."
+            )
+    else:
+        yield (
+            f"The error of a reading is taken from what is left: {fit.error:.3g} rpm, of "
+            f"{fit.free} readings more than numbers."
+        )
+    worst = int(np.abs(fit.left).argmax())
+    if abs(fit.left[worst]) > SLIP * fit.error:
+        reading = fit.table.readings[worst]
+        yield f"Line {reading.line} is {-fit.left[worst]:.3g} rpm off the others: a slip?"
 
 
 def _odd(fit: RigFit) -> Iterator[str]:
@@ -82,7 +110,7 @@ def _frequency_words(fit: RigFit, name: str) -> str:
 
 def strongest_frequency(fit: RigFit, name: str) -> float | None:
     """Hz at which what is left stands out; None where it nowhere does."""
-    likelihood, best = fit.solution.likelihood, (STANDS_OUT, None)
+    likelihood, best, found = fit.solution.likelihood, STANDS_OUT, None
     for i, hold in enumerate(likelihood.holds):
         predicted = likelihood.predicted(fit.solution.x, i)
         if predicted is None:
@@ -101,13 +129,12 @@ def strongest_frequency(fit: RigFit, name: str) -> float | None:
         power = np.abs(np.fft.rfft(even)) ** 2
         at = int(np.argmax(power))
         part = float(power[max(0, at - 4) : at + 5].sum() / power.sum())
-        if part > best[0]:
-            best = (part, at / (even.size * step))
-    return best[1]
+        if part > best:
+            best, found = part, at / (even.size * step)
+    return found
 
 
 def gist(number: FoundNumber) -> str:
     """A number in words: 1.2995 ± 0.0008 kg."""
     unit = NUMBERS[number.name].unit
     return f"{number.value:.6g} ± {number.error:.2g} {unit}".removesuffix(" 1")
-

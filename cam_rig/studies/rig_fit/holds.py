@@ -109,9 +109,9 @@ def steady_holds(run: MeasuredRun) -> tuple[Hold, ...]:
             found.append(hold)
     if not found:
         raise ConfigError(
-            f"{run.source}: the cam nowhere turns steadily: over no turn of {run.angle.source} does "
-            f"the angle stay within {math.degrees(STEADY + count):.2g} deg of a line; needed: some "
-            "speeds that are held"
+            f"{run.source}: the cam nowhere turns steadily: over no turn of {run.angle.source} "
+            f"does the angle stay within {math.degrees(STEADY + count):.2g} deg of a line; needed: "
+            "some speeds that are held"
         )
     return tuple(sorted(found, key=lambda hold: hold.begin))
 

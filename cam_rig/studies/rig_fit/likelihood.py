@@ -162,7 +162,9 @@ class Likelihood:
         if turn is None:
             return None
         lift_angle, force_angle = self.angles(x, i)
-        return Predicted(turn, lift_angle, force_angle, *self._shown(x, turn, lift_angle, force_angle))
+        return Predicted(
+            turn, lift_angle, force_angle, *self._shown(x, turn, lift_angle, force_angle)
+        )
 
     def _shown(
         self, x: FloatArray, turn: SteadyTurn, lift_angle: FloatArray, force_angle: FloatArray
@@ -289,7 +291,9 @@ class Likelihood:
         return any((a != b).any() for a, b in zip(before, kept, strict=True))
 
 
-def _steady(law: Law, follower: Follower, speed: float, near: SteadyTurn | None) -> SteadyTurn | None:
+def _steady(
+    law: Law, follower: Follower, speed: float, near: SteadyTurn | None
+) -> SteadyTurn | None:
     if isinstance(follower, FollowerParameters):
         return one_mass_turn(law, follower, speed)
     return two_mass_turn(law, follower, speed, near if isinstance(near, TwoMassTurn) else None)

@@ -1,4 +1,4 @@
-"""The numbers of a follower that a fit looks for: names, units, limits, and the follower of them."""
+"""The numbers of a follower that a fit looks for: units, limits, and the follower of them."""
 
 from __future__ import annotations
 

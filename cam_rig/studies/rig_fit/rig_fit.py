@@ -13,11 +13,11 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.simulation.measured_run import MeasuredRun
-from cam_rig.studies.rig_fit.likelihood import PPM, Likelihood
-from cam_rig.studies.rig_fit.measured_turns import MeasuredHold, measured_holds
+from cam_rig.studies.rig_fit.likelihood import Likelihood
+from cam_rig.studies.rig_fit.measured_turns import measured_holds
 from cam_rig.studies.rig_fit.numbers import NUMBERS, ONE_MASS, TWO_MASSES, slope, to_search
 from cam_rig.studies.rig_fit.search import Solution, search
-from cam_rig.studies.rig_fit.start import rough_start, likely_stem
+from cam_rig.studies.rig_fit.start import likely_stem, rough_start
 from cam_rig.studies.rig_fit.uncertainty import Uncertainty, uncertainty
 from cam_rig.units import TURN
 
@@ -141,7 +141,9 @@ def fit_rig(
     forces = any(hold.force.value.size for hold in holds)
     scale = {} if forces or set(given) & set(ONE_MASS[:4]) else {"mass": values["mass"]}
     start = Likelihood(law, holds, (), values, base.follower.stem_stiffness.si)
-    start.force_noise = 0.01 * max((h.force.value.max(initial=0.0) for h in holds), default=1.0) or 1.0
+    start.force_noise = (
+        0.01 * max((h.force.value.max(initial=0.0) for h in holds), default=1.0) or 1.0
+    )
     on_step("one rigid mass")
     aligned = search(start, start.start(values, phase, zero))
     one = _one_mass(aligned, given | scale)
@@ -252,7 +254,9 @@ def log_ratio(one: Solution, other: Solution) -> float:
             deviation = like.force_deviation(i)
             total += hold.lift.value.size * math.log(like.lift_noise)
             # of all samples, as the two leave out different ones beside landings
-            total += hold.force.value.size * float(np.log(deviation).mean()) if deviation.size else 0.0
+            total += (
+                hold.force.value.size * float(np.log(deviation).mean()) if deviation.size else 0.0
+            )
         logs.append(-total)
     return logs[0] - logs[1]
 
@@ -317,24 +321,19 @@ def _number(
     value = likelihood.values(solution.x)[name]
     error = float(errors.errors[k]) * slope(name, value)
     group = next((g for g in errors.blind if k in g), None)
+    reason = ""
     if name == "restitution" and error == 0.0:
         reason = "the landings that were measured are too soft to tell it"
-        return FoundNumber(name, None, None, "identified", reason)
-    if group is not None or error == 0.0:
-        return FoundNumber(name, None, None, "identified", _blind(k, group, likelihood, landings))
-    if scale:
-        ratio = value / likelihood.given["mass"]
-        reason = (
-            f"lifts tell only its ratio to the mass, {ratio:.5g} ± {error / likelihood.given['mass']:.2g} "
-            "in SI; give a mass"
-        )
-        if name != "restitution":
-            return FoundNumber(name, None, None, "identified", reason)
-    if error < (TOLD_RESTITUTION if name == "restitution" else TOLD * value):
-        return FoundNumber(name, value, error, "identified")
-    low, high = max(0.0, value - WITHIN_95 * error), value + WITHIN_95 * error
-    reason = f"with 95 % it is between {low:.3g} and {high:.3g} {NUMBERS[name].unit}: too wide"
-    return FoundNumber(name, None, None, "identified", reason)
+    elif group is not None or error == 0.0:
+        reason = _blind(k, group, likelihood, landings)
+    elif scale and name != "restitution":
+        mass = likelihood.given["mass"]
+        ratio = f"{value / mass:.5g} ± {error / mass:.2g} in SI"
+        reason = f"lifts tell only its ratio to the mass, {ratio}; give a mass"
+    elif error >= (TOLD_RESTITUTION if name == "restitution" else TOLD * value):
+        low, high = max(0.0, value - WITHIN_95 * error), value + WITHIN_95 * error
+        reason = f"with 95 % it is between {low:.3g} and {high:.3g} {NUMBERS[name].unit}: too wide"
+    return FoundNumber(name, None if reason else value, error, "identified", reason)
 
 
 def _not_sought(name: str, scale: tuple[str, ...], landings: list[int]) -> str:

@@ -42,8 +42,7 @@ class Solution:
 
 
 def search(likelihood: Likelihood, x: FloatArray) -> Solution:
-    """The least squares from ``x`` on, with the noise and the samples beside landings anew.
-    """
+    """The least squares from ``x`` on, with the noise and the samples beside landings anew."""
     low, high = search_limits(likelihood.sought)
     free = np.full(x.size - low.size, np.inf)
     bounds = np.concatenate([low, -free]), np.concatenate([high, free])
@@ -70,7 +69,7 @@ def search(likelihood: Likelihood, x: FloatArray) -> Solution:
             max_nfev=FIRST_STEPS if i < 2 else MOST_STEPS,
         )
         x = np.clip(found.x, inner[: x.size], inner[x.size :])
-    return Solution(likelihood, found.x, found.jac, found.fun)
+    return Solution(likelihood, found.x, np.asarray(found.jac), found.fun)
 
 
 def _size_noise(likelihood: Likelihood, residuals: FloatArray) -> bool:

@@ -1,4 +1,4 @@
-"""Where a search begins: the encoder's zero all around, numbers of a follower on the cam, a stem."""
+"""Where a search begins: the encoder's zero, numbers of a follower on the cam, a stem."""
 
 from __future__ import annotations
 
@@ -44,7 +44,9 @@ def rough_start(
     pressed = [_pressed(hold) for hold in holds]
     angles = np.concatenate([h.angle + h.speed * f[0] for h, f in zip(holds, pressed, strict=True)])
     force = np.concatenate([f[1] for f in pressed])
-    speed = np.concatenate([np.full(f[0].size, h.speed) for h, f in zip(holds, pressed, strict=True)])
+    speed = np.concatenate(
+        [np.full(f[0].size, h.speed) for h, f in zip(holds, pressed, strict=True)]
+    )
     for phase in np.arange(PHASES) * (TURN / PHASES):
         missed, zero, numbers = 0.0, 0.0, dict(base)
         if lift.size:

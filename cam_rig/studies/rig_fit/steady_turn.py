@@ -52,7 +52,7 @@ class OneMassTurn:
         """Lift (m) and contact force (N) at cam angles (rad) of any turn."""
         law, p, speed = self.course.law, self.course.parameters, self.course.interval.speed
         inside = np.mod(angle, TURN)
-        motion = np.stack(law.motion_at(inside))
+        motion = law.motion_at(inside)
         lift, force = motion[0], force_weights(p, speed) @ motion + p.preload
         times = self.begin + inside / speed
         for phase in self.course.phases:
@@ -127,20 +127,17 @@ def two_mass_turn(
         if begun is None:
             return None
         angle, start = begun
-        slopes = None
     else:
-        angle, start, slopes = near.course.angle, near.start, near.map
+        angle, start = near.course.angle, near.start
     scale = _vibration_scale(law, p, speed)
     for _ in range(MOST_STEPS):
         course = _turned(law, p, speed, angle, start)
         if not isinstance(course.last, np.ndarray):
             return None
+        slopes = _slopes(course, start, scale) if near is None else near.map
         miss = course.last - start
         if (np.abs(miss) <= SAME * scale).all():
-            slopes = _slopes(course, start, scale) if slopes is None else slopes
             return TwoMassTurn(course, start, slopes, tuple(course.events))
-        if near is None:
-            slopes = _slopes(course, start, scale)
         start = start + np.linalg.solve(np.eye(2) - slopes, miss)
     return None
 

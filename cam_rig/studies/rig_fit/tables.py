@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from cam_rig.arrays import FloatArray
+from cam_rig.schema.jump_table import JumpReading
+from cam_rig.studies.rig_fit.jump_fit import JumpFit
 from cam_rig.studies.rig_fit.rig_fit import FoundNumber, HoldFit, RigFit
 from cam_rig.tables import Cell, Column, DataTable, tabulate
+from cam_rig.units import to_rpm
 
 
 def numbers_table(numbers: Iterable[FoundNumber], caption: str) -> DataTable:
@@ -147,4 +150,47 @@ def rig_json(fit: RigFit) -> dict[str, Any]:
             for hold in fit.holds
         ],
         "notes": list(fit.notes),
+    }
+
+
+def jumps_table(fit: JumpFit) -> DataTable:
+    """Jump speeds as read, and of the numbers found."""
+    rows = list(zip(fit.table.readings, fit.speeds, fit.left.tolist(), strict=True))
+
+    def known(name: str) -> Callable[[tuple[JumpReading, float, float]], Cell]:
+        return lambda row: row[0].known.get(name)
+
+    return tabulate(
+        "Jump speeds",
+        rows,
+        (
+            (Column("line", "", "d"), lambda row: row[0].line),
+            (Column("mass put on", "kg", ".6g"), known("mass")),
+            (Column("spring", "N/m", ".6g"), known("spring_stiffness")),
+            (Column("preload", "N", ".6g"), known("preload")),
+            (Column("read", "rpm", ".2f"), lambda row: float(to_rpm(row[0].speed))),
+            (Column("found", "rpm", ".2f"), lambda row: row[1]),
+            (Column("left", "rpm", ".2f"), lambda row: -row[2]),
+        ),
+    )
+
+
+def jumps_json(fit: JumpFit) -> dict[str, Any]:
+    """All that a fit of jump speeds found, SI but for rpm."""
+    return {
+        "source": fit.table.file,
+        "cam": fit.law.name,
+        "model": fit.model,
+        "numbers": numbers_json(fit.numbers),
+        "correlation": {
+            "of": [number.name for number in fit.identified],
+            "matrix": fit.correlation.tolist(),
+        },
+        "error_rpm": fit.error,
+        "error_given": fit.error_given,
+        "degrees_of_freedom": fit.free,
+        "readings": [
+            {"line": r.line, "read_rpm": float(to_rpm(r.speed)), "found_rpm": speed, **r.known}
+            for r, speed in zip(fit.table.readings, fit.speeds, strict=True)
+        ],
     }

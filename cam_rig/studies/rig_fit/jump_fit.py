@@ -1,0 +1,286 @@
+"""The numbers of a rig from its jump speeds with several masses and springs.
+
+At the jump speed the least contact force of a turn is zero. What a table gives for a reading is
+known; what it does not is one number for all readings. The mass of a table is what was put on: the
+follower's own is sought beside it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from cam_rig.arrays import FloatArray, rms
+from cam_rig.errors import CamRigError, ConfigError
+from cam_rig.laws import Law
+from cam_rig.schema import RigConfig
+from cam_rig.schema.jump_table import JumpReading, JumpTable
+from cam_rig.studies.jump.any_rig import find_jump
+from cam_rig.studies.rig_fit.numbers import (
+    NUMBERS,
+    follower_of,
+    from_search,
+    search_limits,
+    slope,
+    to_search,
+)
+from cam_rig.studies.rig_fit.rig_fit import TOLD, WITHIN_95, FoundNumber
+from cam_rig.units import to_rpm
+
+#: Sought of one rigid mass; a stem's beside them.
+RIGID = ("mass", "spring_stiffness", "preload", "damping")
+STEM = ("stem_stiffness", "roller_share")
+#: Step of what is sought, of its size.
+STEP = 1e-4
+#: Directions told by less than this part of the best are told by nothing.
+BLIND = 1e-7
+#: Part of a direction that a number of it has at least.
+SHARE = 0.05
+#: Speed (rpm) of a follower that does not jump.
+FAR = 1e5
+#: Least own mass (kg) with which a search begins.
+LIGHT = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class JumpFit:
+    """What jump speeds say of a rig.
+
+    ``speeds`` (rpm) are those of the numbers found, in the readings' order; ``error`` (rpm) one
+    standard deviation of a reading, given or by what is left; ``free`` is how many readings there
+    are more than numbers sought.
+    """
+
+    law: Law
+    table: JumpTable
+    model: str
+    numbers: tuple[FoundNumber, ...]
+    correlation: FloatArray
+    speeds: tuple[float, ...]
+    error: float
+    error_given: bool
+    free: int
+
+    @property
+    def identified(self) -> tuple[FoundNumber, ...]:
+        """The numbers that the readings tell."""
+        return tuple(n for n in self.numbers if n.origin == "identified" and n.value is not None)
+
+    @property
+    def left(self) -> FloatArray:
+        """Found less read, rpm."""
+        return np.array(self.speeds) - to_rpm(np.array([r.speed for r in self.table.readings]))
+
+
+@dataclass(frozen=True)
+class _JumpModel:
+    """Jump speeds (rpm) of what is sought."""
+
+    law: Law
+    readings: tuple[JumpReading, ...]
+    sought: tuple[str, ...]
+    given: dict[str, float]
+    steady: bool
+
+    def values(self, x: FloatArray, reading: JumpReading) -> dict[str, float]:
+        """All numbers of a reading: the own mass and what was put on are one."""
+        found = {n: from_search(n, float(v)) for n, v in zip(self.sought, x, strict=True)}
+        values = self.given | found
+        on = reading.known.get("mass", 0.0)
+        return values | reading.known | {"mass": max(values["mass"] + on, 1e-9)}
+
+    def speeds(self, x: FloatArray) -> FloatArray:
+        """Of all readings, ``(n,)``."""
+        return np.array([self._speed(self.values(x, reading)) for reading in self.readings])
+
+    def _speed(self, values: dict[str, float]) -> float:
+        follower = follower_of(values, values["stem_stiffness"])
+        try:
+            return find_jump(self.law, follower, None if self.steady else 1.7).rpm
+        except CamRigError:
+            return FAR
+
+
+def fit_jumps(
+    law: Law,
+    table: JumpTable,
+    base: RigConfig,
+    model: str | None = None,
+    given: dict[str, float] | None = None,
+    error: float | None = None,
+) -> JumpFit:
+    """Find a follower's numbers from the speeds at which it jumps.
+
+    Parameters
+    ----------
+    base : rig at whose numbers the search begins
+    model : one_mass (None too) or separation: two masses, in steady state
+    given : numbers that are known, by name, SI
+    error : rpm, one standard deviation of a reading; None takes it from what is left
+
+    Raises
+    ------
+    ConfigError : fewer readings than numbers sought, or no number comes near the readings
+    """
+    given, two = dict(given or {}), model == "separation"
+    if clash := sorted(set(given) & (set(table.columns) - {"mass"})):
+        raise ConfigError(f"{table.file}: has {', '.join(clash)} too; allowed: given once")
+    names = (*RIGID, *STEM) if two else RIGID
+    sought = tuple(n for n in names if n not in given and (n == "mass" or n not in table.columns))
+    count = len(table.readings)
+    if count < len(sought) or (error is None and count == len(sought)):
+        need = len(sought) + (error is None)
+        raise ConfigError(
+            f"{table.file}: {count} readings for {len(sought)} numbers ({', '.join(sought)}); "
+            f"needed: {need} or more, so measure more, or give some with --given"
+            f"{' and the error of a reading with --tolerance' if error is None else ''}"
+        )
+    values = _start(table, base, given, two)
+    trial = _JumpModel(law, table.readings, sought, values, steady=True)
+    x = _searched(trial, values)
+    speeds = trial.speeds(x)
+    left = speeds - to_rpm(np.array([r.speed for r in table.readings]))
+    if (speeds >= FAR).any():
+        raise ConfigError(
+            f"{table.file}: no follower on cam {law.name} jumps at the speeds read (r.m.s. "
+            f"{rms(left):.3g} rpm off); is it the cam that was on, and the unit right?"
+        )
+    free = count - len(sought)
+    deviation = error or max(rms(left) * math.sqrt(count / free), 1e-9 * float(speeds.max()))
+    numbers, correlation = _told(trial, x, deviation, given, names, table)
+    return JumpFit(
+        law,
+        table,
+        "separation" if two else "one_mass",
+        numbers,
+        correlation,
+        tuple(speeds.tolist()),
+        deviation,
+        error is not None,
+        free,
+    )
+
+
+def _start(
+    table: JumpTable, base: RigConfig, given: dict[str, float], two: bool
+) -> dict[str, float]:
+    follower = base.follower
+    keys = [*RIGID, "restitution", "stem_stiffness"]
+    values = {name: float(getattr(follower, name).si) for name in keys}
+    if two:
+        share, damping = follower.roller_share, follower.stem_damping
+        values["roller_share"] = 0.4 if share is None else share.si
+        values["stem_damping"] = values["damping"] if damping is None else damping.si
+    if "mass" in table.columns:
+        values["mass"] = max(0.5 * min(r.known["mass"] for r in table.readings), LIGHT)
+    return values | given
+
+
+def _searched(trial: _JumpModel, values: dict[str, float]) -> FloatArray:
+    """Least squares of the speeds, from the start and from springs and preloads about it."""
+    wanted = to_rpm(np.array([reading.speed for reading in trial.readings]))
+    if not trial.sought:
+        return np.empty(0)
+
+    def off(x: FloatArray) -> FloatArray:
+        return (trial.speeds(x) - wanted) / wanted
+
+    low, high = search_limits(trial.sought)
+    best, found = math.inf, np.empty(0)
+    rigid = "roller_share" not in values  # two masses take a hundred times as long
+    for factor in (1.0, 0.2, 5.0) if rigid else (1.0,):
+        begin = values | {"preload": max(values["preload"], 1.0) * factor}
+        x = np.array([to_search(name, begin[name]) for name in trial.sought])
+        result = least_squares(
+            off,
+            np.clip(x, low + 1e-9, high - 1e-9),
+            bounds=(low, high),
+            x_scale=np.array([_size(name, begin[name]) for name in trial.sought]),
+            diff_step=np.full(x.size, STEP),
+            xtol=1e-12 if rigid else 1e-6,
+            ftol=1e-12 if rigid else 1e-6,
+            gtol=1e-14,
+            max_nfev=200 if rigid else 12,
+        )
+        if result.cost < best:
+            best, found = float(result.cost), result.x
+    return found
+
+
+def _size(name: str, value: float) -> float:
+    return 1.0 if NUMBERS[name].logarithm else max(abs(value), 1.0)
+
+
+def _told(
+    trial: _JumpModel,
+    x: FloatArray,
+    deviation: float,
+    given: dict[str, float],
+    names: tuple[str, ...],
+    table: JumpTable,
+) -> tuple[tuple[FoundNumber, ...], FloatArray]:
+    """The numbers with standard errors, or why there is none; and their correlation."""
+    values = {n: from_search(n, float(v)) for n, v in zip(trial.sought, x, strict=True)}
+    sizes = np.array([_size(name, values[name]) for name in trial.sought])
+    slopes = (
+        np.stack(
+            [
+                (trial.speeds(x + STEP * e) - trial.speeds(x - STEP * e)) / (2.0 * STEP)
+                for e in np.diag(sizes)
+            ],
+            axis=1,
+        )
+        if x.size
+        else np.empty((len(trial.readings), 0))
+    )
+    _, singular, directions = np.linalg.svd(slopes / deviation, full_matrices=False)
+    told = singular > BLIND * singular.max(initial=0.0)
+    blind = [np.abs(direction) > SHARE for direction in directions[~told]]
+    inverse = directions[told].T / singular[told]
+    covariance = inverse @ inverse.T
+    errors = np.sqrt(np.diag(covariance)) * sizes
+    found, kept = [], []
+    for name in names:
+        if name in table.columns and name != "mass":
+            continue
+        if name in given:
+            found.append(FoundNumber(name, given[name], None, "given"))
+            continue
+        k = trial.sought.index(name)
+        error = float(errors[k]) * slope(name, values[name])
+        others = [
+            other
+            for group in blind
+            if group[k]
+            for i, other in enumerate(trial.sought)
+            if group[i] and i != k
+        ]
+        reason = _reason(name, values[name], error, others, table)
+        value = None if reason else values[name]
+        found.append(FoundNumber(name, value, error, "identified", reason))
+        if not reason:
+            kept.append(k)
+    part = covariance[np.ix_(kept, kept)]
+    scale = np.sqrt(np.diag(part))
+    untold = "no landing is in a jump speed"
+    found.append(FoundNumber("restitution", None, None, "identified", untold))
+    return tuple(found), part / np.outer(scale, scale)
+
+
+def _reason(name: str, value: float, error: float, others: list[str], table: JumpTable) -> str:
+    """Why a number is not told; empty where it is."""
+    if others:
+        more = "" if "mass" in table.columns else ", or a column of masses put on"
+        return f"told only together with {', '.join(dict.fromkeys(others))}: give one of them{more}"
+    if error < TOLD * value or (name == "mass" and error < TOLD * _put_on(table)):
+        return ""
+    low, high = max(0.0, value - WITHIN_95 * error), value + WITHIN_95 * error
+    return f"with 95 % it is between {low:.3g} and {high:.3g} {NUMBERS[name].unit}: too wide"
+
+
+def _put_on(table: JumpTable) -> float:
+    """The mean mass put on (kg): beside it an own mass of nearly none is told too."""
+    return float(np.mean([reading.known.get("mass", 0.0) for reading in table.readings]))
