@@ -156,7 +156,7 @@ def test_of_two_rigs_one_is_compared(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "code", "error"),
     [
-        (["quick", "--offset", "3"], 2, "--offset 3: the rig's bags have exact angles"),
+        (["quick", "--offset", "3"], 2, "offset 3°: the rig's bags have exact angles"),
         (["quick", "--topics", "angle=/a lift=/b"], 2, "has cams tm21, bezier15; say with --cam"),
         (["quick", "--topics", "angle=/a lift=/b", "--namespace", "x"], 2, "names whole topics"),
         (["quick", "--topics", "angle=/a"], 2, "names angle; allowed: the angle and at least one"),
