@@ -9,7 +9,7 @@ from rosbags.rosbag2 import StoragePlugin
 
 from cam_rig.bag.foreign.topic_map import parse_topics
 from cam_rig.bag.measured import read_measured
-from cam_rig.bag.reader import raw_messages, read_counts, read_ticks
+from cam_rig.bag.reader import raw_messages, read_ticks
 from cam_rig.bag.recording.writer import BagWriter
 from cam_rig.errors import BagError, ConfigError
 from cam_rig.messages.topics import recorded_topic
@@ -18,6 +18,8 @@ from cam_rig.units import TURN
 from ..foreign_bags import BEGIN, joint, number, wrench, write_bag
 
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
+#: What is read of a bag of the rig.
+READ = {"/cam/state", "/follower/samples", "/microphone/pressure"}
 TIME = np.arange(400) / 200.0
 ANGLE = TURN * 3.0 * TIME  # 180 rpm
 LIFT = 5.0 * (1.0 - np.cos(ANGLE))  # mm
@@ -136,7 +138,7 @@ def test_of_two_rigs_one_is_chosen_by_its_namespace(tmp_path):
     """Which one is meant is not guessed; named, it is read as if it were alone."""
     bag = tmp_path / "two"
     with BagWriter(bag) as writer:
-        for connection, time_ns, data in raw_messages(GOLDEN, set(read_counts(GOLDEN))):
+        for connection, time_ns, data in raw_messages(GOLDEN, READ):
             for namespace in ("", "/rig2"):
                 topic = recorded_topic(connection.topic)
                 writer.write(replace(topic, name=namespace + topic.name), time_ns, bytes(data))
@@ -145,7 +147,7 @@ def test_of_two_rigs_one_is_chosen_by_its_namespace(tmp_path):
     ):
         read_measured(bag, cam="tm21")
     expected = read_measured(GOLDEN, cam="tm21")
-    for namespace in ("/", "rig2", "/rig2"):
+    for namespace in ("/", "rig2"):
         run = read_measured(bag, cam="tm21", namespace=namespace)
         np.testing.assert_array_equal(run.force.value, expected.force.value)
         np.testing.assert_array_equal(run.level.value, expected.level.value)

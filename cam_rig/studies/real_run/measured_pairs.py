@@ -37,6 +37,7 @@ class MeasuredPairs:
     cam : its name in the scene
     stretches : where the cam turned steadily
     alignment : encoder's zero, sensors' clock, gauge's zero
+    given : whether the encoder's zero was given, and not found
     """
 
     run: MeasuredRun
@@ -44,6 +45,7 @@ class MeasuredPairs:
     cam: str
     stretches: tuple[SteadyStretch, ...]
     alignment: Alignment
+    given: bool = False
 
     @property
     def count(self) -> float:
@@ -153,4 +155,4 @@ def pair_measured(
     alignment = Alignment(offset or 0.0)
     if run.lift is not None:
         alignment = find_alignment(stretches, run.lift, partial(drive, loaded, cam), offset)
-    return MeasuredPairs(run, loaded, cam, stretches, alignment)
+    return MeasuredPairs(run, loaded, cam, stretches, alignment, offset is not None)
