@@ -1,5 +1,6 @@
 """What instruments recorded is read as it was, from any bag; what was odd in it is said."""
 
+import doctest
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,6 +8,8 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin
 
+from cam_rig.bag import measured
+from cam_rig.bag.foreign import topic_map
 from cam_rig.bag.foreign.topic_map import parse_topics
 from cam_rig.bag.measured import read_measured
 from cam_rig.bag.reader import raw_messages, read_ticks
@@ -25,6 +28,14 @@ ANGLE = TURN * 3.0 * TIME  # 180 rpm
 LIFT = 5.0 * (1.0 - np.cos(ANGLE))  # mm
 FORCE = 40.0 + np.sin(ANGLE)
 LINE = "angle=/encoder.position[0] lift=/lvdt.data:mm force=-/cell.wrench.force.z"
+
+
+@pytest.mark.parametrize("module", [measured, topic_map])
+def test_the_examples_are_true(module, monkeypatch):
+    """What the docstrings show of the golden bag and of a line."""
+    monkeypatch.chdir(GOLDEN.parents[1])
+    found = doctest.testmod(module)
+    assert found.attempted and not found.failed
 
 
 def bench(path, plugin=StoragePlugin.MCAP, **changes):
