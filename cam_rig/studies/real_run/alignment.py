@@ -204,6 +204,8 @@ def _improved(
         velocity[inside] = np.interp(time[inside], run.rows[0], run.rows[2])
         speed[inside] = run.stretch.mean_speed
     there = np.isfinite(modelled)
+    if np.count_nonzero(there) < LEAST_READINGS:
+        return found
     rest, velocity = (lift.value - modelled)[there], velocity[there]
     sign = np.sign(velocity) * (np.abs(velocity) > MOVES * np.abs(velocity).max())
     by_name = {

@@ -109,7 +109,9 @@ class MeasuredPairs:
         inside = (time >= span[0]) & (time <= span[1])
         if not inside.any():
             return None
-        return float(10.0 * np.log10(np.mean(10.0 ** (0.1 * self.run.level.value[inside]))))
+        levels = self.run.level.value[inside]
+        top = float(levels.max())
+        return top + float(10.0 * np.log10(np.mean(10.0 ** (0.1 * (levels - top)))))
 
 
 def _with_jumps(pair: PairedSignal, model: ModelRun) -> PairedSignal:

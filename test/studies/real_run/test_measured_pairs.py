@@ -1,5 +1,6 @@
 """A bench's readings against the model: what they agree in, and each fault of an instrument."""
 
+import json
 import re
 from dataclasses import replace
 
@@ -12,6 +13,7 @@ from cam_rig.simulation.measured_run import Signal
 from cam_rig.studies.real_run.comparison import compare_steps
 from cam_rig.studies.real_run.conclusions import done, sentences
 from cam_rig.studies.real_run.measured_pairs import pair_measured
+from cam_rig.studies.real_run.tables import departure_table, to_json
 from cam_rig.units import RPM
 
 from .bench import COUNTS, OFFSET_DEG, measured, with_follower
@@ -215,3 +217,35 @@ def test_a_cam_that_never_turns_steadily_is_refused(scene):
     run = replace(measured(loaded), angle=Signal(time, 40.0 * time**2, "/encoder"))
     with pytest.raises(BagError, match=r"nowhere 4 turns at a speed that is held within 2 %"):
         pair_measured(run, loaded, "poly345")
+
+
+def _spoilt(signal, rng):
+    """A signal as no instrument should give it."""
+    time, value = signal.time, signal.value.copy()
+    fault = int(rng.integers(6))
+    if fault == 0:
+        kept = rng.random(time.size) > rng.uniform(0.1, 0.95)
+        return Signal(time[kept], value[kept])
+    if fault == 1:
+        return Signal(time[:5], value[:5])
+    if fault == 2:
+        return Signal(time, value * rng.choice([0.0, -1.0, 1e6]))
+    if fault == 3:
+        return Signal(time, value + value.std() * rng.normal(size=value.size))
+    if fault == 4:
+        return Signal(time + rng.choice([-2.0, 2.0, 100.0]), value)
+    value[rng.integers(0, value.size, 20)] *= 1e3
+    return Signal(time, value)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_whatever_the_sensors_show_is_compared_in_finite_numbers(scene, seed):
+    """Lost, few, of no size, buried in noise, at another time, with spikes: there is a table."""
+    rng = np.random.default_rng(seed)
+    loaded = scene("tm21", (250, 400), turns=6, sample_rate=4000)
+    run = measured(loaded, seed)
+    run = replace(run, lift=_spoilt(run.lift, rng), force=_spoilt(run.force, rng))
+    pairs = pair_measured(run, loaded, "tm21")
+    rows = compare_steps(pairs.steps(), loaded.laws)
+    text = json.dumps(to_json(rows, [*done(pairs), *sentences(rows)]), allow_nan=False)
+    assert len(json.loads(text)["speeds"]) == len(departure_table(rows, "").texts) == 2
