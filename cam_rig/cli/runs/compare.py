@@ -60,7 +60,8 @@ def compare(
     states of the cam. In a bag of another program, each quantity is a number of a standard
     message; the cam follows a smooth motion through the encoder's counts, and the encoder's zero
     and an error of the sensors' clock are found from the lift. Only settled turns at steady speed
-    are compared. Behind a topic, "-" before it turns the sign, "@bag" takes the bag's time.
+    are compared. In --topics, "-" before a topic turns the sign, and "@bag" behind an item takes
+    the bag's time.
 
     Examples
     --------
