@@ -77,14 +77,8 @@ def compare(
         check_outputs(json_target, plot, csv)
         if save is not None:
             check_recording(save)
-        found = compare_run(
-            bag,
-            scene_path(scene),
-            topics=topics,
-            cam=cam,
-            namespace=namespace,
-            offset_deg=offset,
-        )
+        path, rig = scene_path(scene), namespace
+        found = compare_run(bag, path, topics=topics, cam=cam, namespace=rig, offset_deg=offset)
         show(*found.tables)
         say(*found.notes, *found.conclusions)
         if plot is not None:
