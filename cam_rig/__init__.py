@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from cam_rig.api.files import load_cam, load_rig, load_scene
     from cam_rig.api.jump import jump_speed
     from cam_rig.api.motion import simulate
+    from cam_rig.api.real_run import compare_run
     from cam_rig.api.scene_run import read_bag, run_scene
     from cam_rig.api.sound import sound_level
     from cam_rig.errors import CamRigError
@@ -32,6 +33,7 @@ _HOMES = {
     "CamRigError": "cam_rig.errors",
     "Law": "cam_rig.laws",
     "build_law": "cam_rig.laws",
+    "compare_run": "cam_rig.api.real_run",
     "contour": "cam_rig.api.contour",
     "jump_speed": "cam_rig.api.jump",
     "load_cam": "cam_rig.api.files",
@@ -48,6 +50,7 @@ __all__ = [
     "Law",
     "__version__",
     "build_law",
+    "compare_run",
     "contour",
     "jump_speed",
     "load_cam",

@@ -20,6 +20,8 @@ ORDERS, LEAST_READINGS = 24, 12
 ANGLES = 2048
 #: A clock's error shows where it is so many standard errors, and moves the lift by so much (rad).
 SHOWS, LEAST_SHIFT = 5.0, 1e-3
+#: Standard deviations within which nine of ten readings are; a spread that is none, of the lift.
+NINETY, FINEST = 1.645, 1e-6
 #: Readings farther off than so many standard deviations (landings) do not count.
 CLIP = 4.0
 #: Slower than this part of the fastest, the follower does not say which way it goes.
@@ -142,9 +144,12 @@ def _first(runs: Sequence[ModelRun], given: float, lift: Signal) -> Alignment | 
         near = (lift.time >= run.begin) & (lift.time <= stretch.knots[-1])
         time, value = lift.time[near], lift.value[near]
         angle = stretch.at(time)
-        turn = np.floor((angle - stretch.angle[0]) / TURN)
-        for number in np.unique(turn):
-            here = turn == number
+        if time.size < LEAST_READINGS:
+            continue
+        together = max(1, math.ceil(2 * LEAST_READINGS * (np.ptp(angle) / TURN) / time.size))
+        turns = np.floor((angle - angle[0]) / (together * TURN))
+        for number in np.unique(turns):
+            here = turns == number
             count = int(np.count_nonzero(here))
             if count < LEAST_READINGS or np.ptp(angle[here]) < 0.8 * TURN:
                 continue
@@ -199,6 +204,8 @@ def _improved(
         velocity[inside] = np.interp(time[inside], run.rows[0], run.rows[2])
         speed[inside] = run.stretch.mean_speed
     there = np.isfinite(modelled)
+    if np.count_nonzero(there) < LEAST_READINGS:
+        return found
     rest, velocity = (lift.value - modelled)[there], velocity[there]
     sign = np.sign(velocity) * (np.abs(velocity) > MOVES * np.abs(velocity).max())
     by_name = {
@@ -212,8 +219,11 @@ def _improved(
     matrix = np.column_stack([by_name[name] for name in chosen])
     known = {name: getattr(found, name) for name in ("zero", "lag") if name in chosen}
     off = rest - found.zero - found.lag * sign
-    spread = 1.4826 * float(np.median(np.abs(off - np.median(off))))
-    near = np.abs(off - np.median(off)) <= CLIP * spread
+    apart = np.abs(off - np.median(off))  # on a long dwell most readings say nothing of the angle
+    spread = max(
+        float(np.percentile(apart, 90.0)) / NINETY, FINEST * float(np.ptp(modelled[there]))
+    )
+    near = apart <= CLIP * spread
     scale = np.abs(matrix).max(axis=0)
     step, _, rank, _ = np.linalg.lstsq(matrix[near] / scale, rest[near], rcond=None)
     if rank < len(chosen):

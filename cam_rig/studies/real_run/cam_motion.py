@@ -14,6 +14,8 @@ from cam_rig.units import NS, TURN, to_rpm
 
 #: Turns whose mean speeds differ by less than this part are of one speed; or by this many counts.
 SAME_SPEED, SAME_COUNTS = 0.02, 4.0
+#: A gap in which the cam turned by less (rad) does not end a stretch.
+SMALL_GAP = TURN / 8.0
 #: Knots a turn of a motion that is not steady, and readings between two, at least.
 KNOTS, READINGS = 8, 6
 #: A line is kept unless a curve leaves less than this part of its scatter.
@@ -102,10 +104,13 @@ def _common_divisor(steps: FloatArray) -> float:
 def steady_stretches(angle: Signal, least_turns: float) -> list[SteadyStretch]:
     """The parts of a run in which the cam turns steadily for ``least_turns`` turns or more.
 
-    A gap in the readings ends a stretch: what the cam did there is not known.
+    A gap in the readings ends a stretch, as what the cam did there is not known; not one in which
+    it turned by a small part of a turn.
     """
     count = resolution(angle.value)
-    edges = [angle.time[0], *angle.gaps().ravel(), angle.time[-1]]
+    gaps = angle.gaps()
+    turned = np.diff(angle.value[np.searchsorted(angle.time, gaps)], axis=1).ravel()
+    edges = [angle.time[0], *gaps[turned > SMALL_GAP].ravel(), angle.time[-1]]
     found = []
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         inside = (angle.time >= begin) & (angle.time <= end)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cam_rig.studies.real_run.alignment import Alignment
 from cam_rig.studies.real_run.comparison import SpeedDeparture
 from cam_rig.studies.real_run.departure import Departure
 from cam_rig.studies.real_run.measured_pairs import MeasuredPairs
@@ -15,6 +14,8 @@ from cam_rig.units import TURN
 
 #: Both by their name: factor to the unit that is shown, and the unit.
 SHOWN = {"lift": (1e6, "µm"), "force": (1.0, "N")}
+#: A lift that is so many times the cam's is that of another.
+UNLIKE = 2.0
 #: dB, levels that differ by less are alike to the ear.
 ALIKE_DB = 1.0
 
@@ -75,8 +76,8 @@ def _agreements(found: Sequence[tuple[str, SpeedDeparture, Departure]]) -> list[
             continue
         steady = "steady " if any(one.restless for one in here) else ""
         here = [one for one in here if not one.restless] or here
-        noise = max(one.noise for one in here)
-        if noise == 0.0:
+        noise = max(max(one.noise, one.rms) for one in here)
+        if all(one.exact for one in here):
             said.append(f"The {name} is that of the model, to rounding, at every speed.")
         else:
             said.append(
@@ -105,7 +106,8 @@ def _levels(rows: Sequence[SpeedDeparture]) -> list[str]:
 
 def done(pairs: MeasuredPairs) -> list[str]:
     """What was done to lay a bench's readings on the cam's angle."""
-    said = [_resolution(pairs), *_aligned(pairs.alignment, pairs.run.lift is not None)]
+    said = [_resolution(pairs), *_aligned(pairs)]
+    said += _range(pairs)
     curved = sum(not stretch.line for stretch in pairs.stretches)
     if curved:
         said.append(
@@ -119,6 +121,20 @@ def done(pairs: MeasuredPairs) -> list[str]:
     return said
 
 
+def _range(pairs: MeasuredPairs) -> list[str]:
+    """A lift that is not the cam's by far: of another unit, perhaps, or another cam."""
+    if pairs.run.lift is None:
+        return []
+    span = float(np.ptp(np.percentile(pairs.run.lift.value, [0.5, 99.5])))
+    whole = pairs.loaded.laws[pairs.cam].lift
+    if whole / UNLIKE < span < whole * UNLIKE:
+        return []
+    return [
+        f"The lift measured ranges over {1e3 * span:.3g} mm, that of cam {pairs.cam} over "
+        f"{1e3 * whole:.3g} mm: is it the cam, and the unit?"
+    ]
+
+
 def _resolution(pairs: MeasuredPairs) -> str:
     if not pairs.count:
         return "The angle shows no counts of an encoder: it is taken as it is, smoothed."
@@ -129,14 +145,19 @@ def _resolution(pairs: MeasuredPairs) -> str:
     )
 
 
-def _aligned(found: Alignment, lift: bool) -> list[str]:
-    if not lift:
+def _aligned(pairs: MeasuredPairs) -> list[str]:
+    found = pairs.alignment
+    degrees = float(np.degrees(found.offset))
+    if pairs.given:
+        said = [f"The cam is {degrees:+.3f}° from the angle measured, as given."]
+    elif found.shows("offset") or found.errors[0] > 0.0:
+        said = [f"The cam is {degrees:+.3f}° from the angle measured, found from the lift."]
+    else:
+        why = "has too few readings" if pairs.run.lift is not None else "was not measured"
         return [
-            f"The cam is taken {np.degrees(found.offset):+.3g}° from the angle given, as no lift "
-            "was measured to find it by; --offset changes that."
+            f"The cam is taken {degrees:+.3g}° from the angle measured: the lift {why} to find it "
+            "by; --offset gives it."
         ]
-    known = "found from the lift" if found.shows("offset") or found.errors[0] > 0.0 else "as given"
-    said = [f"The cam is {np.degrees(found.offset):+.3f}° from the angle measured, {known}."]
     if found.drift:
         said.append(
             f"The sensors' clock is {1e6 * abs(found.drift):.0f} ppm "
@@ -148,7 +169,7 @@ def _aligned(found: Alignment, lift: bool) -> list[str]:
             f"{'early' if found.delay > 0.0 else 'late'} beside those of the angle: corrected."
         )
     if found.shows("zero") and abs(found.zero) > found.scatter:
-        said.append(f"The lift's zero is off by {1e6 * found.zero:+.3g} µm: taken off.")
+        said.append(f"The lift's zero is off by {1e3 * found.zero:+.3g} mm: taken off.")
     if found.shows("lag") and abs(found.lag) > found.scatter:
         said.append(
             f"On rise and return the lift differs by {2e6 * abs(found.lag):.3g} µm: "

@@ -20,6 +20,10 @@ LEAST = 40
 MEDIAN = 0.6744897501960817
 #: What the noise does not explain is within it up to this part of it: an estimate has its error.
 WITHIN = 0.5
+#: Twice the standard error of what is left of the mean square, for one reading.
+NOISE_ERROR = 5.4
+#: Parts of the model's range: no bench shows finer differences; turns alike differ by less.
+FINEST, LEAST_UNREST = 2e-4, 0.02
 #: Exactly driven, two numbers that differ by this part of the largest value are one.
 ROUNDING = 1e-9
 
@@ -38,6 +42,7 @@ class Departure:
     scale : largest less least value of the model
     unrest : SI, by so much the model's own turns differ from each other in 5 % of the turn
     exact : whether the model was driven with the very states of the cam
+    readings : how many
     """
 
     rms: float
@@ -47,6 +52,7 @@ class Departure:
     scale: float
     unrest: float
     exact: bool
+    readings: int
 
     @property
     def systematic(self) -> float:
@@ -58,12 +64,14 @@ class Departure:
         """Whether the noise explains the difference; exactly driven, whether rounding does."""
         if self.exact:
             return abs(self.largest) <= ROUNDING * self.scale
-        return self.systematic <= WITHIN * self.noise
+        error = NOISE_ERROR / math.sqrt(self.readings)
+        allowed = math.sqrt(WITHIN**2 + error) * self.noise
+        return self.systematic <= max(allowed, FINEST * self.scale)
 
     @property
     def restless(self) -> bool:
         """Whether the model's turns differ from each other, as it bounces: curves say little."""
-        return self.unrest > self.noise > 0.0
+        return not self.exact and self.unrest > max(self.noise, LEAST_UNREST * self.scale)
 
     @property
     def relative(self) -> float:
@@ -90,12 +98,15 @@ def departure(pair: PairedSignal, exact: bool) -> Departure:
     if exact:
         at = int(np.argmax(np.abs(difference)))
         degrees = float(np.degrees(np.remainder(pair.angle[at], TURN)))
-        return Departure(rms, 0.0, float(difference[at]), degrees, scale, 0.0, exact)
+        return Departure(
+            rms, 0.0, float(difference[at]), degrees, scale, 0.0, exact, difference.size
+        )
     noise = scatter(pair.angle, difference)
     places, means = mean_over_turns(pair.angle, difference)
     at = int(np.argmax(np.abs(means)))
     unrest = float(np.percentile(np.abs(_off_neighbours(pair.angle, pair.model)), 95.0))
-    return Departure(rms, noise, float(means[at]), float(places[at]), scale, unrest, exact)
+    largest, degrees = float(means[at]), float(places[at])
+    return Departure(rms, noise, largest, degrees, scale, unrest, exact, difference.size)
 
 
 def mean_over_turns(angle: FloatArray, value: FloatArray) -> tuple[FloatArray, FloatArray]:

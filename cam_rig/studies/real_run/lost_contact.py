@@ -50,7 +50,7 @@ def lost_contact(step: PairedStep, law: Law) -> LostContact | None:
     """The events of a step; None where neither force nor lift was measured."""
     clear = 0.0
     if step.force is not None and step.lift is not None and step.exact:
-        pair, rule = step.force, "no force, off the cam"
+        pair, rule = step.force, "F = 0, gap > 0"
         lost = (
             _exactly(pair.measured, step.lift.measured, step.lift.angle, law),
             _exactly(pair.model, step.lift.model, step.lift.angle, law),
@@ -64,7 +64,7 @@ def lost_contact(step: PairedStep, law: Law) -> LostContact | None:
         noise = 0.0 if step.exact else scatter(pair.angle, pair.difference)
         limit = max(SIGMAS * noise, PART_OF_LIFT * law.lift)
         lost = (limit + rise - pair.measured, limit + rise - pair.model)
-        rule = f"more than {1e3 * limit:.3g} mm off the cam"
+        rule = f"gap > {1e3 * limit:.3g} mm"
     else:
         return None
     here, there = (_events(pair.time, above, step.exact, clear) for above in lost)
@@ -90,7 +90,7 @@ def _of_force(pair: PairedSignal) -> tuple[PairedSignal, float, float, str]:
     noise = scatter(pair.angle[near], pair.difference[near]) if near.sum() > 2 else 0.0
     error = PART_OF_MEAN * float(pair.measured.mean())
     limit, zero = max(SIGMAS * noise, error), max(noise, 0.5 * error)
-    return pair, limit, zero, f"a force below {limit:.3g} N"
+    return pair, limit, zero, f"F < {limit:.3g} N"
 
 
 def _events(

@@ -37,6 +37,7 @@ class MeasuredPairs:
     cam : its name in the scene
     stretches : where the cam turned steadily
     alignment : encoder's zero, sensors' clock, gauge's zero
+    given : whether the encoder's zero was given, and not found
     """
 
     run: MeasuredRun
@@ -44,6 +45,7 @@ class MeasuredPairs:
     cam: str
     stretches: tuple[SteadyStretch, ...]
     alignment: Alignment
+    given: bool = False
 
     @property
     def count(self) -> float:
@@ -107,7 +109,9 @@ class MeasuredPairs:
         inside = (time >= span[0]) & (time <= span[1])
         if not inside.any():
             return None
-        return float(10.0 * np.log10(np.mean(10.0 ** (0.1 * self.run.level.value[inside]))))
+        levels = self.run.level.value[inside]
+        top = float(levels.max())
+        return top + float(10.0 * np.log10(np.mean(10.0 ** (0.1 * (levels - top)))))
 
 
 def _with_jumps(pair: PairedSignal, model: ModelRun) -> PairedSignal:
@@ -153,4 +157,4 @@ def pair_measured(
     alignment = Alignment(offset or 0.0)
     if run.lift is not None:
         alignment = find_alignment(stretches, run.lift, partial(drive, loaded, cam), offset)
-    return MeasuredPairs(run, loaded, cam, stretches, alignment)
+    return MeasuredPairs(run, loaded, cam, stretches, alignment, offset is not None)

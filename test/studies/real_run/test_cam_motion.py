@@ -63,6 +63,18 @@ def test_a_speed_that_wavers_within_the_turn_is_followed():
     assert states[0].unwrapped == pytest.approx(stretch.angle[0] + 0.25, abs=1e-6)
 
 
+def test_half_of_the_readings_lost_here_and_there_leave_the_motion_as_it_is():
+    """Gaps of a few readings turn the cam by a small part of a turn; half a second is a gap."""
+    time = np.arange(12_000) / 2000.0
+    angle = 300.0 * RPM * time
+    kept = np.random.default_rng(4).random(time.size) > 0.5
+    (stretch,) = steady_stretches(Signal(time[kept], counts(angle[kept])), 3.0)
+    assert stretch.rpm == pytest.approx(300.0, rel=2e-5) and stretch.turns > 28.0
+    kept &= (time < 3.0) | (time > 3.5)
+    first, second = steady_stretches(Signal(time[kept], counts(angle[kept])), 3.0)
+    assert first.knots[-1] <= 3.0 and second.knots[0] >= 3.5
+
+
 def test_a_ramp_is_no_steady_speed():
     """Only the held parts before and after it are."""
     time = np.arange(16_000) / 2000.0

@@ -1,5 +1,6 @@
 """A bench's readings against the model: what they agree in, and each fault of an instrument."""
 
+import json
 import re
 from dataclasses import replace
 
@@ -12,6 +13,7 @@ from cam_rig.simulation.measured_run import Signal
 from cam_rig.studies.real_run.comparison import compare_steps
 from cam_rig.studies.real_run.conclusions import done, sentences
 from cam_rig.studies.real_run.measured_pairs import pair_measured
+from cam_rig.studies.real_run.tables import departure_table, to_json
 from cam_rig.units import RPM
 
 from .bench import COUNTS, OFFSET_DEG, measured, with_follower
@@ -142,9 +144,45 @@ def test_a_given_offset_is_kept_and_one_without_a_lift_is_said(scene):
     assert any("as given" in line for line in done(given))
     blind = pair_measured(replace(run, lift=None), loaded, "poly345")
     assert blind.alignment.offset == 0.0
-    assert any("no lift was measured to find it by" in line for line in done(blind))
+    assert any("the lift was not measured to find it by" in line for line in done(blind))
     (row, _) = compare_steps(blind.steps(), loaded.laws)
     assert row.lift is None and not row.force.within  # 3° are seen in the force
+
+
+def test_a_lift_in_another_unit_is_asked_for(scene):
+    """mm taken for m: the range is a thousand times the cam's."""
+    loaded = scene(speeds=(200, 300))
+    run = measured(loaded)
+    lift = Signal(run.lift.time, 1e3 * run.lift.value)
+    said = done(pair_measured(replace(run, lift=lift), loaded, "poly345"))
+    whole = 1e3 * loaded.laws["poly345"].lift
+    words = f"over {1e3 * whole:.3g} mm, that of cam poly345 over {whole:.3g} mm: is it the cam"
+    assert any(words in line for line in said)
+    assert not any("is it the cam" in line for line in done(pair_measured(run, loaded, "poly345")))
+
+
+def test_sensors_slower_than_the_cam_still_find_the_zero(scene):
+    """25 readings a second at 200 and 300 rpm, five and seven a turn: several turns are one."""
+    loaded = scene("tm21", (200, 300), turns=16)
+    run = measured(loaded)
+    slow = {
+        name: Signal(signal.time[::40], signal.value[::40], signal.source)
+        for name, signal in (("lift", run.lift), ("force", run.force))
+    }
+    pairs = pair_measured(replace(run, **slow), loaded, "tm21")
+    assert np.degrees(pairs.alignment.offset) == pytest.approx(OFFSET_DEG + HALF, abs=0.15)
+    assert all(row.agrees for row in compare_steps(pairs.steps(), loaded.laws))
+
+
+def test_readings_without_noise_or_counts_are_the_model_s(scene):
+    """Zero to a millionth of a degree; what is left is the model's own grid of samples."""
+    loaded = scene("tm21", (200, 350))
+    run = measured(loaded, counts=0, lift_noise=0.0, force_noise=0.0)
+    pairs = pair_measured(run, loaded, "tm21")
+    assert pairs.count == 0.0
+    assert np.degrees(pairs.alignment.offset) == pytest.approx(OFFSET_DEG, abs=1e-6)
+    for row in compare_steps(pairs.steps(), loaded.laws):
+        assert row.agrees and row.lift.rms < 1e-9 and row.force.rms < 1e-3
 
 
 def test_lost_readings_are_not_bridged(scene):
@@ -179,3 +217,35 @@ def test_a_cam_that_never_turns_steadily_is_refused(scene):
     run = replace(measured(loaded), angle=Signal(time, 40.0 * time**2, "/encoder"))
     with pytest.raises(BagError, match=r"nowhere 4 turns at a speed that is held within 2 %"):
         pair_measured(run, loaded, "poly345")
+
+
+def _spoilt(signal, rng):
+    """A signal as no instrument should give it."""
+    time, value = signal.time, signal.value.copy()
+    fault = int(rng.integers(6))
+    if fault == 0:
+        kept = rng.random(time.size) > rng.uniform(0.1, 0.95)
+        return Signal(time[kept], value[kept])
+    if fault == 1:
+        return Signal(time[:5], value[:5])
+    if fault == 2:
+        return Signal(time, value * rng.choice([0.0, -1.0, 1e6]))
+    if fault == 3:
+        return Signal(time, value + value.std() * rng.normal(size=value.size))
+    if fault == 4:
+        return Signal(time + rng.choice([-2.0, 2.0, 100.0]), value)
+    value[rng.integers(0, value.size, 20)] *= 1e3
+    return Signal(time, value)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_whatever_the_sensors_show_is_compared_in_finite_numbers(scene, seed):
+    """Lost, few, of no size, buried in noise, at another time, with spikes: there is a table."""
+    rng = np.random.default_rng(seed)
+    loaded = scene("tm21", (250, 400), turns=6, sample_rate=4000)
+    run = measured(loaded, seed)
+    run = replace(run, lift=_spoilt(run.lift, rng), force=_spoilt(run.force, rng))
+    pairs = pair_measured(run, loaded, "tm21")
+    rows = compare_steps(pairs.steps(), loaded.laws)
+    text = json.dumps(to_json(rows, [*done(pairs), *sentences(rows)]), allow_nan=False)
+    assert len(json.loads(text)["speeds"]) == len(departure_table(rows, "").texts) == 2
