@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from cam_rig.laws import Law
     from cam_rig.schema import RigConfig
     from cam_rig.studies.cam_set import CamSet
-    from cam_rig.studies.rig_fit.rig_fit import FoundNumber
+    from cam_rig.studies.rig_fit.found import FoundNumber
     from cam_rig.tables import DataTable
 
 #: Kinds of file that hold a table; all others are bags.

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from cam_rig.drawing import colours
 from cam_rig.drawing.colours import web
 from cam_rig.plots.figures import CAM_ANGLE, empty, turn_axis, write
+from cam_rig.studies.rig_fit.found import RigFit
 from cam_rig.studies.rig_fit.jump_fit import JumpFit
-from cam_rig.studies.rig_fit.rig_fit import RigFit
 from cam_rig.units import TURN, to_rpm
 
 #: Speeds that are shown, at most; points of a curve.

@@ -6,12 +6,11 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from cam_rig.studies.rig_fit.found import FoundNumber, RigFit
 from cam_rig.studies.rig_fit.jump_fit import JumpFit
+from cam_rig.studies.rig_fit.models import COLOURED
 from cam_rig.studies.rig_fit.numbers import NUMBERS
-from cam_rig.studies.rig_fit.rig_fit import FoundNumber, RigFit
 
-#: Neighbours that err alike over more samples than this are no noise.
-COLOURED = 1.5
 #: A residual larger than this part of the lift is not a gauge's.
 WRONG_CAM = 0.01
 #: A peak of a spectrum stands out that has this part of all of it in its eight lines.
@@ -83,6 +82,11 @@ def _odd(fit: RigFit) -> Iterator[str]:
             f"The lift reads {abs(fit.gauges.backlash) * 1e3:.3g} mm "
             f"{'less' if fit.gauges.backlash > 0.0 else 'more'} in rises than in falls: backlash, "
             "or a gauge that drags. It is fitted with."
+        )
+    if fit.gauges.sensor_frequency is not None:
+        yield (
+            f"The force rings at {fit.gauges.sensor_frequency:.4g} Hz as a sensor or its mount "
+            "does, and not as a stem: it is fitted with."
         )
     for name, length in zip(("lift", "force"), fit.alike, strict=True):
         if length > COLOURED:

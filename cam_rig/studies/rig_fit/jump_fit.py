@@ -19,6 +19,7 @@ from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.schema.jump_table import JumpReading, JumpTable
 from cam_rig.studies.jump.any_rig import find_jump
+from cam_rig.studies.rig_fit.found import TOLD, WITHIN_95, FoundNumber
 from cam_rig.studies.rig_fit.numbers import (
     NUMBERS,
     follower_of,
@@ -27,7 +28,6 @@ from cam_rig.studies.rig_fit.numbers import (
     slope,
     to_search,
 )
-from cam_rig.studies.rig_fit.rig_fit import TOLD, WITHIN_95, FoundNumber
 from cam_rig.units import to_rpm
 
 #: Sought of one rigid mass; a stem's beside them.

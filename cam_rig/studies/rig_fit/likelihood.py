@@ -7,6 +7,7 @@ clock, the zero of the lift, and where asked its backlash.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics.interval import Event
 from cam_rig.laws import Law
 from cam_rig.studies.rig_fit.measured_turns import MeasuredHold
 from cam_rig.studies.rig_fit.numbers import (
@@ -24,6 +26,7 @@ from cam_rig.studies.rig_fit.numbers import (
     from_search,
     to_search,
 )
+from cam_rig.studies.rig_fit.sensor import resonant
 from cam_rig.studies.rig_fit.steady_turn import (
     SteadyTurn,
     TwoMassTurn,
@@ -36,6 +39,14 @@ from cam_rig.units import TURN
 STEP, ANGLE_STEP = 1e-5, 1e-6
 #: The clock's error is sought in parts of this.
 PPM = 1e-6
+#: Errors of the instruments: of the sensors' clock (ppm), the lift's zero and backlash (m), a
+#: resonance of the force sensor (logarithm of its frequency in Hz, and damping ratio).
+CLOCK, ZERO, BACKLASH, RESONANCE, RATIO = SINGLE = (
+    *("clock", "zero", "backlash"),
+    *("sensor_frequency", "sensor_damping"),
+)
+#: The force after a series of bounces that is left out, in parts of the series.
+AFTER = 0.3
 #: Residual, in standard deviations, of a follower without a steady turn.
 FAR = 1e3
 #: Cam angles (rad) at which the side of a play is known; a cam slower than this part stands still.
@@ -46,14 +57,12 @@ SIDES, STILL = np.linspace(0.0, TURN, 4097), 1e-6
 class Instruments:
     """Where the numbers of the instruments stand behind those of the follower.
 
-    ``first`` is how many those are; ``lift`` and ``play`` whether a lift was measured, and whether
-    it is to have backlash.
+    ``first`` is how many those are, ``single`` the names of what there is once for all holds.
     """
 
     first: int
     holds: int
-    lift: bool
-    play: bool
+    single: tuple[str, ...]
 
     @property
     def phases(self) -> slice:
@@ -65,25 +74,16 @@ class Instruments:
         """Of each hold: how far its speed is off, in standard errors of the encoder's."""
         return slice(self.first + self.holds, self.first + 2 * self.holds)
 
-    @property
-    def clock(self) -> int | None:
-        """Error of the sensors' clock, ppm; with one hold it is not told from the speed's."""
-        return self.first + 2 * self.holds if self.holds > 1 else None
-
-    @property
-    def zero(self) -> int | None:
-        """The lift's zero, m."""
-        return self.first + 2 * self.holds + (self.holds > 1) if self.lift else None
-
-    @property
-    def backlash(self) -> int | None:
-        """By how much the gauge reads less in a rise than in a fall, m."""
-        return self.zero + 1 if self.zero is not None and self.play else None
+    def at(self, name: str) -> int | None:
+        """Where one of `SINGLE` stands; None where it is not sought."""
+        if name not in self.single:
+            return None
+        return self.first + 2 * self.holds + self.single.index(name)
 
     @property
     def size(self) -> int:
         """How many numbers there are, the follower's among them."""
-        return self.first + 2 * self.holds + (self.holds > 1) + self.lift * (1 + self.play)
+        return self.first + 2 * self.holds + len(self.single)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ class Likelihood:
     given : the other ones
     lift_noise, force_noise : m and N, one standard deviation
     force_part : the force's noise in parts of the force, beside ``force_noise``
-    play : whether the gauge of the lift is to have backlash
+    play, resonance : whether the gauge of the lift has backlash, the force sensor a resonance
     kept : of each hold, which samples of force count; all by default
     pressing : of each hold, the forces (N) that their noise is in proportion to; none by default
     """
@@ -121,6 +121,7 @@ class Likelihood:
     force_noise: float = 1.0
     force_part: float = 0.0
     play: bool = False
+    resonance: bool = False
     kept: list[NDArray[np.bool_]] = field(default_factory=list)
     pressing: list[FloatArray] = field(default_factory=list)
 
@@ -139,7 +140,20 @@ class Likelihood:
     def instruments(self) -> Instruments:
         """Where the instruments' numbers stand."""
         lift = any(hold.lift.since.size for hold in self.holds)
-        return Instruments(len(self.sought), len(self.holds), lift, self.play)
+        there = {
+            CLOCK: len(self.holds) > 1,  # else it is not told from the speed's
+            ZERO: lift,
+            BACKLASH: lift and self.play,
+            RESONANCE: self.resonance,
+            RATIO: self.resonance,
+        }
+        single = tuple(name for name in SINGLE if there[name])
+        return Instruments(len(self.sought), len(self.holds), single)
+
+    def single(self, x: FloatArray, name: str, otherwise: float = 0.0) -> float:
+        """The value of one of `SINGLE`."""
+        at = self.instruments.at(name)
+        return otherwise if at is None else float(x[at])
 
     def values(self, x: FloatArray) -> dict[str, float]:
         """The follower's numbers, sought and given."""
@@ -162,20 +176,20 @@ class Likelihood:
         if turn is None:
             return None
         lift_angle, force_angle = self.angles(x, i)
-        return Predicted(
-            turn, lift_angle, force_angle, *self._shown(x, turn, lift_angle, force_angle)
-        )
+        lift = turn.at(lift_angle)[0] + self.single(x, ZERO)
+        if (play := self.single(x, BACKLASH)) != 0.0:
+            lift = lift - 0.5 * play * self.side(lift_angle)
+        force = self._sensed(x, turn, speed)(force_angle)
+        return Predicted(turn, lift_angle, force_angle, lift, force)
 
-    def _shown(
-        self, x: FloatArray, turn: SteadyTurn, lift_angle: FloatArray, force_angle: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Lift and force as the instruments would show them."""
-        where, lift = self.instruments, turn.at(lift_angle)[0]
-        if where.zero is not None:
-            lift = lift + float(x[where.zero])
-        if where.backlash is not None:
-            lift = lift - 0.5 * float(x[where.backlash]) * self.side(lift_angle)
-        return lift, turn.at(force_angle)[1]
+    def _sensed(
+        self, x: FloatArray, turn: SteadyTurn, speed: float
+    ) -> Callable[[FloatArray], FloatArray]:
+        """The force (N) over the cam angle (rad) as the sensor shows it."""
+        if not self.resonance:
+            return lambda angle: turn.at(angle)[1]
+        frequency = float(np.exp(self.single(x, RESONANCE)))
+        return resonant(turn, speed, frequency, self.single(x, RATIO))
 
     def side(self, angle: FloatArray) -> FloatArray:
         """1 after a rise and -1 after a fall at cam angles (rad): where play is taken up."""
@@ -195,7 +209,7 @@ class Likelihood:
 
     def _angles(self, x: FloatArray, i: int, since: FloatArray) -> FloatArray:
         where = self.instruments
-        clock = 0.0 if where.clock is None else PPM * float(x[where.clock])
+        clock = PPM * self.single(x, CLOCK)
         begin = self.holds[i].angle + float(x[where.phases][i])
         return np.asarray(begin + self.speed_of(x, i) * (1.0 + clock) * since)
 
@@ -235,15 +249,19 @@ class Likelihood:
             if beside is not None:
                 out[: sizes[0], k] = (beside.lift - base.lift) / step
                 out[sizes[0] :, k] = (beside.force - base.force) / step
-        by_angle = self._by_angle(base)
+        by_angle = self._by_angle(x, i, base)
         out[:, where.phases.start + i] = by_angle
-        if where.clock is not None:
+        if (at := where.at(CLOCK)) is not None:
             since = np.concatenate([hold.lift.since, hold.force.since[self.kept[i]]])
-            out[:, where.clock] = by_angle * self.speed_of(x, i) * since * PPM
-        if where.zero is not None:
-            out[: sizes[0], where.zero] = 1.0
-        if where.backlash is not None:
-            out[: sizes[0], where.backlash] = -0.5 * self.side(base.lift_angle)
+            out[:, at] = by_angle * self.speed_of(x, i) * since * PPM
+        if (at := where.at(ZERO)) is not None:
+            out[: sizes[0], at] = 1.0
+        if (at := where.at(BACKLASH)) is not None:
+            out[: sizes[0], at] = -0.5 * self.side(base.lift_angle)
+        for at in filter(None, (where.at(RESONANCE), where.at(RATIO))):
+            beside = x + STEP * (np.arange(x.size) == at)
+            force = self._sensed(beside, base.turn, self.speed_of(x, i))(base.force_angle)
+            out[sizes[0] :, at] = (force - base.force) / STEP
         out[: sizes[0]] /= self.lift_noise
         out[sizes[0] :] /= self.force_deviation(i)[:, None]
         return out
@@ -257,10 +275,12 @@ class Likelihood:
             return 1.0
         return max(abs(float(x[k])), 1.0)
 
-    def _by_angle(self, base: Predicted) -> FloatArray:
+    def _by_angle(self, x: FloatArray, i: int, base: Predicted) -> FloatArray:
         """What lift and force change with the angle, by differences on both sides of a sample."""
-        lift = [base.turn.at(base.lift_angle + d)[0] for d in (ANGLE_STEP, -ANGLE_STEP)]
-        force = [base.turn.at(base.force_angle + d)[1] for d in (ANGLE_STEP, -ANGLE_STEP)]
+        shown = self._sensed(x, base.turn, self.speed_of(x, i))
+        both = (ANGLE_STEP, -ANGLE_STEP)
+        lift = [base.turn.at(base.lift_angle + d)[0] for d in both]
+        force = [shown(base.force_angle + d) for d in both]
         rises = [(up - down) / (2.0 * ANGLE_STEP) for up, down in (lift, force)]
         return np.concatenate(rises)
 
@@ -270,8 +290,8 @@ class Likelihood:
         x = np.zeros(where.size)
         x[: where.first] = [to_search(name, values[name]) for name in self.sought]
         x[where.phases] = phase
-        if where.zero is not None:
-            x[where.zero] = zero
+        if (at := where.at(ZERO)) is not None:
+            x[at] = zero
         return x
 
     def keep_clear(self, x: FloatArray, guard: float) -> bool:
@@ -281,14 +301,34 @@ class Likelihood:
             turn = _steady(self.law, self.follower(x), self.speed_of(x, i), None)
             angle = self._angles(x, i, hold.force.since)
             clear = np.ones(angle.size, dtype=bool)
-            for event in turn.events if turn is not None else ():
-                if event.kind == "landing":
-                    away = np.abs(np.mod(angle - event.angle + 0.5 * TURN, TURN) - 0.5 * TURN)
-                    clear &= away > guard
+            whole = hold.lift.since.size > 0
+            for first, last in _landings(turn.events if turn is not None else (), whole):
+                if not self.resonance:
+                    width = last - first
+                    ahead = np.mod(angle - first + guard, TURN)
+                    clear &= ahead > (1.0 + AFTER) * width + 2.0 * guard
             kept.append(clear)
             pressing.append(np.zeros(angle.size) if turn is None else np.abs(turn.at(angle)[1]))
         self.kept, self.pressing = kept, pressing
         return any((a != b).any() for a, b in zip(before, kept, strict=True))
+
+
+def _landings(events: Iterable[Event], whole: bool) -> list[tuple[float, float]]:
+    """First and last cam angle (rad) of each landing, with ``whole`` of its bounces together.
+
+    A landing that is off by a little moves the last of its bounces by much; where the lift shows
+    them, the force between them can be spared.
+    """
+    found = list[tuple[float, float]]()
+    bouncing = False
+    for event in events:
+        if event.kind == "landing":
+            if bouncing and whole:
+                found[-1] = found[-1][0], event.angle
+            else:
+                found.append((event.angle, event.angle))
+        bouncing = event.kind == "landing"
+    return found
 
 
 def _steady(

@@ -8,7 +8,7 @@ from typing import Any
 from cam_rig.schema import RigConfig
 from cam_rig.studies.cam_fit.cam_file import quantity, to_yaml
 from cam_rig.studies.rig_fit.conclusions import gist
-from cam_rig.studies.rig_fit.rig_fit import FoundNumber
+from cam_rig.studies.rig_fit.found import FoundNumber
 
 
 def fitted_rig(

@@ -7,14 +7,15 @@ sample, the sum of squares in standard deviations is twice the negative logarith
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares, nnls
 
 from cam_rig.arrays import FloatArray, rms
-from cam_rig.studies.rig_fit.likelihood import Likelihood
-from cam_rig.studies.rig_fit.numbers import search_limits
+from cam_rig.errors import ConfigError
+from cam_rig.studies.rig_fit.likelihood import RATIO, Likelihood
+from cam_rig.studies.rig_fit.numbers import search_limits, to_search
 
 #: Looks at which samples lie beside a landing, at most; distances from one, rad.
 MOST_ROUNDS, FIRST_GUARD, GUARD = 8, 0.05, 0.01
@@ -22,6 +23,8 @@ MOST_ROUNDS, FIRST_GUARD, GUARD = 8, 0.05, 0.01
 FIRST_STEPS, MOST_STEPS = 6, 40
 #: A search is over where the sum of squares falls by this part of it.
 SETTLED = 3e-7
+#: Damping ratios of a force sensor, least and most.
+RATIOS = (1e-4, 2.0)
 #: Looks at the noise; its floor, in parts of the whole.
 NOISE_ROUNDS, LEAST_FLOOR = 4, 0.05
 
@@ -43,9 +46,7 @@ class Solution:
 
 def search(likelihood: Likelihood, x: FloatArray) -> Solution:
     """The least squares from ``x`` on, with the noise and the samples beside landings anew."""
-    low, high = search_limits(likelihood.sought)
-    free = np.full(x.size - low.size, np.inf)
-    bounds = np.concatenate([low, -free]), np.concatenate([high, free])
+    bounds = _limits(likelihood, x.size)
     inner = [
         b + 1e-9 * max(1.0, abs(b)) * d if math.isfinite(b) else b
         for bs, d in zip(bounds, (1.0, -1.0), strict=True)
@@ -70,6 +71,16 @@ def search(likelihood: Likelihood, x: FloatArray) -> Solution:
         )
         x = np.clip(found.x, inner[: x.size], inner[x.size :])
     return Solution(likelihood, found.x, np.asarray(found.jac), found.fun)
+
+
+def _limits(likelihood: Likelihood, size: int) -> tuple[FloatArray, FloatArray]:
+    """Lowest and highest of what is sought, ``(size,)`` each."""
+    low, high = search_limits(likelihood.sought)
+    free = np.full(size - low.size, np.inf)
+    bounds = np.concatenate([low, -free]), np.concatenate([high, free])
+    if (at := likelihood.instruments.at(RATIO)) is not None:
+        bounds[0][at], bounds[1][at] = RATIOS
+    return bounds
 
 
 def _size_noise(likelihood: Likelihood, residuals: FloatArray) -> bool:
@@ -110,3 +121,70 @@ def noise_of(residual: FloatArray, force: FloatArray) -> tuple[float, float]:
         fitted[0] = max(fitted[0], LEAST_FLOOR**2 * whole)
         variance = parts @ fitted
     return math.sqrt(fitted[0]), math.sqrt(fitted[1]) / scale
+
+
+def continued(
+    before: Solution,
+    sought: tuple[str, ...],
+    values: dict[str, float],
+    play: bool | None = None,
+    resonance: bool | None = None,
+    only: list[int] | None = None,
+) -> tuple[Likelihood, FloatArray]:
+    """A likelihood of other numbers, with the instruments as they were.
+
+    ``play`` and ``resonance`` are what else they may have, None as they had; ``only`` some holds.
+    """
+    old = before.likelihood
+    steady = [i for i in range(len(old.holds)) if old.predicted(before.x, i) is not None]
+    steady = [i for i in steady if only is None or i in only]
+    if not steady:
+        raise ConfigError(
+            "at no speed does the follower move alike from turn to turn; needed: a speed at which "
+            "it does, so one below the jump speed"
+        )
+    new = replace(
+        old,
+        holds=tuple(old.holds[i] for i in steady),
+        sought=sought,
+        given={name: value for name, value in values.items() if name not in sought},
+        kept=[],
+        pressing=[],
+        play=old.play if play is None else play,
+        resonance=old.resonance if resonance is None else resonance,
+    )
+    x = np.zeros(new.instruments.size)
+    x[: len(sought)] = [to_search(name, values[name]) for name in sought]
+    here, there = new.instruments, old.instruments
+    x[here.phases] = before.x[there.phases][steady]
+    x[here.speeds] = before.x[there.speeds][steady]
+    for name in here.single:
+        to = here.at(name)
+        assert to is not None
+        x[to] = old.single(before.x, name)
+    return new, x
+
+
+def landings_of(likelihood: Likelihood, x: FloatArray) -> list[int]:
+    """Landings a turn, of each hold."""
+    turns = (likelihood.predicted(x, i) for i in range(len(likelihood.holds)))
+    return [
+        0 if turn is None else sum(event.kind == "landing" for event in turn.turn.events)
+        for turn in turns
+    ]
+
+
+def log_ratio(one: Solution, other: Solution) -> float:
+    """Logarithm of how much likelier what was measured is by one solution than by another."""
+    logs = []
+    for solution in (one, other):
+        like, total = solution.likelihood, 0.0
+        for i, hold in enumerate(like.holds):
+            deviation = like.force_deviation(i)
+            total += hold.lift.value.size * math.log(like.lift_noise)
+            # of all samples, as the two leave out different ones beside landings
+            total += (
+                hold.force.value.size * float(np.log(deviation).mean()) if deviation.size else 0.0
+            )
+        logs.append(-total)
+    return logs[0] - logs[1]

@@ -8,8 +8,8 @@ from typing import Any
 
 from cam_rig.arrays import FloatArray
 from cam_rig.schema.jump_table import JumpReading
+from cam_rig.studies.rig_fit.found import FoundNumber, HoldFit, RigFit
 from cam_rig.studies.rig_fit.jump_fit import JumpFit
-from cam_rig.studies.rig_fit.rig_fit import FoundNumber, HoldFit, RigFit
 from cam_rig.tables import Cell, Column, DataTable, tabulate
 from cam_rig.units import to_rpm
 
@@ -87,6 +87,8 @@ def gauges_table(fit: RigFit) -> DataTable:
         ("noise of the lift", _times(g.lift_noise, 1e6), None, "µm"),
         ("noise of the force", g.force_noise, None, "N"),
         ("and of the force itself", _times(g.force_part or None, 100.0), None, "%"),
+        ("resonance of the force sensor", g.sensor_frequency, None, "Hz"),
+        ("its damping ratio", _times(g.sensor_damping, 100.0), None, "%"),
     ]
     return tabulate(
         "The instruments, by the same samples",
@@ -137,6 +139,7 @@ def rig_json(fit: RigFit) -> dict[str, Any]:
             "lift_noise_m": fit.gauges.lift_noise,
             "force_noise_N": fit.gauges.force_noise,
             "force_noise_part": fit.gauges.force_part,
+            "force_sensor_resonance_Hz": fit.gauges.sensor_frequency,
         },
         "by_speed": [
             {

@@ -1,0 +1,248 @@
+"""What a search found of a rig: numbers with standard errors, or why there is none."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cam_rig.arrays import FloatArray, rms
+from cam_rig.laws import Law
+from cam_rig.simulation.measured_run import MeasuredRun
+from cam_rig.studies.rig_fit.bounces import most_bounce
+from cam_rig.studies.rig_fit.likelihood import BACKLASH, RATIO, RESONANCE, ZERO, Likelihood
+from cam_rig.studies.rig_fit.numbers import NUMBERS, ONE_MASS, TWO_MASSES, slope
+from cam_rig.studies.rig_fit.search import Solution, landings_of
+from cam_rig.studies.rig_fit.uncertainty import Uncertainty, uncertainty
+from cam_rig.units import TURN
+
+#: A number is told where its standard error is below this part of it; a restitution below this.
+TOLD, TOLD_RESTITUTION = 0.5, 0.1
+#: A restitution below this is none: it is known by what it is not beyond.
+SMALL_BOUNCE = 0.02
+#: 95 % of a normal distribution lie within so many standard deviations.
+WITHIN_95 = 1.96
+
+
+@dataclass(frozen=True)
+class FoundNumber:
+    """One number of the follower: what was found, or why it was not.
+
+    ``value`` and ``error`` (one standard error) in SI; ``value`` is None where nothing tells it,
+    and ``reason`` says why. ``origin`` is given or identified.
+    """
+
+    name: str
+    value: float | None
+    error: float | None
+    origin: str
+    reason: str = ""
+
+    @property
+    def unit(self) -> str:
+        """Of both."""
+        return NUMBERS[self.name].unit
+
+
+@dataclass(frozen=True)
+class HoldFit:
+    """What is left at one speed: r.m.s. of lift (m) and force (N), and what the follower does."""
+
+    rpm: float
+    turns: float
+    samples: int
+    lift: float | None
+    force: float | None
+    lift_offs: int
+
+
+@dataclass(frozen=True, eq=False)
+class Gauges:
+    """What the same samples say of the instruments; errors are standard errors.
+
+    ``offset`` (rad) is the encoder's angle where the cam is at θ = 0; ``clock`` by which part the
+    sensors' clock is fast beside the encoder's; ``zero`` and ``backlash`` of the lift in m; the
+    noise of the force is a floor (N) and a part of the force; its sensor's resonance is in Hz.
+    """
+
+    offset: float
+    offset_error: float
+    clock: float | None
+    clock_error: float | None
+    zero: float | None
+    backlash: float | None
+    backlash_error: float | None
+    lift_noise: float | None
+    force_noise: float | None
+    force_part: float | None
+    sensor_frequency: float | None
+    sensor_damping: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class RigFit:
+    """What a run says of its rig.
+
+    ``correlation`` ``(n, n)`` is of the numbers that were identified, in their order; ``model`` is
+    one_mass or separation; ``notes`` are sentences on what was left out or looks odd.
+    """
+
+    law: Law
+    run: MeasuredRun
+    model: str
+    numbers: tuple[FoundNumber, ...]
+    correlation: FloatArray
+    holds: tuple[HoldFit, ...]
+    gauges: Gauges
+    solution: Solution
+    alike: tuple[float, float]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def identified(self) -> tuple[FoundNumber, ...]:
+        """The numbers that the run tells."""
+        return tuple(n for n in self.numbers if n.origin == "identified" and n.value is not None)
+
+
+def found_of(
+    law: Law, run: MeasuredRun, solution: Solution, given: dict[str, float], scale: tuple[str, ...]
+) -> RigFit:
+    """All that a solution says.
+
+    Parameters
+    ----------
+    given : numbers that are known
+    scale : those that were fixed since only ratios to them are told
+    """
+    errors = uncertainty(solution)
+    likelihood, x = solution.likelihood, solution.x
+    model = "separation" if "roller_share" in likelihood.values(x) else "one_mass"
+    names = TWO_MASSES if model == "separation" else (*ONE_MASS, "stem_stiffness")
+    landings = landings_of(likelihood, x)
+    numbers = tuple(_number(name, solution, errors, given, scale, landings) for name in names)
+    told = [
+        likelihood.sought.index(n.name)
+        for n in numbers
+        if n.origin == "identified" and n.value is not None
+    ]
+    part = errors.covariance[np.ix_(told, told)]
+    deviation = np.maximum(np.sqrt(np.diag(part)), 1e-300)
+    return RigFit(
+        law,
+        run,
+        model,
+        numbers,
+        part / np.outer(deviation, deviation),
+        tuple(_hold_fit(solution, i) for i in range(len(likelihood.holds))),
+        _gauges(solution, errors),
+        solution,
+        errors.alike,
+    )
+
+
+def _number(
+    name: str,
+    solution: Solution,
+    errors: Uncertainty,
+    given: dict[str, float],
+    scale: tuple[str, ...],
+    landings: list[int],
+) -> FoundNumber:
+    likelihood = solution.likelihood
+    if name in given:
+        return FoundNumber(name, given[name], None, "given")
+    if name not in likelihood.sought:
+        return FoundNumber(name, None, None, "identified", _not_sought(name, scale, landings))
+    k = likelihood.sought.index(name)
+    value = likelihood.values(solution.x)[name]
+    error = float(errors.errors[k]) * slope(name, value)
+    group = next((g for g in errors.blind if k in g), None)
+    reason = ""
+    if name == "restitution" and value < SMALL_BOUNCE:
+        most = most_bounce(solution)  # the slope at none is none
+        if most < TOLD_RESTITUTION:
+            return FoundNumber(name, 0.0, most / WITHIN_95, "identified")
+        reason = f"with 95 % it is below {most:.2g}: the landings that were measured are too soft"
+    elif group is not None or error == 0.0:
+        reason = _blind(k, group, likelihood, landings)
+    elif scale and name != "restitution":
+        mass = likelihood.given["mass"]
+        ratio = f"{value / mass:.5g} ± {error / mass:.2g} in SI"
+        reason = f"lifts tell only its ratio to the mass, {ratio}; give a mass"
+    elif error >= (TOLD_RESTITUTION if name == "restitution" else TOLD * value):
+        low, high = max(0.0, value - WITHIN_95 * error), value + WITHIN_95 * error
+        reason = f"with 95 % it is between {low:.3g} and {high:.3g} {NUMBERS[name].unit}: too wide"
+    return FoundNumber(name, None if reason else value, error, "identified", reason)
+
+
+def _not_sought(name: str, scale: tuple[str, ...], landings: list[int]) -> str:
+    if name == "restitution" and not any(landings):
+        return "no landing was measured: the follower never leaves the cam"
+    if name == "stem_stiffness":
+        return "a rigid stem explains what was measured"
+    if name in scale:
+        return "lifts alone tell only ratios to the mass: measure a force too, or give a mass"
+    return "not sought"
+
+
+def _blind(
+    k: int, group: tuple[int, ...] | None, likelihood: Likelihood, landings: list[int]
+) -> str:
+    sought = likelihood.sought
+    others = [sought[i] for i in group or () if i < len(sought) and i != k]
+    if others:
+        return f"told only together with {', '.join(others)}: give one of them"
+    if not any(landings):
+        return "on the cam the lift is the law's whatever it is: measure a force, or faster speeds"
+    return "nothing that was measured changes with it"
+
+
+def _hold_fit(solution: Solution, i: int) -> HoldFit:
+    likelihood = solution.likelihood
+    hold, predicted = likelihood.holds[i], likelihood.predicted(solution.x, i)
+    assert predicted is not None  # a search ends at steady turns
+    lift = predicted.lift - hold.lift.value
+    force = predicted.force - hold.force.value[likelihood.kept[i]]
+    lift_offs = sum(event.kind == "lift-off" for event in predicted.turn.events)
+    return HoldFit(
+        likelihood.speed_of(solution.x, i) * 60.0 / TURN,
+        hold.hold.turns,
+        lift.size + force.size,
+        rms(lift) if lift.size else None,
+        rms(force) if force.size else None,
+        lift_offs,
+    )
+
+
+def _gauges(solution: Solution, errors: Uncertainty) -> Gauges:
+    """Offset and clock are a line through the phases: ψ = −offset − clock ω t."""
+    likelihood, x = solution.likelihood, solution.x
+    where, holds = likelihood.instruments, likelihood.holds
+    middle = np.array([0.5 * (h.hold.begin + h.hold.end) for h in holds])
+    speeds = np.array([h.speed for h in holds])
+    columns = [np.ones(len(holds)), speeds * middle][: 2 if len(holds) > 2 else 1]
+    design = np.stack(columns, axis=1)
+    covariance = errors.covariance[where.phases, where.phases]
+    weights = np.linalg.pinv(covariance, hermitian=True)
+    normal = np.linalg.inv(design.T @ weights @ design)
+    line = -normal @ design.T @ weights @ np.unwrap(x[where.phases])
+    deviation = np.sqrt(np.diag(normal))
+    clock, clock_error = (line[1], deviation[1]) if line.size > 1 else (None, None)
+    play, frequency = where.at(BACKLASH), where.at(RESONANCE)
+    lift = any(h.lift.value.size for h in holds)
+    force = any(h.force.value.size for h in holds)
+    return Gauges(
+        math.remainder(float(line[0]), TURN),
+        float(deviation[0]),
+        None if clock is None else float(clock),
+        None if clock_error is None else float(clock_error),
+        likelihood.single(x, ZERO) if lift else None,
+        None if play is None else float(x[play]),
+        None if play is None else float(errors.errors[play]),
+        likelihood.lift_noise if lift else None,
+        likelihood.force_noise if force else None,
+        likelihood.force_part if force else None,
+        None if frequency is None else math.exp(x[frequency]),
+        None if frequency is None else likelihood.single(x, RATIO),
+    )

@@ -1,0 +1,129 @@
+"""Which follower is sought: one rigid mass, a force sensor that vibrates, two masses and a stem.
+
+Each begins where the one before it ended, and the likelier stays.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from cam_rig.arrays import FloatArray
+from cam_rig.studies.rig_fit.bounces import with_bounces
+from cam_rig.studies.rig_fit.likelihood import BACKLASH, RATIO, RESONANCE, ZERO, Likelihood
+from cam_rig.studies.rig_fit.numbers import ONE_MASS, TWO_MASSES
+from cam_rig.studies.rig_fit.search import Solution, continued, landings_of, log_ratio, search
+from cam_rig.studies.rig_fit.start import likely_stem
+from cam_rig.studies.rig_fit.uncertainty import uncertainty
+from cam_rig.units import TURN
+
+#: What vibrates is sought where the logarithm of its likelihood ratio is above this.
+CLEARLY_LIKELIER = 30.0
+#: Neighbours that err alike over more samples than this are no noise.
+COLOURED = 1.5
+#: A gauge's backlash is sought where it is beyond so many standard errors.
+PLAY = 6.0
+
+
+def one_mass(aligned: Solution, given: dict[str, float]) -> Solution:
+    """One rigid mass; the restitution once there are landings to tell it.
+
+    First at the speeds without landings, if there are any: there a wrong restitution does no harm.
+    """
+    smooth = tuple(name for name in ONE_MASS if name not in given and name != "restitution")
+    values = aligned.likelihood.values(aligned.x) | {"restitution": 0.0} | given
+    flying = landings_of(aligned.likelihood, aligned.x)
+    quiet = [i for i, landings in enumerate(flying) if not landings]
+    if any(flying) and any(aligned.likelihood.holds[i].force.value.size for i in quiet):
+        still = search(*continued(aligned, smooth, values, only=quiet))
+        new, x = continued(aligned, smooth, still.likelihood.values(still.x))
+        found = Solution(new, _with_phases_of(still, new, x), aligned.slopes, aligned.residuals)
+    else:
+        found = search(*continued(aligned, smooth, values))
+    if any(landings_of(found.likelihood, found.x)):
+        found = with_bounces(found, given)
+    if _has_play(found):
+        values = found.likelihood.values(found.x)
+        found = search(*continued(found, found.likelihood.sought, values, play=True))
+    return found
+
+
+def _with_phases_of(still: Solution, new: Likelihood, x: FloatArray) -> FloatArray:
+    """``x`` with the instruments of some holds, and phases of all on their line ψ = a + b ω t."""
+    design = [
+        np.array([[1.0, h.speed * 0.5 * (h.hold.begin + h.hold.end)] for h in like.holds])
+        for like in (still.likelihood, new)
+    ]
+    phases = np.unwrap(still.x[still.likelihood.instruments.phases])
+    line = np.linalg.lstsq(design[0], phases, rcond=None)[0]
+    found = x.copy()
+    found[new.instruments.phases] = design[1] @ line
+    for name in new.instruments.single:
+        at = new.instruments.at(name)
+        assert at is not None
+        found[at] = still.likelihood.single(still.x, name)
+    return found
+
+
+def _two_masses(one: Solution, stem: dict[str, float], given: dict[str, float]) -> Solution:
+    """Two masses, from a stem beside the numbers of one."""
+    values = one.likelihood.values(one.x) | {"restitution": given.get("restitution", 0.0)}
+    sought = tuple(name for name in TWO_MASSES if name not in given and name != "restitution")
+    found = search(*continued(one, sought, values | stem | given))
+    if "restitution" not in given and any(landings_of(found.likelihood, found.x)):
+        found = with_bounces(found, given)
+    return found
+
+
+def _with_resonance(one: Solution, stem: dict[str, float]) -> Solution:
+    """One mass under a force sensor that vibrates as the likeliest stem does."""
+    values = one.likelihood.values(one.x)
+    end = values["mass"] * (1.0 - stem["roller_share"])
+    rate = math.sqrt((stem["stem_stiffness"] + values["spring_stiffness"]) / end)
+    new, x = continued(one, one.likelihood.sought, values, resonance=True)
+    frequency, ratio = new.instruments.at(RESONANCE), new.instruments.at(RATIO)
+    assert frequency is not None
+    assert ratio is not None
+    x[frequency], x[ratio] = math.log(rate / TURN), 0.5 * stem["stem_damping"] / (end * rate)
+    return search(new, x)
+
+
+def elastic(
+    one: Solution,
+    given: dict[str, float],
+    model: str | None,
+    on_step: Callable[[str], None],
+) -> Solution:
+    """What vibrates: the force sensor, where that explains all, else the stem; or nothing."""
+    stem, gain = likely_stem(one.likelihood, one.x)
+    if model is None and gain < CLEARLY_LIKELIER:
+        return one
+    best = one
+    if model is None:
+        on_step("a resonance of the force sensor")
+        sensor = _with_resonance(one, stem)
+        if log_ratio(sensor, one) > CLEARLY_LIKELIER:
+            best = sensor
+            if uncertainty(sensor).alike[1] < COLOURED:
+                return sensor
+    on_step("two masses and a stem")
+    two = _two_masses(one, stem, given)
+    if model == "separation" or log_ratio(two, best) > CLEARLY_LIKELIER:
+        return two
+    return best
+
+
+def _has_play(found: Solution) -> bool:
+    """Whether what is left of the lift stands apart after rises and after falls."""
+    likelihood = found.likelihood
+    if likelihood.instruments.at(ZERO) is None:
+        return False
+    new, x = continued(found, likelihood.sought, likelihood.values(found.x), play=True)
+    slopes, residuals = new.slopes(x), new.residuals(x)
+    at = new.instruments.at(BACKLASH)
+    assert at is not None
+    step, *_ = np.linalg.lstsq(slopes, -residuals, rcond=1e-12)
+    error = uncertainty(Solution(new, x, slopes, residuals + slopes @ step)).errors[at]
+    return bool(abs(step[at]) > PLAY * error)
