@@ -168,9 +168,8 @@ def _from_bag(
     with console.status("reading") as status:
         found = fit(law, run, cams.rig, model, given, status.update)
     tables = [numbers_table(found.numbers, f"{bag.name}: the follower")]
-    if len(found.identified) > 1:
-        names = tuple(number.name for number in found.identified)
-        tables.append(correlation_table(names, found.correlation))
+    if len(found.correlated) > 1:
+        tables.append(correlation_table(found.correlated, found.correlation))
     tables += [holds_table(found), gauges_table(found)]
     left = [
         f"{found.gauges.lift_noise * 1e6:.3g} µm" if found.gauges.lift_noise else "",

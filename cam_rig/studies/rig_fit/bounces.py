@@ -2,95 +2,112 @@
 
 from __future__ import annotations
 
-import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.studies.rig_fit.likelihood import FAR, Likelihood, Predicted
+from cam_rig.studies.rig_fit.likelihood import FAR, ZERO, Likelihood, Predicted
 from cam_rig.studies.rig_fit.search import (
-    FIRST_GUARD,
     Solution,
     continued,
     landings_of,
-    log_ratio,
     search,
 )
 
-#: Restitutions tried; a search that ends so near to the likeliest of them is in its valley, and so
-#: many valleys are looked into at most.
-BOUNCES = (1e-3, *(0.025 * k for k in range(1, 37)))
-VALLEY, MOST_VALLEYS = 0.03, 3
+#: Restitutions tried, then so many finer ones between those beside the best.
+BOUNCES, FINER = (1e-3, *(0.025 * k for k in range(1, 37))), 16
+#: A search that ends no further from the likeliest of them is in its valley.
+VALLEY = 0.05
 #: Steps to the phase of a hold that goes with a restitution, and one of the angle (rad).
 PHASE_STEPS, ANGLE_STEP = 4, 1e-6
+#: A square counts so much at most where restitutions are tried.
+MOST_SQUARE = 36.0
 #: Of a sum of squares, what 95 % of one number's errors stay below.
 SQUARE_95 = 3.84
+#: 95 % of a normal distribution lie within so many standard deviations.
+WITHIN_95 = 1.96
 
 
 def with_bounces(found: Solution, given: dict[str, float]) -> Solution:
-    """The restitution beside the other numbers; again until a search ends where it is likeliest."""
-    if "restitution" in given:
-        values = found.likelihood.values(found.x)
-        return search(*continued(found, found.likelihood.sought, values))
-    names = [name for name in found.likelihood.sought if name != "restitution"]
-    best, before = found, math.inf
-    for _ in range(MOST_VALLEYS):
-        new, x = _likeliest(best, (*names, "restitution"))
-        bounce = new.values(x)["restitution"]
-        if abs(bounce - before) <= VALLEY:
-            break
-        trial = search(new, x)
-        if math.isfinite(before) and log_ratio(trial, best) <= 0.0:
-            break
-        best, before = trial, trial.likelihood.values(trial.x)["restitution"]
-    return best
+    """The restitution beside the other numbers.
 
-
-def _likeliest(found: Solution, sought: tuple[str, ...]) -> tuple[Likelihood, FloatArray]:
-    """The restitution of `BOUNCES`, and the phases with it, that come nearest at the landings.
-
-    The other numbers stay.
+    Where bounces are lower than the noise of the lift, no slope tells it, and a search drifts off:
+    then it is that of the forces, which are there or not, with the interval that they leave.
     """
     values = found.likelihood.values(found.x)
-    best: tuple[float, tuple[Likelihood, FloatArray]] | None = None
-    for bounce in BOUNCES:
-        new, x = continued(found, sought, values | {"restitution": bounce})
-        new.keep_clear(x, FIRST_GUARD)
-        missed = 0.0
-        for i, landings in enumerate(landings_of(new, x)):
-            if landings:
-                x[new.instruments.phases.start + i], off = _phase(new, x, i)
-                missed += off
-        if best is None or missed < best[0]:
-            best = missed, (new, x)
-    assert best is not None
-    return best[1]
+    if "restitution" in given:
+        return search(*continued(found, found.likelihood.sought, values))
+    names = tuple(name for name in found.likelihood.sought if name != "restitution")
+    coarse = [_tried(found, names, bounce) for bounce in BOUNCES]
+    best = min(range(len(coarse)), key=lambda k: coarse[k].missed)
+    ends = BOUNCES[max(0, best - 2)], BOUNCES[min(len(BOUNCES) - 1, best + 2)]
+    fine = [_tried(found, names, bounce) for bounce in np.linspace(*ends, FINER + 1).tolist()]
+    least = min(trial.missed for trial in fine)
+    likely = [trial for trial in fine if trial.missed <= least + SQUARE_95]
+    low, high = likely[0].bounce, likely[-1].bounce
+    middle = _tried(found, names, 0.5 * (low + high))
+    sought = (*names, "restitution")
+    new, x = continued(found, sought, values | {"restitution": max(middle.bounce, BOUNCES[0])})
+    x[new.instruments.phases] = middle.phases
+    free = search(new, x)
+    if abs(free.likelihood.values(free.x)["restitution"] - middle.bounce) <= VALLEY:
+        return free
+    new, x = continued(found, names, values | {"restitution": middle.bounce})
+    x[new.instruments.phases] = middle.phases
+    half = 0.5 * (high - low + (ends[1] - ends[0]) / FINER)
+    return replace(search(new, x), bounce=(middle.bounce, half / WITHIN_95))
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """A restitution, what it misses, and the phases (rad) of the holds with it."""
+
+    bounce: float
+    missed: float
+    phases: FloatArray
+
+
+def _tried(found: Solution, names: tuple[str, ...], bounce: float) -> Tried:
+    """A restitution beside the other numbers as they are."""
+    values = found.likelihood.values(found.x) | {"restitution": bounce}
+    new, x = continued(found, names, values)
+    new.keep_clear(x, 0.0)
+    new.kept = [np.ones(kept.size, dtype=bool) for kept in new.kept]  # else bounces hide forces
+    missed = 0.0
+    for i, landings in enumerate(landings_of(new, x)):
+        if landings:
+            x[new.instruments.phases.start + i], off = _phase(new, x, i)
+            missed += off
+    return Tried(bounce, missed, x[new.instruments.phases])
 
 
 def _phase(likelihood: Likelihood, x: FloatArray, i: int) -> tuple[float, float]:
-    """The phase (rad) of a hold that goes with its turn, and what is missed a sample."""
+    """The phase (rad) of a hold that goes with its turn, and the squares of what is missed."""
     predicted, hold = likelihood.predicted(x, i), likelihood.holds[i]
     phase = float(x[likelihood.instruments.phases][i])
     if predicted is None:
-        return phase, FAR**2
-    lift = hold.lift.value.size > 0
-    measured = hold.lift.value if lift else hold.force.value[likelihood.kept[i]]
-    noise = likelihood.lift_noise if lift else likelihood.force_deviation(i)
-    moved, off = 0.0, np.empty(0)
+        return phase, FAR**2 * hold.force.value.size
+    lift, moved = hold.lift.value.size > 0, 0.0
     for _ in range(PHASE_STEPS):
-        off = (_shown(likelihood, x, predicted, moved, lift) - measured) / noise
-        beside = (_shown(likelihood, x, predicted, moved + ANGLE_STEP, lift) - measured) / noise
-        rise = (beside - off) / ANGLE_STEP
+        off = _off(likelihood, x, i, predicted, moved, lift)
+        rise = (_off(likelihood, x, i, predicted, moved + ANGLE_STEP, lift) - off) / ANGLE_STEP
         moved -= float(rise @ off) / max(float(rise @ rise), 1e-300)
-    return phase + moved, float(off @ off) / max(off.size, 1)
+    squares = [_off(likelihood, x, i, predicted, moved, which) ** 2 for which in (True, False)]
+    # A landing that is off by less than a sample puts one force wrong by all of it.
+    return phase + moved, float(sum(np.minimum(part, MOST_SQUARE).sum() for part in squares))
 
 
-def _shown(
-    likelihood: Likelihood, x: FloatArray, predicted: Predicted, moved: float, lift: bool
+def _off(
+    likelihood: Likelihood, x: FloatArray, i: int, predicted: Predicted, moved: float, lift: bool
 ) -> FloatArray:
+    """By how much lift, or force, is missed, in standard deviations, ``moved`` rad further."""
+    hold = likelihood.holds[i]
     if lift:
-        return predicted.turn.at(predicted.lift_angle + moved)[0] + likelihood.single(x, "zero")
-    return predicted.turn.at(predicted.force_angle + moved)[1]
+        shown = predicted.turn.at(predicted.lift_angle + moved)[0] + likelihood.single(x, ZERO)
+        return (shown - hold.lift.value) / likelihood.lift_noise
+    shown = predicted.turn.at(predicted.force_angle + moved)[1]
+    return (shown - hold.force.value[likelihood.kept[i]]) / likelihood.force_deviation(i)
 
 
 def most_bounce(found: Solution) -> float:

@@ -13,6 +13,8 @@ from cam_rig.studies.rig_fit.numbers import NUMBERS
 
 #: A residual larger than this part of the lift is not a gauge's.
 WRONG_CAM = 0.01
+#: A lift that is so near, in parts of itself, is no gauge's: what is left is rounding.
+EXACT = 1e-9
 #: A peak of a spectrum stands out that has this part of all of it in its eight lines.
 STANDS_OUT = 0.3
 #: What is left of jump speeds is too much beyond so many times their error, and of one a slip.
@@ -88,8 +90,9 @@ def _odd(fit: RigFit) -> Iterator[str]:
             f"The force rings at {fit.gauges.sensor_frequency:.4g} Hz as a sensor or its mount "
             "does, and not as a stem: it is fitted with."
         )
+    exact = noise is not None and noise < EXACT * fit.law.lift
     for name, length in zip(("lift", "force"), fit.alike, strict=True):
-        if length > COLOURED:
+        if length > COLOURED and not exact:
             yield (
                 f"What is left of the {name} is no noise: {length:.2g} neighbours err alike"
                 f"{_frequency_words(fit, name)}. The standard errors count them as one, but the "

@@ -10,7 +10,7 @@ import numpy as np
 from cam_rig.arrays import FloatArray, rms
 from cam_rig.laws import Law
 from cam_rig.simulation.measured_run import MeasuredRun
-from cam_rig.studies.rig_fit.bounces import most_bounce
+from cam_rig.studies.rig_fit.bounces import WITHIN_95, most_bounce
 from cam_rig.studies.rig_fit.likelihood import BACKLASH, RATIO, RESONANCE, ZERO, Likelihood
 from cam_rig.studies.rig_fit.numbers import NUMBERS, ONE_MASS, TWO_MASSES, slope
 from cam_rig.studies.rig_fit.search import Solution, landings_of
@@ -21,8 +21,6 @@ from cam_rig.units import TURN
 TOLD, TOLD_RESTITUTION = 0.5, 0.1
 #: A restitution below this is none: it is known by what it is not beyond.
 SMALL_BOUNCE = 0.02
-#: 95 % of a normal distribution lie within so many standard deviations.
-WITHIN_95 = 1.96
 
 
 @dataclass(frozen=True)
@@ -104,6 +102,12 @@ class RigFit:
         """The numbers that the run tells."""
         return tuple(n for n in self.numbers if n.origin == "identified" and n.value is not None)
 
+    @property
+    def correlated(self) -> tuple[str, ...]:
+        """The names of those in ``correlation``."""
+        sought = self.solution.likelihood.sought
+        return tuple(number.name for number in self.identified if number.name in sought)
+
 
 def found_of(
     law: Law, run: MeasuredRun, solution: Solution, given: dict[str, float], scale: tuple[str, ...]
@@ -124,7 +128,7 @@ def found_of(
     told = [
         likelihood.sought.index(n.name)
         for n in numbers
-        if n.origin == "identified" and n.value is not None
+        if n.name in likelihood.sought and n.value is not None
     ]
     part = errors.covariance[np.ix_(told, told)]
     deviation = np.maximum(np.sqrt(np.diag(part)), 1e-300)
@@ -152,6 +156,8 @@ def _number(
     likelihood = solution.likelihood
     if name in given:
         return FoundNumber(name, given[name], None, "given")
+    if name == "restitution" and solution.bounce is not None:
+        return FoundNumber(name, *solution.bounce, "identified")
     if name not in likelihood.sought:
         return FoundNumber(name, None, None, "identified", _not_sought(name, scale, landings))
     k = likelihood.sought.index(name)

@@ -19,7 +19,8 @@ from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.schema.jump_table import JumpReading, JumpTable
 from cam_rig.studies.jump.any_rig import find_jump
-from cam_rig.studies.rig_fit.found import TOLD, WITHIN_95, FoundNumber
+from cam_rig.studies.rig_fit.bounces import WITHIN_95
+from cam_rig.studies.rig_fit.found import TOLD, FoundNumber
 from cam_rig.studies.rig_fit.numbers import (
     NUMBERS,
     follower_of,

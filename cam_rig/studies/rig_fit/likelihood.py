@@ -45,8 +45,8 @@ CLOCK, ZERO, BACKLASH, RESONANCE, RATIO = SINGLE = (
     *("clock", "zero", "backlash"),
     *("sensor_frequency", "sensor_damping"),
 )
-#: The force after a series of bounces that is left out, in parts of the series.
-AFTER = 0.3
+#: What is off by a little at a landing is off by more at its bounces: of the angle since.
+SERIES = 0.5
 #: Residual, in standard deviations, of a follower without a steady turn.
 FAR = 1e3
 #: Cam angles (rad) at which the side of a play is known; a cam slower than this part stands still.
@@ -301,33 +301,25 @@ class Likelihood:
             turn = _steady(self.law, self.follower(x), self.speed_of(x, i), None)
             angle = self._angles(x, i, hold.force.since)
             clear = np.ones(angle.size, dtype=bool)
-            whole = hold.lift.since.size > 0
-            for first, last in _landings(turn.events if turn is not None else (), whole):
+            for at, begun in _landings(turn.events if turn is not None else ()):
                 if not self.resonance:
-                    width = last - first
-                    ahead = np.mod(angle - first + guard, TURN)
-                    clear &= ahead > (1.0 + AFTER) * width + 2.0 * guard
+                    away = np.mod(angle - at + 0.5 * TURN, TURN) - 0.5 * TURN
+                    clear &= np.abs(away) > guard + SERIES * (at - begun)
             kept.append(clear)
             pressing.append(np.zeros(angle.size) if turn is None else np.abs(turn.at(angle)[1]))
         self.kept, self.pressing = kept, pressing
         return any((a != b).any() for a, b in zip(before, kept, strict=True))
 
 
-def _landings(events: Iterable[Event], whole: bool) -> list[tuple[float, float]]:
-    """First and last cam angle (rad) of each landing, with ``whole`` of its bounces together.
-
-    A landing that is off by a little moves the last of its bounces by much; where the lift shows
-    them, the force between them can be spared.
-    """
-    found = list[tuple[float, float]]()
-    bouncing = False
+def _landings(events: Iterable[Event]) -> list[tuple[float, float]]:
+    """Cam angle (rad) of each landing, and of the first of its bounces."""
+    found, begun = list[tuple[float, float]](), None
     for event in events:
-        if event.kind == "landing":
-            if bouncing and whole:
-                found[-1] = found[-1][0], event.angle
-            else:
-                found.append((event.angle, event.angle))
-        bouncing = event.kind == "landing"
+        if event.kind == "lift-off":
+            begun = None
+            continue
+        begun = event.angle if begun is None else begun
+        found.append((event.angle, begun))
     return found
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -46,7 +47,9 @@ def one_mass(aligned: Solution, given: dict[str, float]) -> Solution:
         found = with_bounces(found, given)
     if _has_play(found):
         values = found.likelihood.values(found.x)
+        bounce = found.bounce
         found = search(*continued(found, found.likelihood.sought, values, play=True))
+        found = replace(found, bounce=bounce)
     return found
 
 
@@ -87,7 +90,7 @@ def _with_resonance(one: Solution, stem: dict[str, float]) -> Solution:
     assert frequency is not None
     assert ratio is not None
     x[frequency], x[ratio] = math.log(rate / TURN), 0.5 * stem["stem_damping"] / (end * rate)
-    return search(new, x)
+    return replace(search(new, x), bounce=one.bounce)
 
 
 def elastic(

@@ -31,12 +31,16 @@ NOISE_ROUNDS, LEAST_FLOOR = 4, 0.05
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Where a search ended: what is sought, its slopes and residuals in standard deviations."""
+    """Where a search ended: what is sought, its slopes and residuals in standard deviations.
+
+    ``bounce`` is a restitution with its standard error that was found beside the search.
+    """
 
     likelihood: Likelihood
     x: FloatArray
     slopes: FloatArray
     residuals: FloatArray
+    bounce: tuple[float, float] | None = None
 
     @property
     def misfit(self) -> float:
@@ -175,16 +179,26 @@ def landings_of(likelihood: Likelihood, x: FloatArray) -> list[int]:
 
 
 def log_ratio(one: Solution, other: Solution) -> float:
-    """Logarithm of how much likelier what was measured is by one solution than by another."""
+    """Logarithm of how much likelier what was measured is by one solution than by another.
+
+    Of the holds that both have, and there of the samples that lie beside a landing of neither.
+    """
+    mine, theirs = (
+        {id(hold): i for i, hold in enumerate(solution.likelihood.holds)}
+        for solution in (one, other)
+    )
+    common = [(mine[key], theirs[key]) for key in mine if key in theirs]
+    both = [one.likelihood.kept[i] & other.likelihood.kept[k] for i, k in common]
     logs = []
-    for solution in (one, other):
-        like, total = solution.likelihood, 0.0
-        for i, hold in enumerate(like.holds):
-            deviation = like.force_deviation(i)
-            total += hold.lift.value.size * math.log(like.lift_noise)
-            # of all samples, as the two leave out different ones beside landings
-            total += (
-                hold.force.value.size * float(np.log(deviation).mean()) if deviation.size else 0.0
-            )
-        logs.append(-total)
+    for side, solution in enumerate((one, other)):
+        there = [pair[side] for pair in common]
+        like = replace(solution.likelihood, kept=list(solution.likelihood.kept))
+        for i, kept in zip(there, both, strict=True):
+            like.kept[i] = kept
+        _size_noise(like, like.residuals(solution.x))
+        total = 0.0
+        for i in there:
+            total -= like.holds[i].lift.value.size * math.log(like.lift_noise)
+            total -= float(np.log(like.force_deviation(i)).sum())
+        logs.append(total)
     return logs[0] - logs[1]

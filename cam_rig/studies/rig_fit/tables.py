@@ -128,7 +128,7 @@ def rig_json(fit: RigFit) -> dict[str, Any]:
         "model": fit.model,
         "numbers": numbers_json(fit.numbers),
         "correlation": {
-            "of": [number.name for number in fit.identified],
+            "of": list(fit.correlated),
             "matrix": fit.correlation.tolist(),
         },
         "instruments": {
