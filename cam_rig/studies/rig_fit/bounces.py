@@ -44,7 +44,7 @@ def with_bounces(found: Solution, given: dict[str, float]) -> Solution:
     ends = BOUNCES[max(0, best - 2)], BOUNCES[min(len(BOUNCES) - 1, best + 2)]
     fine = [_tried(found, names, bounce) for bounce in np.linspace(*ends, FINER + 1).tolist()]
     least = min(trial.missed for trial in fine)
-    likely = [trial for trial in fine if trial.missed <= least + SQUARE_95]
+    likely = [trial for trial in fine if trial.missed <= least + MOST_SQUARE]
     low, high = likely[0].bounce, likely[-1].bounce
     middle = _tried(found, names, 0.5 * (low + high))
     sought = (*names, "restitution")

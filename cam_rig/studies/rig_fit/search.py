@@ -170,10 +170,10 @@ def continued(
 
 
 def landings_of(likelihood: Likelihood, x: FloatArray) -> list[int]:
-    """Landings a turn, of each hold."""
+    """Landings a turn, of each hold; one where no turn is as the one before, for it bounces."""
     turns = (likelihood.predicted(x, i) for i in range(len(likelihood.holds)))
     return [
-        0 if turn is None else sum(event.kind == "landing" for event in turn.turn.events)
+        1 if turn is None else sum(event.kind == "landing" for event in turn.turn.events)
         for turn in turns
     ]
 
