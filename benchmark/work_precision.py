@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import platform
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from cam_rig.bench.peers.peers import PEERS
 from cam_rig.bench.report import notes, table
+from cam_rig.bench.start_up import command_table, command_times, node_starts, node_table
 from cam_rig.bench.study import FULL
 from cam_rig.cli.studies.bench import measure
 from cam_rig.plots.work_precision import draw
@@ -46,6 +48,8 @@ Samples of lift, velocity and acceleration per second (Bézier 15 at 48 kHz, blo
 {options}
 {notes}
 
+{start_up}
+
 ## The cases
 
 {cases}
@@ -54,6 +58,41 @@ The references are made by `benchmark/make_reference.py`: closed forms of every 
 60 digits, events as roots of these; the torsional one by Taylor series of order 40 with 45 digits.
 Made by `benchmark/work_precision.py` in {took:.0f} s; `cam-rig bench` measures this machine.
 """
+
+
+START_UP = """\
+## Start-up
+
+What is waited for before anything is computed; medians, each beside a bare interpreter in turn.
+
+{nodes}
+
+By itself: with `ros2 run` or a launch file, CPU time of the imports. Forked: with `cam-rig run`,
+from a process that has imported what the nodes share.
+
+{commands}
+
+CPU: of all processes of the command.\
+"""
+CLI = ("-m", "cam_rig.cli.main")
+
+
+def start_up() -> str:
+    """The section on what a start costs."""
+    with TemporaryDirectory() as folder:
+        live = [
+            (words, (*CLI, "run", scene, "--bag", f"{folder}/{scene}"))
+            for words, scene in (("cam-rig run quick", "quick"), ("cam-rig run", "tm21_sweep"))
+        ]
+        commands = [
+            ("cam-rig --help", (*CLI, "--help")),
+            ("cam-rig simulate quick", (*CLI, "simulate", "quick")),
+            ("cam-rig simulate", (*CLI, "simulate")),
+        ]
+        times = [*command_times(commands), *command_times(live, repeats=1)]
+    return START_UP.format(
+        nodes=to_markdown(node_table(node_starts())), commands=to_markdown(command_table(times))
+    )
 
 
 def bullets(lines: list[str]) -> str:
@@ -75,6 +114,7 @@ def main() -> None:
         tightest=FULL.rtols[-1],
         options=bullets(list(options)),
         notes="\nLeft out:\n\n" + bullets(left_out) if left_out else "",
+        start_up=start_up(),
         cases=bullets([f"`{name}`: {r.case.title}." for name, r in study.cases.items()]),
         took=study.took_s,
     )

@@ -15,10 +15,11 @@ from xdist.scheduler import LoadFileScheduling
 from cam_rig.acoustics import RadiationParameters
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.laws import Law, build_law
+from cam_rig.runner.fork_server import ForkedProcess, ForkServer
+from cam_rig.runner.node_process import environment
 from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
 from cam_rig.testing.domain import isolated_domain
 
-from .preloaded import Preloaded
 from .references import many_digits
 from .small_scenes import make_loaded_scene, make_scene
 
@@ -176,17 +177,23 @@ def make_cam() -> Callable[..., CamConfig]:
 
 
 @pytest.fixture(scope="session")
-def preloaded() -> Iterator[Preloaded]:
-    """Where nodes are forked whose start is not the test's subject."""
-    made = Preloaded()
-    yield made
-    made.close()
+def fork_server() -> Iterator[ForkServer]:
+    """Where nodes are forked whose start is not the test's subject: one for all tests."""
+    with ForkServer().begin() as made:
+        yield made
 
 
 @pytest.fixture
-def forked(preloaded: Preloaded, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nodes that are started in this process are forked."""
-    monkeypatch.setattr("cam_rig.runner.node_process._started", preloaded.start)
+def forked(fork_server: ForkServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nodes that are started in this process are forked from the server of all tests."""
+
+    def started(command: list[str], network: bool, pipe: int | None, _: object) -> ForkedProcess:
+        node = fork_server.start(command, environment(network), pipe)
+        assert node is not None
+        return node
+
+    monkeypatch.setattr("cam_rig.runner.node_process._started", started)
+    monkeypatch.setattr(ForkServer, "begin", lambda own: own)  # no other one
 
 
 @pytest.fixture

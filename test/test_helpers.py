@@ -1,8 +1,6 @@
-"""What the tests themselves lean on: stored references, domains of their own, forked nodes."""
+"""What the tests themselves lean on: stored references, domains of their own."""
 
 import json
-import os
-import signal
 
 import numpy as np
 import pytest
@@ -33,19 +31,3 @@ def test_no_two_hold_one_domain():
     with hold_domain() as one, hold_domain() as two:
         assert one != two
         assert {one, two} <= set(range(40, 101))
-
-
-@pytest.mark.ros
-def test_a_forked_node_is_a_child_like_any(ros_domain, preloaded, tmp_path):
-    """It ends by a signal in order, its code is told, and so is what it writes."""
-    command = ["python", "-m", "cam_rig.nodes", "follower", "--ros-args"]
-    node = preloaded.start([*command, "-p", f"scene:={tmp_path}/none.yaml"], False)
-    assert node.wait() == 2
-    assert "none.yaml: no such file" in node.stderr.read()
-    node = preloaded.start(command, False)
-    assert os.getpgid(node.pid) == node.pid
-    node.send_signal(signal.SIGINT)
-    assert node.wait() == 0
-    node = preloaded.start(command, False)
-    node.kill()
-    assert node.wait() == -signal.SIGKILL

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from cam_rig.acoustics.low_pass import structure_response
+from cam_rig.acoustics.low_pass import first_order, structure_response
 from cam_rig.acoustics.radiation import RadiationParameters
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import RunError
@@ -53,14 +53,12 @@ class Background:
 
     def samples(self, count: int) -> FloatArray:
         """The next samples, ``(count,)``."""
-        from scipy.signal import lfilter  # a second of imports, which only who listens should pay
-
         keep = math.exp(-2.0 * math.pi * self.corner / self.rate)
         fresh = self._generator.standard_normal(count)
         gain = math.sqrt(-math.expm1(2.0 * math.log(keep)))
-        noise, _ = lfilter([gain], [1.0, -keep], fresh, zi=[keep * self._last])
+        noise = first_order(keep, gain * fresh, self._last)
         self._last = float(noise[-1]) if count else self._last
-        return np.asarray(noise)
+        return noise
 
 
 #: Hz, well above what a meter needs for class 1 up to 20 kHz.

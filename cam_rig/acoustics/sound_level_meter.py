@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cam_rig.acoustics.level import REFERENCE_PRESSURE, pressure_pa
+from cam_rig.acoustics.low_pass import first_order
 from cam_rig.acoustics.weighting import class_1_up_to_hz, weighting_filter
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError, RefusedError, RunError
@@ -185,11 +186,7 @@ class SoundLevelMeter:
 
     def _averaged(self, square: FloatArray) -> FloatArray:
         """The time weighting of squares, Pa²: y ← keep y + (1 − keep) x."""
-        from scipy.signal import lfilter
-
-        keep = self._keep
-        power, _ = lfilter([1.0 - keep], [1.0, -keep], square, zi=[keep * self.state.power])
-        return np.asarray(power)
+        return first_order(self._keep, (1.0 - self._keep) * square, self.state.power)
 
 
 def _require_finite(pressure: FloatArray) -> None:

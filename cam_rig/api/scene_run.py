@@ -17,7 +17,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.export.write import export
 from cam_rig.extras import libraries_named
 from cam_rig.schema.load import named_path
-from cam_rig.simulation.by_speed import SpeedRow, rows_by_speed
+from cam_rig.simulation.by_speed import SpeedRow, SpeedRows, rows_by_speed
 from cam_rig.simulation.levels import MeasuredTick, require_ticks, step_levels
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.noise_comparison import NoiseResult, compare
@@ -42,6 +42,7 @@ class SceneRun:
     source : the scene's file, or the bag
     blocks : gives the follower's samples tick by tick, with the cam under them; see `samples`
     counts : messages by topic, of a bag
+    speeds : what `by_speed` is made of, where the samples have gone through it already
     """
 
     loaded: LoadedScene
@@ -49,6 +50,7 @@ class SceneRun:
     source: Path
     blocks: Callable[[], Iterator[TickSamples]]
     counts: dict[str, int] = field(default_factory=dict)
+    speeds: SpeedRows | None = None
 
     def __repr__(self) -> str:
         return f"SceneRun({self.source}: {', '.join(self.loaded.laws)}, {len(self.ticks)} ticks)"
@@ -116,6 +118,8 @@ class SceneRun:
         rate, settle = int(scene.sample_rate.si), scene.program.settle_turns.si
         levels = step_levels(self.ticks, settle)
         require_ticks(levels, str(self.source))
+        if self.speeds is not None:
+            return self.speeds.rows(levels)
         return rows_by_speed(self.blocks(), self.loaded.laws, rate, settle, levels)
 
     def export(self, path: str | Path, *, cam: str | None = None, rpm: float | None = None) -> None:
@@ -190,11 +194,13 @@ def run_scene(
     (array([200., 300., 350., 400.]), array([78.5, 81.4, 83.2, 85.4]))
     """
     loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
-    ticks = []
-    for tick in simulate(loaded):
+    rate, settle = loaded.scene.sample_rate.si, loaded.scene.program.settle_turns.si
+    speeds, ticks = SpeedRows(loaded.laws, int(rate), settle), []
+    for tick in simulate(loaded, speeds.take):
         ticks.append(tick)
         on_tick()
-    return SceneRun(loaded, tuple(ticks), loaded.scene_file, partial(turned_ticks, loaded))
+    again = partial(turned_ticks, loaded)
+    return SceneRun(loaded, tuple(ticks), loaded.scene_file, again, speeds=speeds)
 
 
 def read_bag(bag: str | Path, scene: str | Path | None = None) -> SceneRun:

@@ -7,28 +7,27 @@ coefficients reach 1e7 and cancel, the Bernstein ordinates are of the size of th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import comb
 
 from cam_rig.arrays import FloatArray
+from cam_rig.laws.bracketed_root import bracketed_root
 
 EPS = float(np.finfo(np.float64).eps)
 #: Up to so many points one call that runs along them is quicker than a loop over the degree.
 FEW = 128
 #: Subdivision stops here: roots nearer than this cannot be told apart in double precision.
 _ROOT_RESOLUTION = 2.0**-46
-#: A root beside 0 may take as many halvings as a float has; an ordinary one takes some ten steps.
-MAX_HALVINGS = 2000
 
 
 @lru_cache(maxsize=128)
 def binomials(degree: int) -> FloatArray:
     """Row ``degree`` of Pascal's triangle, ``(degree + 1,)``."""
-    row = np.asarray(comb(degree, np.arange(degree + 1)), dtype=np.float64)
+    row = np.array([math.comb(degree, i) for i in range(degree + 1)], dtype=np.float64)
     row.setflags(write=False)
     return row
 
@@ -138,7 +137,8 @@ def _pascal(degree: int) -> tuple[FloatArray, NDArray[np.intp]]:
     """Binomials C(i, j), zero where j > i, and the differences i − j."""
     order = np.arange(degree + 1)
     rest = np.maximum(order[:, None] - order, 0)
-    return np.asarray(comb(order[:, None], order), dtype=np.float64), rest
+    pascal = [[float(math.comb(i, j)) for j in range(degree + 1)] for i in range(degree + 1)]
+    return np.array(pascal), rest
 
 
 def restrict(ordinates: FloatArray, start: float, stop: float) -> FloatArray:
@@ -166,7 +166,7 @@ def crossings(ordinates: FloatArray, lo: float = 0.0, hi: float = 1.0) -> list[f
     if changes == 0:
         return []
     if changes == 1 and _opposite(ordinates[0], ordinates[-1]):
-        return [lo + (hi - lo) * _bracketed_root(ordinates)]
+        return [lo + (hi - lo) * bracketed_root(scalar(ordinates), 0.0, 1.0)]
     if hi - lo <= _ROOT_RESOLUTION:
         return [0.5 * (lo + hi)] if _opposite(ordinates[0], ordinates[-1]) else []
     left, right = split(ordinates, 0.5)
@@ -180,13 +180,6 @@ def crossings(ordinates: FloatArray, lo: float = 0.0, hi: float = 1.0) -> list[f
 def _opposite(one: float, other: float) -> bool:
     """Opposite signs; a product of the two would underflow for tiny values."""
     return bool(np.sign(one) * np.sign(other) < 0.0)
-
-
-def _bracketed_root(ordinates: FloatArray) -> float:
-    from scipy.optimize import brentq  # a third of a node's imports, which few scenes need
-
-    found = brentq(scalar(ordinates), 0.0, 1.0, xtol=1e-300, rtol=4 * EPS, maxiter=MAX_HALVINGS)
-    return float(found)
 
 
 def _sign_before(ordinates: FloatArray) -> float:

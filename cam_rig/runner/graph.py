@@ -14,6 +14,7 @@ from typing import Any
 from cam_rig.errors import RunError
 from cam_rig.extras import require
 from cam_rig.runner.checkpoint_folder import CheckpointFolder
+from cam_rig.runner.fork_server import ForkServer
 from cam_rig.runner.node_process import Arguments, NodeProcess, stop_all
 from cam_rig.runner.node_table import (
     ENTRIES,
@@ -36,6 +37,7 @@ class Graph:
     network : let the nodes be discovered in the whole subnet, not on this machine alone
     log : called with what happened, a line at a time
     namespace : the rig's, "/rig1"; empty for the root
+    server : that the nodes are forked from, where it was begun before; ended with the run
     """
 
     def __init__(
@@ -45,7 +47,9 @@ class Graph:
         network: bool = False,
         log: Callable[[str], None] = lambda _line: None,
         namespace: str = "",
+        server: ForkServer | None = None,
     ) -> None:
+        self._server = server or ForkServer()
         self._nodes, self._respawn, self._network = nodes, respawn, network
         self._namespace = namespace
         self._log, self._when = log, "before the first tick"
@@ -97,6 +101,7 @@ class Graph:
             signal.signal(number, signal.SIG_IGN)
         started = [self.processes[n] for n in reversed(self._nodes) if n in self.processes]
         recorder = [process for process in started if process.name == RECORDER]
+        self._server.close()
         stop_all([process for process in started if process not in recorder])
         stop_all(recorder)  # last, so that it receives the others' messages to the end
         self._unclosed = self._bag.is_dir() and is_unclosed(self._bag)
@@ -247,7 +252,7 @@ class Graph:
             arguments = arguments | {"checkpoint": str(self._checkpoints.path)}
         report = self._progress.put if name == self._drive else None
         self.processes[name] = NodeProcess(
-            name, arguments, self._network, self._log, report, self._namespace
+            name, arguments, self._network, self._log, report, self._namespace, self._server
         )
 
 

@@ -9,13 +9,12 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 
 from cam_rig.errors import RunError
+from cam_rig.runner.fork_server import ONE_THREAD, ForkedProcess, ForkServer, signals_blocked
 from cam_rig.runner.shared_memory import why_killed
 from cam_rig.runner.user_folder import user_folder
-from cam_rig.schema.load import config_root
 
 #: Wall time (s) a node has to end when asked to, before it is killed.
 SHUTDOWN_GRACE_S = 10.0
@@ -25,6 +24,7 @@ PROFILES = "FASTDDS_DEFAULT_PROFILES_FILE"
 MAX_STDERR_LINES = 1000
 
 Arguments = dict[str, str | bool | float | list[str]]
+Process = subprocess.Popen[str] | ForkedProcess
 
 
 class NodeProcess:
@@ -36,6 +36,7 @@ class NodeProcess:
     arguments : its parameters
     network : see `environment`
     namespace : the rig's, "/rig1"; empty for the root
+    server : that the node is forked from; None starts it by itself
     log : called with each line of its stdout; a node of the rig writes none, the middleware may
     report : called with each line of its progress, which it writes into a pipe; None opens none
 
@@ -52,6 +53,7 @@ class NodeProcess:
         log: Callable[[str], None],
         report: Callable[[str], None] | None = None,
         namespace: str = "",
+        server: ForkServer | None = None,
     ) -> None:
         self.name = name
         self.stderr_lines: list[str] = []
@@ -60,7 +62,7 @@ class NodeProcess:
         self.overdue = False
         try:
             command = _command(name, arguments, namespace)
-            self.process, progress = _start(command, network, report is not None)
+            self.process, progress = _start(command, network, report is not None, server)
         except (OSError, MemoryError) as error:
             raise _none_left(name, getattr(error, "strerror", None) or "no memory") from None
         try:
@@ -144,15 +146,15 @@ class NodeProcess:
 
 
 def _start(
-    command: list[str], network: bool, reports: bool
-) -> tuple[subprocess.Popen[str], Iterable[str]]:
+    command: list[str], network: bool, reports: bool, server: ForkServer | None
+) -> tuple[Process, Iterable[str]]:
     """A node's process, and the lines of its progress, which come through a pipe."""
     if not reports:
-        return _started(command, network, None), ()
+        return _started(command, network, None, server), ()
     progress, pipe = os.pipe()
     try:
         command = [*command, "-p", f"progress_fd:={pipe}"]
-        return _started(command, network, pipe), os.fdopen(progress)
+        return _started(command, network, pipe, server), os.fdopen(progress)
     except BaseException:
         os.close(progress)
         raise
@@ -168,8 +170,14 @@ def _command(name: str, arguments: Arguments, namespace: str) -> list[str]:
     return [sys.executable, "-m", "cam_rig.nodes", name, "--ros-args", *place, *ros]
 
 
-def _started(command: list[str], network: bool, pipe: int | None) -> subprocess.Popen[str]:
-    with _signals_blocked():
+def _started(
+    command: list[str], network: bool, pipe: int | None, server: ForkServer | None
+) -> Process:
+    own = environment(network)
+    forked = server.start(command, own, pipe) if server is not None else None
+    if forked is not None:
+        return forked
+    with signals_blocked():
         return subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,
@@ -177,7 +185,7 @@ def _started(command: list[str], network: bool, pipe: int | None) -> subprocess.
             stderr=subprocess.PIPE,
             text=True,
             pass_fds=() if pipe is None else (pipe,),
-            env=environment(network),
+            env=own,
             start_new_session=True,  # Ctrl-C reaches the runner alone, which ends all in order
         )
 
@@ -187,16 +195,6 @@ def _none_left(name: str, why: str) -> RunError:
         f"node {name} cannot be started ({why}); end other programs, or raise what a process or "
         "a user may have (ulimit -v, ulimit -u)"
     )
-
-
-@contextmanager
-def _signals_blocked() -> Iterator[None]:
-    """A process that is started here gets no signal that ends it until it unblocks them itself."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def stop_all(nodes: list[NodeProcess]) -> None:
@@ -220,10 +218,10 @@ def environment(network: bool = False) -> dict[str, str]:
 
     With it, a profile of the user's own counts, where there is one.
     """
-    own = dict(os.environ)
+    from cam_rig.schema.load import config_root
+
     # The nodes' matrices are small: threads inside one node only take the cores of the others.
-    for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        own.setdefault(threads, "1")
+    own = ONE_THREAD | os.environ
     if not own.get("HOME"):  # a service or a cron job: ROS would have no place for its log files
         own.setdefault("ROS_LOG_DIR", str(user_folder() / "cam_rig-ros-log"))
     own["CAM_RIG_RUNNER"] = str(os.getpid())

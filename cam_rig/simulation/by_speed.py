@@ -119,6 +119,52 @@ def _widened(span: tuple[float, float], most: float, least: float) -> tuple[floa
     return max(span[0], float(most)), min(span[1], float(least))
 
 
+class SpeedRows:
+    """What becomes of a run's samples, tick by tick as they come: a row each cam and speed.
+
+    Parameters
+    ----------
+    laws : by cam
+    rate : Hz, of the samples
+    settle_turns : turns of each step that are left out
+    """
+
+    def __init__(self, laws: dict[str, Law], rate: int, settle_turns: float) -> None:
+        self._laws, self._rate = laws, rate
+        self._steps: dict[tuple[str, float], _Step] = {}
+        self._settling = Settling(settle_turns)
+        self._before: tuple[str, float] | None = None
+
+    def take(self, tick: TickSamples) -> None:
+        """Go on with the samples of the next tick."""
+        key, before = (tick.cam, tick.start.speed), self._before
+        if before is not None and (before != key or not tick.steady):
+            self._steps[before].flights.end(settled=True)
+        self._before = key if tick.steady else None
+        if tick.steady:
+            settled = self._settling.is_over(tick.start, tick.steady)
+            step = self._steps.setdefault(key, _Step(self._laws[tick.cam]))
+            step.take(tick, self._rate, settled)
+
+    def rows(self, levels: dict[str, dict[float, float]]) -> tuple[SpeedRow, ...]:
+        """The rows in the order of the cams, then of the speeds; to be called at the end.
+
+        Parameters
+        ----------
+        levels : dB by cam and speed (rad/s), as of `step_levels`
+        """
+        order = {cam: i for i, cam in enumerate(dict.fromkeys(cam for cam, _ in self._steps))}
+        found = []
+        for (cam, speed), step in sorted(
+            self._steps.items(), key=lambda x: (order[x[0][0]], x[0][1])
+        ):
+            step.flights.end(settled=True)
+            if step.samples:
+                level = levels.get(cam, {}).get(speed)
+                found.append(step.row(cam, speed, self._rate, level))
+        return tuple(found)
+
+
 def rows_by_speed(
     ticks: Iterable[TickSamples],
     laws: dict[str, Law],
@@ -126,35 +172,11 @@ def rows_by_speed(
     settle_turns: float,
     levels: dict[str, dict[float, float]],
 ) -> tuple[SpeedRow, ...]:
-    """A row for each cam and speed of a run, in the order of the cams, then of the speeds.
-
-    Parameters
-    ----------
-    ticks : of the run, in order; no more than one is held at a time
-    laws : by cam
-    rate : Hz, of the samples
-    settle_turns : turns of each step that are left out
-    levels : dB by cam and speed (rad/s), as of `step_levels`
-    """
-    steps: dict[tuple[str, float], _Step] = {}
-    settling = Settling(settle_turns)
-    before: tuple[str, float] | None = None
+    """The `SpeedRows` of a run's ticks, in order; no more than one is held at a time."""
+    taken = SpeedRows(laws, rate, settle_turns)
     for tick in ticks:
-        key = tick.cam, tick.start.speed
-        if before is not None and (before != key or not tick.steady):
-            steps[before].flights.end(settled=True)
-        before = key if tick.steady else None
-        if not tick.steady:
-            continue
-        settled = settling.is_over(tick.start, tick.steady)
-        steps.setdefault(key, _Step(laws[tick.cam])).take(tick, rate, settled)
-    order = {cam: i for i, cam in enumerate(dict.fromkeys(cam for cam, _ in steps))}
-    found = []
-    for (cam, speed), step in sorted(steps.items(), key=lambda x: (order[x[0][0]], x[0][1])):
-        step.flights.end(settled=True)
-        if step.samples:
-            found.append(step.row(cam, speed, rate, levels.get(cam, {}).get(speed)))
-    return tuple(found)
+        taken.take(tick)
+    return taken.rows(levels)
 
 
 def speed_table(rows: Iterable[SpeedRow], title: str, rate: int) -> DataTable:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -95,10 +95,13 @@ def turned_ticks(loaded: LoadedScene) -> Iterator[TickSamples]:
         start = state
 
 
-def simulate(loaded: LoadedScene) -> Iterator[MeasuredTick]:
-    """Run the scene tick by tick."""
+def simulate(
+    loaded: LoadedScene, take: Callable[[TickSamples], None] = lambda _: None
+) -> Iterator[MeasuredTick]:
+    """Run the scene tick by tick; ``take`` gets each tick's samples, which are not kept."""
     microphone = MicrophoneSimulator.of(loaded)
     for tick in turned_ticks(loaded):
+        take(tick)
         pressure = microphone.listen(tick.rows, tick.interval.mean_speed)
         count = tick.rows.shape[1]
         yield MeasuredTick(tick.start, tick.interval.stop_ns, pressure, count, tick.steady)

@@ -121,3 +121,11 @@ def test_every_number_has_its_unit_in_its_name():
     plain = cam_rig.read_bag(GOLDEN).by_speed[0].plain()
     assert list(plain)[:6] == ["cam", "rpm", "turns", "level_db", "force_peak_N", "force_least_N"]
     assert plain["landing_N_s"] == 0.0
+
+
+def test_a_run_takes_its_rows_as_it_goes():
+    """Computed once: the rows are those of the samples gone through again."""
+    run = cam_rig.run_scene("quick")
+    found = [dataclasses.replace(row, level_db=None) for row in run.by_speed]
+    assert tuple(found) == rows_of(run.loaded)
+    assert all(row.level_db is not None for row in run.by_speed)

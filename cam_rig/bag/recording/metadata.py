@@ -97,12 +97,18 @@ def metadata(
     namespace : of the rig, before each topic's name
     """
     about = information(files, topics, namespace)
-    return yaml.safe_dump({"rosbag2_bagfile_information": about}, sort_keys=False).encode()
+    return _yaml({"rosbag2_bagfile_information": about}).encode()
 
 
 def metadata_record(files: Iterable[FileContent], namespace: str = "") -> dict[str, str]:
     """The content of the record that rosbag2 reads an MCAP file's metadata from."""
-    return {RECORD_KEY: yaml.safe_dump(information(files, (), namespace), sort_keys=False)}
+    return {RECORD_KEY: _yaml(information(files, (), namespace))}
+
+
+def _yaml(data: dict[str, Any]) -> str:
+    """As text; by libyaml where it is there, which takes a tenth of the time."""
+    dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+    return str(yaml.dump(data, Dumper=dumper, sort_keys=False))
 
 
 def together(files: Iterable[FileContent]) -> FileContent:

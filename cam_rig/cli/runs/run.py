@@ -17,6 +17,7 @@ from rich.markup import escape
 from cam_rig.cli.common.console import console, progress_bar, user_errors
 from cam_rig.cli.common.names import DEFAULT_SCENE, scene_path
 from cam_rig.cli.common.options import Namespace, Scene
+from cam_rig.runner.fork_server import ForkServer
 
 if TYPE_CHECKING:
     from cam_rig.runner.node_process import Arguments
@@ -78,7 +79,7 @@ def run(
 
     cam-rig run --split 100MB
     """
-    with user_errors():
+    with user_errors(), ForkServer().begin() as server:  # it imports while all is checked here
         from cam_rig.bag.recording.place import require_new_bag
         from cam_rig.bag.recording.split import Split
         from cam_rig.cli.common.screen import open_screen
@@ -94,7 +95,7 @@ def run(
         require_new_bag(target, limits.last_number)
         with open_screen(view, web) as screen:
             nodes = live(path, target, screen.address, limits, pacing=pacing)
-            _run(path, target, nodes, respawn, network, place)
+            _run(path, target, nodes, respawn, network, place, server)
             if analyze:
                 from cam_rig.cli.runs.analyze import analyze_bag
 
@@ -113,6 +114,7 @@ def _run(
     respawn: bool,
     network: bool,
     namespace: str,
+    server: ForkServer,
 ) -> None:
     from cam_rig.bag.complete import require_complete
     from cam_rig.messages.topics import FOLLOWER_SAMPLES
@@ -131,7 +133,7 @@ def _run(
     with (
         own_domain(namespace),
         progress_bar() as bar,
-        Graph(nodes, respawn, network, _log, namespace) as graph,
+        Graph(nodes, respawn, network, _log, namespace, server) as graph,
     ):
         task = bar.add_task("starting the nodes", total=tick_count(loaded.scene))
         for report in graph.progress():

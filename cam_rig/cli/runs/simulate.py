@@ -7,7 +7,6 @@ from cam_rig.cli.common.level_table import show
 from cam_rig.cli.common.names import DEFAULT_SCENE
 from cam_rig.cli.common.options import Csv, Json, Plot, Scene
 from cam_rig.cli.common.outputs import check_outputs
-from cam_rig.units import NS
 
 
 def simulate(
@@ -32,6 +31,7 @@ def simulate(
 
         from cam_rig import load_scene, run_scene
         from cam_rig.simulation.schedule import tick_count
+        from cam_rig.units import NS
 
         check_outputs(json_target, plot, csv)
         loaded = load_scene(scene)

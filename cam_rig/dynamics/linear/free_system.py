@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.linalg import expm
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.linear.impulse_response import response
+from cam_rig.dynamics.linear.scipy_linalg import expm
 from cam_rig.laws import bernstein
 
 #: Degree of the acceleration's power series within a window, and |A| t of the window: what is left

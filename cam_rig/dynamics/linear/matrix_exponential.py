@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import expm, matrix_balance
 
 from cam_rig.arrays import ComplexArray, FloatArray
 from cam_rig.dynamics.linear.impulse_response import response
+from cam_rig.dynamics.linear.scipy_linalg import expm, matrix_balance
 
 #: Modes whose shapes are more alike than this are not used: their digits would cancel.
 WORST_CONDITION = 1e4

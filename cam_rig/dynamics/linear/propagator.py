@@ -20,10 +20,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import expm, matrix_balance, schur, solve_sylvester
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.linear.matrix_exponential import free_motion
+from cam_rig.dynamics.linear.scipy_linalg import expm, matrix_balance, schur, solve_sylvester
 from cam_rig.laws import bernstein
 
 #: A part of a piece spans at most this |A|T of its slow modes: Picard's terms stay below e⁴.
@@ -44,7 +44,7 @@ def exponential(matrix: FloatArray, time: float) -> FloatArray:
     Scaling and squaring lets a vibration of 3000 rad drift by ten times as much, turn after turn.
     """
     if matrix.shape[0] != 2:
-        return np.asarray(expm(matrix * time), dtype=np.float64)
+        return expm(matrix * time)
     at = np.array([time])
     return np.stack([free_motion(matrix, unit, at)[:, 0] for unit in np.eye(2)], axis=1)
 
@@ -115,7 +115,7 @@ def piece(matrix: FloatArray, forcing: FloatArray, duration: float) -> ForcingPi
     settled = np.zeros((fast.shape[0], degree + 1))
     if fast.size:
         slope = derivative_matrix(degree) / duration
-        settled = np.asarray(solve_sylvester(fast, -slope.T, -inputs[k:]), dtype=np.float64)
+        settled = solve_sylvester(fast, -slope.T, -inputs[k:])
     parts = max(1, math.ceil(float(np.linalg.norm(slow, 2)) * duration / PICARD_REACH)) if k else 1
     length = duration / parts
     responses = []

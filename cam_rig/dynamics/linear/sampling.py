@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import expm
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.linear.matrix_exponential import free_grid, free_motion
 from cam_rig.dynamics.linear.response import LinearResponse, LinearRun, Part
+from cam_rig.dynamics.linear.scipy_linalg import expm
 from cam_rig.laws import bernstein
 from cam_rig.laws.sampling import CHUNK, MIDDLE, WIDEST_CHUNK, chunk_powers, samples_before
 
@@ -112,7 +112,7 @@ def _chunk(
         np.vstack([chunk_powers(degree), np.tensordot(flows, row, axes=([1], [0]))])
         for row in outputs.state
     ]
-    return np.stack(over), np.asarray(expm(model.matrix * (step * CHUNK)), dtype=np.float64)
+    return np.stack(over), expm(model.matrix * (step * CHUNK))
 
 
 def _fill(

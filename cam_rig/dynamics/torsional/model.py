@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,12 +18,13 @@ from cam_rig.dynamics.interval import (
     same_speed,
 )
 from cam_rig.dynamics.parameters import FollowerParameters
-from cam_rig.dynamics.torsional.motion import TorsionalMotion, solve
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
-from cam_rig.dynamics.torsional.steady import steady_state
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
+
+if TYPE_CHECKING:
+    from cam_rig.dynamics.torsional.motion import TorsionalMotion
 
 #: Numbers that a state with a free flywheel remembers.
 FREE = 4
@@ -67,6 +69,8 @@ def advance(
     DynamicsError : a cam that stands or turns back, or begins at another angle than ``state``
         ended
     """
+    from cam_rig.dynamics.torsional.motion import solve  # with scipy.linalg, which few scenes need
+
     require_turning(interval.mean_speed)
     require_joined(state, interval)
     inner = () if state is None else state.inner
@@ -98,6 +102,9 @@ def begin(
     inner : of the state before, empty for none; `inner_of` makes it
     last_speed : speed (rad/s) at which the state before ended, where it is known
     """
+    from cam_rig.dynamics.torsional.motion import solve
+    from cam_rig.dynamics.torsional.steady import steady_state
+
     angle, speed = interval.angle, interval.speed
     if parameters.flywheel_inertia is None or interval.acceleration != 0.0:
         twist, rate = inner[:2] or (0.0, 0.0)

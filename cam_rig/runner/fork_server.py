@@ -1,0 +1,229 @@
+"""The runner's half of the fork server: nodes that start with all their imports in memory.
+
+Five interpreters would import the same hundreds of modules. One process imports them for all
+(`cam_rig.nodes.fork_server`), and each node is forked from it: a process of its own all the same, a
+child of the runner's, with its own pid, session, output and exit code.
+
+Without the server (not Linux, an old kernel, it was killed) a node is started by itself, as
+`ros2 run` does.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from threading import Lock
+
+#: prctl's numbers for: orphans below this process become its children; whether they do.
+ADOPT, ADOPTS = 36, 37
+#: Wall time (s) that the server has to answer; a suspended one never does.
+PATIENCE_S = 60.0
+#: Bytes that a command line may have for `ps` to show all of it.
+COMMAND_ROOM = 8192
+#: Of the server and its nodes, unless the user has set another: with more it forks nothing.
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+_adopting_alone = Lock()
+
+
+class ForkedProcess:
+    """A forked node, as much of `subprocess.Popen` as the runner uses.
+
+    Parameters
+    ----------
+    pid : of a child of this process
+    stdout, stderr : pipes to read its output from
+    """
+
+    def __init__(self, pid: int, stdout: int, stderr: int) -> None:
+        self.pid = pid
+        self.returncode: int | None = None
+        self.stdout, self.stderr = os.fdopen(stdout), os.fdopen(stderr)
+        self._one_at_a_time = Lock()
+
+    def poll(self) -> int | None:
+        """The exit code, negative for a signal that ended it; None while it runs."""
+        with self._one_at_a_time:  # a second thread would find no child any more
+            if self.returncode is None:
+                pid, status = os.waitpid(self.pid, os.WNOHANG)
+                if pid:
+                    self.returncode = os.waitstatus_to_exitcode(status)
+        return self.returncode
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for its end.
+
+        Raises
+        ------
+        subprocess.TimeoutExpired : it has not ended within ``timeout`` (s)
+        """
+        while (code := self.poll()) is None:
+            try:
+                ended = os.pidfd_open(self.pid)
+            except ProcessLookupError:  # another thread has polled
+                continue
+            try:
+                waiter = select.poll()
+                waiter.register(ended, select.POLLIN)
+                if not waiter.poll(None if timeout is None else timeout * 1e3):
+                    raise subprocess.TimeoutExpired(str(self.pid), timeout or 0.0)
+            finally:
+                os.close(ended)
+        return code
+
+    def send_signal(self, number: int) -> None:
+        """Send a signal, unless it has ended."""
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        """End it by SIGKILL."""
+        self.send_signal(signal.SIGKILL)
+
+
+class ForkServer:
+    """The process that nodes are forked from; it ends with this object, and with the runner.
+
+    `begin` starts it, so that it imports while the runner does other things; else the first node
+    does.
+    """
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+        self._requests: socket.socket | None = None
+        self._usable = _is_possible()
+
+    def __enter__(self) -> ForkServer:
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self.close()
+
+    @property
+    def pid(self) -> int | None:
+        """Its process; None where there is none."""
+        return self._process.pid if self._process is not None else None
+
+    def begin(self) -> ForkServer:
+        """Start it, where that is possible and not done yet; it is not waited for."""
+        if self._usable and self._process is None:
+            self._begin()
+        return self
+
+    def _begin(self) -> None:
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        number = str(theirs.fileno())
+        command = [sys.executable, "-m", "cam_rig.nodes.fork_server", number, " " * COMMAND_ROOM]
+        try:
+            with theirs, signals_blocked():
+                self._process = subprocess.Popen(
+                    command,
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.DEVNULL,  # what fails here fails again in the node itself
+                    pass_fds=(theirs.fileno(),),
+                    env=ONE_THREAD | os.environ,
+                    start_new_session=True,
+                )
+        except (OSError, MemoryError):
+            ours.close()
+            self._usable = False
+            return
+        ours.settimeout(PATIENCE_S)
+        self._requests = ours
+
+    def start(
+        self, command: Sequence[str], environment: dict[str, str], pipe: int | None
+    ) -> ForkedProcess | None:
+        """Start the node of a command (`python -m cam_rig.nodes NAME ...`).
+
+        Parameters
+        ----------
+        pipe : a file descriptor that the node gets too, under the same number
+
+        Returns
+        -------
+        process : None where the server cannot; the node is then to be started by itself
+        """
+        self.begin()
+        if self._requests is None:
+            return None
+        (out, node_out), (err, node_err), (leash, go) = os.pipe(), os.pipe(), os.pipe()
+        theirs = [leash, node_out, node_err, *([] if pipe is None else [pipe])]
+        request: dict[str, object] = {
+            "argv": list(command),
+            "environment": environment,
+            "folder": os.getcwd(),
+            "numbers": [1, 2, *([] if pipe is None else [pipe])],
+        }
+        started = None
+        try:
+            if pid := self._fork(request, theirs):
+                started = ForkedProcess(pid, out, err)
+                os.write(go, b"!")  # without it, as when a signal interrupts this, the node ends
+        finally:
+            for end in (leash, go, node_out, node_err, *(() if started else (out, err))):
+                os.close(end)
+        return started
+
+    def _fork(self, request: dict[str, object], streams: list[int]) -> int | None:
+        """The pid of a forked node, a child of this process; None from a server that is lost."""
+        assert self._requests is not None
+        try:
+            with _adopting():
+                socket.send_fds(self._requests, [json.dumps(request).encode()], streams)
+                return int(self._requests.recv(32))
+        except (OSError, ValueError):  # killed, suspended, unable to fork: no answer, or no number
+            self.close()
+        except BaseException:  # its answer would be taken for the next one's
+            self.close()
+            raise
+        return None
+
+    def close(self) -> None:
+        """End it; the nodes stay."""
+        if self._requests is not None:
+            self._requests.close()
+            self._requests = None
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+        self._usable = False
+
+
+@contextmanager
+def signals_blocked() -> Iterator[None]:
+    """A process that is started here gets no signal that ends it until it unblocks them itself."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _adopting() -> Iterator[None]:
+    """Meanwhile what the server leaves an orphan becomes a child of this process."""
+    prctl, before = ctypes.CDLL(None).prctl, ctypes.c_int()
+    with _adopting_alone:
+        prctl(ADOPTS, ctypes.byref(before))
+        prctl(ADOPT, 1)
+        try:
+            yield
+        finally:
+            prctl(ADOPT, before)
+
+
+def _is_possible() -> bool:
+    """Whether this system has what the server needs."""
+    with suppress(AttributeError, OSError):
+        os.close(os.pidfd_open(os.getpid()))
+        return sys.platform == "linux"
+    return False
