@@ -196,7 +196,7 @@ def _from_table(
     tolerance: float | None,
 ) -> FoundRig:
     from cam_rig.plots.measured.rig_fit import draw_jump_fit
-    from cam_rig.schema.jump_table import read_jump_table
+    from cam_rig.schema.bench_tables.jump_table import read_jump_table
     from cam_rig.studies.rig_fit.conclusions import jump_conclusions
     from cam_rig.studies.rig_fit.jump_fit import fit_jumps
     from cam_rig.studies.rig_fit.tables import (

@@ -13,7 +13,7 @@ import typer
 from cam_rig.cli.common.console import say, show
 
 if TYPE_CHECKING:
-    from cam_rig.schema.gauge_table import GaugeColumn, GaugeTable
+    from cam_rig.schema.bench_tables.gauge_table import GaugeColumn, GaugeTable
     from cam_rig.studies.cam_fit.arcs_fit import ArcsFit
     from cam_rig.studies.cam_fit.cam_file import CamFiles, FollowerKind, Known
     from cam_rig.studies.cam_fit.readings import Readings
@@ -90,7 +90,7 @@ class FitRequest:
         LawError : nothing of the shape comes near them
         """
         from cam_rig.errors import ConfigError
-        from cam_rig.schema.gauge_table import read_gauge_table
+        from cam_rig.schema.bench_tables.gauge_table import read_gauge_table
         from cam_rig.studies.cam_fit.readings import gap_note, put_in_order
         from cam_rig.studies.cam_fit.spline_fit import fit_spline
 

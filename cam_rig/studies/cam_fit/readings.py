@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError
 from cam_rig.laws.families.scatter import WINDOW, differences, scatter, scatter_error
-from cam_rig.schema.gauge_table import GaugeColumn, GaugeTable
+from cam_rig.schema.bench_tables.gauge_table import GaugeColumn, GaugeTable
 from cam_rig.schema.segments.table import FEWEST_POINTS, MAX_POINTS, WIDEST_GAP_DEG
 from cam_rig.units import TURN
 

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.studies.rig_fit.likelihood import FAR, ZERO, Likelihood, Predicted
+from cam_rig.studies.rig_fit.instruments import ZERO
+from cam_rig.studies.rig_fit.likelihood import FAR, Likelihood, Predicted
 from cam_rig.studies.rig_fit.search import (
-    Solution,
+    FitSolution,
     continued,
     landings_of,
     search,
@@ -29,7 +30,7 @@ SQUARE_95 = 3.84
 WITHIN_95 = 1.96
 
 
-def with_bounces(found: Solution, given: dict[str, float]) -> Solution:
+def with_bounces(found: FitSolution, given: dict[str, float]) -> FitSolution:
     """The restitution beside the other numbers.
 
     Where bounces are lower than the noise of the lift, no slope tells it, and a search drifts off:
@@ -68,7 +69,7 @@ class Tried:
     phases: FloatArray
 
 
-def _tried(found: Solution, names: tuple[str, ...], bounce: float) -> Tried:
+def _tried(found: FitSolution, names: tuple[str, ...], bounce: float) -> Tried:
     """A restitution beside the other numbers as they are."""
     values = found.likelihood.values(found.x) | {"restitution": bounce}
     new, x = continued(found, names, values)
@@ -110,7 +111,7 @@ def _off(
     return (shown - hold.force.value[likelihood.kept[i]]) / likelihood.force_deviation(i)
 
 
-def most_bounce(found: Solution) -> float:
+def most_bounce(found: FitSolution) -> float:
     """The restitution beyond which what was measured is not likely any more, with 95 %."""
     likelihood, sought = found.likelihood, found.likelihood.sought
     at, least = sought.index("restitution"), float(found.residuals @ found.residuals)

@@ -11,9 +11,10 @@ from cam_rig.arrays import FloatArray, rms
 from cam_rig.laws import Law
 from cam_rig.simulation.measured_run import MeasuredRun
 from cam_rig.studies.rig_fit.bounces import WITHIN_95, most_bounce
-from cam_rig.studies.rig_fit.likelihood import BACKLASH, RATIO, RESONANCE, ZERO, Likelihood
+from cam_rig.studies.rig_fit.instruments import BACKLASH, RATIO, RESONANCE, ZERO
+from cam_rig.studies.rig_fit.likelihood import Likelihood
 from cam_rig.studies.rig_fit.numbers import NUMBERS, ONE_MASS, TWO_MASSES, slope
-from cam_rig.studies.rig_fit.search import Solution, landings_of
+from cam_rig.studies.rig_fit.search import FitSolution, landings_of
 from cam_rig.studies.rig_fit.uncertainty import Uncertainty, uncertainty
 from cam_rig.units import TURN
 
@@ -93,7 +94,7 @@ class RigFit:
     correlation: FloatArray
     holds: tuple[HoldFit, ...]
     gauges: Gauges
-    solution: Solution
+    solution: FitSolution
     alike: tuple[float, float]
     notes: tuple[str, ...] = ()
 
@@ -110,7 +111,11 @@ class RigFit:
 
 
 def found_of(
-    law: Law, run: MeasuredRun, solution: Solution, given: dict[str, float], scale: tuple[str, ...]
+    law: Law,
+    run: MeasuredRun,
+    solution: FitSolution,
+    given: dict[str, float],
+    scale: tuple[str, ...],
 ) -> RigFit:
     """All that a solution says.
 
@@ -147,7 +152,7 @@ def found_of(
 
 def _number(
     name: str,
-    solution: Solution,
+    solution: FitSolution,
     errors: Uncertainty,
     given: dict[str, float],
     scale: tuple[str, ...],
@@ -204,7 +209,7 @@ def _blind(
     return "nothing that was measured changes with it"
 
 
-def _hold_fit(solution: Solution, i: int) -> HoldFit:
+def _hold_fit(solution: FitSolution, i: int) -> HoldFit:
     likelihood = solution.likelihood
     hold, predicted = likelihood.holds[i], likelihood.predicted(solution.x, i)
     assert predicted is not None  # a search ends at steady turns
@@ -221,7 +226,7 @@ def _hold_fit(solution: Solution, i: int) -> HoldFit:
     )
 
 
-def _gauges(solution: Solution, errors: Uncertainty) -> Gauges:
+def _gauges(solution: FitSolution, errors: Uncertainty) -> Gauges:
     """Offset and clock are a line through the phases: ψ = −offset − clock ω t."""
     likelihood, x = solution.likelihood, solution.x
     where, holds = likelihood.instruments, likelihood.holds

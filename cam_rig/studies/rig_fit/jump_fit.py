@@ -17,7 +17,7 @@ from cam_rig.arrays import FloatArray, rms
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
-from cam_rig.schema.jump_table import JumpReading, JumpTable
+from cam_rig.schema.bench_tables.jump_table import JumpReading, JumpTable
 from cam_rig.studies.jump.any_rig import find_jump
 from cam_rig.studies.rig_fit.bounces import WITHIN_95
 from cam_rig.studies.rig_fit.found import TOLD, FoundNumber

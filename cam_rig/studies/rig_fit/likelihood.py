@@ -18,6 +18,15 @@ from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.interval import Event
 from cam_rig.laws import Law
+from cam_rig.studies.rig_fit.instruments import (
+    BACKLASH,
+    CLOCK,
+    RATIO,
+    RESONANCE,
+    SINGLE,
+    ZERO,
+    Instruments,
+)
 from cam_rig.studies.rig_fit.measured_turns import MeasuredHold
 from cam_rig.studies.rig_fit.numbers import (
     NUMBERS,
@@ -28,7 +37,7 @@ from cam_rig.studies.rig_fit.numbers import (
 )
 from cam_rig.studies.rig_fit.sensor import resonant
 from cam_rig.studies.rig_fit.steady_turn import (
-    SteadyTurn,
+    PeriodicTurn,
     TwoMassTurn,
     one_mass_turn,
     two_mass_turn,
@@ -39,12 +48,6 @@ from cam_rig.units import TURN
 STEP, ANGLE_STEP = 1e-5, 1e-6
 #: The clock's error is sought in parts of this.
 PPM = 1e-6
-#: Errors of the instruments: of the sensors' clock (ppm), the lift's zero and backlash (m), a
-#: resonance of the force sensor (logarithm of its frequency in Hz, and damping ratio).
-CLOCK, ZERO, BACKLASH, RESONANCE, RATIO = SINGLE = (
-    *("clock", "zero", "backlash"),
-    *("sensor_frequency", "sensor_damping"),
-)
 #: What is off by a little at a landing is off by more at its bounces: of the angle since.
 SERIES = 0.5
 #: Residual, in standard deviations, of a follower without a steady turn.
@@ -53,44 +56,11 @@ FAR = 1e3
 SIDES, STILL = np.linspace(0.0, TURN, 4097), 1e-6
 
 
-@dataclass(frozen=True)
-class Instruments:
-    """Where the numbers of the instruments stand behind those of the follower.
-
-    ``first`` is how many those are, ``single`` the names of what there is once for all holds.
-    """
-
-    first: int
-    holds: int
-    single: tuple[str, ...]
-
-    @property
-    def phases(self) -> slice:
-        """Of each hold, rad."""
-        return slice(self.first, self.first + self.holds)
-
-    @property
-    def speeds(self) -> slice:
-        """Of each hold: how far its speed is off, in standard errors of the encoder's."""
-        return slice(self.first + self.holds, self.first + 2 * self.holds)
-
-    def at(self, name: str) -> int | None:
-        """Where one of `SINGLE` stands; None where it is not sought."""
-        if name not in self.single:
-            return None
-        return self.first + 2 * self.holds + self.single.index(name)
-
-    @property
-    def size(self) -> int:
-        """How many numbers there are, the follower's among them."""
-        return self.first + 2 * self.holds + len(self.single)
-
-
 @dataclass(frozen=True, eq=False)
 class Predicted:
     """A hold as the numbers make it: the steady turn, and lift and force at its samples."""
 
-    turn: SteadyTurn
+    turn: PeriodicTurn
     lift_angle: FloatArray
     force_angle: FloatArray
     lift: FloatArray
@@ -169,7 +139,9 @@ class Likelihood:
         hold = self.holds[i]
         return hold.speed + float(x[self.instruments.speeds][i]) * hold.hold.speed_error
 
-    def predicted(self, x: FloatArray, i: int, near: SteadyTurn | None = None) -> Predicted | None:
+    def predicted(
+        self, x: FloatArray, i: int, near: PeriodicTurn | None = None
+    ) -> Predicted | None:
         """A hold as the numbers make it; None where they make no steady turn."""
         speed = self.speed_of(x, i)
         turn = _steady(self.law, self.follower(x), speed, near)
@@ -183,7 +155,7 @@ class Likelihood:
         return Predicted(turn, lift_angle, force_angle, lift, force)
 
     def _sensed(
-        self, x: FloatArray, turn: SteadyTurn, speed: float
+        self, x: FloatArray, turn: PeriodicTurn, speed: float
     ) -> Callable[[FloatArray], FloatArray]:
         """The force (N) over the cam angle (rad) as the sensor shows it."""
         if not self.resonance:
@@ -324,8 +296,8 @@ def _landings(events: Iterable[Event]) -> list[tuple[float, float]]:
 
 
 def _steady(
-    law: Law, follower: Follower, speed: float, near: SteadyTurn | None
-) -> SteadyTurn | None:
+    law: Law, follower: Follower, speed: float, near: PeriodicTurn | None
+) -> PeriodicTurn | None:
     if isinstance(follower, FollowerParameters):
         return one_mass_turn(law, follower, speed)
     return two_mass_turn(law, follower, speed, near if isinstance(near, TwoMassTurn) else None)

@@ -14,22 +14,22 @@ from cam_rig.studies.rig_fit.holds import Hold, steady_holds
 
 #: Turns of a hold that are left out, for the follower to settle, where it has twice as many.
 SETTLE_TURNS = 1.0
-#: Samples of a quantity that are fitted, at most; of more every k-th is taken.
+#: HoldSamples of a quantity that are fitted, at most; of more every k-th is taken.
 MOST_SAMPLES = 40_000
-#: Samples of a hold, at least.
+#: HoldSamples of a hold, at least.
 LEAST_SAMPLES = 20
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class HoldSamples:
     """One quantity in one hold: times since the hold's middle (s) and values (SI), ``(n,)``."""
 
     since: FloatArray
     value: FloatArray
 
-    def where(self, kept: NDArray[np.bool_]) -> Samples:
+    def where(self, kept: NDArray[np.bool_]) -> HoldSamples:
         """Some of them."""
-        return Samples(self.since[kept], self.value[kept])
+        return HoldSamples(self.since[kept], self.value[kept])
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +38,8 @@ class MeasuredHold:
 
     hold: Hold
     angle: float
-    lift: Samples
-    force: Samples
+    lift: HoldSamples
+    force: HoldSamples
 
     @property
     def speed(self) -> float:
@@ -90,9 +90,9 @@ def _every(signal: Signal | None, holds: list[Hold]) -> int:
     return -(-count // MOST_SAMPLES) or 1
 
 
-def _within(signal: Signal | None, hold: Hold, every: int) -> Samples:
+def _within(signal: Signal | None, hold: Hold, every: int) -> HoldSamples:
     if signal is None:
-        return Samples(np.empty(0), np.empty(0))
+        return HoldSamples(np.empty(0), np.empty(0))
     inside = _inside(signal, hold)
     middle = 0.5 * (hold.begin + hold.end)
-    return Samples(signal.time[inside][::every] - middle, signal.value[inside][::every])
+    return HoldSamples(signal.time[inside][::every] - middle, signal.value[inside][::every])

@@ -13,9 +13,10 @@ import numpy as np
 
 from cam_rig.arrays import FloatArray
 from cam_rig.studies.rig_fit.bounces import with_bounces
-from cam_rig.studies.rig_fit.likelihood import BACKLASH, RATIO, RESONANCE, ZERO, Likelihood
+from cam_rig.studies.rig_fit.instruments import BACKLASH, RATIO, RESONANCE, ZERO
+from cam_rig.studies.rig_fit.likelihood import Likelihood
 from cam_rig.studies.rig_fit.numbers import ONE_MASS, TWO_MASSES
-from cam_rig.studies.rig_fit.search import Solution, continued, landings_of, log_ratio, search
+from cam_rig.studies.rig_fit.search import FitSolution, continued, landings_of, log_ratio, search
 from cam_rig.studies.rig_fit.start import likely_stem
 from cam_rig.studies.rig_fit.uncertainty import uncertainty
 from cam_rig.units import TURN
@@ -28,7 +29,7 @@ COLOURED = 1.5
 PLAY = 6.0
 
 
-def one_mass(aligned: Solution, given: dict[str, float]) -> Solution:
+def one_mass(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
     """One rigid mass; the restitution once there are landings to tell it.
 
     First at the speeds without landings, if there are any: there a wrong restitution does no harm.
@@ -40,7 +41,7 @@ def one_mass(aligned: Solution, given: dict[str, float]) -> Solution:
     if any(flying) and any(aligned.likelihood.holds[i].force.value.size for i in quiet):
         still = search(*continued(aligned, smooth, values, only=quiet))
         new, x = continued(aligned, smooth, still.likelihood.values(still.x))
-        found = Solution(new, _with_phases_of(still, new, x), aligned.slopes, aligned.residuals)
+        found = FitSolution(new, _with_phases_of(still, new, x), aligned.slopes, aligned.residuals)
     else:
         found = search(*continued(aligned, smooth, values))
     if any(landings_of(found.likelihood, found.x)):
@@ -53,7 +54,7 @@ def one_mass(aligned: Solution, given: dict[str, float]) -> Solution:
     return found
 
 
-def _with_phases_of(still: Solution, new: Likelihood, x: FloatArray) -> FloatArray:
+def _with_phases_of(still: FitSolution, new: Likelihood, x: FloatArray) -> FloatArray:
     """``x`` with the instruments of some holds, and phases of all on their line ψ = a + b ω t."""
     design = [
         np.array([[1.0, h.speed * 0.5 * (h.hold.begin + h.hold.end)] for h in like.holds])
@@ -70,7 +71,7 @@ def _with_phases_of(still: Solution, new: Likelihood, x: FloatArray) -> FloatArr
     return found
 
 
-def _two_masses(one: Solution, stem: dict[str, float], given: dict[str, float]) -> Solution:
+def _two_masses(one: FitSolution, stem: dict[str, float], given: dict[str, float]) -> FitSolution:
     """Two masses, from a stem beside the numbers of one."""
     values = one.likelihood.values(one.x) | {"restitution": given.get("restitution", 0.0)}
     sought = tuple(name for name in TWO_MASSES if name not in given and name != "restitution")
@@ -80,7 +81,7 @@ def _two_masses(one: Solution, stem: dict[str, float], given: dict[str, float]) 
     return found
 
 
-def _with_resonance(one: Solution, stem: dict[str, float]) -> Solution:
+def _with_resonance(one: FitSolution, stem: dict[str, float]) -> FitSolution:
     """One mass under a force sensor that vibrates as the likeliest stem does."""
     values = one.likelihood.values(one.x)
     end = values["mass"] * (1.0 - stem["roller_share"])
@@ -94,11 +95,11 @@ def _with_resonance(one: Solution, stem: dict[str, float]) -> Solution:
 
 
 def elastic(
-    one: Solution,
+    one: FitSolution,
     given: dict[str, float],
     model: str | None,
     on_step: Callable[[str], None],
-) -> Solution:
+) -> FitSolution:
     """What vibrates: the force sensor, where that explains all, else the stem; or nothing."""
     stem, gain = likely_stem(one.likelihood, one.x)
     if model is None and gain < CLEARLY_LIKELIER:
@@ -118,7 +119,7 @@ def elastic(
     return best
 
 
-def _has_play(found: Solution) -> bool:
+def _has_play(found: FitSolution) -> bool:
     """Whether what is left of the lift stands apart after rises and after falls."""
     likelihood = found.likelihood
     if likelihood.instruments.at(ZERO) is None:
@@ -128,5 +129,5 @@ def _has_play(found: Solution) -> bool:
     at = new.instruments.at(BACKLASH)
     assert at is not None
     step, *_ = np.linalg.lstsq(slopes, -residuals, rcond=1e-12)
-    error = uncertainty(Solution(new, x, slopes, residuals + slopes @ step)).errors[at]
+    error = uncertainty(FitSolution(new, x, slopes, residuals + slopes @ step)).errors[at]
     return bool(abs(step[at]) > PLAY * error)

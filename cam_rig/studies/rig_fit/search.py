@@ -14,7 +14,8 @@ from scipy.optimize import least_squares, nnls
 
 from cam_rig.arrays import FloatArray, rms
 from cam_rig.errors import ConfigError
-from cam_rig.studies.rig_fit.likelihood import RATIO, Likelihood
+from cam_rig.studies.rig_fit.instruments import RATIO
+from cam_rig.studies.rig_fit.likelihood import Likelihood
 from cam_rig.studies.rig_fit.numbers import search_limits, to_search
 
 #: Looks at which samples lie beside a landing, at most; distances from one, rad.
@@ -30,7 +31,7 @@ NOISE_ROUNDS, LEAST_FLOOR = 4, 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class FitSolution:
     """Where a search ended: what is sought, its slopes and residuals in standard deviations.
 
     ``bounce`` is a restitution with its standard error that was found beside the search.
@@ -48,7 +49,7 @@ class Solution:
         return float(self.residuals @ self.residuals)
 
 
-def search(likelihood: Likelihood, x: FloatArray) -> Solution:
+def search(likelihood: Likelihood, x: FloatArray) -> FitSolution:
     """The least squares from ``x`` on, with the noise and the samples beside landings anew."""
     bounds = _limits(likelihood, x.size)
     inner = [
@@ -74,7 +75,7 @@ def search(likelihood: Likelihood, x: FloatArray) -> Solution:
             max_nfev=FIRST_STEPS if i < 2 else MOST_STEPS,
         )
         x = np.clip(found.x, inner[: x.size], inner[x.size :])
-    return Solution(likelihood, found.x, np.asarray(found.jac), found.fun)
+    return FitSolution(likelihood, found.x, np.asarray(found.jac), found.fun)
 
 
 def _limits(likelihood: Likelihood, size: int) -> tuple[FloatArray, FloatArray]:
@@ -128,7 +129,7 @@ def noise_of(residual: FloatArray, force: FloatArray) -> tuple[float, float]:
 
 
 def continued(
-    before: Solution,
+    before: FitSolution,
     sought: tuple[str, ...],
     values: dict[str, float],
     play: bool | None = None,
@@ -178,7 +179,7 @@ def landings_of(likelihood: Likelihood, x: FloatArray) -> list[int]:
     ]
 
 
-def log_ratio(one: Solution, other: Solution) -> float:
+def log_ratio(one: FitSolution, other: FitSolution) -> float:
     """Logarithm of how much likelier what was measured is by one solution than by another.
 
     Of the holds that both have, and there of the samples that lie beside a landing of neither.

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from cam_rig.arrays import FloatArray
-from cam_rig.studies.rig_fit.steady_turn import SteadyTurn
+from cam_rig.studies.rig_fit.steady_turn import PeriodicTurn
 from cam_rig.units import TURN
 
 #: Cam angles at which the force of a turn is taken.
@@ -24,7 +24,7 @@ BESIDE = 1e-9
 
 
 def resonant(
-    turn: SteadyTurn, speed: float, frequency: float, ratio: float
+    turn: PeriodicTurn, speed: float, frequency: float, ratio: float
 ) -> Callable[[FloatArray], FloatArray]:
     """The force (N) that the sensor shows, over the cam angle (rad).
 
@@ -50,7 +50,7 @@ def resonant(
     return lambda angle: np.asarray(curve(np.mod(angle, TURN)))
 
 
-def _share(force: FloatArray, turn: SteadyTurn, angle: float, width: float) -> None:
+def _share(force: FloatArray, turn: PeriodicTurn, angle: float, width: float) -> None:
     """Let the point beside a landing at an angle (rad) have its part of the force on either side.
 
     So what is shown changes steadily with where the landing is.

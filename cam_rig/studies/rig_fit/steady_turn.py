@@ -27,7 +27,7 @@ SAME = 1e-11
 MOST_STEPS, STEP = 12, 1e-6
 
 
-class SteadyTurn(Protocol):
+class PeriodicTurn(Protocol):
     """A turn of a follower that comes back to itself."""
 
     @property

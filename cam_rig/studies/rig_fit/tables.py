@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from cam_rig.arrays import FloatArray
-from cam_rig.schema.jump_table import JumpReading
+from cam_rig.schema.bench_tables.jump_table import JumpReading
 from cam_rig.studies.rig_fit.found import FoundNumber, HoldFit, RigFit
 from cam_rig.studies.rig_fit.jump_fit import JumpFit
 from cam_rig.tables import Cell, Column, DataTable, tabulate

@@ -12,7 +12,7 @@ import numpy as np
 
 from cam_rig.arrays import FloatArray
 from cam_rig.studies.rig_fit.holds import correlation_length
-from cam_rig.studies.rig_fit.search import Solution
+from cam_rig.studies.rig_fit.search import FitSolution
 
 #: Directions in which the residuals change by less than this part of the most are told by nothing.
 BLIND = 1e-6
@@ -38,7 +38,7 @@ class Uncertainty:
         return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
 
 
-def uncertainty(solution: Solution) -> Uncertainty:
+def uncertainty(solution: FitSolution) -> Uncertainty:
     """Standard errors of a solution."""
     slopes, residuals = solution.slopes, solution.residuals
     weights, alike, at = np.ones(residuals.size), [1.0, 1.0], 0

@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 
 from cam_rig.errors import LawError
 from cam_rig.laws.arcs.law import ArcFollower
-from cam_rig.schema.gauge_table import read_gauge_table
+from cam_rig.schema.bench_tables.gauge_table import read_gauge_table
 from cam_rig.studies.cam_fit.arcs_fit import NO_CONTOUR, Arcs, fit_arcs
 from cam_rig.studies.cam_fit.conclusions import arcs_conclusions
 from cam_rig.studies.cam_fit.readings import put_in_order

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cam_rig.errors import ConfigError
-from cam_rig.schema.cells import MAX_LINES
-from cam_rig.schema.gauge_table import read_gauge_table
-from cam_rig.schema.headings import heading
+from cam_rig.schema.bench_tables.cells import MAX_LINES
+from cam_rig.schema.bench_tables.gauge_table import read_gauge_table
+from cam_rig.schema.bench_tables.headings import heading
 
 ANGLES, LIFTS = [0.0, 10.0, 20.0], [0.0, 0.25, 1.5]  # deg, mm
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from cam_rig.errors import ConfigError
 from cam_rig.files import shown
-from cam_rig.schema.cells import CellTable, read_lines
-from cam_rig.schema.headings import plain_words
+from cam_rig.schema.bench_tables.cells import CellTable, read_lines
+from cam_rig.schema.bench_tables.headings import plain_words
 from cam_rig.units import RPM, TURN
 
 #: What a heading's words begin with, in English, Spanish, German, French, Italian, Portuguese.

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from cam_rig.errors import ConfigError
 from cam_rig.files import read_bytes, shown
-from cam_rig.schema.headings import Heading, heading
+from cam_rig.schema.bench_tables.headings import Heading, heading
 from cam_rig.schema.points import MAX_BYTES
 
 SEPARATORS = {";": "semicolon", "\t": "tab", ",": "comma", " ": "space"}

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from cam_rig.errors import ConfigError
 from cam_rig.files import shown
-from cam_rig.schema.cells import CellTable, count_numbers, read_lines
-from cam_rig.schema.headings import Heading
+from cam_rig.schema.bench_tables.cells import CellTable, count_numbers, read_lines
+from cam_rig.schema.bench_tables.headings import Heading
 from cam_rig.units import TURN
 
 #: Angles without a unit are rad where they go round in so much at most, else deg.

@@ -1,0 +1,1 @@
+"""Tables of readings as gauges, spreadsheets and people write them."""
