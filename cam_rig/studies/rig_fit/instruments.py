@@ -4,12 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from cam_rig.arrays import FloatArray
+from cam_rig.laws import Law
+from cam_rig.units import TURN
+
 #: Errors of the instruments: of the sensors' clock (ppm), the lift's zero and backlash (m), a
 #: resonance of the force sensor (logarithm of its frequency in Hz, and damping ratio).
 CLOCK, ZERO, BACKLASH, RESONANCE, RATIO = SINGLE = (
     *("clock", "zero", "backlash"),
     *("sensor_frequency", "sensor_damping"),
 )
+
+#: Cam angles (rad) at which the side of a play is known; a cam slower than this part stands still.
+SIDES, STILL = np.linspace(0.0, TURN, 4097), 1e-6
 
 
 @dataclass(frozen=True)
@@ -43,3 +52,12 @@ class Instruments:
     def size(self) -> int:
         """How many numbers there are, the follower's among them."""
         return self.first + 2 * self.holds + len(self.single)
+
+
+def side_of(law: Law, angle: FloatArray) -> FloatArray:
+    """1 after a rise and -1 after a fall at cam angles (rad): where play is taken up."""
+    slope = law.motion_at(SIDES)[1]
+    moving = np.abs(slope) > STILL * np.abs(slope).max()
+    last = np.maximum.accumulate(np.where(moving, np.arange(slope.size), -1))
+    last = np.where(last < 0, np.flatnonzero(moving)[-1], last)
+    return np.asarray(np.sign(slope[last])[np.searchsorted(SIDES, np.mod(angle, TURN)) - 1])

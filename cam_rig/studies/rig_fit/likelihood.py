@@ -26,6 +26,7 @@ from cam_rig.studies.rig_fit.instruments import (
     SINGLE,
     ZERO,
     Instruments,
+    side_of,
 )
 from cam_rig.studies.rig_fit.measured_turns import MeasuredHold
 from cam_rig.studies.rig_fit.numbers import (
@@ -35,8 +36,8 @@ from cam_rig.studies.rig_fit.numbers import (
     from_search,
     to_search,
 )
-from cam_rig.studies.rig_fit.sensor import resonant
-from cam_rig.studies.rig_fit.steady_turn import (
+from cam_rig.studies.rig_fit.turn.sensor import resonant
+from cam_rig.studies.rig_fit.turn.steady_turn import (
     PeriodicTurn,
     TwoMassTurn,
     one_mass_turn,
@@ -52,8 +53,6 @@ PPM = 1e-6
 SERIES = 0.5
 #: Residual, in standard deviations, of a follower without a steady turn.
 FAR = 1e3
-#: Cam angles (rad) at which the side of a play is known; a cam slower than this part stands still.
-SIDES, STILL = np.linspace(0.0, TURN, 4097), 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +149,7 @@ class Likelihood:
         lift_angle, force_angle = self.angles(x, i)
         lift = turn.at(lift_angle)[0] + self.single(x, ZERO)
         if (play := self.single(x, BACKLASH)) != 0.0:
-            lift = lift - 0.5 * play * self.side(lift_angle)
+            lift = lift - 0.5 * play * side_of(self.law, lift_angle)
         force = self._sensed(x, turn, speed)(force_angle)
         return Predicted(turn, lift_angle, force_angle, lift, force)
 
@@ -162,14 +161,6 @@ class Likelihood:
             return lambda angle: turn.at(angle)[1]
         frequency = float(np.exp(self.single(x, RESONANCE)))
         return resonant(turn, speed, frequency, self.single(x, RATIO))
-
-    def side(self, angle: FloatArray) -> FloatArray:
-        """1 after a rise and -1 after a fall at cam angles (rad): where play is taken up."""
-        slope = self.law.motion_at(SIDES)[1]
-        moving = np.abs(slope) > STILL * np.abs(slope).max()
-        last = np.maximum.accumulate(np.where(moving, np.arange(slope.size), -1))
-        last = np.where(last < 0, np.flatnonzero(moving)[-1], last)
-        return np.asarray(np.sign(slope[last])[np.searchsorted(SIDES, np.mod(angle, TURN)) - 1])
 
     def angles(self, x: FloatArray, i: int) -> tuple[FloatArray, FloatArray]:
         """Cam angle (rad) at the samples of lift, and at those of force that count, of a hold."""
@@ -229,7 +220,7 @@ class Likelihood:
         if (at := where.at(ZERO)) is not None:
             out[: sizes[0], at] = 1.0
         if (at := where.at(BACKLASH)) is not None:
-            out[: sizes[0], at] = -0.5 * self.side(base.lift_angle)
+            out[: sizes[0], at] = -0.5 * side_of(self.law, base.lift_angle)
         for at in filter(None, (where.at(RESONANCE), where.at(RATIO))):
             beside = x + STEP * (np.arange(x.size) == at)
             force = self._sensed(beside, base.turn, self.speed_of(x, i))(base.force_angle)

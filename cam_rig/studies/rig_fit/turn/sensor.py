@@ -14,7 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from cam_rig.arrays import FloatArray
-from cam_rig.studies.rig_fit.steady_turn import PeriodicTurn
+from cam_rig.studies.rig_fit.turn.steady_turn import PeriodicTurn
 from cam_rig.units import TURN
 
 #: Cam angles at which the force of a turn is taken.
