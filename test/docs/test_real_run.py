@@ -34,4 +34,4 @@ def test_every_command_of_the_page_runs(tmp_path, monkeypatch):
         "/mic": (number, run.level.time, run.level.value),
     }
     write_bag(Path("bags/bench"), topics)
-    assert follow(DOCS / "real_run.md") == 2
+    assert follow(DOCS / "real_run.md") == 3

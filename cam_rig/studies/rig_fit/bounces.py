@@ -34,7 +34,8 @@ def with_bounces(found: FitSolution, given: dict[str, float]) -> FitSolution:
     """The restitution beside the other numbers.
 
     Where bounces are lower than the noise of the lift, no slope tells it, and a search drifts off:
-    then it is that of the forces, which are there or not, with the interval that they leave.
+    then it is that of the forces, which are there or not. Its standard error is half the interval
+    that they leave, as the other numbers were not sought with it.
     """
     values = found.likelihood.values(found.x)
     if "restitution" in given:
@@ -57,7 +58,7 @@ def with_bounces(found: FitSolution, given: dict[str, float]) -> FitSolution:
     new, x = continued(found, names, values | {"restitution": middle.bounce})
     x[new.instruments.phases] = middle.phases
     half = 0.5 * (high - low + (ends[1] - ends[0]) / FINER)
-    return replace(search(new, x), bounce=(middle.bounce, half / WITHIN_95))
+    return replace(search(new, x), bounce=(middle.bounce, half))
 
 
 @dataclass(frozen=True, eq=False)

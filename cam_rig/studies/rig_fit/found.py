@@ -107,7 +107,7 @@ class RigFit:
     def correlated(self) -> tuple[str, ...]:
         """The names of those in ``correlation``."""
         sought = self.solution.likelihood.sought
-        return tuple(number.name for number in self.identified if number.name in sought)
+        return tuple(n.name for n in self.identified if n.name in sought and n.value)
 
 
 def found_of(
@@ -133,7 +133,7 @@ def found_of(
     told = [
         likelihood.sought.index(n.name)
         for n in numbers
-        if n.name in likelihood.sought and n.value is not None
+        if n.name in likelihood.sought and n.value  # a restitution of none has no slope
     ]
     part = errors.covariance[np.ix_(told, told)]
     deviation = np.maximum(np.sqrt(np.diag(part)), 1e-300)

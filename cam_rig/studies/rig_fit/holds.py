@@ -79,9 +79,11 @@ def count_of(angle: Signal) -> float:
     steps = steps[steps > 1e-12]
     if not steps.size:
         return 0.0
-    smallest = float(steps.min())
-    for part in range(1, 5):  # the least step seen may be several counts
-        count = smallest / part
+    apart = np.diff(np.unique(np.round(steps, 9)))
+    least = [float(steps.min()), *apart[:1].tolist(), float(apart.min(initial=np.inf))]
+    for count in sorted(set(least), reverse=True):  # the least step seen may be several counts
+        if not 1e-8 < count < np.inf:
+            continue
         off = steps / count
         if np.abs(off - np.rint(off)).max() < WHOLE * max(1.0, float(np.sqrt(off.max()))):
             return float(np.median(steps / np.rint(off)))

@@ -226,17 +226,12 @@ def _told(
     """The numbers with standard errors, or why there is none; and their correlation."""
     values = {n: from_search(n, float(v)) for n, v in zip(trial.sought, x, strict=True)}
     sizes = np.array([_size(name, values[name]) for name in trial.sought])
-    slopes = (
-        np.stack(
-            [
-                (trial.speeds(x + STEP * e) - trial.speeds(x - STEP * e)) / (2.0 * STEP)
-                for e in np.diag(sizes)
-            ],
-            axis=1,
-        )
-        if x.size
-        else np.empty((len(trial.readings), 0))
-    )
+    slopes = np.empty((len(trial.readings), x.size))
+    low, high = search_limits(trial.sought)
+    for k, step in enumerate(np.diag(STEP * sizes)):
+        ends = [np.clip(x + sign * step, low, high) for sign in (1.0, -1.0)]
+        up, down = (trial.speeds(end) for end in ends)
+        slopes[:, k] = (up - down) * sizes[k] / (ends[0] - ends[1])[k]
     _, singular, directions = np.linalg.svd(slopes / deviation, full_matrices=False)
     told = singular > BLIND * singular.max(initial=0.0)
     blind = [np.abs(direction) > SHARE for direction in directions[~told]]
@@ -266,8 +261,14 @@ def _told(
             kept.append(k)
     part = covariance[np.ix_(kept, kept)]
     scale = np.sqrt(np.diag(part))
-    untold = "no landing is in a jump speed"
-    found.append(FoundNumber("restitution", None, None, "identified", untold))
+    found += [
+        FoundNumber(name, value, None, "given")
+        for name, value in given.items()
+        if name not in names
+    ]
+    if "restitution" not in given:
+        untold = "no landing is in a jump speed"
+        found.append(FoundNumber("restitution", None, None, "identified", untold))
     return tuple(found), part / np.outer(scale, scale)
 
 

@@ -1,0 +1,55 @@
+"""Steady speeds from an encoder's counts."""
+
+import numpy as np
+import pytest
+
+from cam_rig.errors import ConfigError
+from cam_rig.simulation.instruments import InstrumentErrors, measured_run
+from cam_rig.simulation.measured_run import MeasuredRun, Signal
+from cam_rig.studies.rig_fit.holds import correlation_length, count_of, steady_holds
+from cam_rig.units import RPM, TURN
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_every_hold_is_found_with_its_speed(law, rig, seed):
+    """Five speeds between ramps, 1024 counts: each is found once."""
+    rpms = np.random.default_rng(seed).uniform(60.0, 470.0, 5)
+    errors = InstrumentErrors(rate=100)
+    run = measured_run(law, rig, "kinetostatic", rpms, errors, seed, settled_for=1)
+    holds = steady_holds(run)
+    assert [round(hold.rpm) for hold in holds] == [round(rpm) for rpm in rpms]
+    for hold, rpm in zip(holds, rpms, strict=True):
+        # nearly whole counts a reading are the worst that an encoder does to a line
+        assert abs(hold.speed - rpm * RPM) < 1e-3 * hold.speed
+        assert hold.turns > 3.5
+    off = [abs(h.speed - rpm * RPM) / h.speed_error for h, rpm in zip(holds, rpms, strict=True)]
+    assert np.median(off) < 2.0
+
+
+@pytest.mark.parametrize("counts", [100, 1024, 4096])
+def test_an_encoder_s_counts_are_found(counts):
+    time = np.linspace(0.0, 3.0, 3000)
+    step = TURN / counts
+    assert TURN / count_of(Signal(time, np.floor(31.0 * time / step) * step)) == pytest.approx(
+        counts
+    )
+
+
+def test_an_exact_angle_has_no_counts():
+    time = np.linspace(0.0, 3.0, 3000)
+    assert count_of(Signal(time, 31.0 * time + 0.2 * np.sin(7.0 * time))) == 0.0
+
+
+def test_a_cam_that_nowhere_turns_steadily_is_refused():
+    """A ramp over the whole run has no speed to fit at."""
+    time = np.linspace(0.0, 3.0, 3000)
+    run = MeasuredRun("ramp", "cam", Signal(time, 40.0 * time**2, "encoder"))
+    with pytest.raises(ConfigError, match=r"nowhere turns steadily.*needed"):
+        steady_holds(run)
+
+
+def test_neighbours_that_err_alike_are_counted_as_one():
+    """Noise has length 1; each value eight times has length 8."""
+    noise = np.random.default_rng(1).standard_normal(4000)
+    assert correlation_length(noise) < 1.3
+    assert correlation_length(np.repeat(noise, 8)) == pytest.approx(8.0, rel=0.2)

@@ -1,0 +1,182 @@
+"""Numbers of a rig from simulated machines, whose truth is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import curve_fit
+
+import cam_rig
+from cam_rig.errors import ConfigError
+from cam_rig.simulation.instruments import InstrumentErrors, measured_run
+from cam_rig.studies.rig_fit.conclusions import rig_conclusions
+from cam_rig.studies.rig_fit.rig_fit import fit_rig
+from cam_rig.studies.rig_fit.search import noise_of
+
+IN_CONTACT, WITH_FLIGHTS = (150.0, 220.0, 290.0, 350.0, 410.0), (200.0, 350.0, 460.0)
+#: Half the samples of the default, to be quick.
+QUICK = InstrumentErrors(rate=800, encoder_rate=800)
+
+
+def numbers(fit):
+    return {number.name: number for number in fit.numbers}
+
+
+def scores(fit, rig):
+    """By how many standard errors each number is off."""
+    return {n.name: (n.value - getattr(rig.follower, n.name).si) / n.error for n in fit.identified}
+
+
+def test_intervals_hold_the_truth(law, rig):
+    """Six machines of their own noise: of 24 intervals 95 %, three fewer by chance at most."""
+    inside, count = 0, 0
+    for seed in range(6):
+        random = np.random.default_rng(seed)
+        other = rig.with_follower(
+            mass=random.uniform(0.8, 2.0), damping=random.uniform(5.0, 15.0), preload=40.0
+        )
+        errors = replace(QUICK, in_proportion=seed % 2 == 1)
+        run = measured_run(law, other, "one_mass", IN_CONTACT, errors, seed)
+        found = scores(fit_rig(law, run, rig, "one_mass"), other)
+        assert set(found) == {"mass", "spring_stiffness", "preload", "damping"}
+        inside += sum(abs(score) < 1.96 for score in found.values())
+        count += len(found)
+    assert inside >= count - 4
+
+
+def test_the_same_as_scipy_on_the_same_likelihood(law, rig):
+    """scipy's curve_fit of force and lift in closed form, all instruments free."""
+    errors = replace(QUICK, counts=0)
+    run = measured_run(law, rig, "one_mass", IN_CONTACT, errors, 3)
+    fit = fit_rig(law, run, rig, "one_mass")
+    like, x = fit.solution.likelihood, fit.solution.x
+    count = len(like.holds)
+    speeds = [like.speed_of(x, i) for i in range(count)]
+    data = np.concatenate(
+        [np.concatenate([hold.lift.value, hold.force.value]) for hold in like.holds]
+    )
+    sigma = np.concatenate(
+        [
+            np.concatenate([np.full(h.lift.value.size, like.lift_noise), like.force_deviation(i)])
+            for i, h in enumerate(like.holds)
+        ]
+    )
+
+    def shown(_, m, k, preload, c, zero, clock, *phases):
+        parts = []
+        for i, hold in enumerate(like.holds):
+            rate = speeds[i] * (1.0 + 1e-6 * clock)
+            lift = law.motion_at(hold.angle + phases[i] + rate * hold.lift.since)[0]
+            s, slope, bend = law.motion_at(hold.angle + phases[i] + rate * hold.force.since)
+            parts += [
+                lift + zero,
+                m * speeds[i] ** 2 * bend + c * speeds[i] * slope + k * s + preload,
+            ]
+        return np.concatenate(parts)
+
+    phases = x[like.instruments.phases]
+    start = [1.0, 3000.0, 5.0, 5.0, 0.0, 0.0, *phases]
+    found, covariance = curve_fit(
+        *(shown, None, data, start, sigma),
+        absolute_sigma=True,
+        method="trf",
+        x_scale=np.abs(start) + 1e-3,
+    )
+    errors = np.sqrt(np.diag(covariance))
+    for k, name in enumerate(("mass", "spring_stiffness", "preload", "damping")):
+        number = numbers(fit)[name]
+        assert abs(number.value - found[k]) < 0.05 * errors[k], name
+        assert number.error == pytest.approx(errors[k], rel=0.1), name  # neighbours may err alike
+
+
+def test_flights_tell_the_restitution(law, rig):
+    """Above the jump speed all five numbers, and the instruments' errors beside them."""
+    other = rig.with_follower(restitution=0.3)
+    run = measured_run(law, other, "one_mass", WITH_FLIGHTS, seed=4)
+    fit = fit_rig(law, run, rig, "one_mass")
+    found = scores(fit, other)
+    assert "restitution" in found
+    assert max(map(abs, found.values())) < 4.0
+    assert fit.gauges.clock == pytest.approx(200e-6, abs=5e-6)
+    assert np.degrees(fit.gauges.offset) == pytest.approx(3.0 - 180.0 / 1024, abs=0.03)
+    assert fit.gauges.lift_noise == pytest.approx(10e-6, rel=0.05)
+    assert [hold.lift_offs > 0 for hold in fit.holds] == [False, False, True]
+
+
+def test_a_follower_that_never_leaves_tells_no_restitution(law, rig):
+    run = measured_run(law, rig, "one_mass", IN_CONTACT[:3], QUICK, 1)
+    fit = fit_rig(law, run, rig)
+    assert numbers(fit)["restitution"].value is None
+    assert "never leaves the cam" in numbers(fit)["restitution"].reason
+    assert "rigid stem" in numbers(fit)["stem_stiffness"].reason
+
+
+def test_lifts_alone_tell_ratios_to_the_mass(law, rig):
+    """Free flight knows k/m, c/m and preload/m, not m; with a given mass all follow."""
+    other = rig.with_follower(restitution=0.3)
+    run = replace(measured_run(law, other, "one_mass", WITH_FLIGHTS, seed=4), force=None)
+    free = fit_rig(law, run, rig)
+    assert [n.name for n in free.identified] == ["restitution"]
+    assert "ratio to the mass" in numbers(free)["spring_stiffness"].reason
+    known = fit_rig(law, run, rig, given={"mass": 1.3})
+    assert max(map(abs, scores(known, other).values())) < 4.0
+    assert {"spring_stiffness", "damping"} <= {n.name for n in known.identified}
+
+
+def test_lifts_on_the_cam_tell_nothing(law, rig):
+    """The lift is the law's, whatever the follower."""
+    run = replace(measured_run(law, rig, "one_mass", IN_CONTACT[:2], QUICK, 1), force=None)
+    fit = fit_rig(law, run, rig)
+    assert fit.identified == ()
+    assert any("nothing" in words.lower() for words in rig_conclusions(fit))
+
+
+def test_a_backlash_is_fitted_with(law, rig):
+    """0.2 mm between rise and fall shift the phase as damping does; found, they do not."""
+    errors = replace(QUICK, backlash=2e-4)
+    fit = fit_rig(law, measured_run(law, rig, "one_mass", IN_CONTACT, errors, 5), rig)
+    assert fit.gauges.backlash == pytest.approx(2e-4, rel=0.02)
+    assert max(map(abs, scores(fit, rig).values())) < 4.0
+    assert any("backlash" in words for words in rig_conclusions(fit))
+
+
+def test_a_force_sensor_s_resonance_is_no_stem(law, rig):
+    """300 Hz, 2 % damped: named as the sensor's, and the numbers are those of one mass."""
+    errors = InstrumentErrors(sensor_frequency=300.0)
+    run = measured_run(law, rig, "one_mass", (150.0, 250.0, 330.0, 400.0), errors, 5)
+    fit = fit_rig(law, run, rig)
+    assert fit.model == "one_mass"
+    assert fit.gauges.sensor_frequency == pytest.approx(300.0, rel=0.01)
+    assert max(map(abs, scores(fit, rig).values())) < 4.0
+
+
+def test_a_stem_shows_in_the_force(law, rig):
+    """Two masses are found by themselves, with stem, share and stem damping."""
+    two = cam_rig.load_rig("paper_table2")
+    run = measured_run(law, two, "separation", (200.0, 280.0, 340.0, 380.0), seed=2)
+    fit = fit_rig(law, run, rig)
+    assert fit.model == "separation"
+    found = scores(fit, two)
+    assert {"mass", "stem_stiffness", "roller_share", "stem_damping"} <= set(found)
+    assert max(map(abs, found.values())) < 4.0
+
+
+def test_another_cam_is_said(rig, law):
+    """A law that the lift does not follow is the wrong cam, not noise."""
+    other = cam_rig.build_law(cam_rig.load_cam("bezier15"))
+    run = measured_run(law, rig, "one_mass", IN_CONTACT[:2], QUICK, 1)
+    assert any("another cam" in words for words in rig_conclusions(fit_rig(other, run, rig)))
+
+
+def test_nothing_measured_is_refused(law, rig):
+    run = replace(measured_run(law, rig, "one_mass", (200.0,), QUICK, 1), lift=None, force=None)
+    with pytest.raises(ConfigError, match="neither lift nor contact force"):
+        fit_rig(law, run, rig)
+
+
+def test_noise_is_a_floor_and_a_part():
+    """Both found again from 20 000 residuals."""
+    random = np.random.default_rng(1)
+    force = random.uniform(0.0, 200.0, 20_000)
+    residual = np.hypot(0.5, 0.01 * force) * random.standard_normal(force.size)
+    assert noise_of(residual, force) == pytest.approx((0.5, 0.01), rel=0.05)
