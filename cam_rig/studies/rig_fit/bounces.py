@@ -42,8 +42,9 @@ def with_bounces(found: FitSolution, given: dict[str, float]) -> FitSolution:
         return search(*continued(found, found.likelihood.sought, values))
     names = tuple(name for name in found.likelihood.sought if name != "restitution")
     coarse = [_tried(found, names, bounce) for bounce in BOUNCES]
-    best = min(range(len(coarse)), key=lambda k: coarse[k].missed)
-    ends = BOUNCES[max(0, best - 2)], BOUNCES[min(len(BOUNCES) - 1, best + 2)]
+    least = min(trial.missed for trial in coarse)
+    near = [k for k, trial in enumerate(coarse) if trial.missed <= least + MOST_SQUARE]
+    ends = BOUNCES[max(0, near[0] - 1)], BOUNCES[min(len(BOUNCES) - 1, near[-1] + 1)]
     fine = [_tried(found, names, bounce) for bounce in np.linspace(*ends, FINER + 1).tolist()]
     least = min(trial.missed for trial in fine)
     likely = [trial for trial in fine if trial.missed <= least + MOST_SQUARE]

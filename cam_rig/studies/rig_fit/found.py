@@ -162,7 +162,12 @@ def _number(
     if name in given:
         return FoundNumber(name, given[name], None, "given")
     if name == "restitution" and solution.bounce is not None:
-        return FoundNumber(name, *solution.bounce, "identified")
+        value, error = solution.bounce
+        if error < TOLD_RESTITUTION:
+            return FoundNumber(name, value, error, "identified")
+        low, high = max(0.0, value - error), value + error
+        reason = f"bounces are too low to tell it, likely are {low:.2g} to {high:.2g}"
+        return FoundNumber(name, None, error, "identified", reason)
     if name not in likelihood.sought:
         return FoundNumber(name, None, None, "identified", _not_sought(name, scale, landings))
     k = likelihood.sought.index(name)

@@ -17,7 +17,7 @@ from cam_rig.studies.rig_fit.instruments import BACKLASH, RATIO, RESONANCE, ZERO
 from cam_rig.studies.rig_fit.likelihood import Likelihood
 from cam_rig.studies.rig_fit.numbers import ONE_MASS, TWO_MASSES
 from cam_rig.studies.rig_fit.search import FitSolution, continued, landings_of, log_ratio, search
-from cam_rig.studies.rig_fit.start import likely_stem
+from cam_rig.studies.rig_fit.start import leaves_a_pattern, likely_stem
 from cam_rig.studies.rig_fit.uncertainty import uncertainty
 from cam_rig.units import TURN
 
@@ -101,6 +101,8 @@ def elastic(
     on_step: Callable[[str], None],
 ) -> FitSolution:
     """What vibrates: the force sensor, where that explains all, else the stem; or nothing."""
+    if model is None and not leaves_a_pattern(one.likelihood, one.x):
+        return one
     stem, gain = likely_stem(one.likelihood, one.x)
     if model is None and gain < CLEARLY_LIKELIER:
         return one

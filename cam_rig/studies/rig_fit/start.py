@@ -24,10 +24,12 @@ PHASES = 360
 EVERY, PRESSED = 8, 0.05
 #: Natural frequencies of the stem that are tried, Hz: from, to, each so many times the one before.
 FREQUENCIES = (8.0, 3000.0, 1.1)
+#: Parts of a turn over which what is left is averaged, at most; samples in one, at least.
+MOST_PARTS, LEAST_IN_PART = 256, 6
 #: Samples of a hold beside which a stem is tried, at most.
 MOST_LOOKED_AT = 600
 #: Shares of the mass on the roller's side, and damping ratios, that are tried.
-SHARES, DAMPING_RATIOS = (0.2, 0.4, 0.6), (0.005, 0.05)
+SHARES, DAMPING_RATIOS = (0.25, 0.5), (0.005, 0.05)
 
 
 def rough_start(
@@ -82,6 +84,28 @@ def _allowed(fitted: FloatArray, base: dict[str, float]) -> dict[str, float]:
         "preload": max(preload, 0.0),
         "damping": max(damping, 0.0),
     }
+
+
+def leaves_a_pattern(likelihood: Likelihood, x: FloatArray) -> bool:
+    """Whether what is left of the force repeats from turn to turn, beyond what noise does.
+
+    Means over parts of a turn, in standard deviations: the sum of their squares is that of as many
+    parts, but for √2 of their number's root.
+    """
+    squares = parts = 0.0
+    for i, hold in enumerate(likelihood.holds):
+        predicted = likelihood.predicted(x, i)
+        if predicted is None or not predicted.force.size:
+            continue
+        left = predicted.force - hold.force.value[likelihood.kept[i]]
+        left = left / likelihood.force_deviation(i)
+        count = max(4, min(MOST_PARTS, left.size // LEAST_IN_PART))
+        part = (np.mod(predicted.force_angle, TURN) * (count / TURN)).astype(int) % count
+        sizes = np.bincount(part, minlength=count)
+        sums = np.bincount(part, left, minlength=count)
+        squares += float((sums[sizes > 0] ** 2 / sizes[sizes > 0]).sum())
+        parts += float(np.count_nonzero(sizes))
+    return squares > parts + math.sqrt(2.0 * parts)
 
 
 def likely_stem(likelihood: Likelihood, x: FloatArray) -> tuple[dict[str, float], float]:
