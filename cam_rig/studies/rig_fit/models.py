@@ -27,6 +27,8 @@ CLEARLY_LIKELIER = 30.0
 COLOURED = 1.5
 #: A gauge's backlash is sought where it is beyond so many standard errors.
 PLAY = 6.0
+#: And beyond this part of the lift: less is rounding.
+LEAST_PLAY = 1e-7
 
 
 def one_mass(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
@@ -132,4 +134,4 @@ def _has_play(found: FitSolution) -> bool:
     assert at is not None
     step, *_ = np.linalg.lstsq(slopes, -residuals, rcond=1e-12)
     error = uncertainty(FitSolution(new, x, slopes, residuals + slopes @ step)).errors[at]
-    return bool(abs(step[at]) > PLAY * error)
+    return bool(abs(step[at]) > max(PLAY * error, LEAST_PLAY * likelihood.law.lift))
