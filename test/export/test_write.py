@@ -120,9 +120,9 @@ def lossy(lost):
     """The bag's messages without some: topics and numbers, as (topic, number within it)."""
     whole = reader.messages
 
-    def messages(bag, wanted):
+    def messages(*asked):
         counts = {}
-        for topic, time, message in whole(bag, wanted):
+        for topic, time, message in whole(*asked):
             number = counts[topic] = counts.get(topic, -1) + 1
             if (topic, number) not in lost:
                 yield topic, time, message

@@ -47,18 +47,21 @@ def with_bounces(found: FitSolution, given: dict[str, float]) -> FitSolution:
     ends = BOUNCES[max(0, near[0] - 1)], BOUNCES[min(len(BOUNCES) - 1, near[-1] + 1)]
     fine = [_tried(found, names, bounce) for bounce in np.linspace(*ends, FINER + 1).tolist()]
     least = min(trial.missed for trial in fine)
-    likely = [trial for trial in fine if trial.missed <= least + MOST_SQUARE]
-    low, high = likely[0].bounce, likely[-1].bounce
-    middle = _tried(found, names, 0.5 * (low + high))
+    likely, possible = (
+        [trial.bounce for trial in fine if trial.missed <= least + more]
+        for more in (SQUARE_95, MOST_SQUARE)
+    )
+    middle = _tried(found, names, 0.5 * (likely[0] + likely[-1]))
     sought = (*names, "restitution")
     new, x = continued(found, sought, values | {"restitution": max(middle.bounce, BOUNCES[0])})
     x[new.instruments.phases] = middle.phases
     free = search(new, x)
     if abs(free.likelihood.values(free.x)["restitution"] - middle.bounce) <= VALLEY:
         return free
+    middle = _tried(found, names, 0.5 * (possible[0] + possible[-1]))
     new, x = continued(found, names, values | {"restitution": middle.bounce})
     x[new.instruments.phases] = middle.phases
-    half = 0.5 * (high - low + (ends[1] - ends[0]) / FINER)
+    half = 0.5 * (possible[-1] - possible[0] + (ends[1] - ends[0]) / FINER)
     return replace(search(new, x), bounce=(middle.bounce, half))
 
 

@@ -38,7 +38,7 @@ def test_intervals_hold_the_truth(law, rig):
         errors = replace(QUICK, in_proportion=seed % 2 == 1)
         run = measured_run(law, other, "one_mass", IN_CONTACT, errors, seed)
         found = scores(fit_rig(law, run, rig, "one_mass"), other)
-        assert set(found) == {"mass", "spring_stiffness", "preload", "damping"}
+        assert {"mass", "spring_stiffness", "preload", "damping"} <= set(found)
         inside += sum(abs(score) < 1.96 for score in found.values())
         count += len(found)
     assert inside >= count - 4
