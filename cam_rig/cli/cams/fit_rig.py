@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cam_rig.cli.cams.fitting import say_assumed, write_new
+from cam_rig.cli.cams.fitting import require_new, say_assumed, write_new
 from cam_rig.cli.common.console import console, say, show, user_errors
 from cam_rig.cli.common.options import Csv, Json, Plot, RigOfScene
 from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
@@ -117,6 +117,8 @@ def fit_rig(
         check_outputs(json_target, plot, csv)
         if out is not None and out.suffix != ".yaml":
             raise ConfigError(f"--out: is {out}; allowed: a name that ends in .yaml")
+        if out is not None:
+            require_new(out)
         known, cams = _known(given), asked_cams([cam], rig)
         name = None if model is None else model.value
         if source.suffix.lower() in TABLES:
@@ -281,6 +283,8 @@ def _require_none(**options: object) -> None:
 def _write_rig(out: Path, found: FoundRig, base: RigConfig, source: Path) -> None:
     from cam_rig.studies.rig_fit.rig_file import fitted_rig
 
+    if not any(number.value is not None for number in found.numbers):
+        raise ConfigError(f"--out {out}: nothing was found to write; allowed: a fit with numbers")
     words = f"cam-rig fit rig {source.name}"
     text, assumed = fitted_rig(out.stem, found.numbers, base, words, found.residual)
     write_new(out.parent, {out.name: text})

@@ -245,17 +245,28 @@ def write_new(folder: Path, texts: dict[str, str]) -> None:
     ------
     OutputError : one is there already, or cannot be written
     """
-    from cam_rig.cli.common.outputs import check_place, writing
-    from cam_rig.errors import OutputError
+    from cam_rig.cli.common.outputs import writing
 
     for name in texts:
-        target = folder / name
-        if target.exists():
-            raise OutputError(f"{target}: exists already, not overwriting; name another or move it")
-        check_place(target)
+        require_new(folder / name)
     for name, text in texts.items():
         with writing(folder / name) as part:
             part.write_text(text, encoding="utf-8")
+
+
+def require_new(target: Path) -> None:
+    """Refuse a file that is there already, or a place that cannot be written.
+
+    Raises
+    ------
+    OutputError : with what to do
+    """
+    from cam_rig.cli.common.outputs import check_place
+    from cam_rig.errors import OutputError
+
+    if target.exists():
+        raise OutputError(f"{target}: exists already, not overwriting; name another or move it")
+    check_place(target)
 
 
 def say_assumed(assumed: Iterable[str]) -> None:

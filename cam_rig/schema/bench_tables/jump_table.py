@@ -43,9 +43,11 @@ WORDS = {
 UNITS = {
     "speed": {"rpm": RPM, "1/min": RPM, "u/min": RPM, "rad/s": 1.0, "hz": TURN, "1/s": TURN},
     "mass": {"kg": 1.0, "g": 1e-3, "lb": 0.45359237},
-    "spring_stiffness": {"n/m": 1.0, "n/mm": 1e3, "kn/m": 1e3, "lbf/in": 175.126835},
+    "spring_stiffness": {"n/m": 1.0, "n/mm": 1e3, "n/cm": 1e2, "kn/m": 1e3, "lbf/in": 175.126835},
     "preload": {"n": 1.0, "kn": 1e3, "lbf": 4.4482216},
 }
+#: A last word of a heading that is no longer than this is meant as a unit.
+SHORT = 3
 #: A unit as headings have it: in brackets, or behind the last blank or underscore.
 BRACKETS = re.compile(r"[\[(]([^\])]+)[\])]\s*$")
 
@@ -120,7 +122,7 @@ class _JumpReader(CellTable):
                     f"{self.file}: {shown(text)} and {shown(headings[found[name][0]])} both hold a "
                     f"{name}; allowed: one of them (separator seen: {self.seen})"
                 )
-            unit = _unit(text, UNITS[name])
+            unit = self._unit(text, name)
             if unit is None:
                 unit = next(iter(UNITS[name]))
                 notes.append(f"no unit in {text!r}: {unit} assumed")
@@ -132,6 +134,20 @@ class _JumpReader(CellTable):
                 f"(separator seen: {self.seen})"
             )
         return found, notes
+
+    def _unit(self, text: str, name: str) -> str | None:
+        """The unit in a heading, None without one."""
+        plain = text.strip().casefold().replace("·", "*").replace("min-1", "1/min")
+        bracket = BRACKETS.search(plain)
+        last = (bracket[1] if bracket else re.split(r"[\s_]", plain)[-1]).replace(" ", "")
+        if last in UNITS[name]:
+            return last
+        if bracket or "/" in last or (last != plain and len(last) <= SHORT):
+            raise ConfigError(
+                f"{self.file}: {shown(text)} has no unit of a {name}; allowed: "
+                f"{', '.join(UNITS[name])} (separator seen: {self.seen})"
+            )
+        return None
 
     def _value(self, line: int, name: str, cell: str, text: str, factor: float) -> float:
         value = float(text) * factor
@@ -146,11 +162,3 @@ class _JumpReader(CellTable):
 
 def _any_starts(words: list[str], starts: tuple[str, ...]) -> bool:
     return any(word.startswith(start) for word in words for start in starts)
-
-
-def _unit(text: str, units: dict[str, float]) -> str | None:
-    """The unit in a heading, None without one."""
-    plain = text.strip().casefold().replace("·", "*").replace("min-1", "1/min")
-    bracket = BRACKETS.search(plain)
-    last = bracket[1].strip() if bracket else re.split(r"[\s_]", plain)[-1]
-    return next((unit for unit in units if last.replace(" ", "") == unit), None)

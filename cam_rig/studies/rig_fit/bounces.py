@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.studies.rig_fit.instruments import ZERO
+from cam_rig.studies.rig_fit.instruments import TARE, ZERO
 from cam_rig.studies.rig_fit.likelihood import FAR, Likelihood, Predicted
 from cam_rig.studies.rig_fit.search import (
     FitSolution,
@@ -112,7 +112,7 @@ def _off(
     if lift:
         shown = predicted.turn.at(predicted.lift_angle + moved)[0] + likelihood.single(x, ZERO)
         return (shown - hold.lift.value) / likelihood.lift_noise
-    shown = predicted.turn.at(predicted.force_angle + moved)[1]
+    shown = predicted.turn.at(predicted.force_angle + moved)[1] + likelihood.single(x, TARE)
     return (shown - hold.force.value[likelihood.kept[i]]) / likelihood.force_deviation(i)
 
 

@@ -17,8 +17,8 @@ WRONG_CAM = 0.01
 EXACT = 1e-9
 #: A peak of a spectrum stands out that has this part of all of it in its eight lines.
 STANDS_OUT = 0.3
-#: What is left of jump speeds is too much beyond so many times their error, and of one a slip.
-TOO_FAR, SLIP = 2.0, 3.0
+#: One jump speed with more than this part of all that is left, as squares, is a slip.
+SLIP = 0.55
 
 
 def number_sentences(numbers: Iterable[FoundNumber]) -> Iterator[str]:
@@ -37,10 +37,20 @@ def rig_conclusions(fit: RigFit) -> Iterator[str]:
         if told
         else f"Nothing of the follower is told, as {model}."
     )
-    yield from number_sentences(fit.numbers)
+    reasons = {number.reason for number in fit.numbers if number.value is None}
+    if len(reasons) == 1 and not fit.identified:
+        yield f"No number: {reasons.pop()}"
+    else:
+        yield from number_sentences(fit.numbers)
+    if fit.model == "separation" and any(hold.lift_offs for hold in fit.holds):
+        yield (
+            "Bounces on an elastic stem depend on every number at once: trust the intervals of a "
+            "fit without the speeds that lift off more."
+        )
+    tare = "" if fit.gauges.force_zero is not None else ", its zero is in the preload"
     yield (
-        "The force sensor is taken as true, its zero is in the preload; so is the encoder's clock: "
-        "100 ppm of it are 200 ppm of a mass."
+        f"The force sensor is taken as true{tare}; so is the encoder's clock: 100 ppm of it are "
+        "200 ppm of a mass."
     )
     yield from _odd(fit)
     yield from fit.notes
@@ -53,20 +63,13 @@ def jump_conclusions(fit: JumpFit) -> Iterator[str]:
     yield from number_sentences(fit.numbers)
     if "mass" in fit.table.columns:
         yield "The mass is the follower's own, beside what was put on."
-    if fit.error_given:
-        left = float(np.sqrt((fit.left**2).sum() / max(fit.free, 1)))
-        if fit.free and left > TOO_FAR * fit.error:
-            yield (
-                f"The readings are {left:.3g} rpm from the speeds found, and {fit.error:.3g} rpm "
-                "were said to be their error: the model lacks something, or the error is larger."
-            )
-    else:
+    if not fit.error_given:
         yield (
             f"The error of a reading is taken from what is left: {fit.error:.3g} rpm, of "
             f"{fit.free} readings more than numbers."
         )
     worst = int(np.abs(fit.left).argmax())
-    if abs(fit.left[worst]) > SLIP * fit.error:
+    if fit.free > 1 and fit.left[worst] ** 2 > SLIP * float(fit.left @ fit.left):
         reading = fit.table.readings[worst]
         yield f"Line {reading.line} is {-fit.left[worst]:.3g} rpm off the others: a slip?"
 

@@ -11,11 +11,11 @@ from cam_rig.arrays import FloatArray, rms
 from cam_rig.laws import Law
 from cam_rig.simulation.measured_run import MeasuredRun
 from cam_rig.studies.rig_fit.bounces import WITHIN_95, most_bounce
-from cam_rig.studies.rig_fit.instruments import BACKLASH, RATIO, RESONANCE, ZERO
+from cam_rig.studies.rig_fit.instruments import BACKLASH, RATIO, RESONANCE, TARE, ZERO
 from cam_rig.studies.rig_fit.likelihood import Likelihood
 from cam_rig.studies.rig_fit.numbers import NUMBERS, ONE_MASS, TWO_MASSES, slope
 from cam_rig.studies.rig_fit.search import FitSolution, landings_of
-from cam_rig.studies.rig_fit.uncertainty import Uncertainty, uncertainty
+from cam_rig.studies.rig_fit.uncertainty import Uncertainty, misfit, uncertainty
 from cam_rig.units import TURN
 
 #: A number is told where its standard error is below this part of it; a restitution below this.
@@ -77,6 +77,7 @@ class Gauges:
     force_part: float | None
     sensor_frequency: float | None
     sensor_damping: float | None
+    force_zero: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,10 +127,16 @@ def found_of(
     """
     errors = uncertainty(solution)
     likelihood, x = solution.likelihood, solution.x
+    unfit = misfit(solution)
     model = "separation" if "roller_share" in likelihood.values(x) else "one_mass"
     names = TWO_MASSES if model == "separation" else (*ONE_MASS, "stem_stiffness")
     landings = landings_of(likelihood, x)
     numbers = tuple(_number(name, solution, errors, given, scale, landings) for name in names)
+    if unfit:
+        numbers = tuple(
+            n if n.origin == "given" else FoundNumber(n.name, None, None, "identified", unfit)
+            for n in numbers
+        )
     told = [
         likelihood.sought.index(n.name)
         for n in numbers
@@ -261,4 +268,5 @@ def _gauges(solution: FitSolution, errors: Uncertainty) -> Gauges:
         likelihood.force_part if force else None,
         None if frequency is None else math.exp(x[frequency]),
         None if frequency is None else likelihood.single(x, RATIO),
+        likelihood.single(x, TARE) if likelihood.tare else None,
     )

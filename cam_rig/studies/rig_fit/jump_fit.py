@@ -40,6 +40,9 @@ STEP = 1e-4
 BLIND = 1e-7
 #: Part of a direction that a number of it has at least.
 SHARE = 0.05
+#: Readings that scatter by more than this part of their speed fit no follower; an error that was
+#: given is not followed where they scatter by more than so many of it.
+NO_FIT, TOO_FAR = 0.04, 2.0
 #: Speed (rpm) of a follower that does not jump.
 FAR = 1e5
 #: Least own mass (kg) with which a search begins.
@@ -84,7 +87,6 @@ class _JumpModel:
     readings: tuple[JumpReading, ...]
     sought: tuple[str, ...]
     given: dict[str, float]
-    steady: bool
 
     def values(self, x: FloatArray, reading: JumpReading) -> dict[str, float]:
         """All numbers of a reading: the own mass and what was put on are one."""
@@ -100,7 +102,7 @@ class _JumpModel:
     def _speed(self, values: dict[str, float]) -> float:
         follower = follower_of(values, values["stem_stiffness"])
         try:
-            return find_jump(self.law, follower, None if self.steady else 1.7).rpm
+            return find_jump(self.law, follower, None).rpm
         except CamRigError:
             return FAR
 
@@ -140,29 +142,36 @@ def fit_jumps(
             f"{' and the error of a reading with --tolerance' if error is None else ''}"
         )
     values = _start(table, base, given, two)
-    trial = _JumpModel(law, table.readings, sought, values, steady=True)
+    trial = _JumpModel(law, table.readings, sought, values)
     x = _searched(trial, values)
     speeds = trial.speeds(x)
     left = speeds - to_rpm(np.array([r.speed for r in table.readings]))
-    if (speeds >= FAR).any():
-        raise ConfigError(
-            f"{table.file}: no follower on cam {law.name} jumps at the speeds read (r.m.s. "
-            f"{rms(left):.3g} rpm off); is it the cam that was on, and the unit right?"
-        )
     free = count - len(sought)
-    deviation = error or max(rms(left) * math.sqrt(count / free), 1e-9 * float(speeds.max()))
+    deviation, followed = _deviation(table, law, speeds, left, free, error)
     numbers, correlation = _told(trial, x, deviation, given, names, table)
-    return JumpFit(
-        law,
-        table,
-        "separation" if two else "one_mass",
-        numbers,
-        correlation,
-        tuple(speeds.tolist()),
-        deviation,
-        error is not None,
-        free,
-    )
+    kind, found = "separation" if two else "one_mass", tuple(speeds.tolist())
+    return JumpFit(law, table, kind, numbers, correlation, found, deviation, followed, free)
+
+
+def _deviation(
+    table: JumpTable,
+    law: Law,
+    speeds: FloatArray,
+    left: FloatArray,
+    free: int,
+    error: float | None,
+) -> tuple[float, bool]:
+    """Standard deviation (rpm) of a reading, and whether it is the one that was given."""
+    scatter = rms(left) * math.sqrt(left.size / free) if free else 0.0
+    if (speeds >= FAR).any() or scatter > NO_FIT * float(speeds.mean()):
+        raise ConfigError(
+            f"{table.file}: the readings are {rms(left):.3g} rpm r.m.s. from any follower on cam "
+            f"{law.name}; allowed: {100.0 * NO_FIT:g} % of the speed; is it the cam that was on, "
+            "are the units right, is there a preload?"
+        )
+    if error and scatter <= TOO_FAR * error:
+        return error, True
+    return max(scatter, 1e-9 * float(speeds.max())), False
 
 
 def _start(
@@ -277,12 +286,9 @@ def _reason(name: str, value: float, error: float, others: list[str], table: Jum
     if others:
         more = "" if "mass" in table.columns else ", or a column of masses put on"
         return f"told only together with {', '.join(dict.fromkeys(others))}: give one of them{more}"
-    if error < TOLD * value or (name == "mass" and error < TOLD * _put_on(table)):
+    if error < TOLD * value:
         return ""
+    if name == "mass" and value < WITHIN_95 * error and "mass" in table.columns:
+        return f"it is 0 ± {error:.2g} kg beside what was put on: is that the total mass?"
     low, high = max(0.0, value - WITHIN_95 * error), value + WITHIN_95 * error
     return f"with 95 % it is between {low:.3g} and {high:.3g} {NUMBERS[name].unit}: too wide"
-
-
-def _put_on(table: JumpTable) -> float:
-    """The mean mass put on (kg): beside it an own mass of nearly none is told too."""
-    return float(np.mean([reading.known.get("mass", 0.0) for reading in table.readings]))

@@ -24,6 +24,7 @@ from cam_rig.studies.rig_fit.instruments import (
     RATIO,
     RESONANCE,
     SINGLE,
+    TARE,
     ZERO,
     Instruments,
     side_of,
@@ -72,11 +73,10 @@ class Likelihood:
 
     Parameters
     ----------
-    sought : the follower's numbers that are sought, by name
-    given : the other ones
+    sought, given : the follower's numbers that are sought, by name, and the other ones
     lift_noise, force_noise : m and N, one standard deviation
     force_part : the force's noise in parts of the force, beside ``force_noise``
-    play, resonance : whether the gauge of the lift has backlash, the force sensor a resonance
+    play, resonance, tare : whether the gauge has backlash, the force sensor a resonance, a zero
     kept : of each hold, which samples of force count; all by default
     pressing : of each hold, the forces (N) that their noise is in proportion to; none by default
     """
@@ -91,6 +91,7 @@ class Likelihood:
     force_part: float = 0.0
     play: bool = False
     resonance: bool = False
+    tare: bool = False
     kept: list[NDArray[np.bool_]] = field(default_factory=list)
     pressing: list[FloatArray] = field(default_factory=list)
 
@@ -113,6 +114,7 @@ class Likelihood:
             CLOCK: len(self.holds) > 1,  # else it is not told from the speed's
             ZERO: lift,
             BACKLASH: lift and self.play,
+            TARE: self.tare,
             RESONANCE: self.resonance,
             RATIO: self.resonance,
         }
@@ -157,10 +159,12 @@ class Likelihood:
         self, x: FloatArray, turn: PeriodicTurn, speed: float
     ) -> Callable[[FloatArray], FloatArray]:
         """The force (N) over the cam angle (rad) as the sensor shows it."""
+        zero = self.single(x, TARE)
         if not self.resonance:
-            return lambda angle: turn.at(angle)[1]
+            return lambda angle: turn.at(angle)[1] + zero
         frequency = float(np.exp(self.single(x, RESONANCE)))
-        return resonant(turn, speed, frequency, self.single(x, RATIO))
+        shown = resonant(turn, speed, frequency, self.single(x, RATIO))
+        return lambda angle: shown(angle) + zero
 
     def angles(self, x: FloatArray, i: int) -> tuple[FloatArray, FloatArray]:
         """Cam angle (rad) at the samples of lift, and at those of force that count, of a hold."""
@@ -221,6 +225,8 @@ class Likelihood:
             out[: sizes[0], at] = 1.0
         if (at := where.at(BACKLASH)) is not None:
             out[: sizes[0], at] = -0.5 * side_of(self.law, base.lift_angle)
+        if (at := where.at(TARE)) is not None:
+            out[sizes[0] :, at] = 1.0
         for at in filter(None, (where.at(RESONANCE), where.at(RATIO))):
             beside = x + STEP * (np.arange(x.size) == at)
             force = self._sensed(beside, base.turn, self.speed_of(x, i))(base.force_angle)

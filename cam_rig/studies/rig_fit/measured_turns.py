@@ -59,6 +59,9 @@ def measured_holds(run: MeasuredRun) -> tuple[MeasuredHold, ...]:
             f"{run.source}: has neither lift nor contact force; needed: one of them, so map its "
             "topic"
         )
+    for name, signal in (("lift", run.lift), ("force", run.force)):
+        if signal is not None:
+            _require_alive(run, name, signal)
     holds = [
         hold.after(SETTLE_TURNS) or hold if hold.turns > 2.0 * SETTLE_TURNS else hold
         for hold in steady_holds(run)
@@ -77,6 +80,26 @@ def measured_holds(run: MeasuredRun) -> tuple[MeasuredHold, ...]:
             f"{LEAST_SAMPLES} of a speed (are their stamps of one clock?)"
         )
     return tuple(found)
+
+
+def _require_alive(run: MeasuredRun, name: str, signal: Signal) -> None:
+    """Refuse a channel that says nothing, or a force with the sign of a pull."""
+    where = f"{run.source}: {name} ({signal.source or name})"
+    if signal.value.size < LEAST_SAMPLES:
+        raise ConfigError(
+            f"{where} has {signal.value.size} samples; needed: {LEAST_SAMPLES} or more"
+        )
+    low, high = float(signal.value.min()), float(signal.value.max())
+    if high - low <= 1e-12 * max(abs(low), abs(high)):
+        raise ConfigError(
+            f"{where} is {low:g} all the time; needed: one that changes, so look at its cable, or "
+            "leave it out"
+        )
+    if name == "force" and float(np.median(signal.value)) < 0.0 and -low > 2.0 * high:
+        raise ConfigError(
+            f"{where} is from {low:.4g} to {high:.4g} N; allowed: a contact force that presses, so "
+            "turn its sign: force=-/TOPIC"
+        )
 
 
 def _inside(signal: Signal, hold: Hold) -> slice:

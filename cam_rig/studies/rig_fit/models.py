@@ -13,7 +13,7 @@ import numpy as np
 
 from cam_rig.arrays import FloatArray
 from cam_rig.studies.rig_fit.bounces import with_bounces
-from cam_rig.studies.rig_fit.instruments import BACKLASH, RATIO, RESONANCE, ZERO
+from cam_rig.studies.rig_fit.instruments import BACKLASH, RATIO, RESONANCE, TARE, ZERO
 from cam_rig.studies.rig_fit.likelihood import Likelihood
 from cam_rig.studies.rig_fit.numbers import ONE_MASS, TWO_MASSES
 from cam_rig.studies.rig_fit.search import FitSolution, continued, landings_of, log_ratio, search
@@ -29,6 +29,8 @@ COLOURED = 1.5
 PLAY = 6.0
 #: And beyond this part of the lift: less is rounding.
 LEAST_PLAY = 1e-7
+#: Samples in flight that show the force's zero, at least.
+LEAST_FLYING = 20
 
 
 def one_mass(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
@@ -47,13 +49,34 @@ def one_mass(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
     else:
         found = search(*continued(aligned, smooth, values))
     if any(landings_of(found.likelihood, found.x)):
-        found = with_bounces(found, given)
+        found = with_bounces(_tared(found), given)
     if _has_play(found):
         values = found.likelihood.values(found.x)
         bounce = found.bounce
         found = search(*continued(found, found.likelihood.sought, values, play=True))
         found = replace(found, bounce=bounce)
     return found
+
+
+def _tared(found: FitSolution) -> FitSolution:
+    """The same with the zero of the force sensor, which shows in flights: where they are low."""
+    like = found.likelihood
+    if not any(hold.force.value.size for hold in like.holds):
+        return found
+    new, x = continued(found, like.sought, like.values(found.x), tare=True)
+    flying = [
+        hold.force.value[like.kept[i]][there.turn.at(there.force_angle)[1] == 0.0]
+        for i, hold in enumerate(like.holds)
+        if (there := like.predicted(found.x, i)) is not None
+    ]
+    low, at = np.concatenate(flying), new.instruments.at(TARE)
+    if low.size < LEAST_FLYING or at is None:
+        return found
+    x[at] = float(np.median(low))
+    if "preload" in like.sought:
+        k = like.sought.index("preload")
+        x[k] = max(0.0, x[k] - x[at])
+    return FitSolution(new, x, found.slopes, found.residuals)
 
 
 def _with_phases_of(still: FitSolution, new: Likelihood, x: FloatArray) -> FloatArray:

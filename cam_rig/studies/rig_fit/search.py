@@ -134,11 +134,13 @@ def continued(
     values: dict[str, float],
     play: bool | None = None,
     resonance: bool | None = None,
+    tare: bool | None = None,
     only: list[int] | None = None,
 ) -> tuple[Likelihood, FloatArray]:
     """A likelihood of other numbers, with the instruments as they were.
 
-    ``play`` and ``resonance`` are what else they may have, None as they had; ``only`` some holds.
+    ``play``, ``resonance`` and ``tare`` are what else they may have, None as they had; ``only``
+    are some holds.
     """
     old = before.likelihood
     steady = [i for i in range(len(old.holds)) if old.predicted(before.x, i) is not None]
@@ -157,6 +159,7 @@ def continued(
         pressing=[],
         play=old.play if play is None else play,
         resonance=old.resonance if resonance is None else resonance,
+        tare=old.tare if tare is None else tare,
     )
     x = np.zeros(new.instruments.size)
     x[: len(sought)] = [to_search(name, values[name]) for name in sought]

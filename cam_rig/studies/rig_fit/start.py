@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.optimize import nnls
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
@@ -59,8 +60,10 @@ def rough_start(
             s, slope, bend = law.motion_at(angles + phase)
             parts = np.stack([bend * speed**2, slope * speed, s, np.ones_like(s)], axis=1)
             sizes = np.linalg.norm(parts, axis=0)
-            fitted = np.linalg.lstsq(parts / sizes, force, rcond=None)[0] / sizes
-            missed += float(((parts @ fitted - force) ** 2).sum()) / float(force.var())
+            _, triangle = np.linalg.qr(np.column_stack([parts / sizes, force]))
+            fitted, off = nnls(triangle[:, :-1], triangle[:, -1])  # none of them is below zero
+            fitted /= sizes
+            missed += float(off) ** 2 / float(force.var())
             numbers |= _allowed(fitted, base)
         if missed < best:
             best, found = missed, (numbers, float(phase), zero)

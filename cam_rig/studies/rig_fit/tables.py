@@ -85,6 +85,7 @@ def gauges_table(fit: RigFit) -> DataTable:
         ("zero of the lift", _times(g.zero, 1e6), None, "µm"),
         ("backlash of the lift", _times(g.backlash, 1e6), _times(g.backlash_error, 1e6), "µm"),
         ("noise of the lift", _times(g.lift_noise, 1e6), None, "µm"),
+        ("zero of the force", g.force_zero, None, "N"),
         ("noise of the force", g.force_noise, None, "N"),
         ("and of the force itself", _times(g.force_part or None, 100.0), None, "%"),
         ("resonance of the force sensor", g.sensor_frequency, None, "Hz"),

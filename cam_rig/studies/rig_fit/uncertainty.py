@@ -6,18 +6,22 @@ deviations; where neighbours err alike, so many count as one.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from cam_rig.arrays import FloatArray
+from cam_rig.arrays import FloatArray, rms
 from cam_rig.studies.rig_fit.holds import correlation_length
 from cam_rig.studies.rig_fit.search import FitSolution
+from cam_rig.units import TURN
 
 #: Directions in which the residuals change by less than this part of the most are told by nothing.
 BLIND = 1e-6
 #: Part of a direction that a number of it has at least.
 SHARE = 0.05
+#: What is left beyond so many times the noise is no fit.
+MUCH = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,3 +65,33 @@ def uncertainty(solution: FitSolution) -> Uncertainty:
         tuple(np.flatnonzero(np.abs(vector) > SHARE).tolist()) for vector in vectors[:, ~told].T
     )
     return Uncertainty(covariance, blind, (alike[0], alike[1]))
+
+
+def misfit(solution: FitSolution) -> str:
+    """Why the model is none of what was measured; empty where it may be.
+
+    Readings at nearly one cam angle differ by their noise, and what is left should be no more.
+    """
+    likelihood = solution.likelihood
+    for name, unit, factor in (("lift", "mm", 1e3), ("force", "N", 1.0)):
+        left, noise = list[FloatArray](), list[FloatArray]()
+        for i, hold in enumerate(likelihood.holds):
+            predicted = likelihood.predicted(solution.x, i)
+            if predicted is None:
+                continue
+            if name == "lift":
+                angle, value, there = predicted.lift_angle, hold.lift.value, predicted.lift
+            else:
+                angle, there = predicted.force_angle, predicted.force
+                value = hold.force.value[likelihood.kept[i]]
+            order = np.argsort(np.mod(angle, TURN))
+            left.append(value - there)
+            noise.append(np.diff(value[order]) / math.sqrt(2.0))
+        size = rms(np.concatenate(left)) if any(x.size for x in left) else 0.0
+        apart = rms(np.concatenate(noise)) if size else 0.0
+        if size > MUCH * apart:
+            return (
+                f"the {name} is {size * factor:.3g} {unit} r.m.s. from any such follower, its "
+                f"noise {apart * factor:.2g} {unit}: is it that cam, that unit, that sign?"
+            )
+    return ""

@@ -56,3 +56,11 @@ def test_what_cannot_be_read_is_said_in_a_line(tmp_path, text, words):
 def test_values_are_finite(tmp_path):
     table = read(tmp_path, "mass_kg,rpm\n0,300\n1,250\n")
     assert np.isfinite([r.speed for r in table.readings]).all()
+
+
+@pytest.mark.parametrize("heading", ["spring_N/furlong", "mass_oz", "mass [stone]", "speed_deg/s"])
+def test_an_unknown_unit_is_refused(tmp_path, heading):
+    """Never taken for another: the units that are known are listed."""
+    with pytest.raises(ConfigError, match="has no unit of a") as error:
+        read(tmp_path, f"{heading},preload_N\n1,20\n")
+    assert "allowed" in str(error.value)

@@ -180,3 +180,43 @@ def test_noise_is_a_floor_and_a_part():
     force = random.uniform(0.0, 200.0, 20_000)
     residual = np.hypot(0.5, 0.01 * force) * random.standard_normal(force.size)
     assert noise_of(residual, force) == pytest.approx((0.5, 0.01), rel=0.05)
+
+
+def with_force(run, value):
+    """The run with another force."""
+    return replace(run, force=replace(run.force, value=value))
+
+
+def test_a_force_alone_finds_the_encoder_s_zero(law, rig):
+    """All around: no zero at which a mass or a spring would be below none."""
+    errors = replace(QUICK, offset=np.radians(140.0))
+    run = measured_run(law, rig, "one_mass", IN_CONTACT[:3], errors, 7)
+    fit = fit_rig(law, replace(run, lift=None), rig, "one_mass")
+    assert max(map(abs, scores(fit, rig).values())) < 4.0
+
+
+def test_flights_tell_the_zero_of_the_load_cell(law, rig):
+    """In flight there is no force: what the sensor shows is its zero, and not preload."""
+    run = measured_run(law, rig.with_follower(restitution=0.3), "one_mass", WITH_FLIGHTS, seed=4)
+    fit = fit_rig(law, with_force(run, run.force.value - 12.0), rig, "one_mass")
+    assert fit.gauges.force_zero == pytest.approx(-12.0, abs=0.5)
+    assert numbers(fit)["mass"].value == pytest.approx(1.3, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [(lambda f: 0.0 * f + 7.0, "7 all the time"), (lambda f: -f, "turn its sign")],
+)
+def test_a_dead_or_reversed_channel_is_named(law, rig, change, words):
+    run = measured_run(law, rig, "one_mass", (200.0,), QUICK, 1)
+    with pytest.raises(ConfigError, match=words):
+        fit_rig(law, with_force(run, change(run.force.value)), rig)
+
+
+def test_what_does_not_fit_gets_no_numbers(law, rig):
+    """The law of another cam: every number is refused with the size of what is left."""
+    other = cam_rig.build_law(cam_rig.load_cam("bezier15"))
+    run = measured_run(law, rig, "one_mass", IN_CONTACT[:2], QUICK, 1)
+    fit = fit_rig(other, run, rig, "one_mass")
+    assert fit.identified == ()
+    assert all("is it that cam" in number.reason for number in fit.numbers)
