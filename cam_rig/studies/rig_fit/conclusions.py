@@ -25,7 +25,8 @@ def number_sentences(numbers: Iterable[FoundNumber]) -> Iterator[str]:
     """What has no number, and why."""
     for number in numbers:
         if number.value is None:
-            yield f"{number.name}: no number, {number.reason}."
+            end = "" if number.reason.endswith("?") else "."
+            yield f"{number.name}: no number, {number.reason}{end}"
 
 
 def rig_conclusions(fit: RigFit) -> Iterator[str]:
