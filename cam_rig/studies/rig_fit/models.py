@@ -69,7 +69,7 @@ def _tared(found: FitSolution) -> FitSolution:
         for i, hold in enumerate(like.holds)
         if (there := like.predicted(found.x, i)) is not None
     ]
-    low, at = np.concatenate(flying), new.instruments.at(TARE)
+    low, at = np.concatenate([np.empty(0), *flying]), new.instruments.at(TARE)
     if low.size < LEAST_FLYING or at is None:
         return found
     x[at] = float(np.median(low))

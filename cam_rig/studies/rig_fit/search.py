@@ -1,7 +1,8 @@
 """The numbers that make what was measured likeliest: least squares on exact turns.
 
-With errors of lift and force that are normal, of one size each and independent from sample to
-sample, the sum of squares in standard deviations is twice the negative logarithm of the likelihood.
+With errors that are normal and independent from sample to sample, of one size for the lift and of a
+floor and a part of the force, the sum of squares in standard deviations is twice the negative
+logarithm of the likelihood.
 """
 
 from __future__ import annotations
@@ -42,11 +43,6 @@ class FitSolution:
     slopes: FloatArray
     residuals: FloatArray
     bounce: tuple[float, float] | None = None
-
-    @property
-    def misfit(self) -> float:
-        """The sum of squares, in standard deviations."""
-        return float(self.residuals @ self.residuals)
 
 
 def search(likelihood: Likelihood, x: FloatArray) -> FitSolution:

@@ -75,18 +75,18 @@ def misfit(solution: FitSolution) -> str:
     likelihood = solution.likelihood
     for name, unit, factor in (("lift", "mm", 1e3), ("force", "N", 1.0)):
         left, noise = list[FloatArray](), list[FloatArray]()
-        for i, hold in enumerate(likelihood.holds):
+        for i in range(len(likelihood.holds)):
             predicted = likelihood.predicted(solution.x, i)
             if predicted is None:
                 continue
-            if name == "lift":
-                angle, value, there = predicted.lift_angle, hold.lift.value, predicted.lift
-            else:
-                angle, there = predicted.force_angle, predicted.force
-                value = hold.force.value[likelihood.kept[i]]
+            angle, there, off = (
+                (predicted.lift_angle, predicted.lift, predicted.lift_left)
+                if name == "lift"
+                else (predicted.force_angle, predicted.force, predicted.force_left)
+            )
             order = np.argsort(np.mod(angle, TURN))
-            left.append(value - there)
-            noise.append(np.diff(value[order]) / math.sqrt(2.0))
+            left.append(off)
+            noise.append(np.diff((there - off)[order]) / math.sqrt(2.0))
         size = rms(np.concatenate(left)) if any(x.size for x in left) else 0.0
         apart = rms(np.concatenate(noise)) if size else 0.0
         if size > MUCH * apart:

@@ -220,3 +220,16 @@ def test_what_does_not_fit_gets_no_numbers(law, rig):
     fit = fit_rig(other, run, rig, "one_mass")
     assert fit.identified == ()
     assert all("is it that cam" in number.reason for number in fit.numbers)
+
+
+def test_a_stem_s_numbers_need_a_stem(law, rig):
+    """Of one mass they are refused; of two they are kept; and a lift alone shows no stem."""
+    two = cam_rig.load_rig("paper_table2")
+    run = measured_run(law, two, "separation", (200.0, 300.0), QUICK, 1)
+    with pytest.raises(ConfigError, match=r"roller_share.*separation"):
+        fit_rig(law, run, rig, None, {"roller_share": 0.4})
+    with pytest.raises(ConfigError, match=r"no contact force.*one_mass"):
+        fit_rig(law, replace(run, force=None), rig, "separation")
+    fit = fit_rig(law, run, rig, "separation", {"roller_share": 0.4, "stem_damping": 9.0})
+    assert numbers(fit)["roller_share"].origin == "given"
+    assert numbers(fit)["stem_stiffness"].value is not None
