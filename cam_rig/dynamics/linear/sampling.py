@@ -40,7 +40,7 @@ def outputs_at(
     out = np.asarray(outputs.state @ free)
     for i in np.unique(part_of):
         here = np.flatnonzero(part_of == i)
-        ordinates, _ = polynomial_part(model, model.parts[i], outputs)
+        ordinates = polynomial_part(model, model.parts[i], outputs)
         out[:, here] += bernstein.evaluate(ordinates.T, local[here] / model.parts[i].length).T
     return out
 
@@ -52,7 +52,7 @@ def end_of(
     start, angle, rest = model.last_turn(start, angle, duration)
     free, local, part_of = model.passes(start, angle, np.array([rest]))
     part = model.parts[int(part_of[0])]
-    ordinates, _ = polynomial_part(model, part, outputs)
+    ordinates = polynomial_part(model, part, outputs)
     u = bernstein.basis(ordinates.shape[1] - 1, local / part.length)[0]
     state = free[:, 0] + part.forced(local)[:, 0]
     return state, np.asarray(outputs.state @ free[:, 0] + ordinates @ u)
@@ -79,21 +79,34 @@ def sample(
     return out
 
 
-@lru_cache(maxsize=4096)
-def polynomial_part(
-    model: LinearResponse, part: Part, outputs: Outputs
-) -> tuple[FloatArray, FloatArray]:
-    """Ordinates ``(k, p + 1)`` of the outputs' polynomial part, and their Taylor map."""
-    law = model.law
+@lru_cache(maxsize=64)
+def polynomial_parts(model: LinearResponse, outputs: Outputs) -> tuple[FloatArray, ...]:
+    """Ordinates ``(k, p + 1)`` of the outputs' polynomial in every part; those alike together."""
     weights = outputs.law * model.speed ** np.arange(3)
-    motion = weights @ law.motion[:, :, part.law_piece]
-    low, span = law.breaks[part.law_piece], law.spans[part.law_piece]
-    begin = (part.low - low) / span
-    motion = bernstein.restrict(motion.T, begin, min(1.0, begin + part.span / span))
-    degree = part.particular.shape[1] - 1
-    ordinates = outputs.state @ part.particular + bernstein.elevate(motion, degree).T
-    ordinates = ordinates + outputs.constant[:, None]
-    return ordinates, bernstein.taylor(ordinates.T)
+    motion = np.tensordot(weights, model.law.motion, axes=1)
+    groups: dict[tuple[int, int, int], list[Part]] = {}
+    for part in model.parts:
+        groups.setdefault((*part.of_piece, part.particular.shape[1]), []).append(part)
+    found: dict[int, FloatArray] = {}
+    for (i, count, width), parts in groups.items():
+        of_law = motion[:, :, [part.law_piece for part in parts]].transpose(1, 0, 2)
+        flat = bernstein.restrict(of_law.reshape(len(of_law), -1), i / count, (i + 1) / count)
+        of_law = bernstein.elevate(flat, width - 1).reshape(width, -1, len(parts))
+        of_state = outputs.state @ np.stack([part.particular for part in parts])
+        ordinates = of_law.transpose(2, 1, 0) + of_state + outputs.constant[:, None]
+        found.update((part.number, rows) for part, rows in zip(parts, ordinates, strict=True))
+    return tuple(found[part.number] for part in model.parts)
+
+
+def polynomial_part(model: LinearResponse, part: Part, outputs: Outputs) -> FloatArray:
+    """Ordinates ``(k, p + 1)`` of the outputs' polynomial in a part."""
+    return polynomial_parts(model, outputs)[part.number]
+
+
+@lru_cache(maxsize=4096)
+def _taylor_part(model: LinearResponse, part: Part, outputs: Outputs) -> FloatArray:
+    """What takes basis values in a part to the Taylor series there, ``(k, p + 1, p + 1)``."""
+    return bernstein.taylor(polynomial_part(model, part, outputs).T)
 
 
 @lru_cache(maxsize=256)
@@ -124,7 +137,7 @@ def _fill(
     out: FloatArray,
 ) -> None:
     part, count = run.part, out.shape[1]
-    ordinates, taylor = polynomial_part(model, part, outputs)
+    ordinates = polynomial_part(model, part, outputs)
     free = free_motion(model.matrix, run.free, np.array([offset]))[:, 0]
     first, width = (run.local + offset) / part.length, step / part.length
     if count < 2 * CHUNK or width * CHUNK > WIDEST_CHUNK:
@@ -139,7 +152,7 @@ def _fill(
     degree, chunks, full = ordinates.shape[1] - 1, -(-count // CHUNK), count // CHUNK
     middles = first + width * CHUNK * (np.arange(chunks, dtype=np.float64) + MIDDLE)
     scale = (0.5 * width * (CHUNK - 1)) ** np.arange(degree + 1)
-    series = np.matmul(bernstein.basis(degree, middles), taylor * scale)
+    series = np.matmul(bernstein.basis(degree, middles), _taylor_part(model, part, outputs) * scale)
     samples, flow = _chunk(model, outputs, degree, step)
     starts = free_grid(flow, free, chunks).T
     for row, terms, over in zip(out, series, samples, strict=True):
