@@ -217,7 +217,8 @@ class LinearResponse:
         if whole <= 1:
             return start, angle, duration
         before = max(0.0, (first * TURN - angle) / self.speed)
-        start = self.turn.after(self.end(start, angle, before), whole)
+        start = self.end(start, angle, before) if before > 0.0 else start
+        start = self.turn.after(start, whole)
         return start, 0.0, max(0.0, duration - before - whole * (TURN / self.speed))
 
     @cached_property
