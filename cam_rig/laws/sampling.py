@@ -71,14 +71,14 @@ def sample(
     ``(k, count)``
     """
     out = np.empty((weights.shape[0], count)) if out is None else out
-    turn = np.floor(start / TURN)
+    turn = math.floor(start / TURN)
     piece = int(np.searchsorted(law.breaks, start - turn * TURN, side="right")) - 1
     begin = 0
     long: dict[tuple[int, int], list[SampleRun]] = {}
     while begin < count:
         index = piece % law.spans.size
-        low = law.breaks[index] + (turn + piece // law.spans.size) * TURN
-        span = law.spans[index]
+        low = law.joints[index] + (turn + piece // law.spans.size) * TURN
+        span = float(law.spans[index])
         end = min(count, max(begin, samples_before((low + span - start) / step)))
         if end > begin:
             run = SampleRun.of(begin, end, (start + begin * step - low) / span, step / span)
@@ -118,8 +118,10 @@ class SampleRun(NamedTuple):
     def of(cls, begin: int, end: int, first: float, width: float) -> SampleRun:
         """With the longest chunks that lose no digits."""
         most = min((end - begin) / MIN_CHUNKS, WIDEST_CHUNK / width)
-        chunk = next((chunk for chunk in CHUNKS if chunk <= most), 0)
-        return cls(begin, end, float(first), float(width), chunk)
+        for chunk in CHUNKS:
+            if chunk <= most:
+                return cls(begin, end, first, width, chunk)
+        return cls(begin, end, first, width, 0)
 
     @property
     def length(self) -> int:

@@ -11,6 +11,7 @@ from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,8 +83,7 @@ class Part:
         return bernstein.evaluate(self.particular.T, time / self.length).T
 
 
-@dataclass(frozen=True, eq=False)
-class LinearRun:
+class LinearRun(NamedTuple):
     """A part as it is passed: from ``begin`` to ``end`` (s since the walk's start).
 
     ``local`` is where in the part it begins, in s; ``free`` the state there, less X.

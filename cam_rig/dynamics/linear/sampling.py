@@ -86,7 +86,7 @@ def sample(
     """
     out = np.empty((outputs.state.shape[0], count)) if out is None else out
     done = 0
-    long: dict[tuple[int, int], list[_Passage]] = {}
+    long: dict[tuple[int, int, int], list[_Passage]] = {}
     for run in model.walk(start, angle, first + count * step):
         end = min(count, max(done, samples_before((run.end - first) / step)))
         if end > done:
@@ -96,11 +96,12 @@ def sample(
             samples = SampleRun.of(done, end, place, width)
             passage = _Passage(samples, offset, run.free)
             if samples.chunk:
-                long.setdefault((part.number, samples.chunk), []).append(passage)
+                alike = (part.number, samples.chunk, samples.chunks)
+                long.setdefault(alike, []).append(passage)
             else:
                 _fill_directly(model, part, passage, step, outputs, out[:, done:end])
             done = end
-    for (number, _), passages in long.items():
+    for (number, _, _), passages in long.items():
         _fill_in_chunks(model, model.parts[number], passages, step, outputs, out)
     return out
 
@@ -144,16 +145,17 @@ def _fill_in_chunks(
     trains = repeated([passage.samples for passage in passages])
     polynomial = series.at([train[0] for train in trains])
     rows, _, powers = polynomial.shape
-    at = done = 0
+    chunks = passages[0].samples.chunks  # of each: the chunks of all passages are made at once
+    polynomial = polynomial.reshape(rows, len(trains), chunks, powers)
+    if len(trains) > 1:
+        polynomial = np.repeat(polynomial, [len(train) for train in trains], axis=1)
+    terms = np.empty((rows, len(passages), chunks, over.shape[1]))
+    terms[..., :powers] = polynomial
+    terms[..., powers:] = (_chunk_flows(model, step * chunk, chunks) @ states).transpose(2, 0, 1)
+    done = 0
     for train in trains:
-        chunks = train[0].chunks
-        terms = np.empty((rows, len(train), chunks, over.shape[1]))
-        terms[..., :powers] = polynomial[:, None, at : at + chunks]
-        frees = states[:, done : done + len(train)]
-        flows = _chunk_flows(model, step * chunk, chunks)
-        terms[..., powers:] = (flows @ frees).transpose(2, 0, 1)
-        fill_in_chunks(train, terms, over, out)
-        at, done = at + chunks, done + len(train)
+        fill_in_chunks(train, terms[:, done : done + len(train)], over, out)
+        done += len(train)
 
 
 @lru_cache(maxsize=64)
