@@ -32,18 +32,17 @@ REPEATS = 25
 
 @dataclass(frozen=True)
 class SampleRate:
-    """Samples of six numbers a second of a model at a speed, and of a copy between the two."""
+    """Samples of six numbers a second of a model at a speed, and of copies, one after each block.
+
+    ``ratio`` is how many times as long as the copy beside it a block takes.
+    """
 
     model: str
     rpm: float
     block: int
     samples_per_s: float
     copied_per_s: float
-
-    @property
-    def ratio(self) -> float:
-        """How many times as long as a copy they take."""
-        return self.copied_per_s / self.samples_per_s
+    ratio: float
 
 
 def rates() -> dict[str, float]:
@@ -65,8 +64,10 @@ def sample_rates(
             interval = Interval(0, round(block * NS / SAMPLE_RATE), 0.0, rad_per_s(rpm))
             for name in SAMPLED:
                 run = partial(MODELS[name].advance, law, follower, None, interval, SAMPLE_RATE)
-                made, copied = _seconds(run, source.copy)
-                found.append(SampleRate(name, rpm, block, block / made, block / copied))
+                pairs = _seconds(run, source.copy)
+                made, copied = (statistics.median(times) for times in zip(*pairs, strict=True))
+                ratio = statistics.median(one / other for one, other in pairs)
+                found.append(SampleRate(name, rpm, block, block / made, block / copied, ratio))
     return found
 
 
@@ -86,13 +87,14 @@ def rate_table(rates: Iterable[SampleRate]) -> DataTable:
     )
 
 
-def _seconds(*works: Callable[[], object]) -> tuple[float, ...]:
-    """Median wall times, all in turn, after one round that fills the caches."""
-    times: list[list[float]] = []
+def _seconds(*works: Callable[[], object]) -> list[tuple[float, ...]]:
+    """Wall times of each round, all in turn, after one that fills the caches."""
+    times = []
     for _ in range(REPEATS + 1):
-        times.append([])
+        took = []
         for work in works:
             begun = time.perf_counter()
             work()
-            times[-1].append(time.perf_counter() - begun)
-    return tuple(statistics.median(column) for column in zip(*times[1:], strict=True))
+            took.append(time.perf_counter() - begun)
+        times.append(tuple(took))
+    return times[1:]

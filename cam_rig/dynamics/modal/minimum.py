@@ -12,15 +12,19 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cam_rig.arrays import ComplexArray, FloatArray
 from cam_rig.dynamics.modal.cells import CellTables, LawCells, closer
 from cam_rig.dynamics.modal.response import ModalResponse
 from cam_rig.dynamics.modal.sums import carried
+from cam_rig.laws import bernstein
 from cam_rig.units import TURN
 
 #: What a grid of speeds may miss of the vibration between them.
 GRID_MISSES = 0.01
+#: For a bound over many speeds a piece is cut into parts no wider than this part of a turn.
+FEW_CELLS = 24
 #: Cells of all speeds and turns that are held in memory together.
 TOGETHER = 1 << 20
 
@@ -57,8 +61,8 @@ class ModalRun:
         top = np.array([high])
         powers = model.powers(top)[0]
         slow = np.where(powers > 0.0, low ** np.arange(float(powers.size)), 0.0)
-        rising, falling = self._signed_terms
-        forced = (slow @ rising + powers @ falling).reshape(model.terms.shape[1:])
+        piece, rising, falling = self._signed_terms
+        forced = (slow @ rising + powers @ falling).reshape(piece.size, -1).min(axis=1)
         jumps, start = model.largest_state_jumps(high)
         rate = np.array([[float(model.rates[0].real) / high]])
         angles = model.law.breaks[1:]
@@ -68,13 +72,24 @@ class ModalRun:
         whole = min(turns, 1.0 / (1.0 - fade) if fade < 1.0 else np.inf) * own[-1]
         whole += 0.0 if self.duration is None else start
         amplitude = whole * np.exp(rate[0] * model.law.breaks[:-1]) + np.append(0.0, own[:-1])
-        return bool((forced.min(axis=1) + model.constant > amplitude).all())
+        return bool((forced + model.constant > amplitude[piece]).all())
 
     @cached_property
-    def _signed_terms(self) -> tuple[FloatArray, FloatArray]:
-        """The terms' ordinates that are positive, and those that are not."""
-        flat = self.model.terms.reshape(self.model.own.size, -1)
-        return np.maximum(flat, 0.0), np.minimum(flat, 0.0)
+    def _signed_terms(self) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
+        """The terms' ordinates that are positive, and those that are not, in parts of pieces.
+
+        In short parts ordinates are near the polynomial. First comes the piece of each part.
+        """
+        terms = self.model.terms
+        counts = np.ceil(self.model.law.spans * (FEW_CELLS / TURN)).astype(int)
+        parts = []
+        for i, count in enumerate(counts.tolist()):
+            rows = terms[:, i].T
+            cuts = [(k / count, (k + 1) / count) for k in range(count)]
+            parts += [bernstein.restrict(rows, *cut) if count > 1 else rows for cut in cuts]
+        flat = np.stack(parts).transpose(2, 0, 1).reshape(len(terms), -1)
+        piece = np.repeat(np.arange(counts.size), counts)
+        return piece, np.maximum(flat, 0.0), np.minimum(flat, 0.0)
 
     def missed(self, speeds: FloatArray) -> FloatArray:
         """By how much the least output between two neighbouring speeds may lie lower, ``(m,)``."""
