@@ -209,7 +209,9 @@ def fill_in_chunks(
     # Row by row: where numpy cannot tell that nothing overlaps it works elsewhere and copies.
     for row, term, matrix in zip(out, terms, itertools.cycle(over), strict=False):
         shape, strides = (len(runs), full, chunk), (apart * size, chunk * size, size)
-        np.matmul(term[:, :full], matrix, out=as_strided(row[first.begin :], shape, strides))
+        body = as_strided(row[first.begin :], shape, strides)
+        np.matmul(term[:, :full], matrix, out=body[: len(term)])
+        body[len(term) :] = body[0]  # where all runs are one
         if left:
             rest = as_strided(row[last:], (len(runs), left), (apart * size, size))
             rest[:] = (term[:, full] @ matrix)[:, :left]
