@@ -7,19 +7,21 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.landing import Approach, Gap
 from cam_rig.dynamics.linear.free_system import REACH, SERIES_DEGREE, Flight, bernstein_from_powers
 from cam_rig.dynamics.linear.matrix_exponential import free_motion
-from cam_rig.dynamics.linear.response import LinearRun
-from cam_rig.dynamics.linear.sampling import polynomial_part
+from cam_rig.dynamics.linear.response import LinearResponse, LinearRun
+from cam_rig.dynamics.linear.sampling import polynomial_part, polynomial_parts
 from cam_rig.dynamics.root_scan import TOGETHER, clear_cells, fall, step
 from cam_rig.dynamics.two_mass.flight import free_masses, from_inner, to_inner
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.bernstein import EPS
 from cam_rig.laws.law import Scalar
+from cam_rig.units import TURN
 
 #: A force this many rounding errors below zero is below zero.
 ROUNDING_ERRORS = 64.0
@@ -142,9 +144,59 @@ def lift_off(
     return None
 
 
+def first_lift_off(
+    law: Law, parameters: TwoMassParameters, speed: float, state: FloatArray, limit: float
+) -> float | None:
+    """Time (s) of the first lift-off of a run from θ = 0 on, None when not within ``limit``.
+
+    As `lift_off`, but all parts of all turns are bounded at once, and the root is sought only in
+    those that the bound leaves.
+    """
+    response = contact_response(law, parameters, speed)
+    turns = max(1, math.ceil(limit * speed / TURN))
+    free = response.free_starts(state, turns)
+    for turn, i in np.argwhere(may_fall(response, parameters, free)).tolist():
+        part = response.parts[i]
+        begin = (turn * TURN + part.low) / speed
+        run = LinearRun(part, begin, min(begin + part.length, limit), 0.0, free[turn, i])
+        if begin < limit:
+            found = _force_root(law, parameters, speed, run)
+            if found is not None:
+                return begin + found
+    return None
+
+
+def may_fall(
+    response: LinearResponse, parameters: TwoMassParameters, free: FloatArray
+) -> NDArray[np.bool_]:
+    """Whether the force may fall to zero in each part of each turn, ``(turns, parts)``.
+
+    It is no lower than at the lower end of a part less what a curve of so much bend may sag, nor
+    than the polynomial's least ordinate less the vibration, whose energy does not grow.
+    """
+    output, matrix = force_output(parameters), response.matrix
+    ordinates = polynomial_parts(response, output)
+    width = max(rows.shape[1] for rows in ordinates)
+    forced = np.stack([bernstein.elevate(rows[0], width - 1) for rows in ordinates])
+    lengths = np.array([part.length for part in response.parts])
+    change = np.abs(np.diff(forced, n=2, axis=1)).max(axis=1)
+    bend = (width - 1) * (width - 2) * change / lengths**2
+    row, rate = output.state[0], math.sqrt(-matrix[1, 0])
+    reach = abs(float(row[0])) / rate + abs(float(row[1]))
+    flows = np.stack([part.flow for part in response.parts])
+    ends = np.einsum("pij,tpj->tpi", flows, free)
+    acceleration = free @ (matrix @ matrix).T
+    bend = bend + reach * np.hypot(rate * acceleration[..., 0], acceleration[..., 1])
+    vibration = reach * np.hypot(rate * free[..., 0], free[..., 1])
+    lower = np.minimum(forced[:, 0] + free @ row, forced[:, -1] + ends @ row)
+    noise = ROUNDING_ERRORS * EPS * np.abs(forced).max(axis=1)
+    above = np.maximum(lower - bend * lengths**2 / 8.0, forced.min(axis=1) - vibration)
+    return np.asarray(above <= noise)
+
+
 def _force_root(law: Law, p: TwoMassParameters, speed: float, run: LinearRun) -> float | None:
     response, output, part = contact_response(law, p, speed), force_output(p), run.part
-    ordinates = polynomial_part(response, part, output)[0][0]
+    ordinates = polynomial_part(response, part, output)[0]
     rate = p.stiffness / p.end_mass
     energy = rate * run.free[0] ** 2 + run.free[1] ** 2
     vibration = (p.stem_stiffness / math.sqrt(rate) + p.stem_damping) * math.sqrt(energy)
