@@ -23,6 +23,8 @@ from cam_rig.dynamics.events.polynomials import (
 from cam_rig.dynamics.events.rows import Row, Stack, binomials, borrowed, zeros
 from cam_rig.units import TURN
 
+#: (η, η̇).
+Pair = tuple[float, float]
 #: Highest degree of a vibration's series in a window.
 MOST_TERMS = 24
 
@@ -35,7 +37,7 @@ PART, PLACES, VELOCITIES, FORCE = range(4)
 LOW, SPAN, LENGTH, SIZE, LOWEST, ROUNDING, BEND, FLOW, NUMBERS = 0, 1, 2, 3, 4, 5, 6, 7, 11
 
 
-class ContactTable(NamedTuple):
+class StemContactTable(NamedTuple):
     """A `LinearResponse` of two states and one output, the contact force; n parts a turn.
 
     Parameters
@@ -70,7 +72,11 @@ class ContactLoss(NamedTuple):
 
 
 def loss_of_contact(
-    contact: ContactTable, speed: float, angle: float, state: tuple[float, float], duration: float
+    contact: StemContactTable,
+    speed: float,
+    angle: float,
+    state: tuple[float, float],
+    duration: float,
 ) -> ContactLoss:
     """Time after which the force is negative, from (η, η̇) at cam angle ``angle`` (rad) on."""
     inside = angle - math.floor(angle / TURN) * TURN
@@ -97,7 +103,11 @@ def loss_of_contact(
 
 
 def contact_loss(
-    contact: ContactTable, speed: float, angle: float, state: tuple[float, float], duration: float
+    contact: StemContactTable,
+    speed: float,
+    angle: float,
+    state: tuple[float, float],
+    duration: float,
 ) -> tuple[float, float, float]:
     """Time of the loss alone, negative where there is none, and (η, η̇) then."""
     contact = borrowed(contact)
@@ -106,7 +116,7 @@ def contact_loss(
     return loss.time, place, velocity
 
 
-def _part_of(contact: ContactTable, inside: float) -> int:
+def _part_of(contact: StemContactTable, inside: float) -> int:
     low, high = 0, len(contact.parts)
     while high - low > 1:
         middle = (low + high) // 2
@@ -117,7 +127,7 @@ def _part_of(contact: ContactTable, inside: float) -> int:
     return low
 
 
-def _end_of_part(contact: ContactTable, now: ContactStretch) -> tuple[float, float]:
+def _end_of_part(contact: StemContactTable, now: ContactStretch) -> Pair:
     """(η, η̇) where the part ends."""
     rows = contact.parts[now.part]
     numbers, last = rows[PART], int(rows[PART][SIZE]) - 1
@@ -129,7 +139,7 @@ def _end_of_part(contact: ContactTable, now: ContactStretch) -> tuple[float, flo
     return rows[PLACES][last] + place, rows[VELOCITIES][last] + velocity
 
 
-def forced(contact: ContactTable, part: int, local: float) -> tuple[float, float]:
+def forced(contact: StemContactTable, part: int, local: float) -> Pair:
     """X at a time (s) since a part's start."""
     rows = contact.parts[part]
     if local == 0.0:
@@ -138,7 +148,7 @@ def forced(contact: ContactTable, part: int, local: float) -> tuple[float, float
     return value_at(rows[PLACES], size, u), value_at(rows[VELOCITIES], size, u)
 
 
-def free_at(contact: ContactTable, now: ContactStretch, time: float) -> tuple[float, float]:
+def free_at(contact: StemContactTable, now: ContactStretch, time: float) -> Pair:
     """e^{At} (η, η̇) less X at a time (s) later."""
     impulse, rate, _ = impulse_at(contact.damping, contact.stiffness, time)
     own, place, velocity = rate + contact.damping * impulse, now.place, now.velocity
@@ -146,13 +156,13 @@ def free_at(contact: ContactTable, now: ContactStretch, time: float) -> tuple[fl
     return place * own + velocity * impulse, velocity * own + bend * impulse
 
 
-def state_after(contact: ContactTable, now: ContactStretch, time: float) -> tuple[float, float]:
+def state_after(contact: StemContactTable, now: ContactStretch, time: float) -> Pair:
     """(η, η̇) at a time (s) later in the same part."""
     x, free = forced(contact, now.part, now.local + time), free_at(contact, now, time)
     return x[0] + free[0], x[1] + free[1]
 
 
-def _fall_of_force(contact: ContactTable, now: ContactStretch, limit: float) -> float:
+def _fall_of_force(contact: StemContactTable, now: ContactStretch, limit: float) -> float:
     """Time (s) of the zero after which the force is below rounding; `NONE` up to ``limit``."""
     numbers, rate = contact.parts[now.part][PART], math.sqrt(contact.stiffness)
     if numbers[LOWEST] > _largest(contact, rate * now.place, now.velocity):
@@ -168,14 +178,14 @@ def _fall_of_force(contact: ContactTable, now: ContactStretch, limit: float) -> 
     return NONE
 
 
-def _largest(contact: ContactTable, place: float, velocity: float) -> float:
+def _largest(contact: StemContactTable, place: float, velocity: float) -> float:
     """What |the vibration's share| does not exceed after (ω η, η̇): energy does not grow."""
     energy = math.sqrt(place * place + velocity * velocity)
     return energy * (abs(contact.place) / math.sqrt(contact.stiffness) + abs(contact.velocity))
 
 
 def _series(
-    contact: ContactTable, now: ContactStretch, begin: float, end: float, window: float
+    contact: StemContactTable, now: ContactStretch, begin: float, end: float, window: float
 ) -> Row:
     """Bernstein ordinates of the force on [begin, end], no longer than a window."""
     rows, length = contact.parts[now.part], end - begin
@@ -202,7 +212,7 @@ def _series(
 
 
 def _above_until(
-    contact: ContactTable, now: ContactStretch, begin: float, limit: float, window: float
+    contact: StemContactTable, now: ContactStretch, begin: float, limit: float, window: float
 ) -> float:
     """Time from ``begin`` on up to which steps prove that the force is above rounding."""
     numbers, least = contact.parts[now.part][PART], MIN_STEP * window
@@ -221,9 +231,7 @@ def _above_until(
     return begin
 
 
-def _force(
-    contact: ContactTable, now: ContactStretch, time: float, free: tuple[float, float]
-) -> float:
+def _force(contact: StemContactTable, now: ContactStretch, time: float, free: Pair) -> float:
     rows = contact.parts[now.part]
     u, size = (now.local + time) / rows[PART][LENGTH], int(rows[PART][SIZE])
     vibration = contact.place * free[0] + contact.velocity * free[1]

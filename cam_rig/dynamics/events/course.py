@@ -29,7 +29,7 @@ class Jumps(NamedTuple):
     clear: float
 
 
-class Record(NamedTuple):
+class RunRecord(NamedTuple):
     """What a run writes: its place, ``(9 + n,)``, phases and events, and how many there are."""
 
     now: Row
@@ -38,22 +38,22 @@ class Record(NamedTuple):
     counts: Row
 
 
-def has_room(record: Record) -> bool:
+def has_room(record: RunRecord) -> bool:
     """Whether one more phase and its events can be written."""
     phases, events = record.counts[0], record.counts[1]
     return phases + 1 <= len(record.phases) and events + 2 <= len(record.events)
 
 
-def add_phase(record: Record, end: float) -> None:
+def add_phase(record: RunRecord, end: float) -> None:
     """Note a phase from where the run is to ``end`` (s)."""
     row, now = record.phases[int(record.counts[0])], record.now
-    for i in range(len(now)):
-        row[i] = now[i]
+    for i in range(END):
+        row[i] = now[i] if i < len(now) else 0.0
     row[END] = end
     record.counts[0] += 1.0
 
 
-def add_event(record: Record, landing: bool, time: float, impulse: float, lost: float) -> None:
+def add_event(record: RunRecord, landing: bool, time: float, impulse: float, lost: float) -> None:
     """Note a lift-off or a landing."""
     row = record.events[int(record.counts[1])]
     row[0], row[1], row[2], row[3] = 1.0 if landing else 0.0, time, impulse, lost

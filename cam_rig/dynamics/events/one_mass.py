@@ -20,7 +20,7 @@ from cam_rig.dynamics.events.course import (
     STEP,
     TIME,
     Jumps,
-    Record,
+    RunRecord,
     add_event,
     add_phase,
     bound,
@@ -65,7 +65,7 @@ class OneMassTable(NamedTuple):
     no_impact: float
 
 
-def run_one_mass(run: OneMassTable, record: Record) -> None:
+def run_one_mass(run: OneMassTable, record: RunRecord) -> None:
     """Phase after phase, up to the interval's end or as far as there is room for them."""
     run, record = borrowed(run), borrowed(record)
     now = record.now
@@ -83,7 +83,7 @@ def run_one_mass(run: OneMassTable, record: Record) -> None:
             _flight(run, record)
 
 
-def _contact(run: OneMassTable, record: Record) -> None:
+def _contact(run: OneMassTable, record: RunRecord) -> None:
     """A phase of contact, and what ends it."""
     now, time, last = record.now, record.now[TIME], bound(run.jumps, record.now)
     end, lift_off = last, _next_lift_off(run, time)
@@ -108,7 +108,7 @@ def _next_lift_off(run: OneMassTable, time: float) -> float:
     return math.inf
 
 
-def _flight(run: OneMassTable, record: Record) -> None:
+def _flight(run: OneMassTable, record: RunRecord) -> None:
     """A phase of flight, at most to the next velocity jump, and what ends it."""
     now, begin, cam = record.now, record.now[TIME], run.cam
     last, start = bound(run.jumps, now), zeros(2)
@@ -130,7 +130,7 @@ def _flight(run: OneMassTable, record: Record) -> None:
     fly_from(now, True, found.gap, opening)
 
 
-def _impact(run: OneMassTable, record: Record, time: float, gained: float) -> None:
+def _impact(run: OneMassTable, record: RunRecord, time: float, gained: float) -> None:
     """The velocity of the cam under a follower in contact gains ``gained`` (m/s)."""
     if abs(gained) <= run.no_impact:
         return
@@ -140,19 +140,19 @@ def _impact(run: OneMassTable, record: Record, time: float, gained: float) -> No
         _lift_off(run, record, time, -gained)
 
 
-def _lift_off(run: OneMassTable, record: Record, time: float, opening: float) -> None:
+def _lift_off(run: OneMassTable, record: RunRecord, time: float, opening: float) -> None:
     """The follower lifts off, faster than the cam by ``opening`` m/s."""
     add_event(record, False, time, 0.0, 0.0)
     _fly(record, cam_at(run.cam, time), opening)
 
 
-def _fly(record: Record, cam: tuple[float, float, float], opening: float) -> None:
+def _fly(record: RunRecord, cam: tuple[float, float, float], opening: float) -> None:
     now = record.now
     now[STATE], now[STATE + 1] = cam[0], cam[1] + opening
     fly_from(now, True, 0.0, opening)
 
 
-def _meet(run: OneMassTable, record: Record, time: float, approach: float) -> None:
+def _meet(run: OneMassTable, record: RunRecord, time: float, approach: float) -> None:
     """The follower meets the cam at ``approach`` m/s: it flies on, or is in contact."""
     cam = cam_at(run.cam, time)
     force = run.force[0] * cam[0] + run.force[1] * cam[1] + run.force[2] * cam[2] + run.force[3]

@@ -8,6 +8,8 @@ from cam_rig.dynamics.events.rows import Row, Rows, binomials, zero_rows, zeros
 RESOLUTION, MAX_DEPTH = 2.0**-46, 48
 #: Relative width at which two neighbouring floats are told apart no further.
 WIDTH = 4.0 * 2.0**-52
+#: Steps beside the root: one that need not be taken, and one as small as the value's rounding.
+NOTHING, ROUNDED = 2.0**-55, 2.0**-40
 #: A root beside 0 may take as many halvings as a float has; an ordinary one takes some six steps.
 MAX_STEPS = 2000
 #: Where there is no root.
@@ -127,7 +129,7 @@ def only_root(row: Row) -> float:
     weights = binomials(degree - 1)
     for i in range(degree):
         slopes[i] = degree * weights[i] * (row[i + 1] - row[i])
-    low, high, step = 0.0, 1.0, 1.0
+    low, high, step, closing = 0.0, 1.0, 1.0, False
     u = row[0] / (row[0] - row[degree])
     for _ in range(MAX_STEPS):
         value, slope, scale = horner(weighted, slopes, u)
@@ -138,11 +140,19 @@ def only_root(row: Row) -> float:
         else:
             high = u
         following = u - value * scale / slope if slope != 0.0 else low
-        if not low < following < high or abs(following - u) > 0.5 * step:
+        ahead = abs(following - u)
+        # Each step of Newton's is a constant times the square of the one before.
+        inside, quick = low < following < high, ahead <= 0.5 * step
+        if closing and inside and ahead * (ahead / step) * (ahead / step) <= NOTHING * u:
+            return following
+        if closing and not quick and step <= ROUNDED * u:  # the value is rounding
+            return u
+        closing = inside and quick
+        if not closing:
             following = 0.5 * (low + high)
         step = abs(following - u)
         u = following
-        if step <= 0.5 * WIDTH * u or high - low <= WIDTH * u:
+        if high - low <= WIDTH * u:
             return u
     return u
 

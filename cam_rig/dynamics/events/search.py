@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import cache
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from cam_rig.dynamics.events.compiled import form_of, plain_time
-from cam_rig.dynamics.events.course import EVENT_SIZE, PHASE_SIZE, STATE, STEP, TIME, Record
-from cam_rig.dynamics.events.rows import zero_rows
+from cam_rig.dynamics.events.course import EVENT_SIZE, PHASE_SIZE, STATE, STEP, TIME, RunRecord
+from cam_rig.dynamics.events.rows import zero_rows, zeros
 
 T = TypeVar("T")
 
-#: Phases that are found in one call: of plain Python, and compiled.
-ROOM, COMPILED_ROOM = 32, 1024
+#: Phases that are found in one call: in the first, and in the longest, each having twice the room
+#: of the one before.
+FIRST_ROOM, MOST_ROOM = 4, 1024
 
 
-class Found(NamedTuple):
+class FoundPhases(NamedTuple):
     """Phases and events that a call has found, as rows of numbers (see `course`)."""
 
     phases: list[list[float]]
@@ -25,11 +27,11 @@ class Found(NamedTuple):
 
 
 def search(
-    run: Callable[[Any, Record], None],
+    run: Callable[[Any, RunRecord], None],
     table: Callable[[bool], Any],
     now: list[float],
     duration: float,
-) -> Iterator[Found]:
+) -> Iterator[FoundPhases]:
     """Phases and events up to ``duration`` s; ``now`` is where the run is, and is kept so.
 
     Parameters
@@ -37,27 +39,34 @@ def search(
     run : `run_one_mass` or `run_two_mass`
     table : what it takes, of arrays or of lists
     """
-    begun = False
-    while not begun or now[TIME] < duration:
-        begun, compiled = True, form_of(run)
-        yield _compiled(compiled, table(True), now) if compiled else _plain(run, table(False), now)
+    room, tables = FIRST_ROOM, cache(table)
+    while room == FIRST_ROOM or now[TIME] < duration:
+        compiled = form_of(run)
+        if compiled is None:
+            yield _plain(run, tables(False), now, room)
+        else:
+            yield _compiled(compiled, tables(True), now, room)
+        room = min(2 * room, MOST_ROOM)
 
 
-def _plain(run: Callable[[Any, Record], None], table: Any, now: list[float]) -> Found:
-    record = Record(now, zero_rows(ROOM, PHASE_SIZE), zero_rows(2 * ROOM, EVENT_SIZE), [0.0, 0.0])
+def _plain(
+    run: Callable[[Any, RunRecord], None], table: Any, now: list[float], room: int
+) -> FoundPhases:
+    phases, events, counts = zero_rows(room, PHASE_SIZE), zero_rows(2 * room, EVENT_SIZE), zeros(2)
     with plain_time():
-        run(table, record)
-    phases, events = (int(count) for count in record.counts)
-    return Found(record.phases[:phases], record.events[:events])
+        run(table, RunRecord(now, phases, events, counts))
+    return FoundPhases(phases[: int(counts[0])], events[: int(counts[1])])
 
 
-def _compiled(run: Callable[[Any, Any], None], table: Any, now: list[float]) -> Found:
+def _compiled(
+    run: Callable[[Any, Any], None], table: Any, now: list[float], room: int
+) -> FoundPhases:
     place, counts = np.array(now), np.zeros(2)
-    rows, events = np.zeros((COMPILED_ROOM, PHASE_SIZE)), np.zeros((2 * COMPILED_ROOM, EVENT_SIZE))
-    record: Any = Record(place, rows, events, counts)  # type: ignore[arg-type]
-    run(table, record)
+    phases, events = np.empty((room, PHASE_SIZE)), np.empty((2 * room, EVENT_SIZE))
+    record: Any = (place, phases, events, counts)
+    run(table, RunRecord(*record))
     now[:] = place.tolist()
-    return Found(rows[: int(counts[0])].tolist(), events[: int(counts[1])].tolist())
+    return FoundPhases(phases[: int(counts[0])].tolist(), events[: int(counts[1])].tolist())
 
 
 def at_start(size: int, state: list[float], step: float) -> list[float]:

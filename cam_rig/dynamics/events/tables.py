@@ -15,7 +15,7 @@ from cam_rig.dynamics.events.contact import (
     PART,
     PLACES,
     VELOCITIES,
-    ContactTable,
+    StemContactTable,
 )
 from cam_rig.dynamics.events.course import Jumps
 from cam_rig.dynamics.events.free_flight import (
@@ -86,7 +86,7 @@ def free_table(system: FreeSystem, arrays: bool) -> FreeTable:
 
 
 @lru_cache(maxsize=64)
-def contact_table(response: LinearResponse, output: Outputs, arrays: bool) -> ContactTable:
+def contact_table(response: LinearResponse, output: Outputs, arrays: bool) -> StemContactTable:
     """The table of a response of two states, whose one output is the contact force."""
     sizes = [part.particular.shape[1] for part in response.parts]
     parts = np.zeros((len(sizes), 4, max(*sizes, NUMBERS)))
@@ -98,7 +98,7 @@ def contact_table(response: LinearResponse, output: Outputs, arrays: bool) -> Co
         rows[PART, FLOW:NUMBERS] = part.flow.ravel()
         rows[PLACES : VELOCITIES + 1, :size], rows[FORCE, :size] = part.particular, force
     _, (spring, damper) = response.matrix
-    return table_of(ContactTable, arrays, parts, -spring, -damper, *output.state[0])
+    return table_of(StemContactTable, arrays, parts, -spring, -damper, *output.state[0])
 
 
 def jumps_table(law: Law, angle: float, speed: float, duration: float, arrays: bool) -> Jumps:

@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 from cam_rig.dynamics.events.approach import Hop, landing
 from cam_rig.dynamics.events.contact import (
-    ContactTable,
+    Pair,
+    StemContactTable,
     loss_of_contact,
     state_after,
 )
@@ -24,7 +25,7 @@ from cam_rig.dynamics.events.course import (
     STEP,
     TIME,
     Jumps,
-    Record,
+    RunRecord,
     add_event,
     add_phase,
     bound,
@@ -39,8 +40,7 @@ from cam_rig.dynamics.events.free_flight import FreeTable, launched, moved
 from cam_rig.dynamics.events.law_table import Cam, cam_at
 from cam_rig.dynamics.events.rows import Row, borrowed, zeros
 
-#: Two numbers: (η, η̇), (w, ẇ) or (Y, Ẏ).
-Pair = tuple[float, float]
+#: (s, ṡ, s̈).
 Motion = tuple[float, float, float]
 
 
@@ -61,7 +61,7 @@ class TwoMassTable(NamedTuple):
     cam: Cam
     free: FreeTable
     jumps: Jumps
-    contact: ContactTable
+    contact: StemContactTable
     force: Row
     drive: Row
     roller_mass: float
@@ -74,7 +74,7 @@ class TwoMassTable(NamedTuple):
     no_impact: float
 
 
-def run_two_mass(run: TwoMassTable, record: Record) -> None:
+def run_two_mass(run: TwoMassTable, record: RunRecord) -> None:
     """Phase after phase, up to the interval's end or as far as there is room for them."""
     run, record = borrowed(run), borrowed(record)
     now = record.now
@@ -88,7 +88,7 @@ def run_two_mass(run: TwoMassTable, record: Record) -> None:
             _flight(run, record)
 
 
-def _contact(run: TwoMassTable, record: Record) -> None:
+def _contact(run: TwoMassTable, record: RunRecord) -> None:
     """A phase of contact, and what ends it."""
     now, time, last = record.now, record.now[TIME], bound(run.jumps, record.now)
     start, angle = (now[STATE], now[STATE + 1]), run.cam.angle + run.cam.speed * time
@@ -120,7 +120,7 @@ def _continued(run: TwoMassTable, vibration: Pair, cam: Motion, time: float) -> 
     return vibration[0] + time * vibration[1], vibration[1] + time * bend
 
 
-def _flight(run: TwoMassTable, record: Record) -> None:
+def _flight(run: TwoMassTable, record: RunRecord) -> None:
     """A phase of flight, at most to the next velocity jump, and what ends it."""
     now, begin, cam = record.now, record.now[TIME], run.cam
     last, start = bound(run.jumps, now), zeros(4)
@@ -142,7 +142,7 @@ def _flight(run: TwoMassTable, record: Record) -> None:
         fly_from(now, True, found.gap, opening)
 
 
-def _velocity_step(run: TwoMassTable, record: Record, time: float, gained: float) -> None:
+def _velocity_step(run: TwoMassTable, record: RunRecord, time: float, gained: float) -> None:
     """Where ṡ gains (m/s): an impact on a roller in contact, or its lift-off."""
     now = record.now
     if abs(gained) <= run.no_impact:
@@ -166,7 +166,7 @@ def _stretch(run: TwoMassTable, vibration: Pair, cam: Motion) -> Pair:
 
 
 def _fly(
-    run: TwoMassTable, record: Record, cam: Motion, stretch: Pair, rising: float, opening: float
+    run: TwoMassTable, record: RunRecord, cam: Motion, stretch: Pair, rising: float, opening: float
 ) -> None:
     """A roller on the cam, faster than it by ``rising`` m/s, flies off it at ``opening`` m/s."""
     now, share = record.now, run.end_share
@@ -176,7 +176,7 @@ def _fly(
     fly_from(now, True, 0.0, opening)
 
 
-def _meet(run: TwoMassTable, record: Record, time: float, stretch: Pair, rate: float) -> None:
+def _meet(run: TwoMassTable, record: RunRecord, time: float, stretch: Pair, rate: float) -> None:
     """A landing at ``rate`` (m/s, not above 0): what flies on, or is in contact.
 
     ``stretch`` is (w, ẇ) before it; the end mass goes on with the velocity it had.

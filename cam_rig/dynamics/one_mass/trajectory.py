@@ -71,6 +71,9 @@ class OneMassTrajectory:
         ``step`` is by how much the cam's velocity is more than where the state ended, m/s.
         """
         now = at_start(2, [], step)
+        if step == 0.0 and (state is None or state.in_contact) and self._stays:
+            self._rows.append([*now, 0.0, 0.0, self.interval.duration])
+            return
         if state is not None and not state.in_contact:
             now[STATE:] = state.displacement, state.velocity
             gap, opening = state.inner or (0.0, 0.0)
@@ -80,6 +83,12 @@ class OneMassTrajectory:
             self.events += [self._event(*row) for row in found.events]
             self._require_progress()
         self._last = self._flight(now)
+
+    @property
+    def _stays(self) -> bool:
+        """Whether nothing in a turn takes a follower off the cam."""
+        losses = loss_intervals(self.law, self.parameters, self.interval.speed)
+        return not (losses or self.law.velocity_jumps)
 
     def _table(self, arrays: bool) -> OneMassTable:
         law, p, interval = self.law, self.parameters, self.interval
