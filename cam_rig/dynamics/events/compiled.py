@@ -44,7 +44,7 @@ MODULES = (
     "two_mass",
 )
 #: Seconds in plain Python after which the compiled code is loaded, or made.
-LOAD_AFTER, COMPILE_AFTER = 0.5, 8.0
+LOAD_AFTER, COMPILE_AFTER = 0.5, 10.0
 #: What the environment may say of it: plain Python alone, or compiled code from the first event on.
 VARIABLE, PLAIN, ALWAYS = "CAM_RIG_EVENTS", "plain", "compiled"
 #: What a run's file is called once its code is kept whole.
@@ -104,7 +104,7 @@ def _prepared(function: Run) -> Run | None:
     """
     kept = _is_kept(function)
     if not kept:
-        print("events: compiling the search for them, once (some 10 s)", file=sys.stderr)
+        print("events: compiling the search for them, once (10 to 20 s)", file=sys.stderr)
     try:
         compiled = _compile(function)
     except Exception as error:
@@ -168,7 +168,7 @@ def _register() -> None:
         for function in vars(module).values():
             own = isfunction(function) and function.__module__ == module.__name__
             if own and function not in special:
-                register_jitable(error_model="numpy")(function)
+                register_jitable(error_model="numpy", no_cfunc_wrapper=True)(function)
 
 
 @cache
