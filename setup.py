@@ -25,7 +25,9 @@ BAGS = ["lz4", "mcap", "rosbags", "zstandard"]
 VIEW = ["rerun-sdk"]
 PARQUET = ["pyarrow"]
 CAD = ["ezdxf", "shapely>=2"]
-ALL = [*CLI, *PLOTS, *BAGS, *VIEW, *PARQUET, *CAD]
+# Compiles the search for lift-offs and landings; without it the same code runs in plain Python.
+FAST = ["numba>=0.61"]
+ALL = [*CLI, *PLOTS, *BAGS, *VIEW, *PARQUET, *CAD, *FAST]
 # Only for a plain Python; where ROS 2 is installed, these come from it.
 ROS_WHEELS = [
     "ros-kilted-rclpy[fastrtps]",
@@ -113,6 +115,7 @@ setup(
         "view": VIEW,
         "parquet": PARQUET,
         "cad": CAD,
+        "fast": FAST,
         "all": ALL,
         "ros-wheels": ROS_WHEELS,
         "bench": BENCH,

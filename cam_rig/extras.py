@@ -15,6 +15,7 @@ EXTRAS = {
     "lz4": "bags",
     "matplotlib": "plots",
     "mcap": "bags",
+    "numba": "fast",
     "pyarrow": "parquet",
     "rclpy": "ros-wheels",
     "rerun": "view",

@@ -28,6 +28,8 @@ def show_impulses(
     return late
 
 
+#: A change of the cam's velocity below this fraction of (cam speed x lift) is rounding: no step.
+NO_IMPACT = 1e-12
 #: A bounce is contact when it is lower than this fraction of the lift, or than so many metres,
 #: a hundred thousandth of an atom.
 MIN_OF_LIFT, MIN_HEIGHT = 1e-12, 1e-15
@@ -36,10 +38,3 @@ MIN_OF_LIFT, MIN_HEIGHT = 1e-12, 1e-15
 def least_bounce(law: Law) -> float:
     """Height (m) below which a bounce is contact."""
     return max(MIN_OF_LIFT * law.lift, MIN_HEIGHT)
-
-
-def rises(rebound: float, pull: float, least: float) -> bool:
-    """Whether a rebound (m/s) against a deceleration (m/s²) comes higher than ``least`` (m)."""
-    if rebound <= 0.0 or pull <= 0.0:
-        return rebound > 0.0
-    return 0.5 * rebound**2 / pull > least

@@ -8,7 +8,6 @@ import pytest
 
 from cam_rig.dynamics import FollowerParameters, Interval, TwoMassParameters
 from cam_rig.dynamics.one_mass.trajectory import OneMassTrajectory
-from cam_rig.dynamics.root_scan import clear_cells, fall
 from cam_rig.dynamics.two_mass.model import _phase_states
 from cam_rig.dynamics.two_mass.trajectory import Separation
 from cam_rig.laws import Law, bernstein
@@ -132,42 +131,3 @@ def test_a_narrow_bump_is_not_passed_through(laws, run, p):
 def test_no_narrow_bump_is_passed_through(laws, run, p):
     """The same at 480 places."""
     through_bumps(laws["poly345"], run, p, np.arange(0.7, 360.0, 0.75))
-
-
-@pytest.mark.parametrize("seed", range(40))
-def test_a_fall_is_the_first(seed):
-    """Of a polynomial, against a fine scan; one that stays above has none."""
-    rng = np.random.default_rng(seed)
-    degree = int(rng.integers(2, 25))
-    ordinates = rng.standard_normal(degree + 1) * 3.0 + 1.0
-    ordinates[0] = abs(ordinates[0])
-    u = np.linspace(0.0, 1.0, 20_001)
-    values, found = bernstein.evaluate(ordinates, u), fall(ordinates, 1e-12)
-    below = np.flatnonzero(values < 0.0)
-    if below.size == 0:
-        assert found is None or abs(values).min() < 1e-6
-    else:
-        assert found is not None
-        assert u[below[0] - 1] - 1e-12 <= found <= u[below[0]]
-        assert abs(bernstein.scalar(ordinates)(found)) < 1e-12
-
-
-def test_a_fall_from_within_noise():
-    """Where it begins within rounding of zero it falls at once, or after it was above."""
-    assert fall(np.array([-1e-13, -1.0]), 1e-12) == 0.0
-    assert fall(np.array([-1.0, 1.0]), 1e-12) == 0.0
-    rising = fall(np.array([-1e-13, 1.0, -1.0]), 1e-12)
-    assert rising == pytest.approx(2.0 / 3.0, abs=1e-6)
-    assert fall(np.array([-1e-13, -1e-13, 1.0]), 1e-12) is None
-    assert fall(np.array([0.0, 0.0, 0.0]), 0.0) is None
-
-
-def test_clear_cells_are_clear():
-    """A parabola with its lowest point between two times is found by its second derivative."""
-    times = np.linspace(-0.95, 1.05, 11)
-    for lowest in (1e-3, -1e-3):
-        values, bends = lowest + times**2, np.full(10, 2.0)
-        clear = clear_cells(times, values, bends, 0.0)
-        assert clear < 10
-        assert times[clear] <= 0.0 <= times[clear + 1]
-    assert clear_cells(times, 0.02 + times**2, np.full(10, 2.0), 0.0) == 10

@@ -9,20 +9,40 @@ impact on the roller mass, m₁ (1 + e) ω Δs', down lifts it off with the velo
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.impacts import least_bounce, rises
+from cam_rig.dynamics.events.course import (
+    END,
+    FLYING,
+    GAP,
+    KNOWN,
+    OPENING,
+    STATE,
+    TIME,
+    fly_from,
+)
+from cam_rig.dynamics.events.law_table import Cam
+from cam_rig.dynamics.events.search import at_start, search
+from cam_rig.dynamics.events.tables import (
+    contact_table,
+    free_table,
+    jumps_table,
+    law_table,
+    table_of,
+)
+from cam_rig.dynamics.events.two_mass import TwoMassTable, run_two_mass
+from cam_rig.dynamics.impacts import NO_IMPACT, least_bounce
 from cam_rig.dynamics.input_limits import require_angle, require_number, state_of
 from cam_rig.dynamics.interval import Event, EventKind
 from cam_rig.dynamics.linear.free_system import Flight
 from cam_rig.dynamics.linear.response import LinearResponse
-from cam_rig.dynamics.one_mass.trajectory import NO_IMPACT
-from cam_rig.dynamics.two_mass.events import landing, lift_off
+from cam_rig.dynamics.two_mass.events import force_noise
 from cam_rig.dynamics.two_mass.flight import free_masses, from_inner, to_inner
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
-from cam_rig.dynamics.velocity_jumps import VelocityJumpsAhead, short_of_velocity_jump
+from cam_rig.dynamics.velocity_jumps import short_of_velocity_jump
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 
@@ -59,10 +79,11 @@ class Separation:
     parameters: TwoMassParameters
     speed: float
     angle: float = 0.0
-    phases: list[TwoMassPhase] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        self._rows: list[list[float]] = []
+        self._phases: list[TwoMassPhase] = []
         require_angle(self.angle)
         self._response: LinearResponse = contact_response(self.law, self.parameters, self.speed)
         self._system = free_masses(self.parameters)
@@ -84,73 +105,61 @@ class Separation:
         """The same from (η, η̇) or a flight, where ṡ has gained ``step`` m/s."""
         require_number("duration", duration, "> 0")
         require_angle(self.angle + self.speed * duration, "angle at the end")
-        joints = VelocityJumpsAhead(self.law, self.angle, self.speed, duration)
-        step += joints.take(0.0)
-        now, state = 0.0, self._velocity_step(0.0, step, start)
-        while now < duration:
+        now = at_start(4, [], step)
+        if isinstance(start, Flight):
+            now[STATE:] = start.start.tolist()
+            gap, opening = start.known or (0.0, 0.0)
+            fly_from(now, bool(start.known), gap, opening)
+        else:
+            now[STATE : STATE + 2] = state_of(start, 2).tolist()
+        for found in search(run_two_mass, partial(self._table, duration), now, duration):
+            self._rows += found.phases
+            self.events += [self._event(*row) for row in found.events]
             if len(self.events) > MAX_EVENTS:
                 raise DynamicsError(
-                    f"{len(self.events)} events in {now:g} s; allowed: {MAX_EVENTS} a run"
+                    f"more than {MAX_EVENTS} events in {now[TIME]:g} s; allowed: {MAX_EVENTS} a run"
                 )
-            if isinstance(state, Flight):
-                now, state = self._flight_phase(now, state, joints)
-            else:
-                now, state = self._contact_phase(now, state, joints)
-        self.last = state
+        self.last = self._state(now)
 
-    def _contact_phase(
-        self, now: float, vibration: FloatArray, joints: VelocityJumpsAhead
-    ) -> tuple[float, FloatArray | Flight]:
-        """A phase of contact: its end, and what the roller is then."""
-        limit, angle = (
-            min(joints.bound, joints.clear),
-            self.angle + self.speed * now,
+    def _table(self, duration: float, arrays: bool) -> TwoMassTable:
+        law, p, speed = self.law, self.parameters, self.speed
+        return table_of(
+            TwoMassTable,
+            arrays,
+            Cam(law_table(law, arrays), speed, self.angle),
+            free_table(self._system, arrays),
+            jumps_table(law, self.angle, speed, duration, arrays),
+            contact_table(self._response, self._force, arrays),
+            np.append(self._force.law[0], self._force.constant),
+            self._response.drive[1],
+            p.roller_mass,
+            p.end_mass / (p.roller_mass + p.end_mass),
+            p.spring_stiffness / p.stiffness,
+            p.preload / p.stiffness,
+            p.restitution,
+            force_noise(law, p, speed),
+            least_bounce(law),
+            NO_IMPACT * speed * law.lift,
         )
-        loss = lift_off(self.law, self.parameters, self.speed, angle, vibration, limit - now)
-        end = joints.bound if loss is None else joints.no_later(now + loss[0])
-        self.phases.append(TwoMassPhase(now, end, vibration))
-        impact, step = joints.at(end), joints.take(end)
-        if loss is not None and not impact:
-            cam = self._cam_at(end)
-            vibration = self._continued(loss[1], cam, (end - now) - loss[0])
-            return end, self._lift_off_at(end, vibration, cam, 0.0)
-        vibration = self._response.end(vibration, angle, end - now)
-        return end, self._velocity_step(end, step, vibration)
 
-    def _continued(self, vibration: FloatArray, cam: FloatArray, time: float) -> FloatArray:
-        """(η, η̇) a rounding of time (s) later: what follows begins at a time that is a float."""
-        model = self._response
-        return np.asarray(vibration + time * (model.matrix @ vibration + model.drive @ cam))
+    @property
+    def phases(self) -> list[TwoMassPhase]:
+        """All phases so far, in order; each is made when it is asked for first."""
+        self._phases += [self._phase(row) for row in self._rows[len(self._phases) :]]
+        return self._phases
 
-    def _flight_phase(
-        self, now: float, flight: Flight, joints: VelocityJumpsAhead
-    ) -> tuple[float, FloatArray | Flight]:
-        """A phase of flight, at most to the next velocity jump: its end, and the roller's state."""
-        angle, limit = self.angle + self.speed * now, joints.bound - now
-        gap = landing(self.law, self.parameters, self.speed, angle, flight, limit)
-        end = joints.no_later(now + gap.time) if gap.landed else joints.bound
-        self.phases.append(TwoMassPhase(now, end, np.zeros(2), flight))
-        inner, opening = flight.at(end - now), gap.rate - joints.take(end)
-        if gap.landed and opening <= 0.0:
-            return end, self._meet(end, inner[:2], opening)
-        return end, self.lifted_off(inner, gap.gap, opening)
-
-    def _velocity_step(
-        self, time: float, step: float, state: FloatArray | Flight
-    ) -> FloatArray | Flight:
-        """Where ṡ gains ``step`` (m/s): an impact on a roller in contact, or its lift-off.
-
-        ``state`` is that before; the end mass has the same velocity after it.
-        """
-        if abs(step) <= NO_IMPACT * self.speed * self.law.lift:
-            return state
+    def _phase(self, row: list[float]) -> TwoMassPhase:
+        state = self._state(row)
         if isinstance(state, Flight):
-            opening = None if state.opening is None else state.opening - step
-            return self.lifted_off(state.start, state.gap, opening)
-        before = self._cam_at(time) - np.array([0.0, step, 0.0])
-        if step < 0.0:
-            return self._lift_off_at(time, state, before, -step)
-        return self._meet(time, self._stretch(state, before), -step)
+            return TwoMassPhase(row[TIME], row[END], np.zeros(2), state)
+        return TwoMassPhase(row[TIME], row[END], state)
+
+    def _state(self, row: list[float]) -> FloatArray | Flight:
+        """What the roller is in a row of a run's numbers: a vibration on the cam, or a flight."""
+        if not row[FLYING]:
+            return np.array(row[STATE : STATE + 2])
+        known = (row[GAP], row[OPENING]) if row[KNOWN] else ()
+        return self.lifted_off(np.array(row[STATE : STATE + 4]), *known)
 
     @property
     def ends_in_contact(self) -> bool:
@@ -173,15 +182,9 @@ class Separation:
         angle = self.angle + self.speed * time
         return self.law.motion_at(angle) * (self.speed ** np.arange(3.0))[:, None]
 
-    def _cam_at(self, time: float) -> FloatArray:
-        """S, ṡ and s̈ at one time in s, ``(3,)``."""
-        return self._cam_to(self.angle + self.speed * time)
-
     def cam_at_end(self, time: float) -> FloatArray:
         """The same where an interval ends: before a velocity jump that begins the next one."""
-        return self._cam_to(short_of_velocity_jump(self.law, self.angle + self.speed * time))
-
-    def _cam_to(self, angle: float) -> FloatArray:
+        angle = short_of_velocity_jump(self.law, self.angle + self.speed * time)
         s, slope, bend = self.law.at(angle)
         return np.array([s, slope * self.speed, bend * self.speed**2])
 
@@ -196,44 +199,6 @@ class Separation:
         out = self._force
         return float((out.state @ vibration + out.law @ cam + out.constant)[0])
 
-    def _stretch(self, vibration: FloatArray, cam: FloatArray) -> FloatArray:
-        """(w, ẇ) of the stem of a roller on the cam: a small difference, without its rounding."""
-        p = self.parameters
-        left = p.spring_stiffness / p.stiffness
-        return np.asarray(vibration - left * cam[:2] - np.array([p.preload / p.stiffness, 0.0]))
-
-    def _lift_off_at(
-        self, time: float, vibration: FloatArray, cam: FloatArray, opening: float
-    ) -> Flight:
-        """What flies off a cam with (s, ṡ, s̈), which then falls back by ``opening`` m/s."""
-        self._note("lift-off", time)
-        return self._flight_from(cam[:2], self._stretch(vibration, cam), opening)
-
-    def _flight_from(self, roller: FloatArray, stretch: FloatArray, opening: float) -> Flight:
-        """The flight of a roller with (z, ż) on the cam, from which it opens at ``opening`` m/s."""
-        p = self.parameters
-        centre = roller + p.end_mass / (p.roller_mass + p.end_mass) * stretch
-        return self.lifted_off(np.concatenate([stretch, centre]), 0.0, opening)
-
-    def _meet(self, time: float, stretch: FloatArray, rate: float) -> FloatArray | Flight:
-        """After a landing at ``rate`` (m/s, not above 0): what flies on, or (η, η̇) in contact.
-
-        ``stretch`` is (w, ẇ) before it; the end mass goes on with the velocity it had.
-        """
-        p, cam = self.parameters, self._cam_at(time)
-        approach, on_cam = -rate, stretch + np.array([0.0, rate])
-        vibration = np.asarray(on_cam - self._stretch(np.zeros(2), cam))
-        rebound = p.restitution * approach
-        pull = self.force_of(vibration, cam) / p.roller_mass
-        bounces = rises(rebound, pull, least_bounce(self.law))
-        restitution = p.restitution if bounces else 0.0
-        impulse = p.roller_mass * (1.0 + restitution) * approach
-        lost = 0.5 * p.roller_mass * (1.0 - restitution**2) * approach**2
-        self._note("landing", time, impulse, lost)
-        if not bounces:
-            return vibration
-        rising = np.array([0.0, rebound])
-        return self._flight_from(cam[:2] + rising, on_cam - rising, rebound)
-
-    def _note(self, kind: EventKind, time: float, impulse: float = 0.0, lost: float = 0.0) -> None:
-        self.events.append(Event(kind, time, self.angle + self.speed * time, impulse, lost))
+    def _event(self, landing: float, time: float, impulse: float, lost: float) -> Event:
+        kind: EventKind = "landing" if landing else "lift-off"
+        return Event(kind, time, self.angle + self.speed * time, impulse, lost)

@@ -8,11 +8,12 @@ import pytest
 
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
 from cam_rig.dynamics.linear.free_system import Flight
-from cam_rig.dynamics.two_mass.events import landing
 from cam_rig.dynamics.two_mass.flight import free_masses, to_inner
 from cam_rig.dynamics.two_mass.trajectory import Separation
 from cam_rig.laws import Law
 from cam_rig.units import NS
+
+from ..one_flight import land
 
 MS = NS // 1000
 PAPER = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6, 0.5)
@@ -87,7 +88,7 @@ def test_a_roller_below_the_cam_meets_it_at_once(laws):
     """Whatever put it there; it does not go on falling."""
     law, state = laws["poly345"], np.array([-0.01, -1.0, -0.01, -1.0])
     flight = Flight(free_masses(PAPER), to_inner(PAPER, state))
-    found = landing(law, PAPER, 50.0, 0.0, flight, 0.1)
+    found = land(flight, law, 0.0, 50.0, 0.1)
     assert (found.landed, found.time) == (True, 0.0)
     course = Separation(law, PAPER, 50.0)
     course.run(0.1, state, contact=False)

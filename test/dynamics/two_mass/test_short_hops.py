@@ -10,10 +10,11 @@ import pytest
 from cam_rig.bench.reference.exact_law import polynomial, powers
 from cam_rig.dynamics import FollowerParameters, FollowerState, Interval
 from cam_rig.dynamics.contact_force import force_weights
-from cam_rig.dynamics.landing import Approach
 from cam_rig.dynamics.one_mass.flight import lifted_off
 from cam_rig.dynamics.one_mass.trajectory import OneMassTrajectory
 from cam_rig.units import NS, TURN
+
+from ..one_flight import land
 
 P = FollowerParameters(1.3, 4030.0, 8.642, 30.0, 3.3e8)
 SPEED = 300.0 * np.pi / 30.0
@@ -80,7 +81,7 @@ def test_a_hop_is_known_to_its_last_digits(laws, cam, degrees, height):
     opening = np.sqrt(2.0 * back * height)
     s, slope, _ = law.at(angle)
     flight = lifted_off(P, s, slope * SPEED + opening, 0.0, opening)
-    found = Approach(flight, law, angle, SPEED).run(0.1)
+    found = land(flight, law, angle, SPEED, 0.1)
     with mp.workdps(50):
         exact = Exact(law, P, SPEED)
         time, approach = exact.hop(mp.mpf(angle), mp.mpf(opening), found.time)
@@ -103,7 +104,7 @@ def test_a_hop_over_a_joint(laws, height, part):
     angle = joint - part * SPEED * opening / back
     s, slope, _ = law.at(angle)
     flight = lifted_off(P, s, slope * SPEED + opening, 0.0, opening)
-    found = Approach(flight, law, angle, SPEED).run(0.1)
+    found = land(flight, law, angle, SPEED, 0.1)
     with mp.workdps(50):
         time, _ = Exact(law, P, SPEED).hop(mp.mpf(angle), mp.mpf(opening), found.time)
     assert angle < joint < angle + SPEED * found.time

@@ -1,0 +1,1 @@
+"""Lift-offs and landings: the search for them, one source for plain Python and compiled."""

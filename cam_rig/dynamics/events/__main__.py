@@ -1,0 +1,32 @@
+"""Compiles the search ahead of its first long run: ``python -m cam_rig.dynamics.events``."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+
+import numpy as np
+
+from cam_rig.dynamics import FollowerParameters, Interval, TwoMassParameters
+from cam_rig.dynamics.events.compiled import ALWAYS, VARIABLE
+from cam_rig.dynamics.one_mass.trajectory import OneMassTrajectory
+from cam_rig.dynamics.two_mass.events import lift_off
+from cam_rig.dynamics.two_mass.trajectory import Separation
+from cam_rig.laws import Law
+from cam_rig.units import NS, TURN
+
+
+def main() -> None:
+    """One turn of each model on a cam of two cubics; each function compiles at its first call."""
+    os.environ[VARIABLE] = ALWAYS
+    ordinates = np.array([[0.0, 0.01], [0.0, 0.01], [0.01, 0.0], [0.01, 0.0]])
+    law = Law("smoothstep", np.array([0.0, 0.5 * TURN, TURN]), ordinates)
+    one = FollowerParameters(1.0, 1e3, 1.0, 1.0, 1e8)
+    OneMassTrajectory(law, one, Interval(0, NS // 10, 0.0, 60.0)).run(None)
+    two = TwoMassParameters(0.5, 0.5, 1e6, 1e3, 1.0, 1.0, 1.0)
+    Separation(law, two, 60.0).run(0.1)
+    lift_off(law, replace(two, preload=1e3), 1.0, 0.0, np.zeros(2), 0.1)
+
+
+if __name__ == "__main__":
+    main()

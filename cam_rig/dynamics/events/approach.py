@@ -1,0 +1,265 @@
+"""Where a flying follower meets the cam again.
+
+Within a window the gap's acceleration is a polynomial: the follower's power series less the law's
+s'' ω². Integrated twice from the gap and the speed at which it opens it gives the gap, and where
+both are known exactly, as they are at a lift-off, so is a gap of any smallness: its first zero is
+divided out, and the next one is the landing.
+
+Far from the cam the gap is looked at in steps: between two times a step h apart a function whose
+second derivative is nowhere above M is no lower than the lower of the two less M h²/8.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from cam_rig.dynamics.events.free_flight import (
+    Launch,
+    accelerations,
+    largest_acceleration,
+    moved,
+    place_of,
+)
+from cam_rig.dynamics.events.law_table import (
+    ACCELERATION,
+    EPS,
+    LARGEST,
+    PLACE,
+    SPAN,
+    Cam,
+    gap_rounding,
+    last_digit,
+    lift_within,
+    piece_from,
+)
+from cam_rig.dynamics.events.polynomials import (
+    elevated,
+    fall,
+    integrated,
+    restricted,
+    value_at,
+)
+from cam_rig.dynamics.events.rows import Row, size_of, zeros
+from cam_rig.dynamics.velocity_jumps import SAME_PLACE
+
+#: What is reckoned from accelerations is this many rounding errors of them wrong at most.
+OF_ACCELERATIONS = 64.0
+#: Longest time (s) before a velocity jump that may be none.
+VELOCITY_JUMP_S = 1e-7
+#: A look at the gap takes steps of this part of a window at least; below that it is a polynomial.
+MIN_STEP = 1.0 / 16.0
+#: The end of a piece is not reached: there the one after it begins.
+BEFORE_1 = 1.0 - 1e-16
+
+
+class Gap(NamedTuple):
+    """Follower less cam at a time (s) since the flight began: m, and m/s.
+
+    ``noise`` (m) is what rounding may have added; ``landed`` whether the flight ends here.
+    """
+
+    time: float
+    gap: float
+    rate: float
+    noise: float
+    landed: bool
+
+
+class Hop(NamedTuple):
+    """A flight over a cam, both from time 0 on.
+
+    ``known`` says whether ``gap`` (m) and ``opening`` (m/s) at the start are known better than as
+    differences of two places. ``force_noise`` (m/s²) is by how much the acceleration may be wrong
+    at which the gap opens when the cam's force, which is known to so much, falls to zero.
+    """
+
+    launch: Launch
+    cam: Cam
+    known: bool
+    gap: float
+    opening: float
+    force_noise: float
+
+
+def landing(hop: Hop, limit: float) -> Gap:
+    """The flight's end: where it lands, or at ``limit`` (s) in the air."""
+    rounding = _rounding(hop.cam)
+    now, last = _begin(hop), limit - rounding
+    while now.time < limit:
+        # A velocity jump ends the flight: rounding must not put its last bit behind that jump.
+        within = now.time - (rounding if now.time > last else 0.0)
+        now = _window(hop, now, limit, within)
+        if now.landed:
+            return now
+        if now.time < last:
+            now = _open_until(hop, now, limit)
+    return now
+
+
+def _rounding(cam: Cam) -> float:
+    """Time (s) before the end of a flight that may be none, if a velocity jump ends it."""
+    if not cam.law.jumps:
+        return 0.0
+    return min(max(SAME_PLACE / cam.speed, 4.0 * last_digit(cam)), VELOCITY_JUMP_S)
+
+
+def _begin(hop: Hop) -> Gap:
+    """The gap at the beginning; as the difference of two places where it is not known better."""
+    if hop.known:
+        return Gap(0.0, hop.gap, hop.opening, 0.0, False)
+    launch, cam = hop.launch, hop.cam
+    place, velocity = place_of(launch, launch.start), place_of(launch, launch.rates)
+    piece, _ = _start(cam)
+    s, slope = lift_within(cam, piece, 0.0)
+    return Gap(0.0, place - s, velocity - slope, gap_rounding(cam.law, place), False)
+
+
+def _start(cam: Cam) -> tuple[int, float]:
+    """Piece of the law where the flight begins, and u there."""
+    piece, low, high = piece_from(cam, 0.0)
+    return piece, min(max((cam.angle - low) / (high - low), 0.0), BEFORE_1)
+
+
+def _at(hop: Hop, time: float, piece: int) -> Gap:
+    """The gap by how far both have come since; where a piece ends, before what follows it."""
+    begun, cam, launch = _begin(hop), hop.cam, hop.launch
+    gone, start = moved(launch, time), place_of(launch, launch.start)
+    way, rate = place_of(launch, gone.way), place_of(launch, gone.rates)
+    noise = gap_rounding(cam.law, start)
+    first_piece, first = _start(cam)
+    length = cam.law.pieces[first_piece][PLACE][SPAN] * (1.0 - first) / cam.speed
+    if piece == first_piece and time <= length:
+        further, faster = _bent(cam, piece, first, time / length, length)
+        begin = place_of(launch, launch.rates)
+        gap = begun.gap + begun.rate * time + ((way - begin * time) - further)
+        return Gap(time, gap, begun.rate + ((rate - begin) - faster), noise, False)
+    s, slope = lift_within(cam, piece, time)
+    return Gap(time, start + way - s, rate - slope, noise, False)
+
+
+def _bent(cam: Cam, piece: int, first: float, u: float, length: float) -> tuple[float, float]:
+    """What the cam has come to more than at its first velocity, m, and that velocity's gain.
+
+    In the piece where the flight begins. From s'' alone: the rounding of s and of s', which
+    differs from that of the follower's place and velocity, does not enter.
+    """
+    bend = restricted(cam.law.pieces[piece][ACCELERATION], cam.law.size, first, 1.0)
+    for i in range(len(bend)):
+        bend[i] *= cam.speed * cam.speed
+    rates = integrated(bend, length, 0.0)
+    gaps, u = integrated(rates, length, 0.0), min(u, 1.0)
+    return value_at(gaps, len(gaps), u), value_at(rates, len(rates), u)
+
+
+def _open_until(hop: Hop, now: Gap, limit: float) -> Gap:
+    """The gap as far from ``now`` on as steps prove that it is open."""
+    cam, launch, begin, value = hop.cam, hop.launch, now.time, now.gap
+    start, least = place_of(launch, launch.start), MIN_STEP * launch.free.window
+    rates, square = moved(launch, begin).rates, cam.speed * cam.speed
+    piece, _, high = piece_from(cam, begin)
+    slip, passed = SAME_PLACE / cam.speed, -1
+    while begin < limit:
+        bend = largest_acceleration(launch, rates) + square * cam.law.pieces[piece][PLACE][LARGEST]
+        end, joint = min(begin + step(value, bend, least), limit), (high - cam.angle) / cam.speed
+        at_joint = joint <= end + slip
+        end = min(max(joint, begin), limit) if at_joint else end
+        gone = moved(launch, end)
+        way, (lift, _) = place_of(launch, gone.way), lift_within(cam, piece, end)
+        reached, width = (start + way) - lift, end - begin
+        noise = gap_rounding(cam.law, max(abs(reached), abs(value)) + cam.law.largest)
+        if min(value, reached) - bend * width * width / 8.0 <= noise:
+            break
+        begin, value, rates, passed = end, reached, gone.rates, piece
+        if at_joint:
+            piece = (piece + 1) % len(cam.law.pieces)
+            high = high + cam.law.pieces[piece][PLACE][SPAN]
+    return now if passed < 0 else _at(hop, begin, passed)
+
+
+def step(value: float, bend: float, least: float) -> float:
+    """Step for the next look at a function that has a value now; ``least`` where it is near zero.
+
+    Half of a cell's greatest width at that value: it may fall on the way.
+    """
+    return max(least, math.sqrt(2.0 * max(value, 0.0) / bend)) if bend > 0.0 else math.inf
+
+
+def _window(hop: Hop, now: Gap, limit: float, within: float) -> Gap:
+    """The gap's polynomial from ``now`` on: where it falls to zero, or its end.
+
+    The law's piece is that of the time ``within``.
+    """
+    cam, begin = hop.cam, now.time
+    piece, low, high = piece_from(cam, within)
+    end = min(begin + hop.launch.free.window, limit)
+    if within == begin:
+        end = min(end, (high - cam.angle) / cam.speed)
+    if not end > begin:
+        return Gap(_after(begin), now.gap, now.rate, now.noise, False)
+    length, span = end - begin, high - low
+    first = min(max((cam.angle + cam.speed * begin - low) / span, 0.0), BEFORE_1)
+    last = min(max((cam.angle + cam.speed * end - low) / span, 0.0), 1.0)
+    size = cam.law.size
+    bend = restricted(cam.law.pieces[piece][ACCELERATION], size, first, max(first, last))
+    rates = hop.launch.rates if begin == 0.0 else moved(hop.launch, begin).rates
+    opening = accelerations(hop.launch, rates, length, size - 1)
+    square = cam.speed * cam.speed
+    doubt = EPS * (OF_ACCELERATIONS * size_of(opening) + square * _bend_size(cam, piece))
+    count = max(len(bend), len(opening))
+    bend, opening = elevated(bend, count), elevated(opening, count)
+    for i in range(len(opening)):
+        opening[i] -= square * bend[i]
+    speeds = integrated(opening, length, now.rate)
+    gaps = integrated(speeds, length, now.gap)
+    doubt_at_start = doubt + hop.force_noise + _slip(cam, opening, length)
+    at = _landing(gaps, now, length, doubt_at_start)
+    if at >= 0.0:
+        return Gap(begin + at * length, 0.0, value_at(speeds, len(speeds), at), 0.0, True)
+    return Gap(end, gaps[-1], speeds[-1], now.noise + length * length * doubt, False)
+
+
+def _after(time: float) -> float:
+    """The next time that is another number, or nearly."""
+    return time + max(EPS * time, 1e-300)
+
+
+def _slip(cam: Cam, opening: Row, length: float) -> float:
+    """What the acceleration (m/s²) changes within the rounding of the time of a lift-off.
+
+    The time is a float, and so is the angle: the force there is not quite none.
+    """
+    steepest, degree = 0.0, len(opening) - 1
+    for i in range(min(2, degree)):
+        steepest = max(steepest, abs(opening[i + 1] - opening[i]))
+    return degree / length * steepest * last_digit(cam)
+
+
+def _bend_size(cam: Cam, piece: int) -> float:
+    """What rounding of s'' (m/rad²) is to be measured by: its own size, and that of s."""
+    law, place = cam.law, cam.law.pieces[piece][PLACE]
+    differences = (law.size - 1) / place[SPAN]
+    return OF_ACCELERATIONS * place[LARGEST] + differences * differences * law.largest
+
+
+def _landing(gaps: Row, now: Gap, length: float, doubt: float) -> float:
+    """U ∈ [0, 1] where the gap falls to zero; a zero at the start is divided out first.
+
+    A polynomial with the ordinates b is u times one with the ordinates bᵢ n/i.
+    """
+    noise = now.noise + OF_ACCELERATIONS * EPS * size_of(gaps)
+    if now.gap != 0.0 or now.noise != 0.0 or now.rate < 0.0:
+        return fall(gaps, noise)
+    gaps, noise = _divided(gaps), length * length * doubt
+    if now.rate == 0.0:
+        return fall(_divided(gaps), noise)
+    return fall(gaps, min(noise, 0.5 * length * now.rate))
+
+
+def _divided(row: Row) -> Row:
+    """The ordinates of a polynomial divided by u, which is zero at 0."""
+    degree = len(row) - 1
+    out = zeros(degree)
+    for i in range(degree):
+        out[i] = row[i + 1] * (degree / (i + 1))
+    return out

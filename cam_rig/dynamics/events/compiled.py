@@ -1,0 +1,210 @@
+"""The event search compiled by numba, where that is installed and worth its time.
+
+Compiled it is some two hundred times as fast, with the same bits. But numba takes half a second to
+import, and the search several to compile; that is done once, and kept in a folder of the user's.
+So the search begins in plain Python. When that has taken as long as loading the compiled code
+would, it is loaded; when it has taken as long as compiling would, it is compiled.
+"""
+
+from __future__ import annotations
+
+import atexit
+import hashlib
+import importlib
+import os
+import platform
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from importlib.util import find_spec
+from inspect import isfunction
+from pathlib import Path
+from typing import Any
+
+from cam_rig.dynamics.events import rows
+
+#: Modules of the search that are compiled.
+MODULES = (
+    "rows",
+    "arrays",
+    "polynomials",
+    "free_mass",
+    "law_table",
+    "free_flight",
+    "approach",
+    "contact",
+    "course",
+    "one_mass",
+    "two_mass",
+)
+#: Seconds in plain Python after which the compiled code is loaded, or made.
+LOAD_AFTER, COMPILE_AFTER = 0.5, 10.0
+#: What the environment may say of it: plain Python alone, or compiled code from the first event on.
+VARIABLE, PLAIN, ALWAYS = "CAM_RIG_EVENTS", "plain", "compiled"
+#: What a run's file is called once its code is kept whole.
+KEPT = "{}.kept"
+
+Run = Callable[..., Any]
+
+
+@dataclass
+class PlainTime:
+    """Seconds that plain Python has searched in this process."""
+
+    seconds: float = 0.0
+
+
+SPENT = PlainTime()
+
+
+def form_of(function: Run) -> Run | None:
+    """The compiled form of a run of the search; None where plain Python is to be used."""
+    asked = os.environ.get(VARIABLE, "")
+    if asked == PLAIN or (asked != ALWAYS and SPENT.seconds < LOAD_AFTER) or not _installed():
+        return None
+    if function.__name__ not in _ready:
+        if asked != ALWAYS and SPENT.seconds < COMPILE_AFTER and not _is_kept(function):
+            return None
+        _ready[function.__name__] = _prepared(function)
+    return _ready[function.__name__]
+
+
+_ready: dict[str, Run | None] = {}
+
+
+@contextmanager
+def plain_time() -> Iterator[None]:
+    """Counts the time in which plain Python searches."""
+    begun = time.perf_counter()
+    try:
+        yield
+    finally:
+        SPENT.seconds += time.perf_counter() - begun
+
+
+@cache
+def _installed() -> bool:
+    return find_spec("numba") is not None
+
+
+def _is_kept(function: Run) -> bool:
+    return (cache_folder() / KEPT.format(function.__name__)).is_file()
+
+
+def _prepared(function: Run) -> Run | None:
+    """A run that compiles, or loads what is kept, when it is called first.
+
+    Whatever goes wrong there, the same results come without numba: it is said once.
+    """
+    kept = _is_kept(function)
+    if not kept:
+        print("events: compiling the search for them, once (10 to 20 s)", file=sys.stderr)
+    try:
+        compiled = _compile(function)
+    except Exception as error:
+        _given_up(function, error)
+        return None
+
+    def first(*arguments: Any) -> Any:
+        try:
+            out = compiled(*arguments)
+        except Exception as error:  # before anything was computed: the search itself raises none
+            _given_up(function, error)
+            return function(*arguments)
+        _ready[function.__name__] = compiled
+        if not kept:
+            with suppress(OSError):  # a full disk
+                (cache_folder() / KEPT.format(function.__name__)).touch()
+        return out
+
+    return first
+
+
+def _given_up(function: Run, error: Exception) -> None:
+    words = f"{type(error).__name__}: {error}".partition("\n")[0]
+    print(f"events: plain Python is used, for numba does not work ({words})", file=sys.stderr)
+    _ready[function.__name__] = None
+    shutil.rmtree(cache_folder(), ignore_errors=True)  # what is kept may be broken
+
+
+def _compile(function: Run) -> Run:
+    """The function for numba, whose code is kept in `cache_folder`."""
+    import numba
+
+    _register()
+    config: Any = numba.config
+    if config.DISABLE_JIT:
+        raise RuntimeError("NUMBA_DISABLE_JIT is set")
+    usual, config.CACHE_DIR = config.CACHE_DIR, str(cache_folder())
+    try:
+        return numba.njit(cache=True, error_model="numpy")(function)
+    finally:
+        config.CACHE_DIR = usual
+
+
+@cache
+def _register() -> None:
+    """Tell numba that compiled code may call the functions of the search, and its arrays."""
+    from numba.extending import overload, register_jitable
+
+    from cam_rig.dynamics.events import arrays
+
+    special: dict[Any, Any] = {
+        rows.zeros: lambda count: arrays.zeros,
+        rows.zero_rows: lambda count, size: arrays.zero_rows,
+        rows.binomials: lambda degree: arrays.binomials,
+        rows.borrowed: lambda table: arrays.borrowed,
+    }
+    for function, other in special.items():
+        overload(function, strict=False)(other)
+    for name in (name for name in MODULES if name != "arrays"):
+        module = importlib.import_module(f"{__package__}.{name}")
+        for function in vars(module).values():
+            own = isfunction(function) and function.__module__ == module.__name__
+            if own and function not in special:
+                register_jitable(error_model="numpy", no_cfunc_wrapper=True)(function)
+
+
+@cache
+def cache_folder() -> Path:
+    """Where compiled code is kept: of these sources, libraries and CPU, and of this user alone.
+
+    Numba writes each file whole, under another name first: processes that compile at once, or one
+    that is killed, leave nothing broken.
+    """
+    stamp = hashlib.sha256()
+    for name in MODULES:
+        stamp.update(Path(__file__).with_name(f"{name}.py").read_bytes())
+    for library in ("numba", "llvmlite", "numpy"):
+        stamp.update(f"{library} {version(library)} ".encode())
+    stamp.update(f"{sys.version} {platform.machine()} {_cpu()}".encode())
+    return _base() / f"events-{stamp.hexdigest()[:16]}"
+
+
+def _cpu() -> str:
+    """What a CPU can do, as Linux says it; numba itself looks again."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return ""
+    return "".join(next((x for x in lines if x.startswith(k)), "") for k in ("model name", "flags"))
+
+
+def _base() -> Path:
+    """A folder that can be written: the user's cache, or one that is gone with the process."""
+    given = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
+    try:
+        folder = (Path(given) if given else Path.home() / ".cache") / "cam_rig"
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except (OSError, RuntimeError):  # it cannot be written; there is no home
+        folder = Path(tempfile.mkdtemp(prefix="cam_rig-"))
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        return folder

@@ -1,0 +1,238 @@
+"""When the contact force of a follower on a springy stem falls to zero.
+
+In contact the state is the vibration (η, η̇) of the end mass. On each part of a turn it is a
+polynomial of time and a free vibration, and so is the force.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from cam_rig.dynamics.events.approach import BEFORE_1, MIN_STEP, step
+from cam_rig.dynamics.events.free_flight import LEFT_OUT, REACH
+from cam_rig.dynamics.events.free_mass import impulse_at
+from cam_rig.dynamics.events.polynomials import (
+    NONE,
+    elevated,
+    fall,
+    from_powers,
+    restricted,
+    value_at,
+)
+from cam_rig.dynamics.events.rows import Row, Stack, binomials, borrowed, zeros
+from cam_rig.units import TURN
+
+#: (η, η̇).
+Pair = tuple[float, float]
+#: Highest degree of a vibration's series in a window.
+MOST_TERMS = 24
+
+
+#: Places in a part's rows: its numbers; X, of η and of η̇; the force's polynomial part.
+PART, PLACES, VELOCITIES, FORCE = range(4)
+#: Places in a part's numbers: where it begins and its span (rad), its length (s), the number of its
+#: ordinates, the force's least ordinate (N), its rounding, what its second derivative does not
+#: exceed (N/s²), and e^{Ah} over the part, row by row.
+LOW, SPAN, LENGTH, SIZE, LOWEST, ROUNDING, BEND, FLOW, NUMBERS = 0, 1, 2, 3, 4, 5, 6, 7, 11
+
+
+class StemContactTable(NamedTuple):
+    """A `LinearResponse` of two states and one output, the contact force; n parts a turn.
+
+    Parameters
+    ----------
+    parts : ``(n, 4, q)``, rows as above; what a shorter one leaves is not used
+    stiffness, damping : of η̈ = −stiffness η − damping η̇, in 1/s² and 1/s
+    place, velocity : what η and η̇ contribute to the force
+    """
+
+    parts: Stack
+    stiffness: float
+    damping: float
+    place: float
+    velocity: float
+
+
+class ContactStretch(NamedTuple):
+    """A stretch of contact: ``local`` s into a part, with (η, η̇) less X there."""
+
+    part: int
+    local: float
+    place: float
+    velocity: float
+
+
+class ContactLoss(NamedTuple):
+    """When (s) contact is lost, negative where it is not; and the last stretch, and its begin."""
+
+    time: float
+    begin: float
+    stretch: ContactStretch
+
+
+def loss_of_contact(
+    contact: StemContactTable,
+    speed: float,
+    angle: float,
+    state: tuple[float, float],
+    duration: float,
+) -> ContactLoss:
+    """Time after which the force is negative, from (η, η̇) at cam angle ``angle`` (rad) on."""
+    inside = angle - math.floor(angle / TURN) * TURN
+    first, now = _part_of(contact, inside), 0.0
+    index, turn, local = first, 0.0, (inside - contact.parts[first][PART][LOW]) / speed
+    while True:
+        end = max(
+            now,
+            (contact.parts[index][PART][LOW] + turn + contact.parts[index][PART][SPAN] - inside)
+            / speed,
+        )
+        x = forced(contact, index, local)
+        stretch = ContactStretch(index, local, state[0] - x[0], state[1] - x[1])
+        found = _fall_of_force(contact, stretch, min(end, duration) - now)
+        if found >= 0.0:
+            return ContactLoss(now + found, now, stretch)
+        if end >= duration:
+            return ContactLoss(NONE, now, stretch)
+        # A part's own length, not end - now: the rounding of a late time would turn the phase.
+        state = _end_of_part(contact, stretch)
+        now, index, local = end, index + 1, 0.0
+        if index == len(contact.parts):
+            index, turn = 0, turn + TURN
+
+
+def contact_loss(
+    contact: StemContactTable,
+    speed: float,
+    angle: float,
+    state: tuple[float, float],
+    duration: float,
+) -> tuple[float, float, float]:
+    """Time of the loss alone, negative where there is none, and (η, η̇) then."""
+    contact = borrowed(contact)
+    loss = loss_of_contact(contact, speed, angle, state, duration)
+    place, velocity = state_after(contact, loss.stretch, loss.time - loss.begin)
+    return loss.time, place, velocity
+
+
+def _part_of(contact: StemContactTable, inside: float) -> int:
+    low, high = 0, len(contact.parts)
+    while high - low > 1:
+        middle = (low + high) // 2
+        if contact.parts[middle][PART][LOW] <= inside:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def _end_of_part(contact: StemContactTable, now: ContactStretch) -> Pair:
+    """(η, η̇) where the part ends."""
+    rows = contact.parts[now.part]
+    numbers, last = rows[PART], int(rows[PART][SIZE]) - 1
+    if now.local != 0.0:
+        place, velocity = free_at(contact, now, numbers[LENGTH] - now.local)
+    else:
+        place = numbers[FLOW] * now.place + numbers[FLOW + 1] * now.velocity
+        velocity = numbers[FLOW + 2] * now.place + numbers[FLOW + 3] * now.velocity
+    return rows[PLACES][last] + place, rows[VELOCITIES][last] + velocity
+
+
+def forced(contact: StemContactTable, part: int, local: float) -> Pair:
+    """X at a time (s) since a part's start."""
+    rows = contact.parts[part]
+    if local == 0.0:
+        return rows[PLACES][0], rows[VELOCITIES][0]
+    u, size = local / rows[PART][LENGTH], int(rows[PART][SIZE])
+    return value_at(rows[PLACES], size, u), value_at(rows[VELOCITIES], size, u)
+
+
+def free_at(contact: StemContactTable, now: ContactStretch, time: float) -> Pair:
+    """e^{At} (η, η̇) less X at a time (s) later."""
+    impulse, rate, _ = impulse_at(contact.damping, contact.stiffness, time)
+    own, place, velocity = rate + contact.damping * impulse, now.place, now.velocity
+    bend = -contact.stiffness * place - contact.damping * velocity
+    return place * own + velocity * impulse, velocity * own + bend * impulse
+
+
+def state_after(contact: StemContactTable, now: ContactStretch, time: float) -> Pair:
+    """(η, η̇) at a time (s) later in the same part."""
+    x, free = forced(contact, now.part, now.local + time), free_at(contact, now, time)
+    return x[0] + free[0], x[1] + free[1]
+
+
+def _fall_of_force(contact: StemContactTable, now: ContactStretch, limit: float) -> float:
+    """Time (s) of the zero after which the force is below rounding; `NONE` up to ``limit``."""
+    numbers, rate = contact.parts[now.part][PART], math.sqrt(contact.stiffness)
+    if numbers[LOWEST] > _largest(contact, rate * now.place, now.velocity):
+        return NONE  # the vibration cannot lift it: no need to look
+    window, noise = REACH / (rate + contact.damping), numbers[ROUNDING]
+    begin = _above_until(contact, now, 0.0, limit, window)
+    while begin < limit:
+        end = min(begin + window, limit)
+        at = fall(_series(contact, now, begin, end, window), noise)
+        if at >= 0.0:
+            return begin + at * (end - begin)
+        begin = _above_until(contact, now, end, limit, window)
+    return NONE
+
+
+def _largest(contact: StemContactTable, place: float, velocity: float) -> float:
+    """What |the vibration's share| does not exceed after (ω η, η̇): energy does not grow."""
+    energy = math.sqrt(place * place + velocity * velocity)
+    return energy * (abs(contact.place) / math.sqrt(contact.stiffness) + abs(contact.velocity))
+
+
+def _series(
+    contact: StemContactTable, now: ContactStretch, begin: float, end: float, window: float
+) -> Row:
+    """Bernstein ordinates of the force on [begin, end], no longer than a window."""
+    rows, length = contact.parts[now.part], end - begin
+    whole, size = rows[PART][LENGTH], int(rows[PART][SIZE])
+    first = min((now.local + begin) / whole, BEFORE_1)
+    last = min(max(first, (now.local + end) / whole), 1.0)
+    force = restricted(rows[FORCE], size, first, last)
+    degree, left_out = 0, 1.0
+    while degree < MOST_TERMS and (left_out > LEFT_OUT or degree < size - 1):
+        degree += 1
+        left_out *= REACH * (length / window) / degree
+    terms, weights = zeros(degree + 1), binomials(degree)
+    place, velocity = free_at(contact, now, begin)
+    for j in range(degree + 1):
+        terms[j] = (contact.place * place + contact.velocity * velocity) / weights[j]
+        bend, scale = -contact.stiffness * place - contact.damping * velocity, length / (j + 1)
+        place, velocity = velocity * scale, bend * scale
+    from_powers(terms)
+    count = max(size, len(terms))
+    terms, force = elevated(terms, count), elevated(force, count)
+    for i in range(count):
+        terms[i] += force[i]
+    return terms
+
+
+def _above_until(
+    contact: StemContactTable, now: ContactStretch, begin: float, limit: float, window: float
+) -> float:
+    """Time from ``begin`` on up to which steps prove that the force is above rounding."""
+    numbers, least = contact.parts[now.part][PART], MIN_STEP * window
+    free = free_at(contact, now, begin)
+    value, rate = _force(contact, now, begin, free), math.sqrt(contact.stiffness)
+    while begin < limit:
+        bend = -contact.stiffness * free[0] - contact.damping * free[1]
+        jerk = -contact.stiffness * free[1] - contact.damping * bend
+        most = numbers[BEND] + _largest(contact, rate * bend, jerk)
+        end = min(begin + step(value, most, least), limit)
+        free = free_at(contact, now, end)
+        reached, width = _force(contact, now, end, free), end - begin
+        if min(value, reached) - most * width * width / 8.0 <= numbers[ROUNDING]:
+            break
+        begin, value = end, reached
+    return begin
+
+
+def _force(contact: StemContactTable, now: ContactStretch, time: float, free: Pair) -> float:
+    rows = contact.parts[now.part]
+    u, size = (now.local + time) / rows[PART][LENGTH], int(rows[PART][SIZE])
+    vibration = contact.place * free[0] + contact.velocity * free[1]
+    return value_at(rows[FORCE], size, u) + vibration

@@ -1,0 +1,186 @@
+"""Masses in the air, one flight at a time: where they are, and the acceleration in a window.
+
+The physics is that of `cam_rig.dynamics.linear.free_system`, which gives the samples of a flight.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from cam_rig.dynamics.events.free_mass import impulse_at
+from cam_rig.dynamics.events.polynomials import from_powers
+from cam_rig.dynamics.events.rows import Row, Rows, binomials, dot, zero_rows, zeros
+
+#: |A| t of a window, and what the series of the acceleration may leave out of it.
+REACH, LEFT_OUT = 2.0, 2.0**-58
+#: The exponential of a matrix with |A| t up to this is a series of so many terms.
+SMALL, TERMS = 0.5, 18
+
+
+#: Places in a free system's rows, of up to four states: the matrix A, the load b, the row, the
+#: energy, V and its inverse, the pairs' damping and stiffness, the inverse times the load, the
+#: series; as in `FreeSystem`.
+MATRIX, LOAD, ROW, ENERGY, SHAPES, INVERSE, DAMPING, STIFFNESS, DRIFT, SERIES = (
+    0,
+    4,
+    5,
+    6,
+    10,
+    14,
+    18,
+    19,
+    20,
+    21,
+)
+
+
+class FreeTable(NamedTuple):
+    """Numbers of a `FreeSystem` of n states.
+
+    Parameters
+    ----------
+    rows : ``(46, n)``
+    window : s
+    paired : whether there are pairs; without them their rows are not used
+    """
+
+    rows: Rows
+    window: float
+    paired: bool
+
+
+class Launch(NamedTuple):
+    """A flight from ``start`` (n,): its first rates, and its numbers by pairs, ``(m, 3)``."""
+
+    free: FreeTable
+    start: Row
+    rates: Row
+    pairs: Rows
+
+
+class Moved(NamedTuple):
+    """X − x₀ and ẋ, ``(n,)`` each."""
+
+    way: Row
+    rates: Row
+
+
+def launched(free: FreeTable, start: Row) -> Launch:
+    """The flight from a state ``(n,)``."""
+    rows, size = free.rows, len(start)
+    rates = product(rows, MATRIX, start)
+    for i in range(size):
+        rates[i] += rows[LOAD][i]
+    pairs = zero_rows(size // 2, 3)
+    if free.paired:
+        own = product(rows, INVERSE, start)
+        for i in range(size // 2):
+            place, velocity = own[2 * i], own[2 * i + 1]
+            damping, stiffness = rows[DAMPING][i], rows[STIFFNESS][i]
+            gain, push = rows[DRIFT][2 * i], rows[DRIFT][2 * i + 1]
+            pairs[i][0] = velocity + gain
+            pairs[i][1] = stiffness * place - push - damping * gain
+            pairs[i][2] = -stiffness * place - damping * velocity + push
+    return Launch(free, start, rates, pairs)
+
+
+def product(rows: Rows, first: int, column: Row) -> Row:
+    """The square matrix from a row on, times a column."""
+    out = zeros(len(column))
+    for i in range(len(column)):
+        out[i] = dot(rows[first + i], column)
+    return out
+
+
+def place_of(launch: Launch, state: Row) -> float:
+    """What a state ``(n,)``, or its rate, says of the mass that meets the cam."""
+    return dot(launch.free.rows[ROW], state)
+
+
+def moved(launch: Launch, time: float) -> Moved:
+    """How far the states have come, and their rates, at a time in s."""
+    if not launch.free.paired:
+        return _by_exponential(launch, time)
+    rows, size = launch.free.rows, len(launch.start)
+    way, rates = zeros(size), zeros(size)
+    for i in range(size // 2):
+        stiffness = rows[STIFFNESS][i]
+        rate, pull, force = launch.pairs[i][0], launch.pairs[i][1], launch.pairs[i][2]
+        impulse, slope, step = impulse_at(rows[DAMPING][i], stiffness, time)
+        way[2 * i] = rate * impulse - pull * step
+        way[2 * i + 1] = force * impulse - stiffness * rate * step
+        rates[2 * i] = rate * slope - pull * impulse
+        rates[2 * i + 1] = force * slope - stiffness * rate * impulse
+    return Moved(product(rows, SHAPES, way), product(rows, SHAPES, rates))
+
+
+def _by_exponential(launch: Launch, time: float) -> Moved:
+    """The same by scaling and squaring: pairs too much alike lose their digits.
+
+    (x − x₀, ẋ) = (P ẋ₀, E ẋ₀) with E = e^{At} and P its integral; twice the time is
+    E², and P + E P.
+    """
+    rows, size = launch.free.rows, len(launch.start)
+    reach, doublings = abs(time) * REACH / launch.free.window, 0
+    while reach > SMALL:
+        reach, doublings = 0.5 * reach, doublings + 1
+    part = time
+    for _ in range(doublings):
+        part *= 0.5
+    flow, gone, term = zero_rows(size, size), zero_rows(size, size), zero_rows(size, size)
+    for i in range(size):
+        flow[i][i], gone[i][i], term[i][i] = 1.0, part, 1.0
+    for order in range(1, TERMS):
+        term = _times(rows, term, part / order)
+        _add(flow, term, 1.0)
+        _add(gone, term, part / (order + 1))
+    for _ in range(doublings):
+        _add(gone, _times(flow, gone, 1.0), 1.0)
+        flow = _times(flow, flow, 1.0)
+    return Moved(product(gone, 0, launch.rates), product(flow, 0, launch.rates))
+
+
+def _times(one: Rows, other: Rows, scale: float) -> Rows:
+    size = len(other)
+    out = zero_rows(size, size)
+    for i in range(size):
+        for j in range(size):
+            total = 0.0
+            for k in range(size):
+                total += one[i][k] * other[k][j]
+            out[i][j] = scale * total
+    return out
+
+
+def _add(one: Rows, other: Rows, scale: float) -> None:
+    for i in range(len(one)):
+        for j in range(len(one)):
+            one[i][j] += scale * other[i][j]
+
+
+def largest_acceleration(launch: Launch, rates: Row) -> float:
+    """What |acceleration| (m/s²) does not exceed from a time with these rates on: energy falls."""
+    total = 0.0
+    for i in range(len(rates)):
+        part = dot(launch.free.rows[ENERGY + i], rates)
+        total += part * part
+    return math.sqrt(total)
+
+
+def accelerations(launch: Launch, rates: Row, length: float, least: int) -> Row:
+    """Bernstein ordinates of the acceleration (m/s²) in the ``length`` s after these rates.
+
+    The exponential's power series, with as many terms as the length needs, ``least`` + 1 at least.
+    """
+    rows, part = launch.free.rows, length / launch.free.window
+    degree, left_out, most = 0, 1.0, len(rows) - SERIES - 1
+    while degree < most and (left_out > LEFT_OUT or degree < least):
+        degree += 1
+        left_out *= REACH * part / degree
+    terms, power, weights = zeros(degree + 1), 1.0, binomials(degree)
+    for j in range(degree + 1):
+        terms[j] = dot(rows[SERIES + j], rates) * power / weights[j]
+        power *= part
+    from_powers(terms)
+    return terms

@@ -1,0 +1,182 @@
+"""Plain Python and the compiled search give the same bits, and whatever breaks, plain goes on."""
+
+import math
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
+from cam_rig.dynamics.events import arrays, compiled, rows
+from cam_rig.dynamics.events.compiled import ALWAYS, PLAIN, VARIABLE, cache_folder, form_of
+from cam_rig.dynamics.events.one_mass import run_one_mass
+from cam_rig.dynamics.two_mass import trajectory
+from cam_rig.dynamics.two_mass.events import lift_off
+from cam_rig.dynamics.two_mass.flight import free_masses
+from cam_rig.dynamics.two_mass.trajectory import Separation
+from cam_rig.laws import Law
+from cam_rig.units import NS, RPM, TURN
+
+ONE = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)
+TWO = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6)
+#: One turn in compiled code of its own process, and what it found.
+RUN = """
+from cam_rig.dynamics import FollowerParameters, Interval, MODELS
+import cam_rig
+law = cam_rig.build_law(cam_rig.load_cam("tm21"))
+p = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8, 0.5)
+interval = Interval(0, 200_000_000, 0.0, 40.0)
+_, block = MODELS["one_mass"].advance(law, p, None, interval, 1000)
+print([(event.kind, event.time.hex()) for event in block.events])
+import sys
+print("numba" in sys.modules)
+"""
+
+
+def bumpy(rng):
+    """A cubic law of random pieces, C¹, whose velocity may jump at one joint."""
+    count = int(rng.integers(2, 30))
+    breaks = np.array([0.0, *np.sort(rng.uniform(0.1, TURN - 0.1, count - 1)), TURN])
+    points = 0.01 * rng.standard_normal(count)
+    ends, third = np.roll(points, -1), np.zeros(count)
+    law = np.stack([points, points + third, ends, ends])
+    if rng.uniform() < 0.3:
+        law[1, 0] += 0.005
+    return Law("bumpy", breaks, law)
+
+
+def random_runs(laws, seed):
+    """A law, both models' numbers, and an interval, at any speed, steady or on a ramp."""
+    rng = np.random.default_rng(seed)
+    names = ["poly345", "tm21", "bezier15", "cycloidal"]
+    law = bumpy(rng) if seed % 3 == 0 else laws[names[int(rng.integers(len(names)))]]
+    rate = math.sqrt(4030.0 / 1.3)
+    damping = [0.0, 8.642, 2.0 * 1.3 * rate, 1e4][int(rng.integers(4))]
+    restitution = [0.0, 0.5, 0.9][int(rng.integers(3))]
+    one = replace(ONE, damping=damping, restitution=restitution)
+    stem = [1.26e6, 3.3e8, 8000.0][int(rng.integers(3))]
+    two = replace(
+        TWO, stem_stiffness=stem, stem_damping=damping, damping=damping, restitution=restitution
+    )
+    rpm = 10.0 ** rng.uniform(-1.0, 4.3) if seed % 4 == 0 else rng.uniform(300.0, 800.0)
+    speed, angle = rpm * RPM, float(rng.uniform(0.0, 1e5 * TURN))
+    acceleration = float(rng.uniform(0.0, 0.2)) * speed**2 if seed % 5 == 0 else 0.0
+    length = round(0.7 * TURN / speed * NS)
+    return law, one, two, Interval(0, length, angle, speed, acceleration)
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_the_bits_are_the_same(laws, monkeypatch, seed):
+    """Events, samples and the state at the end of both models."""
+    law, one, two, interval = random_runs(laws, seed)
+    for model, p in (("one_mass", one), ("separation", two)):
+        found = []
+        for form in (PLAIN, ALWAYS):
+            monkeypatch.setenv(VARIABLE, form)
+            found.append(MODELS[model].advance(law, p, None, interval, 1000))
+        (end, block), (other_end, other_block) = found
+        assert block.events == other_block.events
+        assert end == other_end
+        assert np.array_equal(block.rows, other_block.rows)
+
+
+def test_masses_too_much_alike(laws, monkeypatch):
+    """Where the motions have no pairs it goes by the exponential: the same bits, the same times."""
+    p, found = replace(TWO, restitution=0.5), []
+    unpaired = replace(free_masses(p), pairs=None)
+    for system, form in ((free_masses(p), PLAIN), (unpaired, PLAIN), (unpaired, ALWAYS)):
+        monkeypatch.setenv(VARIABLE, form)
+        monkeypatch.setattr(trajectory, "free_masses", lambda _, system=system: system)
+        course = Separation(laws["poly345"], p, 450.0 * RPM)
+        course.run(0.2)
+        found.append(course.events)
+    paired, plain, whole = found
+    assert plain == whole
+    assert len(plain) > 4
+    times = [[event.time for event in events] for events in (paired, plain)]
+    assert times[0] == pytest.approx(times[1], abs=1e-12)
+
+
+def test_a_loss_of_contact_alone(laws, monkeypatch):
+    """As the jump speed's search asks for it; with the same bits."""
+    found = []
+    for form in (PLAIN, ALWAYS):
+        monkeypatch.setenv(VARIABLE, form)
+        found.append(lift_off(laws["poly345"], TWO, 450.0 * RPM, 0.0, np.zeros(2), 1.0))
+    assert found[0][0] == found[1][0]
+    assert found[0][1].tolist() == found[1][1].tolist()
+
+
+def test_binomials_beyond_the_table():
+    """A law of a high degree goes by a recurrence; both forms have the same one."""
+    table = len(rows.PASCAL)
+    for degree in (3, table - 1, table, table + 9):
+        assert rows.binomials(degree)[2] == math.comb(degree, 2)
+    assert arrays.PASCAL[table - 1].tolist() == rows.PASCAL[-1]
+
+
+def test_plain_python_until_it_pays(monkeypatch):
+    """A first event imports nothing; code that is kept is loaded sooner than one is compiled."""
+    monkeypatch.delenv(VARIABLE, raising=False)
+    monkeypatch.setattr(compiled, "_ready", {})
+    monkeypatch.setattr(compiled, "_is_kept", lambda _: False)
+    monkeypatch.setattr(compiled, "_prepared", lambda function: function)
+    for seconds, kept, expected in (
+        (0.0, True, False),
+        (1.0, False, False),
+        (1.0, True, True),
+        (20.0, False, True),
+    ):
+        monkeypatch.setattr(compiled.SPENT, "seconds", seconds)
+        monkeypatch.setattr(compiled, "_is_kept", lambda _, kept=kept: kept)
+        compiled._ready.clear()
+        assert (form_of(run_one_mass) is not None) == expected
+    monkeypatch.setattr(compiled, "_installed", lambda: False)
+    assert form_of(run_one_mass) is None
+
+
+def run(**environment):
+    """The standard streams of `RUN` in a process of its own."""
+    own = {k: v for k, v in os.environ.items() if k not in (VARIABLE, "NUMBA_CACHE_DIR")}
+    done = subprocess.run(
+        [sys.executable, "-c", RUN],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=own | environment,
+        cwd=Path(__file__).parents[3],
+    )
+    return done.stdout.splitlines(), done.stderr
+
+
+def test_a_few_events_need_no_numba_and_a_broken_cache_no_help(tmp_path):
+    """What is kept may be cut off: it is thrown away, said in one line, and the results come."""
+    (events, numba), words = run()
+    assert (numba, words) == ("False", "")
+    whole = tmp_path / "cam_rig" / cache_folder().name
+    shutil.copytree(cache_folder(), whole)
+    (kept, loaded), words = run(XDG_CACHE_HOME=str(tmp_path), **{VARIABLE: ALWAYS})
+    assert (kept, loaded, words) == (events, "True", "")
+    for path in whole.rglob("*.nbi"):
+        path.write_bytes(path.read_bytes()[:100])
+    (kept, _), words = run(XDG_CACHE_HOME=str(tmp_path), **{VARIABLE: ALWAYS})
+    assert kept == events
+    assert "plain Python is used" in words
+    assert len(words.splitlines()) == 1
+    assert not whole.exists()
+
+
+def test_a_place_that_cannot_be_written(monkeypatch, tmp_path):
+    """Without one for the user, code is kept in a folder that is gone with the process."""
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert compiled._base() == tmp_path / "cam_rig"
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    assert compiled._base().is_dir()
+    assert tmp_path not in compiled._base().parents
