@@ -41,7 +41,8 @@ of the Bézier 15 cam, which itself is one piece. Nothing is cached before a sea
 
 {table}
 
-From {many} pieces on the time grows as the number of pieces to the power {slopes}.\
+From {many} pieces on the time grows as the number of pieces to the power
+{slopes}.\
 """
 
 
