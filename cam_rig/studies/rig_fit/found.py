@@ -126,7 +126,7 @@ def found_of(
     """
     errors = uncertainty(solution)
     likelihood, x = solution.likelihood, solution.x
-    unfit = misfit(solution)
+    unfit = misfit(solution, errors.alike)
     model = "separation" if "roller_share" in likelihood.values(x) else "one_mass"
     names = TWO_MASSES if model == "separation" else (*ONE_MASS, "stem_stiffness")
     landings = landings_of(likelihood, x)
