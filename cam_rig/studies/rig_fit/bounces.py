@@ -40,6 +40,35 @@ def with_bounces(found: FitSolution, given: dict[str, float]) -> FitSolution:
     values = found.likelihood.values(found.x)
     if "restitution" in given:
         return search(*continued(found, found.likelihood.sought, values))
+    likely, possible, step = _likely(found)
+    names = tuple(name for name in found.likelihood.sought if name != "restitution")
+    middle = _tried(found, names, 0.5 * (likely[0] + likely[-1]))
+    sought = (*names, "restitution")
+    new, x = continued(found, sought, values | {"restitution": max(middle.bounce, BOUNCES[0])})
+    x[new.instruments.phases] = middle.phases
+    free = search(new, x)
+    if abs(free.likelihood.values(free.x)["restitution"] - middle.bounce) <= VALLEY:
+        return free
+    middle = _tried(found, names, 0.5 * (possible[0] + possible[-1]))
+    new, x = continued(found, names, values | {"restitution": middle.bounce})
+    x[new.instruments.phases] = middle.phases
+    return replace(search(new, x), bounce=_half(possible, step))
+
+
+def bounce_beside(found: FitSolution) -> tuple[float, float]:
+    """The restitution with its standard error, beside other numbers that stay as they are."""
+    _, possible, step = _likely(found)
+    return _half(possible, step)
+
+
+def _half(possible: list[float], step: float) -> tuple[float, float]:
+    """The middle of what is possible, and half of that with a step as a standard error."""
+    middle = 0.5 * (possible[0] + possible[-1])
+    return middle, 0.5 * (possible[-1] - possible[0] + step)
+
+
+def _likely(found: FitSolution) -> tuple[list[float], list[float], float]:
+    """Restitutions tried that are likely, that are possible, and the step between two of them."""
     names = tuple(name for name in found.likelihood.sought if name != "restitution")
     coarse = [_tried(found, names, bounce) for bounce in BOUNCES]
     least = min(trial.missed for trial in coarse)
@@ -51,18 +80,7 @@ def with_bounces(found: FitSolution, given: dict[str, float]) -> FitSolution:
         [trial.bounce for trial in fine if trial.missed <= least + more]
         for more in (SQUARE_95, MOST_SQUARE)
     )
-    middle = _tried(found, names, 0.5 * (likely[0] + likely[-1]))
-    sought = (*names, "restitution")
-    new, x = continued(found, sought, values | {"restitution": max(middle.bounce, BOUNCES[0])})
-    x[new.instruments.phases] = middle.phases
-    free = search(new, x)
-    if abs(free.likelihood.values(free.x)["restitution"] - middle.bounce) <= VALLEY:
-        return free
-    middle = _tried(found, names, 0.5 * (possible[0] + possible[-1]))
-    new, x = continued(found, names, values | {"restitution": middle.bounce})
-    x[new.instruments.phases] = middle.phases
-    half = 0.5 * (possible[-1] - possible[0] + (ends[1] - ends[0]) / FINER)
-    return replace(search(new, x), bounce=(middle.bounce, half))
+    return likely, possible, (ends[1] - ends[0]) / FINER
 
 
 @dataclass(frozen=True, eq=False)

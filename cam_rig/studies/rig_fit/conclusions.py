@@ -43,6 +43,13 @@ def rig_conclusions(fit: RigFit) -> Iterator[str]:
         yield f"No number: {reasons.pop()}"
     else:
         yield from number_sentences(fit.numbers)
+    if fit.left_out:
+        speeds = ", ".join(f"{rpm:.4g}" for rpm in fit.left_out)
+        yield f"At {speeds} rpm the follower lifts off: " + (
+            "these speeds tell the restitution alone."
+            if fit.solution.bounce is not None
+            else "no such follower does so as it was measured, so these speeds are left out."
+        )
     if fit.model == "separation" and any(hold.lift_offs for hold in fit.holds):
         yield (
             "Bounces on an elastic stem depend on every number at once: trust the intervals of a "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from cam_rig.simulation.measured_run import MeasuredRun
 from cam_rig.studies.rig_fit.bounces import WITHIN_95, most_bounce
 from cam_rig.studies.rig_fit.instruments import BACKLASH, RATIO, RESONANCE, TARE, ZERO
 from cam_rig.studies.rig_fit.likelihood import Likelihood
+from cam_rig.studies.rig_fit.measured_turns import MeasuredHold
 from cam_rig.studies.rig_fit.numbers import NUMBERS, ONE_MASS, TWO_MASSES, slope
 from cam_rig.studies.rig_fit.search import FitSolution, landings_of
 from cam_rig.studies.rig_fit.uncertainty import Uncertainty, misfit, uncertainty
@@ -85,7 +86,8 @@ class RigFit:
     """What a run says of its rig.
 
     ``correlation`` ``(n, n)`` is of the numbers that were identified, in their order; ``model`` is
-    one_mass or separation; ``alike`` as in `Uncertainty`.
+    one_mass or separation; ``alike`` as in `Uncertainty`; ``left_out`` are speeds (rpm) whose
+    motion told nothing but perhaps the restitution.
     """
 
     law: Law
@@ -97,6 +99,7 @@ class RigFit:
     gauges: Gauges
     solution: FitSolution
     alike: tuple[float, float]
+    left_out: tuple[float, ...]
 
     @property
     def identified(self) -> tuple[FoundNumber, ...]:
@@ -116,6 +119,7 @@ def found_of(
     solution: FitSolution,
     given: dict[str, float],
     scale: tuple[str, ...],
+    holds: tuple[MeasuredHold, ...],
 ) -> RigFit:
     """All that a solution says.
 
@@ -123,6 +127,7 @@ def found_of(
     ----------
     given : numbers that are known
     scale : those that were fixed since only ratios to them are told
+    holds : all that were measured
     """
     errors = uncertainty(solution)
     likelihood, x = solution.likelihood, solution.x
@@ -130,7 +135,10 @@ def found_of(
     model = "separation" if "roller_share" in likelihood.values(x) else "one_mass"
     names = TWO_MASSES if model == "separation" else (*ONE_MASS, "stem_stiffness")
     landings = landings_of(likelihood, x)
+    left_out = tuple(hold.hold.rpm for hold in holds if hold not in likelihood.holds)
     numbers = tuple(_number(name, solution, errors, given, scale, landings) for name in names)
+    if left_out:
+        numbers = tuple(_without_flights(number) for number in numbers)
     if unfit:
         numbers = tuple(
             n if n.origin == "given" else FoundNumber(n.name, None, None, "identified", unfit)
@@ -153,6 +161,7 @@ def found_of(
         _gauges(solution, errors),
         solution,
         errors.alike,
+        left_out,
     )
 
 
@@ -196,6 +205,13 @@ def _number(
         low, high = max(0.0, value - WITHIN_95 * error), value + WITHIN_95 * error
         reason = f"with 95 % it is between {low:.3g} and {high:.3g} {NUMBERS[name].unit}: too wide"
     return FoundNumber(name, None if reason else value, error, "identified", reason)
+
+
+def _without_flights(number: FoundNumber) -> FoundNumber:
+    """The same with the reason of a restitution whose landings were left out."""
+    if number.name != "restitution" or number.value is not None or number.error is not None:
+        return number
+    return replace(number, reason="the speeds that lift off fit no such follower")
 
 
 def _not_sought(name: str, scale: tuple[str, ...], landings: list[int]) -> str:

@@ -23,6 +23,7 @@ from cam_rig.studies.rig_fit.bounces import WITHIN_95
 from cam_rig.studies.rig_fit.found import TOLD, FoundNumber
 from cam_rig.studies.rig_fit.numbers import (
     NUMBERS,
+    OF_TWO,
     follower_of,
     from_search,
     require_in_model,
@@ -144,6 +145,8 @@ def fit_jumps(
             f"{' and the error of a reading with --tolerance' if error is None else ''}"
         )
     values = _start(table, base, given, two)
+    if two:
+        values |= _rigid_first(law, table, sought, values)
     trial = _JumpModel(law, table.readings, sought, values)
     x = _searched(trial, values)
     speeds = trial.speeds(x)
@@ -153,6 +156,16 @@ def fit_jumps(
     numbers, correlation = _told(trial, x, deviation, given, names, table)
     kind, found = "separation" if two else "one_mass", tuple(speeds.tolist())
     return JumpFit(law, table, kind, numbers, correlation, found, deviation, followed, free)
+
+
+def _rigid_first(
+    law: Law, table: JumpTable, sought: tuple[str, ...], values: dict[str, float]
+) -> dict[str, float]:
+    """What one rigid mass comes nearest with: two masses are sought from there on."""
+    rigid = {name: value for name, value in values.items() if name not in OF_TWO}
+    names = tuple(name for name in sought if name in RIGID)
+    x = _searched(_JumpModel(law, table.readings, names, rigid), rigid)
+    return {name: from_search(name, float(v)) for name, v in zip(names, x, strict=True)}
 
 
 def _deviation(
@@ -212,10 +225,10 @@ def _searched(trial: _JumpModel, values: dict[str, float]) -> FloatArray:
             bounds=(low, high),
             x_scale=np.array([_size(name, begin[name]) for name in trial.sought]),
             diff_step=np.full(x.size, STEP),
-            xtol=1e-12 if rigid else 1e-6,
-            ftol=1e-12 if rigid else 1e-6,
+            xtol=1e-12 if rigid else 1e-8,
+            ftol=1e-12 if rigid else 1e-8,
             gtol=1e-14,
-            max_nfev=200 if rigid else 12,
+            max_nfev=200 if rigid else 50,
         )
         if result.cost < best:
             best, found = float(result.cost), result.x

@@ -13,13 +13,14 @@ import numpy as np
 
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError
-from cam_rig.studies.rig_fit.bounces import with_bounces
+from cam_rig.studies.rig_fit.bounces import bounce_beside, with_bounces
 from cam_rig.studies.rig_fit.instruments import BACKLASH, RATIO, RESONANCE, TARE, ZERO
 from cam_rig.studies.rig_fit.likelihood import Likelihood
 from cam_rig.studies.rig_fit.numbers import ONE_MASS, TWO_MASSES
 from cam_rig.studies.rig_fit.search import (
     FitSolution,
     continued,
+    contradict,
     landings_of,
     log_ratio,
     search,
@@ -37,6 +38,8 @@ COLOURED = 1.5
 PLAY = 6.0
 #: And beyond this part of the lift: less is rounding.
 LEAST_PLAY = 1e-7
+#: Speeds without landings from which two masses are found alone, at least.
+LEAST_QUIET = 2
 #: Restitutions from which lifts alone are searched.
 BOUNCES_TRIED = (0.05, 0.25, 0.45, 0.65)
 #: Samples in flight that show the force's zero, at least.
@@ -54,6 +57,7 @@ def one_mass(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
         return _of_lifts(aligned, smooth, values, given)
     flying = landings_of(aligned.likelihood, aligned.x)
     quiet = [i for i, landings in enumerate(flying) if not landings]
+    still = None
     if any(flying) and any(aligned.likelihood.holds[i].force.value.size for i in quiet):
         still = search(*continued(aligned, smooth, values, only=quiet))
         new, x = continued(aligned, smooth, still.likelihood.values(still.x))
@@ -67,7 +71,7 @@ def one_mass(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
         bounce = found.bounce
         found = search(*continued(found, found.likelihood.sought, values, play=True))
         found = replace(found, bounce=bounce)
-    return found
+    return still if still is not None and contradict(still, found) else found
 
 
 def _of_lifts(
@@ -135,10 +139,40 @@ def _two_masses(one: FitSolution, stem: dict[str, float], given: dict[str, float
     """Two masses, from a stem beside the numbers of one."""
     values = one.likelihood.values(one.x) | {"restitution": given.get("restitution", 0.0)}
     sought = tuple(name for name in TWO_MASSES if name not in given and name != "restitution")
-    found = search(*continued(one, sought, values | stem | given))
-    if "restitution" not in given and any(landings_of(found.likelihood, found.x)):
-        found = with_bounces(found, given)
-    return found
+    start = values | stem | given
+    quiet = _quiet(one, sought, start)
+    if quiet is None:
+        found = search(*continued(one, sought, start))
+        if "restitution" not in given and any(landings_of(found.likelihood, found.x)):
+            found = with_bounces(found, given)
+        return found
+    if "restitution" in given or len(quiet.likelihood.holds) == len(one.likelihood.holds):
+        return quiet
+    new, x = continued(one, sought, quiet.likelihood.values(quiet.x))
+    flying = FitSolution(new, _with_phases_of(quiet, new, x), one.slopes, one.residuals)
+    if not any(landings_of(new, flying.x)):
+        return quiet
+    return replace(quiet, bounce=bounce_beside(flying))
+
+
+def _quiet(
+    one: FitSolution, sought: tuple[str, ...], start: dict[str, float]
+) -> FitSolution | None:
+    """Two masses at the speeds without landings; None where fewer than two have a force.
+
+    Bounces on a stem depend on every number at once, and their likelihood has a valley for each: a
+    curvature there tells nothing of the others. On the cam the motion is linear.
+    """
+    holds = one.likelihood.holds
+    here = [i for i, landings in enumerate(landings_of(one.likelihood, one.x)) if not landings]
+    while sum(holds[i].force.value.size > 0 for i in here) >= LEAST_QUIET:
+        found = search(*continued(one, sought, start, only=here))
+        flying = landings_of(found.likelihood, found.x)
+        if not any(flying):
+            return found
+        start = found.likelihood.values(found.x)
+        here = [i for i, landings in zip(here, flying, strict=True) if not landings]
+    return None
 
 
 def _with_resonance(one: FitSolution, stem: dict[str, float]) -> FitSolution:

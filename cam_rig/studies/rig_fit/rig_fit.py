@@ -64,7 +64,7 @@ def fit_rig(
     if model == "separation" or (model is None and forces):
         found = elastic(found, given, model, on_step)
     on_step("standard errors")
-    return found_of(law, run, found, given, tuple(scale))
+    return found_of(law, run, found, given, tuple(scale), holds)
 
 
 def _of_base(base: RigConfig, name: str) -> float:

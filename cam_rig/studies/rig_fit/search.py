@@ -25,6 +25,8 @@ MOST_ROUNDS, FIRST_GUARD, GUARD = 8, 0.05, 0.01
 FIRST_STEPS, MOST_STEPS = 6, 40
 #: A search is over where the sum of squares falls by this part of it.
 SETTLED = 3e-7
+#: A sum of squares that grows by more than this is no chance, of twenty numbers at most.
+CONTRARY = 60.0
 #: Damping ratios of a force sensor, least and most.
 RATIOS = (1e-4, 2.0)
 #: Looks at the noise; its floor, in parts of the whole.
@@ -184,6 +186,26 @@ def landings_of(likelihood: Likelihood, x: FloatArray) -> list[int]:
         1 if turn is None else sum(event.kind == "landing" for event in turn.turn.events)
         for turn in turns
     ]
+
+
+def contradict(some: FitSolution, all_of_it: FitSolution) -> bool:
+    """Whether the numbers of all holds are none of some of them, by what these then miss more.
+
+    Where both are of one follower, the sum of squares grows by about as much as there are numbers.
+    """
+    here, there = some.likelihood, all_of_it.likelihood
+    order = [there.holds.index(hold) for hold in here.holds if hold in there.holds]
+    if len(order) < len(here.holds):
+        return False
+    new, x = continued(all_of_it, there.sought, there.values(all_of_it.x), only=order)
+    new.kept, new.pressing = here.kept, here.pressing
+    new.lift_noise, new.force_noise, new.force_part = (
+        here.lift_noise,
+        here.force_noise,
+        here.force_part,
+    )
+    missed, least = (float(off @ off) for off in (new.residuals(x), some.residuals))
+    return missed - least > CONTRARY
 
 
 def log_ratio(one: FitSolution, other: FitSolution) -> float:
