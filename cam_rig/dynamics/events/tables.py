@@ -14,7 +14,9 @@ from cam_rig.dynamics.events.contact import (
     NUMBERS,
     PART,
     PLACES,
+    RATES,
     VELOCITIES,
+    WEIGHTED,
     StemContactTable,
 )
 from cam_rig.dynamics.events.course import Jumps
@@ -89,14 +91,17 @@ def free_table(system: FreeSystem, arrays: bool) -> FreeTable:
 def contact_table(response: LinearResponse, output: Outputs, arrays: bool) -> StemContactTable:
     """The table of a response of two states, whose one output is the contact force."""
     sizes = [part.particular.shape[1] for part in response.parts]
-    parts = np.zeros((len(sizes), 4, max(*sizes, NUMBERS)))
+    parts = np.zeros((len(sizes), 6, max(*sizes, NUMBERS)))
     for rows, part, size in zip(parts, response.parts, sizes, strict=True):
         force = polynomial_part(response, part, output)[0][0]
-        bend = np.abs(bernstein.derivative(bernstein.derivative(force))).max() / part.length**2
+        rates = bernstein.derivative(force) / part.length
+        bend = np.abs(bernstein.derivative(rates)).max() / part.length
         rounding = ROUNDING_ERRORS * bernstein.EPS * np.abs(force).max()
         rows[PART, :FLOW] = part.low, part.span, part.length, size, force.min(), rounding, bend
         rows[PART, FLOW:NUMBERS] = part.flow.ravel()
         rows[PLACES : VELOCITIES + 1, :size], rows[FORCE, :size] = part.particular, force
+        rows[WEIGHTED, :size] = bernstein.binomials(size - 1) * force
+        rows[RATES, : rates.size] = bernstein.binomials(rates.size - 1) * rates
     _, (spring, damper) = response.matrix
     return table_of(StemContactTable, arrays, parts, -spring, -damper, *output.state[0])
 
