@@ -104,7 +104,7 @@ def _prepared(function: Run) -> Run | None:
     """
     kept = _is_kept(function)
     if not kept:
-        print("events: compiling the search for them, once (10 to 20 s)", file=sys.stderr)
+        print("events: compiling their search, once for this machine (10 to 20 s)", file=sys.stderr)
     try:
         compiled = _compile(function)
     except Exception as error:
