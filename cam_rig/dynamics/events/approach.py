@@ -18,9 +18,9 @@ from typing import NamedTuple
 from cam_rig.dynamics.events.free_flight import (
     Launch,
     accelerations,
-    largest_acceleration,
     moved,
     place_of,
+    seen,
 )
 from cam_rig.dynamics.events.law_table import (
     ACCELERATION,
@@ -157,27 +157,26 @@ def _open_until(hop: Hop, now: Gap, limit: float) -> Gap:
     """The gap as far from ``now`` on as steps prove that it is open."""
     cam, launch, begin, value, rate = hop.cam, hop.launch, now.time, now.gap, now.rate
     start, least = place_of(launch, launch.start), MIN_STEP * launch.free.window
-    rates, square = moved(launch, begin).rates, cam.speed * cam.speed
+    (_, _, largest), square = seen(launch, begin), cam.speed * cam.speed
     piece, _, high = piece_from(cam, begin)
     slip, passed = SAME_PLACE / cam.speed, -1
     while begin < limit:
-        bend = largest_acceleration(launch, rates) + square * cam.law.pieces[piece][PLACE][LARGEST]
+        bend = largest + square * cam.law.pieces[piece][PLACE][LARGEST]
         noise = gap_rounding(cam.law, abs(value) + cam.law.largest)
         end = min(begin + step(value - noise, rate, bend, least), limit)
         joint = (high - cam.angle) / cam.speed
         at_joint = joint <= end + slip
         end = min(max(joint, begin), limit) if at_joint else end
-        gone, (lift, slope) = moved(launch, end), lift_within(cam, piece, end)
-        reached = (start + place_of(launch, gone.way)) - lift
-        further = place_of(launch, gone.rates) - slope
+        (way, velocity, less), (lift, slope) = seen(launch, end), lift_within(cam, piece, end)
+        reached, further = (start + way) - lift, velocity - slope
         noise = max(noise, gap_rounding(cam.law, abs(reached) + cam.law.largest))
         if not is_clear(value - noise, rate, reached - noise, further, end - begin, bend):
             break
-        begin, value, rate, rates, passed = end, reached, further, gone.rates, piece
+        begin, value, rate, largest, passed = end, reached, further, less, piece
         if at_joint:
             piece = (piece + 1) % len(cam.law.pieces)
             high = high + cam.law.pieces[piece][PLACE][SPAN]
-            rate = further + slope - lift_within(cam, piece, begin)[1]
+            rate = velocity - lift_within(cam, piece, begin)[1]
     return now if passed < 0 else _at(hop, begin, passed)
 
 

@@ -28,6 +28,7 @@ from cam_rig.dynamics.events.free_flight import (
     LOAD,
     MATRIX,
     ROW,
+    SEEN,
     SERIES,
     SHAPES,
     STIFFNESS,
@@ -81,6 +82,8 @@ def free_table(system: FreeSystem, arrays: bool) -> FreeTable:
     blocks = {MATRIX: system.matrix, LOAD: system.load, ROW: system.row, ENERGY: system.energy}
     if pairs is not None:
         blocks |= {SHAPES: pairs.shapes, INVERSE: pairs.inverse, DRIFT: pairs.inverse @ system.load}
+        shown = np.vstack([system.row, system.energy]) @ pairs.shapes
+        blocks |= {SEEN: shown}
         rows[DAMPING, : size // 2], rows[STIFFNESS, : size // 2] = pairs.damping, pairs.stiffness
     for first, block in (blocks | {SERIES: system.series}).items():
         rows[first : first + len(np.atleast_2d(block))] = block
