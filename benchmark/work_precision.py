@@ -9,8 +9,11 @@ import platform
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import long_laws  # beside this file
+
 from cam_rig.bench.event_cost import event_costs, event_table
 from cam_rig.bench.peers.peers import PEERS
+from cam_rig.bench.rate import SPEEDS_RPM, rate_table, sample_rates
 from cam_rig.bench.report import notes, table
 from cam_rig.bench.start_up import command_table, command_times, node_starts, node_table
 from cam_rig.bench.study import FULL
@@ -35,8 +38,9 @@ or velocity, whichever is worse. Events: largest time between an event and the n
 kind in the reference, so a missed or invented event counts. Time: median, in one process on one
 of {cores} cores ({machine}); a rig's run starts with a law of which nothing is cached.
 
-Samples of lift, velocity and acceleration per second (Bézier 15 at 48 kHz, blocks of 131072):
-{rates}.
+{rates}
+
+{jump_search}
 
 ## What the peers are given
 
@@ -99,6 +103,16 @@ from a process that has imported what the nodes share.
 
 CPU: of all processes of the command.\
 """
+SAMPLES = """\
+## Samples
+
+A block of samples (Bézier 15 at 48 kHz, the six rows of /follower/samples), each in turn with a
+copy of as many bytes, which is what this machine's memory takes. At {whole:g} rpm a turn is a whole
+number of samples, so that its polynomials are prepared once; at {broken:g} rpm it is not. In short
+blocks what each turn and each call costs besides shows: the walk from turn to turn, the last state.
+
+{table}\
+"""
 CLI = ("-m", "cam_rig.cli.main")
 
 
@@ -120,6 +134,13 @@ def start_up() -> str:
     )
 
 
+def samples() -> str:
+    """The section on samples per second."""
+    whole, broken = SPEEDS_RPM
+    table = to_markdown(rate_table(sample_rates()))
+    return SAMPLES.format(whole=whole, broken=broken, table=table)
+
+
 def bullets(lines: list[str]) -> str:
     return "\n".join(f"- {line}" for line in lines)
 
@@ -134,7 +155,8 @@ def main() -> None:
         table=to_markdown(table(study)),
         cores=study.cores,
         machine=f"{platform.machine()}, Python {platform.python_version()}",
-        rates=", ".join(f"{name} {rate / 1e6:.0f} million" for name, rate in study.rates.items()),
+        rates=samples(),
+        jump_search=long_laws.section(long_laws.measure()),
         loosest=FULL.rtols[0],
         tightest=FULL.rtols[-1],
         options=bullets(list(options)),

@@ -56,6 +56,11 @@ class RunComparison:
         both = tables.departure_table, tables.event_table
         return both[0](self.speeds, title), both[1](self.speeds, self.loaded.calibrated)
 
+    @property
+    def every_number(self) -> DataTable:
+        """All of both tables and more in one, SI units in the names of the columns."""
+        return tables.every_number_table(self.speeds, self.loaded.scene.title)
+
     def plain(self) -> dict[str, Any]:
         """Every number with its unit in its name, and the sentences."""
         return tables.to_json(self.speeds, [*self.notes, *self.conclusions])

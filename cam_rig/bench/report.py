@@ -65,7 +65,7 @@ def table(study: WorkPrecisionStudy) -> DataTable:
     rate = min(study.rates.values()) / 1e6
     return DataTable(
         f"One of {study.cores} cores, {study.took_s:.0f} s; "
-        f"{rate:.0f} million samples of lift, velocity, acceleration per second",
+        f"{rate:.0f} million samples of six numbers per second",
         tuple(Column(name, shown="" if i < 2 else "g") for i, name in enumerate(HEADER)),
         tuple(_rows(study)),
         (KEY,),

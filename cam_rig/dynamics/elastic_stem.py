@@ -96,7 +96,8 @@ def advance(
         start = start + model.drive[:, 2] * step
     grid = interval.grid(sample_rate)
     out, apart = outputs(parameters), 1.0 / sample_rate
-    rows = grid.rows(sample(model, start, interval.angle, grid.offset, apart, grid.count, out))
+    rows = grid.open_rows()
+    sample(model, start, interval.angle, grid.offset, apart, grid.count, out, rows[1:5])
     end, shown = end_of(model, start, interval.angle, interval.duration, out)
     x, v, _, force = shown.tolist()
     inner = tuple(end.tolist())

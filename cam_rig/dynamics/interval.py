@@ -21,6 +21,9 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws.sampling import samples_before
 from cam_rig.units import NS, TURN
 
+#: Times that are reckoned together: they stay in a core's own memory from one step to the next.
+IN_CACHE = 8192
+_COUNTED = np.arange(IN_CACHE, dtype=np.float64)
 #: A speed this small beside the other end's is rest: a ramp down to it ends there by rounding.
 REST = 1e-9
 #: Speeds that differ by less than this fraction are one: a ramp ends at its last speed to rounding.
@@ -158,9 +161,18 @@ class SampleGrid:
 
     def rows(self, motion: FloatArray | float = 0.0) -> FloatArray:
         """``(6, count)`` as in `COLUMNS`, of lift to contact force ``(4, count)``; no impulses."""
-        rows = np.zeros((len(COLUMNS), self.count))
-        rows[0] = (self.first + np.arange(self.count)) / self.sample_rate
+        rows = self.open_rows()
         rows[1:5] = motion
+        return rows
+
+    def open_rows(self) -> FloatArray:
+        """``(6, count)`` with times and no impulses; lift to contact force are to be written."""
+        rows = np.empty((len(COLUMNS), self.count))
+        for begin in range(0, self.count, IN_CACHE):
+            times = rows[0, begin : begin + IN_CACHE]
+            np.add(_COUNTED[: times.size], float(self.first + begin), out=times)
+            times /= self.sample_rate
+        rows[5] = 0.0
         return rows
 
     def index_after(self, time: float) -> int:

@@ -65,15 +65,17 @@ def contact_samples(
 ) -> FloatArray:
     """The samples ``(6, n)`` of a follower on the cam, rows as in `COLUMNS`, at one speed."""
     grid = interval.grid(sample_rate)
-    motion = sample(
+    rows = grid.open_rows()
+    sample(
         law,
         interval.angle + interval.speed * grid.offset,
         interval.speed / sample_rate,
         grid.count,
         motion_weights(parameters, interval.speed),
         np.array([0.0, 0.0, 0.0, parameters.preload]),
+        rows[1:5],
     )
-    return grid.rows(motion)
+    return rows
 
 
 def shaft_torque(law: Law, parameters: FollowerParameters, angle: float, speed: float) -> float:

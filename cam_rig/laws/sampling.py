@@ -7,23 +7,30 @@ fixed matrix of powers then gives all samples of all chunks. No Python loop touc
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
 
 from cam_rig.arrays import FloatArray
 from cam_rig.laws import bernstein
 from cam_rig.laws.law import Law
 from cam_rig.units import TURN
 
-#: Samples in a chunk. Longer ones make the products cheaper and the series longer in range.
-CHUNK = 64
-#: A chunk may cover this fraction of its piece: beyond it the series would lose digits.
+#: Samples in a chunk: long ones, of which there are fewer to prepare, where a piece has many.
+CHUNKS = (256, 64)
+#: A chunk may cover this fraction of its piece: beyond it the series would lose digits, ...
 WIDEST_CHUNK = 0.125
-#: Middle of a chunk, in chunks from its first sample.
-MIDDLE = 0.5 * (CHUNK - 1) / CHUNK
+#: ... and there must be so many in a run to pay.
+MIN_CHUNKS = 2
+#: What this part of a row's size is not worth a power of a chunk's series.
+NEGLIGIBLE = 2.0**-56
+#: Runs that begin within this part of a piece of each other begin alike: rounding of many turns.
+SAME_START = 2.0**-46
 #: A sample this near a joint or an event, in parts of the time between two, is at it. Rounding,
 #: which differs with where an interval begins, would else choose the side, and with it the force.
 AT_SAMPLE = 1e-6
@@ -35,14 +42,20 @@ def samples_before(place: float) -> int:
 
 
 @lru_cache(maxsize=64)
-def chunk_powers(degree: int) -> FloatArray:
-    """``(degree + 1, CHUNK)`` powers of the chunk's local abscissa in [-1, 1]."""
-    x = np.linspace(-1.0, 1.0, CHUNK)
+def chunk_powers(degree: int, chunk: int) -> FloatArray:
+    """``(degree + 1, chunk)`` powers of the local abscissa of so many samples in [-1, 1]."""
+    x = np.linspace(-1.0, 1.0, chunk)
     return np.asarray(x[None, :] ** np.arange(degree + 1)[:, None])
 
 
 def sample(
-    law: Law, start: float, step: float, count: int, weights: FloatArray, offsets: FloatArray
+    law: Law,
+    start: float,
+    step: float,
+    count: int,
+    weights: FloatArray,
+    offsets: FloatArray,
+    out: FloatArray | None = None,
 ) -> FloatArray:
     """Linear combinations of s, s', s'' at the angles ``start + j·step``, j = 0 … count − 1.
 
@@ -51,60 +64,173 @@ def sample(
     start, step : rad; the angle is unwrapped, the step positive
     weights : ``(k, 3)`` row by row the weights of s, s', s''
     offsets : ``(k,)`` constants added to each row
+    out : where to write the samples, ``(k, count)``, each row without gaps; None for a new array
 
     Returns
     -------
     ``(k, count)``
     """
-    out = np.empty((weights.shape[0], count))
-    turn = np.floor(start / TURN)
+    out = np.empty((weights.shape[0], count)) if out is None else out
+    turn = math.floor(start / TURN)
     piece = int(np.searchsorted(law.breaks, start - turn * TURN, side="right")) - 1
     begin = 0
+    long: dict[tuple[int, int], list[SampleRun]] = {}
     while begin < count:
         index = piece % law.spans.size
-        low = law.breaks[index] + (turn + piece // law.spans.size) * TURN
-        span = law.spans[index]
+        low = law.joints[index] + (turn + piece // law.spans.size) * TURN
+        span = float(law.spans[index])
         end = min(count, max(begin, samples_before((low + span - start) / step)))
         if end > begin:
-            run = _Run((start + begin * step - low) / span, step / span, end - begin)
-            fill = _fill_directly if run.short else _fill_in_chunks
-            fill(law, index, run, weights, out[:, begin:end])
+            run = SampleRun.of(begin, end, (start + begin * step - low) / span, step / span)
+            if run.chunk:
+                long.setdefault((index, run.chunk), []).append(run)
+            else:
+                _fill_directly(law, index, run, weights, out)
+                out[:, begin:end] += offsets[:, None]
         begin = end
         piece += 1
-    out += offsets[:, None]
+    for (index, chunk), runs in long.items():
+        series = _piece_series(law, index, runs[0].width, chunk, weights.tobytes())
+        trains = repeated(runs)
+        terms = series.at([train[0] for train in trains])
+        terms[:, :, 0] += offsets[:, None]
+        at = 0
+        for train in trains:
+            chunks = train[0].chunks
+            fill_in_chunks(train, terms[:, None, at : at + chunks], series.powers[None], out)
+            at += chunks
     return out
 
 
-@dataclass(frozen=True)
-class _Run:
-    """Samples inside one piece, at u = first + j·step."""
+class SampleRun(NamedTuple):
+    """Samples ``begin`` to ``end`` (of all that are asked for) in one piece.
 
+    At u = ``first``, ``width`` apart, in chunks of ``chunk``; 0 where these do not pay.
+    """
+
+    begin: int
+    end: int
     first: float
-    step: float
-    count: int
+    width: float
+    chunk: int
+
+    @classmethod
+    def of(cls, begin: int, end: int, first: float, width: float) -> SampleRun:
+        """With the longest chunks that lose no digits."""
+        most = min((end - begin) / MIN_CHUNKS, WIDEST_CHUNK / width)
+        for chunk in CHUNKS:
+            if chunk <= most:
+                return cls(begin, end, first, width, chunk)
+        return cls(begin, end, first, width, 0)
 
     @property
-    def short(self) -> bool:
-        return self.count < 2 * CHUNK or self.step * CHUNK > WIDEST_CHUNK
+    def length(self) -> int:
+        """How many they are."""
+        return self.end - self.begin
+
+    @property
+    def chunks(self) -> int:
+        """How many chunks; the last may be too long."""
+        return -(-self.length // self.chunk)
+
+    def at(self) -> FloatArray:
+        """U of each sample."""
+        return self.first + self.width * np.arange(self.length, dtype=np.float64)
 
 
-def _fill_directly(law: Law, index: int, run: _Run, weights: FloatArray, out: FloatArray) -> None:
-    at = bernstein.basis(law.degree, run.first + run.step * np.arange(run.count, dtype=np.float64))
-    np.matmul(weights @ law.motion[:, :, index], at.T, out=out)
+def repeated(runs: list[SampleRun]) -> list[list[SampleRun]]:
+    """Runs of one piece in order, those together that are one and the same, evenly apart.
+
+    Where the samples of a turn are a whole number every turn is like the first, but for rounding.
+    """
+    found: list[list[SampleRun]] = []
+    for run in runs:
+        train = found[-1] if found else [run]
+        same = run.length == train[0].length and abs(run.first - train[0].first) < SAME_START
+        apart = train[-1].begin - train[-2].begin if len(train) > 1 else run.begin - train[0].begin
+        if found and same and run.begin - train[-1].begin == apart:
+            train.append(run)
+        else:
+            found.append([run])
+    return found
 
 
-def _fill_in_chunks(law: Law, index: int, run: _Run, weights: FloatArray, out: FloatArray) -> None:
-    degree, span = law.degree, law.spans[index]
-    chunks, full = -(-run.count // CHUNK), run.count // CHUNK
-    middles = run.first + run.step * CHUNK * (np.arange(chunks, dtype=np.float64) + MIDDLE)
-    series = np.zeros((3, chunks, degree + 1))
-    series[0] = bernstein.basis(degree, middles) @ law.taylor[index]
-    order = np.arange(1, degree + 1) / span
+@dataclass(frozen=True, eq=False)
+class ChunkSeries:
+    """What takes basis values at a chunk's middle to the series of k polynomials about it.
+
+    ``table`` is ``(k, p + 1, q)`` with no more powers q than change a last digit; the ``powers``
+    ``(q, chunk)`` of the local abscissa give the chunk's samples, ``width`` u apart.
+    """
+
+    table: FloatArray
+    powers: FloatArray
+    width: float
+
+    @classmethod
+    def of(cls, taylor: FloatArray, width: float, chunk: int) -> ChunkSeries:
+        """The series of polynomials with the Taylor maps ``(k, p + 1, p + 1)``."""
+        scaled = taylor * (0.5 * width * (chunk - 1)) ** np.arange(taylor.shape[2])
+        sizes = np.abs(scaled).max(axis=1)  # a basis is an average: no coefficient is larger
+        needed = np.cumsum(sizes[:, ::-1], axis=1)[:, ::-1] > NEGLIGIBLE * sizes[:, :1]
+        count = max(1, int(np.max(np.count_nonzero(needed, axis=1))))
+        table = np.ascontiguousarray(scaled[:, :, :count])
+        return cls(table, chunk_powers(count - 1, chunk), width)
+
+    def at(self, runs: list[SampleRun]) -> FloatArray:
+        """The series of all chunks of these runs, ``(k, chunks, q)``."""
+        counts = np.array([run.chunks for run in runs])
+        inner = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+        firsts = np.repeat([run.first for run in runs], counts)
+        chunk = self.powers.shape[1]
+        middles = firsts + self.width * (chunk * inner + 0.5 * (chunk - 1))
+        at = bernstein.basis(self.table.shape[1] - 1, middles)
+        return np.asarray(np.matmul(at, self.table))
+
+
+def fill_in_chunks(
+    runs: list[SampleRun], terms: FloatArray, over: FloatArray, out: FloatArray
+) -> None:
+    """Write the samples of runs as `repeated` gives them.
+
+    ``terms`` ``(k, runs or 1, chunks, q)`` times ``over`` ``(k or 1, q, chunk)`` go straight into
+    ``out`` ``(k, count)``, but for what the last chunk has left.
+    """
+    first, chunk = runs[0], runs[0].chunk
+    full, left = divmod(first.length, chunk)
+    last = first.end - left
+    if len(runs) == 1:
+        terms = terms[:, 0]
+        np.matmul(terms[:, :full], over, out=out[:, first.begin : last].reshape(-1, full, chunk))
+        if left:
+            out[:, last : first.end] = np.matmul(terms[:, full:], over)[:, 0, :left]
+        return
+    apart, size = (runs[-1].begin - first.begin) // (len(runs) - 1), out.itemsize
+    # Row by row: where numpy cannot tell that nothing overlaps it works elsewhere and copies.
+    for row, term, matrix in zip(out, terms, itertools.cycle(over), strict=False):
+        shape, strides = (len(runs), full, chunk), (apart * size, chunk * size, size)
+        body = as_strided(row[first.begin :], shape, strides)
+        np.matmul(term[:, :full], matrix, out=body[: len(term)])
+        body[len(term) :] = body[0]  # where all runs are one
+        if left:
+            rest = as_strided(row[last:], (len(runs), left), (apart * size, size))
+            rest[:] = (term[:, full] @ matrix)[:, :left]
+
+
+@lru_cache(maxsize=1024)
+def _piece_series(law: Law, index: int, width: float, chunk: int, weights: bytes) -> ChunkSeries:
+    """The series of rows of s, s', s'' in a piece; ``weights`` are those of `sample`."""
+    series = np.zeros((3, *law.taylor.shape[1:]))
+    series[0] = law.taylor[index]
+    order = np.arange(1, law.degree + 1) / law.spans[index]
     series[1, :, :-1] = series[0, :, 1:] * order
     series[2, :, :-1] = series[1, :, 1:] * order
-    series *= (0.5 * run.step * (CHUNK - 1)) ** np.arange(degree + 1)
-    for row, terms in zip(out, np.tensordot(weights, series, axes=1), strict=True):
-        body = row[: full * CHUNK].reshape(full, CHUNK)
-        np.matmul(terms[:full], chunk_powers(degree), out=body)
-        if chunks > full:
-            row[full * CHUNK :] = (terms[full] @ chunk_powers(degree))[: run.count - full * CHUNK]
+    taylor = np.tensordot(np.frombuffer(weights).reshape(-1, 3), series, axes=1)
+    return ChunkSeries.of(taylor, width, chunk)
+
+
+def _fill_directly(
+    law: Law, index: int, run: SampleRun, weights: FloatArray, out: FloatArray
+) -> None:
+    at = bernstein.basis(law.degree, run.at())
+    np.matmul(weights @ law.motion[:, :, index], at.T, out=out[:, run.begin : run.end])

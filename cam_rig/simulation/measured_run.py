@@ -55,6 +55,11 @@ class Signal:
         return np.column_stack([self.time[places], self.time[places + 1]])
 
 
+def pulls(force: FloatArray) -> bool:
+    """Whether a measured contact force (N), ``(n,)``, has the sign of a pull."""
+    return bool(np.median(force) < 0.0 and -force.min() > 2.0 * force.max())
+
+
 @dataclass(frozen=True, eq=False)
 class MeasuredRun:
     """What was recorded of one cam on a machine; what is None was not.

@@ -96,7 +96,7 @@ def test_of_several_cams_the_scene_needs_only_the_one_that_is_named(make_loaded_
 
 
 def test_a_bench_s_bag_is_compared_by_its_topics(bench, tmp_path):
-    """Agreement within the noise, what was done, tables in CSV, a picture and a recording."""
+    """Agreement within the noise, what was done, all numbers in CSV, a picture and a recording."""
     bag, loaded = bench
     plot, recording = tmp_path / "a.svg", tmp_path / "a.rrd"
     files = "--plot", plot, "--save", recording, "--csv", "-"
@@ -107,13 +107,11 @@ def test_a_bench_s_bag_is_compared_by_its_topics(bench, tmp_path):
     assert re.search(r"The sensors' clock is (19|20)\d ppm slow", said)
     assert "The force agrees with the model within the noise at every speed" in said
     assert "level: /mic, 24 readings, the time is that of the bag." in said
-    first, second = result.stdout.split("\n\n")
-    heading, *rows = list(csv.reader(io.StringIO(first)))[1:]
-    assert heading[3:6] == ["lift r.m.s. [µm]", "noise [µm]", "largest [µm]"]
-    assert [float(row[1]) for row in rows] == pytest.approx([250.0, 400.0], rel=1e-4)
-    assert all(row[7] == row[12] == "*" for row in rows)
-    events = list(csv.reader(io.StringIO(second)))[2:]
-    assert [float(row[3]) for row in events] == pytest.approx([0.0, 1.0], abs=0.01)
+    rows = list(csv.DictReader(io.StringIO(result.stdout.partition("\n")[2])))
+    assert [float(row["rpm"]) for row in rows] == pytest.approx([250.0, 400.0], rel=1e-4)
+    assert all(row["lift_within_noise"] == row["force_within_noise"] == "true" for row in rows)
+    lost = [float(row["lift_offs_model_per_turn"]) for row in rows]
+    assert lost == pytest.approx([0.0, 1.0], abs=0.01)
     assert plot.read_text(encoding="utf-8").count("rpm") >= 1
     assert recording.stat().st_size > 10_000
 

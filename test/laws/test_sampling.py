@@ -7,7 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cam_rig.laws.sampling import AT_SAMPLE, sample
+from cam_rig.laws import bernstein
+from cam_rig.laws.sampling import (
+    AT_SAMPLE,
+    ChunkSeries,
+    SampleRun,
+    chunk_powers,
+    repeated,
+    sample,
+)
 from cam_rig.units import TURN
 
 EPS = np.finfo(float).eps
@@ -105,3 +113,47 @@ def test_parts_join(law):
     sizes = np.array([np.abs(law.derivative_ordinates(k)).max() for k in range(4)])
     tolerance = 1000 * EPS * (sizes[:3] + 20.0 * sizes[1:])
     assert np.all(np.abs(whole[:, 1700:] - second) <= tolerance[:, None])
+
+
+@pytest.mark.parametrize("per_turn", [7200, 7200.5, 4096, 2777.7])
+def test_many_turns_are_the_law(law, per_turn):
+    """Turns of a whole number of samples are made together; each is the law all the same."""
+    assert_is_the_law(law, 0.0, TURN / per_turn, round(5.3 * per_turn))
+
+
+def test_turns_alike_are_found(law):
+    """Where a turn is a whole number of samples its turns are one, else they are not."""
+    width = TURN / 4096 / law.spans[0]
+
+    def runs(apart, away):
+        return [SampleRun.of(i * apart, i * apart + 1000, i * away, width) for i in range(4)]
+
+    assert [len(train) for train in repeated(runs(4096, 0.0))] == [4]
+    assert [len(train) for train in repeated(runs(4096, 1e-15))] == [4]
+    assert [len(train) for train in repeated(runs(4096, 1e-13))] == [1] * 4
+    uneven = [*runs(4096, 0.0), SampleRun.of(20_000, 21_000, 0.0, width)]
+    assert [len(train) for train in repeated(uneven)] == [4, 1]
+
+
+@pytest.mark.parametrize("step", [8.7e-4, TURN / 7200])
+def test_samples_go_where_they_are_asked(law, step):
+    """Rows of a larger block get what a new array would; its other rows stay as they are."""
+    block = np.full((6, 20_000), 7.0)
+    found = sample(law, 0.3, step, 20_000, IDENTITY, NO_OFFSET, block[2:5])
+    np.testing.assert_array_equal(block[2:5], sample(law, 0.3, step, 20_000, IDENTITY, NO_OFFSET))
+    assert np.shares_memory(found, block)
+    assert (block[[0, 1, 5]] == 7.0).all()
+
+
+def test_powers_left_out_change_no_digit(law):
+    """The series in a chunk, cut where the rest is rounding, against Taylor's whole one."""
+    width = 1.0 / 9000.0
+    taylor = law.taylor[:1]
+    series = ChunkSeries.of(taylor, width, 256)
+    whole = taylor * (0.5 * width * 255) ** np.arange(law.degree + 1.0)
+    at = bernstein.basis(law.degree, np.linspace(0.0, 1.0, 50))
+    expected = np.matmul(at, whole) @ chunk_powers(law.degree, 256)
+    found = np.matmul(at, series.table) @ series.powers
+    np.testing.assert_allclose(found, expected, rtol=0, atol=2 * EPS * np.abs(expected).max())
+    if law.degree > 12:
+        assert series.table.shape[2] < law.degree + 1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
+import tempfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -93,8 +93,13 @@ def check_place(target: Path) -> None:
     if target.exists() and not target.is_file():
         raise OutputError(f"{target}: is a device; allowed: a file, or - for stdout")
     nearest = next(parent for parent in target.absolute().parents if parent.exists())
-    if not (nearest.is_dir() and os.access(nearest, os.W_OK)):
-        raise OutputError(f"{target}: cannot be written, {nearest} is no writable folder")
+    try:  # who may write is not told by the folder's bits alone: try it
+        with tempfile.TemporaryFile(dir=nearest):
+            pass
+    except OSError as error:
+        raise OutputError(
+            f"{target}: cannot be written, {nearest} is no writable folder ({error.strerror})"
+        ) from None
 
 
 def check_recording(target: Path) -> None:

@@ -36,7 +36,7 @@ from cam_rig.dynamics.events.free_flight import (
 )
 from cam_rig.dynamics.events.law_table import ACCELERATION, BEND, LIFT, PLACE, LawTable
 from cam_rig.dynamics.linear.free_system import FreeSystem
-from cam_rig.dynamics.linear.response import LinearResponse
+from cam_rig.dynamics.linear.response import LinearResponse, Part
 from cam_rig.dynamics.linear.sampling import Outputs, polynomial_part
 from cam_rig.dynamics.velocity_jumps import short_of_velocity_jump, velocity_jumps_ahead
 from cam_rig.laws import Law, bernstein
@@ -91,12 +91,15 @@ def free_table(system: FreeSystem, arrays: bool) -> FreeTable:
 
 
 @lru_cache(maxsize=64)
-def contact_table(response: LinearResponse, output: Outputs, arrays: bool) -> StemContactTable:
-    """The table of a response of two states, whose one output is the contact force."""
-    sizes = [part.particular.shape[1] for part in response.parts]
+def contact_table(
+    response: LinearResponse, output: Outputs, arrays: bool, only: Part | None = None
+) -> StemContactTable:
+    """The table of a response of two states whose output is the contact force; or of one part."""
+    known = response.parts if only is None else (only,)
+    sizes = [part.particular.shape[1] for part in known]
     parts = np.zeros((len(sizes), 6, max(*sizes, NUMBERS)))
-    for rows, part, size in zip(parts, response.parts, sizes, strict=True):
-        force = polynomial_part(response, part, output)[0][0]
+    for rows, part, size in zip(parts, known, sizes, strict=True):
+        force = polynomial_part(response, part, output)[0]
         rates = bernstein.derivative(force) / part.length
         bend = np.abs(bernstein.derivative(rates)).max() / part.length
         rounding = ROUNDING_ERRORS * bernstein.EPS * np.abs(force).max()

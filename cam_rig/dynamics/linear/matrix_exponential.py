@@ -47,16 +47,3 @@ def _modes(
     shapes = scale @ vectors.astype(np.complex128)
     inverse = np.asarray(np.linalg.inv(shapes), dtype=np.complex128)
     return rates.astype(np.complex128), np.asarray(shapes, dtype=np.complex128), inverse
-
-
-def free_grid(flow: FloatArray, start: FloatArray, count: int) -> FloatArray:
-    """z, Φz, Φ²z … ``(n, count)`` by doubling: as many products as the count has bits."""
-    out = np.empty((start.size, count))
-    out[:, 0] = start
-    done, power = 1, flow
-    while done < count:
-        more = min(done, count - done)
-        np.matmul(power, out[:, :more], out=out[:, done : done + more])
-        done += more
-        power = power @ power
-    return out

@@ -43,10 +43,14 @@ def exponential(matrix: FloatArray, time: float) -> FloatArray:
 
     Scaling and squaring lets a vibration of 3000 rad drift by ten times as much, turn after turn.
     """
+    return np.asarray(exponentials(matrix, np.array([time]))[0])
+
+
+def exponentials(matrix: FloatArray, times: FloatArray) -> FloatArray:
+    """The same at many times ``(m,)``, ``(m, n, n)``."""
     if matrix.shape[0] != 2:
-        return expm(matrix * time)
-    at = np.array([time])
-    return np.stack([free_motion(matrix, unit, at)[:, 0] for unit in np.eye(2)], axis=1)
+        return expm(matrix * times[:, None, None])
+    return np.stack([free_motion(matrix, unit, times).T for unit in np.eye(2)], axis=2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,27 +110,72 @@ def piece(matrix: FloatArray, forcing: FloatArray, duration: float) -> ForcingPi
     forcing : ``(n, p + 1)`` Bernstein ordinates of f over the piece
     duration : s
     """
-    degree = forcing.shape[1] - 1
-    slow, fast, modes = _modes(matrix, duration, max(float(degree), PICARD_REACH))
+    return pieces(matrix, forcing[:, :, None], np.array([duration]))[0]
+
+
+def pieces(
+    matrix: FloatArray, forcing: FloatArray, durations: FloatArray
+) -> tuple[ForcingPiece, ...]:
+    """Solve many pieces, those together that take the same steps.
+
+    Parameters
+    ----------
+    matrix : ``(n, n)``, 1/s
+    forcing : ``(n, p + 1, m)`` Bernstein ordinates of f over each piece
+    durations : s, ``(m,)``
+    """
+    bound = max(float(forcing.shape[1] - 1), PICARD_REACH)
+    rates = np.abs(np.linalg.eigvals(matrix))
+    slow = (rates[:, None] * durations < bound).sum(axis=0)
+    found: dict[int, ForcingPiece] = {}
+    for k in np.unique(slow):
+        alike = np.flatnonzero(slow == k)
+        modes = _modes(matrix, float(durations[alike[0]]), bound)
+        reach = float(np.linalg.norm(modes[0], 2)) if modes[0].size else 0.0
+        parts = np.maximum(1, np.ceil(reach * durations[alike] / PICARD_REACH)).astype(int)
+        terms = np.array([_picard_terms(reach * t) for t in durations[alike] / parts])
+        for count, order in {*zip(parts.tolist(), terms.tolist(), strict=True)}:
+            same = alike[(parts == count) & (terms == order)]
+            solved = _solve(matrix, modes, forcing[:, :, same], durations[same], count, order)
+            found.update(zip(same.tolist(), solved, strict=True))
+    return tuple(found[i] for i in range(durations.size))
+
+
+def _solve(
+    matrix: FloatArray,
+    modes: tuple[FloatArray, FloatArray, FloatArray],
+    forcing: FloatArray,
+    durations: FloatArray,
+    parts: int,
+    terms: int,
+) -> list[ForcingPiece]:
+    """Pieces with the same slow and fast modes, in so many parts, by so many of Picard's terms."""
+    slow, fast, shapes = modes
+    (n, width, m), k = forcing.shape, slow.shape[0]
     # Rows of one size: else the pivot is a velocity, and what drives a slow mode cancels.
-    even = np.exp2(-np.round(np.log2(np.abs(modes).max(axis=1, keepdims=True))))
-    inputs = np.asarray(np.linalg.solve(even * modes, even * forcing), dtype=np.float64)
-    k = slow.shape[0]
-    settled = np.zeros((fast.shape[0], degree + 1))
+    even = np.exp2(-np.round(np.log2(np.abs(shapes).max(axis=1, keepdims=True))))
+    inputs = np.linalg.solve(even * shapes, even * forcing.reshape(n, -1)).reshape(n, width, m)
+    inputs = np.asarray(inputs, dtype=np.float64).transpose(1, 2, 0)
+    settled = np.zeros((width, m, n - k))
     if fast.size:
-        slope = derivative_matrix(degree) / duration
-        settled = solve_sylvester(fast, -slope.T, -inputs[k:])
-    parts = max(1, math.ceil(float(np.linalg.norm(slow, 2)) * duration / PICARD_REACH)) if k else 1
-    length = duration / parts
+        slope = derivative_matrix(width - 1)
+        for i, duration in enumerate(durations.tolist()):
+            settled[:, i] = solve_sylvester(fast, -slope.T / duration, -inputs[:, i, k:].T).T
+    lengths = durations / parts
     responses = []
     for i in range(parts):
         span = (i / parts, (i + 1) / parts)
-        grown = _picard(slow, bernstein.restrict(inputs[:k].T, *span), length)
-        rest = bernstein.elevate(bernstein.restrict(settled.T, *span), grown.shape[0] - 1)
-        responses.append(np.hstack([grown, rest]) @ modes.T)
-    top = max(response.shape[0] for response in responses) - 1
-    particular = np.stack([bernstein.elevate(response, top).T for response in responses])
-    return ForcingPiece(matrix, particular, duration, exponential(matrix, length))
+        part = bernstein.restrict(inputs[:, :, :k].reshape(width, m * k), *span)
+        grown = _picard(slow, part.reshape(width, m, k), lengths, terms)
+        rest = bernstein.restrict(settled.reshape(width, m * (n - k)), *span)
+        rest = bernstein.elevate(rest, grown.shape[0] - 1).reshape(len(grown), m, n - k)
+        responses.append(np.concatenate([grown, rest], axis=2) @ shapes.T)
+    particular = np.ascontiguousarray(np.stack(responses).transpose(2, 0, 3, 1))
+    flows = exponentials(matrix, lengths)
+    return [
+        ForcingPiece(matrix, x, float(duration), flow)
+        for x, duration, flow in zip(particular, durations, flows, strict=True)
+    ]
 
 
 def _modes(
@@ -167,16 +216,32 @@ def _creeping(matrix: FloatArray) -> tuple[FloatArray, FloatArray] | None:
     return rates, np.stack([np.ones(2), rates])
 
 
-def _picard(matrix: FloatArray, forcing: FloatArray, duration: float) -> FloatArray:
-    """``(q + 1, k)`` ordinates of the solution from zero: ∫f + A∫∫f + A²∫∫∫f and so on."""
-    term = total = duration * bernstein.antiderivative(forcing)
-    reach = float(np.linalg.norm(matrix, 2)) * duration if matrix.size else 0.0
+def _picard_terms(reach: float) -> int:
+    """How many integrals follow the first one until they are rounding; ``reach`` is |A|T."""
     size, order = reach, 2
     while size > 1e-17:
-        term = duration * bernstein.antiderivative(term @ matrix.T)
-        total = bernstein.elevate(total, term.shape[0] - 1) + term
         size *= reach / order
         order += 1
+    return order - 2
+
+
+def _picard(
+    matrix: FloatArray, forcing: FloatArray, durations: FloatArray, terms: int
+) -> FloatArray:
+    """Ordinates of the solutions from zero: ∫f + A∫∫f + A²∫∫∫f and so on.
+
+    Forcing ``(p + 1, m, k)``, ``durations`` ``(m,)``; ``(q + 1, m, k)``.
+    """
+    lengths = durations[:, None]
+    integrals = [lengths * bernstein.antiderivative(forcing)]
+    for _ in range(terms):
+        integrals.append(lengths * bernstein.antiderivative(integrals[-1] @ matrix.T))
+    total = integrals[0]
+    for term in integrals[1:]:
+        flat = bernstein.elevate(
+            total.reshape(len(total), math.prod(total.shape[1:])), term.shape[0] - 1
+        )
+        total = flat.reshape(term.shape) + term
     return np.asarray(total)
 
 

@@ -11,6 +11,7 @@ from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ from cam_rig.dynamics.input_limits import (
     times_of,
 )
 from cam_rig.dynamics.linear.matrix_exponential import free_motion
-from cam_rig.dynamics.linear.propagator import exponential, piece
+from cam_rig.dynamics.linear.propagator import exponential, pieces
 from cam_rig.dynamics.velocity_jumps import SLACK
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
@@ -62,14 +63,17 @@ class TurnMap:
 class Part:
     """A stretch of the turn with one polynomial X: x(t) = X + e^{At} z.
 
-    ``low`` and ``span`` in rad of cam angle, ``length`` in s, ``particular`` ``(n, p + 1)``;
-    ``state_jump`` is by how much the state jumps where the part begins.
+    ``number`` counts the parts of the turn; it is part ``of_piece[0]`` of ``of_piece[1]`` of the
+    law's piece. ``low`` and ``span`` in rad of cam angle, ``length`` in s, ``particular``
+    ``(n, p + 1)``; ``state_jump`` is by how much the state jumps where the part begins.
     """
 
+    number: int
     low: float
     span: float
     length: float
     law_piece: int
+    of_piece: tuple[int, int]
     particular: FloatArray
     flow: FloatArray
     state_jump: FloatArray | None = None
@@ -79,8 +83,7 @@ class Part:
         return bernstein.evaluate(self.particular.T, time / self.length).T
 
 
-@dataclass(frozen=True, eq=False)
-class LinearRun:
+class LinearRun(NamedTuple):
     """A part as it is passed: from ``begin`` to ``end`` (s since the walk's start).
 
     ``local`` is where in the part it begins, in s; ``free`` the state there, less X.
@@ -121,15 +124,17 @@ class LinearResponse:
         """The parts of one turn in order."""
         weights = self.drive * self.speed ** np.arange(3)
         forcing = np.tensordot(weights, self.law.motion, axes=1) + self.constant[:, None, None]
-        found = []
-        for i, span in enumerate(self.law.spans):
-            solved = piece(self.matrix, forcing[:, :, i], float(span) / self.speed)
+        found: list[Part] = []
+        spans = self.law.spans.tolist()
+        for i, solved in enumerate(pieces(self.matrix, forcing, self.law.spans / self.speed)):
             count = solved.particular.shape[0]
             for k in range(count):
-                low = float(self.law.breaks[i] + span * (k / count))
+                low, span = self.law.joints[i] + spans[i] * (k / count), spans[i] / count
                 state_jump = self._state_jump(i) if k == 0 else None
                 x, flow = solved.particular[k], solved.part_flow
-                found.append(Part(low, float(span) / count, solved.part, i, x, flow, state_jump))
+                found.append(
+                    Part(len(found), low, span, solved.part, i, (k, count), x, flow, state_jump)
+                )
         return tuple(found)
 
     def _state_jump(self, piece: int) -> FloatArray | None:
@@ -191,7 +196,7 @@ class LinearResponse:
         since = times - begins[run_of]
         free = np.stack([run.free for run in runs], axis=1)[:, run_of]
         local = np.array([run.local for run in runs])[run_of] + since
-        part_of = (run_of + self.parts.index(runs[0].part)) % len(self.parts)
+        part_of = (run_of + runs[0].part.number) % len(self.parts)
         return free_motion(self.matrix, free, since), local, part_of
 
     def end(self, start: FloatArray, angle: float, duration: float) -> FloatArray:
@@ -212,18 +217,36 @@ class LinearResponse:
         if whole <= 1:
             return start, angle, duration
         before = max(0.0, (first * TURN - angle) / self.speed)
-        start = self.turn.after(self.end(start, angle, before), whole)
+        start = self.end(start, angle, before) if before > 0.0 else start
+        start = self.turn.after(start, whole)
         return start, 0.0, max(0.0, duration - before - whole * (TURN / self.speed))
 
     @cached_property
     def turn(self) -> TurnMap:
         """What one turn from θ = 0 does to the state."""
+        return self._maps[-1]
+
+    @cached_property
+    def _maps(self) -> list[TurnMap]:
+        """What the turn has done to the state where each part begins, and at its end."""
         flow, rest = np.eye(self.constant.size), np.zeros(self.constant.size)
+        found = []
         for part in self.parts:
             rest = rest if part.state_jump is None else rest + part.state_jump
+            found.append(TurnMap(flow, rest))
             rest = part.particular[:, -1] + part.flow @ (rest - part.particular[:, 0])
             flow = part.flow @ flow
-        return TurnMap(flow, rest)
+        return [*found, TurnMap(flow, rest)]
+
+    def free_starts(self, start: FloatArray, turns: int) -> FloatArray:
+        """States less X where each part of each turn begins, ``(turns, parts, n)``, from θ = 0."""
+        states = [start]
+        for _ in range(1, turns):
+            states.append(self.turn.after(states[-1], 1))
+        flows = np.stack([found.flow for found in self._maps[:-1]])
+        rests = np.stack([found.rest for found in self._maps[:-1]])
+        forced = np.stack([part.particular[:, 0] for part in self.parts])
+        return np.asarray(np.einsum("pij,tj->tpi", flows, np.stack(states)) + (rests - forced))
 
     def periodic(self) -> FloatArray:
         """The state at θ = 0, before a state jump there, that a turn brings back: one linear solve.

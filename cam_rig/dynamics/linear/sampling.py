@@ -2,22 +2,32 @@
 
 A run of samples inside one part is cut into chunks. In each the polynomial is its Taylor series
 about the chunk's middle, and the exponential starts anew from the chunk's first sample; one
-product with a fixed matrix (powers, and the exponential over a chunk) gives all samples.
+product with a fixed matrix (powers, and the exponential over a chunk) gives all samples, straight
+where they belong. What is needed for each chunk is made for all turns of a part together.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.linear.matrix_exponential import free_grid, free_motion
-from cam_rig.dynamics.linear.response import LinearResponse, LinearRun, Part
-from cam_rig.dynamics.linear.scipy_linalg import expm
+from cam_rig.dynamics.input_limits import require_angle
+from cam_rig.dynamics.linear.matrix_exponential import free_motion
+from cam_rig.dynamics.linear.propagator import exponentials
+from cam_rig.dynamics.linear.response import LinearResponse, Part
 from cam_rig.laws import bernstein
-from cam_rig.laws.sampling import CHUNK, MIDDLE, WIDEST_CHUNK, chunk_powers, samples_before
+from cam_rig.laws.sampling import (
+    ChunkSeries,
+    SampleRun,
+    chunk_powers,
+    fill_in_chunks,
+    repeated,
+    samples_before,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +50,7 @@ def outputs_at(
     out = np.asarray(outputs.state @ free)
     for i in np.unique(part_of):
         here = np.flatnonzero(part_of == i)
-        ordinates, _ = polynomial_part(model, model.parts[i], outputs)
+        ordinates = polynomial_part(model, model.parts[i], outputs)
         out[:, here] += bernstein.evaluate(ordinates.T, local[here] / model.parts[i].length).T
     return out
 
@@ -50,12 +60,14 @@ def end_of(
 ) -> tuple[FloatArray, FloatArray]:
     """State ``(n,)`` and outputs ``(k,)`` after ``duration`` s."""
     start, angle, rest = model.last_turn(start, angle, duration)
-    free, local, part_of = model.passes(start, angle, np.array([rest]))
-    part = model.parts[int(part_of[0])]
-    ordinates, _ = polynomial_part(model, part, outputs)
-    u = bernstein.basis(ordinates.shape[1] - 1, local / part.length)[0]
-    state = free[:, 0] + part.forced(local)[:, 0]
-    return state, np.asarray(outputs.state @ free[:, 0] + ordinates @ u)
+    require_angle(angle + model.speed * rest, "angle at the end")
+    *_, run = model.walk(start, angle, np.nextafter(rest, np.inf))
+    since = np.array([rest - run.begin])
+    free = free_motion(model.matrix, run.free, since)[:, 0]
+    local = run.local + since
+    ordinates = polynomial_part(model, run.part, outputs)
+    u = bernstein.basis(ordinates.shape[1] - 1, local / run.part.length)[0]
+    return free + run.part.forced(local)[:, 0], np.asarray(outputs.state @ free + ordinates @ u)
 
 
 def sample(
@@ -66,84 +78,131 @@ def sample(
     step: float,
     count: int,
     outputs: Outputs,
+    out: FloatArray | None = None,
 ) -> FloatArray:
-    """Outputs ``(k, count)`` at ``first + j step`` s after ``start`` at cam angle ``angle``."""
-    out = np.empty((outputs.state.shape[0], count))
+    """Outputs ``(k, count)`` at ``first + j step`` s after ``start`` at cam angle ``angle``.
+
+    They are written to ``out`` where it is given, each of whose rows has no gaps.
+    """
+    out = np.empty((outputs.state.shape[0], count)) if out is None else out
     done = 0
+    long: dict[tuple[int, int, int], list[_Passage]] = {}
     for run in model.walk(start, angle, first + count * step):
         end = min(count, max(done, samples_before((run.end - first) / step)))
         if end > done:
             offset = first + done * step - run.begin
-            _fill(model, run, offset, step, outputs, out[:, done:end])
+            part = run.part
+            place, width = (run.local + offset) / part.length, step / part.length
+            samples = SampleRun.of(done, end, place, width)
+            passage = _Passage(samples, offset, run.free)
+            if samples.chunk:
+                alike = (part.number, samples.chunk, samples.chunks)
+                long.setdefault(alike, []).append(passage)
+            else:
+                _fill_directly(model, part, passage, step, outputs, out[:, done:end])
             done = end
+    for (number, _, _), passages in long.items():
+        _fill_in_chunks(model, model.parts[number], passages, step, outputs, out)
     return out
 
 
-@lru_cache(maxsize=4096)
-def polynomial_part(
-    model: LinearResponse, part: Part, outputs: Outputs
-) -> tuple[FloatArray, FloatArray]:
-    """Ordinates ``(k, p + 1)`` of the outputs' polynomial part, and their Taylor map."""
-    law = model.law
-    weights = outputs.law * model.speed ** np.arange(3)
-    motion = weights @ law.motion[:, :, part.law_piece]
-    low, span = law.breaks[part.law_piece], law.spans[part.law_piece]
-    begin = (part.low - low) / span
-    motion = bernstein.restrict(motion.T, begin, min(1.0, begin + part.span / span))
-    degree = part.particular.shape[1] - 1
-    ordinates = outputs.state @ part.particular + bernstein.elevate(motion, degree).T
-    ordinates = ordinates + outputs.constant[:, None]
-    return ordinates, bernstein.taylor(ordinates.T)
+class _Passage(NamedTuple):
+    """Samples of one part as it is passed: the first ``offset`` s after the state ``free``."""
+
+    samples: SampleRun
+    offset: float
+    free: FloatArray
 
 
-@lru_cache(maxsize=256)
-def _chunk(
-    model: LinearResponse, outputs: Outputs, degree: int, step: float
-) -> tuple[FloatArray, FloatArray]:
-    """``(k, p + 1 + n, CHUNK)``: powers and outputs of e^{At} over a chunk; and e^{At} after it."""
-    n = outputs.state.shape[1]
-    flows = np.stack(
-        [
-            free_motion(model.matrix, unit, step * np.arange(CHUNK, dtype=np.float64))
-            for unit in np.eye(n)
-        ]
-    )
-    over = [
-        np.vstack([chunk_powers(degree), np.tensordot(flows, row, axes=([1], [0]))])
-        for row in outputs.state
-    ]
-    return np.stack(over), expm(model.matrix * (step * CHUNK))
-
-
-def _fill(
+def _fill_directly(
     model: LinearResponse,
-    run: LinearRun,
-    offset: float,
+    part: Part,
+    passage: _Passage,
     step: float,
     outputs: Outputs,
     out: FloatArray,
 ) -> None:
-    part, count = run.part, out.shape[1]
-    ordinates, taylor = polynomial_part(model, part, outputs)
-    free = free_motion(model.matrix, run.free, np.array([offset]))[:, 0]
-    first, width = (run.local + offset) / part.length, step / part.length
-    if count < 2 * CHUNK or width * CHUNK > WIDEST_CHUNK:
-        at = bernstein.basis(
-            ordinates.shape[1] - 1, first + width * np.arange(count, dtype=np.float64)
-        )
-        out[:] = ordinates @ at.T
-        out += outputs.state @ free_motion(
-            model.matrix, free, step * np.arange(count, dtype=np.float64)
-        )
-        return
-    degree, chunks, full = ordinates.shape[1] - 1, -(-count // CHUNK), count // CHUNK
-    middles = first + width * CHUNK * (np.arange(chunks, dtype=np.float64) + MIDDLE)
-    scale = (0.5 * width * (CHUNK - 1)) ** np.arange(degree + 1)
-    series = np.matmul(bernstein.basis(degree, middles), taylor * scale)
-    samples, flow = _chunk(model, outputs, degree, step)
-    starts = free_grid(flow, free, chunks).T
-    for row, terms, over in zip(out, series, samples, strict=True):
-        both = np.hstack([terms, starts])
-        np.matmul(both[:full], over, out=row[: full * CHUNK].reshape(full, CHUNK))
-        if chunks > full:
-            row[full * CHUNK :] = (both[full] @ over)[: count - full * CHUNK]
+    ordinates = polynomial_part(model, part, outputs)
+    at = bernstein.basis(ordinates.shape[1] - 1, passage.samples.at())
+    times = passage.offset + step * np.arange(out.shape[1], dtype=np.float64)
+    np.matmul(ordinates, at.T, out=out)
+    out += outputs.state @ free_motion(model.matrix, passage.free, times)
+
+
+def _fill_in_chunks(
+    model: LinearResponse,
+    part: Part,
+    passages: list[_Passage],
+    step: float,
+    outputs: Outputs,
+    out: FloatArray,
+) -> None:
+    chunk = passages[0].samples.chunk
+    series = _part_series(model, part, outputs, step, chunk)
+    over = _chunk(model, outputs, series.powers.shape[0], step, chunk)
+    states = np.stack([passage.free for passage in passages], axis=1)
+    states = free_motion(model.matrix, states, np.array([passage.offset for passage in passages]))
+    trains = repeated([passage.samples for passage in passages])
+    polynomial = series.at([train[0] for train in trains])
+    rows, _, powers = polynomial.shape
+    chunks = passages[0].samples.chunks  # of each: the chunks of all passages are made at once
+    polynomial = polynomial.reshape(rows, len(trains), chunks, powers)
+    if len(trains) > 1:
+        polynomial = np.repeat(polynomial, [len(train) for train in trains], axis=1)
+    terms = np.empty((rows, len(passages), chunks, over.shape[1]))
+    terms[..., :powers] = polynomial
+    terms[..., powers:] = (_chunk_flows(model, step * chunk, chunks) @ states).transpose(2, 0, 1)
+    done = 0
+    for train in trains:
+        fill_in_chunks(train, terms[:, done : done + len(train)], over, out)
+        done += len(train)
+
+
+@lru_cache(maxsize=64)
+def polynomial_parts(model: LinearResponse, outputs: Outputs) -> tuple[FloatArray, ...]:
+    """Ordinates ``(k, p + 1)`` of the outputs' polynomial in every part; those alike together."""
+    weights = outputs.law * model.speed ** np.arange(3)
+    motion = np.tensordot(weights, model.law.motion, axes=1)
+    groups: dict[tuple[int, int, int], list[Part]] = {}
+    for part in model.parts:
+        groups.setdefault((*part.of_piece, part.particular.shape[1]), []).append(part)
+    found: dict[int, FloatArray] = {}
+    for (i, count, width), parts in groups.items():
+        of_law = motion[:, :, [part.law_piece for part in parts]].transpose(1, 0, 2)
+        flat = bernstein.restrict(of_law.reshape(len(of_law), -1), i / count, (i + 1) / count)
+        of_law = bernstein.elevate(flat, width - 1).reshape(width, -1, len(parts))
+        of_state = outputs.state @ np.stack([part.particular for part in parts])
+        ordinates = of_law.transpose(2, 1, 0) + of_state + outputs.constant[:, None]
+        found.update((part.number, rows) for part, rows in zip(parts, ordinates, strict=True))
+    return tuple(found[part.number] for part in model.parts)
+
+
+def polynomial_part(model: LinearResponse, part: Part, outputs: Outputs) -> FloatArray:
+    """Ordinates ``(k, p + 1)`` of the outputs' polynomial in a part."""
+    return polynomial_parts(model, outputs)[part.number]
+
+
+@lru_cache(maxsize=4096)
+def _part_series(
+    model: LinearResponse, part: Part, outputs: Outputs, step: float, chunk: int
+) -> ChunkSeries:
+    """The series of the outputs' polynomial about the middle of a chunk in a part."""
+    taylor = bernstein.taylor(polynomial_part(model, part, outputs).T)
+    return ChunkSeries.of(taylor, step / part.length, chunk)
+
+
+@lru_cache(maxsize=256)
+def _chunk(
+    model: LinearResponse, outputs: Outputs, powers: int, step: float, chunk: int
+) -> FloatArray:
+    """``(k, powers + n, chunk)``: powers of the abscissa and outputs of e^{At} over a chunk."""
+    flows = exponentials(model.matrix, step * np.arange(chunk, dtype=np.float64))
+    of_state = np.einsum("kn,cnj->kjc", outputs.state, flows)
+    abscissa = np.broadcast_to(chunk_powers(powers - 1, chunk), (len(of_state), powers, chunk))
+    return np.concatenate([abscissa, of_state], axis=1)
+
+
+@lru_cache(maxsize=256)
+def _chunk_flows(model: LinearResponse, apart: float, count: int) -> FloatArray:
+    """E^{At} at times ``apart`` s from 0 on, ``(count, n, n)``."""
+    return exponentials(model.matrix, apart * np.arange(count, dtype=np.float64))

@@ -1,49 +1,32 @@
-"""The least output of one vibration mode over a run, at many speeds at once."""
+"""The least output of one vibration mode over a run, at many speeds at once.
+
+A turn is cut into cells, the law's pieces or parts of long ones. What the output does not fall
+below in a cell is told for all cells, turns and speeds together: by the polynomial less the whole
+amplitude, and by the values at the cell's ends less what a curve of bounded bend may sag between
+them. Only cells that may hold the least of all are looked at closer, in smaller cells.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cam_rig.arrays import ComplexArray, FloatArray
+from cam_rig.dynamics.modal.cells import CellTables, LawCells, closer
 from cam_rig.dynamics.modal.response import ModalResponse
+from cam_rig.dynamics.modal.sums import carried
 from cam_rig.laws import bernstein
 from cam_rig.units import TURN
 
-#: Grid points a period of the mode, and at least, of a turn.
-PER_PERIOD, MIN_PER_TURN = 24, 256
-#: Points of a piece at which a bound looks at the polynomial.
-BOUND_POINTS = 33
-#: Points of a second look at one low point, and what the grid may miss of the vibration there.
-CLOSER, GRID_MISSES = 65, 0.01
-
-
-@dataclass(frozen=True, eq=False)
-class _Stretch:
-    """A piece of the law at some of its points: polynomial ``(m, q)``, what an amplitude shows."""
-
-    angles: FloatArray
-    forced: FloatArray
-    factors: ComplexArray
-
-    @classmethod
-    def of(cls, model: ModalResponse, speeds: FloatArray, piece: int, u: FloatArray) -> _Stretch:
-        local = model.law.spans[piece] * u
-        basis = bernstein.basis(model.law.degree, u)
-        factors = model.fading(speeds, local) * model.shown
-        if np.iscomplex(model.rates).all():  # of two conjugate rates one tells all
-            factors = 2.0 * factors[:, :, :1]
-        forced = model.forced(speeds, piece, basis)
-        return cls(model.law.breaks[piece] + local, forced, factors)
-
-    def values(self, amplitude: ComplexArray) -> FloatArray:
-        """The output, ``(m, q)``, from amplitudes ``(m, 2)`` at the start of the piece."""
-        out = self.forced.copy()
-        for r in range(self.factors.shape[2]):
-            out += (amplitude[:, None, r] * self.factors[:, :, r]).real
-        return out
+#: What a grid of speeds may miss of the vibration between them.
+GRID_MISSES = 0.01
+#: For a bound over many speeds a piece is cut into parts no wider than this part of a turn.
+FEW_CELLS = 24
+#: Cells of all speeds and turns that are held in memory together.
+TOGETHER = 1 << 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,83 +36,84 @@ class ModalRun:
     model: ModalResponse
     duration: float | None
 
-    def turns(self, speeds: FloatArray) -> Iterator[ComplexArray]:
-        """Amplitude at the start of each turn, ``(m, 2)``."""
+    def turns(self, speeds: FloatArray, turn: ComplexArray) -> ComplexArray:
+        """Amplitude at the start of each turn, ``(m, turns, 2)``; one turn adds ``turn`` (m, 2)."""
         model = self.model
         if self.duration is None:
-            yield model.steady(speeds)
-            return
-        flow, turn = model.fading(speeds, TURN)[:, 0], model.since_turn(speeds)[:, -1]
-        amplitude = model.from_rest(speeds)
-        for _ in range(int(np.ceil(speeds.max() * self.duration / TURN))):
-            yield amplitude
-            amplitude = flow * amplitude + turn
-
-    def bound(self, speeds: FloatArray) -> FloatArray:
-        """What the output hardly falls below, ``(m,)``: polynomial less the whole amplitude.
-
-        The polynomial is seen at points, so this is no proof: it only tells where to look.
-        """
-        model, amplitude = self.model, self._free_amplitude(speeds)
-        basis = bernstein.basis(model.law.degree, np.linspace(0.0, 1.0, BOUND_POINTS))
-        found = np.full(speeds.size, np.inf)
-        for i in range(model.law.spans.size):
-            lowest = model.forced(speeds, i, basis).min(axis=1) - amplitude[:, i]
-            found = np.minimum(found, lowest)
+            return model.steady(speeds, turn)[:, None]
+        flow = model.fading(speeds, TURN)[:, 0]
+        count = int(np.ceil(speeds.max() * self.duration / TURN))
+        found = np.empty((speeds.size, count, 2), dtype=np.complex128)
+        found[:, 0] = model.from_rest(speeds)
+        for i in range(1, count):
+            found[:, i] = flow * found[:, i - 1] + turn
         return found
+
+    def above(self, low: float, high: float) -> bool:
+        """Whether the output is proved above zero at every speed from one to another (rad/s).
+
+        Each term of the polynomial is taken at the speed where it is least, each joint's
+        amplitude at the higher one, and none cancels another. False proves nothing.
+        """
+        model = self.model
+        if not model.light:
+            return False
+        top = np.array([high])
+        powers = model.powers(top)[0]
+        slow = np.where(powers > 0.0, low ** np.arange(float(powers.size)), 0.0)
+        piece, rising, falling = self._signed_terms
+        forced = (slow @ rising + powers @ falling).reshape(piece.size, -1).min(axis=1)
+        jumps, start = model.largest_state_jumps(high)
+        rate = np.array([[float(model.rates[0].real) / high]])
+        angles = model.law.breaks[1:]
+        own = carried(np.roll(jumps, -1)[None], angles, rate)[0]
+        turns = np.inf if self.duration is None else np.ceil(high * self.duration / TURN)
+        fade = float(np.exp(rate[0, 0] * TURN))
+        whole = min(turns, 1.0 / (1.0 - fade) if fade < 1.0 else np.inf) * own[-1]
+        whole += 0.0 if self.duration is None else start
+        amplitude = whole * np.exp(rate[0] * model.law.breaks[:-1]) + np.append(0.0, own[:-1])
+        return bool((forced + model.constant > amplitude[piece]).all())
+
+    @cached_property
+    def _signed_terms(self) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
+        """The terms' ordinates that are positive, and those that are not, in parts of pieces.
+
+        In short parts ordinates are near the polynomial. First comes the piece of each part.
+        """
+        terms = self.model.terms
+        counts = np.ceil(self.model.law.spans * (FEW_CELLS / TURN)).astype(int)
+        parts = []
+        for i, count in enumerate(counts.tolist()):
+            rows = terms[:, i].T
+            cuts = [(k / count, (k + 1) / count) for k in range(count)]
+            parts += [bernstein.restrict(rows, *cut) if count > 1 else rows for cut in cuts]
+        flat = np.stack(parts).transpose(2, 0, 1).reshape(len(terms), -1)
+        piece = np.repeat(np.arange(counts.size), counts)
+        return piece, np.maximum(flat, 0.0), np.minimum(flat, 0.0)
 
     def missed(self, speeds: FloatArray) -> FloatArray:
-        """By how much `least` may lie above the least output between grid points, ``(m,)``."""
-        return np.asarray(GRID_MISSES * self._free_amplitude(speeds).max(axis=1))
-
-    def _free_amplitude(self, speeds: FloatArray) -> FloatArray:
-        """The largest amplitude of the output in each piece, ``(m, n)``."""
-        largest = np.max([np.abs(amplitude) for amplitude in self.turns(speeds)], axis=0)
-        own = np.abs(self.model.since_turn(speeds))[:, :-1]
-        return np.asarray((largest[:, None] + own) @ np.abs(self.model.shown))
+        """By how much the least output between two neighbouring speeds may lie lower, ``(m,)``."""
+        return np.asarray(GRID_MISSES * self.tables(speeds).amplitudes.max(axis=1))
 
     def least(self, speeds: FloatArray) -> FloatArray:
-        """Least output of the run at each speed, ``(m,)``, on a grid finer than the mode."""
-        lows = [values.min(axis=1) for _, _, values in self._all(speeds, self._grid(speeds))]
-        return np.asarray(np.min(lows, axis=0))
-
-    def lowest(self, speed: float) -> float:
-        """Least output at one speed, between grid points too."""
-        speeds = np.array([speed])
-        grid = self._grid(speeds)
-        lows = []
-        for piece, amplitude, values in self._all(speeds, grid):
-            at = int(np.argmin(values[0]))
-            missed = GRID_MISSES * float(np.abs(amplitude[0]) @ np.abs(self.model.shown))
-            lows.append((float(values[0, at]) - missed, piece, at, amplitude))
-        found = np.inf
-        for bound, piece, at, amplitude in sorted(lows, key=lambda low: low[0]):
-            if bound >= found:
-                break
-            u = np.linspace(0.0, 1.0, grid[piece])[max(0, at - 1) : at + 2]
-            closer = _Stretch.of(self.model, speeds, piece, np.linspace(u[0], u[-1], CLOSER))
-            found = min(found, float(closer.values(amplitude).min()))
+        """Least output of the run at each speed, ``(m,)``, to rounding."""
+        tables = self.tables(speeds)
+        found = np.full(speeds.size, np.inf)
+        few = max(1, TOGETHER // (speeds.size * tables.cells.piece.size))
+        for first in range(0, tables.turns.shape[1], few):
+            closer(tables, tables.candidates(slice(first, first + few), found), found)
         return found
 
-    def _all(
-        self, speeds: FloatArray, grid: list[int]
-    ) -> Iterator[tuple[int, ComplexArray, FloatArray]]:
-        """Piece, amplitude at its start and output, for each piece of each turn."""
-        model, turns = self.model, list(self.turns(speeds))
-        own = model.since_turn(speeds)
-        for i, points in enumerate(grid):
-            stretch = _Stretch.of(model, speeds, i, np.linspace(0.0, 1.0, points))
-            before = model.fading(speeds, float(model.law.breaks[i]))[:, 0]
-            for turn, amplitude in enumerate(turns):
-                start = amplitude * before + own[:, i]
-                values = stretch.values(start)
-                if self.duration is not None:
-                    times = (TURN * turn + stretch.angles) / speeds[:, None]
-                    values[times > self.duration] = np.inf
-                yield i, start, values
+    def lowest(self, speed: float) -> float:
+        """Least output at one speed."""
+        return float(self.least(np.array([speed]))[0])
 
-    def _grid(self, speeds: FloatArray) -> list[int]:
-        """Points of each piece."""
-        rate = float(np.abs(self.model.rates.imag).max())
-        a_turn = max(MIN_PER_TURN, PER_PERIOD * rate / float(speeds.min()))
-        return [int(np.ceil(a_turn * span / TURN)) + 8 for span in self.model.law.spans]
+    def tables(self, speeds: FloatArray) -> CellTables:
+        """What bounds the output in the cells of a turn."""
+        own = self.model.since_turn(speeds)
+        turns = self.turns(speeds, own[:, -1])
+        return CellTables(self.model, self._cells, self.duration, speeds, turns, own[:, :-1])
+
+    @cached_property
+    def _cells(self) -> LawCells:
+        return LawCells.of(self.model.law)

@@ -8,6 +8,7 @@ excite the mode, and nothing else does; between joints the vibration decays free
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from cam_rig.arrays import ComplexArray, FloatArray
 from cam_rig.dynamics.linear.response import RESONANT, LinearResponse
 from cam_rig.dynamics.linear.sampling import Outputs
+from cam_rig.dynamics.modal.sums import carried, taylor_series
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import TURN, to_rpm
@@ -72,15 +74,38 @@ class ModalResponse:
         return np.array([half + root, half - root])
 
     @cached_property
+    def conjugate(self) -> bool:
+        """Whether the two rates are: of two such amplitudes one tells the other."""
+        return bool(np.iscomplex(self.rates).all())
+
+    @cached_property
+    def light(self) -> bool:
+        """Whether damping is so far below critical that amplitudes tell the size of their sum."""
+        return self.conjugate and bool(abs(self.rates[0].imag) > 0.5 * abs(self.rates[0]))
+
+    @cached_property
     def shown(self) -> ComplexArray:
         """What an amplitude contributes to the output, ``(2,)``."""
         return np.asarray(self.state[0] + self.state[1] * self.rates)
 
     @cached_property
+    def shares(self) -> tuple[ComplexArray, ComplexArray]:
+        """Rates and `shown` of which real parts sum up to the output; one of conjugate ones."""
+        if self.conjugate:
+            return self.rates[:1], 2.0 * self.shown[:1]
+        return self.rates, self.shown
+
+    @cached_property
+    def bend_rate(self) -> float:
+        """`bend` is no more than `envelope` times the square of this, 1/s."""
+        rate = float(np.sqrt(-self.matrix[1, 0]))
+        return rate if self.light else rate - float(self.matrix[1, 1])
+
+    @cached_property
     def own(self) -> FloatArray:
         """hₖ of η, ``(p + 1,)``."""
         bottom = np.array([-self.matrix[1, 0], -self.matrix[1, 1], 1.0])
-        return _series(self.drive, bottom, self.law.degree + 1)
+        return taylor_series(self.drive, bottom, self.law.degree + 1)
 
     @cached_property
     def output(self) -> FloatArray:
@@ -107,8 +132,12 @@ class ModalResponse:
 
     def _sizes(self, powers: FloatArray) -> FloatArray:
         """The largest value of each term of the series, ``(m, p + 1)``."""
-        largest = np.abs(self.derivatives[:-1]).max(axis=(1, 2))
-        return np.asarray(np.abs(self.output) * powers * largest)
+        return np.asarray(np.abs(self.output) * powers * self._largest)
+
+    @cached_property
+    def _largest(self) -> FloatArray:
+        """The largest ordinate of s and of each of its derivatives, ``(p + 1,)``."""
+        return np.asarray(np.abs(self.derivatives[:-1]).max(axis=(1, 2)))
 
     def resolved(self, speeds: FloatArray) -> NDArray[np.bool_]:
         """Whether rounding leaves the output its digits, ``(m,)``.
@@ -119,10 +148,16 @@ class ModalResponse:
         sizes = self._sizes(speeds[:, None] ** np.arange(float(self.own.size)))
         return np.asarray(bernstein.EPS * sizes.max(axis=1) <= LOST * sizes[:, :3].max(axis=1))
 
-    def forced(self, speeds: FloatArray, piece: int, basis: FloatArray) -> FloatArray:
-        """Polynomial part of the output in a piece, ``(m, q)``; basis values are ``(q, p + 1)``."""
-        terms = self.output[:, None] * (self.derivatives[:-1, :, piece] @ basis.T)
-        return np.asarray(self.powers(speeds) @ terms + self.constant)
+    @cached_property
+    def terms(self) -> FloatArray:
+        """``(p + 1, n, p + 1)``: each term of the output's series, its ordinates piece by piece."""
+        ordinates = self.derivatives[:-1].transpose(0, 2, 1)
+        return np.ascontiguousarray(self.output[:, None, None] * ordinates)
+
+    def forced(self, speeds: FloatArray) -> FloatArray:
+        """Ordinates of the output's polynomial part in every piece, ``(m, n, p + 1)``."""
+        flat = self.powers(speeds) @ self.terms.reshape(self.own.size, -1)
+        return np.asarray((flat + self.constant).reshape(-1, *self.terms.shape[1:]))
 
     @cached_property
     def _edges(self) -> FloatArray:
@@ -139,8 +174,13 @@ class ModalResponse:
         eta = -weights @ edges[:-1]
         rate = -(weights * speeds[:, None]) @ edges[1:]
         one, two = self.rates
-        amplitude = np.stack([rate - two * eta, one * eta - rate], axis=-1) / (one - two)
-        return np.asarray(amplitude, dtype=np.complex128)
+        first = (rate - two * eta) / (one - two)
+        return self._both(first, lambda: (one * eta - rate) / (one - two))
+
+    def _both(self, first: ComplexArray, second: Callable[[], ComplexArray]) -> ComplexArray:
+        """``(..., 2)`` of both rates; what belongs to the second is asked for if it has to be."""
+        other = first.conj() if self.conjugate else second()
+        return np.stack([first, other], axis=-1).astype(np.complex128, copy=False)
 
     def state_jumps(self, speeds: FloatArray) -> ComplexArray:
         """What the joint at the start of each piece adds to the amplitude, ``(m, n, 2)``."""
@@ -152,24 +192,63 @@ class ModalResponse:
 
     def fading(self, speeds: FloatArray, angle: FloatArray | float) -> ComplexArray:
         """e^{λ t} over cam angles (rad), ``(m, len(angle), 2)``."""
-        times = np.atleast_1d(angle) / speeds[:, None]
-        return np.asarray(np.exp(times[:, :, None] * self.rates))
+        return self.fading_at(np.atleast_1d(angle) / speeds[:, None])
+
+    def fading_at(self, times: FloatArray) -> ComplexArray:
+        """e^{λ t} at times in s of any shape, ``(..., 2)``."""
+        one, two = self.rates
+        return self._both(np.exp(times * one), lambda: np.exp(times * two))
+
+    def envelope(self, amplitude: ComplexArray) -> FloatArray:
+        """What the output of free vibration does not exceed from an amplitude ``(..., 2)`` on.
+
+        With light damping two conjugate amplitudes fade as they are; others may grow in their sum,
+        its energy does not.
+        """
+        if self.light:
+            return np.asarray(2.0 * np.abs(self.shown[0]) * np.abs(amplitude[..., 0]))
+        rate = np.sqrt(-self.matrix[1, 0])
+        eta, slope = amplitude.sum(axis=-1).real, (amplitude @ self.rates).real
+        reach = abs(self.state[0]) / rate + abs(self.state[1])
+        return np.asarray(reach * np.hypot(rate * eta, slope))
+
+    def bend(self, amplitude: ComplexArray) -> FloatArray:
+        """The same of the output's second derivative in time."""
+        return self.envelope(amplitude * self.rates**2)
+
+    def decay(self, speeds: FloatArray, angle: FloatArray) -> FloatArray:
+        """By what an `envelope` falls over cam angles (rad), ``(m, len(angle))``."""
+        rate = self.rates[0].real if self.light else 0.0
+        return np.asarray(np.exp(rate * angle / speeds[:, None]))
+
+    def largest_state_jumps(self, speed: float) -> tuple[FloatArray, float]:
+        """What the `envelope` of each state jump ``(n,)``, and from rest, does not exceed.
+
+        So is it at every slower speed too. The damping is light.
+        """
+        powers = self.powers(np.array([speed]))[0] * np.abs(self.own)
+        eta = np.abs(self._edges[:, :-1]).transpose(0, 2, 1) @ powers
+        rate = np.abs(self._edges[:, 1:]).transpose(0, 2, 1) @ (powers * speed)
+        one, two = self.rates
+        amplitude = (rate + abs(two) * eta) / abs(one - two)
+        jumps, start = 2.0 * np.abs(self.shown[0]) * amplitude
+        return jumps, float(start[0])
 
     def since_turn(self, speeds: FloatArray) -> ComplexArray:
         """Amplitudes where each piece begins, of this turn's state jumps alone, ``(m, n + 1, 2)``.
 
         The last is at the end of the turn, with the state jump of its first joint.
         """
-        state_jumps = self.state_jumps(speeds)
-        steps = self.fading(speeds, self.law.spans)
-        found = [np.zeros_like(state_jumps[:, 0])]
-        for i in range(self.law.spans.size):
-            after = (i + 1) % self.law.spans.size
-            found.append(found[-1] * steps[:, i] + state_jumps[:, after])
-        return np.stack(found, axis=1)
+        gains = np.roll(self.state_jumps(speeds), -1, axis=1)
+        one, two = (rate / speeds[:, None] for rate in self.rates)
+        ends = self.law.breaks[1:]
+        found = self._both(
+            carried(gains[:, :, 0], ends, one), lambda: carried(gains[:, :, 1], ends, two)
+        )
+        return np.concatenate([np.zeros_like(found[:, :1]), found], axis=1)
 
-    def steady(self, speeds: FloatArray) -> ComplexArray:
-        """Amplitude at θ = 0 that a turn brings back, ``(m, 2)``.
+    def steady(self, speeds: FloatArray, turn: ComplexArray | None = None) -> ComplexArray:
+        """Amplitude at θ = 0 that a turn brings back, ``(m, 2)``; ``turn`` is what it adds.
 
         Raises
         ------
@@ -182,7 +261,8 @@ class ModalResponse:
                 f"no steady state at {to_rpm(speeds[worst]):.6g} rpm: a mode without "
                 "damping is at a harmonic of the speed; allowed: damping, or another speed"
             )
-        return np.asarray(self.since_turn(speeds)[:, -1] / gap)
+        turn = self.since_turn(speeds)[:, -1] if turn is None else turn
+        return np.asarray(turn / gap)
 
     def amplitude_at(self, speeds: FloatArray, angle: float) -> FloatArray:
         """Amplitude of the steady free vibration in the output at a cam angle (rad), ``(m,)``.
@@ -194,14 +274,3 @@ class ModalResponse:
         at = self.steady(speeds) * self.fading(speeds, start)[:, 0]
         at = (at + self.since_turn(speeds)[:, piece]) * self.fading(speeds, angle - start)[:, 0]
         return np.asarray(np.abs(at * self.shown).sum(axis=1))
-
-
-def _series(top: FloatArray, bottom: FloatArray, count: int) -> FloatArray:
-    """Taylor coefficients of top(D)/bottom(D), by long division."""
-    found = np.zeros(count)
-    rest = np.zeros(count + bottom.size)
-    rest[: top.size] = top
-    for k in range(count):
-        found[k] = rest[k] / bottom[0]
-        rest[k : k + bottom.size] -= found[k] * bottom
-    return found

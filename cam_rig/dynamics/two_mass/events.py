@@ -5,17 +5,24 @@ What ends a flight is the same for both models that leave the cam: `cam_rig.dyna
 
 from __future__ import annotations
 
+import math
+from functools import partial
+
 import numpy as np
+from numpy.typing import NDArray
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.events.contact import contact_loss
 from cam_rig.dynamics.events.search import call
 from cam_rig.dynamics.events.tables import ROUNDING_ERRORS, contact_table
 from cam_rig.dynamics.input_limits import require_angle, require_number, state_of
+from cam_rig.dynamics.linear.response import LinearResponse
+from cam_rig.dynamics.linear.sampling import polynomial_parts
 from cam_rig.dynamics.two_mass.flight import free_masses, from_inner, to_inner
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
-from cam_rig.laws import Law
+from cam_rig.laws import Law, bernstein
 from cam_rig.laws.bernstein import EPS
+from cam_rig.units import TURN
 
 
 def fly(parameters: TwoMassParameters, state: FloatArray, times: FloatArray) -> FloatArray:
@@ -50,6 +57,65 @@ def lift_off(
         float(limit),
     )
     return None if found < 0.0 else (found, np.array(vibration))
+
+
+def first_lift_off(
+    law: Law, parameters: TwoMassParameters, speed: float, state: FloatArray, limit: float
+) -> float | None:
+    """Time (s) of the first lift-off of a run from θ = 0 on, None when not within ``limit``.
+
+    As `lift_off`, but all parts of all turns are bounded at once, and the root is sought only in
+    those that the bound leaves.
+    """
+    response, output = contact_response(law, parameters, speed), force_output(parameters)
+    turns = max(1, math.ceil(limit * speed / TURN))
+    free = response.free_starts(state, turns)
+    for turn, i in np.argwhere(may_fall(response, parameters, free)).tolist():
+        part = response.parts[i]
+        begin = (turn * TURN + part.low) / speed
+        place, velocity = (part.particular[:, 0] + free[turn, i]).tolist()
+        left = min(part.length, limit - begin)
+        if left <= 0.0:
+            break
+        found, *_ = call(
+            contact_loss,
+            partial(contact_table, response, output, only=part),
+            speed,
+            part.low,
+            (place, velocity),
+            left,
+        )
+        if found >= 0.0:
+            return begin + float(found)
+    return None
+
+
+def may_fall(
+    response: LinearResponse, parameters: TwoMassParameters, free: FloatArray
+) -> NDArray[np.bool_]:
+    """Whether the force may fall to zero in each part of each turn, ``(turns, parts)``.
+
+    It is no lower than at the lower end of a part less what a curve of so much bend may sag, nor
+    than the polynomial's least ordinate less the vibration, whose energy does not grow.
+    """
+    output, matrix = force_output(parameters), response.matrix
+    ordinates = polynomial_parts(response, output)
+    width = max(rows.shape[1] for rows in ordinates)
+    forced = np.stack([bernstein.elevate(rows[0], width - 1) for rows in ordinates])
+    lengths = np.array([part.length for part in response.parts])
+    change = np.abs(np.diff(forced, n=2, axis=1)).max(axis=1)
+    bend = (width - 1) * (width - 2) * change / lengths**2
+    row, rate = output.state[0], math.sqrt(-matrix[1, 0])
+    reach = abs(float(row[0])) / rate + abs(float(row[1]))
+    flows = np.stack([part.flow for part in response.parts])
+    ends = np.einsum("pij,tpj->tpi", flows, free)
+    acceleration = free @ (matrix @ matrix).T
+    bend = bend + reach * np.hypot(rate * acceleration[..., 0], acceleration[..., 1])
+    vibration = reach * np.hypot(rate * free[..., 0], free[..., 1])
+    lower = np.minimum(forced[:, 0] + free @ row, forced[:, -1] + ends @ row)
+    noise = ROUNDING_ERRORS * EPS * np.abs(forced).max(axis=1)
+    above = np.maximum(lower - bend * lengths**2 / 8.0, forced.min(axis=1) - vibration)
+    return np.asarray(above <= noise)
 
 
 def force_noise(law: Law, p: TwoMassParameters, speed: float) -> float:

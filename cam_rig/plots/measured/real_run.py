@@ -83,8 +83,10 @@ def _block(
         panels[2 * i + 1, 0].set_ylabel(f"difference [{small}]")
         panels[2 * i, 0].legend(fontsize=8, loc="upper right")
         turns = [turn for row in columns if (turn := getattr(row, f"{name}_turn")) is not None]
-        if all(np.abs(t.difference).max() * fine < LEAST_DIFFERENCE for t in turns):  # rounding
-            panels[2 * i + 1, 0].set_ylim(-LEAST_DIFFERENCE, LEAST_DIFFERENCE)
+        largest = [np.abs(t.difference[t.calm]).max(initial=0.0) for t in turns]
+        # rounding is drawn as none, and what is beside a landing does not set the scale
+        reach = 1.15 * max(fine * max(largest, default=0.0), LEAST_DIFFERENCE)
+        panels[2 * i + 1, 0].set_ylim(-reach, reach)
 
 
 def _curves(axes: Axes, turn: OverTurn, factor: float, colour: str) -> None:
@@ -98,5 +100,11 @@ def _curves(axes: Axes, turn: OverTurn, factor: float, colour: str) -> None:
 def _difference(axes: Axes, turn: OverTurn, factor: float) -> None:
     axes.axhline(0.0, color="0.1", lw=0.8)
     difference = turn.difference * factor
-    axes.plot(turn.degrees, difference, color=web(colours.LIMIT), lw=0.0, marker=".", ms=2.5)
+    dots: dict[str, Any] = {"lw": 0.0, "marker": ".", "ms": 2.5}
+    if not turn.calm.all():
+        beside = ~turn.calm
+        label = "beside a landing: not counted"
+        axes.plot(turn.degrees[beside], difference[beside], color="0.7", label=label, **dots)
+        axes.legend(fontsize=7, loc="upper right", markerscale=3.0)
+    axes.plot(turn.degrees[turn.calm], difference[turn.calm], color=web(colours.LIMIT), **dots)
     turn_axis(axes)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cam_rig.dynamics.two_mass.events import lift_off
+from cam_rig.dynamics.two_mass.events import first_lift_off
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import DynamicsError
@@ -125,5 +125,4 @@ def _leaves(
     start, length = np.zeros(2), duration
     if length is None:
         start, length = contact_response(law, parameters, speed).periodic(), TURN / speed
-    found = lift_off(law, parameters, speed, 0.0, start, length)
-    return None if found is None else found[0]
+    return first_lift_off(law, parameters, speed, start, length)

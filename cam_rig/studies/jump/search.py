@@ -29,6 +29,8 @@ SLOWEST, FASTEST = 1.0, 1e5
 PHASE_STEP = 0.5
 #: Speeds looked at together, and a dip's second look.
 TOGETHER, CLOSER = 64, 33
+#: Of these so many are looked at in one step.
+FEW = 12
 #: A damping ratio below this counts as 0: a search in steady state would have no end.
 UNDAMPED = 1e-7
 #: A zero is polished to this part of the speed, and of the bracket it was found in.
@@ -99,16 +101,14 @@ def _bracket(run: ModalRun, law: Law, slowest: float) -> tuple[float, float]:
         speeds = RPM * first * ratio ** np.arange(TOGETHER + 1.0)
         clear = run.model.resolved(speeds)
         speeds = speeds[: speeds.size if clear.all() else int(np.argmin(clear))]
-        if (run.bound(speeds) <= 0.0).any():
-            found = _first_below(run, speeds, RPM * slowest)
-            if found is not None:
-                if found[0] <= RPM * slowest:
-                    raise DynamicsError(
-                        f"cam {law.name!r}: the follower loses contact at {slowest:g} rpm already; "
-                        "allowed for a jump speed: a follower that is pressed on, so give it a "
-                        "preload"
-                    )
-                return found
+        found = _first_touch(run, speeds, RPM * slowest)
+        if found is not None:
+            if found[0] <= RPM * slowest:
+                raise DynamicsError(
+                    f"cam {law.name!r}: the follower loses contact at {slowest:g} rpm already; "
+                    "allowed for a jump speed: a follower that is pressed on, so give it a preload"
+                )
+            return found
         if not clear.all():
             raise _unresolved(law, float(speeds[-1]) if speeds.size else 0.0)
         first *= ratio**TOGETHER
@@ -128,9 +128,30 @@ def _unresolved(law: Law, speed: float) -> DynamicsError:
     )
 
 
+def _first_touch(run: ModalRun, speeds: FloatArray, slowest: float) -> tuple[float, float] | None:
+    """The first bracket of a zero among neighbouring speeds, None where none is.
+
+    A cheap bound comes first, one for all the speeds.
+    """
+    if speeds.size == 0 or run.above(float(speeds[0]), float(speeds[-1])):
+        return None
+    return _first_below(run, speeds, slowest)
+
+
+def _least_to_zero(run: ModalRun, speeds: FloatArray) -> FloatArray:
+    """The least force at speeds, up to a few after the first at which it is not above zero."""
+    found: list[FloatArray] = []
+    for i in range(0, speeds.size, FEW):
+        found.append(run.least(speeds[i : i + FEW]))
+        if (found[-1] <= 0.0).any():
+            break
+    return np.concatenate(found)
+
+
 def _first_below(run: ModalRun, speeds: FloatArray, slowest: float) -> tuple[float, float] | None:
     """The first bracket of a zero among neighbouring speeds, in a dip between two of them too."""
-    least = run.least(speeds)
+    least = _least_to_zero(run, speeds)
+    speeds = speeds[: least.size]
     below = np.flatnonzero(least <= 0.0)
     stop = int(below[0]) if below.size else speeds.size
     for i in dips(least):

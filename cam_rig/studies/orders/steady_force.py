@@ -206,7 +206,7 @@ def _linear_pieces(
         length = run.end - run.begin
         if length <= 0.0:
             continue
-        ordinates = polynomial_part(model, run.part, outputs)[0][-1]
+        ordinates = polynomial_part(model, run.part, outputs)[-1]
         first, last = run.local / run.part.length, (run.local + length) / run.part.length
         vibration = FreeForce(model.matrix, outputs.state[-1], run.free)
         inside = _restricted(ordinates, first, 1.0 if last > 1.0 - 1e-15 else last)

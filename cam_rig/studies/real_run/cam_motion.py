@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cam_rig.arrays import FloatArray
+from cam_rig.simulation.encoder import encoder_count
 from cam_rig.simulation.measured_run import Signal
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN, to_rpm
@@ -20,10 +21,6 @@ SMALL_GAP = TURN / 8.0
 KNOTS, READINGS = 8, 6
 #: A line is kept unless a curve leaves less than this part of its scatter.
 BETTER = 0.9
-#: Distinct values that are fewer than this part of the readings are counts of an encoder.
-REPEATED = 0.5
-#: Counts as fine as this (rad) are not told from rounding.
-FINEST = 5e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,39 +72,13 @@ class SteadyStretch:
             yield CamState(ns, there, float(speed), cam)
 
 
-def resolution(angle: FloatArray) -> float:
-    """One count of an encoder (rad), found from the values; 0 where they show none.
-
-    Examples
-    --------
-    >>> counts = np.floor(np.linspace(0.0, 900.0, 5000) * 1024 / TURN)
-    >>> round(TURN / resolution(counts * TURN / 1024))
-    1024
-    """
-    inside = np.unique(np.round(np.remainder(angle, TURN), 7))
-    if inside.size < 3 or inside.size > REPEATED * angle.size:
-        return 0.0
-    step = _common_divisor(np.unique(np.round(np.diff(inside), 6)))
-    return TURN / round(TURN / step) if step > 2.0 * FINEST else 0.0
-
-
-def _common_divisor(steps: FloatArray) -> float:
-    """Of which all steps (rad) are multiples: not each count need have been read."""
-    found = 0.0
-    for step in steps.tolist():
-        rest = step
-        while rest > FINEST:
-            found, rest = rest, abs(found - round(found / rest) * rest)
-    return found
-
-
 def steady_stretches(angle: Signal, least_turns: float) -> list[SteadyStretch]:
     """The parts of a run in which the cam turns steadily for ``least_turns`` turns or more.
 
     A gap in the readings ends a stretch, as what the cam did there is not known; not one in which
     it turned by a small part of a turn.
     """
-    count = resolution(angle.value)
+    count = encoder_count(angle.value)
     gaps = angle.gaps()
     turned = np.diff(angle.value[np.searchsorted(angle.time, gaps)], axis=1).ravel()
     edges = [angle.time[0], *gaps[turned > SMALL_GAP].ravel(), angle.time[-1]]

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cam_rig.arrays import FloatArray
 from cam_rig.laws import Law
@@ -21,11 +22,15 @@ LEAST_DRAWN, MOST_DRAWN = 300, 1500
 
 @dataclass(frozen=True, eq=False)
 class OverTurn:
-    """One turn of a quantity for a picture: cam angle (°, rising), measured, model; ``(n,)``."""
+    """One turn of a quantity for a picture: cam angle (°, rising), measured, model; ``(n,)``.
+
+    ``calm`` are those not beside a jump of the model, which count.
+    """
 
     degrees: FloatArray
     measured: FloatArray
     model: FloatArray
+    calm: NDArray[np.bool_]
 
     @property
     def difference(self) -> FloatArray:
@@ -108,4 +113,6 @@ def _over_turn(pair: PairedSignal | None) -> OverTurn | None:
     if order.size > MOST_DRAWN:
         order = order[np.linspace(0, order.size - 1, MOST_DRAWN).astype(np.intp)]
     measured, model = pair.measured[-count:][order], pair.model[-count:][order]
-    return OverTurn(inside[order], measured, model)
+    beside = pair.beside_jump
+    calm = np.ones(order.size, dtype=bool) if beside is None else ~beside[-count:][order]
+    return OverTurn(inside[order], measured, model, calm)

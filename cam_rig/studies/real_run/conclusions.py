@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cam_rig.simulation.measured_run import pulls
 from cam_rig.studies.real_run.comparison import SpeedDeparture
 from cam_rig.studies.real_run.departure import Departure
 from cam_rig.studies.real_run.measured_pairs import MeasuredPairs
@@ -16,6 +17,8 @@ from cam_rig.units import TURN
 SHOWN = {"lift": (1e6, "µm"), "force": (1.0, "N")}
 #: A lift that is so many times the cam's is that of another.
 UNLIKE = 2.0
+#: °, by which events that both have are not of one time.
+LATER_DEG = 1.0
 #: dB, levels that differ by less are alike to the ear.
 ALIKE_DB = 1.0
 
@@ -48,6 +51,7 @@ def sentences(rows: Sequence[SpeedDeparture]) -> list[str]:
             f"Lift-offs differ first at {row.rpm:.4g} rpm: {row.contact.measured:.2g} a turn "
             f"measured, {row.contact.model:.2g} of the model."
         )
+    said += _later(rows)
     said += _levels(rows)
     peaks = [row.peak_hz for row in rows]
     frequency = common_frequency([row.rpm for row in rows], peaks)
@@ -93,6 +97,20 @@ def _count_differs(row: SpeedDeparture) -> bool:
     return abs(row.contact.measured - row.contact.model) >= 0.5
 
 
+def _later(rows: Sequence[SpeedDeparture]) -> list[str]:
+    """Where lift-offs and landings come at another time than the model's."""
+    known = [row.contact for row in rows if row.contact and row.contact.degrees is not None]
+    worst = max(known, key=lambda one: abs(one.degrees or 0.0), default=None)
+    if worst is None or worst.degrees is None or abs(worst.degrees) < LATER_DEG:
+        return []
+    row = next(row for row in rows if row.contact is worst)
+    return [
+        f"Lift-offs and landings come {1e3 * abs(worst.shift or 0.0):.2g} ms, "
+        f"{abs(worst.degrees):.2g}° of the cam, {'later' if worst.degrees > 0.0 else 'earlier'} "
+        f"than the model's at {row.rpm:.4g} rpm."
+    ]
+
+
 def _levels(rows: Sequence[SpeedDeparture]) -> list[str]:
     known = [row for row in rows if row.level_difference is not None]
     if not known:
@@ -108,6 +126,11 @@ def done(pairs: MeasuredPairs) -> list[str]:
     """What was done to lay a bench's readings on the cam's angle."""
     said = [_resolution(pairs), *_aligned(pairs)]
     said += _range(pairs)
+    if pairs.run.force is not None and pulls(pairs.run.force.value):
+        said.append(
+            "The contact force measured is mostly below zero, as a pull: turn its sign with "
+            "force=-/TOPIC."
+        )
     curved = sum(not stretch.line for stretch in pairs.stretches)
     if curved:
         said.append(

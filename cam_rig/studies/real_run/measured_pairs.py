@@ -9,10 +9,11 @@ from functools import partial
 import numpy as np
 
 from cam_rig.errors import BagError
+from cam_rig.simulation.encoder import encoder_count
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.measured_run import MeasuredRun, Signal
 from cam_rig.studies.real_run.alignment import Alignment, find_alignment
-from cam_rig.studies.real_run.cam_motion import SteadyStretch, resolution, steady_stretches
+from cam_rig.studies.real_run.cam_motion import SteadyStretch, steady_stretches
 from cam_rig.studies.real_run.model_run import ModelRun, drive
 from cam_rig.studies.real_run.pairs import PairedSignal, PairedStep
 
@@ -53,7 +54,7 @@ class MeasuredPairs:
 
         Values that repeat from turn to turn are no counts where the motion goes through them all.
         """
-        count = resolution(self.run.angle.value)
+        count = encoder_count(self.run.angle.value)
         rounded = any(stretch.scatter > LEAST_ROUNDING * count for stretch in self.stretches)
         return count if rounded else 0.0
 

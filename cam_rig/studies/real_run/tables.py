@@ -87,9 +87,23 @@ def event_table(rows: Sequence[SpeedDeparture], calibrated: bool) -> DataTable:
             (Column("model", "dB", ".1f"), lambda row: row.model_db if heard else None),
             (Column("difference", "dB", "+.2f"), lambda row: row.level_difference),
         ),
-        "Events later by: the median, of lift-offs and landings that both have.",
+        "Events later by: the median, of lift-offs and landings that both have."
+        if any(row.contact and row.contact.shift is not None for row in rows)
+        else "",
         RELATIVE_NOTE if heard and not calibrated else "",
     )
+
+
+def every_number_table(rows: Sequence[SpeedDeparture], title: str) -> DataTable:
+    """One table of all, a row each cam and speed, in SI units, for another program to read."""
+    plain = [_plain(row) for row in rows]
+    names = list(dict.fromkeys(name for row in plain for name in row))
+    fields = ((Column(name), lambda row, name=name: _cell(row.get(name))) for name in names)
+    return tabulate(f"{title}: measured less model", plain, fields)
+
+
+def _cell(value: Any) -> Cell:
+    return str(value).lower() if isinstance(value, bool) else value
 
 
 def to_json(rows: Sequence[SpeedDeparture], sentences: Sequence[str]) -> dict[str, Any]:

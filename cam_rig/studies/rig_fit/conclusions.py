@@ -54,7 +54,6 @@ def rig_conclusions(fit: RigFit) -> Iterator[str]:
         "200 ppm of a mass."
     )
     yield from _odd(fit)
-    yield from fit.notes
 
 
 def jump_conclusions(fit: JumpFit) -> Iterator[str]:
@@ -127,11 +126,9 @@ def strongest_frequency(fit: RigFit, name: str) -> float | None:
         if predicted is None:
             continue
         if name == "lift":
-            since, left = hold.lift.since, predicted.lift - hold.lift.value
+            since, left = hold.lift.since, predicted.lift_left
         else:
-            kept = likelihood.kept[i]
-            since = hold.force.since[kept]
-            left = predicted.force - hold.force.value[kept]
+            since, left = hold.force.since[likelihood.kept[i]], predicted.force_left
         if since.size < 64:
             continue
         step = float(np.median(np.diff(since)))

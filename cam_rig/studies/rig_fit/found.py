@@ -85,7 +85,7 @@ class RigFit:
     """What a run says of its rig.
 
     ``correlation`` ``(n, n)`` is of the numbers that were identified, in their order; ``model`` is
-    one_mass or separation; ``notes`` are sentences on what was left out or looks odd.
+    one_mass or separation; ``alike`` as in `Uncertainty`.
     """
 
     law: Law
@@ -97,7 +97,6 @@ class RigFit:
     gauges: Gauges
     solution: FitSolution
     alike: tuple[float, float]
-    notes: tuple[str, ...] = ()
 
     @property
     def identified(self) -> tuple[FoundNumber, ...]:
@@ -127,7 +126,7 @@ def found_of(
     """
     errors = uncertainty(solution)
     likelihood, x = solution.likelihood, solution.x
-    unfit = misfit(solution)
+    unfit = misfit(solution, errors.alike)
     model = "separation" if "roller_share" in likelihood.values(x) else "one_mass"
     names = TWO_MASSES if model == "separation" else (*ONE_MASS, "stem_stiffness")
     landings = landings_of(likelihood, x)
@@ -225,8 +224,7 @@ def _hold_fit(solution: FitSolution, i: int) -> HoldFit:
     likelihood = solution.likelihood
     hold, predicted = likelihood.holds[i], likelihood.predicted(solution.x, i)
     assert predicted is not None  # a search ends at steady turns
-    lift = predicted.lift - hold.lift.value
-    force = predicted.force - hold.force.value[likelihood.kept[i]]
+    lift, force = predicted.lift_left, predicted.force_left
     lift_offs = sum(event.kind == "lift-off" for event in predicted.turn.events)
     return HoldFit(
         likelihood.speed_of(solution.x, i) * 60.0 / TURN,

@@ -13,15 +13,14 @@ import numpy as np
 
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError
-from cam_rig.simulation.measured_run import MeasuredRun, Signal
+from cam_rig.simulation.encoder import encoder_count
+from cam_rig.simulation.measured_run import MeasuredRun
 from cam_rig.units import TURN, to_rpm
 
 #: A speed is steady while the angle stays within this of a line, rad, and a count more.
 STEADY = 0.01
 #: Turns and readings of a hold, at least.
 LEAST_TURNS, LEAST_READINGS = 1.0, 8
-#: Values that rise by whole steps this much nearer than by chance are an encoder's counts.
-WHOLE = 1e-3
 #: Times that a hold is looked at anew, at most.
 MOST_GROWTHS = 12
 
@@ -64,32 +63,6 @@ class Hold:
         return Hold(begin, self.end, angle, self.speed, self.speed_error, self.ripple)
 
 
-def count_of(angle: Signal) -> float:
-    """The step (rad) in which an encoder's angle comes, 0 where it comes in none.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> time = np.linspace(0.0, 1.0, 500)
-    >>> stepped = np.floor(30.0 * time / (TURN / 1024)) * (TURN / 1024)
-    >>> round(TURN / count_of(Signal(time, stepped)))
-    1024
-    """
-    steps = np.abs(np.diff(angle.value))
-    steps = steps[steps > 1e-12]
-    if not steps.size:
-        return 0.0
-    apart = np.diff(np.unique(np.round(steps, 9)))
-    least = [float(steps.min()), *apart[:1].tolist(), float(apart.min(initial=np.inf))]
-    for count in sorted(set(least), reverse=True):  # the least step seen may be several counts
-        if not 1e-8 < count < np.inf:
-            continue
-        off = steps / count
-        if np.abs(off - np.rint(off)).max() < WHOLE * max(1.0, float(np.sqrt(off.max()))):
-            return float(np.median(steps / np.rint(off)))
-    return 0.0
-
-
 def steady_holds(run: MeasuredRun) -> tuple[Hold, ...]:
     """The stretches of a run at a steady speed, of a turn each at least.
 
@@ -97,7 +70,7 @@ def steady_holds(run: MeasuredRun) -> tuple[Hold, ...]:
     ------
     ConfigError : there is none
     """
-    count = count_of(run.angle)
+    count = encoder_count(run.angle.value)
     time, angle = run.angle.time, run.angle.value
     seeds = np.searchsorted(angle, np.arange(angle[0], angle[-1], 0.5 * TURN)).tolist()
     stretches = {_grown(time, angle, *seed, count) for seed in pairwise([*seeds, time.size])}

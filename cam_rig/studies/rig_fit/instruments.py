@@ -11,8 +11,8 @@ from cam_rig.laws import Law
 from cam_rig.units import TURN
 
 #: Errors of the instruments: of the sensors' clock (ppm), the lift's zero and backlash (m), the
-#: force's zero (N), a
-#: resonance of the force sensor (logarithm of its frequency in Hz, and damping ratio).
+#: force's zero (N), a resonance of the force sensor (logarithm of its frequency in Hz, and damping
+#: ratio).
 CLOCK, ZERO, BACKLASH, TARE, RESONANCE, RATIO = SINGLE = (
     *("clock", "zero", "backlash", "force_zero"),
     *("sensor_frequency", "sensor_damping"),

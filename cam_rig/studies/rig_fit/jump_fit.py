@@ -25,6 +25,7 @@ from cam_rig.studies.rig_fit.numbers import (
     NUMBERS,
     follower_of,
     from_search,
+    require_in_model,
     search_limits,
     slope,
     to_search,
@@ -129,6 +130,7 @@ def fit_jumps(
     ConfigError : fewer readings than numbers sought, or no number comes near the readings
     """
     given, two = dict(given or {}), model == "separation"
+    require_in_model(given, model)
     if clash := sorted(set(given) & (set(table.columns) - {"mass"})):
         raise ConfigError(f"{table.file}: has {', '.join(clash)} too; allowed: given once")
     names = (*RIGID, *STEM) if two else RIGID

@@ -7,7 +7,7 @@ clock, the zero of the lift, and where asked its backlash.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics.interval import Event
 from cam_rig.laws import Law
 from cam_rig.studies.rig_fit.instruments import (
     BACKLASH,
@@ -41,6 +40,7 @@ from cam_rig.studies.rig_fit.turn.sensor import resonant
 from cam_rig.studies.rig_fit.turn.steady_turn import (
     PeriodicTurn,
     TwoMassTurn,
+    bounces_of,
     one_mass_turn,
     two_mass_turn,
 )
@@ -58,13 +58,18 @@ FAR = 1e3
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """A hold as the numbers make it: the steady turn, and lift and force at its samples."""
+    """A hold as the numbers make it: the steady turn, and lift and force at its samples.
+
+    ``lift_left`` and ``force_left`` are these less what was measured.
+    """
 
     turn: PeriodicTurn
     lift_angle: FloatArray
     force_angle: FloatArray
     lift: FloatArray
     force: FloatArray
+    lift_left: FloatArray
+    force_left: FloatArray
 
 
 @dataclass(eq=False)
@@ -121,10 +126,10 @@ class Likelihood:
         single = tuple(name for name in SINGLE if there[name])
         return Instruments(len(self.sought), len(self.holds), single)
 
-    def single(self, x: FloatArray, name: str, otherwise: float = 0.0) -> float:
-        """The value of one of `SINGLE`."""
+    def single(self, x: FloatArray, name: str) -> float:
+        """The value of one of `SINGLE`; none where it is not sought."""
         at = self.instruments.at(name)
-        return otherwise if at is None else float(x[at])
+        return 0.0 if at is None else float(x[at])
 
     def values(self, x: FloatArray) -> dict[str, float]:
         """The follower's numbers, sought and given."""
@@ -153,7 +158,9 @@ class Likelihood:
         if (play := self.single(x, BACKLASH)) != 0.0:
             lift = lift - 0.5 * play * side_of(self.law, lift_angle)
         force = self._sensed(x, turn, speed)(force_angle)
-        return Predicted(turn, lift_angle, force_angle, lift, force)
+        hold = self.holds[i]
+        left = lift - hold.lift.value, force - hold.force.value[self.kept[i]]
+        return Predicted(turn, lift_angle, force_angle, lift, force, *left)
 
     def _sensed(
         self, x: FloatArray, turn: PeriodicTurn, speed: float
@@ -186,15 +193,10 @@ class Likelihood:
         return np.concatenate([*found, x[self.instruments.speeds]])
 
     def _residual(self, i: int, predicted: Predicted | None) -> FloatArray:
-        hold, force = self.holds[i], self.holds[i].force.value[self.kept[i]]
         if predicted is None:
-            return np.full(hold.lift.value.size + force.size, FAR)
-        return np.concatenate(
-            [
-                (predicted.lift - hold.lift.value) / self.lift_noise,
-                (predicted.force - force) / self.force_deviation(i),
-            ]
-        )
+            return np.full(self.holds[i].lift.value.size + int(self.kept[i].sum()), FAR)
+        lift, force = predicted.lift_left, predicted.force_left
+        return np.concatenate([lift / self.lift_noise, force / self.force_deviation(i)])
 
     def slopes(self, x: FloatArray) -> FloatArray:
         """The residuals' slopes, ``(m, n)``."""
@@ -270,7 +272,7 @@ class Likelihood:
             turn = _steady(self.law, self.follower(x), self.speed_of(x, i), None)
             angle = self._angles(x, i, hold.force.since)
             clear = np.ones(angle.size, dtype=bool)
-            for at, begun in _landings(turn.events if turn is not None else ()):
+            for at, begun in bounces_of(turn.events if turn is not None else ()):
                 if not self.resonance:
                     away = np.mod(angle - at + 0.5 * TURN, TURN) - 0.5 * TURN
                     clear &= np.abs(away) > guard + SERIES * (at - begun)
@@ -278,18 +280,6 @@ class Likelihood:
             pressing.append(np.zeros(angle.size) if turn is None else np.abs(turn.at(angle)[1]))
         self.kept, self.pressing = kept, pressing
         return any((a != b).any() for a, b in zip(before, kept, strict=True))
-
-
-def _landings(events: Iterable[Event]) -> list[tuple[float, float]]:
-    """Cam angle (rad) of each landing, and of the first of its bounces."""
-    found, begun = list[tuple[float, float]](), None
-    for event in events:
-        if event.kind == "lift-off":
-            begun = None
-            continue
-        begun = event.angle if begun is None else begun
-        found.append((event.angle, begun))
-    return found
 
 
 def _steady(

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError
-from cam_rig.simulation.measured_run import MeasuredRun, Signal
+from cam_rig.simulation.measured_run import MeasuredRun, Signal, pulls
+from cam_rig.studies.real_run.departure import scatter
 from cam_rig.studies.rig_fit.holds import Hold, steady_holds
 
 #: Turns of a hold that are left out, for the follower to settle, where it has twice as many.
@@ -18,6 +19,9 @@ SETTLE_TURNS = 1.0
 MOST_SAMPLES = 40_000
 #: HoldSamples of a hold, at least.
 LEAST_SAMPLES = 20
+
+#: A lift that differs by more than this part of itself from turn to turn is of no steady motion.
+RESTLESS = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,19 +71,37 @@ def measured_holds(run: MeasuredRun) -> tuple[MeasuredHold, ...]:
         for hold in steady_holds(run)
     ]
     every = [_every(signal, holds) for signal in (run.lift, run.force)]
-    found = []
+    found, most = [], 0
     for hold in holds:
         lift = _within(run.lift, hold, every[0])
         force = _within(run.force, hold, every[1])
-        if lift.since.size + force.since.size >= LEAST_SAMPLES:
+        count = lift.since.size + force.since.size
+        most = max(most, count)
+        if count >= LEAST_SAMPLES:
             middle = 0.5 * (hold.begin + hold.end)
             found.append(MeasuredHold(hold, float(hold.angle_at(np.array(middle))), lift, force))
     if not found:
         raise ConfigError(
-            f"{run.source}: no samples of lift or force while the cam turns steadily; needed: "
-            f"{LEAST_SAMPLES} of a speed (are their stamps of one clock?)"
+            f"{run.source}: {most or 'no'} samples of lift and force while the cam turns steadily "
+            f"at one speed; needed: {LEAST_SAMPLES}, so sample faster, or hold a speed longer"
+            f"{'' if most else ' (are their stamps of one clock?)'}"
         )
-    return tuple(found)
+    steady = tuple(hold for hold in found if not _is_restless(hold))
+    if not steady:
+        raise ConfigError(
+            f"{run.source}: at no speed does the lift come back from turn to turn within "
+            f"{100.0 * RESTLESS:g} % of itself, as the follower bounces; needed: a speed at which "
+            "it does, so one below the jump speed"
+        )
+    return steady
+
+
+def _is_restless(hold: MeasuredHold) -> bool:
+    """Whether the follower moves differently in each turn, by more than a gauge's noise."""
+    lift = hold.lift
+    if not lift.value.size:
+        return False
+    return scatter(hold.speed * lift.since, lift.value) > RESTLESS * float(np.ptp(lift.value))
 
 
 def _require_alive(run: MeasuredRun, name: str, signal: Signal) -> None:
@@ -95,7 +117,7 @@ def _require_alive(run: MeasuredRun, name: str, signal: Signal) -> None:
             f"{where} is {low:g} all the time; needed: one that changes, so look at its cable, or "
             "leave it out"
         )
-    if name == "force" and float(np.median(signal.value)) < 0.0 and -low > 2.0 * high:
+    if name == "force" and pulls(signal.value):
         raise ConfigError(
             f"{where} is from {low:.4g} to {high:.4g} N; allowed: a contact force that presses, so "
             "turn its sign: force=-/TOPIC"

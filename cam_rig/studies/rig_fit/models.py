@@ -12,11 +12,19 @@ from dataclasses import replace
 import numpy as np
 
 from cam_rig.arrays import FloatArray
+from cam_rig.errors import ConfigError
 from cam_rig.studies.rig_fit.bounces import with_bounces
 from cam_rig.studies.rig_fit.instruments import BACKLASH, RATIO, RESONANCE, TARE, ZERO
 from cam_rig.studies.rig_fit.likelihood import Likelihood
 from cam_rig.studies.rig_fit.numbers import ONE_MASS, TWO_MASSES
-from cam_rig.studies.rig_fit.search import FitSolution, continued, landings_of, log_ratio, search
+from cam_rig.studies.rig_fit.search import (
+    FitSolution,
+    continued,
+    landings_of,
+    log_ratio,
+    search,
+    steady_holds_of,
+)
 from cam_rig.studies.rig_fit.start import leaves_a_pattern, likely_stem
 from cam_rig.studies.rig_fit.uncertainty import uncertainty
 from cam_rig.units import TURN
@@ -29,6 +37,8 @@ COLOURED = 1.5
 PLAY = 6.0
 #: And beyond this part of the lift: less is rounding.
 LEAST_PLAY = 1e-7
+#: Restitutions from which lifts alone are searched.
+BOUNCES_TRIED = (0.05, 0.25, 0.45, 0.65)
 #: Samples in flight that show the force's zero, at least.
 LEAST_FLYING = 20
 
@@ -40,6 +50,8 @@ def one_mass(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
     """
     smooth = tuple(name for name in ONE_MASS if name not in given and name != "restitution")
     values = aligned.likelihood.values(aligned.x) | {"restitution": 0.0} | given
+    if not any(hold.force.value.size for hold in aligned.likelihood.holds):
+        return _of_lifts(aligned, smooth, values, given)
     flying = landings_of(aligned.likelihood, aligned.x)
     quiet = [i for i, landings in enumerate(flying) if not landings]
     if any(flying) and any(aligned.likelihood.holds[i].force.value.size for i in quiet):
@@ -58,6 +70,29 @@ def one_mass(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
     return found
 
 
+def _of_lifts(
+    aligned: FitSolution,
+    smooth: tuple[str, ...],
+    values: dict[str, float],
+    given: dict[str, float],
+) -> FitSolution:
+    """One rigid mass from lifts alone: flights and bounces are told together or not at all.
+
+    So from several restitutions on, and the least that is missed stays.
+    """
+    free = "restitution" not in given
+    sought = (*smooth, "restitution") if free else smooth
+    starts = [values | {"restitution": bounce} for bounce in BOUNCES_TRIED] if free else [values]
+    found = [search(*continued(aligned, sought, start)) for start in starts]
+    steady = [one for one in found if len(steady_holds_of(one)) == len(one.likelihood.holds)]
+    if not steady:
+        raise ConfigError(
+            "no follower comes near the lifts and moves alike from turn to turn at every speed; "
+            "needed: a contact force too, or speeds at which it bounces less"
+        )
+    return min(steady, key=lambda one: one.likelihood.lift_noise)
+
+
 def _tared(found: FitSolution) -> FitSolution:
     """The same with the zero of the force sensor, which shows in flights: where they are low."""
     like = found.likelihood
@@ -69,7 +104,7 @@ def _tared(found: FitSolution) -> FitSolution:
         for i, hold in enumerate(like.holds)
         if (there := like.predicted(found.x, i)) is not None
     ]
-    low, at = np.concatenate(flying), new.instruments.at(TARE)
+    low, at = np.concatenate([np.empty(0), *flying]), new.instruments.at(TARE)
     if low.size < LEAST_FLYING or at is None:
         return found
     x[at] = float(np.median(low))

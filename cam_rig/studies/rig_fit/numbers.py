@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.errors import ConfigError
 
 Follower = FollowerParameters | TwoMassParameters
 
@@ -35,6 +37,24 @@ NUMBERS = {
 }
 ONE_MASS = ("mass", "spring_stiffness", "preload", "damping", "restitution")
 TWO_MASSES = (*ONE_MASS, "stem_stiffness", "roller_share", "stem_damping")
+
+
+#: Those that one rigid mass has not.
+OF_TWO = ("roller_share", "stem_damping")
+
+
+def require_in_model(given: Iterable[str], model: str | None) -> None:
+    """Refuse numbers of two masses that are given where these are not asked for.
+
+    Raises
+    ------
+    ConfigError : ``model`` is not separation and one of ``given`` is in `OF_TWO`
+    """
+    if model != "separation" and (odd := [name for name in given if name in OF_TWO]):
+        raise ConfigError(
+            f"{odd[0]}: is given, a number of two masses and a stem; allowed with "
+            "--model separation"
+        )
 
 
 def follower_of(values: dict[str, float], stem_stiffness: float) -> Follower:

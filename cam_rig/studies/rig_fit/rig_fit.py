@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.simulation.measured_run import MeasuredRun
@@ -11,7 +12,7 @@ from cam_rig.studies.rig_fit.found import RigFit, found_of
 from cam_rig.studies.rig_fit.likelihood import Likelihood
 from cam_rig.studies.rig_fit.measured_turns import measured_holds
 from cam_rig.studies.rig_fit.models import elastic, one_mass
-from cam_rig.studies.rig_fit.numbers import ONE_MASS
+from cam_rig.studies.rig_fit.numbers import OF_TWO, ONE_MASS, require_in_model
 from cam_rig.studies.rig_fit.search import search
 from cam_rig.studies.rig_fit.start import rough_start
 
@@ -35,15 +36,23 @@ def fit_rig(
 
     Raises
     ------
-    ConfigError : the cam nowhere turns steadily, nothing was measured, or nothing fits
+    ConfigError : the cam nowhere turns steadily, nothing was measured, nothing fits, or a stem is
+        asked for or given that nothing can tell
     """
     given = dict(given or {})
+    require_in_model(given, model)
     holds = measured_holds(run)
-    values = {name: _of_base(base, name) for name in ONE_MASS} | given
+    rigid = {name: value for name, value in given.items() if name not in OF_TWO}
+    values = {name: _of_base(base, name) for name in ONE_MASS} | rigid
     on_step("the encoder's zero")
     rough, phase, zero = rough_start(law, holds, values)
-    values = rough | given
+    values = rough | rigid
     forces = any(hold.force.value.size for hold in holds)
+    if model == "separation" and not forces:
+        raise ConfigError(
+            f"{run.source}: has no contact force, which alone shows a stem; allowed: "
+            "--model one_mass"
+        )
     scale = {} if forces or set(given) & set(ONE_MASS[:4]) else {"mass": values["mass"]}
     start = Likelihood(law, holds, (), values, base.follower.stem_stiffness.si)
     start.force_noise = (
@@ -51,7 +60,7 @@ def fit_rig(
     )
     on_step("one rigid mass")
     aligned = search(start, start.start(values, phase, zero))
-    found = one_mass(aligned, given | scale)
+    found = one_mass(aligned, rigid | scale)
     if model == "separation" or (model is None and forces):
         found = elastic(found, given, model, on_step)
     on_step("standard errors")

@@ -1,7 +1,8 @@
 """The numbers that make what was measured likeliest: least squares on exact turns.
 
-With errors of lift and force that are normal, of one size each and independent from sample to
-sample, the sum of squares in standard deviations is twice the negative logarithm of the likelihood.
+With errors that are normal and independent from sample to sample, of one size for the lift and of a
+floor and a part of the force, the sum of squares in standard deviations is twice the negative
+logarithm of the likelihood.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from scipy.optimize import least_squares, nnls
 from cam_rig.arrays import FloatArray, rms
 from cam_rig.errors import ConfigError
 from cam_rig.studies.rig_fit.instruments import RATIO
-from cam_rig.studies.rig_fit.likelihood import Likelihood
+from cam_rig.studies.rig_fit.likelihood import FAR, Likelihood
 from cam_rig.studies.rig_fit.numbers import search_limits, to_search
 
 #: Looks at which samples lie beside a landing, at most; distances from one, rad.
@@ -42,11 +43,6 @@ class FitSolution:
     slopes: FloatArray
     residuals: FloatArray
     bounce: tuple[float, float] | None = None
-
-    @property
-    def misfit(self) -> float:
-        """The sum of squares, in standard deviations."""
-        return float(self.residuals @ self.residuals)
 
 
 def search(likelihood: Likelihood, x: FloatArray) -> FitSolution:
@@ -97,6 +93,9 @@ def _size_noise(likelihood: Likelihood, residuals: FloatArray) -> bool:
     for i, (hold, kept) in enumerate(zip(likelihood.holds, likelihood.kept, strict=True)):
         middle = at + hold.lift.value.size
         end = middle + int(kept.sum())
+        if (residuals[at:end] == FAR).all():  # no steady turn: that says nothing of the noise
+            at = end
+            continue
         lifts.append(residuals[at:middle])
         forces.append(residuals[middle:end] * likelihood.force_deviation(i))
         pressing.append(likelihood.pressing[i][kept])
@@ -143,8 +142,7 @@ def continued(
     are some holds.
     """
     old = before.likelihood
-    steady = [i for i in range(len(old.holds)) if old.predicted(before.x, i) is not None]
-    steady = [i for i in steady if only is None or i in only]
+    steady = [i for i in steady_holds_of(before) if only is None or i in only]
     if not steady:
         raise ConfigError(
             "at no speed does the follower move alike from turn to turn; needed: a speed at which "
@@ -171,6 +169,12 @@ def continued(
         assert to is not None
         x[to] = old.single(before.x, name)
     return new, x
+
+
+def steady_holds_of(found: FitSolution) -> list[int]:
+    """The holds in which each turn is as the one before."""
+    like = found.likelihood
+    return [i for i in range(len(like.holds)) if like.predicted(found.x, i) is not None]
 
 
 def landings_of(likelihood: Likelihood, x: FloatArray) -> list[int]:

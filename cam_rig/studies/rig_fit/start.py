@@ -96,12 +96,11 @@ def leaves_a_pattern(likelihood: Likelihood, x: FloatArray) -> bool:
     parts, but for √2 of their number's root.
     """
     squares = parts = 0.0
-    for i, hold in enumerate(likelihood.holds):
+    for i in range(len(likelihood.holds)):
         predicted = likelihood.predicted(x, i)
         if predicted is None or not predicted.force.size:
             continue
-        left = predicted.force - hold.force.value[likelihood.kept[i]]
-        left = left / likelihood.force_deviation(i)
+        left = predicted.force_left / likelihood.force_deviation(i)
         count = max(4, min(MOST_PARTS, left.size // LEAST_IN_PART))
         part = (np.mod(predicted.force_angle, TURN) * (count / TURN)).astype(int) % count
         sizes = np.bincount(part, minlength=count)

@@ -153,7 +153,7 @@ def rig_json(fit: RigFit) -> dict[str, Any]:
             }
             for hold in fit.holds
         ],
-        "notes": list(fit.notes),
+        "notes": list(fit.run.notes),
     }
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from cam_rig.arrays import FloatArray, rms
 from cam_rig.studies.rig_fit.holds import correlation_length
-from cam_rig.studies.rig_fit.search import FitSolution
+from cam_rig.studies.rig_fit.search import FitSolution, landings_of
 from cam_rig.units import TURN
 
 #: Directions in which the residuals change by less than this part of the most are told by nothing.
@@ -67,26 +67,38 @@ def uncertainty(solution: FitSolution) -> Uncertainty:
     return Uncertainty(covariance, blind, (alike[0], alike[1]))
 
 
-def misfit(solution: FitSolution) -> str:
-    """Why the model is none of what was measured; empty where it may be.
+def misfit(solution: FitSolution, alike: tuple[float, float]) -> str:
+    """Why nothing that was found is to be trusted; empty where it may be.
 
-    Readings at nearly one cam angle differ by their noise, and what is left should be no more.
+    Readings at nearly one cam angle differ by their noise, and what is left should be no more. Of
+    lifts alone, flights and bounces make many valleys: a search may end beside the follower, where
+    neighbours err alike (``alike``, as in `Uncertainty`), or in one of several that are as likely,
+    if a single speed flies.
     """
     likelihood = solution.likelihood
+    flying = landings_of(likelihood, solution.x)
+    if any(flying) and not any(hold.force.value.size for hold in likelihood.holds):
+        if alike[0] > MUCH:
+            return (
+                f"what is left of the lift is no noise, {alike[0]:.2g} neighbours err alike: "
+                "measure a force too, or speeds at which the follower bounces less"
+            )
+        if sum(map(bool, flying)) == 1:
+            return "a single speed lifts off, which tells it badly: measure another, or a force"
     for name, unit, factor in (("lift", "mm", 1e3), ("force", "N", 1.0)):
         left, noise = list[FloatArray](), list[FloatArray]()
-        for i, hold in enumerate(likelihood.holds):
+        for i in range(len(likelihood.holds)):
             predicted = likelihood.predicted(solution.x, i)
             if predicted is None:
                 continue
-            if name == "lift":
-                angle, value, there = predicted.lift_angle, hold.lift.value, predicted.lift
-            else:
-                angle, there = predicted.force_angle, predicted.force
-                value = hold.force.value[likelihood.kept[i]]
+            angle, there, off = (
+                (predicted.lift_angle, predicted.lift, predicted.lift_left)
+                if name == "lift"
+                else (predicted.force_angle, predicted.force, predicted.force_left)
+            )
             order = np.argsort(np.mod(angle, TURN))
-            left.append(value - there)
-            noise.append(np.diff(value[order]) / math.sqrt(2.0))
+            left.append(off)
+            noise.append(np.diff((there - off)[order]) / math.sqrt(2.0))
         size = rms(np.concatenate(left)) if any(x.size for x in left) else 0.0
         apart = rms(np.concatenate(noise)) if size else 0.0
         if size > MUCH * apart:

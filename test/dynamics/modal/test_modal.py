@@ -39,7 +39,6 @@ def test_lowest_force_is_the_exact_models(laws, two_mass, cam, duration):
     assert run.lowest(speed) == pytest.approx(force.min(), abs=1e-3)
     least = run.least(np.array([0.5, 1.0, 1.5]) * speed)[1]
     assert run.lowest(speed) <= least + 1e-9
-    assert run.bound(np.array([speed]))[0] <= least
 
 
 @pytest.mark.parametrize("factor", [0.0, 1.0, 2.0 / 0.00874, 400.0])

@@ -8,7 +8,7 @@ import pytest
 
 from cam_rig.simulation.measured_run import Signal
 from cam_rig.studies.real_run import alignment, cam_motion, departure, spectrum
-from cam_rig.studies.real_run.cam_motion import resolution, steady_stretches
+from cam_rig.studies.real_run.cam_motion import steady_stretches
 from cam_rig.units import RPM, TURN
 
 COUNT = TURN / 1024
@@ -82,13 +82,3 @@ def test_a_ramp_is_no_steady_speed():
     found = steady_stretches(Signal(time, counts(np.cumsum(speed) / 2000.0)), 4.0)
     assert [one.rpm for one in found] == pytest.approx([200.0, 400.0], rel=5e-3)
     assert found[0].knots[-1] < 3.4 and found[1].knots[0] > 4.7
-
-
-@pytest.mark.parametrize("number", [360, 1000, 4096])
-def test_the_counts_are_found_from_the_values(number):
-    """Of any number a turn; an angle without counts has none."""
-    step = TURN / number
-    rng = np.random.default_rng(number)
-    angle = np.cumsum(rng.uniform(0.0, 0.05, 60_000))
-    assert round(TURN / resolution(np.floor(angle / step) * step)) == number
-    assert resolution(angle) == 0.0

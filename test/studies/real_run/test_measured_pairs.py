@@ -249,3 +249,23 @@ def test_whatever_the_sensors_show_is_compared_in_finite_numbers(scene, seed):
     rows = compare_steps(pairs.steps(), loaded.laws)
     text = json.dumps(to_json(rows, [*done(pairs), *sentences(rows)]), allow_nan=False)
     assert len(json.loads(text)["speeds"]) == len(departure_table(rows, "").texts) == 2
+
+
+def test_only_the_bounce_differs(scene):
+    """Of a restitution that the model has not: where events come, and by how much later."""
+    loaded = scene(speeds=(300, 450, 470), model="one_mass")
+    machine = replace(loaded, rig=loaded.rig.with_follower(restitution=0.4))
+    loaded = replace(loaded, rig=loaded.rig.with_follower(restitution=0.0))
+    rows = compare_steps(pair_measured(measured(machine), loaded, "poly345").steps(), loaded.laws)
+    said = sentences(rows)
+    assert any("later than the model's at" in words for words in said), said
+    turn = rows[-1].force_turn
+    assert 0 < np.count_nonzero(~turn.calm) < 0.1 * turn.calm.size
+
+
+def test_a_force_with_the_sign_of_a_pull_is_said(scene):
+    """A cam presses; a load cell may count the other way."""
+    loaded = scene(speeds=(250,))
+    run = measured(loaded)
+    run = replace(run, force=replace(run.force, value=-run.force.value))
+    assert any("turn its sign" in words for words in done(pair_measured(run, loaded, "poly345")))

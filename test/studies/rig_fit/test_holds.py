@@ -6,8 +6,8 @@ import pytest
 from cam_rig.errors import ConfigError
 from cam_rig.simulation.instruments import InstrumentErrors, measured_run
 from cam_rig.simulation.measured_run import MeasuredRun, Signal
-from cam_rig.studies.rig_fit.holds import correlation_length, count_of, steady_holds
-from cam_rig.units import RPM, TURN
+from cam_rig.studies.rig_fit.holds import correlation_length, steady_holds
+from cam_rig.units import RPM
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -24,20 +24,6 @@ def test_every_hold_is_found_with_its_speed(law, rig, seed):
         assert hold.turns > 3.5
     off = [abs(h.speed - rpm * RPM) / h.speed_error for h, rpm in zip(holds, rpms, strict=True)]
     assert np.median(off) < 2.0
-
-
-@pytest.mark.parametrize("counts", [100, 1024, 4096])
-def test_an_encoder_s_counts_are_found(counts):
-    time = np.linspace(0.0, 3.0, 3000)
-    step = TURN / counts
-    assert TURN / count_of(Signal(time, np.floor(31.0 * time / step) * step)) == pytest.approx(
-        counts
-    )
-
-
-def test_an_exact_angle_has_no_counts():
-    time = np.linspace(0.0, 3.0, 3000)
-    assert count_of(Signal(time, 31.0 * time + 0.2 * np.sin(7.0 * time))) == 0.0
 
 
 def test_a_cam_that_nowhere_turns_steadily_is_refused():

@@ -7,11 +7,14 @@ import pytest
 from scipy.optimize import curve_fit
 
 import cam_rig
+from cam_rig.dynamics import FollowerParameters
 from cam_rig.errors import ConfigError
 from cam_rig.simulation.instruments import InstrumentErrors, measured_run
+from cam_rig.studies.jump.rigid import rigid_jump_speed
 from cam_rig.studies.rig_fit.conclusions import rig_conclusions
 from cam_rig.studies.rig_fit.rig_fit import fit_rig
 from cam_rig.studies.rig_fit.search import noise_of
+from cam_rig.units import to_rpm
 
 IN_CONTACT, WITH_FLIGHTS = (150.0, 220.0, 290.0, 350.0, 410.0), (200.0, 350.0, 460.0)
 #: Half the samples of the default, to be quick.
@@ -114,7 +117,8 @@ def test_a_follower_that_never_leaves_tells_no_restitution(law, rig):
 def test_lifts_alone_tell_ratios_to_the_mass(law, rig):
     """Free flight knows k/m, c/m and preload/m, not m; with a given mass all follow."""
     other = rig.with_follower(restitution=0.3)
-    run = replace(measured_run(law, other, "one_mass", WITH_FLIGHTS, seed=4), force=None)
+    rpms = (*WITH_FLIGHTS, 500.0)
+    run = replace(measured_run(law, other, "one_mass", rpms, seed=4), force=None)
     free = fit_rig(law, run, rig)
     assert [n.name for n in free.identified] == ["restitution"]
     assert "ratio to the mass" in numbers(free)["spring_stiffness"].reason
@@ -220,3 +224,49 @@ def test_what_does_not_fit_gets_no_numbers(law, rig):
     fit = fit_rig(other, run, rig, "one_mass")
     assert fit.identified == ()
     assert all("is it that cam" in number.reason for number in fit.numbers)
+
+
+def test_a_stem_s_numbers_need_a_stem(law, rig):
+    """Of one mass they are refused; of two they are kept; and a lift alone shows no stem."""
+    two = cam_rig.load_rig("paper_table2")
+    run = measured_run(law, two, "separation", (200.0, 300.0), QUICK, 1)
+    with pytest.raises(ConfigError, match=r"roller_share.*separation"):
+        fit_rig(law, run, rig, None, {"roller_share": 0.4})
+    with pytest.raises(ConfigError, match=r"no contact force.*one_mass"):
+        fit_rig(law, replace(run, force=None), rig, "separation")
+    fit = fit_rig(law, run, rig, "separation", {"roller_share": 0.4, "stem_damping": 9.0})
+    assert numbers(fit)["roller_share"].origin == "given"
+    assert numbers(fit)["stem_stiffness"].value is not None
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_lifts_of_two_flying_speeds_tell_a_rig_far_from_the_first_guess(seed):
+    """Every number half as large or half more: each that is told holds the truth."""
+    random = np.random.default_rng(seed)
+    law = cam_rig.build_law(cam_rig.load_cam(("cycloidal", "bezier15")[seed % 2]))
+    base = cam_rig.load_rig("tm21")
+    names = ("spring_stiffness", "preload", "damping")
+    numbers_of = {n: getattr(base.follower, n).si * float(random.uniform(0.6, 1.6)) for n in names}
+    other = base.with_follower(**numbers_of, restitution=float(random.uniform(0.2, 0.5)))
+    jump = to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(other)))
+    rpms = 0.5 * jump, 1.08 * jump, 1.2 * jump
+    run = replace(measured_run(law, other, "one_mass", rpms, seed=seed), force=None)
+    found = scores(fit_rig(law, run, base, given={"mass": other.follower.mass.si}), other)
+    assert {"spring_stiffness", "restitution"} <= set(found)
+    assert max(map(abs, found.values())) < 4.0
+
+
+def test_lifts_of_one_flying_speed_tell_nothing(law, rig):
+    """Several followers fly alike at one speed: none is told, and what to measure is."""
+    run = replace(measured_run(law, rig, "one_mass", WITH_FLIGHTS, seed=4), force=None)
+    fit = fit_rig(law, run, rig)
+    assert fit.identified == ()
+    assert "a single speed lifts off" in numbers(fit)["spring_stiffness"].reason
+
+
+def test_a_follower_that_bounces_at_random_is_refused(law, rig):
+    """No turn is as the one before: refused in a moment, with the reason."""
+    two = cam_rig.load_rig("paper_table2")
+    run = measured_run(law, two, "separation", (600.0, 650.0), seed=2)
+    with pytest.raises(ConfigError, match="below the jump speed"):
+        fit_rig(law, run, rig)

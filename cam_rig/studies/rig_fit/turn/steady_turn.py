@@ -190,3 +190,15 @@ def _vibration_scale(law: Law, p: TwoMassParameters, speed: float) -> FloatArray
 
 def _within_turn(events: Iterable[Event], begin: float, turn: float) -> tuple[Event, ...]:
     return tuple(event for event in events if begin < event.time <= begin + turn)
+
+
+def bounces_of(events: Iterable[Event]) -> list[tuple[float, float]]:
+    """Cam angle (rad) of each landing, and of the first of its bounces."""
+    found, begun = list[tuple[float, float]](), None
+    for event in events:
+        if event.kind == "lift-off":
+            begun = None
+            continue
+        begun = event.angle if begun is None else begun
+        found.append((event.angle, begun))
+    return found

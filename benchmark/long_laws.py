@@ -1,0 +1,126 @@
+"""What a jump search costs over the pieces of a law: a section of docs/speed.md.
+
+Print it from the project's root: OMP_NUM_THREADS=1 .venv/bin/python benchmark/long_laws.py
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
+
+import numpy as np
+
+from cam_rig.bench.cases.cases import law_of
+from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.laws import Law
+from cam_rig.laws.families.table import smooth
+from cam_rig.laws.pieces import joined
+from cam_rig.schema import load_rig
+from cam_rig.schema.load import config_root
+from cam_rig.studies.jump.jump_speed import jump_speed
+from cam_rig.studies.jump.rigid import rigid_jump
+from cam_rig.tables import Column, DataTable, tabulate, to_markdown
+from cam_rig.units import RPM, TURN
+
+Found = TypeVar("Found")
+
+CAM, RIG, FROM_REST, REPEATS = "bezier15", "paper_table2", 1.7, 3
+PIECES = (1, 12, 36, 90, 180, 360, 720, 1440)
+#: The slope is that from so many pieces on: below, what does not grow with them counts.
+MANY = 180
+
+SECTION = """\
+## Jump search
+
+CPU time of one jump speed over the pieces of the law: a spline of degree 5 through so many readings
+of the Bézier 15 cam, which itself is one piece. Nothing is cached before a search.
+
+{table}
+
+From {many} pieces on the time grows as the number of pieces to the power
+{slopes}.\
+"""
+
+
+@dataclass(frozen=True)
+class JumpCost:
+    """CPU times (s) of the three searches on a law, and the speed found from rest, rpm."""
+
+    pieces: int
+    rpm: float
+    rest_s: float
+    steady_s: float
+    rigid_s: float
+
+
+def through(law: Law, count: int) -> Law:
+    """The spline through so many even readings of a law; of one, the law itself."""
+    if count == 1:
+        return law
+    angles = np.linspace(0.0, TURN, count, endpoint=False)
+    breaks, columns = smooth(angles, law(angles), 0.0).pieces
+    return Law(law.name, breaks, joined(columns))
+
+
+def measure() -> list[JumpCost]:
+    """Each law of `PIECES`."""
+    rig = load_rig(config_root() / "rigs" / f"{RIG}.yaml")
+    two, one = TwoMassParameters.from_rig(rig), FollowerParameters.from_rig(rig)
+    found = []
+    for count in PIECES:
+        law = through(law_of(CAM), count)
+        rest, jump = _cost(law, partial(jump_speed, parameters=two, duration=FROM_REST))
+        steady, _ = _cost(law, partial(jump_speed, parameters=two, duration=None))
+        rigid, _ = _cost(law, partial(rigid_jump, follower=one))
+        found.append(JumpCost(law.spans.size, jump.speed / RPM, rest, steady, rigid))
+    return found
+
+
+def _cost(law: Law, search: Callable[[Law], Found]) -> tuple[float, Found]:
+    """Median CPU time (s) of a search, each on a law of its own."""
+    times = []
+    for _ in range(REPEATS + 1):
+        fresh = Law(law.name, law.breaks, law.ordinates)
+        begun = time.process_time()
+        found = search(fresh)
+        times.append(time.process_time() - begun)
+    return statistics.median(times[1:]), found
+
+
+def cost_table(costs: list[JumpCost]) -> DataTable:
+    """A row for each law."""
+    return tabulate(
+        "CPU time of a jump speed",
+        costs,
+        (
+            (Column("pieces", "", "d"), lambda cost: cost.pieces),
+            (Column("two masses, from rest", "ms", ".0f"), lambda cost: 1e3 * cost.rest_s),
+            (Column("two masses, steady", "ms", ".0f"), lambda cost: 1e3 * cost.steady_s),
+            (Column("one rigid mass", "ms", ".1f"), lambda cost: 1e3 * cost.rigid_s),
+            (Column("jump, from rest", "rpm", ".3f"), lambda cost: cost.rpm),
+        ),
+    )
+
+
+def section(costs: list[JumpCost]) -> str:
+    """The section of the page."""
+    many = [cost for cost in costs if cost.pieces >= MANY]
+    sizes = np.log([cost.pieces for cost in many])
+    slopes = [
+        f"{np.polyfit(sizes, np.log([getattr(cost, name) for cost in many]), 1)[0]:.2f} ({words})"
+        for name, words in (
+            ("rest_s", "from rest"),
+            ("steady_s", "steady"),
+            ("rigid_s", "rigid"),
+        )
+    ]
+    listed = ", ".join(slopes)
+    return SECTION.format(table=to_markdown(cost_table(costs)), many=MANY, slopes=listed)
+
+
+if __name__ == "__main__":
+    print(section(measure()))

@@ -1,0 +1,195 @@
+"""Cells of a turn, what an output does not fall below in each, and the search in the lowest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cam_rig.arrays import ComplexArray, FloatArray
+from cam_rig.dynamics.modal.response import ModalResponse
+from cam_rig.laws import Law, bernstein
+from cam_rig.units import TURN
+
+#: A cell is no wider than this part of a turn.
+MIN_CELLS = 192
+#: A cell that may hold the least value is cut into so many.
+CUT = 8
+#: A least value is found to this part of the output's size.
+EXACT = 1e-13
+#: Cuts until rounding decides: 8^17 is 2^51.
+MAX_CUTS = 17
+
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class LawCells:
+    """The pieces of a law, the long ones cut: each cell's piece, and where in it, rad, ``(c,)``."""
+
+    piece: Indices
+    low: FloatArray
+    width: FloatArray
+    ends: FloatArray
+
+    @classmethod
+    def of(cls, law: Law) -> LawCells:
+        """The cells of a law; ``ends`` are its basis at both ends of each, ``(2, c, p + 1)``."""
+        count = np.ceil(law.spans * (MIN_CELLS / TURN)).astype(int)
+        piece = np.repeat(np.arange(law.spans.size), count)
+        inner = np.arange(piece.size) - np.repeat(np.cumsum(count) - count, count)
+        width = (law.spans / count)[piece]
+        u = np.stack([inner, inner + 1.0]) / count[piece]
+        ends = bernstein.basis(law.degree, u.ravel()).reshape(2, piece.size, -1)
+        return cls(piece, inner * width, width, ends)
+
+
+class Candidates(NamedTuple):
+    """Cells of some turn at some speed, ``(n,)``: which speed, piece, and where in it (rad).
+
+    ``amplitude`` ``(n, 2)`` is that at the start of the piece.
+    """
+
+    row: Indices
+    piece: Indices
+    low: FloatArray
+    width: FloatArray
+    amplitude: ComplexArray
+
+
+@dataclass(frozen=True, eq=False)
+class CellTables:
+    """What holds for cells ``(c,)`` at speeds ``(m,)`` (rad/s).
+
+    ``turns`` ``(m, t, 2)`` is the amplitude where each turn of a run begins, ``own`` ``(m, n, 2)``
+    what the turn's joints have added to it where each piece begins.
+    """
+
+    model: ModalResponse
+    cells: LawCells
+    duration: float | None
+    speeds: FloatArray
+    turns: ComplexArray
+    own: ComplexArray
+
+    @cached_property
+    def forced(self) -> FloatArray:
+        """Ordinates of the polynomial part, ``(m, n, p + 1)``."""
+        return self.model.forced(self.speeds)
+
+    @cached_property
+    def bends(self) -> FloatArray:
+        """What |d²/dθ²| of the polynomial part does not exceed in each piece, ``(m, n)``."""
+        degree = self.model.law.degree
+        if degree < 2:
+            return np.zeros(self.forced.shape[:2])
+        change = np.abs(np.diff(self.forced, n=2, axis=2)).max(axis=2)
+        return np.asarray(degree * (degree - 1) * change / self.model.law.spans**2)
+
+    @cached_property
+    def edges(self) -> tuple[FloatArray, FloatArray]:
+        """The polynomial part at the begin and at the end of each cell, ``(m, c)`` each."""
+        begin, end = self.cells.ends
+        pieces = self.forced[:, self.cells.piece]
+        return np.einsum("mcp,cp->mc", pieces, begin), np.einsum("mcp,cp->mc", pieces, end)
+
+    @cached_property
+    def amplitudes(self) -> FloatArray:
+        """What the free vibration does not exceed in any turn in each piece, ``(m, n)``."""
+        start = self.model.envelope(self.turns).max(axis=1)
+        start = start[:, None] * self.model.decay(self.speeds, self.model.law.breaks[:-1])
+        return np.asarray(start + self.model.envelope(self.own))
+
+    @cached_property
+    def floors(self) -> FloatArray:
+        """What the output does not fall below in each cell, in any turn, ``(m, c)``."""
+        piece = self.cells.piece
+        sag = self.bends[:, piece] * self.cells.width**2 / 8.0
+        return np.asarray(np.minimum(*self.edges) - sag - self.amplitudes[:, piece])
+
+    @cached_property
+    def slack(self) -> FloatArray:
+        """How near the least value is found, ``(m,)``."""
+        size = np.abs(self.forced).max(axis=(1, 2)) + self.amplitudes.max(axis=1)
+        return np.asarray(EXACT * size)
+
+    def candidates(self, turns: slice, found: FloatArray) -> Candidates:
+        """Cells of these turns that may hold a value below what was found in all.
+
+        The output where each begins lowers ``found`` ``(m,)`` first.
+        """
+        begin, end = self._values(turns)
+        begin[self._over(turns)] = np.inf
+        np.minimum(found, begin.min(axis=(1, 2)), out=found)
+        sag = self.bends + self.amplitudes * (self.model.bend_rate / self.speeds[:, None]) ** 2
+        sag = sag[:, self.cells.piece] * (self.cells.width**2 / 8.0)
+        low = np.maximum(np.minimum(begin, end) - sag[:, None], self.floors[:, None])
+        low[begin == np.inf] = np.inf
+        row, turn, cell = np.nonzero(low < (found - self.slack)[:, None, None])
+        turn += turns.start
+        piece, width = self.cells.piece[cell], self.cells.width[cell]
+        before = self.model.law.breaks[piece]
+        amplitude = self.turns[row, turn] * self.model.fading_at(before / self.speeds[row])
+        if self.duration is not None:
+            left = self.speeds[row] * self.duration - before - self.cells.low[cell] - TURN * turn
+            width = np.minimum(width, left)
+        amplitude += self.own[row, piece]
+        return Candidates(row, piece, self.cells.low[cell], width, amplitude)
+
+    def _values(self, turns: slice) -> tuple[FloatArray, FloatArray]:
+        """The output at the begin and at the end of each cell of these turns, ``(m, t, c)``."""
+        cells, rates, shown = self.cells, *self.model.shares
+        borders = np.append(self.model.law.breaks[cells.piece] + cells.low, TURN)
+        slowness = 1.0 / self.speeds[:, None, None]
+        share = np.exp(rates[:, None] * borders * slowness) * shown[:, None]
+        share = np.concatenate([share.real, -share.imag], axis=1)
+        start = self.turns[:, turns, : rates.size]
+        of_turns = np.concatenate([start.real, start.imag], axis=2) @ share
+        own = self.own[:, cells.piece, : rates.size]
+        found = []
+        for local, forced in zip((cells.low, cells.low + cells.width), self.edges, strict=True):
+            here = np.exp(local[:, None] * rates * slowness) * own
+            found.append((forced + (here @ shown).real)[:, None])
+        return of_turns[:, :, :-1] + found[0], of_turns[:, :, 1:] + found[1]
+
+    def _over(self, turns: slice) -> NDArray[np.bool_]:
+        """Which cells of these turns begin after the run, ``(m, t, c)``."""
+        count = self.turns[:, turns].shape[1]
+        if self.duration is None:
+            return np.zeros((self.speeds.size, count, self.cells.piece.size), dtype=bool)
+        begin = self.model.law.breaks[self.cells.piece] + self.cells.low
+        angles = TURN * np.arange(turns.start, turns.start + count)[:, None] + begin
+        return np.asarray(angles >= (self.speeds * self.duration)[:, None, None])
+
+
+def closer(tables: CellTables, candidates: Candidates, found: FloatArray) -> None:
+    """Lower what was found, ``(m,)``, to the least value in the candidates.
+
+    They are cut again and again; what may not hold a lower value is left.
+    """
+    model, cut = tables.model, np.arange(CUT + 1.0) / CUT
+    for _ in range(MAX_CUTS):
+        if candidates.row.size == 0:
+            return
+        row, piece, low, width, amplitude = candidates
+        speed, span = tables.speeds[row], model.law.spans[piece]
+        local = low[:, None] + width[:, None] * cut
+        basis = bernstein.basis(model.law.degree, (local / span[:, None]).ravel())
+        basis = basis.reshape(*local.shape, -1)
+        forced = np.einsum("ncp,np->nc", basis, tables.forced[row, piece])
+        free = amplitude[:, None] * model.fading_at(local / speed[:, None])
+        values = forced + (free @ model.shown).real
+        np.minimum.at(found, row, values.min(axis=1))
+        sag, width = tables.bends[row, piece][:, None], width / CUT
+        by_amplitude = np.minimum(forced[:, :-1], forced[:, 1:]) - model.envelope(free[:, :-1])
+        by_amplitude -= sag * width[:, None] ** 2 / 8.0
+        sag = sag + model.bend(free[:, :-1]) / speed[:, None] ** 2
+        by_values = np.minimum(values[:, :-1], values[:, 1:]) - sag * width[:, None] ** 2 / 8.0
+        open_ = np.maximum(by_amplitude, by_values) < (found - tables.slack)[row][:, None]
+        here, which = np.nonzero(open_)
+        candidates = Candidates(
+            row[here], piece[here], local[here, which], width[here], amplitude[here]
+        )
