@@ -81,4 +81,5 @@ $(STAMP): requirements.lock package.xml setup.py setup.cfg | $(BIN)/pip
 	@echo 'Installing requirements.lock into .venv (about 1.4 GB the first time)'
 	@$(PIP) install --requirement requirements.lock
 	@$(PIP) install --no-deps --no-build-isolation --editable .
+	@$(BIN)/python -m cam_rig.dynamics.events
 	@touch $@

@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 
 import long_laws  # beside this file
 
+from cam_rig.bench.event_cost import event_costs, event_table
 from cam_rig.bench.peers.peers import PEERS
 from cam_rig.bench.rate import SPEEDS_RPM, rate_table, sample_rates
 from cam_rig.bench.report import notes, table
@@ -52,6 +53,8 @@ of {cores} cores ({machine}); a rig's run starts with a law of which nothing is 
 {options}
 {notes}
 
+{events}
+
 {start_up}
 
 ## The cases
@@ -62,6 +65,28 @@ The references are made by `benchmark/make_reference.py`: closed forms of every 
 60 digits, events as roots of these; the torsional one by Taylor series of order 40 with 45 digits.
 Made by `benchmark/work_precision.py` in {took:.0f} s; `cam-rig bench` measures this machine.
 """
+
+EVENTS = """\
+## Events
+
+What a lift-off and its landing cost: wall time over the landings of the run.
+
+{table}
+
+The search finds both, and all between them; its tables of the cam and of the follower are made. In
+plain Python and compiled by numba (`cam_rig[fast]`) it is one source, and gives the same bits. A
+whole solution has the tables made anew, and the motion at the output times.
+
+A process begins in plain Python. After half a second of it the compiled search is loaded, which
+takes as long; if there is none yet, it is compiled after ten, once for this user and machine
+(10 to 20 s a model; `python -m cam_rig.dynamics.events` does it ahead).
+`CAM_RIG_EVENTS=plain` or `=compiled` chooses one from the start.\
+"""
+
+
+def events() -> str:
+    """The section on what an event costs."""
+    return EVENTS.format(table=to_markdown(event_table(event_costs())))
 
 
 START_UP = """\
@@ -136,6 +161,7 @@ def main() -> None:
         tightest=FULL.rtols[-1],
         options=bullets(list(options)),
         notes="\nLeft out:\n\n" + bullets(left_out) if left_out else "",
+        events=events(),
         start_up=start_up(),
         cases=bullets([f"`{name}`: {r.case.title}." for name, r in study.cases.items()]),
         took=study.took_s,

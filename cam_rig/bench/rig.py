@@ -34,7 +34,8 @@ def _oscillator(case: Case) -> Solution:
     return Solution(rows[:1], rows[1:2])
 
 
-def _two_masses(case: Case) -> Solution:
+def two_mass_course(case: Case) -> Separation:
+    """All phases and events of two masses."""
     p = case.model
     assert isinstance(p, TwoMasses)
     parameters = TwoMassParameters(
@@ -48,12 +49,18 @@ def _two_masses(case: Case) -> Solution:
     )
     course = Separation(case.law, parameters, case.speed)
     course.run(case.duration)
+    return course
+
+
+def _two_masses(case: Case) -> Solution:
+    course = two_mass_course(case)
     rows = states(course, case.times)
     events = tuple((event.kind, event.time) for event in course.events)
     return Solution(rows[0:3:2], rows[1:4:2], events)
 
 
-def _one_mass(case: Case) -> Solution:
+def one_mass_course(case: Case) -> OneMassTrajectory:
+    """All phases and events of one mass."""
     p = case.model
     assert isinstance(p, OneMass)
     follower = FollowerParameters(
@@ -63,6 +70,11 @@ def _one_mass(case: Case) -> Solution:
         case.law, follower, Interval(0, math.ceil(case.duration * NS), 0.0, case.speed)
     )
     course.run(None)
+    return course
+
+
+def _one_mass(case: Case) -> Solution:
+    course = one_mass_course(case)
     motion = np.empty((2, case.times.size))
     for phase in course.phases:
         here = (case.times >= phase.begin) & (case.times < phase.end)

@@ -5,8 +5,9 @@ s'' ω². Integrated twice from the gap and the speed at which it opens it gives
 both are known exactly, as they are at a lift-off, so is a gap of any smallness: its first zero is
 divided out, and the next one is the landing.
 
-Far from the cam the gap is looked at in steps: between two times a step h apart a function whose
-second derivative is nowhere above M is no lower than the lower of the two less M h²/8.
+Far from the cam the gap is looked at in steps. A function whose second derivative is nowhere above
+M is no lower than v + r t − M t²/2 at t from where its value is v and its rate r; and between two
+times a step h apart no lower than the lower of the two less M h²/8.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ from typing import NamedTuple
 from cam_rig.dynamics.events.free_flight import (
     Launch,
     accelerations,
-    largest_acceleration,
     moved,
     place_of,
+    seen,
 )
 from cam_rig.dynamics.events.law_table import (
     ACCELERATION,
@@ -154,35 +155,63 @@ def _bent(cam: Cam, piece: int, first: float, u: float, length: float) -> tuple[
 
 def _open_until(hop: Hop, now: Gap, limit: float) -> Gap:
     """The gap as far from ``now`` on as steps prove that it is open."""
-    cam, launch, begin, value = hop.cam, hop.launch, now.time, now.gap
+    cam, launch, begin, value, rate = hop.cam, hop.launch, now.time, now.gap, now.rate
     start, least = place_of(launch, launch.start), MIN_STEP * launch.free.window
-    rates, square = moved(launch, begin).rates, cam.speed * cam.speed
+    (_, _, largest), square = seen(launch, begin), cam.speed * cam.speed
     piece, _, high = piece_from(cam, begin)
     slip, passed = SAME_PLACE / cam.speed, -1
     while begin < limit:
-        bend = largest_acceleration(launch, rates) + square * cam.law.pieces[piece][PLACE][LARGEST]
-        end, joint = min(begin + step(value, bend, least), limit), (high - cam.angle) / cam.speed
+        bend = largest + square * cam.law.pieces[piece][PLACE][LARGEST]
+        noise = gap_rounding(cam.law, abs(value) + cam.law.largest)
+        end = min(begin + step(value - noise, rate, bend, least), limit)
+        joint = (high - cam.angle) / cam.speed
         at_joint = joint <= end + slip
         end = min(max(joint, begin), limit) if at_joint else end
-        gone = moved(launch, end)
-        way, (lift, _) = place_of(launch, gone.way), lift_within(cam, piece, end)
-        reached, width = (start + way) - lift, end - begin
-        noise = gap_rounding(cam.law, max(abs(reached), abs(value)) + cam.law.largest)
-        if min(value, reached) - bend * width * width / 8.0 <= noise:
+        (way, velocity, less), (lift, slope) = seen(launch, end), lift_within(cam, piece, end)
+        reached, further = (start + way) - lift, velocity - slope
+        noise = max(noise, gap_rounding(cam.law, abs(reached) + cam.law.largest))
+        if not is_clear(value - noise, rate, reached - noise, further, end - begin, bend):
             break
-        begin, value, rates, passed = end, reached, gone.rates, piece
+        begin, value, rate, largest, passed = end, reached, further, less, piece
         if at_joint:
             piece = (piece + 1) % len(cam.law.pieces)
             high = high + cam.law.pieces[piece][PLACE][SPAN]
+            rate = velocity - lift_within(cam, piece, begin)[1]
     return now if passed < 0 else _at(hop, begin, passed)
 
 
-def step(value: float, bend: float, least: float) -> float:
-    """Step for the next look at a function that has a value now; ``least`` where it is near zero.
+def ahead(value: float, rate: float, bend: float) -> float:
+    """Time (s) up to which a function is above zero, by its value, rate and second derivative."""
+    if value <= 0.0:
+        return 0.0
+    if bend <= 0.0:
+        return math.inf if rate >= 0.0 else value / -rate
+    root = math.sqrt(rate * rate + 2.0 * bend * value)
+    return (rate + root) / bend if rate > 0.0 else 2.0 * value / (root - rate)
 
-    Half of a cell's greatest width at that value: it may fall on the way.
+
+def is_clear(
+    value: float, rate: float, last: float, last_rate: float, width: float, bend: float
+) -> bool:
+    """Whether a function is above zero in a cell of ``width`` s, at whose ends it is known.
+
+    What it is after the beginning and before the end proves it, or how low it can be between.
     """
-    return max(least, math.sqrt(2.0 * max(value, 0.0) / bend)) if bend > 0.0 else math.inf
+    if value <= 0.0 or last <= 0.0:
+        return False
+    proven = ahead(value, rate, bend) + ahead(last, -last_rate, bend)
+    return width < proven or min(value, last) > bend * width * width / 8.0
+
+
+def step(value: float, rate: float, bend: float, least: float) -> float:
+    """Step for the next look at a function that has a value and a rate now.
+
+    As far as they prove it above zero, or as half of a cell's greatest width at that value, since
+    it may fall on the way; ``least`` where it is near zero.
+    """
+    if bend <= 0.0:
+        return math.inf
+    return max(least, math.sqrt(2.0 * max(value, 0.0) / bend), ahead(value, rate, bend))
 
 
 def _window(hop: Hop, now: Gap, limit: float, within: float) -> Gap:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.approach import BEFORE_1, MIN_STEP, step
+from cam_rig.dynamics.events.approach import BEFORE_1, MIN_STEP, is_clear, step
 from cam_rig.dynamics.events.free_flight import LEFT_OUT, REACH
 from cam_rig.dynamics.events.free_mass import impulse_at
 from cam_rig.dynamics.events.polynomials import (
@@ -17,6 +17,7 @@ from cam_rig.dynamics.events.polynomials import (
     elevated,
     fall,
     from_powers,
+    horner,
     restricted,
     value_at,
 )
@@ -29,8 +30,9 @@ Pair = tuple[float, float]
 MOST_TERMS = 24
 
 
-#: Places in a part's rows: its numbers; X, of η and of η̇; the force's polynomial part.
-PART, PLACES, VELOCITIES, FORCE = range(4)
+#: Places in a part's rows: its numbers; X, of η and of η̇; the force's polynomial part, the same
+#: times binomials, and the ordinates of its rate (N/s) times theirs.
+PART, PLACES, VELOCITIES, FORCE, WEIGHTED, RATES = range(6)
 #: Places in a part's numbers: where it begins and its span (rad), its length (s), the number of its
 #: ordinates, the force's least ordinate (N), its rounding, what its second derivative does not
 #: exceed (N/s²), and e^{Ah} over the part, row by row.
@@ -42,7 +44,7 @@ class StemContactTable(NamedTuple):
 
     Parameters
     ----------
-    parts : ``(n, 4, q)``, rows as above; what a shorter one leaves is not used
+    parts : ``(n, 6, q)``, rows as above; what a shorter one leaves is not used
     stiffness, damping : of η̈ = −stiffness η − damping η̇, in 1/s² and 1/s
     place, velocity : what η and η̇ contribute to the force
     """
@@ -216,23 +218,31 @@ def _above_until(
 ) -> float:
     """Time from ``begin`` on up to which steps prove that the force is above rounding."""
     numbers, least = contact.parts[now.part][PART], MIN_STEP * window
+    noise, omega = numbers[ROUNDING], math.sqrt(contact.stiffness)
     free = free_at(contact, now, begin)
-    value, rate = _force(contact, now, begin, free), math.sqrt(contact.stiffness)
+    value, rate = _force(contact, now, begin, free)
     while begin < limit:
         bend = -contact.stiffness * free[0] - contact.damping * free[1]
         jerk = -contact.stiffness * free[1] - contact.damping * bend
-        most = numbers[BEND] + _largest(contact, rate * bend, jerk)
-        end = min(begin + step(value, most, least), limit)
+        most = numbers[BEND] + _largest(contact, omega * bend, jerk)
+        end = min(begin + step(value - noise, rate, most, least), limit)
         free = free_at(contact, now, end)
-        reached, width = _force(contact, now, end, free), end - begin
-        if min(value, reached) - most * width * width / 8.0 <= numbers[ROUNDING]:
+        reached, further = _force(contact, now, end, free)
+        if not is_clear(value - noise, rate, reached - noise, further, end - begin, most):
             break
-        begin, value = end, reached
+        begin, value, rate = end, reached, further
     return begin
 
 
-def _force(contact: StemContactTable, now: ContactStretch, time: float, free: Pair) -> float:
+def _force(contact: StemContactTable, now: ContactStretch, time: float, free: Pair) -> Pair:
+    """The force (N) and its rate (N/s) at a time (s), when the vibration is (η, η̇)."""
     rows = contact.parts[now.part]
-    u, size = (now.local + time) / rows[PART][LENGTH], int(rows[PART][SIZE])
+    degree, u = int(rows[PART][SIZE]) - 1, (now.local + time) / rows[PART][LENGTH]
+    value, rate, scale = horner(rows[WEIGHTED], rows[RATES], degree, min(u, 1.0))
+    power = 1.0
+    for _ in range(degree - 1):
+        power *= scale
+    bend = -contact.stiffness * free[0] - contact.damping * free[1]
     vibration = contact.place * free[0] + contact.velocity * free[1]
-    return value_at(rows[FORCE], size, u) + vibration
+    faster = contact.place * free[1] + contact.velocity * bend
+    return value * power * scale + vibration, rate * power + faster

@@ -19,20 +19,10 @@ SMALL, TERMS = 0.5, 18
 
 
 #: Places in a free system's rows, of up to four states: the matrix A, the load b, the row, the
-#: energy, V and its inverse, the pairs' damping and stiffness, the inverse times the load, the
-#: series; as in `FreeSystem`.
-MATRIX, LOAD, ROW, ENERGY, SHAPES, INVERSE, DAMPING, STIFFNESS, DRIFT, SERIES = (
-    0,
-    4,
-    5,
-    6,
-    10,
-    14,
-    18,
-    19,
-    20,
-    21,
-)
+#: energy, V and its inverse, the pairs' damping and stiffness, the inverse times the load, row and
+#: energy times V, the series; as in `FreeSystem`.
+MATRIX, LOAD, ROW, ENERGY, SHAPES, INVERSE = 0, 4, 5, 6, 10, 14
+DAMPING, STIFFNESS, DRIFT, SEEN, SERIES = 18, 19, 20, 21, 26
 
 
 class FreeTable(NamedTuple):
@@ -40,7 +30,7 @@ class FreeTable(NamedTuple):
 
     Parameters
     ----------
-    rows : ``(46, n)``
+    rows : ``(51, n)``
     window : s
     paired : whether there are pairs; without them their rows are not used
     """
@@ -105,14 +95,44 @@ def moved(launch: Launch, time: float) -> Moved:
     rows, size = launch.free.rows, len(launch.start)
     way, rates = zeros(size), zeros(size)
     for i in range(size // 2):
-        stiffness = rows[STIFFNESS][i]
-        rate, pull, force = launch.pairs[i][0], launch.pairs[i][1], launch.pairs[i][2]
-        impulse, slope, step = impulse_at(rows[DAMPING][i], stiffness, time)
-        way[2 * i] = rate * impulse - pull * step
-        way[2 * i + 1] = force * impulse - stiffness * rate * step
-        rates[2 * i] = rate * slope - pull * impulse
-        rates[2 * i + 1] = force * slope - stiffness * rate * impulse
+        way[2 * i], way[2 * i + 1], rates[2 * i], rates[2 * i + 1] = _pair(launch, i, time)
     return Moved(product(rows, SHAPES, way), product(rows, SHAPES, rates))
+
+
+def _pair(launch: Launch, i: int, time: float) -> tuple[float, float, float, float]:
+    """How far a pair (q, q̇) has come, and its rates."""
+    stiffness, pair = launch.free.rows[STIFFNESS][i], launch.pairs[i]
+    impulse, slope, step = impulse_at(launch.free.rows[DAMPING][i], stiffness, time)
+    rate, pull, force = pair[0], pair[1], pair[2]
+    return (
+        rate * impulse - pull * step,
+        force * impulse - stiffness * rate * step,
+        rate * slope - pull * impulse,
+        force * slope - stiffness * rate * impulse,
+    )
+
+
+def seen(launch: Launch, time: float) -> tuple[float, float, float]:
+    """Way (m) and velocity (m/s) of the mass that meets the cam, at a time in s.
+
+    Third comes what |its acceleration| (m/s²) does not exceed from then on.
+    """
+    if not launch.free.paired:
+        gone = _by_exponential(launch, time)
+        way, velocity = place_of(launch, gone.way), place_of(launch, gone.rates)
+        return way, velocity, largest_acceleration(launch, gone.rates)
+    rows, way, velocity = launch.free.rows, 0.0, 0.0
+    one, two, three, four = 0.0, 0.0, 0.0, 0.0  # parts of the energy
+    for i in range(len(launch.start) // 2):
+        place, further, rate, faster = _pair(launch, i, time)
+        j = 2 * i
+        way += rows[SEEN][j] * place + rows[SEEN][j + 1] * further
+        velocity += rows[SEEN][j] * rate + rows[SEEN][j + 1] * faster
+        one += rows[SEEN + 1][j] * rate + rows[SEEN + 1][j + 1] * faster
+        two += rows[SEEN + 2][j] * rate + rows[SEEN + 2][j + 1] * faster
+        three += rows[SEEN + 3][j] * rate + rows[SEEN + 3][j + 1] * faster
+        four += rows[SEEN + 4][j] * rate + rows[SEEN + 4][j + 1] * faster
+    return way, velocity, math.sqrt(one * one + two * two + three * three + four * four)
 
 
 def _by_exponential(launch: Launch, time: float) -> Moved:

@@ -10,6 +10,8 @@ import math
 
 #: Below this time, in units of the fastest rate, the power series is used, of so many terms.
 SHORT, TERMS = 0.5, 18
+#: Two terms of the series below this are the last: the first is 1.
+LEAST = 2.0**-62
 
 Response = tuple[float, float, float]
 
@@ -35,6 +37,8 @@ def _series(damping: float, stiffness: float, time: float) -> Response:
         step += term / (i + 1)
         following = -(damping * i * term + stiffness * before) / (i * (i + 1))
         before, term = term, following
+        if abs(before) + abs(term) < LEAST:
+            break
     return impulse * time, rate, step * time * time
 
 

@@ -69,14 +69,13 @@ def from_powers(terms: Row) -> None:
             terms[i] += terms[i - 1]
 
 
-def horner(weighted: Row, slopes: Row, u: float) -> tuple[float, float, float]:
+def horner(weighted: Row, slopes: Row, degree: int, u: float) -> tuple[float, float, float]:
     """A value and its slope at u, of ordinates times binomials, but for powers of the third.
 
     Horner's rule in u/(1 − u), or in its inverse beyond the middle, so that no power grows. The
     value is still to be multiplied by the scale to the degree's power, the slope to one less.
     """
-    degree, rest = len(slopes), 1.0 - u
-    slope = 0.0
+    slope, rest = 0.0, 1.0 - u
     if u < 0.5:
         ratio, total = u / rest, weighted[degree]
         for i in range(degree - 1, -1, -1):
@@ -132,7 +131,7 @@ def only_root(row: Row) -> float:
     low, high, step, closing = 0.0, 1.0, 1.0, False
     u = row[0] / (row[0] - row[degree])
     for _ in range(MAX_STEPS):
-        value, slope, scale = horner(weighted, slopes, u)
+        value, slope, scale = horner(weighted, slopes, degree, u)
         if value == 0.0:
             return u
         if (value < 0.0) == (row[0] < 0.0):

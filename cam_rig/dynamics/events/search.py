@@ -15,8 +15,8 @@ from cam_rig.dynamics.events.rows import zero_rows, zeros
 T = TypeVar("T")
 
 #: Phases that are found in one call: in the first, and in the longest, each having twice the room
-#: of the one before.
-FIRST_ROOM, MOST_ROOM = 4, 1024
+#: of the one before; compiled so many times more.
+FIRST_ROOM, MOST_ROOM, COMPILED_ROOM = 4, 128, 32
 
 
 class FoundPhases(NamedTuple):
@@ -45,7 +45,7 @@ def search(
         if compiled is None:
             yield _plain(run, tables(False), now, room)
         else:
-            yield _compiled(compiled, tables(True), now, room)
+            yield _compiled(compiled, tables(True), now, COMPILED_ROOM * room)
         room = min(2 * room, MOST_ROOM)
 
 

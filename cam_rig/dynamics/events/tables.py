@@ -14,7 +14,9 @@ from cam_rig.dynamics.events.contact import (
     NUMBERS,
     PART,
     PLACES,
+    RATES,
     VELOCITIES,
+    WEIGHTED,
     StemContactTable,
 )
 from cam_rig.dynamics.events.course import Jumps
@@ -26,6 +28,7 @@ from cam_rig.dynamics.events.free_flight import (
     LOAD,
     MATRIX,
     ROW,
+    SEEN,
     SERIES,
     SHAPES,
     STIFFNESS,
@@ -79,6 +82,8 @@ def free_table(system: FreeSystem, arrays: bool) -> FreeTable:
     blocks = {MATRIX: system.matrix, LOAD: system.load, ROW: system.row, ENERGY: system.energy}
     if pairs is not None:
         blocks |= {SHAPES: pairs.shapes, INVERSE: pairs.inverse, DRIFT: pairs.inverse @ system.load}
+        shown = np.vstack([system.row, system.energy]) @ pairs.shapes
+        blocks |= {SEEN: shown}
         rows[DAMPING, : size // 2], rows[STIFFNESS, : size // 2] = pairs.damping, pairs.stiffness
     for first, block in (blocks | {SERIES: system.series}).items():
         rows[first : first + len(np.atleast_2d(block))] = block
@@ -92,14 +97,17 @@ def contact_table(
     """The table of a response of two states whose output is the contact force; or of one part."""
     known = response.parts if only is None else (only,)
     sizes = [part.particular.shape[1] for part in known]
-    parts = np.zeros((len(sizes), 4, max(*sizes, NUMBERS)))
+    parts = np.zeros((len(sizes), 6, max(*sizes, NUMBERS)))
     for rows, part, size in zip(parts, known, sizes, strict=True):
         force = polynomial_part(response, part, output)[0]
-        bend = np.abs(bernstein.derivative(bernstein.derivative(force))).max() / part.length**2
+        rates = bernstein.derivative(force) / part.length
+        bend = np.abs(bernstein.derivative(rates)).max() / part.length
         rounding = ROUNDING_ERRORS * bernstein.EPS * np.abs(force).max()
         rows[PART, :FLOW] = part.low, part.span, part.length, size, force.min(), rounding, bend
         rows[PART, FLOW:NUMBERS] = part.flow.ravel()
         rows[PLACES : VELOCITIES + 1, :size], rows[FORCE, :size] = part.particular, force
+        rows[WEIGHTED, :size] = bernstein.binomials(size - 1) * force
+        rows[RATES, : rates.size] = bernstein.binomials(rates.size - 1) * rates
     _, (spring, damper) = response.matrix
     return table_of(StemContactTable, arrays, parts, -spring, -damper, *output.state[0])
 

@@ -1,0 +1,24 @@
+"""What an event costs, as the table of docs/speed.md has it."""
+
+from cam_rig.bench.event_cost import EventCost, event_costs, event_table
+
+
+def test_events_are_known_to_a_picosecond():
+    """On the soft stem, by both forms of the search, against 50 digits; the errors are the same."""
+    costs = event_costs(("separation_soft",), peer="none", repeats=1)
+    assert [cost.solver.rpartition(", ")[2] for cost in costs[:4]] == [
+        "compiled",
+        "compiled",
+        "plain Python",
+        "plain Python",
+    ]
+    assert len({cost.error_s for cost in costs}) == 1
+    assert all(cost.error_s <= 1e-12 and cost.time_s > 0.0 for cost in costs)
+
+
+def test_a_ratio_is_to_the_first_row_of_the_case():
+    """Which is the compiled search, or plain Python's where numba is not there."""
+    costs = [EventCost("a", 3, "one", 1e-5, 1e-15), EventCost("a", 3, "other", 4e-3, 1e-12)]
+    rows = event_table(costs).rows
+    assert [row[-1] for row in rows] == [1.0, 400.0]
+    assert rows[1][3] == 4e3
