@@ -52,7 +52,8 @@ def trial(seed: int, model: str) -> tuple[RigConfig, RigFit, float]:
     errors = InstrumentErrors(in_proportion=seed % 2 == 1)
     run = measured_run(law, rig, model, (parts * jump).tolist(), errors, seed)
     begin = time.perf_counter()
-    found = fit_rig(law, run, cam_rig.load_rig("tm21"))
+    known = None if model == "one_mass" else model
+    found = fit_rig(law, run, cam_rig.load_rig("tm21"), known)
     return rig, found, time.perf_counter() - begin
 
 

@@ -23,7 +23,6 @@ from cam_rig.studies.rig_fit.bounces import WITHIN_95
 from cam_rig.studies.rig_fit.found import TOLD, FoundNumber
 from cam_rig.studies.rig_fit.numbers import (
     NUMBERS,
-    OF_TWO,
     follower_of,
     from_search,
     require_in_model,
@@ -145,8 +144,6 @@ def fit_jumps(
             f"{' and the error of a reading with --tolerance' if error is None else ''}"
         )
     values = _start(table, base, given, two)
-    if two:
-        values |= _rigid_first(law, table, sought, values)
     trial = _JumpModel(law, table.readings, sought, values)
     x = _searched(trial, values)
     speeds = trial.speeds(x)
@@ -156,16 +153,6 @@ def fit_jumps(
     numbers, correlation = _told(trial, x, deviation, given, names, table)
     kind, found = "separation" if two else "one_mass", tuple(speeds.tolist())
     return JumpFit(law, table, kind, numbers, correlation, found, deviation, followed, free)
-
-
-def _rigid_first(
-    law: Law, table: JumpTable, sought: tuple[str, ...], values: dict[str, float]
-) -> dict[str, float]:
-    """What one rigid mass comes nearest with: two masses are sought from there on."""
-    rigid = {name: value for name, value in values.items() if name not in OF_TWO}
-    names = tuple(name for name in sought if name in RIGID)
-    x = _searched(_JumpModel(law, table.readings, names, rigid), rigid)
-    return {name: from_search(name, float(v)) for name, v in zip(names, x, strict=True)}
 
 
 def _deviation(
@@ -180,9 +167,9 @@ def _deviation(
     scatter = rms(left) * math.sqrt(left.size / free) if free else 0.0
     if (speeds >= FAR).any() or scatter > NO_FIT * float(speeds.mean()):
         raise ConfigError(
-            f"{table.file}: the readings are {rms(left):.3g} rpm r.m.s. from any follower on cam "
-            f"{law.name}; allowed: {100.0 * NO_FIT:g} % of the speed; is it the cam that was on, "
-            "are the units right, is there a preload?"
+            f"{table.file}: the readings are {rms(left):.3g} rpm r.m.s. from any follower found on "
+            f"cam {law.name}; allowed: {100.0 * NO_FIT:g} % of the speed; is it the cam that was on, "
+            "are the units right, is there a preload? A --rig nearer to it may help the search"
         )
     if error and scatter <= TOO_FAR * error:
         return error, True
@@ -199,8 +186,8 @@ def _start(
         share, damping = follower.roller_share, follower.stem_damping
         values["roller_share"] = 0.4 if share is None else share.si
         values["stem_damping"] = values["damping"] if damping is None else damping.si
-    if "mass" in table.columns:
-        values["mass"] = max(0.5 * min(r.known["mass"] for r in table.readings), LIGHT)
+    if "mass" in table.columns and (least := min(r.known["mass"] for r in table.readings)) > 0.0:
+        values["mass"] = max(0.5 * least, LIGHT)
     return values | given
 
 
