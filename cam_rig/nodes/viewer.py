@@ -28,7 +28,7 @@ SPINS_PER_DRAIN = 10
 #: Wall time (s) to wait for the level of the last tick: no drive waits until it is drawn.
 LEVEL_TIMEOUT_S = 2.0
 #: Wall time (s) between blocks of columns.
-SEND_EVERY_S = 0.1
+SEND_EVERY_S = 0.25
 
 
 class Viewer(RigNode):

@@ -15,11 +15,11 @@ from cam_rig.units import NS
 from cam_rig.viewer.blueprint import blueprint, compared_rpm
 from cam_rig.viewer.feed import RunFeed
 from cam_rig.viewer.options import Layout
-from cam_rig.viewer.recording import APPLICATION, bucket_for, name_recording
+from cam_rig.viewer.recording import APPLICATION, name_recording
 from cam_rig.viewer.run_recorder import RunRecorder
 
-#: A live run of more samples is thinned: a viewer draws while it takes in.
-WHOLE_BELOW = 250_000
+#: Two points of a curve are all that a screen shows at one place along it: so many places.
+ACROSS_SCREEN = 1000
 #: Rig time (s) before the newest sample that the curves show at least: a few turns.
 MIN_WINDOW_S = 1.0
 #: Wall time (s) to send the rest at the end.
@@ -37,7 +37,7 @@ class LiveView:
     def __init__(self, loaded: LoadedScene, address: str) -> None:
         times = np.array([state.time_ns for state in cam_states(loaded.scene)]) / NS
         duration, window = float(times[-1]), live_window(times)
-        bucket = bucket_for(round(duration * loaded.scene.sample_rate.si), WHOLE_BELOW)
+        bucket = screen_bucket(window, loaded.scene.sample_rate.si)
         rpm = compared_rpm(loaded, None)
         plan = blueprint(Layout.RUN, loaded, duration, bucket, rpm, window)
         self._address, self._stream = address, rr.RecordingStream(APPLICATION)
@@ -68,6 +68,17 @@ class LiveView:
         finally:
             with warnings.catch_warnings(action="ignore"):
                 self._stream.disconnect()
+
+
+def screen_bucket(window: float, rate: float) -> int:
+    """Samples of which a curve shows the least and the greatest, where it shows some time (s).
+
+    Examples
+    --------
+    >>> screen_bucket(1.0, 12_000.0)
+    12
+    """
+    return max(1, round(window * rate / ACROSS_SCREEN))
 
 
 def live_window(times: FloatArray) -> float:

@@ -17,12 +17,15 @@ from cam_rig.viewer.charts import overlay
 from cam_rig.viewer.charts.level_chart import LevelChart
 from cam_rig.viewer.charts.run_view import RunView
 from cam_rig.viewer.charts.text_panels import ResultTable, about
-from cam_rig.viewer.timeline import time_columns
+from cam_rig.viewer.scene2d import FramePace
+from cam_rig.viewer.timeline import Times, rig_time_alone, time_columns
 from cam_rig.viewer.turns import TurnCollector, sample_angles
 
 ABOUT, RESULTS = "about", "results"
 #: Rig time (s) into a file at once: long enough to be fast, short enough to stay small in memory.
 SEND_EVERY_S = 5.0
+#: Pictures of cam and follower of a live run a second of wall time, at most: no screen shows more.
+FRAMES_A_SECOND = 30.0
 
 
 class RunRecorder:
@@ -52,8 +55,11 @@ class RunRecorder:
         self._grows, self._finished = whole, window is None
         # No tick of a scene is longer than the other half, so a block fits into the window.
         self._send_every = SEND_EVERY_S if window is None else 0.5 * window
-        self._run_view = RunView(stream, loaded, bucket) if whole else None
-        self._levels, self._results = LevelChart(stream, loaded), ResultTable(loaded)
+        pace = None if window is None else FramePace(FRAMES_A_SECOND)
+        self._times: Times = time_columns if window is None else rig_time_alone
+        self._run_view = RunView(stream, loaded, bucket, self._times, pace) if whole else None
+        self._levels = LevelChart(stream, loaded, self._times)
+        self._results = ResultTable(loaded)
         self._turns = TurnCollector(loaded.scene.program.ticks_per_turn)
         self._without_sound: dict[int, tuple[CamState, CamState]] = {}
         self._last: tuple[CamState, CamState] | None = None
@@ -108,7 +114,7 @@ class RunRecorder:
         if self._newest_sound is not None and not self._finished:
             columns = rr.TextDocument.columns(text=[self._results.words()])
             end = self._newest_sound
-            times = time_columns(np.array([end.time_ns / NS]), np.array([end.unwrapped]))
+            times = self._times(np.array([end.time_ns / NS]), np.array([end.unwrapped]))
             self._stream.send_columns(RESULTS, times, columns)
             self._newest_sound = None
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
+
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
@@ -41,6 +44,26 @@ def frame_mask(angle: FloatArray, step: float) -> NDArray[np.bool_]:
     return np.asarray(np.diff(frame) > 0.0)
 
 
+class FramePace:
+    """How many frames a second of wall time are worth sending: more than a screen shows are not.
+
+    Parameters
+    ----------
+    rate : 1/s
+    clock : wall time, s
+    """
+
+    def __init__(self, rate: float, clock: Callable[[], float] = time.monotonic) -> None:
+        self._rate, self._clock, self._last = rate, clock, clock()
+
+    def chosen(self, count: int) -> NDArray[np.intp]:
+        """Which of so many frames to send, evenly among them; the newest always."""
+        now = self._clock()
+        most = max(1, int((now - self._last) * self._rate))
+        self._last = now
+        return np.unique(np.linspace(count - 1, 0, min(most, count)).astype(np.intp))
+
+
 class Scene2D:
     """Draws into a recording: a cam when it is mounted, then frames of cam and follower.
 
@@ -49,6 +72,7 @@ class Scene2D:
     stream, loaded : where to draw, and what runs
     view : the entity that the view shows
     times : the timelines of its frames
+    pace : of a live run, how many frames may be sent; None sends all
 
     Every cam is drawn as large as the largest of the scene, whatever its own size, and its force
     to a scale of its own at each speed.
@@ -60,8 +84,9 @@ class Scene2D:
         loaded: LoadedScene,
         view: str = VIEW,
         times: Times = time_columns,
+        pace: FramePace | None = None,
     ) -> None:
-        self._stream, self._loaded, self._times = stream, loaded, times
+        self._stream, self._loaded, self._times, self._pace = stream, loaded, times, pace
         self._root = f"{view}/rig"
         self._shapes, self._reach = shapes(loaded), reach(loaded)
         self._waiting = list[FloatArray]()
@@ -120,8 +145,11 @@ class Scene2D:
         """Send what was taken."""
         if not self._waiting:
             return
-        time, angle, lift, force = np.concatenate(self._waiting, axis=1)
+        frames = np.concatenate(self._waiting, axis=1)
         self._waiting = []
+        if self._pace is not None:
+            frames = frames[:, self._pace.chosen(frames.shape[1])]
+        time, angle, lift, force = frames
         times, shape, motion = self._times(time, angle), self._shape, Motion.at(self._law, angle)
         flat = np.zeros_like(angle)
         origin = np.column_stack([shape.origin(lift) * MM, flat])

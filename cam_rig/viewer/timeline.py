@@ -39,6 +39,11 @@ def time_columns(time: FloatArray, angle: FloatArray) -> list[rr.TimeColumn]:
     ]
 
 
+def rig_time_alone(time: FloatArray, _angle: FloatArray) -> list[rr.TimeColumn]:
+    """Rig time, for a run that is followed: each timeline more is work for the page that draws."""
+    return time_columns(time, np.zeros_like(time))[:1]
+
+
 def within_turn(_time: FloatArray, angle: FloatArray) -> list[rr.TimeColumn]:
     """The angle within the turn alone, for turns that are to lie over each other."""
     return [rr.TimeColumn(TURN_DEGREES, sequence=_whole_degrees(angle) % 360)]

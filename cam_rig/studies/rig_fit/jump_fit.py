@@ -168,7 +168,7 @@ def _deviation(
     if (speeds >= FAR).any() or scatter > NO_FIT * float(speeds.mean()):
         raise ConfigError(
             f"{table.file}: the readings are {rms(left):.3g} rpm r.m.s. from any follower found on "
-            f"cam {law.name}; allowed: {100.0 * NO_FIT:g} % of the speed; is it the cam that was on, "
+            f"cam {law.name}; allowed: {100.0 * NO_FIT:g} % of the speed; was that cam on, "
             "are the units right, is there a preload? A --rig nearer to it may help the search"
         )
     if error and scatter <= TOO_FAR * error:

@@ -46,10 +46,16 @@ BOUNCES_TRIED = (0.05, 0.25, 0.45, 0.65)
 LEAST_FLYING = 20
 
 
-def one_mass(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
+def one_mass(
+    aligned: FitSolution, given: dict[str, float], quiet_does: bool = False
+) -> FitSolution:
     """One rigid mass; the restitution once there are landings to tell it.
 
     First at the speeds without landings, if there are any: there a wrong restitution does no harm.
+
+    Parameters
+    ----------
+    quiet_does : of several such speeds search no others, as two masses are sought from there on
     """
     smooth = tuple(name for name in ONE_MASS if name not in given and name != "restitution")
     values = aligned.likelihood.values(aligned.x) | {"restitution": 0.0} | given
@@ -62,6 +68,8 @@ def one_mass(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
         still = search(*continued(aligned, smooth, values, only=quiet))
         new, x = continued(aligned, smooth, still.likelihood.values(still.x))
         found = FitSolution(new, _with_phases_of(still, new, x), aligned.slopes, aligned.residuals)
+        if quiet_does and len(quiet) >= LEAST_QUIET:
+            return found
     else:
         found = search(*continued(aligned, smooth, values))
     if any(landings_of(found.likelihood, found.x)):

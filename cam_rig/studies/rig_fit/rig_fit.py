@@ -60,7 +60,7 @@ def fit_rig(
     )
     on_step("one rigid mass")
     aligned = search(start, start.start(values, phase, zero))
-    found = one_mass(aligned, rigid | scale)
+    found = one_mass(aligned, rigid | scale, model == "separation")
     if model == "separation" or (model is None and forces):
         found = elastic(found, given, model, on_step)
     on_step("standard errors")

@@ -8,7 +8,7 @@ import rerun as rr
 from cam_rig.arrays import FloatArray
 from cam_rig.viewer.charts.axes import Axes, round_marks
 from cam_rig.viewer.charts.bands import band_numbers
-from cam_rig.viewer.timeline import time_columns
+from cam_rig.viewer.timeline import Times, time_columns
 
 #: dB shown, the same wherever bars are drawn; what is louder ends at the upper edge.
 LEVELS = (0.0, 110.0)
@@ -30,7 +30,15 @@ def band_axes(sample_rate: float) -> Axes:
 class BandChart:
     """Draws the axes into a view, then bars as they come; `flush` sends them."""
 
-    def __init__(self, stream: rr.RecordingStream, view: str, rate: float, colour: int) -> None:
+    def __init__(
+        self,
+        stream: rr.RecordingStream,
+        view: str,
+        rate: float,
+        colour: int,
+        times: Times = time_columns,
+    ) -> None:
+        self._times = times
         self._stream, self._entity, self._rate = stream, f"{view}/bars", rate
         self._axes, self._waiting = band_axes(rate), list[tuple[float, float, FloatArray]]()
         named = {number: words for number, words in NAMED.items() if number <= self._axes.x[1]}
@@ -49,7 +57,7 @@ class BandChart:
         time, angle, levels = zip(*self._waiting, strict=True)
         self._waiting = []
         columns = rr.LineStrips2D.columns(strips=[self._skyline(some) for some in levels])
-        times = time_columns(np.array(time), np.array(angle))
+        times = self._times(np.array(time), np.array(angle))
         self._stream.send_columns(self._entity, times, columns)
 
     def draw_once(self, levels: FloatArray) -> None:

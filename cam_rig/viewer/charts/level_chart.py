@@ -14,7 +14,7 @@ from cam_rig.simulation.levels import MeasuredTick, step_levels
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.units import RPM_PER_RAD_S
 from cam_rig.viewer.charts.axes import UNSEEN, Axes, round_marks
-from cam_rig.viewer.timeline import time_columns
+from cam_rig.viewer.timeline import Times, time_columns
 
 VIEW = "noise"
 #: dB shown where nothing is published.
@@ -43,7 +43,10 @@ def level_axes(loaded: LoadedScene) -> Axes:
 class LevelChart:
     """Draws the axes and what is published, then every step as far as it is measured."""
 
-    def __init__(self, stream: rr.RecordingStream, loaded: LoadedScene) -> None:
+    def __init__(
+        self, stream: rr.RecordingStream, loaded: LoadedScene, times: Times = time_columns
+    ) -> None:
+        self._times = times
         self._stream, self._loaded, self._axes = stream, loaded, level_axes(loaded)
         self._settle = loaded.scene.program.settle_turns.si
         self._step: list[MeasuredTick] = []
@@ -92,7 +95,7 @@ class LevelChart:
     def _draw_measured(self, cam: str, time_ns: int, angle: float) -> None:
         points = self._points(cam)
         columns = rr.Points2D.columns(positions=points).partition([len(points)])
-        at = time_columns(np.array([time_ns * 1e-9]), np.array([angle]))
+        at = self._times(np.array([time_ns * 1e-9]), np.array([angle]))
         entity = f"{VIEW}/measured/{cam}"
         if cam not in self._drawn:
             self._drawn.add(cam)

@@ -18,8 +18,8 @@ from cam_rig.units import NS, to_rpm
 from cam_rig.viewer.charts.band_chart import BandChart
 from cam_rig.viewer.charts.bands import third_octaves
 from cam_rig.viewer.charts.time_series import TimeSeries
-from cam_rig.viewer.scene2d import Scene2D, frame_mask
-from cam_rig.viewer.timeline import time_columns
+from cam_rig.viewer.scene2d import FramePace, Scene2D, frame_mask
+from cam_rig.viewer.timeline import Times, time_columns
 from cam_rig.viewer.turns import TurnCollector
 
 EVENTS, BANDS = "events", "bands"
@@ -31,14 +31,24 @@ class RunView:
     Parameters
     ----------
     bucket : samples of which the minimum and the maximum are kept, 1 for all
+    times : the timelines of all that is drawn
+    pace : of a live run, how many pictures of cam and follower may be sent
     """
 
-    def __init__(self, stream: rr.RecordingStream, loaded: LoadedScene, bucket: int) -> None:
+    def __init__(
+        self,
+        stream: rr.RecordingStream,
+        loaded: LoadedScene,
+        bucket: int,
+        times: Times = time_columns,
+        pace: FramePace | None = None,
+    ) -> None:
         self._stream, self._loaded, self._rate = stream, loaded, loaded.scene.sample_rate.si
-        self._scene, self._time_series = Scene2D(stream, loaded), TimeSeries(stream, loaded, bucket)
+        self._times, self._scene = times, Scene2D(stream, loaded, times=times, pace=pace)
+        self._time_series = TimeSeries(stream, loaded, bucket, times)
         self._turns = TurnCollector(loaded.scene.program.ticks_per_turn)
         self._last: CamState | None = None
-        self._bands = BandChart(stream, BANDS, self._rate, colours.BANDS)
+        self._bands = BandChart(stream, BANDS, self._rate, colours.BANDS, times)
         self._events: list[tuple[float, float, str, str]] = []
 
     def tick(
@@ -85,7 +95,7 @@ class RunView:
         if self._events:
             time, angle, words, levels = zip(*self._events, strict=True)
             columns = rr.TextLog.columns(text=words, level=levels)
-            times = time_columns(np.array(time), np.array(angle))
+            times = self._times(np.array(time), np.array(angle))
             self._stream.send_columns(EVENTS, times, columns)
         self._events = []
 

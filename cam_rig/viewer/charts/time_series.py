@@ -15,6 +15,7 @@ from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS
 from cam_rig.viewer.charts import series
 from cam_rig.viewer.charts.series import Mark, SeriesLine, SeriesWriter
+from cam_rig.viewer.timeline import Times, time_columns
 from cam_rig.viewer.turns import lift_offs
 
 #: The model whose shaft's twist is shown.
@@ -29,9 +30,16 @@ class TimeSeries:
     Parameters
     ----------
     bucket : samples of which the minimum and the maximum are kept, 1 for all
+    times : the timelines of the curves
     """
 
-    def __init__(self, stream: rr.RecordingStream, loaded: LoadedScene, bucket: int) -> None:
+    def __init__(
+        self,
+        stream: rr.RecordingStream,
+        loaded: LoadedScene,
+        bucket: int,
+        times: Times = time_columns,
+    ) -> None:
         self._loaded, self._flew = loaded, False
         self._twist = ShaftTwist(loaded) if loaded.scene.model == TORSIONAL else None
         thinned = [series.LIFT, series.LAW, series.VELOCITY, series.ACCELERATION, series.FORCE]
@@ -40,9 +48,9 @@ class TimeSeries:
         whole = (series.ZERO, series.SPEED, series.LEVEL, series.LIFT_OFF, series.LANDING)
         self._writers: dict[SeriesLine | Mark, SeriesWriter] = {}
         for line in thinned:
-            self._writers[line] = SeriesWriter(stream, line, bucket)
+            self._writers[line] = SeriesWriter(stream, line, bucket, times)
         for curve in whole:
-            self._writers[curve] = SeriesWriter(stream, curve)
+            self._writers[curve] = SeriesWriter(stream, curve, times=times)
 
     def tick(self, start: CamState, end: CamState, angle: FloatArray, rows: FloatArray) -> None:
         """Take one tick: unwrapped cam ``angle`` (rad) and ``(6, n)`` rows at its samples."""
