@@ -24,6 +24,8 @@ VALLEY = 0.05
 PHASE_STEPS, ANGLE_STEP = 4, 1e-6
 #: A square counts so much at most where restitutions are tried.
 MOST_SQUARE = 36.0
+#: Squares a sample that are still noise, with what a landing beside a sample adds.
+EXPLAINED = 1.5
 #: Of a sum of squares, what 95 % of one number's errors stay below.
 SQUARE_95 = 3.84
 #: 95 % of a normal distribution lie within so many standard deviations.
@@ -55,10 +57,16 @@ def with_bounces(found: FitSolution, given: dict[str, float]) -> FitSolution:
     return replace(search(new, x), bounce=_half(possible, step))
 
 
-def bounce_beside(found: FitSolution) -> tuple[float, float]:
-    """The restitution with its standard error, beside other numbers that stay as they are."""
+def bounce_beside(found: FitSolution) -> tuple[float, float] | None:
+    """The restitution with its standard error, beside other numbers that stay as they are.
+
+    None where with none of them the flights are as they were measured, to their noise.
+    """
     _, possible, step = _likely(found)
-    return _half(possible, step)
+    names = tuple(name for name in found.likelihood.sought if name != "restitution")
+    middle, half = _half(possible, step)
+    best = min((_tried(found, names, bounce) for bounce in possible), key=lambda one: one.missed)
+    return (middle, half) if best.missed < EXPLAINED * best.samples else None
 
 
 def _half(possible: list[float], step: float) -> tuple[float, float]:
@@ -85,11 +93,12 @@ def _likely(found: FitSolution) -> tuple[list[float], list[float], float]:
 
 @dataclass(frozen=True, eq=False)
 class Tried:
-    """A restitution, what it misses, and the phases (rad) of the holds with it."""
+    """A restitution, what it misses of so many samples, and the phases (rad) of the holds."""
 
     bounce: float
     missed: float
     phases: FloatArray
+    samples: int
 
 
 def _tried(found: FitSolution, names: tuple[str, ...], bounce: float) -> Tried:
@@ -98,12 +107,13 @@ def _tried(found: FitSolution, names: tuple[str, ...], bounce: float) -> Tried:
     new, x = continued(found, names, values)
     new.keep_clear(x, 0.0)
     new.kept = [np.ones(kept.size, dtype=bool) for kept in new.kept]  # else bounces hide forces
-    missed = 0.0
+    missed, samples = 0.0, 0
     for i, landings in enumerate(landings_of(new, x)):
         if landings:
+            samples += new.holds[i].lift.value.size + new.kept[i].size
             x[new.instruments.phases.start + i], off = _phase(new, x, i)
             missed += off
-    return Tried(bounce, missed, x[new.instruments.phases])
+    return Tried(bounce, missed, x[new.instruments.phases], samples)
 
 
 def _phase(likelihood: Likelihood, x: FloatArray, i: int) -> tuple[float, float]:

@@ -46,7 +46,7 @@ def rig_conclusions(fit: RigFit) -> Iterator[str]:
     if fit.left_out:
         speeds = ", ".join(f"{rpm:.4g}" for rpm in fit.left_out)
         yield f"At {speeds} rpm the follower lifts off: " + (
-            "these speeds tell the restitution alone."
+            "these speeds tell of the restitution alone."
             if fit.solution.bounce is not None
             else "no such follower does so as it was measured, so these speeds are left out."
         )

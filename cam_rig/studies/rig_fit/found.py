@@ -178,9 +178,14 @@ def _number(
         return FoundNumber(name, given[name], None, "given")
     if name == "restitution" and solution.bounce is not None:
         value, error = solution.bounce
+        low, high = max(0.0, value - error), value + error
+        if "roller_share" in likelihood.values(solution.x):
+            reason = (
+                f"bounces on a stem hang on every number; beside these, {low:.2g} to {high:.2g}"
+            )
+            return FoundNumber(name, None, error, "identified", reason)
         if error < TOLD_RESTITUTION:
             return FoundNumber(name, value, error, "identified")
-        low, high = max(0.0, value - error), value + error
         reason = f"bounces are too low to tell it, likely are {low:.2g} to {high:.2g}"
         return FoundNumber(name, None, error, "identified", reason)
     if name not in likelihood.sought:
