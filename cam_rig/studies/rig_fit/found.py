@@ -177,17 +177,7 @@ def _number(
     if name in given:
         return FoundNumber(name, given[name], None, "given")
     if name == "restitution" and solution.bounce is not None:
-        value, error = solution.bounce
-        low, high = max(0.0, value - error), value + error
-        if "roller_share" in likelihood.values(solution.x):
-            reason = (
-                f"bounces on a stem hang on every number; beside these, {low:.2g} to {high:.2g}"
-            )
-            return FoundNumber(name, None, error, "identified", reason)
-        if error < TOLD_RESTITUTION:
-            return FoundNumber(name, value, error, "identified")
-        reason = f"bounces are too low to tell it, likely are {low:.2g} to {high:.2g}"
-        return FoundNumber(name, None, error, "identified", reason)
+        return _bounce(*solution.bounce, "roller_share" in likelihood.values(solution.x))
     if name not in likelihood.sought:
         return FoundNumber(name, None, None, "identified", _not_sought(name, scale, landings))
     k = likelihood.sought.index(name)
@@ -210,6 +200,18 @@ def _number(
         low, high = max(0.0, value - WITHIN_95 * error), value + WITHIN_95 * error
         reason = f"with 95 % it is between {low:.3g} and {high:.3g} {NUMBERS[name].unit}: too wide"
     return FoundNumber(name, None if reason else value, error, "identified", reason)
+
+
+def _bounce(value: float, error: float, stem: bool) -> FoundNumber:
+    """A restitution that was found beside the search."""
+    likely = f"{max(0.0, value - error):.2g} to {value + error:.2g}"
+    if stem:
+        reason = f"bounces on a stem hang on every number: with the others as found, {likely}"
+    elif error < TOLD_RESTITUTION:
+        return FoundNumber("restitution", value, error, "identified")
+    else:
+        reason = f"bounces are too low to tell it, likely are {likely}"
+    return FoundNumber("restitution", None, error, "identified", reason)
 
 
 def _without_flights(number: FoundNumber) -> FoundNumber:
