@@ -9,7 +9,8 @@ import platform
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import long_laws  # beside this file
+import live_rate  # beside this file, and so is the next
+import long_laws
 
 from cam_rig.bench.event_cost import event_costs, event_table
 from cam_rig.bench.peers.peers import PEERS
@@ -56,6 +57,7 @@ of {cores} cores ({machine}); a rig's run starts with a law of which nothing is 
 {events}
 
 {start_up}
+{live}
 
 ## The cases
 
@@ -113,6 +115,14 @@ blocks what each turn and each call costs besides shows: the walk from turn to t
 
 {table}\
 """
+LIVE = """\
+## Live runs
+
+Rig time over wall time of the shipped sweep through the nodes, from its first tick to the closed
+bag. With a viewer, all that a screen can show is sent to a Rerun server; no page is open.
+
+{table}
+"""
 CLI = ("-m", "cam_rig.cli.main")
 
 
@@ -163,6 +173,7 @@ def main() -> None:
         notes="\nLeft out:\n\n" + bullets(left_out) if left_out else "",
         events=events(),
         start_up=start_up(),
+        live=LIVE.format(table=to_markdown(live_rate.live_table())),
         cases=bullets([f"`{name}`: {r.case.title}." for name, r in study.cases.items()]),
         took=study.took_s,
     )

@@ -1,0 +1,76 @@
+"""How many times faster than its own time a live run goes, with and without a viewer.
+
+    python benchmark/live_rate.py
+
+From the first tick that the drive reports to the last message in the closed bag, so without the
+start. With a viewer the whole run is sent to a Rerun server that keeps it; no page is open.
+"""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from cam_rig.runner.domain_lock import own_domain
+from cam_rig.runner.graph import Graph
+from cam_rig.runner.nodes_of_run import live
+from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.schedule import cam_states
+from cam_rig.tables import Column, DataTable, tabulate, to_markdown
+from cam_rig.units import NS
+from cam_rig.viewer.server.web import serve
+
+SCENES = ("tm21_sweep", "tm21_sweep_48khz")
+
+
+@dataclass(frozen=True)
+class LiveRate:
+    """A run: samples a second (Hz), whether it was shown, and rig time over wall time."""
+
+    scene: str
+    rate: float
+    shown: bool
+    speed_up: float
+
+
+def live_rate(scene: str, shown: bool, folder: Path) -> LiveRate:
+    """Run a shipped scene through the nodes."""
+    path = Path(__file__).parents[1] / "config" / "scenes" / f"{scene}.yaml"
+    loaded = open_scene(path)
+    stamps = [state.time_ns / NS for state in cam_states(loaded.scene)]
+    with ExitStack() as stack:
+        screen = stack.enter_context(serve()).stream if shown else None
+        stack.enter_context(own_domain(""))
+        nodes = live(path, folder / f"{scene}_{shown}", screen, pacing="free")
+        with Graph(nodes) as graph:
+            first = None
+            for report in graph.progress():
+                first = first or (time.perf_counter(), stamps[int(report["tick"])])
+        graph.require_closed()
+        assert first is not None
+        wall = time.perf_counter() - first[0]
+    rate = float(loaded.scene.sample_rate.si)
+    return LiveRate(scene, rate, shown, (stamps[-1] - first[1]) / wall)
+
+
+def live_table() -> DataTable:
+    """Each scene without and with a viewer, in turn."""
+    with TemporaryDirectory() as folder:
+        runs = [live_rate(name, shown, Path(folder)) for name in SCENES for shown in (False, True)]
+    return tabulate(
+        "Live runs",
+        runs,
+        (
+            (Column("scene"), lambda run: run.scene),
+            (Column("samples", "kHz", ".0f"), lambda run: run.rate / 1e3),
+            (Column("viewer"), lambda run: "yes" if run.shown else "no"),
+            (Column("x real time", "", ".0f"), lambda run: run.speed_up),
+        ),
+    )
+
+
+if __name__ == "__main__":
+    print(to_markdown(live_table()))
