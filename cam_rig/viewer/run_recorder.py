@@ -112,11 +112,14 @@ class RunRecorder:
         if self._grows:
             self._levels.flush()
         if self._newest_sound is not None and not self._finished:
-            columns = rr.TextDocument.columns(text=[self._results.words()])
-            end = self._newest_sound
-            times = self._times(np.array([end.time_ns / NS]), np.array([end.unwrapped]))
-            self._stream.send_columns(RESULTS, times, columns)
+            self._say("running", self._newest_sound)
             self._newest_sound = None
+
+    def _say(self, state: str, at: CamState) -> None:
+        """Show the results of a live run so far, and whether it goes on."""
+        columns = rr.TextDocument.columns(text=[self._results.words(state)])
+        times = self._times(np.array([at.time_ns / NS]), np.array([at.unwrapped]))
+        self._stream.send_columns(RESULTS, times, columns)
 
     def close(self) -> None:
         """Send what is left, and finish the last step."""
@@ -129,6 +132,8 @@ class RunRecorder:
             self._levels.finish()
             words = rr.TextDocument(self._results.words(), media_type="text/markdown")
             self._stream.log(RESULTS, words, static=True)
+        elif self._last is not None:
+            self._say("finished", self._last[1])
 
     def _finish_step(self) -> None:
         """Lay the step's last turn over those of the other cams."""

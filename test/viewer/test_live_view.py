@@ -58,13 +58,30 @@ def arrived(bag: SmallBag, tmp_path_factory: pytest.TempPathFactory) -> list[Chu
 
 
 def written(path: Path, end: float) -> list[Chunk]:
-    """What the server has written, once that goes to the end (s) of every curve; nothing before."""
+    """What the server has written, once every curve is at its end (s) and the run said to be over.
+
+    Nothing before.
+    """
     try:
         chunks = list(RrdReader(path).stream().to_chunks())
     except RuntimeError:  # it ends in the middle of what is being written
         return []
     there = {chunk.entity_path for chunk in chunks if newest(chunk) > end - 1e-3}
-    return chunks if there.issuperset(CURVES) else []
+    over = any("finished" in words for words in results(chunks))
+    return chunks if over and there.issuperset(CURVES) else []
+
+
+def results(chunks: list[Chunk]) -> list[str]:
+    """The heads of the table of results, in their order."""
+    found = [chunk.to_record_batch() for chunk in chunks if chunk.entity_path == "/results"]
+    return [
+        str(row[0]).partition("\n")[0]
+        for batch in found
+        for name in batch.schema.names
+        if name.endswith("TextDocument:text")
+        for row in batch.column(name).to_pylist()
+        if row
+    ]
 
 
 def newest(chunk: Chunk) -> float:
@@ -92,6 +109,13 @@ def test_nothing_leads_the_curves_by_more_than_is_shown(
     assert end > 5.0 * MIN_WINDOW_S
     assert min(reached.values()) == pytest.approx(end, abs=1e-3)
     assert 0.0 < lead <= MIN_WINDOW_S + 1e-9
+
+
+def test_the_results_say_whether_the_run_goes_on(arrived: list[Chunk]) -> None:
+    """Running up to the last, which says finished."""
+    heads = results(arrived)
+    assert heads[-1] == "# Results, finished"
+    assert set(heads[:-1]) == {"# Results, running"}
 
 
 def test_everything_but_curves_comes_after_them(arrived: list[Chunk]) -> None:

@@ -34,15 +34,15 @@ class ResultTable:
         """Take the level (dB) of a cam at a speed (rad/s), measured so far."""
         self._levels[cam, speed] = level
 
-    def words(self) -> str:
-        """Markdown."""
+    def words(self, state: str = "") -> str:
+        """Markdown; ``state`` of a live run stands in the heading: running, finished."""
         lines = [self._line(*step) for step in reversed(self._motion)]
         head = (
             HEAD
             if self._loaded.calibrated
             else (HEAD[0].replace("level", "relative level"), HEAD[1])
         )
-        return "\n".join(["# Results", "", *head, *lines]) + "\n"
+        return "\n".join([f"# Results{f', {state}' if state else ''}", "", *head, *lines]) + "\n"
 
     def _line(self, cam: str, speed: float) -> str:
         level, rpm = self._levels.get((cam, speed)), to_rpm(speed)
