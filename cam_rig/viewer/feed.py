@@ -43,7 +43,7 @@ class RunFeed:
         self._levels: deque[float] = deque()
         self._pressures: deque[tuple[int, float]] = deque()
         self._sounds: deque[tuple[int, float, float]] = deque()
-        self._received: deque[CamState | tuple[int, float]] = deque(maxlen=2 * REMEMBERED_STATES)
+        self._received: dict[CamState | tuple[int, float], None] = {}
         self._drawn = self._sound_until = -1
 
     @property
@@ -105,7 +105,9 @@ class RunFeed:
         """Nodes republish what a subscriber may have missed."""
         if message in self._received:
             return False
-        self._received.append(message)
+        self._received[message] = None
+        if len(self._received) > 2 * REMEMBERED_STATES:
+            del self._received[next(iter(self._received))]
         return True
 
     def _pass_sound(self) -> None:

@@ -20,7 +20,7 @@ from cam_rig.viewer.charts.bands import third_octaves
 from cam_rig.viewer.charts.time_series import TimeSeries
 from cam_rig.viewer.scene2d import FramePace, Scene2D, frame_mask
 from cam_rig.viewer.timeline import Times, time_columns
-from cam_rig.viewer.turns import TurnCollector
+from cam_rig.viewer.turns import Turn, TurnCollector
 
 EVENTS, BANDS = "events", "bands"
 
@@ -49,6 +49,7 @@ class RunView:
         self._turns = TurnCollector(loaded.scene.program.ticks_per_turn)
         self._last: CamState | None = None
         self._bands = BandChart(stream, BANDS, self._rate, colours.BANDS, times)
+        self._heard, self._whole = list[tuple[CamState, Turn]](), pace is None
         self._events: list[tuple[float, float, str, str]] = []
 
     def tick(
@@ -75,8 +76,7 @@ class RunView:
         self._turns.add(start, angle, rows)
         turn = self._turns.turn()
         if turn is not None:
-            bands = third_octaves(self._loaded.radiation, turn.force, turn.impulse, self._rate)
-            self._bands.add(end.time_ns / NS, end.unwrapped, bands)
+            self._heard.append((end, turn))
 
     def level(self, end: CamState, level: float) -> None:
         """Draw the level (dB) of the tick that ended with a state."""
@@ -91,6 +91,11 @@ class RunView:
         """Send what was collected so far, the curves first."""
         self._time_series.flush()
         self._scene.flush()
+        # of a live run only the newest bars are seen
+        for end, turn in self._heard if self._whole else self._heard[-1:]:
+            bands = third_octaves(self._loaded.radiation, turn.force, turn.impulse, self._rate)
+            self._bands.add(end.time_ns / NS, end.unwrapped, bands)
+        self._heard = []
         self._bands.flush()
         if self._events:
             time, angle, words, levels = zip(*self._events, strict=True)

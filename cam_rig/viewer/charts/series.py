@@ -92,7 +92,10 @@ def extremes(values: FloatArray, bucket: int) -> NDArray[np.intp]:
     # A first occurrence is found, so the padding never stands for itself.
     rows = np.pad(values, (0, -values.size % bucket), mode="edge").reshape(-1, bucket)
     begin = np.arange(rows.shape[0]) * bucket
-    return np.unique(np.concatenate([begin + rows.argmin(axis=1), begin + rows.argmax(axis=1)]))
+    pairs = np.stack([begin + rows.argmin(axis=1), begin + rows.argmax(axis=1)], axis=1)
+    pairs.sort(axis=1)
+    kept = pairs.ravel()
+    return kept[np.append(True, kept[1:] != kept[:-1])]
 
 
 @dataclass
