@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing.colours import LIMIT, web
 from cam_rig.plots.figures import CAM_ANGLE, empty, line, turn_axis, write
-from cam_rig.plots.law_overlay import Style, rise_style
+from cam_rig.plots.law_overlay import Style
 from cam_rig.profile.motion import turn_angles
 from cam_rig.studies.contact import event_angle
 from cam_rig.studies.contact.bounds import Measure, measured, peak_pressure, peak_sliding
@@ -40,11 +40,12 @@ def figure(found: ContactTable) -> Figure:
     rows = list(found.rows.values())
     out = empty(12.5, 8.2)
     panels = out.subplots(2, 2)
-    for i, row in enumerate(rows):
-        _over_turn(panels[:, 0], row, line(i))
-        _over_base(panels[0, 1], row, line(i), peak_pressure, 1e-6)
+    for row in rows:
+        style = line(row.case.cam.name)
+        _over_turn(panels[:, 0], row, style)
+        _over_base(panels[0, 1], row, style, peak_pressure, 1e-6)
         if not row.case.surfaces.rolls:
-            _over_base(panels[1, 1], row, line(i), peak_sliding, 1.0)
+            _over_base(panels[1, 1], row, style, peak_sliding, 1.0)
     for axes in panels[:, 0]:
         turn_axis(axes)
     parts = [row.case.cam.parts for row in rows]
@@ -107,7 +108,7 @@ def events_figure(most: float, radius: float) -> Figure:
             event_angle.by_face(name, event),
         )
         for axes, curve in zip(panels, curves, strict=True):
-            axes.plot(EVENTS, curve, lw=1.5, label=name.replace("_", " "), **rise_style(name))
+            axes.plot(EVENTS, curve, lw=1.5, label=name.replace("_", " "), **line(name))
     titles = (
         f"roller: pressure angle at most {math.degrees(most):g}°",
         f"roller: pitch curve not sharper than {radius:g} h",

@@ -12,7 +12,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
 from cam_rig.drawing.colours import BLUE, LIGHT_GREY, ORANGE, SKY_BLUE, web
-from cam_rig.plots.figures import MARKERS, empty, line, write
+from cam_rig.plots.figures import empty, line, marker, write
 from cam_rig.studies.factorial.design import EFFECTS, Design, Effect, Factorial
 from cam_rig.studies.factorial.in_contact import contact_lost
 
@@ -77,10 +77,11 @@ def _curves(axes: Axes, design: Design, effect: Effect, lost: NDArray[np.bool_])
     """One curve a law; where contact is lost the marker is hollow."""
     degrees, values = np.degrees(design.angles), effect.values(design.cells)
     for i, (rise, order) in enumerate(zip(design.rises, design.classes, strict=True)):
+        style = line(rise) | marker(rise) | {"ms": 4, "markevery": 1}
         label = f"{rise.replace('_', ' ')}, C{order}"
-        axes.plot(degrees, values[i], marker=MARKERS[i], ms=4, lw=1.4, label=label, **line(i))
-        (hollow,) = axes.plot(degrees[lost[i]], values[i][lost[i]], ls="", marker=MARKERS[i], ms=4)
-        hollow.set(color=line(i)["color"], markerfacecolor="white", zorder=3)
+        axes.plot(degrees, values[i], lw=1.4, label=label, **style)
+        hollow = style | {"ls": "", "markerfacecolor": "white", "zorder": 3}
+        axes.plot(degrees[lost[i]], values[i][lost[i]], **hollow)
     if effect.decibels:
         axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))

@@ -15,23 +15,27 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from cam_rig.arrays import FloatArray
-from cam_rig.drawing.colours import CAMS, GAP, web
+from cam_rig.drawing.cam_looks import DASHES, MARKERS, cam_look
+from cam_rig.drawing.colours import (
+    BLACK,
+    BLUE,
+    GAP,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    SKY_BLUE,
+    VERMILION,
+    web,
+)
 
 CAM_ANGLE, CAM_SPEED = "cam angle θ [°]", "cam speed [rpm]"
 LEVEL = "sound pressure level [dB re 20 µPa]"
 #: Dots per inch of a picture made of pixels.
 DPI = 130
-#: A dash for each colour of a cam.
-DASHES: tuple[Any, ...] = (
-    "-",
-    (0, (6, 2)),
-    (0, (5, 1.5, 1, 1.5)),
-    (0, (2, 1.2)),
-    (0, (9, 2, 1, 2, 1, 2)),
-    (0, (1, 1)),
-)
-#: Markers in the same order.
-MARKERS = ("o", "s", "^", "D", "v", "P")
+#: Curves that are no cam's, such as one cam at several speeds: in none of the cams' colours.
+SERIES = tuple(map(web, (BLUE, VERMILION, GREEN, BLACK, PURPLE, ORANGE, SKY_BLUE)))
+#: Of the side of a panel, between two markers of a curve.
+MARKER_GAP = 0.14
 
 
 def empty(width: float, height: float) -> Figure:
@@ -65,16 +69,30 @@ def shade(axes: Axes, x: FloatArray, where: NDArray[np.bool_], label: str | None
     )
 
 
-def line(index: int) -> dict[str, Any]:
-    """Colour and dash of the index-th cam."""
-    return {"color": colour(index), "ls": DASHES[index % len(DASHES)]}
+def line(cam: str) -> dict[str, Any]:
+    """What a line of a cam, or of a named rise, is drawn with, by its name."""
+    look = cam_look(cam)
+    style = {"color": web(look.colour), "ls": look.dash}
+    if look.marked:
+        style |= {"marker": look.marker, "ms": 4.0, "markevery": MARKER_GAP}
+    return style
 
 
-def marker(index: int) -> dict[str, Any]:
-    """Colour and marker of the index-th cam."""
-    return {"color": colour(index), "marker": MARKERS[index % len(MARKERS)]}
+def marker(cam: str) -> dict[str, Any]:
+    """What points of a cam are drawn with, by its name."""
+    return {"color": colour(cam), "marker": cam_look(cam).marker}
 
 
-def colour(index: int) -> str:
-    """Colour of the index-th cam, the same as in the viewer."""
-    return web(CAMS[index % len(CAMS)])
+def colour(cam: str) -> str:
+    """Colour of a cam by its name, the same as in the viewer."""
+    return web(cam_look(cam).colour)
+
+
+def series(index: int) -> dict[str, Any]:
+    """Colour and dash of the index-th of several curves that are no cams."""
+    return {"color": SERIES[index % len(SERIES)], "ls": DASHES[index % len(DASHES)]}
+
+
+def series_marker(index: int) -> dict[str, Any]:
+    """Colour and marker of the index-th of several curves that are no cams."""
+    return {"color": SERIES[index % len(SERIES)], "marker": MARKERS[index % len(MARKERS)]}

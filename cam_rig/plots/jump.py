@@ -33,12 +33,16 @@ def figure(rows: list[JumpRow], cam_set: CamSet, duration: float | None) -> Figu
     axes = out.subplots()
     last = 1.08 * max(row.found.rpm for row in rows)
     rpm = np.linspace(0.35 * min(row.found.rpm for row in rows), last, POINTS)
-    for i, row in enumerate(rows):
+    for row in rows:
         least = least_force(cam_set.laws[row.cam], parameters, duration, rpm * RPM)
         axes.plot(
-            rpm, least, lw=1.6, label=f"{cam_set.titles[row.cam]}: {row.found.rpm:.2f}", **line(i)
+            rpm,
+            least,
+            lw=1.6,
+            label=f"{cam_set.titles[row.cam]}: {row.found.rpm:.2f}",
+            **line(row.cam),
         )
-        _mark(axes, row, line(i)["color"])
+        _mark(axes, row, colour(row.cam))
     _frame(axes, rpm)
     run = _when(duration) if isinstance(parameters, TwoMassParameters) else ONE_MASS
     axes.set(title=f"Contact is kept while the minimum force is positive ({run})")
@@ -60,8 +64,8 @@ def one_cam(law: Law, parameters: AnyFollower, duration: float | None, jump: flo
     out = empty(8.0, 4.4)
     axes = out.subplots()
     rpm = np.linspace(0.35 * jump, 1.08 * jump, POINTS)
-    axes.plot(rpm, least_force(law, parameters, duration, rpm * RPM), **line(0), lw=1.6)
-    axes.plot(jump, 0.0, "o", color=colour(0), label=f"jump speed {jump:.2f} rpm")
+    axes.plot(rpm, least_force(law, parameters, duration, rpm * RPM), **line(law.name), lw=1.6)
+    axes.plot(jump, 0.0, "o", color=colour(law.name), label=f"jump speed {jump:.2f} rpm")
     _frame(axes, rpm)
     axes.set(title=f"{law.name}, {_when(duration)}")
     axes.legend(loc="lower left")

@@ -11,14 +11,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cam_rig.drawing.colours import CAMS, DERIVATIVES, web
+from cam_rig.drawing.colours import DERIVATIVES, web
 from cam_rig.laws import Law
 from cam_rig.laws.cam import segment_angles
 from cam_rig.laws.continuity import SMOOTHEST, Joint, joints
 from cam_rig.laws.control_polygon import control_polygons
 from cam_rig.laws.curves import sampled_pieces
 from cam_rig.laws.peaks import extremes
-from cam_rig.plots.figures import CAM_ANGLE, empty, turn_axis, write
+from cam_rig.plots.figures import CAM_ANGLE, empty, series, turn_axis, write
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segments import Table
 from cam_rig.studies.cam_fit.arcs_fit import ArcsFit
@@ -178,7 +178,7 @@ def _spline_fit(fit: SplineFit) -> Figure:
     """Lift, distance and acceleration; dwells are shaded."""
     out = empty(8.0, 8.0)
     lift, away, bend = out.subplots(3, 1, sharex=True)
-    angles, colour = np.linspace(0.0, TURN, FIT_POINTS), web(CAMS[0])
+    angles, colour = np.linspace(0.0, TURN, FIT_POINTS), series(0)["color"]
     degrees, readings = np.degrees(angles), fit.readings
     lift.plot(degrees, fit.law(angles) * 1e3, color=colour)
     lift.plot(np.degrees(readings.angles), readings.lifts * 1e3, ".", color="k", ms=3)
@@ -206,7 +206,7 @@ def _arcs_fit(fit: ArcsFit) -> Figure:
     lift, away = out.subplots(2, 1, sharex=True)
     angles = np.linspace(0.0, TURN, FIT_POINTS)
     for i, column in enumerate(fit.columns):
-        colour, readings = web(CAMS[i % len(CAMS)]), column.readings
+        colour, readings = series(i)["color"], column.readings
         own = -readings.angles if column.reverse else readings.angles
         from_nose = np.degrees((own - fit.arcs.nose_angle + 0.5 * TURN) % TURN)
         curve = fit.arcs.lifts(column.follower, angles + fit.arcs.nose_angle - 0.5 * TURN)

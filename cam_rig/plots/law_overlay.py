@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cam_rig.laws import Law
 from cam_rig.laws.catalogue import RiseFamily
 from cam_rig.laws.curves import ORDERS, LawCurves, cam_curves, common_unit, rise_curves
-from cam_rig.laws.named import NAMED_RISES
-from cam_rig.plots.figures import CAM_ANGLE, DASHES, MARKERS, empty, line, turn_axis, write
+from cam_rig.plots.figures import CAM_ANGLE, empty, line, turn_axis, write
 from cam_rig.plots.law import NAMES, PER
 from cam_rig.schema import CamConfig
 
-#: Of the side of a panel, between two markers of a curve.
-MARKER_GAP = 0.14
 #: Sides in inches: of a figure of one column, of a column among several, of all rows.
 ALONE, COLUMN, HEIGHT = 8.0, 3.6, 9.6
 #: Entries in a line of a legend above a figure of one column.
@@ -43,7 +38,7 @@ def draw_rises(families: Iterable[RiseFamily], path: Path) -> None:
 def cams_figure(cams: Sequence[tuple[CamConfig, Law]]) -> Figure:
     """The laws of cams over the cam angle, in their unit of lift, or in mm if they have several."""
     unit, factor = common_unit(cam for cam, _ in cams)
-    curves = [(cam_curves(cam.title, law), style(i)) for i, (cam, law) in enumerate(cams)]
+    curves = [(cam_curves(cam.title, law), line(cam.name)) for cam, law in cams]
     out = empty(ALONE, HEIGHT)
     panels = out.subplots(len(ORDERS), 1, sharex=True)
     for order, axes in enumerate(panels):
@@ -62,7 +57,7 @@ def rises_figure(families: Iterable[RiseFamily]) -> Figure:
     out = empty(ALONE if alone else COLUMN * len(shown), HEIGHT)
     panels = out.subplots(len(ORDERS), len(shown), sharex=True, squeeze=False)
     for column, family in zip(panels.T, shown, strict=True):
-        curves = [(rise_curves(name), rise_style(name)) for name in family.rises]
+        curves = [(rise_curves(name), line(name)) for name in family.rises]
         for order, axes in enumerate(column):
             _panel(axes, _distinct(curves), order, 1.0)
             axes.set_ylabel(f"{NAMES[order]} [{RISE_UNITS[order]}]")
@@ -70,25 +65,6 @@ def rises_figure(families: Iterable[RiseFamily]) -> Figure:
         column[-1].set_xlabel("part of the span, u [1]")
         _legend(column[0], LEGEND_COLUMNS if alone else 1, family.title)
     return out
-
-
-def style(index: int) -> Style:
-    """Colour, dash and marker of the index-th law: told apart in grey up to 42 of them."""
-    shape = index // len(DASHES) % (len(MARKERS) + 1)
-    if shape == 0:
-        return line(index)
-    return {**line(index), "marker": MARKERS[shape - 1], "ms": 4.0, "markevery": MARKER_GAP}
-
-
-@lru_cache(maxsize=len(NAMED_RISES))
-def rise_style(name: str) -> Style:
-    """What a named rise is drawn with in every figure; rises that are the same one share it."""
-    names = list(NAMED_RISES)
-    return style(next(i for i, other in enumerate(names) if _same(rise_curves(other), name)))
-
-
-def _same(curves: LawCurves, name: str) -> bool:
-    return np.array_equal(curves.motion, rise_curves(name).motion)
 
 
 def _distinct(curves: list[tuple[LawCurves, Style]]) -> list[tuple[LawCurves, Style]]:

@@ -30,15 +30,15 @@ def figure(cam_set: CamSet, rpm: float) -> Figure:
     parameters, speed = TwoMassParameters.from_rig(cam_set.rig), rpm * RPM
     times = (SHOWN - 1 + np.linspace(0.0, 1.0, POINTS)) * TURN / speed
     degrees = np.degrees(speed * times) - 360.0 * (SHOWN - 1)
-    for i, (cam, law) in enumerate(cam_set.laws.items()):
+    for cam, law in cam_set.laws.items():
         course = Separation(law, parameters, speed)
         course.run(SHOWN * TURN / speed)
         roller = states(course, times)[0]
         off = 1e3 * (roller - course.cam(times)[0])
         lift_offs = sum(event.kind == "lift-off" for event in course.events)
         label = f"{cam_set.titles[cam]}: {'contact kept' if not lift_offs else 'contact lost'}"
-        place.plot(degrees, 1e3 * roller, lw=1.5, label=label, **line(i))
-        gap.plot(degrees, off, lw=1.3, **line(i))
+        place.plot(degrees, 1e3 * roller, lw=1.5, label=label, **line(cam))
+        gap.plot(degrees, off, lw=1.3, **line(cam))
     place.set(ylabel="displacement of the roller [mm]")
     place.set(title=f"Turn {SHOWN} from rest at {rpm:g} rpm")
     gap.set(ylabel="gap to the cam [mm]", xlabel=CAM_ANGLE)

@@ -12,7 +12,7 @@ from cam_rig.drawing import colours
 from cam_rig.drawing.colours import web
 from cam_rig.drawing.outlines import MM
 from cam_rig.dynamics.samples import NamedRows
-from cam_rig.plots.figures import CAM_ANGLE, empty, line, shade, turn_axis, write
+from cam_rig.plots.figures import CAM_ANGLE, empty, series, shade, turn_axis, write
 
 #: A speed (rpm), cam angles in the turn (°, rising) and contact forces (N), both ``(n,)``.
 ForceCurve = tuple[float, FloatArray, FloatArray]
@@ -51,7 +51,7 @@ def over_turn(curves: Mapping[str, Sequence[ForceCurve]]) -> Figure:
     panels = out.subplots(len(curves), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (title, speeds) in zip(panels, curves.items(), strict=True):
         for i, (rpm, degrees, force) in enumerate(speeds):
-            axes.plot(degrees, force, lw=1.3, label=f"{rpm:g} rpm", **line(i))
+            axes.plot(degrees, force, lw=1.3, label=f"{rpm:g} rpm", **series(i))
         axes.axhline(0.0, color="0.3", lw=0.9)
         axes.set(ylabel="contact force [N]", title=title)
         turn_axis(axes, 30)

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cam_rig.plots.figures import CAM_ANGLE, empty, line, marker, turn_axis, write
+from cam_rig.plots.figures import CAM_ANGLE, empty, series, series_marker, turn_axis, write
 from cam_rig.profile import turn_angles
 from cam_rig.studies.timing.comparison import CamTiming
 
@@ -40,7 +40,7 @@ def _basis(axes: Axes, timing: CamTiming) -> None:
         values = np.stack([ordinates.at(at) for at in angle])
         free = range(*ordinates.free.indices(ordinates.values.size))
         for j in range(ordinates.values.size):
-            ink = line(0)["color"] if j in free else "0.75"
+            ink = series(0)["color"] if j in free else "0.75"
             axes.plot(np.degrees(angle), values[:, j], color=ink, lw=1.1)
     for event in timing.events:
         axes.axvline(np.degrees(event.angle), color="0.3", ls=":", lw=1.0)
@@ -56,7 +56,7 @@ def _shifts(axes: Axes, timing: CamTiming) -> None:
             degrees = 0.01 * np.degrees(ordinates.shifts(event, timing.cam.lift.si))[free]
             at = np.degrees(ordinates.abscissae)[free]
             label = f"{100.0 * event.level:g} %" if ordinates is timing.ordinates[0] else None
-            axes.plot(at, degrees, ls="-", lw=1.0, ms=4.0, label=label, **marker(i))
+            axes.plot(at, degrees, ls="-", lw=1.0, ms=4.0, label=label, **series_marker(i))
     axes.axhline(0.0, color="0.3", lw=0.8)
     axes.set(xlabel=f"{CAM_ANGLE} of the control point")
     turn_axis(axes)

@@ -27,15 +27,15 @@ def figure(cam_set: CamSet, rpm: float) -> Figure:
     out = empty(11.0, 7.4)
     panels = out.subplots(2, 2)
     follower = FollowerParameters.from_rig(cam_set.rig)
-    for i, (cam, law) in enumerate(cam_set.laws.items()):
+    for cam, law in cam_set.laws.items():
         turn, title = steady_turn(law, follower, rpm * RPM), cam_set.titles[cam]
         degrees = np.degrees(turn.angle)
-        panels[0, 0].plot(degrees, 1e3 * turn.displacement, lw=1.5, label=title, **line(i))
-        _residual(panels[0, 1], turn, low_dwell(law), i)
-        panels[1, 0].plot(degrees, turn.acceleration, lw=1.2, **line(i))
+        panels[0, 0].plot(degrees, 1e3 * turn.displacement, lw=1.5, label=title, **line(cam))
+        _residual(panels[0, 1], turn, low_dwell(law), cam)
+        panels[1, 0].plot(degrees, turn.acceleration, lw=1.2, **line(cam))
         if cam_set.rig.shaft is not None:
             angle, twist = steady_twist(law, shaft_of(cam_set.rig), rpm * RPM)
-            panels[1, 1].plot(np.degrees(angle), np.degrees(twist), lw=1.2, **line(i))
+            panels[1, 1].plot(np.degrees(angle), np.degrees(twist), lw=1.2, **line(cam))
     _label(panels, cam_set, rpm)
     handles, labels = panels[0, 0].get_legend_handles_labels()
     out.legend(
@@ -44,12 +44,12 @@ def figure(cam_set: CamSet, rpm: float) -> Figure:
     return out
 
 
-def _residual(axes: Axes, turn: SteadyTurn, window: LowDwell, index: int) -> None:
+def _residual(axes: Axes, turn: SteadyTurn, window: LowDwell, cam: str) -> None:
     """About the low dwell: what is left of the vibration there."""
     degrees = (np.degrees(turn.angle - window.middle) + 180.0) % 360.0 - 180.0
     order = np.argsort(degrees)
     inside = order[np.abs(degrees[order]) <= 60.0]
-    style = line(index) if window.dwell else line(index) | {"alpha": 0.9}
+    style = line(cam) if window.dwell else line(cam) | {"alpha": 0.9}
     axes.plot(degrees[inside], 1e6 * turn.vibration[inside], lw=1.2, **style)
 
 

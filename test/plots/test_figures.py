@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from cam_rig.drawing.colours import CAMS, DISCS, web
+from cam_rig.drawing.cam_looks import COLOURS, cam_look
+from cam_rig.drawing.colours import DISCS, web
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.laws import Law
-from cam_rig.plots import jump, law, lift_off, profile, vibration
-from cam_rig.plots.figures import DASHES, MARKERS, line, marker
+from cam_rig.plots import jump, law, law_overlay, lift_off, profile, vibration
+from cam_rig.plots.figures import series
 from cam_rig.profile.checks.all_checks import check_cam
 from cam_rig.schema import CamConfig
 from cam_rig.schema.load import config_root
@@ -102,11 +103,31 @@ def test_vibration_is_at_the_speed_that_was_asked_for(figures: dict[str, Figure]
     assert all(axes.lines for axes in figure.axes)
 
 
-def test_cams_are_told_apart_without_colour() -> None:
-    """Each of the six has its own colour, dash and marker; after six they come again."""
-    assert len(set(CAMS)) == len(set(map(str, DASHES))) == len(set(MARKERS)) == len(CAMS)
-    assert line(7) == line(1) and marker(7) == marker(1)
-    assert line(0)["color"] == marker(0)["color"] == web(CAMS[0])
+def test_a_cam_looks_the_same_in_every_figure(figures: dict[str, Figure], cam_set: CamSet) -> None:
+    """Colour and dash follow from the name, whatever the order; so does the viewer's colour."""
+    for turned in (
+        cam_set,
+        CamSet(dict(reversed(cam_set.cams.items())), cam_set.laws, cam_set.rig),
+    ):
+        shown = {
+            "overlay": law_overlay.cams_figure(
+                [(c, cam_set.laws[n]) for n, c in turned.cams.items()]
+            ),
+            **{name: figures[name] for name in ("jump", "lift-off", "vibration")},
+        }
+        for name, cam in turned.cams.items():
+            wanted = web(cam_look(name).colour)
+            for key, figure in shown.items():
+                curves = [one for axes in figure.axes for one in axes.lines]
+                drawn = {one.get_color() for one in curves if cam.title in str(one.get_label())}
+                assert drawn == {wanted}, key
+
+
+def test_curves_that_are_no_cams_have_no_cams_colour() -> None:
+    """One cam at several speeds, masses of a stem: else a colour would be another cam's."""
+    looks = [series(i) for i in range(7)]
+    assert len({one["color"] for one in looks}) == len({str(one["ls"]) for one in looks}) == 7
+    assert not {one["color"] for one in looks} & set(map(web, COLOURS))
 
 
 def test_conjugate_discs_have_their_own_colours(

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cam_rig.arrays import FloatArray
-from cam_rig.plots.figures import CAM_SPEED, LEVEL, colour, empty, marker, write
+from cam_rig.plots.figures import CAM_SPEED, LEVEL, empty, marker, series, write
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.noise_comparison import NoiseResult
 
@@ -25,8 +25,8 @@ def figure(result: NoiseResult, loaded: LoadedScene) -> Figure:
     """Level of each cam against speed, its cubic regression, and what is published."""
     out = empty(8.0, 5.2)
     axes = out.subplots()
-    for index, curve in enumerate(result.curves.values()):
-        style = marker(index)
+    for curve in result.curves.values():
+        style = marker(curve.cam)
         ink = style["color"]
         title = loaded.cams[curve.cam].title
         if curve.rmse_db is not None:
@@ -62,9 +62,11 @@ def turn_by_turn(by_turn: FloatArray, settle_turns: int, level: float, title: st
     out = empty(8.0, 4.0)
     axes = out.subplots()
     turn = np.arange(1, by_turn.size + 1)
-    axes.plot(turn, by_turn, "o", color=colour(0), label="one turn")
+    axes.plot(turn, by_turn, "o", color=series(0)["color"], label="one turn")
     settled = np.array([settle_turns + 0.5, by_turn.size + 0.5])
-    axes.plot(settled, [level, level], color=colour(1), label=f"settled turns: {level:.2f} dB")
+    axes.plot(
+        settled, [level, level], color=series(1)["color"], label=f"settled turns: {level:.2f} dB"
+    )
     axes.set(xlabel="turn", ylabel=LEVEL, title=title)
     axes.set_xticks(turn[:: 1 + turn.size // 20])
     axes.set_ylim(by_turn.min() - MARGIN_DB, by_turn.max() + MARGIN_DB)

@@ -40,8 +40,8 @@ def figure(study: NoiseStudy, loaded: LoadedScene) -> Figure:
 
 def _panel(panel: Axes, method: Method, study: NoiseStudy, loaded: LoadedScene) -> None:
     rpm = study.rpm
-    for index, curve in enumerate(method.curves.values()):
-        style = marker(index)
+    for curve in method.curves.values():
+        style = marker(curve.cam)
         colour = style["color"]
         title = loaded.cams[curve.cam].title
         label = f"{title}: {curve.role}, r.m.s. difference {curve.rms_db:.2f} dB"

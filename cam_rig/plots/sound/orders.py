@@ -12,9 +12,8 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from cam_rig.arrays import FloatArray
-from cam_rig.plots.figures import CAM_SPEED, empty, line, write
+from cam_rig.plots.figures import CAM_SPEED, colour, empty, write
 from cam_rig.schema.scene import MODEL_ALIASES
-from cam_rig.studies.orders.spectrum import OrderSpectrum
 from cam_rig.studies.orders.waterfall import QUANTITIES, RANGE, CamOrders, loudest
 
 #: Orders that are named at the edge, at most.
@@ -39,16 +38,16 @@ def figure(found: Sequence[CamOrders]) -> Figure:
             what, model = name.partition(" [")[0], MODELS.get(study.model, study.model)
             axes.set_title(f"{study.cam}, {model}: {what}", fontsize=10)
             if len(study.spectra) == 1:
-                _lines(axes, study.spectra[0], study.values(quantity), name, most)
+                _lines(axes, study, study.values(quantity), name, most)
             else:
                 rays = _rays(axes, study, study.values(quantity), most)
                 out.colorbar(rays, ax=axes, label=name, extend="min")
     return out
 
 
-def _lines(axes: Axes, spectrum: OrderSpectrum, values: FloatArray, name: str, most: float) -> None:
-    low = most - RANGE
-    axes.vlines(spectrum.orders[1:], low, values, color=line(0)["color"], lw=1.4)
+def _lines(axes: Axes, study: CamOrders, values: FloatArray, name: str, most: float) -> None:
+    spectrum, low = study.spectra[0], most - RANGE
+    axes.vlines(spectrum.orders[1:], low, values, color=colour(study.cam), lw=1.4)
     axes.set(xlabel=f"order of the cam, {spectrum.rpm:g} rpm", ylabel=name)
     axes.set(ylim=(low, most + 4.0), xlim=(0.0, spectrum.orders[-1] + 1.0))
     axes.grid(alpha=0.25)
