@@ -1,17 +1,22 @@
-"""What all figures on paper share: an empty figure, the axis of the cam angle, styles of cams.
+"""What all figures on paper share: the style sheet, an empty figure, axes, looks of cams.
 
 Figures are made without pyplot: they need no screen and change nothing of matplotlib's state.
-Styles can be told apart in print and by the colour-blind.
+Looks can be told apart in print and by the colour-blind.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from cam_rig.arrays import FloatArray
@@ -27,31 +32,59 @@ from cam_rig.drawing.colours import (
     VERMILION,
     web,
 )
+from cam_rig.drawing.words import in_words, log_tick
 
 CAM_ANGLE, CAM_SPEED = "cam angle θ [°]", "cam speed [rpm]"
 LEVEL = "sound pressure level [dB re 20 µPa]"
-#: Dots per inch of a picture made of pixels.
-DPI = 130
+#: Width of a figure in inches: 170 mm, the text of an A4 page.
+WIDTH = 170.0 / 25.4
+#: Read once. `styled` has a function draw in it; what matplotlib is set to elsewhere stays.
+STYLE = mpl.rc_params_from_file(
+    Path(__file__).with_name("style.mplstyle"), use_default_template=False
+)
+styled = mpl.rc_context(STYLE)
+#: A logarithmic axis over more decades than this has no ticks at 3.
+DECADES = 4.0
 #: Curves that are no cam's, such as one cam at several speeds: in none of the cams' colours.
 SERIES = tuple(map(web, (BLUE, VERMILION, GREEN, BLACK, PURPLE, ORANGE, SKY_BLUE)))
 #: Of the side of a panel, between two markers of a curve.
 MARKER_GAP = 0.14
 
 
-def empty(width: float, height: float) -> Figure:
+def empty(height: float, width: float = WIDTH) -> Figure:
     """A figure without axes; sides in inches."""
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def write(figure: Figure, path: Path, dpi: float = DPI) -> None:
-    """Write a figure as PNG, or as any format that matplotlib knows by the suffix."""
-    figure.savefig(path, dpi=dpi)
+@styled
+def write(figure: Figure, path: Path, dpi: float | None = None) -> None:
+    """Write a figure as PNG, or as any format that matplotlib knows by the suffix.
+
+    Parameters
+    ----------
+    dpi : of what is made of pixels; None for the style's
+    """
+    figure.savefig(path, dpi=STYLE["savefig.dpi"] if dpi is None else dpi)
+
+
+def logarithmic(*axes: Axis) -> None:
+    """Ticks at 1, 3, 10 of each axis, at decades where it has many; numbers written out."""
+    for axis in axes:
+        low, high = axis.get_view_interval()
+        wide = math.log10(high / low) > DECADES
+        axis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 3.0)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: log_tick(value)))
+        axis.set_minor_formatter(NullFormatter())
+
+
+def title_of(titles: Mapping[str, str], cam: str) -> str:
+    """A cam's title; its name in words where there is none."""
+    return titles.get(cam) or in_words(cam)
 
 
 def turn_axis(axes: Axes, step: int = 60) -> None:
-    """One turn along x, marked every ``step`` degrees, with a grid."""
+    """One turn along x, marked every ``step`` degrees."""
     axes.set(xlim=(0.0, 360.0), xticks=range(0, 361, step))
-    axes.grid(alpha=0.25)
 
 
 def shade(axes: Axes, x: FloatArray, where: NDArray[np.bool_], label: str | None = None) -> None:

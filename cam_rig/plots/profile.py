@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from cam_rig.drawing.colours import DISCS, LIMIT, PITCH_CURVE, web
 from cam_rig.drawing.outlines import MM, circle
 from cam_rig.laws import Law
-from cam_rig.plots.figures import CAM_ANGLE, empty, turn_axis, write
+from cam_rig.plots.figures import CAM_ANGLE, empty, styled, turn_axis, write
 from cam_rig.plots.follower_positions import pivots, positions
 from cam_rig.profile import Contour, contours, turn_angles
 from cam_rig.profile.checks.check import Check
@@ -38,6 +38,7 @@ def draw(
     write(figure(cam, law, checks, follower_positions), path)
 
 
+@styled
 def figure(
     cam: CamConfig, law: Law, checks: list[Check], follower_positions: int = POSITIONS
 ) -> Figure:
@@ -47,7 +48,7 @@ def figure(
     graphical method divides the turn (profile thesis, §2.2.1).
     """
     discs = contours(cam.follower, law, POINTS)
-    out = empty(12.5, 7.4)
+    out = empty(4.9)
     panels = out.subplot_mosaic(
         [["plan", "curvature"], ["plan", "pressure"]], width_ratios=[1.45, 1.0]
     )
@@ -58,8 +59,9 @@ def figure(
     title = [f"{cam.title} (follower: {kind}, lift {law.lift * MM:.4g} mm)"]
     for check in (check for check in checks if not check.passed):
         where = "" if check.degrees is None else f" at {check.degrees:.4g}°"
-        title.append(f"not met: {check.title} {check.shown(check.value)}{where}")
-    out.suptitle("\n".join(title), fontsize=12)
+        value = check.shown(check.value).replace("-", "−")
+        title.append(f"not met: {check.title} {value}{where}")
+    out.suptitle("\n".join(title))
     return out
 
 
@@ -76,14 +78,14 @@ def _plan(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...], coun
             pitch = _closed(contour.pitch)
             axes.plot(*pitch, color=web(PITCH_CURVE), ls=(0, (7, 2, 1, 2)), lw=1.1, label=label)
     base = circle(cam.follower.base_radius.si * MM)
-    axes.plot(*base.T, color="0.25", ls=":", lw=1.2, label="base circle")
+    axes.plot(*base.T, color="0.25", ls=":", label="base circle")
     axes.plot(0.0, 0.0, "+", color="k", ms=9)
     axes.margins(0.09)  # for the names of the angles
     axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
     each = 360.0 / count
-    axes.set_title(f"follower every {each:.4g}°, black at 0°; the cam turns ↺", fontsize=10)
+    axes.set_title(f"follower every {each:.4g}°, black at 0°; the cam turns ↺")
     _name_angles(axes, discs[0], law, count)
-    axes.legend(fontsize=8, loc="upper left", framealpha=0.9)
+    axes.legend(loc="upper left", framealpha=0.9)
 
 
 def _follower(axes: Axes, contour: Contour, law: Law, count: int) -> None:
@@ -116,7 +118,7 @@ def _name_angles(axes: Axes, contour: Contour, law: Law, count: int) -> None:
     ):
         end = strips[-1][-1]
         place = end * (1.0 + 5.0 / np.hypot(*np.abs(end).clip(60.0)))
-        axes.annotate(f"{degrees:.3g}°", place, ha="center", va="center", fontsize=8, color="0.3")
+        axes.annotate(f"{degrees:.3g}°", place, ha="center", va="center", color="0.3")
 
 
 def _curvature(axes: Axes, cam: CamConfig, discs: tuple[Contour, ...]) -> None:
@@ -125,36 +127,36 @@ def _curvature(axes: Axes, cam: CamConfig, discs: tuple[Contour, ...]) -> None:
         radius = contour.radius * MM
         shown = np.where(np.abs(radius) < OFF * size, radius, np.nan)
         label = f"{contour.disc.name} cam" if contour.disc.name else None
-        axes.plot(np.degrees(contour.angle), shown, color=colour, ls=dash, lw=1.6, label=label)
+        axes.plot(np.degrees(contour.angle), shown, color=colour, ls=dash, label=label)
     asked = cam.follower.least_curvature_radius
     least, roller = 0.0 if asked is None else asked.si * MM, cam.follower.roller * MM
     hollow = discs[0].pitch is not None  # a face cannot follow one, however wide
     axes.axhspan(-roller if hollow else -size, least, color=web(LIMIT), alpha=0.25, lw=0.0)
-    axes.axhline(least, color=web(LIMIT), lw=1.2, label="undercut, or below the least radius")
+    axes.axhline(least, color=web(LIMIT), label="undercut, or below the least radius")
     axes.set(ylabel="radius of curvature ρ [mm]")
     flat = any(np.isfinite(c.radius[np.abs(c.radius) * MM >= OFF * size]).any() for c in discs)
-    beyond = f"; beyond {OFF * size:.3g} mm not drawn" if flat else ""
-    axes.set_title(f"positive where the contour is convex{beyond}", fontsize=10)
+    beyond = f"\nbeyond {OFF * size:.3g} mm not drawn" if flat else ""
+    axes.set_title(f"positive where convex{beyond}")
     turn_axis(axes)
     values = np.concatenate([line.get_ydata() for line in axes.lines])
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    axes.set_ylim(min(low, -roller, 0.0) - 0.08 * high, high * 1.32)
-    axes.legend(fontsize=8, loc="upper right", ncols=len(discs) + 1)
+    axes.set_ylim(min(low, -roller, 0.0) - 0.08 * high, high * (1.32 + 0.18 * (len(discs) - 1)))
+    axes.legend(loc="upper right")
 
 
 def _pressure(axes: Axes, discs: tuple[Contour, ...], checks: list[Check]) -> None:
     for contour, colour, dash in zip(discs, INK, DASH, strict=False):
         degrees = np.degrees(contour.pressure)
-        axes.plot(np.degrees(contour.angle), degrees, color=colour, ls=dash, lw=1.6)
+        axes.plot(np.degrees(contour.angle), degrees, color=colour, ls=dash)
     limits = [np.degrees(check.limit) for check in checks if check.name == "pressure angle"]
     for limit in limits[:1]:
-        axes.axhline(limit, color=web(LIMIT), lw=1.2, ls="--", label=f"limit, ±{limit:.4g}°")
-        axes.axhline(-limit, color=web(LIMIT), lw=1.2, ls="--")
+        axes.axhline(limit, color=web(LIMIT), ls="--", label=f"limit, ±{limit:.4g}°")
+        axes.axhline(-limit, color=web(LIMIT), ls="--")
     axes.set(ylabel="pressure angle α [°]", xlabel=CAM_ANGLE)
     turn_axis(axes)
     low, high = axes.get_ylim()
     axes.set_ylim(low - 0.03 * (high - low), high + 0.14 * (high - low))
-    axes.legend(fontsize=8, loc="upper right")
+    axes.legend(loc="upper right")
 
 
 def _closed(points: np.ndarray) -> np.ndarray:

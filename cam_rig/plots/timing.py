@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cam_rig.plots.figures import CAM_ANGLE, empty, series, series_marker, turn_axis, write
+from cam_rig.plots.figures import CAM_ANGLE, empty, series, series_marker, styled, turn_axis, write
 from cam_rig.profile import turn_angles
 from cam_rig.studies.timing.comparison import CamTiming
 
@@ -21,16 +21,17 @@ def draw(columns: Sequence[CamTiming], path: Path) -> None:
     write(figure(columns), path)
 
 
+@styled
 def figure(columns: Sequence[CamTiming]) -> Figure:
     """One column for each cam, with the same axes."""
-    out = empty(5.6 * len(columns) + 0.6, 6.4)
+    out = empty(4.8)
     panels = out.subplots(2, len(columns), sharex=True, sharey="row", squeeze=False)
     for i, timing in enumerate(columns):
         _basis(panels[0, i], timing)
         _shifts(panels[1, i], timing)
-    panels[0, 0].set(ylabel="change of s / change of the ordinate")
-    panels[1, 0].set(ylabel="shift of the event [° per 1 % of the lift]")
-    panels[1, 0].legend(fontsize=8, title="passes, rising", title_fontsize=8)
+    panels[0, 0].set(ylabel="change of s /\nchange of the ordinate [1]")
+    panels[1, 0].set(ylabel="shift of the event\n[° per 1 % of the lift]")
+    panels[1, 0].legend(title="passes, rising")
     return out
 
 
@@ -44,7 +45,7 @@ def _basis(axes: Axes, timing: CamTiming) -> None:
             axes.plot(np.degrees(angle), values[:, j], color=ink, lw=1.1)
     for event in timing.events:
         axes.axvline(np.degrees(event.angle), color="0.3", ls=":", lw=1.0)
-    axes.set_title(f"{timing.cam.title}\nblue: free ordinates; dotted: events", fontsize=10)
+    axes.set_title(f"{timing.cam.title}\nblue: free ordinates; dotted: events")
     turn_axis(axes)
 
 

@@ -50,7 +50,7 @@ def draw_pictures(archive: TurnArchive, noise: Callable[[Path], None], folder: P
 
 def animate(archive: TurnArchive, turn: Turn, path: Path) -> None:
     """One turn: the rig left, lift and contact force with a cursor right."""
-    figure = empty(8.0, 4.0)
+    figure = empty(4.0, 8.0)
     parts = figure.add_gridspec(2, 2, width_ratios=[2, 3])
     rig, lift, force = (
         figure.add_subplot(parts[where]) for where in (np.s_[:, 0], np.s_[0, 1], np.s_[1, 1])
@@ -82,7 +82,7 @@ def animate(archive: TurnArchive, turn: Turn, path: Path) -> None:
 
 def side_by_side(archive: TurnArchive, turns: list[Turn], path: Path) -> None:
     """All cams at one speed, each where its contact force is at its maximum, and their curves."""
-    figure = empty(3.6 * len(turns), 7.0)
+    figure = empty(7.0, 3.6 * len(turns))
     axes = figure.subplots(3, len(turns), height_ratios=[3, 2, 2], squeeze=False)
     for (rig, lift, force), turn in zip(axes.T, turns, strict=True):
         sample = int(turn.force.argmax())
