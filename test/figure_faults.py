@@ -43,8 +43,11 @@ def faults(figure: Figure) -> list[str]:
     for axes in panels:
         legend = axes.get_legend()
         others = [other.bbox for other in panels if other is not axes]
+        others += [box for text, box in boxes if not legend or text not in legend.get_texts()]
         if legend and any(_overlap(legend.get_window_extent(), other) for other in others):
-            found.append(f"a legend on another panel: {legend.get_texts()[0].get_text()!r}")
+            found.append(
+                f"a legend on another panel or label: {legend.get_texts()[0].get_text()!r}"
+            )
     for (one, box), (other, beside) in combinations(boxes, 2):
         if _overlap(box, beside):
             found.append(f"{one.get_text()!r} on {other.get_text()!r}")
