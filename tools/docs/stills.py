@@ -94,6 +94,7 @@ def draw_curves(lift: Axes, force: Axes, loaded: LoadedScene, turn: Turn) -> lis
         turn_axis(axes, 90)
     force.axhline(0.0, color=web(colours.ZERO), lw=0.8)
     lift.set(ylabel="lift s [mm]")
-    lift.legend(loc="upper left", fontsize=8)
+    lift.set_ylim(top=1.45 * MM * float(turn.lift.max()))  # room for the legend
+    lift.legend(loc="upper center", ncols=2, handlelength=1.8)
     force.set(ylabel="contact force [N]", xlabel=CAM_ANGLE)
     return [axes.axvline(0.0, color="0.3", lw=1.0) for axes in (lift, force)]
