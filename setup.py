@@ -96,6 +96,7 @@ setup(
         NAME: [
             "py.typed",
             "bench/reference/*.json",
+            "plots/*.mplstyle",
             "report/templates/*",
             "report/templates/scene/*",
         ]

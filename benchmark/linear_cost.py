@@ -16,20 +16,16 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import matplotlib as mpl
-
-mpl.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 
 from cam_rig.bench.cases.cases import law_of
+from cam_rig.drawing.words import in_words, typeset
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval
 from cam_rig.laws import Law
+from cam_rig.plots.figures import empty, logarithmic, series_marker, styled, write
 from cam_rig.units import NS
 
 MODELS_SHOWN = ("kinetostatic", "residual")
-COLOURS = {"kinetostatic": "tab:blue", "residual": "tab:orange"}
-MARKERS = {"kinetostatic": "o", "residual": "s"}
 RPM, SAMPLE_RATE, REPEATS = 300.0, 48_000, 3
 SPEED = RPM * np.pi / 30.0
 SAMPLES = (10_000, 30_000, 100_000, 300_000, 1_000_000, 3_000_000, 10_000_000)
@@ -97,32 +93,36 @@ def _line(head: str, times: list[float], count: int) -> str:
     return f"| {head} | " + " | ".join(cells) + " |"
 
 
+@styled
 def draw(by_samples: dict[str, list[float]], by_stem: dict[str, list[float]], path: Path) -> None:
     """Both measurements, log-log, with a line of slope one beside the first."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(11.0, 4.6), layout="constrained")
-    for model in MODELS_SHOWN:
-        look = {"color": COLOURS[model], "marker": MARKERS[model], "label": model}
+    figure = empty(3.2)
+    left, right = figure.subplots(1, 2)
+    for i, model in enumerate(MODELS_SHOWN):
+        look = {**series_marker(i), "label": in_words(model)}
         left.loglog(SAMPLES, by_samples[model], **look)
         right.loglog(STEMS, by_stem[model], **look)
     guide = np.array([SAMPLES[0], SAMPLES[-1]])
     least = by_samples["kinetostatic"][-1] / SAMPLES[-1]
     left.loglog(guide, 0.4 * least * guide, "--", color="0.5", label="slope 1")
     left.set(
-        xlabel="samples", ylabel="wall time [s]", title=f"{RPM:g} rpm, stem {USUAL_STEM:.2g} N/m"
+        xlabel="samples",
+        ylabel="wall time [s]",
+        title=f"{RPM:g} rpm, stem {typeset(USUAL_STEM, '.2g')} N/m",
     )
     right.set(
         xlabel="stem stiffness [N/m]",
         ylabel="wall time [s]",
-        title=f"{RPM:g} rpm, {USUAL_SAMPLES:.0e} samples",
+        title=f"{RPM:g} rpm, {typeset(USUAL_SAMPLES, '.0e')} samples",
     )
     low = min(min(times) for times in by_stem.values())
     high = max(max(times) for times in by_stem.values())
     right.set_ylim(low / 5.0, high * 5.0)
     for axes in (left, right):
-        axes.grid(True, which="major", alpha=0.3)
+        logarithmic(axes.xaxis, axes.yaxis)
         axes.legend()
     figure.suptitle(f"Cost of a run at {SAMPLE_RATE // 1000} kHz, one thread")
-    figure.savefig(path, dpi=130)
+    write(figure, path)
 
 
 def main() -> None:

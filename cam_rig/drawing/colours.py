@@ -1,12 +1,11 @@
 """The one palette of plots and viewer, 0xRRGGBBAA as Rerun has it.
 
-Okabe and Ito's colours for curves, Tol's for cams: both are told apart by the colour-blind. In the
-viewer no two curves share one, so a curve that is missing there is missed.
+Okabe and Ito's colours for curves, Tol's for cams (`cam_rig.drawing.cam_looks`): both are told
+apart by the colour-blind. In the viewer no two curves share one, so a curve that is missing there
+is missed.
 """
 
 from __future__ import annotations
-
-from cam_rig.simulation.loaded_scene import LoadedScene
 
 SKY_BLUE, BLUE, GREEN, PURPLE = 0x56B4E9FF, 0x0072B2FF, 0x009E73FF, 0xCC79A7FF
 ORANGE, VERMILION, BLACK, LIGHT_GREY = 0xE69F00FF, 0xD55E00FF, 0x000000FF, 0xCCCCCCFF
@@ -18,13 +17,6 @@ GREY, FOLLOWER, GAP, ZERO = 0x999999FF, 0x8C6D31FF, 0xFF0000FF, 0x661100FF
 #: On paper: s to s''', the discs of a cam, their pitch curve, and what may not be passed.
 DERIVATIVES = (BLUE, GREEN, VERMILION, BLACK)
 DISCS, PITCH_CURVE, LIMIT = (BLUE, VERMILION), GREEN, PURPLE
-#: One a cam, in the order of the scene: in the viewer and in every plot.
-CAMS = (0x4477AAFF, 0xEE6677FF, 0x228833FF, 0xCCBB44FF, 0x66CCEEFF, 0xAA3377FF)
-
-
-def of_cam(loaded: LoadedScene, cam: str) -> int:
-    """The colour of a cam of the scene."""
-    return CAMS[list(loaded.cams).index(cam) % len(CAMS)]
 
 
 def web(colour: int) -> str:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 
 from cam_rig.drawing.outlines import MM
-from cam_rig.plots.figures import CAM_ANGLE, empty, line, turn_axis, write
+from cam_rig.plots.figures import CAM_ANGLE, empty, series, styled, turn_axis, write
 from cam_rig.profile import turn_angles
 from cam_rig.profile.contour import Contour
 from cam_rig.profile.disc import Disc
@@ -27,9 +27,10 @@ def draw(found: AsCut, title: str, path: Path) -> None:
     write(figure(found, title), path)
 
 
+@styled
 def figure(found: AsCut, title: str) -> Figure:
     """The polar plot, and beside it what the roller does with it."""
-    out = empty(11.0, 5.6)
+    out = empty(3.8)
     grid = out.add_gridspec(2, 2, width_ratios=[1.15, 1.0])
     polar = out.add_subplot(grid[:, 0], projection="polar")
     assert isinstance(polar, PolarAxes)
@@ -45,33 +46,35 @@ def figure(found: AsCut, title: str) -> Figure:
 def _polar(axes: PolarAxes, found: AsCut) -> None:
     law, angle = found.drawn.law, np.append(turn_angles(POINTS), 0.0)
     drawn = (found.base_radius + law(angle)) * MM
-    axes.plot(angle, drawn, lw=2.0, label="s + R_b, as fig. 12", **line(0))
-    axes.fill(angle, drawn, color=line(0)["color"], alpha=0.10, lw=0.0)
+    axes.plot(angle, drawn, lw=2.0, label="s + $R_b$, as fig. 12", **series(0))
+    axes.fill(angle, drawn, color=series(0)["color"], alpha=0.10, lw=0.0)
     element = GuidedCentre.on_base(found.base_radius, found.roller, 0.0)
     contour = Contour.of(Disc("", element), Motion.at(law, angle))
     x, y = contour.points  # at cam angle 0 the guide is +y and the follower runs clockwise
     radius = np.hypot(x, y) * MM
-    axes.plot(np.arctan2(x, y), radius, lw=1.3, label="cut for the roller", **line(1))
+    axes.plot(np.arctan2(x, y), radius, label="cut for the roller", **series(1))
     base = np.full_like(angle, found.base_radius * MM)
-    axes.plot(angle, base, color="0.25", ls=":", lw=1.2, label="base circle")
+    axes.plot(angle, base, color="0.25", ls=":", label="base circle")
     axes.set(rmin=0.0)
-    axes.set_title("contour, radius in mm", fontsize=10)
-    axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(-0.12, 1.10))
+    axes.set_rlabel_position(68.0)
+    axes.set_title("contour, radius in mm")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=2)
 
 
 def _lift(axes: Axes, found: AsCut) -> None:
     angle = turn_angles(POINTS)
     above = (found.cut.law(angle) - found.drawn.law(angle)) * MM
-    axes.plot(np.degrees(angle), above, lw=1.6, **line(0))
-    axes.set(ylabel="roller above s [mm]", title="lift of a roller on s + R_b, less s")
+    axes.plot(np.degrees(angle), above, **series(0))
+    axes.set(ylabel="roller above s [mm]", title="roller on s + $R_b$, less s")
     turn_axis(axes)
 
 
 def _acceleration(axes: Axes, found: AsCut) -> None:
     angle = turn_angles(POINTS)
-    for i, (cam, name) in enumerate(((found.drawn, "s"), (found.cut, "roller on s + R_b"))):
+    for i, (cam, name) in enumerate(((found.drawn, "s"), (found.cut, "roller on s + $R_b$"))):
         label = f"{name}: jump speed {cam.jump / RPM:.1f} rpm"
-        axes.plot(np.degrees(angle), cam.law(angle, 2) * MM, lw=1.6, label=label, **line(i))
+        axes.plot(np.degrees(angle), cam.law(angle, 2) * MM, label=label, **series(i))
     axes.set(ylabel="s″ [mm/rad²]", xlabel=CAM_ANGLE)
     turn_axis(axes)
-    axes.legend(fontsize=8)
+    axes.set_ylim(top=1.7 * axes.get_ylim()[1])
+    axes.legend(loc="upper center")

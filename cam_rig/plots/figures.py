@@ -1,53 +1,90 @@
-"""What all figures on paper share: an empty figure, the axis of the cam angle, styles of cams.
+"""What all figures on paper share: the style sheet, an empty figure, axes, looks of cams.
 
 Figures are made without pyplot: they need no screen and change nothing of matplotlib's state.
-Styles can be told apart in print and by the colour-blind.
+Looks can be told apart in print and by the colour-blind.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from cam_rig.arrays import FloatArray
-from cam_rig.drawing.colours import CAMS, GAP, web
+from cam_rig.drawing.cam_looks import DASHES, MARKERS, cam_look
+from cam_rig.drawing.colours import (
+    BLACK,
+    BLUE,
+    GAP,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    SKY_BLUE,
+    VERMILION,
+    web,
+)
+from cam_rig.drawing.words import in_words, log_tick
 
 CAM_ANGLE, CAM_SPEED = "cam angle θ [°]", "cam speed [rpm]"
 LEVEL = "sound pressure level [dB re 20 µPa]"
-#: Dots per inch of a picture made of pixels.
-DPI = 130
-#: A dash for each colour of a cam.
-DASHES: tuple[Any, ...] = (
-    "-",
-    (0, (6, 2)),
-    (0, (5, 1.5, 1, 1.5)),
-    (0, (2, 1.2)),
-    (0, (9, 2, 1, 2, 1, 2)),
-    (0, (1, 1)),
+#: Width of a figure in inches: 170 mm, the text of an A4 page.
+WIDTH = 170.0 / 25.4
+#: Read once. `styled` has a function draw in it; what matplotlib is set to elsewhere stays.
+STYLE = mpl.rc_params_from_file(
+    Path(__file__).with_name("style.mplstyle"), use_default_template=False
 )
-#: Markers in the same order.
-MARKERS = ("o", "s", "^", "D", "v", "P")
+styled = mpl.rc_context(STYLE)
+#: A logarithmic axis over more decades than this has no ticks at 3.
+DECADES = 4.0
+#: Curves that are no cam's, such as one cam at several speeds: in none of the cams' colours.
+SERIES = tuple(map(web, (BLUE, VERMILION, GREEN, BLACK, PURPLE, ORANGE, SKY_BLUE)))
+#: Of the side of a panel, between two markers of a curve.
+MARKER_GAP = 0.14
 
 
-def empty(width: float, height: float) -> Figure:
+def empty(height: float, width: float = WIDTH) -> Figure:
     """A figure without axes; sides in inches."""
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def write(figure: Figure, path: Path, dpi: float = DPI) -> None:
-    """Write a figure as PNG, or as any format that matplotlib knows by the suffix."""
-    figure.savefig(path, dpi=dpi)
+@styled
+def write(figure: Figure, path: Path, dpi: float | None = None) -> None:
+    """Write a figure as PNG, or as any format that matplotlib knows by the suffix.
+
+    Parameters
+    ----------
+    dpi : of what is made of pixels; None for the style's
+    """
+    figure.savefig(path, dpi=STYLE["savefig.dpi"] if dpi is None else dpi)
+
+
+def logarithmic(*axes: Axis) -> None:
+    """Ticks at 1, 3, 10 of each axis, at decades where it has many; numbers written out."""
+    for axis in axes:
+        low, high = axis.get_view_interval()
+        wide = math.log10(high / low) > DECADES
+        axis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 3.0)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: log_tick(value)))
+        axis.set_minor_formatter(NullFormatter())
+
+
+def title_of(titles: Mapping[str, str], cam: str) -> str:
+    """A cam's title; its name in words where there is none."""
+    return titles.get(cam) or in_words(cam)
 
 
 def turn_axis(axes: Axes, step: int = 60) -> None:
-    """One turn along x, marked every ``step`` degrees, with a grid."""
+    """One turn along x, marked every ``step`` degrees."""
     axes.set(xlim=(0.0, 360.0), xticks=range(0, 361, step))
-    axes.grid(alpha=0.25)
 
 
 def shade(axes: Axes, x: FloatArray, where: NDArray[np.bool_], label: str | None = None) -> None:
@@ -65,16 +102,30 @@ def shade(axes: Axes, x: FloatArray, where: NDArray[np.bool_], label: str | None
     )
 
 
-def line(index: int) -> dict[str, Any]:
-    """Colour and dash of the index-th cam."""
-    return {"color": colour(index), "ls": DASHES[index % len(DASHES)]}
+def line(cam: str) -> dict[str, Any]:
+    """What a line of a cam, or of a named rise, is drawn with, by its name."""
+    look = cam_look(cam)
+    style = {"color": web(look.colour), "ls": look.dash}
+    if look.marked:
+        style |= {"marker": look.marker, "ms": 4.0, "markevery": MARKER_GAP}
+    return style
 
 
-def marker(index: int) -> dict[str, Any]:
-    """Colour and marker of the index-th cam."""
-    return {"color": colour(index), "marker": MARKERS[index % len(MARKERS)]}
+def marker(cam: str) -> dict[str, Any]:
+    """What points of a cam are drawn with, by its name."""
+    return {"color": colour(cam), "marker": cam_look(cam).marker}
 
 
-def colour(index: int) -> str:
-    """Colour of the index-th cam, the same as in the viewer."""
-    return web(CAMS[index % len(CAMS)])
+def colour(cam: str) -> str:
+    """Colour of a cam by its name, the same as in the viewer."""
+    return web(cam_look(cam).colour)
+
+
+def series(index: int) -> dict[str, Any]:
+    """Colour and dash of the index-th of several curves that are no cams."""
+    return {"color": SERIES[index % len(SERIES)], "ls": DASHES[index % len(DASHES)]}
+
+
+def series_marker(index: int) -> dict[str, Any]:
+    """Colour and marker of the index-th of several curves that are no cams."""
+    return {"color": SERIES[index % len(SERIES)], "marker": MARKERS[index % len(MARKERS)]}

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.markers import CARETUP
 
 from cam_rig.arrays import FloatArray
+from cam_rig.drawing.words import in_words
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.laws import Law
-from cam_rig.plots.figures import CAM_SPEED, colour, empty, line, write
+from cam_rig.plots.figures import CAM_SPEED, colour, empty, line, styled, write
 from cam_rig.studies.cam_set import CamSet
 from cam_rig.studies.jump.any_rig import ONE_MASS, AnyFollower, follower_of, least_force
 from cam_rig.studies.jump.comparison import JumpRow
 from cam_rig.units import RPM
 
-#: Speeds of a curve.
-POINTS = 400
+#: Speeds of a curve; between these (rpm) most of the paper's cams lose contact: an inset.
+POINTS, INSET = 400, (380.0, 420.0)
+#: Marker of a published speed, which points at the axis from below.
+PUBLISHED: dict[str, Any] = {"marker": CARETUP, "ls": "", "ms": 5.5, "zorder": 4}
 
 
 def draw(rows: list[JumpRow], cam_set: CamSet, duration: float | None, path: Path) -> None:
@@ -26,44 +31,54 @@ def draw(rows: list[JumpRow], cam_set: CamSet, duration: float | None, path: Pat
     write(figure(rows, cam_set, duration), path)
 
 
+@styled
 def figure(rows: list[JumpRow], cam_set: CamSet, duration: float | None) -> Figure:
     """The minimum force of a run of ``duration`` s from rest (None: in steady state) by speed."""
     parameters = follower_of(cam_set.rig)
-    out = empty(8.0, 4.6)
+    out = empty(4.8)
     axes = out.subplots()
     last = 1.08 * max(row.found.rpm for row in rows)
     rpm = np.linspace(0.35 * min(row.found.rpm for row in rows), last, POINTS)
-    for i, row in enumerate(rows):
-        least = least_force(cam_set.laws[row.cam], parameters, duration, rpm * RPM)
-        axes.plot(
-            rpm, least, lw=1.6, label=f"{cam_set.titles[row.cam]}: {row.found.rpm:.2f}", **line(i)
-        )
-        _mark(axes, row, line(i)["color"])
+    rpm = np.union1d(rpm, np.arange(*INSET)[np.arange(*INSET) < last])
+    places, insets = [axes], [row for row in rows if INSET[0] < row.found.rpm < INSET[1]]
+    low, high = -0.55 * parameters.preload, 1.15 * parameters.preload
+    if len(insets) > 1:
+        high = 2.1 * parameters.preload  # room for it above the curves
+        places.append(_inset(axes, 0.12 * parameters.preload))
     _frame(axes, rpm)
+    for row in rows:
+        least = least_force(cam_set.laws[row.cam], parameters, duration, rpm * RPM)
+        label = f"{cam_set.titles[row.cam]}: {row.found.rpm:.2f}"
+        for place in places:
+            place.plot(rpm, least, label=label, **line(row.cam))
+            _mark(place, row)
     run = _when(duration) if isinstance(parameters, TwoMassParameters) else ONE_MASS
-    axes.set(title=f"Contact is kept while the minimum force is positive ({run})")
-    axes.set(ylim=(-0.55 * parameters.preload, 1.15 * parameters.preload))
+    axes.set(title=f"Contact is kept while the minimum force is positive ({run})", ylim=(low, high))
     if any(row.published_rpm is not None for row in rows):
-        axes.plot([], [], "v", color="0.3", ms=7, mfc="none", label="published (paper, Table 2)")
-    axes.legend(
-        title="jump speed [rpm]",
-        fontsize=8.5,
-        title_fontsize=8.5,
-        loc="lower left",
-        handlelength=3.4,
-    )
+        axes.plot([], [], label="published (paper, Table 2)", color="0.3", **PUBLISHED)
+    axes.legend(title="jump speed [rpm]", loc="upper left" if len(insets) > 1 else "lower left")
     return out
 
 
+def _inset(axes: Axes, force: float) -> Axes:
+    """Where several cams lose contact, enlarged: ``force`` (N) to both sides of zero."""
+    out = axes.inset_axes((0.54, 0.69, 0.44, 0.29), xlim=INSET, ylim=(-force, force))
+    out.axhline(0.0, color="0.3", lw=0.9)
+    out.tick_params(axis="x", pad=6.0)
+    axes.indicate_inset_zoom(out, edgecolor="0.4")
+    return out
+
+
+@styled
 def one_cam(law: Law, parameters: AnyFollower, duration: float | None, jump: float) -> Figure:
     """The minimum force of one cam up to 8 % above its ``jump`` speed (rpm)."""
-    out = empty(8.0, 4.4)
+    out = empty(3.4)
     axes = out.subplots()
     rpm = np.linspace(0.35 * jump, 1.08 * jump, POINTS)
-    axes.plot(rpm, least_force(law, parameters, duration, rpm * RPM), **line(0), lw=1.6)
-    axes.plot(jump, 0.0, "o", color=colour(0), label=f"jump speed {jump:.2f} rpm")
+    axes.plot(rpm, least_force(law, parameters, duration, rpm * RPM), **line(law.name))
+    axes.plot(jump, 0.0, "o", color=colour(law.name), label=f"jump speed {jump:.2f} rpm")
     _frame(axes, rpm)
-    axes.set(title=f"{law.name}, {_when(duration)}")
+    axes.set(title=f"{in_words(law.name)}, {_when(duration)}")
     axes.legend(loc="lower left")
     return out
 
@@ -76,10 +91,14 @@ def _frame(axes: Axes, rpm: FloatArray) -> None:
     """Both axes, with the line of zero force."""
     axes.set(xlabel=CAM_SPEED, ylabel="minimum contact force [N]", xlim=(rpm[0], rpm[-1]))
     axes.axhline(0.0, color="0.3", lw=0.9)
-    axes.grid(alpha=0.25)
+    axes.tick_params(axis="x", pad=6.0)  # beside what is published
 
 
-def _mark(axes: Axes, row: JumpRow, ink: str) -> None:
-    axes.plot(row.found.rpm, 0.0, "o", color=ink, ms=5, zorder=4)
-    if row.published_rpm is not None:
-        axes.plot(row.published_rpm, 0.0, "v", color=ink, ms=9, mfc="none", zorder=4)
+def _mark(axes: Axes, row: JumpRow) -> None:
+    """The speed found on the line of zero force; the published one at the foot of the axes."""
+    ink = colour(row.cam)
+    axes.plot(row.found.rpm, 0.0, "o", color=ink, ms=4, zorder=4)
+    low, high = axes.get_xlim()
+    if row.published_rpm is not None and low < row.published_rpm < high:
+        foot = axes.get_xaxis_transform()
+        axes.plot(row.published_rpm, 0.0, color=ink, transform=foot, clip_on=False, **PUBLISHED)

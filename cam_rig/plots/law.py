@@ -11,14 +11,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cam_rig.drawing.colours import CAMS, DERIVATIVES, web
+from cam_rig.drawing.colours import DERIVATIVES, web
+from cam_rig.drawing.outlines import MM
+from cam_rig.drawing.words import in_words, typeset
 from cam_rig.laws import Law
 from cam_rig.laws.cam import segment_angles
 from cam_rig.laws.continuity import SMOOTHEST, Joint, joints
 from cam_rig.laws.control_polygon import control_polygons
 from cam_rig.laws.curves import sampled_pieces
 from cam_rig.laws.peaks import extremes
-from cam_rig.plots.figures import CAM_ANGLE, empty, turn_axis, write
+from cam_rig.plots.figures import CAM_ANGLE, empty, series, styled, turn_axis, write
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segments import Table
 from cam_rig.studies.cam_fit.arcs_fit import ArcsFit
@@ -43,13 +45,14 @@ def draw(cam: CamConfig, law: Law, path: Path) -> None:
     write(figure(cam, law), path)
 
 
+@styled
 def figure(cam: CamConfig, law: Law) -> Figure:
     """Lift, velocity, acceleration and jerk over a turn, with extremes and continuity classes."""
-    out = empty(8.0, 9.6)
+    out = empty(8.2)
     panels = out.subplots(4, 1, sharex=True)
     marked = _marked(cam, law)
     for order, axes in enumerate(panels):
-        _curve(axes, cam, law, order)
+        _curve(axes, law, order)
         for joint in marked:
             axes.axvline(np.degrees(joint.angle), color=GREY, lw=0.7, ls=(0, (4, 3)), zorder=0)
     _control_points(panels[0], cam)
@@ -72,37 +75,35 @@ def _marked(cam: CamConfig, law: Law) -> list[Joint]:
     ]
 
 
-def _curve(axes: Axes, cam: CamConfig, law: Law, order: int) -> None:
+def _curve(axes: Axes, law: Law, order: int) -> None:
     """One derivative, piece by piece: a jump is a dotted line."""
-    ordinates, colour = law.derivative_ordinates(order) / cam.lift.factor, COLOURS[order]
+    ordinates, colour = law.derivative_ordinates(order) * MM, COLOURS[order]
     angles, values = sampled_pieces(law, order)
-    values = values / cam.lift.factor
+    values = values * MM
     gap = np.full((1, law.spans.size), np.nan)  # lifts the pen between pieces
     line = (np.concatenate([part, gap]).T.ravel() for part in (np.degrees(angles), values))
-    axes.plot(*line, color=colour, lw=1.7)
+    axes.plot(*line, color=colour)
     before = np.roll(ordinates[-1], 1)
     starts = np.degrees(law.breaks[:-1])
     axes.vlines(starts, before, ordinates[0], color=colour, lw=1.0, ls=":")
-    _peaks(axes, cam, law, order)
-    axes.set_ylabel(f"{NAMES[order]} [{cam.lift.unit}{PER[order]}]")
+    _peaks(axes, law, order)
+    axes.set_ylabel(f"{NAMES[order]} [mm{PER[order]}]")
     axes.margins(y=0.2)
-    axes.grid(alpha=0.25)
 
 
-def _peaks(axes: Axes, cam: CamConfig, law: Law, order: int) -> None:
+def _peaks(axes: Axes, law: Law, order: int) -> None:
     """Largest and smallest value with the angle, written away from the nearer edge."""
     low, high = extremes(law, order)
     for extreme, above in ((low, False), (high, True)) if high.value > low.value else ():
-        value, at = extreme.value / cam.lift.factor, float(np.degrees(extreme.angle))
+        value, at = extreme.value * MM, float(np.degrees(extreme.angle))
         axes.plot(at, value, "o", color=COLOURS[order], ms=4)
         axes.annotate(
-            f"{value:.4g} at {at:.4g}°".replace("-", "−"),
+            f"{typeset(value)} at {at:.4g}°",
             (at, value),
             xytext=(-6 if at > 180.0 else 6, 6 if above else -6),
             textcoords="offset points",
             ha="right" if at > 180.0 else "left",
             va="bottom" if above else "top",
-            fontsize=8,
             bbox={"boxstyle": "square,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8},
         )
 
@@ -112,7 +113,7 @@ def _control_points(axes: Axes, cam: CamConfig) -> None:
     for angles, ordinates in control_polygons(cam):
         axes.plot(
             np.degrees(angles),
-            ordinates / cam.lift.factor,
+            ordinates * MM,
             "s--",
             color=GREY,
             ms=3,
@@ -121,7 +122,7 @@ def _control_points(axes: Axes, cam: CamConfig) -> None:
         )
     for segment in cam.segments:
         if isinstance(segment, Table):
-            lifts = np.array(segment.file.lifts) / cam.lift.factor
+            lifts = np.array(segment.file.lifts) * MM
             axes.plot(np.degrees(segment.file.angles), lifts, "o", color=GREY, ms=2.5, zorder=1)
 
 
@@ -133,12 +134,11 @@ def _names(axes: Axes, cam: CamConfig) -> None:
             axes.text(
                 start + 0.5 * span,
                 0.25,
-                segment.law.replace("_", " "),
+                in_words(segment.law),
                 transform=axes.get_xaxis_transform(),
                 ha="center",
                 va="center",
                 rotation=90 if span < UPRIGHT_DEG else 0,
-                fontsize=8,
                 color=GREY,
                 zorder=0,
             )
@@ -156,7 +156,6 @@ def _infinite(axes: Axes, marked: list[Joint]) -> None:
                 transform=axes.get_xaxis_transform(),
                 ha="left",
                 va="top" if up else "bottom",
-                fontsize=9,
             )
 
 
@@ -165,8 +164,8 @@ def _classes(axes: Axes, marked: list[Joint]) -> None:
     at = [float(np.degrees(joint.angle)) for joint in marked]
     labels = [f"C{joint.continuity}" for joint in marked]
     top = axes.secondary_xaxis("top")
-    top.set_xticks(at, labels, fontsize=8)
-    top.set_xlabel("continuity class at each knot", fontsize=8, color=GREY)
+    top.set_xticks(at, labels)
+    top.set_xlabel("continuity class at each knot", color=GREY)
 
 
 def draw_fit(fit: SplineFit | ArcsFit, path: Path) -> None:
@@ -174,11 +173,12 @@ def draw_fit(fit: SplineFit | ArcsFit, path: Path) -> None:
     write(_arcs_fit(fit) if isinstance(fit, ArcsFit) else _spline_fit(fit), path)
 
 
+@styled
 def _spline_fit(fit: SplineFit) -> Figure:
     """Lift, distance and acceleration; dwells are shaded."""
-    out = empty(8.0, 8.0)
+    out = empty(6.7)
     lift, away, bend = out.subplots(3, 1, sharex=True)
-    angles, colour = np.linspace(0.0, TURN, FIT_POINTS), web(CAMS[0])
+    angles, colour = np.linspace(0.0, TURN, FIT_POINTS), series(0)["color"]
     degrees, readings = np.degrees(angles), fit.readings
     lift.plot(degrees, fit.law(angles) * 1e3, color=colour)
     lift.plot(np.degrees(readings.angles), readings.lifts * 1e3, ".", color="k", ms=3)
@@ -200,13 +200,14 @@ def _spline_fit(fit: SplineFit) -> Figure:
     return out
 
 
+@styled
 def _arcs_fit(fit: ArcsFit) -> Figure:
     """Lift of each follower, and distance of its readings; the nose is at 180°."""
-    out = empty(8.0, 6.4)
+    out = empty(5.4)
     lift, away = out.subplots(2, 1, sharex=True)
     angles = np.linspace(0.0, TURN, FIT_POINTS)
     for i, column in enumerate(fit.columns):
-        colour, readings = web(CAMS[i % len(CAMS)]), column.readings
+        colour, readings = series(i)["color"], column.readings
         own = -readings.angles if column.reverse else readings.angles
         from_nose = np.degrees((own - fit.arcs.nose_angle + 0.5 * TURN) % TURN)
         curve = fit.arcs.lifts(column.follower, angles + fit.arcs.nose_angle - 0.5 * TURN)

@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from cam_rig.drawing.outlines import MM
+from cam_rig.drawing.words import in_words
 from cam_rig.laws import Law
 from cam_rig.laws.catalogue import RiseFamily
-from cam_rig.laws.curves import ORDERS, LawCurves, cam_curves, common_unit, rise_curves
-from cam_rig.laws.named import NAMED_RISES
-from cam_rig.plots.figures import CAM_ANGLE, DASHES, MARKERS, empty, line, turn_axis, write
+from cam_rig.laws.curves import ORDERS, LawCurves, cam_curves, rise_curves
+from cam_rig.plots.figures import CAM_ANGLE, empty, line, styled, turn_axis, write
 from cam_rig.plots.law import NAMES, PER
 from cam_rig.schema import CamConfig
 
-#: Of the side of a panel, between two markers of a curve.
-MARKER_GAP = 0.14
-#: Sides in inches: of a figure of one column, of a column among several, of all rows.
-ALONE, COLUMN, HEIGHT = 8.0, 3.6, 9.6
+#: Of the four rows, in inches.
+HEIGHT = 8.2
 #: Entries in a line of a legend above a figure of one column.
 LEGEND_COLUMNS = 3
 #: A rise's values are in parts of its rise h and span β.
@@ -40,55 +37,38 @@ def draw_rises(families: Iterable[RiseFamily], path: Path) -> None:
     write(rises_figure(families), path)
 
 
+@styled
 def cams_figure(cams: Sequence[tuple[CamConfig, Law]]) -> Figure:
-    """The laws of cams over the cam angle, in their unit of lift, or in mm if they have several."""
-    unit, factor = common_unit(cam for cam, _ in cams)
-    curves = [(cam_curves(cam.title, law), style(i)) for i, (cam, law) in enumerate(cams)]
-    out = empty(ALONE, HEIGHT)
+    """The laws of cams over the cam angle, in mm."""
+    curves = [(cam_curves(cam.title, law), line(cam.name)) for cam, law in cams]
+    out = empty(HEIGHT)
     panels = out.subplots(len(ORDERS), 1, sharex=True)
     for order, axes in enumerate(panels):
-        _panel(axes, curves, order, factor)
-        axes.set_ylabel(f"{NAMES[order]} [{unit}{PER[order]}]")
+        _panel(axes, curves, order, MM)
+        axes.set_ylabel(f"{NAMES[order]} [mm{PER[order]}]")
         turn_axis(axes, 30)
     panels[-1].set_xlabel(CAM_ANGLE)
     _legend(panels[0], LEGEND_COLUMNS)
     return out
 
 
+@styled
 def rises_figure(families: Iterable[RiseFamily]) -> Figure:
     """Bare rises of unit lift over a unit span, one column a family."""
     shown = list(families)
     alone = len(shown) == 1
-    out = empty(ALONE if alone else COLUMN * len(shown), HEIGHT)
+    out = empty(HEIGHT)
     panels = out.subplots(len(ORDERS), len(shown), sharex=True, squeeze=False)
+    for name, unit, axes in zip(NAMES, RISE_UNITS, panels[:, 0], strict=True):
+        axes.set_ylabel(f"{name} [{unit}]")
     for column, family in zip(panels.T, shown, strict=True):
-        curves = [(rise_curves(name), rise_style(name)) for name in family.rises]
+        curves = [(rise_curves(name), line(name)) for name in family.rises]
         for order, axes in enumerate(column):
             _panel(axes, _distinct(curves), order, 1.0)
-            axes.set_ylabel(f"{NAMES[order]} [{RISE_UNITS[order]}]")
             axes.set_xlim(0.0, 1.0)
         column[-1].set_xlabel("part of the span, u [1]")
         _legend(column[0], LEGEND_COLUMNS if alone else 1, family.title)
     return out
-
-
-def style(index: int) -> Style:
-    """Colour, dash and marker of the index-th law: told apart in grey up to 42 of them."""
-    shape = index // len(DASHES) % (len(MARKERS) + 1)
-    if shape == 0:
-        return line(index)
-    return {**line(index), "marker": MARKERS[shape - 1], "ms": 4.0, "markevery": MARKER_GAP}
-
-
-@lru_cache(maxsize=len(NAMED_RISES))
-def rise_style(name: str) -> Style:
-    """What a named rise is drawn with in every figure; rises that are the same one share it."""
-    names = list(NAMED_RISES)
-    return style(next(i for i, other in enumerate(names) if _same(rise_curves(other), name)))
-
-
-def _same(curves: LawCurves, name: str) -> bool:
-    return np.array_equal(curves.motion, rise_curves(name).motion)
 
 
 def _distinct(curves: list[tuple[LawCurves, Style]]) -> list[tuple[LawCurves, Style]]:
@@ -96,7 +76,9 @@ def _distinct(curves: list[tuple[LawCurves, Style]]) -> list[tuple[LawCurves, St
     found: dict[bytes, tuple[LawCurves, Style]] = {}
     for one, drawn in curves:
         key = one.motion.tobytes()
-        name = f"{found[key][0].name} = {one.name}" if key in found else one.name
+        name = (
+            f"{found[key][0].name}\n= {in_words(one.name)}" if key in found else in_words(one.name)
+        )
         found[key] = (LawCurves(name, one.x, one.motion, one.infinite), drawn)
     return list(found.values())
 
@@ -104,7 +86,7 @@ def _distinct(curves: list[tuple[LawCurves, Style]]) -> list[tuple[LawCurves, St
 def _panel(axes: Axes, curves: list[tuple[LawCurves, Style]], order: int, factor: float) -> None:
     """One derivative of every law; where the velocity jumps, s'' has an arrow at the edge."""
     for one, drawn in curves:
-        axes.plot(one.x, one.motion[order] / factor, label=one.name, lw=1.6, **drawn)
+        axes.plot(one.x, one.motion[order] * factor, label=one.name, **drawn)
         for x, jump in one.infinite if order == 2 else ():
             axes.text(
                 x,
@@ -114,9 +96,7 @@ def _panel(axes: Axes, curves: list[tuple[LawCurves, Style]], order: int, factor
                 ha="left" if x < 0.5 * one.x[-1] else "right",
                 va="top" if jump > 0.0 else "bottom",
                 color=drawn["color"],
-                fontsize=9,
             )
-    axes.grid(alpha=0.25)
 
 
 def _legend(axes: Axes, columns: int, title: str | None = None) -> None:
@@ -126,8 +106,5 @@ def _legend(axes: Axes, columns: int, title: str | None = None) -> None:
         bbox_to_anchor=(0.5, 1.02),
         ncols=columns,
         title=title,
-        fontsize=8,
-        title_fontsize=9,
-        handlelength=4.0,
         frameon=False,
     )

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.two_mass.model import states
 from cam_rig.dynamics.two_mass.trajectory import Separation
-from cam_rig.plots.figures import CAM_ANGLE, empty, line, turn_axis, write
+from cam_rig.plots.figures import CAM_ANGLE, empty, line, styled, turn_axis, write
 from cam_rig.studies.cam_set import CamSet
 from cam_rig.units import RPM, TURN
 
@@ -23,26 +23,27 @@ def draw(cam_set: CamSet, rpm: float, path: Path) -> None:
     write(figure(cam_set, rpm), path)
 
 
+@styled
 def figure(cam_set: CamSet, rpm: float) -> Figure:
     """Displacement of the roller, and its gap to the cam, over one turn at one speed (rpm)."""
-    out = empty(9.0, 6.4)
+    out = empty(4.8)
     place, gap = out.subplots(2, 1, sharex=True, height_ratios=[1.4, 1.0])
     parameters, speed = TwoMassParameters.from_rig(cam_set.rig), rpm * RPM
     times = (SHOWN - 1 + np.linspace(0.0, 1.0, POINTS)) * TURN / speed
     degrees = np.degrees(speed * times) - 360.0 * (SHOWN - 1)
-    for i, (cam, law) in enumerate(cam_set.laws.items()):
+    for cam, law in cam_set.laws.items():
         course = Separation(law, parameters, speed)
         course.run(SHOWN * TURN / speed)
         roller = states(course, times)[0]
         off = 1e3 * (roller - course.cam(times)[0])
         lift_offs = sum(event.kind == "lift-off" for event in course.events)
         label = f"{cam_set.titles[cam]}: {'contact kept' if not lift_offs else 'contact lost'}"
-        place.plot(degrees, 1e3 * roller, lw=1.5, label=label, **line(i))
-        gap.plot(degrees, off, lw=1.3, **line(i))
+        place.plot(degrees, 1e3 * roller, label=label, **line(cam))
+        gap.plot(degrees, off, **line(cam))
     place.set(ylabel="displacement of the roller [mm]")
     place.set(title=f"Turn {SHOWN} from rest at {rpm:g} rpm")
     gap.set(ylabel="gap to the cam [mm]", xlabel=CAM_ANGLE)
     for axes in (place, gap):
         turn_axis(axes, 30)
-    place.legend(fontsize=8.5, handlelength=3.4, loc="lower center")
+    place.legend(loc="lower center")
     return out

@@ -7,20 +7,25 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
 from cam_rig.drawing.colours import DISCS, LIMIT, PITCH_CURVE, web
 from cam_rig.drawing.outlines import MM, circle
+from cam_rig.drawing.words import typeset
 from cam_rig.laws import Law
-from cam_rig.plots.figures import CAM_ANGLE, empty, turn_axis, write
+from cam_rig.laws.peaks import Extreme, extremes
+from cam_rig.plots.figures import CAM_ANGLE, empty, styled, turn_axis, write
 from cam_rig.plots.follower_positions import pivots, positions
 from cam_rig.profile import Contour, contours, turn_angles
 from cam_rig.profile.checks.check import Check
+from cam_rig.profile.checks.curvature import sharpest_convex
+from cam_rig.profile.extremes import Scan
 from cam_rig.schema import CamConfig
 
 #: First and second disc; the dash tells them apart without colour.
 INK = tuple(map(web, DISCS))
-DASH = ("-", (0, (5, 2)))
+DASH, HATCH = ("-", (0, (5, 2))), ("", "///")
 FOLLOWER, BOLD = "0.62", "black"
 POINTS, POSITIONS = 3600, 24
 #: About every so many degrees a position is named; up to so many positions, each is.
@@ -29,6 +34,10 @@ NAMED, EACH_NAMED = 60.0, 12
 FEWEST, MOST = 3, 720
 #: Radii of curvature beyond this many times the cam's size are off the diagram.
 OFF = 2.5
+#: Height of the line where the contour is straight, of the panel's.
+FLAT = 0.66
+#: Slope of a dwell, of the greatest slope; a stage narrower than these (°) has no shade, no name.
+STILL, NARROW, NAMED_STAGE = 1e-6, 5.0, 48.0
 
 
 def draw(
@@ -38,6 +47,7 @@ def draw(
     write(figure(cam, law, checks, follower_positions), path)
 
 
+@styled
 def figure(
     cam: CamConfig, law: Law, checks: list[Check], follower_positions: int = POSITIONS
 ) -> Figure:
@@ -47,43 +57,47 @@ def figure(
     graphical method divides the turn (profile thesis, §2.2.1).
     """
     discs = contours(cam.follower, law, POINTS)
-    out = empty(12.5, 7.4)
+    out = empty(5.2)
     panels = out.subplot_mosaic(
         [["plan", "curvature"], ["plan", "pressure"]], width_ratios=[1.45, 1.0]
     )
     _plan(panels["plan"], cam, law, discs, follower_positions)
-    _curvature(panels["curvature"], cam, discs)
-    _pressure(panels["pressure"], discs, checks)
+    _curvature(panels["curvature"], cam, law, discs)
+    _pressure(panels["pressure"], law, discs, checks)
+    names = panels["plan"].get_legend_handles_labels()
+    out.legend(*names, loc="outside lower center", ncols=3, frameon=False)
     kind = cam.follower.type.replace("_", " ")
     title = [f"{cam.title} (follower: {kind}, lift {law.lift * MM:.4g} mm)"]
     for check in (check for check in checks if not check.passed):
         where = "" if check.degrees is None else f" at {check.degrees:.4g}°"
-        title.append(f"not met: {check.title} {check.shown(check.value)}{where}")
-    out.suptitle("\n".join(title), fontsize=12)
+        value = check.shown(check.value).replace("-", "−")
+        title.append(f"not met: {check.title} {value}{where}")
+    out.suptitle("\n".join(title))
     return out
 
 
 def _plan(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...], count: int) -> None:
     """The graphical method's picture: the follower goes round the standing cam."""
-    for contour, colour, dash in zip(discs, INK, DASH, strict=False):
+    for contour, colour, dash, hatch in zip(discs, INK, DASH, HATCH, strict=False):
         _follower(axes, contour, law, count)
         name = f"contour, {contour.disc.name} cam" if contour.disc.name else "contour"
         outline = _closed(contour.points)
-        axes.fill(*outline, color=colour, alpha=0.10, lw=0.0)
+        axes.fill(*outline, fc=to_rgba(colour, 0.10), ec=to_rgba(colour, 0.35), hatch=hatch, lw=0.0)
         axes.plot(*outline, color=colour, ls=dash, lw=2.0, label=name)
         if contour.pitch is not None and contour.disc.element.roller > 0.0:
-            label = "pitch curve" if contour is discs[0] else None
+            roller = f"pitch curve, $R_r$ = {contour.disc.element.roller * MM:.4g} mm"
+            label = roller if contour is discs[0] else None
             pitch = _closed(contour.pitch)
             axes.plot(*pitch, color=web(PITCH_CURVE), ls=(0, (7, 2, 1, 2)), lw=1.1, label=label)
-    base = circle(cam.follower.base_radius.si * MM)
-    axes.plot(*base.T, color="0.25", ls=":", lw=1.2, label="base circle")
+    radius = cam.follower.base_radius.si * MM
+    base = circle(radius)
+    axes.plot(*base.T, color="0.25", ls=":", label=f"base circle, $R_b$ = {radius:.4g} mm")
     axes.plot(0.0, 0.0, "+", color="k", ms=9)
     axes.margins(0.09)  # for the names of the angles
     axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
     each = 360.0 / count
-    axes.set_title(f"follower every {each:.4g}°, black at 0°; the cam turns ↺", fontsize=10)
+    axes.set_title(f"follower every {each:.4g}°, black at 0°; the cam turns ↺")
     _name_angles(axes, discs[0], law, count)
-    axes.legend(fontsize=8, loc="upper left", framealpha=0.9)
 
 
 def _follower(axes: Axes, contour: Contour, law: Law, count: int) -> None:
@@ -116,45 +130,102 @@ def _name_angles(axes: Axes, contour: Contour, law: Law, count: int) -> None:
     ):
         end = strips[-1][-1]
         place = end * (1.0 + 5.0 / np.hypot(*np.abs(end).clip(60.0)))
-        axes.annotate(f"{degrees:.3g}°", place, ha="center", va="center", fontsize=8, color="0.3")
+        axes.annotate(f"{degrees:.3g}°", place, ha="center", va="center", color="0.3")
 
 
-def _curvature(axes: Axes, cam: CamConfig, discs: tuple[Contour, ...]) -> None:
+def _curvature(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...]) -> None:
     size = max(float(np.hypot(*contour.points).max()) for contour in discs) * MM
     for contour, colour, dash in zip(discs, INK, DASH, strict=False):
         radius = contour.radius * MM
         shown = np.where(np.abs(radius) < OFF * size, radius, np.nan)
-        label = f"{contour.disc.name} cam" if contour.disc.name else None
-        axes.plot(np.degrees(contour.angle), shown, color=colour, ls=dash, lw=1.6, label=label)
+        name = f"{contour.disc.name}: " if contour.disc.name else ""
+        degrees, sharpest = (
+            np.degrees(contour.angle),
+            sharpest_convex(Scan(law, contour.disc.element)),
+        )
+        number = f"$ρ_{{min}}$ = {typeset(sharpest.value * MM)} mm at {_degrees(sharpest):.4g}°"
+        axes.plot(degrees, shown, color=colour, ls=dash, label=f"{name}{number}")
+        axes.plot(_degrees(sharpest), sharpest.value * MM, "o", color=colour, clip_on=False)
+        _flats(axes, degrees, np.isinf(radius), colour)
     asked = cam.follower.least_curvature_radius
     least, roller = 0.0 if asked is None else asked.si * MM, cam.follower.roller * MM
     hollow = discs[0].pitch is not None  # a face cannot follow one, however wide
     axes.axhspan(-roller if hollow else -size, least, color=web(LIMIT), alpha=0.25, lw=0.0)
-    axes.axhline(least, color=web(LIMIT), lw=1.2, label="undercut, or below the least radius")
+    axes.axhline(least, color=web(LIMIT), label="limit: undercut, least radius")
     axes.set(ylabel="radius of curvature ρ [mm]")
-    flat = any(np.isfinite(c.radius[np.abs(c.radius) * MM >= OFF * size]).any() for c in discs)
-    beyond = f"; beyond {OFF * size:.3g} mm not drawn" if flat else ""
-    axes.set_title(f"positive where the contour is convex{beyond}", fontsize=10)
+    off = any(np.isfinite(c.radius[np.abs(c.radius) * MM >= OFF * size]).any() for c in discs)
+    beyond = f"\nbeyond {OFF * size:.3g} mm not drawn" if off else ""
+    axes.set_title(f"positive where convex{beyond}")
     turn_axis(axes)
-    values = np.concatenate([line.get_ydata() for line in axes.lines])
+    _stages(axes, law, named=False)
+    values = np.concatenate(
+        [line.get_ydata() for line in axes.lines if line.get_transform() == axes.transData]
+    )
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    axes.set_ylim(min(low, -roller, 0.0) - 0.08 * high, high * 1.32)
-    axes.legend(fontsize=8, loc="upper right", ncols=len(discs) + 1)
+    axes.set_ylim(min(low, -roller, 0.0) - 0.08 * high, high * (1.42 + 0.18 * (len(discs) - 1)))
+    axes.legend(loc="upper right", handlelength=1.8)
 
 
-def _pressure(axes: Axes, discs: tuple[Contour, ...], checks: list[Check]) -> None:
+def _pressure(axes: Axes, law: Law, discs: tuple[Contour, ...], checks: list[Check]) -> None:
     for contour, colour, dash in zip(discs, INK, DASH, strict=False):
         degrees = np.degrees(contour.pressure)
-        axes.plot(np.degrees(contour.angle), degrees, color=colour, ls=dash, lw=1.6)
+        steepest = Scan(law, contour.disc.element).greatest(lambda touch: np.abs(touch.pressure))
+        most = f"$|α|_{{max}}$ = {np.degrees(steepest.value):.4g}° at {_degrees(steepest):.4g}°"
+        axes.plot(np.degrees(contour.angle), degrees, color=colour, ls=dash, label=most)
+        at = np.interp(_degrees(steepest), np.degrees(contour.angle), degrees)
+        axes.plot(_degrees(steepest), at, "o", color=colour)
     limits = [np.degrees(check.limit) for check in checks if check.name == "pressure angle"]
     for limit in limits[:1]:
-        axes.axhline(limit, color=web(LIMIT), lw=1.2, ls="--", label=f"limit, ±{limit:.4g}°")
-        axes.axhline(-limit, color=web(LIMIT), lw=1.2, ls="--")
+        axes.axhline(limit, color=web(LIMIT), ls="--", label=f"limit, ±{limit:.4g}°")
+        axes.axhline(-limit, color=web(LIMIT), ls="--")
     axes.set(ylabel="pressure angle α [°]", xlabel=CAM_ANGLE)
     turn_axis(axes)
+    _stages(axes, law, named=True)
     low, high = axes.get_ylim()
-    axes.set_ylim(low - 0.03 * (high - low), high + 0.14 * (high - low))
-    axes.legend(fontsize=8, loc="upper right")
+    axes.set_ylim(low - 0.16 * (high - low), high + (0.36 + 0.1 * len(discs)) * (high - low))
+    axes.legend(loc="upper right", handlelength=1.8)
+
+
+def _stages(axes: Axes, law: Law, named: bool) -> None:
+    """Rise and dwell shaded over the whole height, by the sign of s'."""
+    angle = turn_angles(POINTS)
+    slope, steepest = law(angle, 1), max(float(np.abs(e.value)) for e in extremes(law, 1))
+    still = np.abs(slope) <= STILL * steepest
+    for where, shade, name in (
+        (slope > STILL * steepest, "0.85", "rise"),
+        (still, "0.95", "dwell"),
+    ):
+        for start, stop in _runs(where):
+            first, last = start * 360.0 / POINTS, stop * 360.0 / POINTS
+            if last - first >= NARROW:
+                axes.axvspan(first, last, color=shade, lw=0.0, zorder=0)
+            if named and last - first >= NAMED_STAGE:
+                _note(axes, 0.5 * (first + last), 0.02, name, "bottom")
+
+
+def _flats(axes: Axes, degrees: np.ndarray, flat: np.ndarray, colour: str) -> None:
+    """Where the contour is straight: a line along the top in place of a hole in the curve."""
+    for start, stop in _runs(flat):
+        ends = degrees[[start, stop - 1]]
+        foot = axes.get_xaxis_transform()
+        axes.plot(ends, [FLAT, FLAT], color=colour, lw=2.0, transform=foot)
+        _note(axes, float(ends.mean()), FLAT - 0.02, "flat:\nρ = ∞", "top")
+
+
+def _note(axes: Axes, at: float, height: float, words: str, side: str) -> None:
+    axes.text(
+        at, height, words, ha="center", va=side, color="0.3", transform=axes.get_xaxis_transform()
+    )
+
+
+def _runs(where: np.ndarray) -> list[tuple[int, int]]:
+    """First and one past the last index of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], where, [False]]).astype(int)))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+
+
+def _degrees(extreme: Extreme) -> float:
+    return float(np.degrees(extreme.angle)) % 360.0
 
 
 def _closed(points: np.ndarray) -> np.ndarray:

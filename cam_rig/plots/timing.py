@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cam_rig.plots.figures import CAM_ANGLE, empty, line, marker, turn_axis, write
+from cam_rig.plots.figures import CAM_ANGLE, empty, series, series_marker, styled, turn_axis, write
 from cam_rig.profile import turn_angles
 from cam_rig.studies.timing.comparison import CamTiming
 
@@ -21,16 +21,17 @@ def draw(columns: Sequence[CamTiming], path: Path) -> None:
     write(figure(columns), path)
 
 
+@styled
 def figure(columns: Sequence[CamTiming]) -> Figure:
     """One column for each cam, with the same axes."""
-    out = empty(5.6 * len(columns) + 0.6, 6.4)
+    out = empty(4.8)
     panels = out.subplots(2, len(columns), sharex=True, sharey="row", squeeze=False)
     for i, timing in enumerate(columns):
         _basis(panels[0, i], timing)
         _shifts(panels[1, i], timing)
-    panels[0, 0].set(ylabel="change of s / change of the ordinate")
-    panels[1, 0].set(ylabel="shift of the event [° per 1 % of the lift]")
-    panels[1, 0].legend(fontsize=8, title="passes, rising", title_fontsize=8)
+    panels[0, 0].set(ylabel="change of s /\nchange of the ordinate [1]")
+    panels[1, 0].set(ylabel="shift of the event\n[° per 1 % of the lift]")
+    panels[1, 0].legend(title="passes, rising")
     return out
 
 
@@ -40,11 +41,11 @@ def _basis(axes: Axes, timing: CamTiming) -> None:
         values = np.stack([ordinates.at(at) for at in angle])
         free = range(*ordinates.free.indices(ordinates.values.size))
         for j in range(ordinates.values.size):
-            ink = line(0)["color"] if j in free else "0.75"
+            ink = series(0)["color"] if j in free else "0.75"
             axes.plot(np.degrees(angle), values[:, j], color=ink, lw=1.1)
     for event in timing.events:
         axes.axvline(np.degrees(event.angle), color="0.3", ls=":", lw=1.0)
-    axes.set_title(f"{timing.cam.title}\nblue: free ordinates; dotted: events", fontsize=10)
+    axes.set_title(f"{timing.cam.title}\nblue: free ordinates; dotted: events")
     turn_axis(axes)
 
 
@@ -56,7 +57,7 @@ def _shifts(axes: Axes, timing: CamTiming) -> None:
             degrees = 0.01 * np.degrees(ordinates.shifts(event, timing.cam.lift.si))[free]
             at = np.degrees(ordinates.abscissae)[free]
             label = f"{100.0 * event.level:g} %" if ordinates is timing.ordinates[0] else None
-            axes.plot(at, degrees, ls="-", lw=1.0, ms=4.0, label=label, **marker(i))
+            axes.plot(at, degrees, ls="-", lw=1.0, ms=4.0, label=label, **series_marker(i))
     axes.axhline(0.0, color="0.3", lw=0.8)
     axes.set(xlabel=f"{CAM_ANGLE} of the control point")
     turn_axis(axes)

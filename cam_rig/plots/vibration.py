@@ -1,4 +1,7 @@
-"""Residual and torsional vibration of several cams, as in figs. 4-6 and 9 of the paper."""
+"""Residual and torsional vibration of several cams, as in figs. 4-6 and 9 of the paper.
+
+Small multiples: a column for each cam, in which the other cams are grey.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +11,30 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
-from cam_rig.plots.figures import CAM_ANGLE, empty, line, turn_axis, write
+from cam_rig.laws import Law
+from cam_rig.plots.figures import CAM_ANGLE, colour, empty, line, styled, turn_axis, write
+from cam_rig.schema import RigConfig
 from cam_rig.studies.cam_set import CamSet
 from cam_rig.studies.vibration.dwell import LowDwell, low_dwell
 from cam_rig.studies.vibration.steady_state import SteadyTurn, steady_turn, steady_twist
 from cam_rig.units import RPM
+
+#: What is drawn, row by row; the last only of a rig with a shaft.
+LABELS = (
+    "displacement x\n(fig. 4) [mm]",
+    "x − quasi-static x\n(fig. 5) [µm]",
+    "acceleration ẍ\n(fig. 6) [m/s²]",
+    "twist of the shaft\n(fig. 9) [°]",
+)
+#: The row whose abscissa is counted from the middle of the low dwell, and how far it goes, °.
+RESIDUAL, AROUND = 1, 60.0
+#: Columns before a new block of rows begins; the other cams.
+MOST_COLUMNS, OTHERS = 5, {"color": "0.8", "lw": 0.6, "zorder": 1.5}
+#: Abscissa and values of each row.
+Rows = list[tuple[FloatArray, FloatArray]]
 
 
 def draw(cam_set: CamSet, rpm: float, path: Path) -> None:
@@ -22,57 +42,80 @@ def draw(cam_set: CamSet, rpm: float, path: Path) -> None:
     write(figure(cam_set, rpm), path)
 
 
+@styled
 def figure(cam_set: CamSet, rpm: float) -> Figure:
     """Displacement, residual vibration, acceleration and twist in steady state at a speed (rpm)."""
-    out = empty(11.0, 7.4)
-    panels = out.subplots(2, 2)
-    follower = FollowerParameters.from_rig(cam_set.rig)
-    for i, (cam, law) in enumerate(cam_set.laws.items()):
-        turn, title = steady_turn(law, follower, rpm * RPM), cam_set.titles[cam]
-        degrees = np.degrees(turn.angle)
-        panels[0, 0].plot(degrees, 1e3 * turn.displacement, lw=1.5, label=title, **line(i))
-        _residual(panels[0, 1], turn, low_dwell(law), i)
-        panels[1, 0].plot(degrees, turn.acceleration, lw=1.2, **line(i))
-        if cam_set.rig.shaft is not None:
-            angle, twist = steady_twist(law, shaft_of(cam_set.rig), rpm * RPM)
-            panels[1, 1].plot(np.degrees(angle), np.degrees(twist), lw=1.2, **line(i))
-    _label(panels, cam_set, rpm)
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    out.legend(
-        handles, labels, loc="outside lower center", ncols=5, frameon=False, handlelength=3.4
-    )
+    rows = {cam: _rows(law, cam_set.rig, rpm * RPM) for cam, law in cam_set.laws.items()}
+    cams, count = list(rows), len(LABELS) if cam_set.rig.shaft is not None else len(LABELS) - 1
+    columns = min(MOST_COLUMNS, len(cams))
+    blocks = -(-len(cams) // columns)
+    out = empty(blocks * (1.5 * count + 0.3) + 0.4)
+    panels = out.subplots(blocks * count, columns, squeeze=False)
+    for place, cam in enumerate(cams):
+        top, column = place // columns * count, place % columns
+        title, dwell = cam_set.titles[cam], low_dwell(cam_set.laws[cam])
+        _column(panels[top : top + count, column], cam, title, rows, dwell)
+        panels[top, column].set_title(_broken(title))
+    for unused in panels[(blocks - 1) * count :, len(cams) - (blocks - 1) * columns :].flat:
+        unused.set_visible(False)
+    for row, across in enumerate(panels):
+        _share(across, LABELS[row % count])
+    out.suptitle(f"Steady state at {rpm:g} rpm\n{cam_set.rig.title}; grey: the other cams")
     return out
 
 
-def _residual(axes: Axes, turn: SteadyTurn, window: LowDwell, index: int) -> None:
-    """About the low dwell: what is left of the vibration there."""
+def _rows(law: Law, rig: RigConfig, speed: float) -> Rows:
+    """The curves of one cam."""
+    turn = steady_turn(law, FollowerParameters.from_rig(rig), speed)
+    degrees = np.degrees(turn.angle)
+    rows = [
+        (degrees, 1e3 * turn.displacement),
+        _about_dwell(turn, low_dwell(law)),
+        (degrees, turn.acceleration),
+    ]
+    if rig.shaft is not None:
+        angle, twist = steady_twist(law, shaft_of(rig), speed)
+        rows.append((np.degrees(angle), np.degrees(twist)))
+    return rows
+
+
+def _about_dwell(turn: SteadyTurn, window: LowDwell) -> tuple[FloatArray, FloatArray]:
+    """What is left of the vibration about the low dwell, µm over degrees from its middle."""
     degrees = (np.degrees(turn.angle - window.middle) + 180.0) % 360.0 - 180.0
     order = np.argsort(degrees)
-    inside = order[np.abs(degrees[order]) <= 60.0]
-    style = line(index) if window.dwell else line(index) | {"alpha": 0.9}
-    axes.plot(degrees[inside], 1e6 * turn.vibration[inside], lw=1.2, **style)
+    inside = order[np.abs(degrees[order]) <= AROUND]
+    return degrees[inside], 1e6 * turn.vibration[inside]
 
 
-def _label(panels: np.ndarray, cam_set: CamSet, rpm: float) -> None:
-    laws = cam_set.laws.values()
-    titles = (
-        ("Displacement (fig. 4)", "displacement x [mm]"),
-        ("Residual vibration about the low dwell (fig. 5)", "x − quasi-static displacement [µm]"),
-        ("Acceleration (fig. 6)", "acceleration ẍ [m/s²]"),
-        ("Torsional vibration (fig. 9)", "twist, cam − flywheel [°]"),
-    )
-    for axes, (title, label) in zip(panels.flat, titles, strict=True):
-        axes.set(title=title, xlabel=CAM_ANGLE, ylabel=label)
-        axes.grid(alpha=0.25)
-        if "low dwell" in title:
-            axes.set(xlim=(-60.0, 60.0), xticks=range(-60, 61, 20))
-            axes.set(xlabel="cam angle from the middle of the low dwell [°]")
-            for half in {round(0.5 * np.degrees(low_dwell(law).span), 9) for law in laws}:
-                axes.axvspan(-half, half, color="0.5", alpha=0.10, lw=0)
+def _column(
+    panels: np.ndarray, cam: str, title: str, rows: dict[str, Rows], dwell: LowDwell
+) -> None:
+    """One cam over the grey others."""
+    for row, axes in enumerate(panels):
+        for other in (name for name in rows if name != cam):
+            axes.plot(*rows[other][row], **OTHERS)
+        axes.plot(*rows[cam][row], color=colour(cam), ls=line(cam)["ls"], label=title)
+        if row == RESIDUAL:
+            half = 0.5 * float(np.degrees(dwell.span))
+            axes.axvspan(-half, half, color="0.5", alpha=0.12, lw=0)
+            axes.set(xlim=(-AROUND, AROUND), xticks=(-40, 0, 40), xlabel="from the dwell [°]")
         else:
-            turn_axis(axes)
-    if cam_set.rig.shaft is None:
-        panels[1, 1].text(
-            0.5, 0.5, "this rig has no shaft", ha="center", transform=panels[1, 1].transAxes
-        )
-    panels[0, 0].figure.suptitle(f"Steady state at {rpm:g} rpm on {cam_set.rig.name}")
+            turn_axis(axes, 90)
+            axes.set_xticks((90, 180, 270))
+    panels[-1].set_xlabel(CAM_ANGLE)
+
+
+def _share(across: np.ndarray, label: str) -> None:
+    """One scale for a row, written at its left."""
+    shown: list[Axes] = [axes for axes in across if axes.get_visible()]
+    limits = np.array([axes.get_ylim() for axes in shown])
+    for axes in shown:
+        axes.set_ylim(limits[:, 0].min(), limits[:, 1].max())
+        axes.tick_params(labelleft=axes is across[0])
+    across[0].set_ylabel(label)
+
+
+def _broken(title: str) -> str:
+    """A title over two lines, for a narrow column."""
+    first, _, rest = title.partition(" ")
+    return f"{first}\n{rest}"

@@ -6,8 +6,6 @@ import base64
 from collections.abc import Callable
 from pathlib import Path
 
-import matplotlib as mpl
-
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.files import temporary_folder
 from cam_rig.laws.catalogue import families
@@ -40,12 +38,12 @@ PROPOSED = "bezier15"
 #: Highest order of the Campbell diagrams, whose rays stay apart on paper.
 SHOWN_ORDERS = 40
 #: Dots per inch of their thousands of strokes, which are pixels within the SVG.
-ORDERS_DPI = 80
+ORDERS_DPI = 130
 
 
 def uri(draw: Callable[[Path], None]) -> str:
     """What ``draw`` writes to an SVG file, as a data URI that repeats bit for bit."""
-    with temporary_folder() as folder, mpl.rc_context({"svg.hashsalt": "cam_rig"}):
+    with temporary_folder() as folder:
         path = folder / "figure.svg"
         draw(path)
         text = path.read_text(encoding="utf-8")
@@ -119,7 +117,8 @@ def order_figures(found: Findings) -> dict[str, str]:
     if not found.orders:
         return {}
     shown = [study.up_to(SHOWN_ORDERS) for study in found.orders]
-    return {"orders": uri(lambda path: write(orders_plot.figure(shown), path, ORDERS_DPI))}
+    titles = {name: cam.title for name, cam in found.sources.loaded.cams.items()}
+    return {"orders": uri(lambda path: write(orders_plot.figure(shown, titles), path, ORDERS_DPI))}
 
 
 def _arc_cam(sources: Sources) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
+from cam_rig.drawing.cam_looks import of_cam
 from cam_rig.drawing.outlines import closed
 from cam_rig.live.cam_check import contour_of
 from cam_rig.robot.frames import Robot
@@ -29,9 +30,9 @@ def cam_markers(robot: Robot, stamp_ns: int = 0) -> bytes:
 
     The contour is that of /cam/profile, to its last digit; how thick the cam is, is only looks.
     """
-    cam, loaded = robot.mounted, robot.loaded
+    cam = robot.mounted
     outline = contour_of(cam, robot.law).T
-    half, rgba = 0.5 * DISC * robot.size, colours.of_cam(loaded, cam.name)
+    half, rgba = 0.5 * DISC * robot.size, of_cam(cam.name)
     strip = [point(float(x), float(y), half) for x, y in closed(outline)]
     solid = [point(*map(float, corner)) for corner in _solid(outline, half)]
     at, width = header(stamp_ns, cam.name), (0.01 * robot.size, 0.0, 0.0)

@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from cam_rig.drawing import colours
+from cam_rig.drawing.cam_looks import of_cam
 from cam_rig.laws.curves import ORDERS, LawCurves
 from cam_rig.viewer.charts.axes import Axes, round_marks
 from cam_rig.viewer.recording import APPLICATION, name_recording
@@ -77,7 +77,7 @@ def _draw(
     stream: rr.RecordingStream, axes: Axes, order: int, curve: LawCurves, i: int, count: int
 ) -> None:
     """One curve, with its name on it in the first chart, each at another place along x."""
-    colour = colours.CAMS[i % len(colours.CAMS)]
+    colour = of_cam(curve.name)
     points = axes.place(curve.x, curve.motion[order])
     where = f"{entity(order)}/{curve.name}"
     stream.log(where, rr.LineStrips2D([points], colors=colour, radii=STROKE), static=True)

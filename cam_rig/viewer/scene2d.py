@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
+from cam_rig.drawing.cam_looks import of_cam
 from cam_rig.drawing.follower import FollowerShape, follower_shape
 from cam_rig.drawing.force_scale import ARROW, max_contact_force
 from cam_rig.drawing.outlines import MM, circle, closed
@@ -106,7 +107,7 @@ class Scene2D:
         flip = rr.Transform3D.columns(mat3x3=np.diag([zoom, -zoom, 1.0])[None])
         self._stream.send_columns(self._root, self._at(state), flip)
         outline, base = closed(profile) * MM, self._loaded.cams[state.cam].follower.base_radius.si
-        colour = colours.of_cam(self._loaded, state.cam)
+        colour = of_cam(state.cam)
         mark = np.stack([np.zeros(2), outline[0]])
         self._strips(state, "cam/contour", [outline], colour, LINE)
         self._strips(state, "cam/mark", [mark], colour, THIN)
@@ -125,7 +126,7 @@ class Scene2D:
         columns = rr.Points2D.columns(
             positions=[[0.0, -1.2 * self._shape.reach * MM]],
             labels=[f"{title}{rpm:.0f} rpm, longest arrow {longest:.0f} N"],
-            colors=[colours.of_cam(self._loaded, state.cam)],
+            colors=[of_cam(state.cam)],
             radii=[UNSEEN],
             show_labels=[True],
         )

@@ -20,8 +20,8 @@ def test_a_comparison_has_rows_sentences_and_a_picture():
     figure = found.plot()
     assert isinstance(figure, Figure)
     titles = [axes.get_title() for axes in figure.axes if axes.get_title()]
-    expected = ["tm21, 200 rpm", "tm21, 350 rpm", "tm21, 400 rpm", "bezier15, 200 rpm"]
-    assert titles == [*expected, "bezier15, 400 rpm"]
+    expected = ["TM21\n200 rpm", "TM21\n350 rpm", "TM21\n400 rpm", "Bézier degree 15\n200 rpm"]
+    assert titles == [*expected, "Bézier degree 15\n400 rpm"]
 
 
 def test_arguments_that_do_not_fit_the_bag_are_refused():

@@ -1,10 +1,25 @@
 """The noise study on a smaller sweep, computed once for the commands that tell of it."""
 
 import pytest
+from matplotlib.figure import Figure
 from ruamel.yaml import YAML
 
 from cam_rig.schema.load import config_root
 from cam_rig.studies.noise.run import study_noise
+
+from ..figure_faults import faults
+
+
+@pytest.fixture(autouse=True)
+def no_faulty_figure(monkeypatch):
+    """Whatever figure a command writes has no text that is cut, too small, or on another."""
+    save = Figure.savefig
+
+    def checked(figure, *given, **more):
+        save(figure, *given, **more)
+        assert faults(figure) == []
+
+    monkeypatch.setattr(Figure, "savefig", checked)
 
 
 def load(folder, name):

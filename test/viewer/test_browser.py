@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from cam_rig.drawing import colours
+from cam_rig.drawing.cam_looks import of_cam
 from cam_rig.viewer.charts import series
 from cam_rig.viewer.charts.series import SeriesWriter
 from cam_rig.viewer.recording import save_recording
@@ -44,7 +45,7 @@ SHOWN = {
         series.LANDING,
         series.LIFT_OFF,
     )
-} | {"bars": colours.BANDS, "cam": colours.CAMS[0], "follower": colours.FOLLOWER}
+} | {"bars": colours.BANDS, "cam": of_cam("poly345"), "follower": colours.FOLLOWER}
 LEFT_OUT = series.VELOCITY
 #: Of no curve, and as far from each as the curves are from each other.
 NOBODYS = {"red": 0xFF0000FF, "green": 0x00FF00FF, "blue": 0x0000FFFF, "pink": 0xFF00FFFF}

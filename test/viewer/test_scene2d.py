@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cam_rig.arrays import FloatArray
-from cam_rig.drawing import colours
+from cam_rig.drawing.cam_looks import of_cam
 from cam_rig.drawing.outlines import turned
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.loaded_scene import open_scene
@@ -140,7 +140,7 @@ def test_the_words_under_the_cam_say_speed_and_scale_in_the_cams_colour(
     assert len(words) == 4
     assert re.fullmatch(r"Polynomial 3-4-5, 700 rpm, longest arrow \d+ N", words[1])
     seen = [row[0] for row in picture.column("scene/rig/label", "Points2D:colors")]
-    assert seen == [colours.CAMS[0], colours.CAMS[0], colours.CAMS[1], colours.CAMS[1]]
+    assert seen == [of_cam(cam) for cam in ("poly345", "poly345", "bezier15", "bezier15")]
 
 
 @pytest.mark.parametrize("scene", ["tm21_sweep", "quick"])

@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from cam_rig.laws import build_law
 from cam_rig.laws.bernstein import derivative, evaluate
 from cam_rig.laws.named import unit_rise
-from cam_rig.plots.figures import line
+from cam_rig.plots.figures import colour, line
 from cam_rig.profile import contours_at
 from cam_rig.schema.load import config_root, load_cam
 
@@ -197,7 +197,8 @@ def to_ground(axes: Axes, y: float, stiffness: str, damping: str) -> None:
 def laws(path: Path) -> None:
     """Rises of unit lift over a unit span, with three derivatives."""
     figure, panels = plt.subplots(1, 4, figsize=(11.0, 3.3), layout="constrained")
-    for index, name in enumerate(SHOWN):
+    for name in SHOWN:
+        style = {"color": colour(name), "ls": line(name)["ls"]}
         breaks, pieces = unit_rise(name)
         for begin, end, ordinates in zip(breaks, breaks[1:], pieces, strict=False):
             u = np.linspace(0.0, 1.0, 200)
@@ -205,7 +206,7 @@ def laws(path: Path) -> None:
             for order, axes in enumerate(panels):
                 curve = evaluate(values, u)
                 label = name if order == 0 and begin == breaks[0] else None
-                axes.plot(begin + span * u, curve, lw=1.4, label=label, **line(index))
+                axes.plot(begin + span * u, curve, lw=1.4, label=label, **style)
                 values = derivative(values) / span
     for axes, name in zip(panels, ("lift s", "velocity s′", "acceleration s″", "jerk s‴"),
                           strict=True):  # fmt: skip

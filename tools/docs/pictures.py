@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
-from cam_rig.plots.figures import empty, write
+from cam_rig.plots.figures import empty, styled, write
 from cam_rig.viewer.blueprint import compared_rpm
 from cam_rig.viewer.turns import Turn
 from tools.docs import stills
@@ -19,8 +19,8 @@ from tools.docs.turn_archive import TurnArchive, gap
 ANIMATION, SIDE_BY_SIDE = "turning.webp", "side_by_side.png"
 #: Frames of the animation, one turn, and how long each is shown, ms.
 FRAMES, FRAME_MS = 72, 50
-#: Dots per inch.
-DPI = 90
+#: Dots per inch of the animation.
+DPI = 108
 
 
 def draw_pictures(archive: TurnArchive, noise: Callable[[Path], None], folder: Path) -> list[Path]:
@@ -48,16 +48,17 @@ def draw_pictures(archive: TurnArchive, noise: Callable[[Path], None], folder: P
     return [folder / ANIMATION, folder / SIDE_BY_SIDE, plot]
 
 
+@styled
 def animate(archive: TurnArchive, turn: Turn, path: Path) -> None:
     """One turn: the rig left, lift and contact force with a cursor right."""
-    figure = empty(8.0, 4.0)
+    figure = empty(3.35)
     parts = figure.add_gridspec(2, 2, width_ratios=[2, 3])
     rig, lift, force = (
         figure.add_subplot(parts[where]) for where in (np.s_[:, 0], np.s_[0, 1], np.s_[1, 1])
     )
     stills.frame_rig(rig, archive, turn)
     title = archive.loaded.cams[turn.cam].title
-    rig.set_title(f"{title}, {turn.rpm:.0f} rpm", fontsize=10)
+    rig.set_title(f"{title}, {turn.rpm:.0f} rpm")
     cursors = stills.draw_curves(lift, force, archive.loaded, turn)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # it would be laid out anew for every frame
@@ -80,18 +81,19 @@ def animate(archive: TurnArchive, turn: Turn, path: Path) -> None:
     )
 
 
+@styled
 def side_by_side(archive: TurnArchive, turns: list[Turn], path: Path) -> None:
     """All cams at one speed, each where its contact force is at its maximum, and their curves."""
-    figure = empty(3.6 * len(turns), 7.0)
+    figure = empty(4.5)
     axes = figure.subplots(3, len(turns), height_ratios=[3, 2, 2], squeeze=False)
     for (rig, lift, force), turn in zip(axes.T, turns, strict=True):
         sample = int(turn.force.argmax())
         stills.frame_rig(rig, archive, turn)
         stills.draw_rig(rig, archive, turn, sample)
-        rig.set_title(f"{archive.loaded.cams[turn.cam].title}, {turn.rpm:.0f} rpm", fontsize=10)
+        rig.set_title(f"{archive.loaded.cams[turn.cam].title}, {turn.rpm:.0f} rpm")
         for cursor in stills.draw_curves(lift, force, archive.loaded, turn):
             cursor.set_xdata([stills.degrees(turn)[sample]] * 2)
-    write(figure, path, DPI)
+    write(figure, path)
 
 
 def _rendered(figure: Figure) -> Image.Image:

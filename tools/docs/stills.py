@@ -9,6 +9,7 @@ from matplotlib.lines import Line2D
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
+from cam_rig.drawing.cam_looks import of_cam
 from cam_rig.drawing.colours import web
 from cam_rig.drawing.follower import follower_shape
 from cam_rig.drawing.force_scale import ARROW, max_contact_force
@@ -34,8 +35,8 @@ def draw_rig(axes: Axes, archive: TurnArchive, turn: Turn, sample: int) -> list[
         drawn.extend(axes.plot(*(points * MM).T, color=web(colour), lw=width))
 
     outline = turned(closed(archive.profiles[turn.cam]), float(angle[0]))
-    line(outline, colours.of_cam(loaded, turn.cam), 2.0)
-    line(np.stack([np.zeros(2), outline[0]]), colours.of_cam(loaded, turn.cam), 0.8)
+    line(outline, of_cam(turn.cam), 2.0)
+    line(np.stack([np.zeros(2), outline[0]]), of_cam(turn.cam), 0.8)
     line(circle(cam.follower.base_radius.si), colours.GREY, 0.6)
     for strip in shape.support():
         line(strip, colours.GREY, 0.8)
@@ -93,6 +94,7 @@ def draw_curves(lift: Axes, force: Axes, loaded: LoadedScene, turn: Turn) -> lis
         turn_axis(axes, 90)
     force.axhline(0.0, color=web(colours.ZERO), lw=0.8)
     lift.set(ylabel="lift s [mm]")
-    lift.legend(loc="upper left", fontsize=8)
+    lift.set_ylim(top=1.45 * MM * float(turn.lift.max()))  # room for the legend
+    lift.legend(loc="upper center", ncols=2, handlelength=1.8)
     force.set(ylabel="contact force [N]", xlabel=CAM_ANGLE)
     return [axes.axvline(0.0, color="0.3", lw=1.0) for axes in (lift, force)]

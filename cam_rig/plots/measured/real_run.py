@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 
 from cam_rig.drawing import colours
 from cam_rig.drawing.colours import web
-from cam_rig.plots.figures import CAM_ANGLE, empty, turn_axis, write
+from cam_rig.drawing.words import in_words
+from cam_rig.plots.figures import CAM_ANGLE, empty, styled, turn_axis, write
 from cam_rig.studies.real_run.comparison import OverTurn, SpeedDeparture
 
 #: Name of a quantity, its unit, factor to it, unit and factor of its difference, colour.
@@ -43,6 +44,7 @@ def draw(rows: Sequence[SpeedDeparture], path: Path) -> None:
     write(figure(rows), path)
 
 
+@styled
 def figure(rows: Sequence[SpeedDeparture]) -> Figure:
     """For each cam a column for each chosen speed: the curves, and below them their difference."""
     by_cam: dict[str, list[SpeedDeparture]] = {}
@@ -52,8 +54,8 @@ def figure(rows: Sequence[SpeedDeparture]) -> Figure:
     across = max((len(columns) for columns in by_cam.values()), default=1)
     down = len(shown) * len(by_cam)
     if not down:
-        return empty(4.0, 1.0)
-    out = empty(0.8 + 4.0 * across, 0.6 + 3.7 * down)
+        return empty(1.0)
+    out = empty(0.6 + 2.8 * down)
     ratios = [2.0, 1.0] * down
     panels = out.subplots(
         2 * down, across, sharex=True, sharey="row", squeeze=False, height_ratios=ratios
@@ -62,8 +64,10 @@ def figure(rows: Sequence[SpeedDeparture]) -> Figure:
         _block(panels[2 * i * len(shown) : 2 * (i + 1) * len(shown)], columns, shown)
         for unused in panels[2 * i * len(shown) : 2 * (i + 1) * len(shown), len(columns) :].flat:
             unused.set_visible(False)
-    for axes in panels[-1]:
-        axes.set_xlabel(CAM_ANGLE)
+    for column in panels.T:
+        lowest = [axes for axes in column if axes.get_visible()][-1]
+        lowest.set_xlabel(CAM_ANGLE)
+        lowest.tick_params(labelbottom=True)
     return out
 
 
@@ -72,7 +76,7 @@ def _block(
 ) -> None:
     """The panels of one cam."""
     for j, row in enumerate(columns):
-        panels[0, j].set_title(f"{row.cam}, {row.rpm:.4g} rpm", fontsize=10)
+        panels[0, j].set_title(f"{in_words(row.cam)}\n{row.rpm:.4g} rpm")
         for i, (name, _, factor, _, fine, colour) in enumerate(shown):
             turn: OverTurn | None = getattr(row, f"{name}_turn")
             if turn is not None:
@@ -81,7 +85,8 @@ def _block(
     for i, (name, unit, _, small, fine, _) in enumerate(shown):
         panels[2 * i, 0].set_ylabel("contact force [N]" if name == "force" else f"{name} [{unit}]")
         panels[2 * i + 1, 0].set_ylabel(f"difference [{small}]")
-        panels[2 * i, 0].legend(fontsize=8, loc="upper right")
+        panels[2 * i, 0].margins(y=0.25)
+        panels[2 * i, 0].legend(loc="upper center", ncols=2, handlelength=1.6)
         turns = [turn for row in columns if (turn := getattr(row, f"{name}_turn")) is not None]
         largest = [np.abs(t.difference[t.calm]).max(initial=0.0) for t in turns]
         # rounding is drawn as none, and what is beside a landing does not set the scale
@@ -105,6 +110,6 @@ def _difference(axes: Axes, turn: OverTurn, factor: float) -> None:
         beside = ~turn.calm
         label = "beside a landing: not counted"
         axes.plot(turn.degrees[beside], difference[beside], color="0.7", label=label, **dots)
-        axes.legend(fontsize=7, loc="upper right", markerscale=3.0)
+        axes.legend(loc="upper right", markerscale=3.0)
     axes.plot(turn.degrees[turn.calm], difference[turn.calm], color=web(colours.LIMIT), **dots)
     turn_axis(axes)

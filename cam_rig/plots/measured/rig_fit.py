@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from cam_rig.drawing import colours
 from cam_rig.drawing.colours import web
-from cam_rig.plots.figures import CAM_ANGLE, empty, turn_axis, write
+from cam_rig.plots.figures import CAM_ANGLE, empty, styled, turn_axis, write
 from cam_rig.studies.rig_fit.found import RigFit
 from cam_rig.studies.rig_fit.jump_fit import JumpFit
 from cam_rig.units import TURN, to_rpm
@@ -24,6 +24,7 @@ def draw_rig_fit(fit: RigFit, path: Path) -> None:
     write(rig_figure(fit), path)
 
 
+@styled
 def rig_figure(fit: RigFit) -> Figure:
     """Force, or lift where none was measured, of some speeds over one turn; what is left below."""
     likelihood = fit.solution.likelihood
@@ -32,17 +33,17 @@ def rig_figure(fit: RigFit) -> Figure:
     picked = sorted(
         {order[round(k)] for k in np.linspace(0, len(order) - 1, MOST_SPEEDS)}, key=order.index
     )
-    out = empty(0.8 + 4.0 * len(picked), 4.6)
+    out = empty(3.8)
     panels = out.subplots(
         2, len(picked), sharex=True, sharey="row", squeeze=False, height_ratios=(2.0, 1.0)
     )
     for column, i in enumerate(picked):
-        panels[0, column].set_title(f"{fit.holds[i].rpm:.4g} rpm", fontsize=10)
+        panels[0, column].set_title(f"{fit.holds[i].rpm:.4g} rpm")
         _hold(panels[0, column], panels[1, column], fit, i, force)
         panels[1, column].set_xlabel(CAM_ANGLE)
     panels[0, 0].set_ylabel("contact force [N]" if force else "lift [mm]")
     panels[1, 0].set_ylabel(f"left [{'N' if force else 'µm'}]")
-    panels[0, 0].legend(fontsize=8, loc="upper right")
+    panels[0, 0].legend(loc="upper right")
     return out
 
 
@@ -72,11 +73,12 @@ def draw_jump_fit(fit: JumpFit, path: Path) -> None:
     write(jump_figure(fit), path)
 
 
+@styled
 def jump_figure(fit: JumpFit) -> Figure:
     """Jump speeds as read over those of the numbers found; what is left below."""
     read = to_rpm(np.array([reading.speed for reading in fit.table.readings]))
     found = np.array(fit.speeds)
-    out = empty(6.4, 5.6)
+    out = empty(5.4)
     above, below = out.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
     ends = [min(read.min(), found.min()), max(read.max(), found.max())]
     above.plot(ends, ends, color="0.1", lw=0.8, label="as fitted")
@@ -84,7 +86,7 @@ def jump_figure(fit: JumpFit) -> Figure:
         found, read, yerr=fit.error, fmt="o", ms=4, capsize=2, color=web(colours.LIFT), label="read"
     )
     above.set_ylabel("jump speed, read [rpm]")
-    above.legend(fontsize=8, loc="upper left")
+    above.legend(loc="upper left")
     below.axhline(0.0, color="0.1", lw=0.8)
     below.errorbar(found, read - found, yerr=fit.error, fmt="o", ms=4, color=web(colours.LIMIT))
     below.set(xlabel="jump speed, fitted [rpm]", ylabel="left [rpm]")

@@ -8,10 +8,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cam_rig.arrays import FloatArray
-from cam_rig.plots.figures import CAM_SPEED, LEVEL, colour, empty, marker, write
+from cam_rig.plots.figures import CAM_SPEED, LEVEL, empty, marker, series, styled, write
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.noise_comparison import NoiseResult
 
+#: A cubic through fewer speeds than this would show what nobody measured.
+MIN_SPEEDS = 6
 #: Room above and below levels turn by turn, dB, so that the rounding of settled ones is not seen.
 MARGIN_DB = 1.0
 
@@ -21,26 +23,28 @@ def draw(result: NoiseResult, loaded: LoadedScene, path: Path) -> None:
     write(figure(result, loaded), path)
 
 
+@styled
 def figure(result: NoiseResult, loaded: LoadedScene) -> Figure:
     """Level of each cam against speed, its cubic regression, and what is published."""
-    out = empty(8.0, 5.2)
+    out = empty(4.4)
     axes = out.subplots()
-    for index, curve in enumerate(result.curves.values()):
-        style = marker(index)
+    for curve in result.curves.values():
+        style = marker(curve.cam)
         ink = style["color"]
         title = loaded.cams[curve.cam].title
         if curve.rmse_db is not None:
             title += f", {curve.role}, r.m.s. difference {curve.rmse_db:.2f} dB"
         axes.plot(curve.rpm, curve.level_db, **style, ls="", ms=5, label=title)
         fine = np.linspace(curve.rpm[0], curve.rpm[-1], 200)
-        if np.isfinite(curve.coefficients).all():
+        if len(curve.rpm) >= MIN_SPEEDS and np.isfinite(curve.coefficients).all():
             fit = np.polynomial.polynomial.polyval(fine, curve.coefficients)
-            axes.plot(fine, fit, color=ink, lw=1.6)
+            axes.plot(fine, fit, color=ink)
         if curve.rmse_db is not None and loaded.published is not None:
-            axes.plot(fine, loaded.published.level(curve.cam, fine), "--", color=ink, lw=1.2)
-    axes.plot([], [], "k-", lw=1.6, label="cubic regression, simulated")
+            axes.plot(fine, loaded.published.level(curve.cam, fine), "--", color=ink)
+    if any(len(curve.rpm) >= MIN_SPEEDS for curve in result.curves.values()):
+        axes.plot([], [], "k-", label="cubic regression, simulated")
     if loaded.published is not None:
-        axes.plot([], [], "k--", lw=1.2, label="cubic regression, published")
+        axes.plot([], [], "k--", label="cubic regression, published")
     if result.crossover_rpm is not None:
         axes.axvline(result.crossover_rpm, color="0.5", lw=0.8)
         axes.annotate(
@@ -52,22 +56,23 @@ def figure(result: NoiseResult, loaded: LoadedScene) -> Figure:
         )
     worth = "" if loaded.calibrated else "relative "
     axes.set(xlabel=CAM_SPEED, ylabel=worth + LEVEL, title=loaded.scene.title)
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=8, loc="upper left")
+    axes.legend(loc="upper left")
     return out
 
 
+@styled
 def turn_by_turn(by_turn: FloatArray, settle_turns: int, level: float, title: str) -> Figure:
     """Levels (dB) of turns ``(n,)``, and their energy mean ``level`` after ``settle_turns``."""
-    out = empty(8.0, 4.0)
+    out = empty(3.4)
     axes = out.subplots()
     turn = np.arange(1, by_turn.size + 1)
-    axes.plot(turn, by_turn, "o", color=colour(0), label="one turn")
+    axes.plot(turn, by_turn, "o", color=series(0)["color"], label="one turn")
     settled = np.array([settle_turns + 0.5, by_turn.size + 0.5])
-    axes.plot(settled, [level, level], color=colour(1), label=f"settled turns: {level:.2f} dB")
+    axes.plot(
+        settled, [level, level], color=series(1)["color"], label=f"settled turns: {level:.2f} dB"
+    )
     axes.set(xlabel="turn", ylabel=LEVEL, title=title)
     axes.set_xticks(turn[:: 1 + turn.size // 20])
     axes.set_ylim(by_turn.min() - MARGIN_DB, by_turn.max() + MARGIN_DB)
-    axes.grid(alpha=0.3)
     axes.legend()
     return out

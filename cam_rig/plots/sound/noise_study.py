@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from cam_rig.plots.figures import CAM_SPEED, LEVEL, empty, marker, write
+from cam_rig.plots.figures import CAM_SPEED, LEVEL, empty, marker, styled, write
+from cam_rig.plots.sound.noise import MIN_SPEEDS
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.studies.noise.calibration_methods import Method
 from cam_rig.studies.noise.run import NoiseStudy
@@ -21,35 +22,38 @@ def draw(study: NoiseStudy, loaded: LoadedScene, path: Path) -> None:
     write(figure(study, loaded), path)
 
 
+@styled
 def figure(study: NoiseStudy, loaded: LoadedScene) -> Figure:
     """Level against speed, simulated and published, one panel a way to calibrate."""
-    out = empty(15.0, 5.4)
-    axes = out.subplots(1, len(study.methods), sharex=True, sharey=True)
+    out = empty(2.5 * len(study.methods) + 0.8)
+    axes = out.subplots(len(study.methods), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     for panel, method in zip(axes, study.methods, strict=True):
         _panel(panel, method, study, loaded)
-    axes[0].set_ylabel(LEVEL)
+        panel.set_ylabel(LEVEL)
+    axes[-1].set_xlabel(CAM_SPEED)
     handles = [
         Line2D([], [], color="k", marker="o", ls="", ms=4, label="simulated"),
-        Line2D([], [], color="k", lw=1.6, label="cubic regression, simulated"),
-        Line2D([], [], color="k", ls="--", lw=1.2, label="cubic regression, published"),
+        Line2D([], [], color="k", label="cubic regression, simulated"),
+        Line2D([], [], color="k", ls="--", label="cubic regression, published"),
         Rectangle((0, 0), 1, 1, color="0.75", label="95 % band for the published regression"),
     ]
-    out.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
+    out.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
     return out
 
 
 def _panel(panel: Axes, method: Method, study: NoiseStudy, loaded: LoadedScene) -> None:
     rpm = study.rpm
-    for index, curve in enumerate(method.curves.values()):
-        style = marker(index)
+    for curve in method.curves.values():
+        style = marker(curve.cam)
         colour = style["color"]
         title = loaded.cams[curve.cam].title
         label = f"{title}: {curve.role}, r.m.s. difference {curve.rms_db:.2f} dB"
         band = curve.expected
         panel.fill_between(rpm, band.low, band.high, color=colour, alpha=0.16, lw=0)
         panel.plot(rpm, curve.level_db, **style, ls="", ms=4, label=label)
-        panel.plot(rpm, curve.regression_db, color=colour, lw=1.6)
-        panel.plot(rpm, curve.published_db, "--", color=colour, lw=1.2)
+        if rpm.size >= MIN_SPEEDS:
+            panel.plot(rpm, curve.regression_db, color=colour)
+        panel.plot(rpm, curve.published_db, "--", color=colour)
     found = method.crossing
     if found.rpm is not None and np.isfinite(found.low):
         panel.axvspan(found.low, found.high, color="0.5", alpha=0.12, lw=0)
@@ -61,9 +65,7 @@ def _panel(panel: Axes, method: Method, study: NoiseStudy, loaded: LoadedScene) 
             xytext=(-5, 0),
             textcoords="offset points",
             ha="right",
-            fontsize=9,
             color="0.25",
         )
-    panel.set(xlabel=CAM_SPEED, title=f"{method.name}")
-    panel.grid(alpha=0.3)
-    panel.legend(fontsize=8.5, loc="upper left")
+    panel.set_title(method.name)
+    panel.legend(loc="upper left")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from matplotlib import colormaps
@@ -12,9 +13,8 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from cam_rig.arrays import FloatArray
-from cam_rig.plots.figures import CAM_SPEED, empty, line, write
+from cam_rig.plots.figures import CAM_SPEED, colour, empty, styled, title_of, write
 from cam_rig.schema.scene import MODEL_ALIASES
-from cam_rig.studies.orders.spectrum import OrderSpectrum
 from cam_rig.studies.orders.waterfall import QUANTITIES, RANGE, CamOrders, loudest
 
 #: Orders that are named at the edge, at most.
@@ -24,40 +24,43 @@ MODELS = {name: model for model, name in MODEL_ALIASES.items()}
 COLOURS, GROUND = "viridis", "0.12"
 
 
-def draw(found: Sequence[CamOrders], path: Path) -> None:
+def draw(
+    found: Sequence[CamOrders], path: Path, titles: Mapping[str, str] = MappingProxyType({})
+) -> None:
     """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(figure(found), path)
+    write(figure(found, titles), path)
 
 
-def figure(found: Sequence[CamOrders]) -> Figure:
-    """A row for each cam: force on the left, sound on the right."""
-    out = empty(11.0, 4.2 * len(found) + 0.4)
+@styled
+def figure(found: Sequence[CamOrders], titles: Mapping[str, str] = MappingProxyType({})) -> Figure:
+    """A row for each cam, by its title where it is given: force on the left, sound on the right."""
+    out = empty(2.9 * len(found) + 0.3)
     panels = out.subplots(len(found), len(QUANTITIES), squeeze=False)
     for column, (quantity, name) in enumerate(QUANTITIES.items()):
         most = loudest(found, quantity)
         for study, axes in zip(found, panels[:, column], strict=True):
             what, model = name.partition(" [")[0], MODELS.get(study.model, study.model)
-            axes.set_title(f"{study.cam}, {model}: {what}", fontsize=10)
+            title, model = title_of(titles, study.cam), model.replace("_", " ")
+            axes.set_title(f"{title}\n{model}: {what}")
             if len(study.spectra) == 1:
-                _lines(axes, study.spectra[0], study.values(quantity), name, most)
+                _lines(axes, study, study.values(quantity), name, most)
             else:
                 rays = _rays(axes, study, study.values(quantity), most)
                 out.colorbar(rays, ax=axes, label=name, extend="min")
     return out
 
 
-def _lines(axes: Axes, spectrum: OrderSpectrum, values: FloatArray, name: str, most: float) -> None:
-    low = most - RANGE
-    axes.vlines(spectrum.orders[1:], low, values, color=line(0)["color"], lw=1.4)
+def _lines(axes: Axes, study: CamOrders, values: FloatArray, name: str, most: float) -> None:
+    spectrum, low = study.spectra[0], most - RANGE
+    axes.vlines(spectrum.orders[1:], low, values, color=colour(study.cam))
     axes.set(xlabel=f"order of the cam, {spectrum.rpm:g} rpm", ylabel=name)
     axes.set(ylim=(low, most + 4.0), xlim=(0.0, spectrum.orders[-1] + 1.0))
-    axes.grid(alpha=0.25)
 
 
 def _rays(axes: Axes, study: CamOrders, values: FloatArray, most: float) -> LineCollection:
     """The strokes of an order lie on its ray. Dashed: the natural frequency of the stem."""
     shades = colormaps[COLOURS].with_extremes(under=GROUND)
-    rays = LineCollection(list(study.strokes()), cmap=shades, lw=1.6)
+    rays = LineCollection(list(study.strokes()), cmap=shades)
     rays.set_array(values)
     rays.set_clim(most - RANGE, most)
     rays.set_rasterized(True)  # thousands of strokes, of which an SVG would be megabytes
@@ -65,6 +68,7 @@ def _rays(axes: Axes, study: CamOrders, values: FloatArray, most: float) -> Line
     low, high = study.edges[[0, -1]]
     highest = float(study.spectra[-1].orders[-1])
     axes.set(xlabel=CAM_SPEED, ylabel="frequency [Hz]", facecolor=GROUND)
+    axes.grid(visible=False)
     axes.set(xlim=(low, high), ylim=(0.0, highest * high / 60.0))
     natural = study.spectra[0].steady.natural_frequency
     if natural is not None and natural < axes.get_ylim()[1]:
@@ -73,7 +77,7 @@ def _rays(axes: Axes, study: CamOrders, values: FloatArray, most: float) -> Line
     for order in named:
         words = f"{order:g}" if order < named[-1] else f"order {order:g}"
         place = (high, order * high / 60.0)
-        axes.annotate(words, place, (2, 0), textcoords="offset points", fontsize=7)
+        axes.annotate(words, place, (2, 0), textcoords="offset points")
     return rays
 
 

@@ -35,7 +35,7 @@ def figures(found: SceneFindings) -> dict[str, str]:
         rpm, cams = found.vibration.rpm[-1], found.drawn(list(found.vibration.measures))
         drawn["vibration"] = uri(lambda path: vibration_plot.draw(cams, rpm, path))
     if found.orders:
-        drawn["orders"] = uri(lambda path: orders_plot.draw(found.orders, path))
+        drawn["orders"] = uri(lambda path: orders_plot.draw(found.orders, path, whole.titles))
     return drawn | _of_cams(found)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 
 from cam_rig.arrays import FloatArray
-from cam_rig.drawing import colours
+from cam_rig.drawing.cam_looks import of_cam
 from cam_rig.simulation.levels import MeasuredTick, step_levels
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.units import RPM_PER_RAD_S
@@ -88,7 +88,7 @@ class LevelChart:
     def finish(self) -> None:
         """Draw all points so that they are there at every time, and on every timeline."""
         for cam in self._levels:
-            colour = colours.of_cam(self._loaded, cam)
+            colour = of_cam(cam)
             points = rr.Points2D(self._points(cam), colors=colour, radii=FINAL)
             self._stream.log(f"{VIEW}/final/{cam}", points, static=True)
 
@@ -99,7 +99,7 @@ class LevelChart:
         entity = f"{VIEW}/measured/{cam}"
         if cam not in self._drawn:
             self._drawn.add(cam)
-            style = rr.Points2D.from_fields(colors=colours.of_cam(self._loaded, cam), radii=POINT)
+            style = rr.Points2D.from_fields(colors=of_cam(cam), radii=POINT)
             self._stream.log(entity, style, static=True)
         self._stream.send_columns(entity, at, columns)
 
@@ -113,7 +113,7 @@ class LevelChart:
         if published is None:
             return
         known = cam in self._loaded.cams
-        colour = colours.of_cam(self._loaded, cam) if known else colours.GREY
+        colour = of_cam(cam)
         title = self._loaded.cams[cam].title if known else cam
         rpm = np.linspace(*self._axes.x, 2 * DASHES)
         points = self._axes.place(rpm, published.level(cam, rpm))

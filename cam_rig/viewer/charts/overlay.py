@@ -5,7 +5,7 @@ from __future__ import annotations
 import rerun as rr
 
 from cam_rig.arrays import FloatArray
-from cam_rig.drawing import colours
+from cam_rig.drawing.cam_looks import of_cam
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.viewer.charts.band_chart import BandChart
@@ -34,7 +34,7 @@ def draw_turn(stream: rr.RecordingStream, loaded: LoadedScene, turn: Turn) -> No
     for quantity, (factor, _) in QUANTITIES.items():
         entity, colour = (
             f"{at_speed(turn.rpm, quantity)}/{turn.cam}",
-            colours.of_cam(loaded, turn.cam),
+            of_cam(turn.cam),
         )
         line = SeriesLine(entity, loaded.cams[turn.cam].title, colour, factor=factor)
         writer = SeriesWriter(stream, line, times=within_turn)
@@ -55,5 +55,5 @@ def draw_side_by_side(
     scene.frames(turn.time[frame], turn.angle[frame], turn.lift[frame], turn.force[frame])
     scene.flush()
     bands = third_octaves(loaded.radiation, turn.force, turn.impulse, rate)
-    chart = BandChart(stream, f"{view}/bands", rate, colours.of_cam(loaded, turn.cam))
+    chart = BandChart(stream, f"{view}/bands", rate, of_cam(turn.cam))
     chart.draw_once(bands)

@@ -1,0 +1,66 @@
+"""What is written in pictures: names in words, powers of ten typeset, a true minus."""
+
+from __future__ import annotations
+
+import math
+import re
+
+#: Names that are more than words and digits.
+_POLYNOMIAL, _BEZIER = re.compile(r"poly(\d+)"), re.compile(r"bezier(\d+)(.*)")
+#: Powers of ten from and to which a number is written out.
+PLAIN = (-3, 3)
+
+
+def in_words(name: str) -> str:
+    """The name of a cam, rise or rig in words, where its title is not at hand.
+
+    Examples
+    --------
+    >>> [in_words(name) for name in ("poly345", "bezier15", "bezier4_start", "tm21", "my_cam")]
+    ['Polynomial 3-4-5', 'Bézier degree 15', 'Bézier degree 4, start', 'TM21', 'My cam']
+    """
+    if found := _POLYNOMIAL.fullmatch(name):
+        return f"Polynomial {'-'.join(found[1])}"
+    if found := _BEZIER.fullmatch(name):
+        return f"Bézier degree {found[1]}{found[2].replace('_', ', ')}"
+    words = [_word(word) for word in name.split("_")]
+    return " ".join([words[0][:1].upper() + words[0][1:], *words[1:]])
+
+
+def typeset(value: float, shown: str = ".4g") -> str:
+    """A number with a true minus, its power of ten as mathtext.
+
+    Examples
+    --------
+    >>> typeset(-0.25), typeset(3.3e8), typeset(1e8)
+    ('−0.25', '$3.3·10^{8}$', '$10^{8}$')
+    """
+    mantissa, mark, exponent = format(value, shown).partition("e")
+    if mark:
+        factor = "" if mantissa == "1" else f"{mantissa}·"
+        return f"${factor}10^{{{int(exponent)}}}$".replace("-", "−")
+    return mantissa.replace("-", "−")
+
+
+def log_tick(value: float) -> str:
+    """What a tick of a logarithmic axis is called.
+
+    Examples
+    --------
+    >>> [log_tick(value) for value in (0.03, 300.0, 1e6, 3e-9)]
+    ['0.03', '300', '$10^{6}$', '$3·10^{−9}$']
+    """
+    if value <= 0.0:
+        return ""
+    power = math.floor(math.log10(value) + 1e-9)
+    if PLAIN[0] <= power <= PLAIN[1]:
+        return f"{value:g}"
+    return typeset(float(f"{value:.0e}"), ".0e")
+
+
+def _word(word: str) -> str:
+    """Short letters with digits are a code, TM21; a word with digits is one with a number."""
+    found = re.fullmatch(r"([a-z]+)(\d+)", word)
+    if found is None:
+        return word
+    return word.upper() if len(found[1]) <= 3 else f"{found[1]} {found[2]}"

@@ -1,0 +1,85 @@
+"""What is wrong with a figure as a reader would see it: cut, overlapping or too small texts."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from itertools import combinations
+
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
+
+#: Smallest type (pt) at the width (in) that a journal prints.
+SMALLEST, WIDEST = 7.0, 170.0 / 25.4
+#: A hyphen in place of a minus, and an exponent that is not typeset.
+HYPHEN, EXPONENT = re.compile(r"(?<![\w-])-\d"), re.compile(r"\de[+-]?\d")
+#: Pixels by which boxes may touch: those of a glyph are rounded up.
+TOUCH = 1.0
+
+
+def faults(figure: Figure) -> list[str]:
+    """One line for each fault; none for a figure that may be printed."""
+    figure.draw_without_rendering()
+    found = [] if figure.get_figwidth() <= WIDEST + 1e-9 else ["wider than 170 mm"]
+    texts = [text for text in figure.findobj(Text) if text.get_text().strip()]
+    for text in texts:
+        words = text.get_text()
+        if text.get_visible() and text.get_fontsize() < SMALLEST:
+            found.append(f"{words!r}: {text.get_fontsize():g} pt")
+        if HYPHEN.search(words) or EXPONENT.search(words):
+            found.append(f"{words!r}: not typeset")
+    labels = list(_labels(figure))
+    boxes = [(text, text.get_window_extent()) for text in labels]
+    page = figure.bbox.padded(TOUCH)
+    for text, box in boxes:
+        if not (
+            page.x0 <= box.x0 and box.x1 <= page.x1 and page.y0 <= box.y0 and box.y1 <= page.y1
+        ):
+            found.append(f"{text.get_text()!r}: cut")
+    panels = [axes for axes in figure.findobj(Axes) if axes.get_visible() and axes.axison]
+    for axes in panels:
+        legend = axes.get_legend()
+        others = [other.bbox for other in panels if other is not axes]
+        others += [box for text, box in boxes if not legend or text not in legend.get_texts()]
+        if legend and any(_overlap(legend.get_window_extent(), other) for other in others):
+            found.append(
+                f"a legend on another panel or label: {legend.get_texts()[0].get_text()!r}"
+            )
+    for (one, box), (other, beside) in combinations(boxes, 2):
+        if _overlap(box, beside):
+            found.append(f"{one.get_text()!r} on {other.get_text()!r}")
+    return found
+
+
+def _labels(figure: Figure) -> Iterator[Text]:
+    """Ticks in view, names of axes, titles, legends; what is in the panels beside curves is not."""
+    for axes in figure.findobj(Axes):
+        if axes.get_visible() and axes.axison:
+            texts = [axes.title, axes.xaxis.label, axes.yaxis.label]
+            for axis in (axes.xaxis, axes.yaxis):
+                texts += [*_ticks(axis), axis.get_offset_text()]
+            yield from (text for text in texts if text.get_visible() and text.get_text().strip())
+            if axes.get_legend():
+                yield from axes.get_legend().get_texts()
+    for part in (figure, *figure.subfigs):
+        for legend in part.legends:
+            yield from legend.get_texts()
+        if part.get_suptitle():
+            yield part._suptitle
+
+
+def _ticks(axis: Axis) -> Iterator[Text]:
+    low, high = sorted(axis.get_view_interval())
+    room = 1e-9 * (high - low)
+    for tick in axis.get_major_ticks():
+        if low - room <= tick.get_loc() <= high + room:
+            yield from (text for text in (tick.label1, tick.label2) if text.get_visible())
+
+
+def _overlap(one: Bbox, other: Bbox) -> bool:
+    width = min(one.x1, other.x1) - max(one.x0, other.x0)
+    height = min(one.y1, other.y1) - max(one.y0, other.y0)
+    return width > TOUCH and height > TOUCH
