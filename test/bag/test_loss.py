@@ -281,7 +281,7 @@ def test_a_damaged_length_costs_no_more_than_its_chunk(tmp_path):
     (tmp_path / "a.mcap").write_bytes(data)
     saved = recover(tmp_path / "a.mcap", tmp_path / "recovered")
     last = sum(time <= damaged.end for time in TIMES) - 1
-    assert last > 1 and f"missing: ticks 1 to {last} of 16" in saved.words
+    assert last > 1 and f"ticks 1 to {last} of 16" in saved.words.partition("missing: ")[2]
     assert saved.counts["/microphone/level"] == 16 - last
 
 
