@@ -6,6 +6,8 @@ is of a tick waits for the tick's curves, and goes after them.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import rerun as rr
 
@@ -14,7 +16,7 @@ from cam_rig.drawing import colours
 from cam_rig.dynamics import Samples
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
-from cam_rig.units import NS, to_rpm
+from cam_rig.units import NS, TURN, to_rpm
 from cam_rig.viewer.charts.band_chart import BandChart
 from cam_rig.viewer.charts.bands import third_octaves
 from cam_rig.viewer.charts.time_series import TimeSeries
@@ -70,7 +72,9 @@ class RunView:
             self._scene.frames(time[frame], angle[frame], lift[frame], force[frame])
         landed = impulse > 0.0
         for row in zip(time[landed], angle[landed], impulse[landed], strict=True):
-            self._events.append((*row[:2], f"landing, impulse {row[2]:.3g} N·s", "WARN"))
+            turn, within = divmod(row[1], TURN)
+            words = f"landing at {math.degrees(within):.1f}° of turn {int(turn) + 1}"
+            self._events.append((*row[:2], f"{words}, impulse {row[2]:.3g} N·s", "INFO"))
         if not start.holds_until(end):
             return
         self._turns.add(start, angle, rows)

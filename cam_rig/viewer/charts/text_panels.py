@@ -9,7 +9,7 @@ from cam_rig.units import to_rpm
 from cam_rig.viewer.turns import Turn, lift_offs
 
 HEAD = (
-    "| cam | speed [rpm] | level [dB] | max force [N] | min force [N] | lift-offs | max gap [mm] |",
+    "| cam | speed [rpm] | level [dB] | most force [N] | least force [N] | lift-offs | gap [mm] |",
     "|---|---:|---:|---:|---:|---:|---:|",
 )
 
