@@ -90,6 +90,7 @@ def tm21():
         (["--topics", "angle=/a.b"], "no meaning"),
         (["--tolerance", "0"], "tolerance"),
         (["--out", "rig.txt"], "yaml"),
+        (["--csv", "-", "--json", "-"], "both go to stdout"),
     ],
 )
 def test_what_does_not_fit_is_said_in_a_line(jumps, more, words):

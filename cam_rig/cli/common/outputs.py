@@ -77,6 +77,8 @@ def write_csv(tables: Iterable[DataTable], target: Path | None) -> None:
 
 def check_outputs(json_target: str | None, plot: Path | None, csv: Path | None = None) -> None:
     """Refuse, before anything runs, what could not be written afterwards."""
+    if json_target == "-" and csv == STDOUT:
+        raise ConfigError("--json - and --csv -: both go to stdout; allowed: one of them there")
     if plot is not None and plot.suffix.lower() not in PICTURES:
         raise ConfigError(f"{plot}: unknown kind of picture; allowed: {', '.join(PICTURES)}")
     if plot is not None:

@@ -179,7 +179,9 @@ def _number(
     if name == "restitution" and solution.bounce is not None:
         return _bounce(*solution.bounce, "roller_share" in likelihood.values(solution.x))
     if name not in likelihood.sought:
-        return FoundNumber(name, None, None, "identified", _not_sought(name, scale, landings))
+        forces = any(hold.force.value.size for hold in likelihood.holds)
+        reason = _not_sought(name, scale, landings, forces)
+        return FoundNumber(name, None, None, "identified", reason)
     k = likelihood.sought.index(name)
     value = likelihood.values(solution.x)[name]
     error = float(errors.errors[k]) * slope(name, value)
@@ -221,11 +223,11 @@ def _without_flights(number: FoundNumber) -> FoundNumber:
     return replace(number, reason="the speeds that lift off fit no such follower")
 
 
-def _not_sought(name: str, scale: tuple[str, ...], landings: list[int]) -> str:
+def _not_sought(name: str, scale: tuple[str, ...], landings: list[int], forces: bool) -> str:
     if name == "restitution" and not any(landings):
         return "no landing was measured: the follower never leaves the cam"
     if name == "stem_stiffness":
-        return "a rigid stem explains what was measured"
+        return "a rigid stem explains what was measured" if forces else "only a force shows a stem"
     if name in scale:
         return "lifts alone tell only ratios to the mass: measure a force too, or give a mass"
     return "not sought"
