@@ -30,10 +30,17 @@ CAMS = ("poly345", "cycloidal", "bezier15", "poly4567", "arcs_convex")
 PARTS, SCATTER = (0.35, 0.55, 0.75, 0.95, 1.08), 0.03
 
 
-def trial(seed: int, model: str) -> tuple[RigConfig, RigFit, float]:
-    """A machine, what a fit found of it, and how long that took (s)."""
+def trial(
+    seed: int, model: str, cams: tuple[str, ...], unasked: bool
+) -> tuple[RigConfig, RigFit, float]:
+    """A machine, what a fit found of it, and how long that took (s).
+
+    Parameters
+    ----------
+    unasked : the fit is not told that there is a stem
+    """
     random = np.random.default_rng(seed)
-    law = cam_rig.build_law(cam_rig.load_cam(CAMS[seed % len(CAMS)]))
+    law = cam_rig.build_law(cam_rig.load_cam(cams[seed % len(cams)]))
     rig = cam_rig.load_rig("tm21" if model == "one_mass" else "paper_table2")
     follower = rig.follower
     numbers = {
@@ -52,7 +59,7 @@ def trial(seed: int, model: str) -> tuple[RigConfig, RigFit, float]:
     errors = InstrumentErrors(in_proportion=seed % 2 == 1)
     run = measured_run(law, rig, model, (parts * jump).tolist(), errors, seed)
     begin = time.perf_counter()
-    known = None if model == "one_mass" else model
+    known = None if unasked or model == "one_mass" else model
     found = fit_rig(law, run, cam_rig.load_rig("tm21"), known)
     return rig, found, time.perf_counter() - begin
 
@@ -63,10 +70,12 @@ def main() -> None:
     parser.add_argument("--trials", type=int, default=200)
     parser.add_argument("--first", type=int, default=0, help="seed of the first")
     parser.add_argument("--model", choices=("one_mass", "separation"), default="one_mass")
+    parser.add_argument("--cams", default=",".join(CAMS), help="names with commas")
+    parser.add_argument("--unasked", action="store_true", help="the fit is not told of the stem")
     asked = parser.parse_args()
     scores, seconds, models = defaultdict[str, list[float]](list), [], defaultdict[str, int](int)
     for seed in range(asked.first, asked.first + asked.trials):
-        rig, found, took = trial(seed, asked.model)
+        rig, found, took = trial(seed, asked.model, tuple(asked.cams.split(",")), asked.unasked)
         seconds.append(took)
         models[found.model] += 1
         for number in found.identified:

@@ -189,6 +189,14 @@ def speed_table(rows: Iterable[SpeedRow], title: str, rate: int) -> DataTable:
 
         return take
 
+    rows = tuple(rows)
+    note = f"Settled turns, of samples at {rate} Hz: a flight is known to one sample."
+    if bouncing := [row for row in rows if row.force_peak == 0.0]:
+        where = ", ".join(f"{row.cam} at {row.rpm:.6g} rpm" for row in bouncing)
+        note += (
+            f" {where}: the follower bounces without end and is never at rest on the cam, so no "
+            "sample holds a force, only its blows."
+        )
     return tabulate(
         f"{title}: by speed",
         rows,
@@ -205,5 +213,5 @@ def speed_table(rows: Iterable[SpeedRow], title: str, rate: int) -> DataTable:
             (Column("least torque", "N·m", ".2f"), of("torque_least")),
             (Column("mean torque", "N·m", ".3f"), of("torque_mean")),
         ),
-        f"Settled turns, of samples at {rate} Hz: a flight is known to one sample.",
+        note,
     )

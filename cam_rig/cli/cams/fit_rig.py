@@ -245,7 +245,7 @@ def _law_of(cams: CamSet, name: str | None) -> Law:
 
 
 def _known(given: list[str] | None) -> dict[str, float]:
-    """NAME=VALUE by name, within the limits of each."""
+    """NAME=VALUE by name."""
     from cam_rig.studies.rig_fit.numbers import NUMBERS
 
     found = {}
@@ -257,17 +257,13 @@ def _known(given: list[str] | None) -> dict[str, float]:
                 f"--given {words}: {name!r} is no number of a follower; allowed: "
                 f"{', '.join(NUMBERS)}{did_you_mean(name, list(NUMBERS))}"
             )
-        limits = NUMBERS[name]
         try:
-            value = float(text)
-        except ValueError:
-            value = float("nan")
-        if not limits.low <= value <= limits.high:
+            found[name] = float(text)
+        except ValueError as error:
             raise ConfigError(
-                f"--given {words}: allowed: {name}=NUMBER from {limits.low:g} to {limits.high:g} "
-                f"{limits.unit}"
-            )
-        found[name] = value
+                f"--given {words}: {text!r} is no number; allowed: {name}=NUMBER, in "
+                f"{NUMBERS[name].unit}"
+            ) from error
     return found
 
 

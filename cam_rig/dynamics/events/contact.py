@@ -21,7 +21,7 @@ from cam_rig.dynamics.events.polynomials import (
     restricted,
     value_at,
 )
-from cam_rig.dynamics.events.rows import Row, Stack, binomials, borrowed, zeros
+from cam_rig.dynamics.events.rows import Row, Stack, binomials, borrowed, place_of, zeros
 from cam_rig.units import TURN
 
 #: (η, η̇).
@@ -82,7 +82,7 @@ def loss_of_contact(
 ) -> ContactLoss:
     """Time after which the force is negative, from (η, η̇) at cam angle ``angle`` (rad) on."""
     inside = angle - math.floor(angle / TURN) * TURN
-    first, now = _part_of(contact, inside), 0.0
+    first, now = place_of(contact.parts, inside), 0.0
     index, turn, local = first, 0.0, (inside - contact.parts[first][PART][LOW]) / speed
     while True:
         end = max(
@@ -116,17 +116,6 @@ def contact_loss(
     loss = loss_of_contact(contact, speed, angle, state, duration)
     place, velocity = state_after(contact, loss.stretch, loss.time - loss.begin)
     return loss.time, place, velocity
-
-
-def _part_of(contact: StemContactTable, inside: float) -> int:
-    low, high = 0, len(contact.parts)
-    while high - low > 1:
-        middle = (low + high) // 2
-        if contact.parts[middle][PART][LOW] <= inside:
-            low = middle
-        else:
-            high = middle
-    return low
 
 
 def _end_of_part(contact: StemContactTable, now: ContactStretch) -> Pair:

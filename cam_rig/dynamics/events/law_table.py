@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from cam_rig.dynamics.events.polynomials import weighted_value
-from cam_rig.dynamics.events.rows import Stack
+from cam_rig.dynamics.events.rows import Stack, place_of
 from cam_rig.units import TURN
 
 EPS = 2.0**-52
@@ -50,22 +50,10 @@ class Cam(NamedTuple):
     angle: float
 
 
-def piece_of(law: LawTable, inside: float) -> int:
-    """Index of the piece that holds an angle of the first turn, rad; the right one at a joint."""
-    low, high = 0, len(law.pieces)
-    while high - low > 1:
-        middle = (low + high) // 2
-        if law.pieces[middle][PLACE][BEGIN] <= inside:
-            low = middle
-        else:
-            high = middle
-    return low
-
-
 def law_at(law: LawTable, angle: float) -> tuple[float, float, float]:
     """S (m), s' (m/rad) and s'' (m/rad²) at a cam angle in rad; right limits at joints."""
     inside = angle - math.floor(angle / TURN) * TURN
-    i = piece_of(law, inside)
+    i = place_of(law.pieces, inside)
     rows, size = law.pieces[i], law.size
     u = (inside - rows[PLACE][BEGIN]) / rows[PLACE][SPAN]
     s, slope = weighted_value(rows[LIFT], size, u), weighted_value(rows[SLOPE], size, u)
@@ -104,7 +92,7 @@ def piece_from(cam: Cam, time: float) -> tuple[int, float, float]:
     """
     law, at = cam.law, cam.angle + cam.speed * time
     turn = math.floor(at / TURN) * TURN
-    index = piece_of(law, at - turn)
+    index = place_of(law.pieces, at - turn)
     low = law.pieces[index][PLACE][BEGIN] + turn
     last = index + 1 == len(law.pieces)
     high = (TURN if last else law.pieces[index + 1][PLACE][BEGIN]) + turn

@@ -31,6 +31,21 @@ def zero_rows(count: int, size: int) -> Rows:
     return [[0.0] * size for _ in range(count)]
 
 
+def place_of(tables: Stack, inside: float) -> int:
+    """Index of the table that holds an angle, rad; the right one where two meet.
+
+    The first number of each is the angle at which it begins, in rising order.
+    """
+    low, high = 0, len(tables)
+    while high - low > 1:
+        middle = (low + high) // 2
+        if tables[middle][0][0] <= inside:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
 def binomials(degree: int) -> Row:
     """C(degree, i), i from 0 to ``degree``."""
     if degree < len(PASCAL):

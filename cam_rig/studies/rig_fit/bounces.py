@@ -12,7 +12,6 @@ from cam_rig.studies.rig_fit.likelihood import FAR, Likelihood, Predicted
 from cam_rig.studies.rig_fit.search import (
     FitSolution,
     continued,
-    landings_of,
     search,
 )
 
@@ -105,23 +104,26 @@ def _tried(found: FitSolution, names: tuple[str, ...], bounce: float) -> Tried:
     """A restitution beside the other numbers as they are."""
     values = found.likelihood.values(found.x) | {"restitution": bounce}
     new, x = continued(found, names, values)
-    new.keep_clear(x, 0.0)
-    new.kept = [np.ones(kept.size, dtype=bool) for kept in new.kept]  # else bounces hide forces
     missed, samples = 0.0, 0
-    for i, landings in enumerate(landings_of(new, x)):
-        if landings:
-            samples += new.holds[i].lift.value.size + new.kept[i].size
-            x[new.instruments.phases.start + i], off = _phase(new, x, i)
+    for i, hold in enumerate(new.holds):  # all forces, for bounces hide them else
+        predicted = new.predicted(x, i)
+        if predicted is None:
+            samples += hold.lift.value.size + hold.force.value.size
+            missed += FAR**2 * hold.force.value.size
+        elif predicted.turn.events:
+            new.pressing[i] = np.abs(predicted.turn.at(predicted.force_angle)[1])
+            samples += hold.lift.value.size + hold.force.value.size
+            x[new.instruments.phases.start + i], off = _phase(new, x, i, predicted)
             missed += off
     return Tried(bounce, missed, x[new.instruments.phases], samples)
 
 
-def _phase(likelihood: Likelihood, x: FloatArray, i: int) -> tuple[float, float]:
+def _phase(
+    likelihood: Likelihood, x: FloatArray, i: int, predicted: Predicted
+) -> tuple[float, float]:
     """The phase (rad) of a hold that goes with its turn, and the squares of what is missed."""
-    predicted, hold = likelihood.predicted(x, i), likelihood.holds[i]
+    hold = likelihood.holds[i]
     phase = float(x[likelihood.instruments.phases][i])
-    if predicted is None:
-        return phase, FAR**2 * hold.force.value.size
     lift, moved = hold.lift.value.size > 0, 0.0
     for _ in range(PHASE_STEPS):
         off = _off(likelihood, x, i, predicted, moved, lift)

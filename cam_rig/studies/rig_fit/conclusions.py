@@ -8,9 +8,13 @@ import numpy as np
 
 from cam_rig.studies.rig_fit.found import FoundNumber, RigFit
 from cam_rig.studies.rig_fit.jump_fit import JumpFit
-from cam_rig.studies.rig_fit.models import COLOURED
+from cam_rig.studies.rig_fit.models import LEAST_PLAY
 from cam_rig.studies.rig_fit.numbers import NUMBERS
 
+#: Neighbours that err alike over more samples than this are no noise.
+COLOURED = 1.5
+#: A backlash is one beyond so many standard errors.
+PLAY = 2.0
 #: A residual larger than this part of the lift is not a gauge's.
 WRONG_CAM = 0.01
 #: A lift that is so near, in parts of itself, is no gauge's: what is left is rounding.
@@ -89,10 +93,11 @@ def _odd(fit: RigFit) -> Iterator[str]:
             "or turned the other way?"
         )
         return
-    if fit.gauges.backlash is not None:
+    play, error = fit.gauges.backlash or 0.0, fit.gauges.backlash_error or 0.0
+    if abs(play) > max(PLAY * error, LEAST_PLAY * fit.law.lift):
         yield (
-            f"The lift reads {abs(fit.gauges.backlash) * 1e3:.3g} mm "
-            f"{'less' if fit.gauges.backlash > 0.0 else 'more'} in rises than in falls: backlash, "
+            f"The lift reads {abs(play) * 1e3:.3g} mm "
+            f"{'less' if play > 0.0 else 'more'} in rises than in falls: backlash, "
             "or a gauge that drags. It is fitted with."
         )
     if fit.gauges.sensor_frequency is not None:

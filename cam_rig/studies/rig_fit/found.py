@@ -217,10 +217,18 @@ def _bounce(value: float, error: float, stem: bool) -> FoundNumber:
 
 
 def _without_flights(number: FoundNumber) -> FoundNumber:
-    """The same with the reason of a restitution whose landings were left out."""
-    if number.name != "restitution" or number.value is not None or number.error is not None:
+    """The same with the reason of what the speeds that were left out might have told."""
+    if number.value is not None or number.error is not None:
         return number
-    return replace(number, reason="the speeds that lift off fit no such follower")
+    if number.name == "restitution":
+        return replace(number, reason="the speeds that lift off fit no such follower")
+    if number.name == "stem_stiffness":
+        return replace(
+            number,
+            reason="a rigid stem explains the speeds on the cam; for an elastic one: "
+            "--model separation",
+        )
+    return number
 
 
 def _not_sought(name: str, scale: tuple[str, ...], landings: list[int], forces: bool) -> str:

@@ -19,7 +19,9 @@ SETTLE_TURNS = 1.0
 MOST_SAMPLES = 40_000
 #: HoldSamples of a hold, at least.
 LEAST_SAMPLES = 20
-
+#: A follower that presses with more than this part of its largest force is on the cam; of a hold it
+#: may press with less in this part of the samples, as noise has it.
+PRESSED, SELDOM = 0.05, 0.01
 #: A lift that differs by more than this part of itself from turn to turn is of no steady motion.
 RESTLESS = 0.02
 
@@ -49,6 +51,12 @@ class MeasuredHold:
     def speed(self) -> float:
         """rad/s, by the encoder."""
         return self.hold.speed
+
+    @property
+    def presses(self) -> bool:
+        """Whether no sample of the force shows a loss of contact; so too where there is none."""
+        force = self.force.value
+        return not force.size or bool(np.quantile(force, SELDOM) > PRESSED * force.max())
 
 
 def measured_holds(run: MeasuredRun) -> tuple[MeasuredHold, ...]:

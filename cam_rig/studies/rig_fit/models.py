@@ -32,14 +32,10 @@ from cam_rig.units import TURN
 
 #: What vibrates is sought where the logarithm of its likelihood ratio is above this.
 CLEARLY_LIKELIER = 30.0
-#: Neighbours that err alike over more samples than this are no noise.
-COLOURED = 1.5
 #: A gauge's backlash is sought where it is beyond so many standard errors.
 PLAY = 6.0
 #: And beyond this part of the lift: less is rounding.
 LEAST_PLAY = 1e-7
-#: Speeds without landings from which two masses are found alone, at least.
-LEAST_QUIET = 2
 #: Restitutions from which lifts alone are searched.
 BOUNCES_TRIED = (0.05, 0.25, 0.45, 0.65)
 #: Samples in flight that show the force's zero, at least.
@@ -61,14 +57,13 @@ def one_mass(
     values = aligned.likelihood.values(aligned.x) | {"restitution": 0.0} | given
     if not any(hold.force.value.size for hold in aligned.likelihood.holds):
         return _of_lifts(aligned, smooth, values, given)
-    flying = landings_of(aligned.likelihood, aligned.x)
-    quiet = [i for i, landings in enumerate(flying) if not landings]
+    quiet = _on_the_cam(aligned)
     still = None
-    if any(flying) and any(aligned.likelihood.holds[i].force.value.size for i in quiet):
+    if len(quiet) < len(aligned.likelihood.holds) and _forces(aligned, quiet):
         still = search(*continued(aligned, smooth, values, only=quiet))
         new, x = continued(aligned, smooth, still.likelihood.values(still.x))
         found = FitSolution(new, _with_phases_of(still, new, x), aligned.slopes, aligned.residuals)
-        if quiet_does and len(quiet) >= LEAST_QUIET:
+        if quiet_does:
             return found
     else:
         found = search(*continued(aligned, smooth, values))
@@ -80,6 +75,20 @@ def one_mass(
         found = search(*continued(found, found.likelihood.sought, values, play=True))
         found = replace(found, bounce=bounce)
     return still if still is not None and contradict(still, found) else found
+
+
+def _on_the_cam(found: FitSolution) -> list[int]:
+    """The holds at which the follower stays on the cam.
+
+    By the forces too: on a stem it leaves a cam with steps of acceleration at slower speeds than
+    one rigid mass does.
+    """
+    still = [i for i, landings in enumerate(landings_of(found.likelihood, found.x)) if not landings]
+    return [i for i in still if found.likelihood.holds[i].presses] or still
+
+
+def _forces(found: FitSolution, holds: list[int]) -> bool:
+    return any(found.likelihood.holds[i].force.value.size for i in holds)
 
 
 def _of_lifts(
@@ -108,8 +117,6 @@ def _of_lifts(
 def _tared(found: FitSolution) -> FitSolution:
     """The same with the zero of the force sensor, which shows in flights: where they are low."""
     like = found.likelihood
-    if not any(hold.force.value.size for hold in like.holds):
-        return found
     new, x = continued(found, like.sought, like.values(found.x), tare=True)
     flying = [
         hold.force.value[like.kept[i]][there.turn.at(there.force_angle)[1] == 0.0]
@@ -143,12 +150,14 @@ def _with_phases_of(still: FitSolution, new: Likelihood, x: FloatArray) -> Float
     return found
 
 
-def _two_masses(one: FitSolution, stem: dict[str, float], given: dict[str, float]) -> FitSolution:
-    """Two masses, from a stem beside the numbers of one."""
-    values = one.likelihood.values(one.x) | {"restitution": given.get("restitution", 0.0)}
+def _two_masses(
+    one: FitSolution, still: FitSolution, stem: dict[str, float], given: dict[str, float]
+) -> FitSolution:
+    """Two masses, from a stem and the numbers of one mass ``still`` at some speeds of ``one``."""
+    values = still.likelihood.values(still.x) | {"restitution": given.get("restitution", 0.0)}
     sought = tuple(name for name in TWO_MASSES if name not in given and name != "restitution")
     start = values | stem | given
-    quiet = _quiet(one, sought, start)
+    quiet = _quiet(still, sought, start)
     if quiet is None:
         found = search(*continued(one, sought, start))
         if "restitution" not in given and any(landings_of(found.likelihood, found.x)):
@@ -164,22 +173,25 @@ def _two_masses(one: FitSolution, stem: dict[str, float], given: dict[str, float
 
 
 def _quiet(
-    one: FitSolution, sought: tuple[str, ...], start: dict[str, float]
+    still: FitSolution, sought: tuple[str, ...], start: dict[str, float]
 ) -> FitSolution | None:
-    """Two masses at the speeds without landings; None where fewer than two have a force.
+    """Two masses at the speeds without landings; None where there is none with a force.
 
     Bounces on a stem depend on every number at once, and their likelihood has a valley for each: a
-    curvature there tells nothing of the others. On the cam the motion is linear.
+    curvature there tells nothing of the others. On the cam the motion is linear. The fastest speed
+    is left out as long as what is left of the forces has a pattern.
     """
-    holds = one.likelihood.holds
-    here = [i for i, landings in enumerate(landings_of(one.likelihood, one.x)) if not landings]
-    while sum(holds[i].force.value.size > 0 for i in here) >= LEAST_QUIET:
-        found = search(*continued(one, sought, start, only=here))
-        flying = landings_of(found.likelihood, found.x)
-        if not any(flying):
-            return found
+    here = _on_the_cam(still)
+    while _forces(still, here):
+        found = search(*continued(still, sought, start, tare=False, only=here))
         start = found.likelihood.values(found.x)
-        here = [i for i, landings in zip(here, flying, strict=True) if not landings]
+        flying = landings_of(found.likelihood, found.x)
+        if any(flying):
+            here = [i for i, landings in zip(here, flying, strict=True) if not landings]
+        elif len(here) > 1 and leaves_a_pattern(found.likelihood, found.x):
+            here.remove(max(here, key=lambda i: still.likelihood.holds[i].speed))
+        else:
+            return found
     return None
 
 
@@ -202,25 +214,42 @@ def elastic(
     model: str | None,
     on_step: Callable[[str], None],
 ) -> FitSolution:
-    """What vibrates: the force sensor, where that explains all, else the stem; or nothing."""
+    """What vibrates: the force sensor, where that explains all, else the stem; or nothing.
+
+    It is looked for at the speeds on the cam, if it shows there, as bounces of a rigid mass on what
+    has a stem tell nothing.
+    """
     if model is None and not leaves_a_pattern(one.likelihood, one.x):
         return one
-    stem, gain = likely_stem(one.likelihood, one.x)
+    still = _still(one)
+    stem, gain = likely_stem(still.likelihood, still.x)
     if model is None and gain < CLEARLY_LIKELIER:
         return one
     best = one
     if model is None:
         on_step("a resonance of the force sensor")
-        sensor = _with_resonance(one, stem)
-        if log_ratio(sensor, one) > CLEARLY_LIKELIER:
-            best = sensor
-            if uncertainty(sensor).alike[1] < COLOURED:
-                return sensor
+        sensor = _with_resonance(still, stem)
+        if not leaves_a_pattern(sensor.likelihood, sensor.x):
+            sensor = sensor if still is one else _with_resonance(one, stem)
+            if log_ratio(sensor, one) > CLEARLY_LIKELIER:
+                best = sensor
+                if not leaves_a_pattern(sensor.likelihood, sensor.x):
+                    return sensor
     on_step("two masses and a stem")
-    two = _two_masses(one, stem, given)
+    two = _two_masses(one, still, stem, given)
     if model == "separation" or log_ratio(two, best) > CLEARLY_LIKELIER:
         return two
     return best
+
+
+def _still(one: FitSolution) -> FitSolution:
+    """One mass at the speeds on the cam, where these leave a pattern; else as it is."""
+    here = _on_the_cam(one)
+    if len(here) == len(one.likelihood.holds) or not _forces(one, here):
+        return one
+    sought = tuple(name for name in one.likelihood.sought if name != "restitution")
+    still = search(*continued(one, sought, one.likelihood.values(one.x), tare=False, only=here))
+    return still if leaves_a_pattern(still.likelihood, still.x) else one
 
 
 def _has_play(found: FitSolution) -> bool:

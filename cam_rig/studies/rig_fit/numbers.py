@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,13 +43,21 @@ TWO_MASSES = (*ONE_MASS, "stem_stiffness", "roller_share", "stem_damping")
 OF_TWO = ("roller_share", "stem_damping")
 
 
-def require_in_model(given: Iterable[str], model: str | None) -> None:
-    """Refuse numbers of two masses that are given where these are not asked for.
+def require_in_model(given: Mapping[str, float], model: str | None) -> None:
+    """Refuse numbers that no follower has, or not one of the model that is asked for.
 
     Raises
     ------
-    ConfigError : ``model`` is not separation and one of ``given`` is in `OF_TWO`
+    ConfigError : one of ``given`` is beyond its limits, or of two masses where ``model`` is not
+        separation
     """
+    for name, value in given.items():
+        limits = NUMBERS[name]
+        if not limits.low <= value <= limits.high:
+            raise ConfigError(
+                f"{name}: {value:g} {limits.unit} is given; allowed: from {limits.low:g} to "
+                f"{limits.high:g} {limits.unit}"
+            )
     if model != "separation" and (odd := [name for name in given if name in OF_TWO]):
         raise ConfigError(
             f"{odd[0]}: is given, a number of two masses and a stem; allowed with "

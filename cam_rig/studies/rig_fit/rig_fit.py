@@ -36,8 +36,8 @@ def fit_rig(
 
     Raises
     ------
-    ConfigError : the cam nowhere turns steadily, nothing was measured, nothing fits, or a stem is
-        asked for or given that nothing can tell
+    ConfigError : the cam nowhere turns steadily, nothing was measured, nothing fits, a number that
+        is given is beyond its limits, or a stem is asked for that nothing can tell
     """
     given = dict(given or {})
     require_in_model(given, model)
@@ -54,7 +54,8 @@ def fit_rig(
             "--model one_mass"
         )
     scale = {} if forces or set(given) & set(ONE_MASS[:4]) else {"mass": values["mass"]}
-    start = Likelihood(law, holds, (), values, base.follower.stem_stiffness.si)
+    stem = given.get("stem_stiffness", base.follower.stem_stiffness.si)
+    start = Likelihood(law, holds, (), values, stem)
     start.force_noise = (
         0.01 * max((h.force.value.max(initial=0.0) for h in holds), default=1.0) or 1.0
     )

@@ -14,15 +14,14 @@ from cam_rig.dynamics.two_mass.parameters import contact_response, force_output
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.studies.rig_fit.likelihood import Likelihood
-from cam_rig.studies.rig_fit.measured_turns import MeasuredHold
+from cam_rig.studies.rig_fit.measured_turns import PRESSED, MeasuredHold
 from cam_rig.studies.rig_fit.numbers import Follower, follower_of
 from cam_rig.units import TURN
 
 #: Cam angles tried for the encoder's zero.
 PHASES = 360
-#: Every so manyth sample is looked at here; a follower that presses with more than this part of
-#: its largest force is on the cam.
-EVERY, PRESSED = 8, 0.05
+#: Every so manyth sample is looked at here.
+EVERY = 8
 #: Natural frequencies of the stem that are tried, Hz: from, to, each so many times the one before.
 FREQUENCIES = (8.0, 3000.0, 1.1)
 #: Parts of a turn over which what is left is averaged, at most; samples in one, at least.
