@@ -116,7 +116,7 @@ class Likelihood:
         """Where the instruments' numbers stand."""
         lift = any(hold.lift.since.size for hold in self.holds)
         there = {
-            CLOCK: len(self.holds) > 1,  # else it is not told from the speed's
+            CLOCK: True,
             ZERO: lift,
             BACKLASH: lift and self.play,
             TARE: self.tare,

@@ -134,15 +134,22 @@ def _tared(found: FitSolution) -> FitSolution:
 
 
 def _with_phases_of(still: FitSolution, new: Likelihood, x: FloatArray) -> FloatArray:
-    """``x`` with the instruments of some holds, and phases of all on their line ψ = a + b ω t."""
-    design = [
-        np.array([[1.0, h.speed * 0.5 * (h.hold.begin + h.hold.end)] for h in like.holds])
-        for like in (still.likelihood, new)
-    ]
-    phases = np.unwrap(still.x[still.likelihood.instruments.phases])
-    line = np.linalg.lstsq(design[0], phases, rcond=None)[0]
+    """``x`` with the instruments of some holds, and phases of all on their line ψ = a + b ω t.
+
+    One hold tells no line: then all phases are moved as its own is.
+    """
     found = x.copy()
-    found[new.instruments.phases] = design[1] @ line
+    phases = np.unwrap(still.x[still.likelihood.instruments.phases])
+    if phases.size > 1:
+        design = [
+            np.array([[1.0, h.speed * 0.5 * (h.hold.begin + h.hold.end)] for h in like.holds])
+            for like in (still.likelihood, new)
+        ]
+        line = np.linalg.lstsq(design[0], phases, rcond=None)[0]
+        found[new.instruments.phases] = design[1] @ line
+    else:
+        at = new.instruments.phases.start + new.holds.index(still.likelihood.holds[0])
+        found[new.instruments.phases] += phases[0] - x[at]
     for name in new.instruments.single:
         at = new.instruments.at(name)
         assert at is not None

@@ -278,6 +278,17 @@ def test_lifts_of_two_flying_speeds_tell_a_rig_far_from_the_first_guess(seed):
     assert max(map(abs, found.values())) < 4.0
 
 
+def test_one_speed_on_the_cam_is_enough_beside_those_that_fly():
+    """The search of all begins at its numbers and its phase: none of the others is left out."""
+    law = cam_rig.build_law(cam_rig.load_cam("tm21"))
+    base = cam_rig.load_rig("tm21")
+    other = base.with_follower(mass=1.8)
+    run = measured_run(law, other, "one_mass", (200.0, 300.0, 350.0), QUICK)
+    fit = fit_rig(law, run, base, given={"restitution": 0.0})
+    assert fit.left_out == ()
+    assert max(map(abs, scores(fit, other).values())) < 4.0
+
+
 def test_lifts_of_one_flying_speed_tell_nothing(law, rig):
     """Several followers fly alike at one speed: none is told, and what to measure is."""
     run = replace(measured_run(law, rig, "one_mass", WITH_FLIGHTS, seed=4), force=None)
