@@ -30,6 +30,8 @@ FOLLOWER, BOLD = "0.62", "black"
 POINTS, POSITIONS = 3600, 24
 #: About every so many degrees a position is named; up to so many positions, each is.
 NAMED, EACH_NAMED = 60.0, 12
+#: Its middle is so far outside the follower's end, pt.
+OUTSIDE_PT = 11.0
 #: Fewest and most positions: fewer are no turn, more are black.
 FEWEST, MOST = 3, 720
 #: Radii of curvature beyond this many times the cam's size are off the diagram.
@@ -93,7 +95,7 @@ def _plan(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...], coun
     base = circle(radius)
     axes.plot(*base.T, color="0.25", ls=":", label=f"base circle, $R_b$ = {radius:.4g} mm")
     axes.plot(0.0, 0.0, "+", color="k", ms=9)
-    axes.margins(0.09)  # for the names of the angles
+    axes.margins(0.13)  # for the names of the angles
     axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
     each = 360.0 / count
     axes.set_title(f"follower every {each:.4g}°, black at 0°; the cam turns ↺")
@@ -129,8 +131,16 @@ def _name_angles(axes: Axes, contour: Contour, law: Law, count: int) -> None:
         angle, positions(contour.disc.element, law, np.radians(angle)), strict=True
     ):
         end = strips[-1][-1]
-        place = end * (1.0 + 5.0 / np.hypot(*np.abs(end).clip(60.0)))
-        axes.annotate(f"{degrees:.3g}°", place, ha="center", va="center", color="0.3")
+        beyond = OUTSIDE_PT * end / np.hypot(*end)
+        axes.annotate(
+            f"{degrees:.3g}°",
+            end,
+            beyond,
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            color="0.3",
+        )
 
 
 def _curvature(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...]) -> None:

@@ -21,6 +21,7 @@ LEFT = {
     "own_law.py": ("checks that fail: none", {"own_cam.png", "own_law.png"}),
     "own_rig.py": ("follower.preload: is -5 N; allowed: at least 0 N", {"own_rig.png"}),
     "read_bag.py": ("complete: True", {"read_bag.png"}),
+    "simulated_bench.py": ("out/bench: /encoder, /lvdt, /cell", {"bench"}),
     "sound.py": ("dB at 400 rpm (calibrated on poly345)", {"sound.png"}),
 }
 

@@ -25,6 +25,8 @@ QUANTITIES = (
 MANY = 600
 #: A difference below this (µm, N) is drawn as none.
 LEAST_DIFFERENCE = 1e-3
+#: What its grey points are.
+BESIDE = "beside a jump of the force: not counted"
 
 
 def chosen(rows: Sequence[SpeedDeparture]) -> list[SpeedDeparture]:
@@ -68,6 +70,10 @@ def figure(rows: Sequence[SpeedDeparture]) -> Figure:
         lowest = [axes for axes in column if axes.get_visible()][-1]
         lowest.set_xlabel(CAM_ANGLE)
         lowest.tick_params(labelbottom=True)
+    named = (axes.get_legend_handles_labels() for axes in panels.flat)
+    grey = [line for lines, names in named for line in lines if BESIDE in names]
+    if grey:
+        out.legend(handles=grey[:1], loc="outside lower right", markerscale=3.0)
     return out
 
 
@@ -108,8 +114,6 @@ def _difference(axes: Axes, turn: OverTurn, factor: float) -> None:
     dots: dict[str, Any] = {"lw": 0.0, "marker": ".", "ms": 2.5}
     if not turn.calm.all():
         beside = ~turn.calm
-        label = "beside a landing: not counted"
-        axes.plot(turn.degrees[beside], difference[beside], color="0.7", label=label, **dots)
-        axes.legend(loc="upper right", markerscale=3.0)
+        axes.plot(turn.degrees[beside], difference[beside], color="0.7", label=BESIDE, **dots)
     axes.plot(turn.degrees[turn.calm], difference[turn.calm], color=web(colours.LIMIT), **dots)
     turn_axis(axes)

@@ -65,9 +65,11 @@ def sentences(rows: Sequence[SpeedDeparture]) -> list[str]:
 
 def _largest(name: str, row: SpeedDeparture, one: Departure) -> str:
     factor, unit = SHOWN[name]
+    part = 100.0 * one.relative
+    percent = f"{part:.2g}" if part < 10.0 else f"{part:.0f}"
     return (
         f"The largest departure is of the {name}: {factor * one.largest:+.3g} {unit} at "
-        f"{row.rpm:.4g} rpm, θ = {one.degrees:.0f}° ({row.cam}), {100.0 * one.relative:.2g} % of "
+        f"{row.rpm:.4g} rpm, θ = {one.degrees:.0f}° ({row.cam}), {percent} % of "
         "its range."
     )
 

@@ -23,6 +23,11 @@ from cam_rig.units import TURN
 TOLD, TOLD_RESTITUTION = 0.5, 0.1
 #: A restitution below this is none: it is known by what it is not beyond.
 SMALL_BOUNCE = 0.02
+#: What the speeds that were left out might have told.
+LEFT_OUT = {
+    "restitution": "the speeds that lift off fit no such follower",
+    "stem_stiffness": "a rigid stem explains the speeds on the cam: try --model separation",
+}
 
 
 @dataclass(frozen=True)
@@ -220,15 +225,7 @@ def _without_flights(number: FoundNumber) -> FoundNumber:
     """The same with the reason of what the speeds that were left out might have told."""
     if number.value is not None or number.error is not None:
         return number
-    if number.name == "restitution":
-        return replace(number, reason="the speeds that lift off fit no such follower")
-    if number.name == "stem_stiffness":
-        return replace(
-            number,
-            reason="a rigid stem explains the speeds on the cam; for an elastic one: "
-            "--model separation",
-        )
-    return number
+    return replace(number, reason=LEFT_OUT.get(number.name, number.reason))
 
 
 def _not_sought(name: str, scale: tuple[str, ...], landings: list[int], forces: bool) -> str:

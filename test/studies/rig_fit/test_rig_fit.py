@@ -290,7 +290,7 @@ def test_one_speed_on_the_cam_is_enough_beside_those_that_fly():
 
 
 def test_lifts_of_one_flying_speed_tell_nothing(law, rig):
-    """Several followers fly alike at one speed: none is told, and what to measure is."""
+    """Several followers fly alike: none is told, and what to measure is."""
     run = replace(measured_run(law, rig, "one_mass", WITH_FLIGHTS, seed=4), force=None)
     fit = fit_rig(law, run, rig)
     assert fit.identified == ()
