@@ -5,7 +5,7 @@ import re
 import pytest
 
 from cam_rig.errors import ConfigError
-from cam_rig.report.document import Document, Made, Numbering, environment, percent, to, written_on
+from cam_rig.report.document import Numbering, environment, percent, to, written_on
 from cam_rig.report.document import render as rendered
 from cam_rig.tables import Column, DataTable
 
@@ -30,7 +30,6 @@ two
 {% call page.figure("pic", "the paper's 16") %}A caption.{% endcall %}
 {{ page.table(other, marked=True) }}
 """
-MADE = Made("cam-rig report a.yaml --out 'a b.html'", "2023-11-14", "7 (draws)")
 
 
 def render(kind, parts=PARTS, figures=("pic",)):
@@ -99,25 +98,6 @@ def test_no_point_is_empty(kind):
     assert render(kind, text).count("- " if kind == "md" else "<li>") == 2
 
 
-@pytest.fixture
-def document(monkeypatch):
-    """Two sections of nothing but a table."""
-    environments = environment
-
-    def with_sections(kind):
-        found = environments(kind)
-        load = found.get_template
-        parts = {"start.jinja": "{{ page.table(table) }}", "end.jinja": ""}
-        found.get_template = lambda name, *a: (
-            found.from_string(parts[str(name)]) if str(name) in parts else load(name, *a)
-        )
-        return found
-
-    monkeypatch.setattr("cam_rig.report.document.environment", with_sections)
-    sections = {"start": "The start, in short", "end": "The end"}
-    return Document("A page", sections, MADE, {}, {}, {"table": TABLE})
-
-
 def test_head_and_contents(document):
     """Date, command, versions and seeds at the head; sections are numbered, and listed."""
     page, text = rendered("html", document), rendered("md", document)
@@ -125,7 +105,7 @@ def test_head_and_contents(document):
     assert "<code>cam-rig report a.yaml --out &#39;a b.html&#39;</code>" in page
     assert "7 (draws)" in page
     assert re.search(r"cam_rig \d\S*, Python 3\.\d+\.\d+, numpy \d\S*, scipy \d", page)
-    assert '<li><a href="#start">The start, in short</a></li>' in page
+    assert '<li><a href="#summary">The start, in short</a></li>' in page
     assert "<h2>2 The end</h2>" in page
     assert "- [1 The start, in short](#1-the-start-in-short)" in text
     assert "\n## 2 The end\n" in text
