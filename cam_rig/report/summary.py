@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from cam_rig.report.results import Findings
 from cam_rig.studies.factorial.conclusions import conclusions
 from cam_rig.studies.jump.comparison import compare, rms_difference
-from cam_rig.studies.vibration.claims import Verdict, jump_claims, vibration_claims
+from cam_rig.studies.vibration.claims import RESIDUAL, Verdict, jump_claims, vibration_claims
 from cam_rig.tables import Column, DataTable, number, tabulate
 
 
@@ -72,16 +72,18 @@ def answers(found: Findings) -> Iterator[Answer]:
 def _claims(found: Findings) -> Iterator[Answer]:
     claims = [*vibration_claims(found.vibration), *jump_claims(found.jumps)]
     holding = [claim for claim in claims if claim.verdict is Verdict.AGREES]
-    both = sum(c.otherwise is None or c.otherwise.verdict is Verdict.AGREES for c in holding)
+    either = sum(c.otherwise is None or c.otherwise.verdict is Verdict.AGREES for c in holding)
     here = f"{bold(len(holding))} hold at every speed compared"
-    if both < len(holding):
-        here += f", {bold(both)} of them by either measure of residual vibration"
+    if either < len(holding):
+        here += f", {bold(either)} of them by either measure of residual vibration"
+    verdict = "all agree" if len(holding) == len(claims) else "not all agree"
+    if either < len(holding):
+        verdict += f" by the {RESIDUAL['residual_amplitude']}"
+    rig = found.sources.cam_set.rig.name
     yield Answer(
-        "Do the paper's claims of vibration and jump hold?",
+        f"Do the paper's claims of vibration and jump hold on rig {rig}?",
         here,
-        "all agree"
-        if both == len(claims)
-        else f"{len(claims) - both} not, or not by either measure",
+        verdict,
         f"{bold(len(claims))} claims",
     )
 
