@@ -122,8 +122,12 @@ def to_csv(tables: Iterable[DataTable]) -> str:
     return out.getvalue()
 
 
-def to_markdown(table: DataTable) -> str:
+def to_markdown(table: DataTable, name: str = "") -> str:
     """Caption, table and notes, with a blank line between them and none at the end.
+
+    Parameters
+    ----------
+    name : before the caption, as "Table 3. "
 
     Examples
     --------
@@ -139,4 +143,4 @@ def to_markdown(table: DataTable) -> str:
     lines = [[column.title for column in table.columns], ruler, *table.texts]
     rows = "\n".join(f"| {' | '.join(line)} |" for line in lines)
     notes = (textwrap.fill(note, MARKDOWN_WIDTH, break_on_hyphens=False) for note in table.notes)
-    return "\n\n".join((f"**{table.caption}**", rows, *notes))
+    return "\n\n".join((f"**{name}{table.caption}**", rows, *notes))

@@ -55,7 +55,8 @@ def flywheel_figure(study: FlywheelStudy, titles: Mapping[str, str]) -> Figure:
         limit = math.degrees(study.at(cam, math.inf).twist)
         right.axhline(limit, color=colour(cam), lw=0.8, ls=":")
     left.set(title="(fastest − slowest)/mean speed", ylabel="fluctuation [%]")
-    right.set(title="Shaft; dotted: the speed held, eq. 10", ylabel="twist, peak to peak [°]")
+    right.set(title="Twist of the shaft", ylabel="twist, peak to peak [°]")
+    right.plot([], [], color="0.3", lw=0.8, ls=":", label="the speed held, eq. 10")
     for axes in (left, right):
         axes.set_xlabel(INERTIA)
     logarithmic(left.xaxis, left.yaxis, right.xaxis)

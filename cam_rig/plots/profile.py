@@ -98,7 +98,9 @@ def _plan(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...], coun
     axes.margins(0.13)  # for the names of the angles
     axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
     each = 360.0 / count
-    axes.set_title(f"follower every {each:.4g}°, black at 0°; the cam turns ↺")
+    axes.set_title("the cam turns ↺")
+    axes.plot([], [], color=BOLD, lw=1.6, label="follower at 0°")
+    axes.plot([], [], color=FOLLOWER, lw=0.6, label=f"follower every {each:.4g}°")
     _name_angles(axes, discs[0], law, count)
 
 

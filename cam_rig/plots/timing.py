@@ -4,16 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from cam_rig.plots.figures import CAM_ANGLE, empty, series, series_marker, styled, turn_axis, write
 from cam_rig.profile import turn_angles
 from cam_rig.studies.timing.comparison import CamTiming
 
 POINTS = 720
+#: An ordinate that is free to choose, one that a joint holds, and an event.
+FREE: dict[str, Any] = {"color": series(0)["color"], "lw": 1.1}
+HELD: dict[str, Any] = {"color": "0.75", "lw": 1.1}
+EVENT: dict[str, Any] = {"color": "0.3", "ls": ":", "lw": 1.0}
 
 
 def draw(columns: Sequence[CamTiming], path: Path) -> None:
@@ -32,6 +38,9 @@ def figure(columns: Sequence[CamTiming]) -> Figure:
     panels[0, 0].set(ylabel="change of s /\nchange of the ordinate [1]")
     panels[1, 0].set(ylabel="shift of the event\n[° per 1 % of the lift]")
     panels[1, 0].legend(title="passes, rising")
+    names = {"free ordinate": FREE, "held by a joint": HELD, "event": EVENT}
+    handles = [Line2D([], [], **style, label=name) for name, style in names.items()]
+    out.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
     return out
 
 
@@ -41,11 +50,10 @@ def _basis(axes: Axes, timing: CamTiming) -> None:
         values = np.stack([ordinates.at(at) for at in angle])
         free = range(*ordinates.free.indices(ordinates.values.size))
         for j in range(ordinates.values.size):
-            ink = series(0)["color"] if j in free else "0.75"
-            axes.plot(np.degrees(angle), values[:, j], color=ink, lw=1.1)
+            axes.plot(np.degrees(angle), values[:, j], **(FREE if j in free else HELD))
     for event in timing.events:
-        axes.axvline(np.degrees(event.angle), color="0.3", ls=":", lw=1.0)
-    axes.set_title(f"{timing.cam.title}\nblue: free ordinates; dotted: events")
+        axes.axvline(np.degrees(event.angle), **EVENT)
+    axes.set_title(timing.cam.title)
     turn_axis(axes)
 
 

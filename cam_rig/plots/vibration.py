@@ -6,10 +6,14 @@ Small multiples: a column for each cam, in which the other cams are grey.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters
@@ -32,7 +36,8 @@ LABELS = (
 #: The row whose abscissa is counted from the middle of the low dwell, and how far it goes, °.
 RESIDUAL, AROUND = 1, 60.0
 #: Columns before a new block of rows begins; the other cams.
-MOST_COLUMNS, OTHERS = 5, {"color": "0.8", "lw": 0.6, "zorder": 1.5}
+MOST_COLUMNS = 5
+OTHERS: dict[str, Any] = {"color": "0.8", "lw": 0.6, "zorder": 1.5}
 #: Abscissa and values of each row.
 Rows = list[tuple[FloatArray, FloatArray]]
 
@@ -60,8 +65,17 @@ def figure(cam_set: CamSet, rpm: float) -> Figure:
         unused.set_visible(False)
     for row, across in enumerate(panels):
         _share(across, LABELS[row % count])
-    out.suptitle(f"Steady state at {rpm:g} rpm\n{cam_set.rig.title}; grey: the other cams")
+    out.suptitle(f"Steady state at {rpm:g} rpm\n{cam_set.rig.title}")
+    out.legend(handles=_legend(cams), loc="outside lower center", ncols=3, frameon=False)
     return out
+
+
+def _legend(cams: list[str]) -> list[Artist]:
+    """What is drawn in every column, whatever its cam."""
+    dwell = Patch(color="0.5", alpha=0.12, lw=0, label="low dwell")
+    cam = Line2D([], [], color="0.2", label="the cam named above")
+    others = [Line2D([], [], **OTHERS, label="the other cams")] if len(cams) > 1 else []
+    return [cam, *others, dwell]
 
 
 def _rows(law: Law, rig: RigConfig, speed: float) -> Rows:

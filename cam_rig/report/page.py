@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-import re
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
-from cam_rig import __version__
+from cam_rig.report.document import Document, Made, render
 from cam_rig.report.figures import PROPOSED, STEADY_RPM, TAKEOFF_RPM
 from cam_rig.report.results import CUT, Findings
 from cam_rig.report.tables import files, tables
@@ -20,8 +18,8 @@ from cam_rig.studies.flywheel.fluctuation import SHOWN as FLYWHEEL_SHOWN
 from cam_rig.studies.jump import reading_tables
 from cam_rig.studies.jump.comparison import compare
 from cam_rig.studies.jump.refit import ROUNDED_TO
+from cam_rig.studies.noise import bootstrap, transfer_functions
 from cam_rig.studies.vibration.dwell import STAND_IN
-from cam_rig.tables import number, to_markdown
 from cam_rig.units import to_rpm
 
 TITLE = "Cam rig: the paper's experiments, redone and taken further"
@@ -32,7 +30,7 @@ SECTIONS = {
     "vibration": "Residual and torsional vibration",
     "flywheel": "A flywheel that does not hold its speed",
     "jump": "Jump speed",
-    "readings": "Table 2 read in other ways",
+    "readings": "The paper's Table 2 read in other ways",
     "stem": "Where two masses stop being enough",
     "as_cut": "The cam as it was cut",
     "timing": "Timing of the events",
@@ -44,67 +42,44 @@ SECTIONS = {
     "reading": "How the paper was read, and how this was made",
 }
 
+#: What is drawn at random.
+SEEDS = (
+    f"{bootstrap.SEED} (bootstrap of the noise study, {bootstrap.DRAWS} draws), "
+    f"{transfer_functions.SEED} (starts of its transfer functions, {transfer_functions.STARTS})"
+)
 
-def html(found: Findings, figures: dict[str, str]) -> str:
+
+def html(found: Findings, figures: dict[str, str], made: Made) -> str:
     """One self-contained page; ``figures`` are data URIs by key."""
-    return _render("html", found, figures)
+    return render("html", _document(found, figures, made))
 
 
-def markdown(found: Findings) -> str:
+def markdown(found: Findings, made: Made) -> str:
     """The words and tables alone."""
-    return re.sub("\n{3,}", "\n\n", _render("md", found, {})).strip() + "\n"
+    return render("md", _document(found, {}, made))
 
 
-def environment(kind: str) -> Environment:
-    """Where the templates are: "html" escapes what people wrote, "md" does not."""
-    found = Environment(
-        loader=PackageLoader("cam_rig.report"),
-        autoescape=kind == "html",
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    found.filters |= {"percent": percent, "number": number, "to": to, "markdown": to_markdown}
-    found.filters["degrees"] = math.degrees
-    return found
-
-
-def _render(kind: str, found: Findings, figures: dict[str, str]) -> str:
-    templates = environment(kind)
-    return templates.get_template(f"report.{kind}").render(
+def _document(found: Findings, figures: dict[str, str], made: Made) -> Document:
+    return Document(
         title=TITLE,
         sections=SECTIONS,
-        figures=figures,
-        page=templates.get_template(f"layout.{kind}").module,
+        made=replace(made, seeds=SEEDS),
         tables=tables(found),
-        **_values(found),
+        figures=figures,
+        values=_values(found),
     )
-
-
-def percent(share: float, shown: str = ".0f") -> str:
-    """A share as a percentage."""
-    return f"{100.0 * share:{shown}} %"
-
-
-def to(pair: tuple[float, float], shown: str = ".0f") -> str:
-    """A range from its ends."""
-    return " to ".join(number(end, shown) for end in pair)
 
 
 def _values(found: Findings) -> dict[str, Any]:
     """What the sections' sentences take their numbers from."""
-    sources, published = found.sources, found.sources.loaded.published
-    assert published is not None  # the noise study has its levels
+    sources = found.sources
     origins = Counter(q.origin for model in files(found).values() for _, q in quantities(model, ""))
     return {
         "found": found,
         "jump": compare(found.jumps),
         "question": conclusions(found.factorial),
         "proposed": sources.cam_set.titles[found.factorial.config.proposed],
-        "published": published,
-        "rivals": [sources.loaded.cams[cam].title for cam in published.crossover.between],
         "contact": found.contact,
-        "roles": found.noise.roles,
         "origins": ", ".join(f"{origins[origin]} {origin}" for origin in ORIGINS),
         "moves": _moves(found),
         "rounding": _rounding(found),
@@ -120,7 +95,6 @@ def _values(found: Findings) -> dict[str, Any]:
         "rpm": to_rpm,
         "steady_rpm": STEADY_RPM,
         "takeoff_rpm": TAKEOFF_RPM,
-        "version": __version__,
     }
 
 

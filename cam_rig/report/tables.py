@@ -14,6 +14,7 @@ from cam_rig.report.figures import PROPOSED, STEADY_RPM
 from cam_rig.report.misprints import misprints_table
 from cam_rig.report.recorded import recorded_table
 from cam_rig.report.results import CUT, Findings
+from cam_rig.report.summary import answers, summary_table
 from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.segments.base import quantities
 from cam_rig.studies.as_cut import tables as as_cut
@@ -47,7 +48,7 @@ def tables(found: Findings) -> dict[str, list[DataTable]]:
     """Every table of the report, by the section that shows it."""
     titles = found.sources.cam_set.titles
     rigid = {cam: m.rigid_jump / RPM for cam, m in found.factorial.cams.items()}
-    caption = f"Table 2. Jump speed, {FROM_REST:g} s from rest at constant speed"
+    caption = f"The paper's Table 2: jump speed, {FROM_REST:g} s from rest at constant speed"
     published = found.sources.loaded.published
     assert published is not None  # the study has its levels
     curves = found.noise.methods[0].curves
@@ -56,6 +57,7 @@ def tables(found: Findings) -> dict[str, list[DataTable]]:
     bag = found.sources.recorded
     recorded = [] if bag is None else [recorded_table(bag, simulated, printed)]
     return {
+        "summary": [summary_table(answers(found))],
         "cams": [_table_1(found), _laws(found)],
         "vibration": [*_vibration(found), _claims(found)],
         "flywheel": flywheel_tables(found.flywheel, titles, LOWER),
@@ -123,7 +125,7 @@ def _table_1(found: Findings) -> DataTable:
         for key, at, name in FOLLOWER
     ]
     return tabulate(
-        "Table 1. Parameters",
+        "The paper's Table 1: parameters",
         [*rows, ("lift [m]", printed["lift_m"], lift, lift)],
         (
             (Column("parameter"), lambda row: row[0]),

@@ -32,10 +32,15 @@ def too_long(page):
     return [sentence for sentence in sentences(page) if len(sentence.split()) > 30]
 
 
-def opening(page):
-    """How many sentences stand before the first section's end."""
+def answers(page):
+    """The rows of the summary: what the report asks, and what it says."""
     (summary,) = re.findall(r'<section id="summary">(.*?)</section>', page, re.DOTALL)
-    return sum(1 for _ in sentences(summary.split("</h2>")[1]))
+    return re.findall(r'<tr><th scope="row"[^>]*>(.*?)</th>(.*?)</tr>', summary)
+
+
+def numbered(page, kind):
+    """The numbers of figures or tables in the order of the page."""
+    return [int(n) for n in re.findall(rf' id="{kind}-(\d+)"', page)]
 
 
 def test_a_long_sentence_is_found():
@@ -63,7 +68,8 @@ def in_this_process(monkeypatch):
 def test_the_page(sweep, tmp_path):
     """Every section with its figures inside, tables 1 to 3, origins; JSON as well.
 
-    It opens with five sentences, none anywhere is over 30 words, and tables do not break in print.
+    It opens with questions and answers in numbers; figures, tables and references are numbered in
+    order; no sentence is over 30 words.
     """
     out, data = tmp_path / "out" / "report.html", tmp_path / "out" / "report.json"
     result = call("--out", out, "--scene", sweep, "--json", data)
@@ -72,14 +78,19 @@ def test_the_page(sweep, tmp_path):
     pictures = re.findall(r'<img src="(.{40})', page)
     assert len(pictures) == 17
     assert all(p.startswith("data:image/svg+xml;base64,") for p in pictures)
-    for words in ("Table 1.", "Table 2.", "Table 3.", "Given, assumed, identified"):
+    for words in ("Table 1:", "Table 2:", "Table 3:", "Given, assumed, identified"):
         assert words in page
-    for number in (1, 2, "3.1 to 3.12", 4, 11, 12, 16):
-        assert re.search(rf"Figs?\. {number}\b", page)
+    plain = page.replace("&#39;", "'")
+    for number in ("s 1", "s 2", "s 3.1 to 3.12", "s 4, 5, 6 and 9", "s 11", "s 12", "s 16"):
+        assert re.search(rf"<b>Figure \d+, the [a-z ]+'{number}\.</b>", plain)
+    assert numbered(page, "figure") == list(range(1, 18))
+    assert numbered(page, "table") == list(range(1, page.count("<table>") + 1))
+    assert set(re.findall(r'href="#([^"]*)"', page)) <= set(re.findall(r' id="([^"]*)"', page))
     for outward in ("<script", "http://", "https://", "<link"):
         assert outward not in page
     assert too_long(page) == []
-    assert opening(page) == 5
+    assert len(answers(page)) == 8
+    assert all("<strong>" in cells for question, cells in answers(page))
     for word in ("ringing", "swing", "cells left", "of its variance"):
         assert word not in page
     assert set(json.loads(data.read_text())) == {
@@ -110,6 +121,15 @@ def test_refusals(tmp_path, arguments, code, words):
     result = call(*texts)
     assert result.exit_code == code
     assert words in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_date_that_is_none(tmp_path, monkeypatch):
+    """Is told before anything runs."""
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "today")
+    result = call("quick", "--out", tmp_path / "a.html")
+    assert result.exit_code == 2
+    assert "SOURCE_DATE_EPOCH: 'today' is no date; allowed: whole seconds" in result.stderr
     assert list(tmp_path.iterdir()) == []
 
 
@@ -171,8 +191,12 @@ def own_scene(tmp_path_factory):
     return config / "scenes" / "own.yaml"
 
 
-def test_a_scene_of_ones_own(own_scene, tmp_path):
-    """Every section and figure; what a study cannot take is said, and levels are relative."""
+def test_a_scene_of_ones_own(own_scene, tmp_path, monkeypatch):
+    """Every section and figure; what a study cannot take is said, and levels are relative.
+
+    The head says when, by which command, and that nothing was drawn at random.
+    """
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
     out, data = tmp_path / "own.html", tmp_path / "own.json"
     result = call(own_scene, "--out", out, "--json", data)
     assert result.exit_code == 0, result.stderr
@@ -183,6 +207,9 @@ def test_a_scene_of_ones_own(own_scene, tmp_path):
     assert "My &lt;measured&gt; cam" in page
     assert "A harsh cam: law" in page  # its velocity jumps: no jump speed
     assert "Levels are relative" in page
+    assert "<dd>2023-11-14</dd>" in page
+    assert f"<code>cam-rig report {own_scene} --out {out}</code>" in page
+    assert "nothing is drawn at random" in page
     assert "predicted" not in page
     for outward in ("<script", "http://", "https://", "<link"):
         assert outward not in page
@@ -210,7 +237,8 @@ def test_the_page_says_what_the_commands_say(own_scene, tmp_path):
     assert found["simulate"][1] == row.plain()
     text = out.read_text(encoding="utf-8")
     assert f"| {row.force_peak:.1f} |" in text
-    assert f"{jump:.1f} rpm, of one rigid mass" in text
+    assert f"**{jump:.1f} rpm**, of one rigid mass" in text
+    assert ".md`; with" in text  # no date, which would change it from one day to the next
     assert "<img" not in text
 
 

@@ -50,7 +50,7 @@ def test_as_many_positions_as_asked_for(
     assert len(rest) == (count - 1) * len(first)
     named = {text.get_text() for text in plan.texts}
     assert len(named) == (count if count <= 12 else 6)
-    assert f"follower every {360 / count:.4g}°" in plan.get_title()
+    assert f"follower every {360 / count:.4g}°" in plan.get_legend_handles_labels()[1]
 
 
 @pytest.mark.parametrize("name", ["flat", "conjugate", "oscillating_roller"])

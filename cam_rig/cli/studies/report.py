@@ -12,10 +12,11 @@ from cam_rig.cli.common.console import console, progress_bar, user_errors
 from cam_rig.cli.common.names import DEFAULT_SCENE, rig_beside, scene_path
 from cam_rig.cli.common.options import Json, Scene
 from cam_rig.cli.common.outputs import check_outputs, check_place, write_json, writing
-from cam_rig.cli.studies.scene_report import scene_page
+from cam_rig.cli.studies.scene_report import page_made, scene_page
 from cam_rig.errors import ConfigError
 
 if TYPE_CHECKING:
+    from cam_rig.report.document import Made
     from cam_rig.report.results import Findings, Sources
     from cam_rig.studies.jump.comparison import JumpRow
 
@@ -49,6 +50,8 @@ def report(
     Laws and their peaks, contour and checks, force over the turn, lift-offs and flights, jump
     speed, residual vibration, levels, orders, and where each number is from. The scene of the
     paper's noise study, the default, gives the paper's experiments: half a minute on two cores.
+    An .html page has the date of today, or that of SOURCE_DATE_EPOCH (seconds since 1970); an .md
+    page has only the latter.
 
     Examples
     --------
@@ -66,15 +69,17 @@ def report(
         check_place(out)
         path = scene_path(scene_option or scene)
         loaded = open_scene(path)
+        options = {"--rig": rig, "--factorial": factorial, "--bag": bag, "--out": out}
+        made = page_made(scene_option or scene, options)
         if is_papers(loaded):
-            text, plain = _papers(path, rig, factorial, bag, out)
+            text, plain = _papers(path, rig, factorial, bag, out, made)
         else:
             if factorial is not None:
                 raise ConfigError(
                     f"--factorial {factorial}: {path} is not the paper's noise study; allowed: "
                     "without it"
                 )
-            text, plain = scene_page(asked_scene(scene_option or scene, rig), bag, out)
+            text, plain = scene_page(asked_scene(scene_option or scene, rig), bag, out, made)
         with writing(out) as part:
             part.write_text(text, encoding="utf-8")
         console.print(f"report: {out} ({len(text) / 1e6:.1f} MB)", soft_wrap=True)
@@ -82,7 +87,7 @@ def report(
 
 
 def _papers(
-    path: Path, rig: str | None, factorial: str | None, bag: Path | None, out: Path
+    path: Path, rig: str | None, factorial: str | None, bag: Path | None, out: Path, made: Made
 ) -> tuple[str, dict[str, Any]]:
     """The paper's page, and its findings as plain data."""
     from cam_rig.report import page
@@ -91,7 +96,8 @@ def _papers(
     sources = open_sources(path, rig_beside(rig or RIG, path), factorial or FACTORIAL, bag)
     with_figures = out.suffix.lower() == ".html"
     found, drawn = _find(sources, with_figures)
-    return page.html(found, drawn) if with_figures else page.markdown(found), to_json(found)
+    text = page.html(found, drawn, made) if with_figures else page.markdown(found, made)
+    return text, to_json(found)
 
 
 def _find(sources: Sources, with_figures: bool) -> tuple[Findings, dict[str, str]]:

@@ -2,18 +2,47 @@
 
 from __future__ import annotations
 
+import os
+import shlex
+import time
 from typing import TYPE_CHECKING, Any
 
 from cam_rig.cli.common.console import console
+from cam_rig.cli.common.names import DEFAULT_SCENE
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
+    from cam_rig.report.document import Made
     from cam_rig.report.scene.results import SceneFindings
     from cam_rig.simulation.loaded_scene import LoadedScene
 
 
-def scene_page(loaded: LoadedScene, bag: Path | None, out: Path) -> tuple[str, dict[str, Any]]:
+def page_made(scene: str, options: Mapping[str, object]) -> Made:
+    """How a page is made: the command with those options that are given, the date, the versions.
+
+    A page of Markdown lies beside what it is made of, in version control: its date is not today's
+    but that of SOURCE_DATE_EPOCH, if that is set, so that it differs only where its numbers do.
+
+    Raises
+    ------
+    ConfigError : SOURCE_DATE_EPOCH is no date
+    """
+    from cam_rig.report.document import Made, written_on
+
+    epoch, words = os.environ.get("SOURCE_DATE_EPOCH"), ["cam-rig", "report"]
+    if scene != DEFAULT_SCENE:
+        words.append(scene)
+    for option, given in options.items():
+        words += [] if given is None else [option, str(given)]
+    dated = epoch is not None or str(options["--out"]).lower().endswith(".html")
+    return Made(shlex.join(words), written_on(time.time(), epoch) if dated else "")
+
+
+def scene_page(
+    loaded: LoadedScene, bag: Path | None, out: Path, made: Made
+) -> tuple[str, dict[str, Any]]:
     """The page as text, HTML or Markdown by ``out``, and its findings as plain data.
 
     Raises
@@ -28,8 +57,8 @@ def scene_page(loaded: LoadedScene, bag: Path | None, out: Path) -> tuple[str, d
         found = find_scene(loaded, bag, status.update)
         status.update("the page")
         if out.suffix.lower() == ".html":
-            return page.html(found, figures(found)), to_json(found)
-        return page.markdown(found), to_json(found)
+            return page.html(found, figures(found), made), to_json(found)
+        return page.markdown(found, made), to_json(found)
 
 
 def to_json(found: SceneFindings) -> dict[str, Any]:

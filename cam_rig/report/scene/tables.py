@@ -11,6 +11,8 @@ from cam_rig.laws.peaks import extremes
 from cam_rig.profile.checks.table import checks_table
 from cam_rig.report.recorded import recorded_table
 from cam_rig.report.scene.results import SceneFindings
+from cam_rig.report.scene.summary import answers
+from cam_rig.report.summary import summary_table
 from cam_rig.report.tables import continuity, origins_table
 from cam_rig.simulation.by_speed import speed_table
 from cam_rig.simulation.calibrated import RELATIVE_NOTE
@@ -29,6 +31,7 @@ def tables(found: SceneFindings) -> dict[str, list[DataTable]]:
     rate = int(loaded.scene.sample_rate.si)
     simulated = {cam: curve.level_db for cam, curve in found.run.noise.curves.items()}
     return {
+        "summary": [summary_table(answers(found))],
         "cams": [_laws(found)],
         "contour": [
             checks_table(loaded.cams[cam], loaded.laws[cam], checks)

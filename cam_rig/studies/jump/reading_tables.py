@@ -27,7 +27,7 @@ NUMBERS = {
 def numbers_table(readings: Mapping[str, TableReading]) -> DataTable:
     """The numbers of each reading; those identified from the table are marked."""
     return tabulate(
-        "Readings of Table 2: their numbers",
+        "Readings of the paper's Table 2: their numbers",
         readings.items(),
         (
             (Column("reading"), lambda item: item[0]),
@@ -37,8 +37,8 @@ def numbers_table(readings: Mapping[str, TableReading]) -> DataTable:
             ),
             (Column("fitted", "", "d"), lambda item: len(item[1].fitted)),
         ),
-        "* identified from Table 2. The others are given or assumed, with their sources in the "
-        "readings' file.",
+        "* identified from the paper's Table 2. The others are given or assumed, with their "
+        "sources in the readings' file.",
     )
 
 
@@ -53,8 +53,8 @@ def speeds_table(found: Sequence[Read]) -> DataTable:
     """The first speed of the grid at which each reading loses contact, beside the printed one."""
     cams = [row.cam for row in found[0].rows]
     return tabulate(
-        f"Readings of Table 2: first speed with loss of contact, looked at every {ROUNDED_TO:g} "
-        "rpm",
+        f"Readings of the paper's Table 2: first speed with loss of contact, looked at every "
+        f"{ROUNDED_TO:g} rpm",
         found,
         (
             (Column("reading"), lambda read: read.name),
@@ -78,13 +78,13 @@ def speeds_table(found: Sequence[Read]) -> DataTable:
 def times_table(found: Sequence[Read]) -> DataTable:
     """When contact is first lost, and what a part in a million of the speed does to it."""
     return tabulate(
-        "Readings of Table 2: time of the first loss of contact",
+        "Readings of the paper's Table 2: time of the first loss of contact",
         [(read, row) for read in found for row in read.rows],
         (
             (Column("reading"), lambda item: item[0].name),
             (Column("cam"), lambda item: item[1].cam),
             (Column("jump speed", "rpm", ".1f"), lambda item: item[1].jump),
-            (Column("Table 2", "s", ".2f"), lambda item: item[1].printed.time_s),
+            (Column("paper", "s", ".2f"), lambda item: item[1].printed.time_s),
             (Column("time", "s", ".3f"), lambda item: _finite(item[1].time)),
             (Column("at the jump + 1e-6", "s", ".3f"), lambda item: _finite(item[1].at_limit)),
             (Column("+ 1e-3", "s", ".3f"), lambda item: _finite(item[1].beyond)),

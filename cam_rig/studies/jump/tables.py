@@ -41,7 +41,7 @@ def jump_table(
             (Column("cam"), lambda row: called.get(row.cam, row.cam)),
             (Column("use"), lambda row: "" if row.ramp else row.role),
             (Column("jump speed", "rpm", ".2f"), lambda row: row.found.rpm),
-            (Column("Table 2", "rpm", "g"), lambda row: row.published_rpm),
+            (Column("paper", "rpm", "g"), lambda row: row.published_rpm),
             (Column("difference", "%", "+.2f"), lambda row: _percent(row.difference)),
             (
                 Column("steady state", "rpm", ".2f"),
@@ -50,7 +50,7 @@ def jump_table(
             (Column("rigid follower", "rpm", ".1f"), lambda row: rigid.get(row.cam)),
             (Column("cam angle", "°", ".1f"), lambda row: math.degrees(row.found.angle)),
             (Column("time", "s", ".3f"), lambda row: row.found.time),
-            (Column("Table 2", "s", ".2f"), lambda row: row.published_time),
+            (Column("paper", "s", ".2f"), lambda row: row.published_time),
         ),
         "Fitted: the rig's four unprinted numbers were identified from it. Test: nothing was "
         "fitted to it."
@@ -78,7 +78,7 @@ def refit_table(found: Refit) -> DataTable:
             (Column("refitted", "", ".5g"), lambda row: _shown(found.numbers, row[0][0])),
             (Column("standard error", "%", ".1f"), lambda row: 100.0 * row[1]),
         ),
-        "Standard error: from the rounding of Table 2 alone, near this solution.",
+        "Standard error: from the rounding of the paper's Table 2 alone, near this solution.",
     )
 
 

@@ -72,7 +72,7 @@ def claims_table(study: NoiseStudy, published: PublishedNoise) -> DataTable:
         noise_claims(study, published.crossover.rpm),
         (
             (Column("claim"), lambda claim: claim.words),
-            (Column("source"), lambda claim: claim.source),
+            (Column("in the paper"), lambda claim: claim.source),
             *((Column(name), by(name)) for name in TESTED_ON),
         ),
         f"Regressions and points: simulated, calibrated {_way(study.best.name)}, which predicts "

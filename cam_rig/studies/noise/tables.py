@@ -183,7 +183,7 @@ def levels_table(study: NoiseStudy) -> DataTable:
         for what, levels in (("published", curve.published_db), ("here", curve.level_db))
     ]
     return tabulate(
-        f"Table 3. Levels, published and simulated {method.name}",
+        f"The paper's Table 3: levels, published and simulated {method.name}",
         range(0, study.rpm.size, EVERY),
         ((Column("speed", "rpm", "g"), at(study.rpm)), *each),
     )

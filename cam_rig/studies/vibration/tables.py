@@ -66,7 +66,7 @@ def claims_table(by_rig: Mapping[str, list[Claim]], rpm: tuple[float, ...]) -> D
         _each(next(iter(by_rig.values()), [])),
         (
             (Column("claim"), lambda claim: claim.words),
-            (Column("source"), lambda claim: claim.source),
+            (Column("in the paper"), lambda claim: claim.source),
             (Column("measured by"), lambda claim: claim.measure),
             *(
                 (

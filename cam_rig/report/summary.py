@@ -1,0 +1,186 @@
+"""The report in short: each question, what the paper says, what came out here, and the verdict.
+
+Every number and every verdict is computed; a number in a cell stands between ``**``, which is bold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from cam_rig.report.results import Findings
+from cam_rig.studies.factorial.conclusions import conclusions
+from cam_rig.studies.jump.comparison import compare, rms_difference
+from cam_rig.studies.vibration.claims import RESIDUAL, Verdict, jump_claims, vibration_claims
+from cam_rig.tables import Column, DataTable, number, tabulate
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A row of a summary; ``paper`` is empty on a page of one's own cams."""
+
+    question: str
+    here: str
+    verdict: str
+    paper: str = ""
+
+
+def summary_table(rows: Iterable[Answer]) -> DataTable:
+    """The answers as a table."""
+    return tabulate(
+        "Questions and answers",
+        rows,
+        (
+            (Column("question"), lambda row: row.question),
+            (Column("paper"), lambda row: row.paper),
+            (Column("here"), lambda row: row.here),
+            (Column("verdict"), lambda row: row.verdict),
+        ),
+    )
+
+
+def bold(value: float, shown: str = ".6g", unit: str = "") -> str:
+    """A number in bold, with its unit.
+
+    Examples
+    --------
+    >>> bold(0.369, ".2f", "%")
+    '**0.37 %**'
+    """
+    return f"**{number(value, shown)}{' ' + unit if unit else ''}**"
+
+
+def span(ends: tuple[float, float], shown: str = ".6g", unit: str = "") -> str:
+    """A range in bold, with its unit at the end.
+
+    Examples
+    --------
+    >>> span((0.7, 1.66), ".1f", "turns")
+    '**0.7** to **1.7 turns**'
+    """
+    return f"{bold(ends[0], shown)} to {bold(ends[1], shown, unit)}"
+
+
+def answers(found: Findings) -> Iterator[Answer]:
+    """What the report has to say, in the order of its sections."""
+    yield from _claims(found)
+    yield from _jump(found)
+    yield from _noise(found)
+    yield from _question(found)
+
+
+def _claims(found: Findings) -> Iterator[Answer]:
+    claims = [*vibration_claims(found.vibration), *jump_claims(found.jumps)]
+    holding = [claim for claim in claims if claim.verdict is Verdict.AGREES]
+    either = sum(c.otherwise is None or c.otherwise.verdict is Verdict.AGREES for c in holding)
+    here = f"{bold(len(holding))} hold at every speed compared"
+    if either < len(holding):
+        here += f", {bold(either)} of them by either measure of residual vibration"
+    verdict = "all agree" if len(holding) == len(claims) else "not all agree"
+    if either < len(holding):
+        verdict += f" by the {RESIDUAL['residual_amplitude']}"
+    rig = found.sources.cam_set.rig.name
+    yield Answer(
+        f"Do the paper's claims of vibration and jump hold on rig {rig}?",
+        here,
+        verdict,
+        f"{bold(len(claims))} claims",
+    )
+
+
+def _jump(found: Findings) -> Iterator[Answer]:
+    jump = compare(found.jumps)
+    if jump is None:
+        return
+    printed = [row.published_rpm for row in found.jumps if row.published_rpm is not None]
+    used = "that identified the rig" if jump.fitted else "compared"
+    rms = bold(100.0 * jump.rms, ".2f", "%")
+    here = f"within {rms} r.m.s. on the {bold(jump.cams)} cams {used}"
+    tests = [row for row in found.jumps if row.role == "test"]
+    if tests:
+        apart = bold(100.0 * rms_difference(tests), ".2f", "%")
+        here += f", {apart} on {bold(len(tests))} that did not"
+    yield Answer(
+        "At which speeds is contact lost?",
+        here,
+        f"{'the same' if jump.same_ranking else 'another'} ranking of the cams",
+        span((min(printed), max(printed)), ".6g", "rpm"),
+    )
+    times = sum(read.times for read in found.readings)
+    yield Answer(
+        "After how many turns from rest?",
+        f"{span(jump.turns, '.1f')}; of the printed times {bold(times)} come out, in "
+        f"{bold(len(found.readings))} readings",
+        "reproduced in part" if times else "not reproduced",
+        span(jump.published_turns, ".1f"),
+    )
+
+
+def _noise(found: Findings) -> Iterator[Answer]:
+    noise, loaded = found.noise, found.sources.loaded
+    best, published = noise.best, loaded.published
+    assert published is not None  # the study has its levels
+    curve = best.curves[noise.roles.predicted]
+    inside = 100.0 * curve.expected.holds(curve.published_db)
+    titles = {name: cam.title for name, cam in loaded.cams.items()}
+    yield Answer(
+        f"Does the {titles[noise.roles.reference]} cam predict the noise of "
+        f"{titles[noise.roles.predicted]}?",
+        f"its curve within {bold(curve.rms_regression_db, '.2f', 'dB')} r.m.s.",
+        f"published curve in the 95 % band at {bold(inside, '.0f', '%')} of the speeds",
+        "a regression of measured levels",
+    )
+    yield _crossing(found, " and ".join(titles[cam] for cam in published.crossover.between))
+    why = noise.high_dwell
+    if why is not None:
+        lift, dwell = why.shares[(0,)], why.shares[(1,)]
+        yield Answer(
+            f"Why is {titles[noise.roles.arcs]} quiet?",
+            f"its lift makes {bold(100.0 * lift, '.1f', '%')} of the variation, the high dwell "
+            f"{bold(100.0 * dwell, '.1f', '%')}",
+            "contradicted" if lift > dwell else "confirmed",
+            "it has no high dwell",
+        )
+
+
+def _crossing(found: Findings, rivals: str) -> Answer:
+    """Where two cams are equally loud, and whether the published speed may be the same."""
+    published = found.sources.loaded.published
+    assert published is not None  # the study has its levels
+    best, named = found.noise.best.crossing, published.crossover.rpm
+    paper = bold(named, ".6g", "rpm")
+    asked = f"Where are {rivals} equally loud?"
+    if best.rpm is None:
+        return Answer(asked, "nowhere", "disagrees", paper)
+    every = [m.crossing.rpm for m in found.noise.methods if m.crossing.rpm is not None]
+    here = f"at **{number(best.rpm, '.1f')} ± {number(best.deviation, '.1f')} rpm**; "
+    inside = best.low <= named <= best.high
+    return Answer(
+        asked,
+        f"{here}{span((min(every), max(every)), '.1f', 'rpm')} by {bold(len(every))} calibrations",
+        f"published speed {'inside' if inside else 'outside'} the 95 % interval",
+        paper,
+    )
+
+
+def _question(found: Findings) -> Iterator[Answer]:
+    question = conclusions(found.factorial)
+    proposed = found.sources.cam_set.titles[found.factorial.config.proposed]
+    share, residual = question.jump_share, question.same_acceleration["residual"]
+    yield Answer(
+        f"Is the higher jump speed of {proposed} due to continuity or to lower slopes?",
+        "no other cam has a lower one"
+        if share is None
+        else f"slopes make {span((100.0 * share[0], 100.0 * share[1]), '.0f', '%')} of it",
+        str(question.advantage),
+        "left open",
+    )
+    part = residual.shares.law if residual.shares.classes is None else residual.shares.classes
+    of = "the law" if residual.shares.classes is None else "continuity"
+    yield Answer(
+        "What governs residual vibration at the same peak acceleration?",
+        f"{of} makes {bold(100.0 * part, '.0f', '%')} of the sum of squares, the angle "
+        f"{bold(100.0 * residual.shares.slopes, '.0f', '%')}",
+        str(residual.governed_by),
+        "left open",
+    )

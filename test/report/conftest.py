@@ -1,0 +1,29 @@
+"""A page of two sections, whose sentences take nothing but tables."""
+
+import pytest
+
+from cam_rig.report.document import Document, Made
+from cam_rig.report.summary import Answer, summary_table
+from cam_rig.tables import Column, DataTable
+
+#: More columns than a narrow screen has room for, under a caption of more than one line there.
+WIDE = DataTable(
+    "A table of many columns, with a caption that a narrow screen cannot show in one line",
+    tuple(Column(f"a long heading {i}", "mm/rad²", ".3f") for i in range(9)),
+    tuple(tuple(float(i * j) for i in range(9)) for j in range(30)),
+    ("A note that is about as long as the caption, and is not to be cut at the side either.",),
+)
+
+
+@pytest.fixture
+def document():
+    """It has a summary, and a table that is wide and long."""
+    answer = Answer("How fast?", "**9 rpm**, and not **10**", "agrees", "about **9 rpm**")
+    return Document(
+        "A page",
+        {"summary": "The start, in short", "reading": "The end"},
+        Made("cam-rig report a.yaml --out 'a b.html'", "2023-11-14", "7 (draws)"),
+        {"summary": [summary_table([answer])], "reading": [WIDE]},
+        {},
+        {},
+    )

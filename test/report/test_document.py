@@ -1,0 +1,128 @@
+"""A page as a document: head, contents, numbers; text is escaped, words stand left."""
+
+import re
+
+import pytest
+
+from cam_rig.errors import ConfigError
+from cam_rig.report.document import Numbering, environment, percent, to, written_on
+from cam_rig.report.document import render as rendered
+from cam_rig.tables import Column, DataTable
+
+TABLE = DataTable(
+    "A < table",
+    (Column("name"), Column("value", "rpm", ".1f")),
+    (("a & b", 1.0), ("c", None)),
+    ("A note.",),
+)
+OTHER = DataTable("Another", (Column("name"), Column("here")), (("x", "**2 <** of 3"),))
+PARTS = """
+{% call page.words() %}
+More
+words, see {{ page.see_table(other) }} in {{ page.see_section("end") }}.
+{% endcall %}
+{{ page.table(table) }}
+{% call page.points() %}
+one
+
+two
+{% endcall %}
+{% call page.figure("pic", "the paper's 16") %}A caption.{% endcall %}
+{{ page.table(other, marked=True) }}
+"""
+
+
+def render(kind, parts=PARTS, figures=("pic",)):
+    """A paragraph, tables, a list and a figure."""
+    numbering, text = Numbering(), ""
+    given = {
+        "figures": dict.fromkeys(figures, "data:image/svg+xml;base64,AAAA"),
+        "numbering": numbering,
+        "numbers": {"start": 1, "end": 2},
+    }
+    for _ in range(2):
+        page = environment(kind).get_template(f"layout.{kind}").make_module(given)
+        text = environment(kind).from_string(parts).render(page=page, table=TABLE, other=OTHER)
+        numbering.restart()
+    return text
+
+
+def test_html():
+    """What a person wrote is text, not markup; units under the headings."""
+    page = render("html")
+    assert "A &lt; table</span></caption>" in page
+    assert "<td>1.0</td>" in page
+    assert '<p class="note">A note.</p>' in page
+    assert "<li>one</li>\n<li>two</li>" in page
+    assert "<strong>2 &lt;</strong> of 3</td>" in page
+
+
+def test_heads_have_scopes():
+    """A screen reader says with each cell its column's and its row's head, and the table's name."""
+    page = render("html")
+    assert '<th scope="col" class="word">name</th><th scope="col">value<br>[rpm]</th>' in page
+    assert '<tr><th scope="row" class="word">a &amp; b</th><td>1.0</td></tr>' in page
+    assert 'aria-labelledby="caption-1"' in page
+    assert '<span id="caption-1"><b>Table 1.</b> A &lt; table</span>' in page
+
+
+def test_numbers_and_references():
+    """Figures and tables are counted apart; a reference may stand before what it names."""
+    page = render("html")
+    assert '<a href="#table-2">Table 2</a> in <a href="#end">section 2</a>' in page
+    assert '<div class="block folds" id="table-2"' in page
+    assert '<figure id="figure-1">' in page
+    assert 'alt="Figure 1, the paper\'s 16"' in page.replace("&#39;", "'")
+    assert "<b>Figure 1, the paper's 16.</b> A caption." in page.replace("&#39;", "'")
+
+
+def test_a_reference_to_nothing():
+    """Is an error, not a page that says Table 0."""
+    with pytest.raises(KeyError, match="table"):
+        render("html", "{{ page.see_table(table) }}")
+
+
+def test_markdown():
+    """Words, lists and tables with their numbers; no pictures."""
+    text = render("md", figures=())
+    assert "**Table 1. A < table**\n\n| name | value [rpm] |\n| --- | ---: |\n| a & b" in text
+    assert "\nMore words, see Table 2 in section 2.\n" in text
+    assert "- one\n- two\n" in text
+    assert "A caption" not in text
+
+
+@pytest.mark.parametrize("kind", ["html", "md"])
+def test_no_point_is_empty(kind):
+    """A part of a list that has nothing to say leaves no bullet."""
+    text = "{% call page.points() %}\na\n\n\n\n \n\nb{% endcall %}"
+    assert render(kind, text).count("- " if kind == "md" else "<li>") == 2
+
+
+def test_head_and_contents(document):
+    """Date, command, versions and seeds at the head; sections are numbered, and listed."""
+    page, text = rendered("html", document), rendered("md", document)
+    assert "<dt>Date</dt><dd>2023-11-14</dd>" in page
+    assert "<code>cam-rig report a.yaml --out &#39;a b.html&#39;</code>" in page
+    assert "7 (draws)" in page
+    assert re.search(r"cam_rig \d\S*, Python 3\.\d+\.\d+, numpy \d\S*, scipy \d", page)
+    assert '<li><a href="#summary">The start, in short</a></li>' in page
+    assert "<h2>2 The end</h2>" in page
+    assert "- [1 The start, in short](#1-the-start-in-short)" in text
+    assert "\n## 2 The end\n" in text
+    assert ", 2023-11-14;" in text
+
+
+def test_the_date():
+    """Today's, or that of SOURCE_DATE_EPOCH, in UTC; nonsense is told."""
+    assert written_on(1_700_000_000.0, None) == "2023-11-14"
+    assert written_on(0.0, "86399") == "1970-01-01"
+    for wrong in ("today", "", "1e9", "9" * 30):
+        with pytest.raises(ConfigError, match=r"SOURCE_DATE_EPOCH: .* is no date; allowed: whole"):
+            written_on(0.0, wrong)
+
+
+def test_numbers_in_sentences():
+    """Shares as percentages, ranges from their ends."""
+    assert percent(0.7249) == "72 %"
+    assert percent(-0.0053, "+.2f") == "-0.53 %"
+    assert to((0.71, 1.66), ".1f") == "0.7 to 1.7"
