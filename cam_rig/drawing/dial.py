@@ -47,21 +47,23 @@ def rotation(radius: float) -> list[FloatArray]:
     return [arc, np.array([barbs[0], arc[-1], barbs[1]])]
 
 
-def body(outline: FloatArray, shells: int = 14) -> tuple[list[FloatArray], float]:
+def body(outline: FloatArray, shells: int = 7, points: int = 90) -> tuple[list[FloatArray], float]:
     """Closed strips within an outline around the origin, and the radius that makes them fill it.
 
     Parameters
     ----------
     outline : ``(n, 2)``, closed, seen whole from the origin as a cam is
+    points : of a strip; wide lines are what a browser without a graphics card is slow at
 
     Returns
     -------
     strips ``(n, 2)`` from the inside, and half of their width
     """
+    outline = outline[np.linspace(0, len(outline) - 1, points + 1).astype(int)]
     radii = np.hypot(*outline.T)
     half = float(radii.max()) / (2.0 * shells)
     inner = outline * ((radii - half) / radii)[:, None]
-    return [inner * (i / shells) for i in range(1, shells + 1)], 1.15 * half
+    return [inner * (i + 0.5) / (shells - 0.5) for i in range(shells)], 1.08 * half
 
 
 def _towards(degrees: float) -> FloatArray:

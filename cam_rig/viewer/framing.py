@@ -25,7 +25,7 @@ FLIGHT = 0.3
 #: Room at the lower edge of the view, over its height.
 MARGIN = 0.03
 #: The arrow of the greatest force, as a share of the picture's height.
-ARROW = 0.3
+ARROW = 0.22
 
 
 @dataclass(frozen=True)

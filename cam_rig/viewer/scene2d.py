@@ -22,7 +22,6 @@ from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import to_rpm
 from cam_rig.viewer.charts.readout import readings, send_readings
-from cam_rig.viewer.charts.turn_axes import move_cursor
 from cam_rig.viewer.framing import ARROW, Framing, framings
 from cam_rig.viewer.timeline import Times, time_columns
 
@@ -70,7 +69,7 @@ class Scene2D:
     times : the timelines of its frames
     pace : of a live run, how many frames may be sent; None sends all
     scale : force (N) of the longest arrow; by default the greatest in contact at each speed
-    turn_view : the view whose cursor moves with the cam
+    cursor : is told the timelines' columns and the cam angles of the frames sent
 
     Every cam is drawn as large as the largest of the scene, whatever its own size.
     """
@@ -83,10 +82,10 @@ class Scene2D:
         times: Times = time_columns,
         pace: FramePace | None = None,
         scale: float | None = None,
-        turn_view: str | None = None,
+        cursor: Callable[[list[rr.TimeColumn], FloatArray], None] | None = None,
     ) -> None:
         self._stream, self._loaded, self._times, self._pace = stream, loaded, times, pace
-        self._view, self._root, self._turn_view = view, f"{view}/rig", turn_view
+        self._view, self._root, self._cursor = view, f"{view}/rig", cursor
         self._framed = framings(loaded)
         self._highest = max(one.height for one in self._framed.values())
         self._scale = scale
@@ -183,10 +182,14 @@ class Scene2D:
         self._stream.send_columns(f"{self._root}/gap", times, gaps)
         along = np.sum(normal * shape.upward(motion.s), axis=1)
         gap, lean = np.where(off, lift - motion.s, 0.0), np.arccos(along.clip(-1.0, 1.0))
-        words = readings(angle, self._rpm, lift, force, gap, lean)
-        send_readings(self._stream, f"{self._view}_readings", times, words)
-        if self._turn_view is not None:
-            move_cursor(self._stream, self._turn_view, times, angle)
+        # of a live run, which is seen at its newest time, only the last is sent
+        seen = slice(None) if self._pace is None else slice(-1, None)
+        shown = (row[seen] for row in (lift, force, gap, lean))
+        at, turned = self._times(time[seen], angle[seen]), angle[seen]
+        words = readings(turned, self._rpm, *shown)
+        send_readings(self._stream, f"{self._view}_readings", at, words)
+        if self._cursor is not None:
+            self._cursor(at, turned)
         arrows = normal * (force / along * self._arrow)[:, None]
         columns = rr.Arrows2D.columns(origins=point[~off] * MM, vectors=arrows[~off])
         columns = columns.partition((~off).astype(int))

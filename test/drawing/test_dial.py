@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -29,16 +31,19 @@ def test_the_arrow_turns_as_the_cam() -> None:
 
 @pytest.mark.parametrize("name", ["poly345", "tm21", "flat", "arcs_convex", "oscillating_roller"])
 def test_a_body_fills_its_outline(name: str, cams: dict[str, CamConfig], laws: dict) -> None:  # type: ignore[type-arg]
-    """Every point of a fine net within the contour is nearer to a strip than half its width, and
-    no strip reaches farther out than a hundredth of the radius."""
+    """Every point of a fine net within the contour is under a strip, and no strip reaches out of
+    it by more than a fiftieth of its radius."""
     contour = contours(cams[name].follower, laws[name], 360)[0].points.T
     outline = closed(contour)
     strips, half = body(outline)
-    lines = np.concatenate([s[::3] for s in strips])
-    for share in np.linspace(0.02, 0.98, 60):
-        ray = share * outline[::45]
-        away = np.abs(ray[:, None] - lines)
-        assert np.hypot(away[..., 0], away[..., 1]).min(axis=1).max() < 1.2 * half
-    outer = np.hypot(*strips[-1].T) + half
-    radius = np.hypot(*outline.T)
-    assert (outer - radius).max() < 0.01 * radius.max()
+    share = np.linspace(0.0, 1.0, 50)[:, None]
+    lines = np.concatenate([a + share * (b - a) for s in strips for a, b in pairwise(s)])
+    for part in np.linspace(0.02, 0.96, 40):
+        away = (part * outline[::30])[:, None] - lines
+        assert np.hypot(away[..., 0], away[..., 1]).min(axis=1).max() < half
+    angle = np.arctan2(*contour.T[::-1])
+    order = np.argsort(angle)
+    radius = np.interp(
+        np.arctan2(*strips[-1].T[::-1]), angle[order], np.hypot(*contour.T)[order], period=2 * np.pi
+    )
+    assert (np.hypot(*strips[-1].T) + half - radius).max() < 0.02 * radius.max()

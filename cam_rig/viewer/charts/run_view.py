@@ -17,7 +17,6 @@ from cam_rig.dynamics import Samples
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN, to_rpm
-from cam_rig.viewer.charts import turn_chart
 from cam_rig.viewer.charts.band_chart import BandChart
 from cam_rig.viewer.charts.bands import third_octaves
 from cam_rig.viewer.charts.quantities import SceneRanges
@@ -53,12 +52,14 @@ class RunView:
     ) -> None:
         self._stream, self._loaded, self._rate = stream, loaded, loaded.scene.sample_rate.si
         self._times = times
-        self._scene = Scene2D(stream, loaded, times=times, pace=pace, turn_view=turn_chart.VIEW)
         self._time_series = TimeSeries(stream, loaded, bucket, times)
         self._turns = TurnCollector(loaded.scene.program.ticks_per_turn)
         self._last: CamState | None = None
         self._bands = BandChart(stream, BANDS, self._rate, colours.BANDS, times)
         self._turn_chart = TurnChart(stream, loaded, ranges, times, every=pace is None)
+        self._scene = Scene2D(
+            stream, loaded, times=times, pace=pace, cursor=self._turn_chart.move_cursor
+        )
         self._twist = ShaftTwist(loaded) if loaded.scene.model == TORSIONAL else None
         self._heard, self._whole = list[tuple[CamState, Turn]](), pace is None
         self._events: list[tuple[float, float, str, str]] = []

@@ -56,8 +56,8 @@ class Mark:
         return rr.SeriesPoints(colors=self.colour, names=self.name, marker_sizes=4.0)
 
 
-LIFT = SeriesLine("plots/lift/follower", "follower", colours.LIFT, factor=1e3, width=3.0)
-LAW = SeriesLine("plots/lift/law", "law", colours.LAW, factor=1e3, width=1.4)
+LIFT = SeriesLine("plots/lift/follower", "follower", colours.LIFT, factor=1e3, width=4.5)
+LAW = SeriesLine("plots/lift/law", "law", colours.LAW, factor=1e3, width=1.2)
 VELOCITY = SeriesLine("plots/velocity/follower", "velocity", colours.VELOCITY)
 ACCELERATION = SeriesLine("plots/acceleration/follower", "acceleration", colours.ACCELERATION)
 FORCE = SeriesLine("plots/force/contact", "contact force", colours.FORCE)

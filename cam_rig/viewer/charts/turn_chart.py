@@ -90,6 +90,10 @@ class TurnChart:
             self._send(self._times(*(np.array([value]) for value in at)), turn)
         self._waiting = []
 
+    def move_cursor(self, at: list[rr.TimeColumn], angle: FloatArray) -> None:
+        """Where the cam is at each of many times, by its unwrapped angle ``(n,)``, rad."""
+        self._axes.move_cursor(self._stream, VIEW, at, angle)
+
     def _send(self, at: list[rr.TimeColumn], turn: Turn) -> None:
         """Lay a turn over those of its speed, where it can be told from them."""
         if self._shown != (turn.cam, turn.speed):

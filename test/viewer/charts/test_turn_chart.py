@@ -137,7 +137,7 @@ def test_the_gap_is_lift_minus_law_in_flight(bag: SmallBag, picture: Picture) ->
 
 def test_the_cursor_is_at_the_cams_angle(bag: SmallBag, picture: Picture) -> None:
     """At each frame, within the turn."""
-    place = picture.numbers("turn/cursor", "Transform3D:translation")[:, 0]
+    place = picture.numbers("turn/cursor", STRIPS)[:, 0, 0]
     sample = np.abs(bag.samples[0][:, None] - picture.time("turn/cursor")).argmin(axis=0)
     np.testing.assert_allclose(place / WIDTH, bag.angle[sample] / (2.0 * np.pi) % 1.0, atol=1e-6)
 
