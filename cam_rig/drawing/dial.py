@@ -47,7 +47,7 @@ def rotation(radius: float) -> list[FloatArray]:
     return [arc, np.array([barbs[0], arc[-1], barbs[1]])]
 
 
-def body(outline: FloatArray, shells: int = 7, points: int = 90) -> tuple[list[FloatArray], float]:
+def body(outline: FloatArray, shells: int = 6, points: int = 60) -> tuple[list[FloatArray], float]:
     """Closed strips within an outline around the origin, and the radius that makes them fill it.
 
     Parameters

@@ -28,6 +28,7 @@ class Axes:
     ----------
     x, y : what is shown, from and to
     width, height : the plane's size, any unit
+    top : where its upper edge is in the plane
     raised : share of the height by which words beside y stand above their mark, for they hang
     """
 
@@ -36,12 +37,13 @@ class Axes:
     width: float = 160.0
     height: float = 100.0
     raised: float = 0.04
+    top: float = 0.0
 
     def place(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """``(n, 2)`` points in the plane."""
         across = (x - self.x[0]) / (self.x[1] - self.x[0])
         up = (y - self.y[0]) / (self.y[1] - self.y[0])
-        return np.column_stack([across * self.width, (1.0 - up) * self.height])
+        return np.column_stack([across * self.width, self.top + (1.0 - up) * self.height])
 
     def bounds(self, right: float = MARGINS[1]) -> tuple[tuple[float, float], tuple[float, float]]:
         """Range of x and y of a view of it all; ``right`` is the share of the width left free."""

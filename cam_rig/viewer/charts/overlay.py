@@ -12,7 +12,7 @@ from cam_rig.simulation.schedule import CamState
 from cam_rig.viewer.charts.band_chart import BandChart
 from cam_rig.viewer.charts.bands import third_octaves
 from cam_rig.viewer.charts.quantities import GAP, LIFT, TWIST, VELOCITY, Drawn, Ranges, drawn_of
-from cam_rig.viewer.charts.turn_axes import TurnAxes, curve, label
+from cam_rig.viewer.charts.turn_axes import HEAD, TurnAxes, curve, label
 from cam_rig.viewer.framing import force_scale
 from cam_rig.viewer.scene2d import Scene2D, frame_mask
 from cam_rig.viewer.timeline import within_turn
@@ -55,7 +55,7 @@ def draw_turn_axes(
         turned = np.radians(degrees)
         axes.move_cursor(stream, view, within_turn(degrees, turned), turned)
     for i, (name, cam) in enumerate(loaded.cams.items()):
-        at = NAME_AT[0], NAME_AT[1] + i * NAME_STEP
+        at = NAME_AT[0], HEAD + NAME_AT[1] + i * NAME_STEP
         where = f"{at_speed(rpm, LIFT.key)}/lift/names/{name}"
         label(stream, where, at, cam.title, of_cam(name))
 

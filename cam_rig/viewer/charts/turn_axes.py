@@ -43,10 +43,11 @@ class TurnAxes:
     def __init__(self, rows: Sequence[Drawn], ranges: Ranges, row: float = ROW) -> None:
         self.rows, self._ranges = tuple(rows), ranges
         raised = RAISED * ROW / row
-        self.axes = {
-            it.key: Axes((0.0, 360.0), ranges[it.key][:2], WIDTH, row, raised) for it in rows
-        }
         self.tops = {it.key: HEAD + i * (HEAD + row) for i, it in enumerate(rows)}
+        self.axes = {
+            key: Axes((0.0, 360.0), ranges[key][:2], WIDTH, row, raised, top)
+            for key, top in self.tops.items()
+        }
         #: Of all rows.
         self.height = len(rows) * (HEAD + row)
 
@@ -55,17 +56,16 @@ class TurnAxes:
         return (-LEFT, WIDTH + RIGHT), (-ABOVE, self.height + below)
 
     def place(self, key: str, degrees: FloatArray, values: FloatArray) -> FloatArray:
-        """``(n, 2)`` points below the entity of a row; beyond its axis they end at its edge."""
+        """``(n, 2)`` points in a row; beyond its axis they end at its edge."""
         axes = self.axes[key]
         return axes.place(degrees, values.clip(*axes.y))
 
     def draw(self, stream: rr.RecordingStream, view: str, titled: bool = True) -> None:
         """Draw titles, degrees, a line at each quarter of the turn, the style of the cursor."""
         for row in self.rows:
-            moved = rr.Transform3D(translation=[0.0, self.tops[row.key], 0.0])
-            stream.log(f"{view}/{row.key}", moved, static=True)
             if titled:
-                label(stream, f"{view}/{row.key}/title", TITLE_AT, row.title)
+                at = TITLE_AT[0], self.tops[row.key] + TITLE_AT[1]
+                label(stream, f"{view}/{row.key}/title", at, row.title)
         axes, last = self.axes[self.rows[-1].key], f"{view}/{self.rows[-1].key}"
         axes.draw_words(stream, f"{last}/degrees", axes.under(DEGREES), DEGREES)
         across = np.array([*DEGREES]) / 360.0 * WIDTH

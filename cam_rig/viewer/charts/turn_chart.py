@@ -195,8 +195,9 @@ class TurnChart:
         shown = [LIFT.line, LAW, *((series.LIFT_OFF, series.LANDING) if self._flies else ())]
         for (x, middle), it in zip(LEGEND, shown, strict=False):
             where = f"{VIEW}/lift/legend/{it.name}"
-            label(self._stream, f"{where}/name", (middle, TITLE_AT[1]), it.name, it.colour)
-            y = TITLE_AT[1] + 3.0
+            top = HEAD + TITLE_AT[1]
+            label(self._stream, f"{where}/name", (middle, top), it.name, it.colour)
+            y = top + 3.0
             if isinstance(it, SeriesLine):
                 ends = [[[x, y], [x + STROKE, y]]]
                 key = rr.LineStrips2D(ends, colors=it.colour, radii=-0.5 * it.width)

@@ -12,7 +12,7 @@ from cam_rig.simulation.schedule import cam_states
 from cam_rig.viewer.charts.level_chart import level_axes
 from cam_rig.viewer.charts.overlay import ROW, at_speed
 from cam_rig.viewer.charts.quantities import scene_ranges
-from cam_rig.viewer.charts.turn_axes import WIDTH
+from cam_rig.viewer.charts.turn_axes import HEAD, WIDTH
 from cam_rig.viewer.framing import force_scale
 from cam_rig.viewer.options import Layout, ViewOptions
 from cam_rig.viewer.recording import save_recording
@@ -34,7 +34,7 @@ def test_the_last_turn_lies_over_those_of_the_others(
         (strips,) = shown.column(f"{at_speed(rpm, 'lift')}/lift/{cam}", "LineStrips2D:strips")
         low, high, _ = ranges["lift"]
         x, y = np.array(strips[0]).T
-        degrees, lift = x / WIDTH * 360.0, high - y / ROW * (high - low)
+        degrees, lift = x / WIDTH * 360.0, high - (y - HEAD) / ROW * (high - low)
         step = 4 * (2 * i + int(rpm > 500.0))
         rows = np.concatenate(bag.rows[step + 2 : step + 4], axis=1)
         angle = np.degrees(np.concatenate(bag.angles[step + 2 : step + 4])) % 360.0

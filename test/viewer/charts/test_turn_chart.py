@@ -13,7 +13,7 @@ from cam_rig.simulation.simulate import turned_ticks
 from cam_rig.viewer.charts.axes import step_marks
 from cam_rig.viewer.charts.quantities import drawn_of, gap_of, scene_ranges
 from cam_rig.viewer.charts.series import GAP, LANDING, LIFT_OFF
-from cam_rig.viewer.charts.turn_axes import ROW, WIDTH, TurnAxes, curve
+from cam_rig.viewer.charts.turn_axes import HEAD, ROW, WIDTH, TurnAxes, curve
 from cam_rig.viewer.charts.turn_chart import LAID
 
 from ..conftest import Picture, SmallBag
@@ -23,9 +23,11 @@ STRIPS, POSITIONS = "LineStrips2D:strips", "Points2D:positions"
 
 def back(bag: SmallBag, cam: str, key: str, strip: object) -> tuple[FloatArray, FloatArray]:
     """Degrees and values that a strip of the chart was drawn from."""
-    low, high, _ = scene_ranges(bag.loaded).of(cam)[key]
+    ranges = scene_ranges(bag.loaded).of(cam)
+    low, high, _ = ranges[key]
+    top = TurnAxes(drawn_of("one_mass"), ranges).tops[key]
     x, y = np.array(strip).reshape(-1, 2).T
-    return x / WIDTH * 360.0, high - y / ROW * (high - low)
+    return x / WIDTH * 360.0, high - (y - top) / ROW * (high - low)
 
 
 def rows_of(bag: SmallBag, step: int, turn: int) -> tuple[Samples, FloatArray]:
@@ -148,5 +150,5 @@ def test_what_is_beyond_its_axis_ends_at_its_edge() -> None:
     axes = TurnAxes([lift], {"lift": (0.0, 10.0, 5.0)})
     angle = np.linspace(0.0, 2.0 * np.pi, 100, endpoint=False)
     points = curve(axes, "lift", angle, 20.0 * np.sin(angle))
-    assert points[:, 1].min() == 0.0
-    assert points[:, 1].max() == ROW
+    assert points[:, 1].min() == HEAD
+    assert points[:, 1].max() == HEAD + ROW
