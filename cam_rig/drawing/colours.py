@@ -38,7 +38,7 @@ def tint(colour: int, share: float = 0.25) -> int:
     Examples
     --------
     >>> web(tint(BLUE))
-    '#bfdbec'
+    '#bfdcec'
     """
     parts = (colour >> shift & 255 for shift in (24, 16, 8))
     mixed = bytes(round(255 + share * (part - 255)) for part in parts)
