@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import rerun as rr
 import rerun.blueprint as rrb
+from rerun.blueprint.components import AbsoluteTimeRange
 
-from cam_rig.drawing.outlines import MM
 from cam_rig.errors import ConfigError
 from cam_rig.simulation.loaded_scene import LoadedScene
-from cam_rig.units import to_rpm
-from cam_rig.viewer import scene2d
-from cam_rig.viewer.charts import level_chart, overlay, series
+from cam_rig.units import NS, TURN, to_rpm
+from cam_rig.viewer import framing, scene2d
+from cam_rig.viewer.charts import level_chart, overlay, series, turn_chart
 from cam_rig.viewer.charts.band_chart import band_axes
+from cam_rig.viewer.charts.quantities import Range, Ranges, drawn_of
 from cam_rig.viewer.charts.run_view import BANDS, EVENTS
-from cam_rig.viewer.charts.time_series import TORSIONAL
+from cam_rig.viewer.charts.turn_axes import TurnAxes
 from cam_rig.viewer.options import Layout
 from cam_rig.viewer.run_recorder import ABOUT, RESULTS
 from cam_rig.viewer.timeline import RIG_TIME, TURN_DEGREES
@@ -22,12 +23,10 @@ from cam_rig.viewer.timeline import RIG_TIME, TURN_DEGREES
 PLAYBACK_SPEED = 0.1
 #: Degrees of the cam per second, where turns lie over each other.
 DEGREES_PER_SECOND = 90.0
+SPEED_NAME = "Cam speed [rpm]"
 #: Rig time (s) of a finished run shown on either side of the time cursor.
 AROUND_CURSOR_S = 0.5
-BANDS_NAME = "Third-octave bands of the last turn [dB re 20 µPa]"
-#: A legend would lie over the curves, so the titles name the colours of `cam_rig.drawing.colours`.
-LIFT_NAME = "Lift [mm]: follower light blue, law dark blue; lift-offs purple, landings orange"
-FORCE_NAME = "Contact force [N]: orange, dark red line at 0"
+BANDS_NAME = "Third-octave bands"
 
 
 def blueprint(
@@ -36,6 +35,7 @@ def blueprint(
     duration: float,
     bucket: int,
     compared: float,
+    ranges: Ranges,
     window: float | None = None,
 ) -> rrb.Blueprint:
     """The blueprint of a layout.
@@ -45,17 +45,14 @@ def blueprint(
     duration : rig time of the whole run, s
     bucket : samples of which the minimum and the maximum are shown, 1 for all
     compared : speed (rpm) at which the cams are put side by side
+    ranges : axis of each quantity that is drawn over the turn
     window : follow a live run, and show so much rig time (s) before its newest; else play from
         the start
     """
     if layout is Layout.RUN:
-        timeline = rrb.TimePanel(
-            state="collapsed",
-            timeline=RIG_TIME,
-            playback_speed=PLAYBACK_SPEED,
-            play_state="playing" if window is None else "following",
+        return _blueprint(
+            _run(loaded, duration, bucket, ranges, window), _played(loaded, duration, window)
         )
-        return _blueprint(_run(loaded, duration, bucket, window), timeline)
     timeline = rrb.TimePanel(
         state="collapsed",
         timeline=TURN_DEGREES,
@@ -64,7 +61,7 @@ def blueprint(
         loop_mode="all",
     )
     views = _compare if layout is Layout.COMPARE else _report
-    return _blueprint(views(loaded, compared), timeline)
+    return _blueprint(views(loaded, compared, ranges), timeline)
 
 
 def compared_rpm(loaded: LoadedScene, rpm: float | None) -> float:
@@ -89,78 +86,131 @@ def _blueprint(view: rrb.Container, timeline: rrb.TimePanel) -> rrb.Blueprint:
     return rrb.Blueprint(view, *panels, timeline, auto_views=False, auto_layout=False)
 
 
-def _run(loaded: LoadedScene, duration: float, bucket: int, window: float | None) -> rrb.Container:
-    kept = f"; minimum, maximum of every {bucket} samples" if bucket > 1 else ""
-    near, whole = _near(window), _whole(duration)
-    words = rrb.Tabs(
+def _played(loaded: LoadedScene, duration: float, window: float | None) -> rrb.TimePanel:
+    """A live run is followed; a bag is played from its first settled turn, over and over."""
+    if window is not None:
+        return rrb.TimePanel(state="collapsed", timeline=RIG_TIME, play_state="following")
+    program = loaded.scene.program
+    settled = max(1.0, program.settle_turns.si) * TURN / program.speeds.si_list[0]
+    ends = [round(at * NS) for at in (min(settled, 0.5 * duration), duration)]
+    return rrb.TimePanel(
+        state="collapsed",
+        timeline=RIG_TIME,
+        playback_speed=PLAYBACK_SPEED,
+        play_state="playing",
+        loop_mode="selection",
+        time_selection=AbsoluteTimeRange(ends[0], ends[1]),
+    )
+
+
+def _run(
+    loaded: LoadedScene,
+    duration: float,
+    bucket: int,
+    ranges: Ranges,
+    window: float | None,
+) -> rrb.Container:
+    one_turn = TurnAxes(drawn_of(loaded.scene.model), ranges).bounds()
+    tabs = rrb.Tabs(
+        _chart(turn_chart.VIEW, "One turn", *one_turn),
+        _over_time(loaded, bucket, ranges, _near(window)),
+        _sound(loaded, duration),
+        _words(),
+    )
+    return rrb.Horizontal(_scene(loaded, scene2d.VIEW), tabs, column_shares=[2, 3])
+
+
+def _words() -> rrb.Container:
+    columns = rrb.TextLogColumns(text_log_columns=["loglevel", "body"])
+    return rrb.Vertical(
         rrb.TextDocumentView(origin=RESULTS, name="Results"),
-        rrb.TextDocumentView(origin=ABOUT, name="About"),
-        rrb.TextLogView(origin=EVENTS, name="Events"),
+        rrb.Horizontal(
+            rrb.TextLogView(origin=EVENTS, name="Events", columns=columns),
+            rrb.TextDocumentView(origin=ABOUT, name="About"),
+        ),
+        name="Results",
     )
-    left = rrb.Vertical(_scene(loaded, scene2d.VIEW), _noise(loaded), words, row_shares=[5, 4, 3])
-    slopes = [
-        _plot("plots/velocity", "Velocity [m/s]", near),
-        _plot("plots/acceleration", "Acceleration [m/s²]", near),
+
+
+def _over_time(
+    loaded: LoadedScene, bucket: int, ranges: Ranges, near: rrb.TimeAxis
+) -> rrb.Container:
+    """The same quantities over rig time, two in a row."""
+    name = f"Time, extremes of {bucket} samples" if bucket > 1 else "Time"
+    plots = [
+        _plot(f"plots/{row.key}", row.title, near, ranges[row.key])
+        for row in drawn_of(loaded.scene.model)
     ]
-    if loaded.scene.model == TORSIONAL:
-        slopes.append(_plot(series.TWIST.entity, "Twist of the shaft [°]", near))
-    level = _plot(series.LEVEL.entity, "Sound pressure level [dB]", whole)
-    speed = _plot(series.SPEED.entity, "Cam speed [rpm]", whole)
-    right = rrb.Vertical(
-        _plot("plots/lift", LIFT_NAME + kept, near),
-        rrb.Horizontal(*slopes),
-        _plot("plots/force", FORCE_NAME, near),
-        rrb.Horizontal(level, speed, _bands(loaded, BANDS), column_shares=[3, 3, 4]),
+    if len(plots) % 2:
+        plots.append(_plot(series.SPEED.entity, SPEED_NAME, near))
+    return rrb.Grid(*plots, grid_columns=2, name=name)
+
+
+def _sound(loaded: LoadedScene, duration: float) -> rrb.Container:
+    whole = _whole(duration)
+    over_run = rrb.Vertical(
+        _plot(series.LEVEL.entity, "Sound pressure level [dB]", whole),
+        _plot(series.SPEED.entity, SPEED_NAME, whole),
     )
-    return rrb.Horizontal(left, right, column_shares=[2, 3])
+    lower = rrb.Horizontal(_bands(loaded, BANDS), over_run, column_shares=[3, 2])
+    return rrb.Vertical(_noise(loaded), lower, name="Sound")
 
 
-def _compare(loaded: LoadedScene, rpm: float) -> rrb.Container:
+def _compare(loaded: LoadedScene, rpm: float, ranges: Ranges) -> rrb.Container:
     bars = [_bands(loaded, f"{overlay.COMPARE}/{cam}/bands") for cam in loaded.cams]
-    rows = rrb.Horizontal(*_cams(loaded)), rrb.Horizontal(*_turns(rpm)), rrb.Horizontal(*bars)
-    return rrb.Vertical(*rows, row_shares=[4, 3, 3])
+    below = rrb.Tabs(
+        rrb.Horizontal(*_turns(loaded, rpm, ranges), name="One turn"),
+        rrb.Horizontal(*bars, name="Sound of the turn"),
+    )
+    return rrb.Vertical(rrb.Horizontal(*_cams(loaded, 4.0)), below, row_shares=[3, 2])
 
 
-def _report(loaded: LoadedScene, rpm: float) -> rrb.Container:
+def _report(loaded: LoadedScene, rpm: float, ranges: Ranges) -> rrb.Container:
     words = rrb.Horizontal(
         rrb.TextDocumentView(origin=RESULTS, name="Results"),
         rrb.TextDocumentView(origin=ABOUT, name="About"),
     )
-    upper = rrb.Horizontal(_noise(loaded), rrb.Horizontal(*_cams(loaded)))
-    return rrb.Vertical(upper, rrb.Horizontal(*_turns(rpm)), words, row_shares=[4, 3, 3])
+    upper = rrb.Horizontal(_noise(loaded), rrb.Horizontal(*_cams(loaded, 4.0)))
+    turns = rrb.Horizontal(*_turns(loaded, rpm, ranges))
+    return rrb.Vertical(upper, turns, words, row_shares=[4, 3, 3])
 
 
-def _cams(loaded: LoadedScene) -> list[rrb.Spatial2DView]:
+def _cams(loaded: LoadedScene, share: float) -> list[rrb.Container]:
     """The cams side by side, each turning under its follower."""
     return [
-        _scene(loaded, f"{overlay.COMPARE}/{name}/scene", cam.title)
+        _scene(loaded, f"{overlay.COMPARE}/{name}/scene", cam.title, share)
         for name, cam in loaded.cams.items()
     ]
 
 
-def _turns(rpm: float) -> list[rrb.TimeSeriesView]:
+def _turns(loaded: LoadedScene, rpm: float, ranges: Ranges) -> list[rrb.Spatial2DView]:
     """Curves of all cams at one speed over each other, from 0 to 360°."""
-    ends = [rr.TimeRangeBoundary.absolute(seq=degrees) for degrees in (0, 360)]
-    axis = rrb.TimeAxis(view_range=rr.TimeRange(start=ends[0], end=ends[1]))
     return [
-        _plot(
-            overlay.at_speed(rpm, quantity), f"{title} at {rpm:g} rpm, coloured as the cams", axis
+        _chart(
+            overlay.at_speed(rpm, row.key),
+            f"{row.title} at {rpm:g} rpm",
+            *overlay.turn_axes(row, ranges).bounds(below=14.0),
         )
-        for quantity, (_, title) in overlay.QUANTITIES.items()
+        for row in overlay.compared_of(loaded)
     ]
 
 
-def _scene(loaded: LoadedScene, origin: str, name: str = "Cam and follower") -> rrb.Spatial2DView:
-    side = scene2d.reach(loaded) * MM
-    bounds = rrb.VisualBounds2D(
-        x_range=[-1.3 * side, 1.3 * side], y_range=[-1.55 * side, 1.5 * side]
+def _scene(
+    loaded: LoadedScene, view: str, name: str = "Cam and follower", share: float = 6.0
+) -> rrb.Container:
+    """A cam under its follower, so many times as high as its readings below."""
+    x, y = framing.bounds(framing.framings(loaded))
+    shown = rrb.VisualBounds2D(x_range=x, y_range=y)
+    return rrb.Vertical(
+        rrb.Spatial2DView(origin=view, name=name, visual_bounds=shown),
+        rrb.TextDocumentView(origin=f"{view}_readings", name="Readings", titlebar=False),
+        row_shares=[share, 1.0],
     )
-    return rrb.Spatial2DView(origin=origin, name=name, visual_bounds=bounds)
 
 
 def _noise(loaded: LoadedScene) -> rrb.Spatial2DView:
-    name = "Sound pressure level against cam speed: published - - -, simulated •"
-    return _chart(level_chart.VIEW, name, *level_chart.level_axes(loaded).bounds(right=0.32))
+    bounds = level_chart.level_axes(loaded).bounds(right=level_chart.beside(loaded))
+    return _chart(level_chart.VIEW, "Level over speed: published dashed", *bounds)
 
 
 def _bands(loaded: LoadedScene, view: str) -> rrb.Spatial2DView:
@@ -174,9 +224,13 @@ def _chart(
     return rrb.Spatial2DView(origin=view, name=name, visual_bounds=bounds)
 
 
-def _plot(origin: str, name: str, axis: rrb.TimeAxis) -> rrb.TimeSeriesView:
+def _plot(
+    origin: str, name: str, axis: rrb.TimeAxis, shown: Range | None = None
+) -> rrb.TimeSeriesView:
+    """A curve over time; from and to ``shown``, or as far as it goes."""
     legend = rrb.PlotLegend(visible=False)
-    return rrb.TimeSeriesView(origin=origin, name=name, axis_x=axis, plot_legend=legend)
+    y = rrb.ScalarAxis(range=shown[:2]) if shown is not None else None
+    return rrb.TimeSeriesView(origin=origin, name=name, axis_x=axis, axis_y=y, plot_legend=legend)
 
 
 def _near(window: float | None) -> rrb.TimeAxis:

@@ -13,6 +13,7 @@ from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.units import NS
 from cam_rig.viewer.blueprint import blueprint, compared_rpm
+from cam_rig.viewer.charts.quantities import scene_ranges
 from cam_rig.viewer.feed import RunFeed
 from cam_rig.viewer.options import Layout
 from cam_rig.viewer.recording import APPLICATION, name_recording
@@ -39,14 +40,15 @@ class LiveView:
         duration, window = float(times[-1]), live_window(times)
         bucket = screen_bucket(window, loaded.scene.sample_rate.si)
         rpm = compared_rpm(loaded, None)
-        plan = blueprint(Layout.RUN, loaded, duration, bucket, rpm, window)
+        ranges = scene_ranges(loaded)
+        plan = blueprint(Layout.RUN, loaded, duration, bucket, rpm, ranges.whole, window)
         self._address, self._stream = address, rr.RecordingStream(APPLICATION)
         try:
             self._stream.connect_grpc(address, default_blueprint=plan)
         except (RuntimeError, ValueError) as error:
             raise CamRigError(f"{address}: no viewer can be reached there ({error})") from None
         name_recording(self._stream, loaded.scene.title)
-        self._drawing = RunRecorder(self._stream, loaded, bucket, rpm, window=window)
+        self._drawing = RunRecorder(self._stream, loaded, bucket, rpm, ranges, window=window)
         self.feed = RunFeed(self._drawing)
 
     def flush(self) -> None:

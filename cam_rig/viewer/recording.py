@@ -20,6 +20,7 @@ from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState, cam_states
 from cam_rig.units import NS
 from cam_rig.viewer.blueprint import blueprint, compared_rpm
+from cam_rig.viewer.charts.quantities import scene_ranges
 from cam_rig.viewer.feed import RunFeed
 from cam_rig.viewer.options import Layout, ViewOptions
 from cam_rig.viewer.rrd_file import require_free, rrd_stream
@@ -70,10 +71,13 @@ def save_recording(
         view_options.layout is Layout.RUN,
         1 if view_options.all_samples else bucket_for(samples, WHOLE_BELOW),
     )
-    plan = blueprint(view_options.layout, loaded, duration, bucket, rpm)
+    ranges = scene_ranges(loaded)
+    plan = blueprint(view_options.layout, loaded, duration, bucket, rpm, ranges.whole)
     with rrd_stream(path, APPLICATION, plan) as stream:
         name_recording(stream, f"{loaded.scene.title} ({bag.name})")
-        feed_bag(bag, loaded, RunFeed(RunRecorder(stream, loaded, bucket, rpm, whole)), on_tick)
+        feed_bag(
+            bag, loaded, RunFeed(RunRecorder(stream, loaded, bucket, rpm, ranges, whole)), on_tick
+        )
 
 
 def name_recording(stream: rr.RecordingStream, name: str) -> None:

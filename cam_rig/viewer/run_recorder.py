@@ -15,6 +15,7 @@ from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS
 from cam_rig.viewer.charts import overlay
 from cam_rig.viewer.charts.level_chart import LevelChart
+from cam_rig.viewer.charts.quantities import SceneRanges
 from cam_rig.viewer.charts.run_view import RunView
 from cam_rig.viewer.charts.text_panels import ResultTable, about
 from cam_rig.viewer.scene2d import FramePace
@@ -37,6 +38,7 @@ class RunRecorder:
     loaded : the scene that was run
     bucket : samples of which the minimum and the maximum are kept, 1 for all
     compared : speed (rpm) at which the cams are laid over each other and put side by side
+    ranges : axis of each quantity that is drawn over the turn
     whole : draw the run itself too; else only the results of its turns and speeds
     window : rig time (s) before the newest that a viewer shows of a live run; None for a finished
         one, whose results are there at every time
@@ -48,16 +50,20 @@ class RunRecorder:
         loaded: LoadedScene,
         bucket: int,
         compared: float,
+        ranges: SceneRanges,
         whole: bool = True,
         window: float | None = None,
     ) -> None:
         self._stream, self._loaded, self._compared = stream, loaded, compared
+        self._ranges = ranges
         self._grows, self._finished = whole, window is None
         # No tick of a scene is longer than the other half, so a block fits into the window.
         self._send_every = SEND_EVERY_S if window is None else 0.5 * window
         pace = None if window is None else FramePace(FRAMES_A_SECOND)
         self._times: Times = time_columns if window is None else rig_time_alone
-        self._run_view = RunView(stream, loaded, bucket, self._times, pace) if whole else None
+        self._run_view = (
+            RunView(stream, loaded, bucket, ranges, self._times, pace) if whole else None
+        )
         self._levels = LevelChart(stream, loaded, self._times)
         self._results = ResultTable(loaded)
         self._turns = TurnCollector(loaded.scene.program.ticks_per_turn)
@@ -67,6 +73,7 @@ class RunRecorder:
         self._sent = 0
         #: The contour of each cam received so far, ``(n, 2)`` in its own frame, m.
         self.profiles: dict[str, FloatArray] = {}
+        overlay.draw_turn_axes(stream, loaded, compared, ranges.whole)
         words = rr.TextDocument(about(loaded, bucket), media_type="text/markdown")
         stream.log(ABOUT, words, static=True)
         if not self._finished:
@@ -139,6 +146,6 @@ class RunRecorder:
         """Lay the step's last turn over those of the other cams."""
         turn = self._turns.turn()
         if turn is not None and math.isclose(turn.rpm, self._compared, rel_tol=1e-9):
-            overlay.draw_turn(self._stream, self._loaded, turn)
+            overlay.draw_turn(self._stream, self._loaded, turn, self._ranges.whole)
             profile = self.profiles[turn.cam]
             overlay.draw_side_by_side(self._stream, self._loaded, turn, profile)

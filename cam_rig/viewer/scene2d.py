@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 
@@ -12,13 +13,16 @@ from numpy.typing import NDArray
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
 from cam_rig.drawing.cam_looks import of_cam
-from cam_rig.drawing.follower import FollowerShape, follower_shape
-from cam_rig.drawing.force_scale import ARROW, max_contact_force
+from cam_rig.drawing.colours import tint
+from cam_rig.drawing.dial import body, ring, ring_numbers, rotation
+from cam_rig.drawing.force_scale import max_contact_force
 from cam_rig.drawing.outlines import MM, circle, closed
 from cam_rig.profile.motion import Motion
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import to_rpm
+from cam_rig.viewer.charts.readout import readings, send_readings
+from cam_rig.viewer.framing import ARROW, Framing, framings
 from cam_rig.viewer.timeline import Times, time_columns
 
 #: What the view shows; the rig hangs below, for a view is not moved by its own transform.
@@ -27,16 +31,6 @@ VIEW = "scene"
 FRAMES_PER_TURN = 72
 #: Radii on the screen: Rerun takes a negative one as points, not as mm.
 LINE, THIN, THICK, SHAFT, UNSEEN = -1.5, -0.7, -2.5, -3.0, -0.1
-
-
-def shapes(loaded: LoadedScene) -> dict[str, FollowerShape]:
-    """The follower of each cam."""
-    return {name: follower_shape(cam, loaded.laws[name]) for name, cam in loaded.cams.items()}
-
-
-def reach(loaded: LoadedScene) -> float:
-    """How far from the cam shaft a follower is at most over all cams of the scene, m."""
-    return max(shape.reach for shape in shapes(loaded).values())
 
 
 def frame_mask(angle: FloatArray, step: float) -> NDArray[np.bool_]:
@@ -74,9 +68,10 @@ class Scene2D:
     view : the entity that the view shows
     times : the timelines of its frames
     pace : of a live run, how many frames may be sent; None sends all
+    scale : force (N) of the longest arrow; by default the greatest in contact at each speed
+    cursor : is told the timelines' columns and the cam angles of the frames sent
 
-    Every cam is drawn as large as the largest of the scene, whatever its own size, and its force
-    to a scale of its own at each speed.
+    Every cam is drawn as large as the largest of the scene, whatever its own size.
     """
 
     def __init__(
@@ -86,13 +81,19 @@ class Scene2D:
         view: str = VIEW,
         times: Times = time_columns,
         pace: FramePace | None = None,
+        scale: float | None = None,
+        cursor: Callable[[list[rr.TimeColumn], FloatArray], None] | None = None,
     ) -> None:
         self._stream, self._loaded, self._times, self._pace = stream, loaded, times, pace
-        self._root = f"{view}/rig"
-        self._shapes, self._reach = shapes(loaded), reach(loaded)
+        self._view, self._root, self._cursor = view, f"{view}/rig", cursor
+        self._framed = framings(loaded)
+        self._highest = max(one.height for one in self._framed.values())
+        self._scale = scale
         self._waiting = list[FloatArray]()
         shaft = rr.Points2D([[0.0, 0.0]], colors=colours.GREY, radii=SHAFT)
         stream.log(f"{self._root}/shaft", shaft, static=True)
+        body_style = rr.LineStrips2D.from_fields(draw_order=19.0)  # behind all other lines
+        stream.log(f"{self._root}/cam/body", body_style, static=True)
         gap = rr.LineStrips2D.from_fields(colors=colours.GAP, radii=THICK)
         stream.log(f"{self._root}/gap", gap, static=True)
         force = rr.Arrows2D.from_fields(colors=colours.FORCE, radii=THICK)
@@ -101,36 +102,54 @@ class Scene2D:
     def mount(self, state: CamState, profile: FloatArray) -> None:
         """Put a cam in place of the one before; ``profile`` ``(n, 2)`` in its own frame, m."""
         self.flush()
-        self._shape, self._law = self._shapes[state.cam], self._loaded.laws[state.cam]
-        zoom = self._reach / self._shape.reach
-        # A plane in Rerun has y down.
-        flip = rr.Transform3D.columns(mat3x3=np.diag([zoom, -zoom, 1.0])[None])
+        framing, self._law = self._framing_of(state.cam), self._loaded.laws[state.cam]
+        self._shape, zoom = framing.shape, self._highest / framing.height
+        # A plane in Rerun has y down; widths grow as the third root of the determinant.
+        flip = rr.Transform3D.columns(mat3x3=np.diag([zoom, -zoom, zoom])[None])
         self._stream.send_columns(self._root, self._at(state), flip)
         outline, base = closed(profile) * MM, self._loaded.cams[state.cam].follower.base_radius.si
-        colour = of_cam(state.cam)
-        mark = np.stack([np.zeros(2), outline[0]])
+        colour, mark = of_cam(state.cam), np.stack([np.zeros(2), outline[0]])
+        filled, half = body(outline)
+        self._strips(state, "cam/body", filled, tint(colour), half)
+        self._strips(state, "cam/circle", [circle(base * MM)], colours.GREY, THIN)
         self._strips(state, "cam/contour", [outline], colour, LINE)
-        self._strips(state, "cam/mark", [mark], colour, THIN)
-        self._strips(state, "cam/base_circle", [circle(base * MM)], colours.GREY, THIN)
+        self._strips(state, "cam/mark", [mark], colour, LINE)
         support = [strip * MM for strip in self._shape.support()]
         self._strips(state, "guide", support, colours.GREY, THIN)
-        follower = [strip * MM for strip in self._shape.outline()]
-        self._strips(state, "follower/outline", follower, colours.FOLLOWER, LINE)
+        self._strips(state, "follower/outline", framing.follower(), colours.FOLLOWER, LINE)
+        self._dial(state, framing, 0.4 * base * MM)
+
+    def _framing_of(self, cam: str) -> Framing:
+        """Of a cam of the scene, or of one that was mounted since."""
+        if cam not in self._framed:
+            self._framed |= framings(self._loaded)
+        return self._framed[cam]
+
+    def _dial(self, state: CamState, framing: Framing, inner: float) -> None:
+        """The ring of degrees, and which way the cam turns."""
+        self._strips(state, "ring", ring(framing.ring), colours.GREY, THIN)
+        places, numbers = ring_numbers(framing.ring)
+        self._strips(state, "rotation", rotation(inner), colours.GREY, LINE)
+        self._words(state, "numbers", places, numbers, colours.GREY)
 
     def speed(self, state: CamState, title: str = "") -> None:
-        """Scale the force to the speed from this state on, and say so in words under the cam."""
+        """Say under the cam which it is and how fast it turns from this state on.
+
+        The force is drawn to the scale of this speed, which a bar shows.
+        """
         self.flush()
-        longest = max_contact_force(self._loaded, state.cam, state.speed)
-        self._arrow = ARROW * self._shape.reach / longest
-        rpm = to_rpm(state.speed)
-        columns = rr.Points2D.columns(
-            positions=[[0.0, -1.2 * self._shape.reach * MM]],
-            labels=[f"{title}{rpm:.0f} rpm, longest arrow {longest:.0f} N"],
-            colors=[of_cam(state.cam)],
-            radii=[UNSEEN],
-            show_labels=[True],
-        )
-        self._stream.send_columns(f"{self._root}/label", self._at(state), columns)
+        self._rpm, framing = to_rpm(state.speed), self._framing_of(state.cam)
+        longest = self._scale or max_contact_force(self._loaded, state.cam, state.speed)
+        self._arrow = ARROW * framing.height / longest  # mm/N
+        foot, across = framing.low + 0.015 * framing.height, np.array([0.09, 0.025])
+        force = 10.0 ** math.floor(math.log10(longest))
+        bar = foot + np.array([[0.0, 0.0], [0.0, force * self._arrow]])
+        self._strips(state, "bar", [bar], colours.FORCE, THICK)
+        beside = (foot + across * framing.height)[None]
+        self._words(state, "bar/words", beside, [f"{force:g} N"], colours.FORCE)
+        under = np.array([[0.0, framing.low[1] + 0.06 * framing.height]])
+        words = f"{title}{self._rpm:.4g} rpm"
+        self._words(state, "label", under, [words], of_cam(state.cam))
 
     def frames(
         self, time: FloatArray, angle: FloatArray, lift: FloatArray, force: FloatArray
@@ -162,7 +181,16 @@ class Scene2D:
         gaps = rr.LineStrips2D.columns(strips=list(ends[off])).partition(off.astype(int))
         self._stream.send_columns(f"{self._root}/gap", times, gaps)
         along = np.sum(normal * shape.upward(motion.s), axis=1)
-        arrows = normal * (force / along * self._arrow)[:, None] * MM
+        gap, lean = np.where(off, lift - motion.s, 0.0), np.arccos(along.clip(-1.0, 1.0))
+        # of a live run, which is seen at its newest time, only the last is sent
+        seen = slice(None) if self._pace is None else slice(-1, None)
+        shown = (row[seen] for row in (lift, force, gap, lean))
+        at, turned = self._times(time[seen], angle[seen]), angle[seen]
+        words = readings(turned, self._rpm, *shown)
+        send_readings(self._stream, f"{self._view}_readings", at, words)
+        if self._cursor is not None:
+            self._cursor(at, turned)
+        arrows = normal * (force / along * self._arrow)[:, None]
         columns = rr.Arrows2D.columns(origins=point[~off] * MM, vectors=arrows[~off])
         columns = columns.partition((~off).astype(int))
         self._stream.send_columns(f"{self._root}/force", times, columns)
@@ -176,6 +204,22 @@ class Scene2D:
         )
         columns = columns.partition([count])
         self._stream.send_columns(f"{self._root}/{entity}", self._at(state), columns)
+
+    def _words(
+        self, state: CamState, entity: str, at: FloatArray, words: list[str], colour: int
+    ) -> None:
+        """Words whose middles hang from places ``(n, 2)``."""
+        count = len(words)
+        columns = rr.Points2D.columns(
+            positions=at,
+            labels=words,
+            colors=[colour] * count,
+            radii=[UNSEEN] * count,
+            show_labels=[True] * count,
+        )
+        self._stream.send_columns(
+            f"{self._root}/{entity}", self._at(state), columns.partition([count])
+        )
 
     def _at(self, state: CamState) -> list[rr.TimeColumn]:
         return self._times(np.array([state.time_ns * 1e-9]), np.array([state.unwrapped]))

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -34,3 +35,12 @@ def test_ctrl_c_ends_it_as_it_is_meant_to(monkeypatch):
         monkeypatch.undo()
         process.stdin.close()
         process.wait()
+
+
+def test_waiting_needs_somebody_to_wait_for(tmp_path):
+    """The error names what to add, before anything is started."""
+    command = [Path(sys.executable).with_name("cam-rig"), "run", "quick", "--wait"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert done.returncode == 2
+    assert "--wait: waits for a viewer" in done.stderr
+    assert not list(tmp_path.iterdir())

@@ -6,14 +6,14 @@ import itertools
 from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from cam_rig.drawing import colours
 from cam_rig.drawing.cam_looks import of_cam
 from cam_rig.viewer.charts import series
-from cam_rig.viewer.charts.series import SeriesWriter
+from cam_rig.viewer.charts.turn_chart import TurnChart
 from cam_rig.viewer.recording import save_recording
 from cam_rig.viewer.server.web import serve_file
 from tools.docs.browser import count, open_browser, photograph, why_no_browser
@@ -30,7 +30,7 @@ LATE = """<body style="margin:0"><div style="width:100px;height:100px;background
 <div id="late" style="width:0;height:100px;background:#0f0"></div>
 <script>setTimeout(() => { late.style.width = "400px"; }, 1000);</script></body>"""
 
-#: What has to be seen of the small run, by its own colour.
+#: What has to be seen of the small run as it opens, by its own colour.
 SHOWN = {
     line.entity: line.colour
     for line in (
@@ -39,16 +39,18 @@ SHOWN = {
         series.VELOCITY,
         series.ACCELERATION,
         series.FORCE,
-        series.ZERO,
-        series.LEVEL,
-        series.SPEED,
+        series.GAP,
         series.LANDING,
         series.LIFT_OFF,
     )
-} | {"bars": colours.BANDS, "cam": of_cam("poly345"), "follower": colours.FOLLOWER}
+} | {
+    "cam": of_cam("poly345"),
+    "body": colours.tint(of_cam("poly345")),
+    "follower": colours.FOLLOWER,
+}
 LEFT_OUT = series.VELOCITY
 #: Of no curve, and as far from each as the curves are from each other.
-NOBODYS = {"red": 0xFF0000FF, "green": 0x00FF00FF, "blue": 0x0000FFFF, "pink": 0xFF00FFFF}
+NOBODYS = {"green": 0x00FF00FF, "blue": 0x0000FFFF, "pink": 0xFF00FFFF}
 
 
 @pytest.fixture(scope="module")
@@ -105,13 +107,13 @@ def test_a_curve_that_is_left_out_is_missed(
     chromium: Browser, bag: SmallBag, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The same run without its velocity: that curve and no other is not seen."""
-    add = SeriesWriter.add
+    send = TurnChart._strips
 
-    def add_others(self: SeriesWriter, *values: object) -> None:
-        if self.series is not LEFT_OUT:
-            add(self, *values)  # type: ignore[arg-type]
+    def send_others(self: TurnChart, at: Any, entity: str, strips: Any) -> None:
+        if entity.partition("/")[0] != "velocity":
+            send(self, at, entity, strips)
 
-    monkeypatch.setattr(SeriesWriter, "add", add_others)
+    monkeypatch.setattr(TurnChart, "_strips", send_others)
     path = tmp_path / "poor.rrd"
     save_recording(bag.path, path)
     wanted = {LEFT_OUT.entity: LEFT_OUT.colour, series.FORCE.entity: series.FORCE.colour}

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
+import shlex
 import subprocess
 import sys
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -33,12 +36,32 @@ OF_ROS = (
 GOLDEN = config_root().parent / "bags" / "golden"
 
 
-@pytest.fixture(scope="module")
-def imported(tmp_path_factory: pytest.TempPathFactory) -> Picture:
-    path = tmp_path_factory.mktemp("imported") / "golden.rrd"
-    command = [sys.executable, "-c", COMMAND, "mcap", "convert", str(mcap_file(GOLDEN))]
+def convert(path: Path, *options: str) -> Picture:
+    """The golden bag as Rerun's own converter makes it."""
+    command = [sys.executable, "-c", COMMAND, "mcap", "convert", str(mcap_file(GOLDEN)), *options]
     subprocess.run([*command, "-o", str(path)], check=True, env=os.environ | SILENT, timeout=60)
     return Picture(path)
+
+
+@pytest.fixture(scope="module")
+def imported(tmp_path_factory: pytest.TempPathFactory) -> Picture:
+    return convert(tmp_path_factory.mktemp("imported") / "golden.rrd")
+
+
+def test_the_options_of_the_documents_leave_named_curves_over_rig_time(tmp_path: Path) -> None:
+    """No `samples[i]`; θ, lift and force by their joints; durations from 0 instead of dates."""
+    documented = (config_root().parent / "docs" / "viewing.md").read_text(encoding="utf-8")
+    (line,) = re.findall(r"rerun mcap convert (.*?) -o", documented, re.DOTALL)
+    options = shlex.split(line.replace("\\\n", " "))[1:]
+    shown = convert(tmp_path / "named.rrd", *options)
+    plotted = {e for e in shown.entities if shown.column(e[1:], "Scalars:scalars")}
+    assert {f"/joint_states/{field}" for field in ("position", "velocity", "effort")} <= plotted
+    assert all(e.rpartition("/")[2] in ("position", "velocity", "effort") for e in plotted)
+    names = shown.column("joint_states/position", "SeriesLines:names")
+    assert names[-1] == ["cam", "follower"]
+    times = shown.column("joint_states/position", "message_log_time")
+    assert min(times).total_seconds() >= 0.0
+    assert max(times).total_seconds() < 10.0
 
 
 @pytest.mark.parametrize(

@@ -13,15 +13,14 @@ from cam_rig.viewer.recording import save_recording
 from cam_rig.viewer.server.web import serve_file
 from tools.docs.browser import photograph
 
-#: What has to be seen in it at once: the follower, the curves, and bars after the first turn.
+#: What has to be seen in it at once: the follower, the curves, and where it landed.
 SHOWN = (
     series.LIFT.colour,
     series.VELOCITY.colour,
     series.ACCELERATION.colour,
     series.FORCE.colour,
-    series.LEVEL.colour,
-    series.SPEED.colour,
-    colours.BANDS,
+    series.GAP.colour,
+    series.LANDING.colour,
     colours.FOLLOWER,
 )
 
@@ -37,5 +36,5 @@ def photograph_viewer(bag: Path, path: Path) -> None:
         recording = Path(folder) / f"{bag.resolve().name}.rrd"
         save_recording(bag, recording)
         with serve_file(recording) as address:
-            pixels = photograph(address, SHOWN, settled=series.SPEED.colour)
+            pixels = photograph(address, SHOWN, settled=series.VELOCITY.colour)
     Image.fromarray(pixels).save(path, optimize=True)

@@ -21,9 +21,15 @@ from cam_rig.runner.fork_server import ForkServer
 
 if TYPE_CHECKING:
     from cam_rig.runner.node_process import Arguments
+    from cam_rig.viewer.server.page_time import PageTime
 
 Pacing = Annotated[
     str, typer.Option(help="Rig time beside wall time: free, real_time, or Nx such as 20x.")
+]
+View = Annotated[bool, typer.Option("--view", help="Show it in Rerun while it runs.")]
+Web = Annotated[bool, typer.Option("--web", help="Show it so to a browser on this machine.")]
+Wait = Annotated[
+    bool, typer.Option("--wait", help="With --web or --view: start when somebody sees it.")
 ]
 Respawn = Annotated[
     bool, typer.Option("--respawn", help="Start a node again that was killed, and go on.")
@@ -49,10 +55,9 @@ def run(
     analyze: Annotated[
         bool, typer.Option("--analyze", help="Analyse the bag afterwards, with a plot beside it.")
     ] = False,
-    view: Annotated[bool, typer.Option("--view", help="Show it in Rerun while it runs.")] = False,
-    web: Annotated[
-        bool, typer.Option("--web", help="Show it so to a browser on this machine.")
-    ] = False,
+    view: View = False,
+    web: Web = False,
+    wait: Wait = False,
     pacing: Pacing = "free",
     respawn: Respawn = False,
     network: Network = False,
@@ -73,7 +78,7 @@ def run(
 
     cam-rig run --view
 
-    cam-rig run quick --pacing real_time
+    cam-rig run quick --web --wait --pacing real_time
 
     cam-rig run quick --namespace /rig1
 
@@ -93,9 +98,9 @@ def run(
         place = namespace_named(namespace)
         target = bag or Path(time.strftime(f"bags/{path.stem}_%Y-%m-%d_%H-%M-%S"))
         require_new_bag(target, limits.last_number)
-        with open_screen(view, web) as screen:
+        with open_screen(view, web, wait) as screen:
             nodes = live(path, target, screen.address, limits, pacing=pacing)
-            _run(path, target, nodes, respawn, network, place, server)
+            _run(path, target, nodes, respawn, network, place, server, screen.page)
             if analyze:
                 from cam_rig.cli.runs.analyze import analyze_bag
 
@@ -115,6 +120,7 @@ def _run(
     network: bool,
     namespace: str,
     server: ForkServer,
+    page: PageTime | None,
 ) -> None:
     from cam_rig.bag.complete import require_complete
     from cam_rig.messages.topics import FOLLOWER_SAMPLES
@@ -122,9 +128,11 @@ def _run(
     from cam_rig.runner.graph import Graph
     from cam_rig.runner.node_process import PROFILES
     from cam_rig.simulation.loaded_scene import open_scene
-    from cam_rig.simulation.schedule import tick_count
+    from cam_rig.simulation.schedule import cam_states, tick_count
+    from cam_rig.units import NS
 
     loaded = open_scene(path)
+    stamps = [state.time_ns / NS for state in cam_states(loaded.scene)]
     if PROFILES in os.environ and not network:
         console.print(
             f"the profile of {PROFILES} is used with --network alone; no socket leaves this machine"
@@ -137,12 +145,18 @@ def _run(
     ):
         task = bar.add_task("starting the nodes", total=tick_count(loaded.scene))
         for report in graph.progress():
-            words = f"{report['cam']} {report['rpm']:.0f} rpm"
-            bar.update(task, completed=int(report["tick"]), description=words)
+            words, tick = f"{report['cam']} {report['rpm']:.0f} rpm", int(report["tick"])
+            if page is not None:
+                page.driven(stamps[tick])
+                late = page.behind()
+                words += "" if late is None else f", viewer {late:.1f} s behind"
+            bar.update(task, completed=tick, description=words)
     for name, node in graph.processes.items():
         if node.warnings:
             words = f"{name} warned {len(node.warnings)} times, last: {node.warnings[-1]}"
             console.print(escape(words))
+    if page is not None and page.longest is not None:
+        console.print(f"the viewer's page was at most {page.longest:.1f} s behind")
     graph.require_closed()
     counts = require_complete(target, loaded.scene)
     took = time.perf_counter() - begun

@@ -17,7 +17,7 @@ from cam_rig.drawing import colours
 #: Radii on the screen: Rerun takes a negative one as points, not as the plane's unit.
 THIN, UNSEEN = -0.5, -0.1
 #: Room for the words around the axes, as shares of width and height: left, right, above, below.
-MARGINS = (0.12, 0.05, 0.1, 0.12)
+MARGINS = (0.17, 0.05, 0.1, 0.12)
 
 
 @dataclass(frozen=True)
@@ -28,18 +28,22 @@ class Axes:
     ----------
     x, y : what is shown, from and to
     width, height : the plane's size, any unit
+    top : where its upper edge is in the plane
+    raised : share of the height by which words beside y stand above their mark, for they hang
     """
 
     x: tuple[float, float]
     y: tuple[float, float]
     width: float = 160.0
     height: float = 100.0
+    raised: float = 0.04
+    top: float = 0.0
 
     def place(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """``(n, 2)`` points in the plane."""
         across = (x - self.x[0]) / (self.x[1] - self.x[0])
         up = (y - self.y[0]) / (self.y[1] - self.y[0])
-        return np.column_stack([across * self.width, (1.0 - up) * self.height])
+        return np.column_stack([across * self.width, self.top + (1.0 - up) * self.height])
 
     def bounds(self, right: float = MARGINS[1]) -> tuple[tuple[float, float], tuple[float, float]]:
         """Range of x and y of a view of it all; ``right`` is the share of the width left free."""
@@ -55,16 +59,38 @@ class Axes:
         y: Mapping[float, str],
     ) -> None:
         """Draw the frame, a line at each marked y, and the words of all marks, once for all."""
+        lines = rr.LineStrips2D(self.grid(y), colors=colours.GREY, radii=THIN)
+        stream.log(entity, lines, static=True)
+        self.draw_words(stream, f"{entity}/x", self.under(x), x)
+        self.draw_words(stream, f"{entity}/y", self.beside(y), y)
+
+    def grid(self, y: Mapping[float, str]) -> list[FloatArray]:
+        """Strips of the frame, and of a line at each marked y."""
         (left, right), (low, high) = self.x, self.y
         frame = self.place(np.array([left, left, right]), np.array([high, low, low]))
-        grid = [self.place(np.array([left, right]), np.array([at, at])) for at in y]
-        lines = rr.LineStrips2D([frame, *grid], colors=colours.GREY, radii=THIN)
-        stream.log(entity, lines, static=True)
-        along, up = np.array([*x]), np.array([*y])
-        under, beside = np.array([0.0, 0.01 * self.height]), np.array([-0.05, -0.04])
-        beside *= self.width, self.height
-        _words(stream, f"{entity}/x", under + self.place(along, np.full_like(along, low)), x)
-        _words(stream, f"{entity}/y", beside + self.place(np.full_like(up, left), up), y)
+        return [frame, *(self.place(np.array([left, right]), np.array([at, at])) for at in y)]
+
+    def under(self, x: Mapping[float, str]) -> FloatArray:
+        """``(n, 2)`` where the words of marked x hang."""
+        along = np.array([*x])
+        places = self.place(along, np.full_like(along, self.y[0]))
+        return places + np.array([0.0, 0.01 * self.height])
+
+    def beside(self, y: Mapping[float, str]) -> FloatArray:
+        """``(n, 2)`` where the words of marked y hang."""
+        up = np.array([*y])
+        shift = np.array([-0.05 * self.width, -self.raised * self.height])
+        return self.place(np.full_like(up, self.x[0]), up) + shift
+
+    @staticmethod
+    def draw_words(
+        stream: rr.RecordingStream, entity: str, at: FloatArray, marks: Mapping[float, str]
+    ) -> None:
+        """Draw the words of marks, once for all."""
+        words = rr.Points2D(
+            at, labels=[*marks.values()], show_labels=True, colors=colours.GREY, radii=UNSEEN
+        )
+        stream.log(entity, words, static=True)
 
 
 def round_marks(low: float, high: float, unit: str) -> dict[float, str]:
@@ -79,10 +105,38 @@ def round_marks(low: float, high: float, unit: str) -> dict[float, str]:
     return dict(zip(values.tolist(), words, strict=True))
 
 
-def _words(
-    stream: rr.RecordingStream, entity: str, at: FloatArray, marks: Mapping[float, str]
-) -> None:
-    words = rr.Points2D(
-        at, labels=[*marks.values()], show_labels=True, colors=colours.GREY, radii=UNSEEN
-    )
-    stream.log(entity, words, static=True)
+def round_range(low: float, high: float, parts: int = 5) -> tuple[float, float, float]:
+    """From and to where an axis goes that shows two values, and its step: 1, 2 or 5 by ten to n.
+
+    Parameters
+    ----------
+    parts : steps that the values span at the most; rounding outwards may add one at either end
+
+    Examples
+    --------
+    >>> round_range(-41.0, 52.0), round_range(0.0, 0.0)
+    ((-60.0, 60.0, 20.0), (0.0, 1.0, 0.2))
+    """
+    if not high > low:
+        high = low + 1.0
+    raw = (high - low) / parts
+    power = 10.0 ** np.floor(np.log10(raw))
+    step = float(min(f * power for f in (1.0, 2.0, 5.0, 10.0) if f * power >= raw * (1 - 1e-9)))
+    ends = np.floor(low / step + 1e-9), np.ceil(high / step - 1e-9)
+    return round(float(ends[0]) * step, 12), round(float(ends[1]) * step, 12), step
+
+
+def step_marks(low: float, high: float, step: float, most: int = 4) -> dict[float, str]:
+    """Two to ``most`` values of an axis of `round_range`, 0 among them, and what they are called.
+
+    Examples
+    --------
+    >>> step_marks(-60.0, 60.0, 20.0)
+    {-40.0: '−40', 0.0: '0', 40.0: '40'}
+    """
+    for stride in (1, 2, 3, 4):
+        first, last = np.ceil(low / step / stride - 1e-9), np.floor(high / step / stride + 1e-9)
+        if last - first < most:
+            break
+    values = (np.arange(first, last + 1.0) * stride * step).round(12) + 0.0  # no -0
+    return {float(v): f"{v:.6g}".replace("-", "−") for v in values}

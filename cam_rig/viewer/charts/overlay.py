@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import rerun as rr
 
 from cam_rig.arrays import FloatArray
@@ -10,36 +11,62 @@ from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.viewer.charts.band_chart import BandChart
 from cam_rig.viewer.charts.bands import third_octaves
-from cam_rig.viewer.charts.series import SeriesLine, SeriesWriter
+from cam_rig.viewer.charts.quantities import GAP, LIFT, TWIST, VELOCITY, Drawn, Ranges, drawn_of
+from cam_rig.viewer.charts.turn_axes import HEAD, TurnAxes, curve, label
+from cam_rig.viewer.framing import force_scale
 from cam_rig.viewer.scene2d import Scene2D, frame_mask
 from cam_rig.viewer.timeline import within_turn
 from cam_rig.viewer.turns import Turn
 
 TURNS, COMPARE = "turns", "compare"
-#: Quantity of a turn that is shown over it: factor to the unit shown, title.
-QUANTITIES = {
-    "lift": (1e3, "Lift [mm]"),
-    "acceleration": (1.0, "Acceleration [m/s²]"),
-    "force": (1.0, "Contact force [N]"),
-}
+#: Height of the axes, of their width 160.
+ROW = 80.0
+#: Middle of a cam's name in the lift's axes, and from name to name.
+NAME_AT, NAME_STEP = (132.0, 1.0), 11.0
+#: Radius of a curve on the screen.
+STROKE = -0.9
+
+
+def compared_of(loaded: LoadedScene) -> tuple[Drawn, ...]:
+    """The quantities that are laid over each other."""
+    return tuple(row for row in drawn_of(loaded.scene.model) if row not in (VELOCITY, GAP, TWIST))
 
 
 def at_speed(rpm: float, quantity: str) -> str:
-    """The entity below which every cam has its curve of a quantity at a speed."""
+    """The view in which every cam has its curve of a quantity at a speed."""
     return f"{TURNS}/{rpm:.6g}_rpm/{quantity}"
 
 
-def draw_turn(stream: rr.RecordingStream, loaded: LoadedScene, turn: Turn) -> None:
+def turn_axes(row: Drawn, ranges: Ranges) -> TurnAxes:
+    """The axes in which all cams have their curve of one quantity."""
+    return TurnAxes([row], ranges, ROW)
+
+
+def draw_turn_axes(
+    stream: rr.RecordingStream, loaded: LoadedScene, rpm: float, ranges: Ranges
+) -> None:
+    """Draw the axes, their cursor on the timeline of degrees, and each cam's name in its colour."""
+    degrees = np.arange(360.0)
+    for row in compared_of(loaded):
+        view = at_speed(rpm, row.key)
+        axes = turn_axes(row, ranges)
+        axes.draw(stream, view, titled=False)
+        axes.draw_marks(stream, view)
+        turned = np.radians(degrees)
+        axes.move_cursor(stream, view, within_turn(degrees, turned), turned)
+    for i, (name, cam) in enumerate(loaded.cams.items()):
+        at = NAME_AT[0], HEAD + NAME_AT[1] + i * NAME_STEP
+        where = f"{at_speed(rpm, LIFT.key)}/lift/names/{name}"
+        label(stream, where, at, cam.title, of_cam(name))
+
+
+def draw_turn(stream: rr.RecordingStream, loaded: LoadedScene, turn: Turn, ranges: Ranges) -> None:
     """Curves of one turn over the angle within it."""
-    for quantity, (factor, _) in QUANTITIES.items():
-        entity, colour = (
-            f"{at_speed(turn.rpm, quantity)}/{turn.cam}",
-            of_cam(turn.cam),
-        )
-        line = SeriesLine(entity, loaded.cams[turn.cam].title, colour, factor=factor)
-        writer = SeriesWriter(stream, line, times=within_turn)
-        writer.add(turn.time, turn.angle, getattr(turn, quantity))
-        writer.flush()
+    for row in compared_of(loaded):
+        values = getattr(turn, row.key) * row.line.factor
+        points = curve(turn_axes(row, ranges), row.key, turn.angle, values)
+        line = rr.LineStrips2D([points], colors=of_cam(turn.cam), radii=STROKE)
+        stream.log(f"{at_speed(turn.rpm, row.key)}/{row.key}/{turn.cam}", line, static=True)
 
 
 def draw_side_by_side(
@@ -47,7 +74,8 @@ def draw_side_by_side(
 ) -> None:
     """A cam under its follower, and third-octave bands, of one turn, in a view of its own."""
     view, rate = f"{COMPARE}/{turn.cam}", loaded.scene.sample_rate.si
-    scene = Scene2D(stream, loaded, f"{view}/scene", within_turn)
+    scale = force_scale(loaded, turn.speed)
+    scene = Scene2D(stream, loaded, f"{view}/scene", within_turn, scale=scale)
     begin = CamState(0, 0.0, turn.speed, turn.cam)
     scene.mount(begin, profile)
     scene.speed(begin)

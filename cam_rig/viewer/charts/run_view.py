@@ -19,7 +19,10 @@ from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN, to_rpm
 from cam_rig.viewer.charts.band_chart import BandChart
 from cam_rig.viewer.charts.bands import third_octaves
+from cam_rig.viewer.charts.quantities import SceneRanges
+from cam_rig.viewer.charts.shaft_twist import TORSIONAL, ShaftTwist
 from cam_rig.viewer.charts.time_series import TimeSeries
+from cam_rig.viewer.charts.turn_chart import TurnChart
 from cam_rig.viewer.scene2d import FramePace, Scene2D, frame_mask
 from cam_rig.viewer.timeline import Times, time_columns
 from cam_rig.viewer.turns import Turn, TurnCollector
@@ -33,6 +36,7 @@ class RunView:
     Parameters
     ----------
     bucket : samples of which the minimum and the maximum are kept, 1 for all
+    ranges : axis of each quantity that is drawn over the turn
     times : the timelines of all that is drawn
     pace : of a live run, how many pictures of cam and follower may be sent
     """
@@ -42,15 +46,21 @@ class RunView:
         stream: rr.RecordingStream,
         loaded: LoadedScene,
         bucket: int,
+        ranges: SceneRanges,
         times: Times = time_columns,
         pace: FramePace | None = None,
     ) -> None:
         self._stream, self._loaded, self._rate = stream, loaded, loaded.scene.sample_rate.si
-        self._times, self._scene = times, Scene2D(stream, loaded, times=times, pace=pace)
+        self._times = times
         self._time_series = TimeSeries(stream, loaded, bucket, times)
         self._turns = TurnCollector(loaded.scene.program.ticks_per_turn)
         self._last: CamState | None = None
         self._bands = BandChart(stream, BANDS, self._rate, colours.BANDS, times)
+        self._turn_chart = TurnChart(stream, loaded, ranges, times, every=pace is None)
+        self._scene = Scene2D(
+            stream, loaded, times=times, pace=pace, cursor=self._turn_chart.move_cursor
+        )
+        self._twist = ShaftTwist(loaded) if loaded.scene.model == TORSIONAL else None
         self._heard, self._whole = list[tuple[CamState, Turn]](), pace is None
         self._events: list[tuple[float, float, str, str]] = []
 
@@ -66,6 +76,8 @@ class RunView:
         self._change(start, profile)
         block = Samples(rows)
         time, lift, force, impulse = block.time, block.lift, block.force, block.impulse
+        if self._twist is not None:
+            rows = np.vstack([rows, self._twist.tick(start.cam, start.until(end), time)])
         self._time_series.tick(start, end, angle, rows)
         frame = frame_mask(angle, start.until(end).mean_speed / self._rate)
         if frame.any():
@@ -81,6 +93,7 @@ class RunView:
         turn = self._turns.turn()
         if turn is not None:
             self._heard.append((end, turn))
+            self._turn_chart.add(end, turn)
 
     def level(self, end: CamState, level: float) -> None:
         """Draw the level (dB) of the tick that ended with a state."""
@@ -101,6 +114,7 @@ class RunView:
             self._bands.add(end.time_ns / NS, end.unwrapped, bands)
         self._heard = []
         self._bands.flush()
+        self._turn_chart.flush()
         if self._events:
             time, angle, words, levels = zip(*self._events, strict=True)
             columns = rr.TextLog.columns(text=words, level=levels)

@@ -56,12 +56,13 @@ class Mark:
         return rr.SeriesPoints(colors=self.colour, names=self.name, marker_sizes=4.0)
 
 
-LIFT = SeriesLine("plots/lift/follower", "follower", colours.LIFT, factor=1e3, width=2.4)
-LAW = SeriesLine("plots/lift/law", "law", colours.LAW, factor=1e3)
+LIFT = SeriesLine("plots/lift/follower", "follower", colours.LIFT, factor=1e3, width=4.5)
+LAW = SeriesLine("plots/lift/law", "law", colours.LAW, factor=1e3, width=1.2)
 VELOCITY = SeriesLine("plots/velocity/follower", "velocity", colours.VELOCITY)
 ACCELERATION = SeriesLine("plots/acceleration/follower", "acceleration", colours.ACCELERATION)
 FORCE = SeriesLine("plots/force/contact", "contact force", colours.FORCE)
 ZERO = SeriesLine("plots/force/zero", "0 N", colours.ZERO, width=1.6)
+GAP = SeriesLine("plots/gap", "gap", colours.GAP, factor=1e6)
 TWIST = SeriesLine("plots/twist", "twist", colours.TWIST, factor=360.0 / TURN)
 LEVEL = SeriesLine(
     "plots/level",

@@ -6,16 +6,17 @@ from cam_rig.schema.quantity import ORIGINS, Quantity
 from cam_rig.simulation.calibrated import RELATIVE_NOTE
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.units import to_rpm
+from cam_rig.viewer.charts.quantities import gap_of
 from cam_rig.viewer.turns import Turn, lift_offs
 
 HEAD = (
-    "| cam | speed [rpm] | level [dB] | most force [N] | least force [N] | lift-offs | gap [mm] |",
+    "| cam | rpm | level [dB] | most force [N] | least force [N] | lift-offs | gap [µm] |",
     "|---|---:|---:|---:|---:|---:|---:|",
 )
 
 
 class ResultTable:
-    """A table that grows; the newest line is first."""
+    """A table that grows: cams in the scene's order, each with its speeds in theirs."""
 
     def __init__(self, loaded: LoadedScene) -> None:
         self._loaded = loaded
@@ -24,10 +25,10 @@ class ResultTable:
 
     def motion(self, turn: Turn) -> None:
         """Take the newest turn of a cam at a speed."""
-        lift, force = turn.lift, turn.force
+        force, law = turn.force, self._loaded.laws[turn.cam]
         count = int(lift_offs(force, bool(force[-1] == 0.0)).sum())
-        gap = float((lift - self._loaded.laws[turn.cam](turn.angle)).max()) * 1e3 if count else 0.0
-        words = f"| {force.max():.4g} | {force.min():.4g} | {count} | {gap:.3g} |"
+        gap = 1e6 * float(gap_of(law, turn.angle, turn).max()) if count else 0.0
+        words = f"| {force.max():.4g} | {force.min():.4g} | {count} | {gap:.4g} |"
         self._motion[turn.cam, turn.speed] = words
 
     def level(self, cam: str, speed: float, level: float) -> None:
@@ -36,7 +37,10 @@ class ResultTable:
 
     def words(self, state: str = "") -> str:
         """Markdown; ``state`` of a live run stands in the heading: running, finished."""
-        lines = [self._line(*step) for step in reversed(self._motion)]
+        lines, cams = [], [*self._loaded.cams]
+        for cam in cams:
+            steps = [step for step in self._motion if step[0] == cam]
+            lines += [self._line(*step, first=step is steps[0]) for step in steps]
         head = (
             HEAD
             if self._loaded.calibrated
@@ -44,11 +48,11 @@ class ResultTable:
         )
         return "\n".join([f"# Results{f', {state}' if state else ''}", "", *head, *lines]) + "\n"
 
-    def _line(self, cam: str, speed: float) -> str:
+    def _line(self, cam: str, speed: float, first: bool) -> str:
         level, rpm = self._levels.get((cam, speed)), to_rpm(speed)
-        shown = "settling" if level is None else f"{level:.1f}"
-        title = self._loaded.cams[cam].title
-        return f"| {title} | {rpm:.0f} | {shown} {self._motion[cam, speed]}"
+        shown = "settling" if level is None else f"{level:.4g}"
+        title = self._loaded.cams[cam].title if first else ""
+        return f"| {title} | {rpm:.4g} | {shown} {self._motion[cam, speed]}"
 
 
 def about(loaded: LoadedScene, bucket: int) -> str:

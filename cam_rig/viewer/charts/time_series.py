@@ -7,19 +7,16 @@ import rerun as rr
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import MODELS
-from cam_rig.dynamics.torsional.model import begin, inner_of
-from cam_rig.dynamics.torsional.motion import solve
 from cam_rig.laws.sampling import sample
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS
 from cam_rig.viewer.charts import series
 from cam_rig.viewer.charts.series import Mark, SeriesLine, SeriesWriter
+from cam_rig.viewer.charts.shaft_twist import TORSIONAL
 from cam_rig.viewer.timeline import Times, time_columns
 from cam_rig.viewer.turns import lift_offs
 
-#: The model whose shaft's twist is shown.
-TORSIONAL = "torsional"
 #: s alone, of s, s', s''.
 LIFT_OF_LAW = np.array([[1.0, 0.0, 0.0]])
 
@@ -41,9 +38,10 @@ class TimeSeries:
         times: Times = time_columns,
     ) -> None:
         self._loaded, self._flew = loaded, False
-        self._twist = ShaftTwist(loaded) if loaded.scene.model == TORSIONAL else None
         thinned = [series.LIFT, series.LAW, series.VELOCITY, series.ACCELERATION, series.FORCE]
-        if self._twist is not None:
+        if MODELS[loaded.scene.model].lifts_off:
+            thinned.append(series.GAP)
+        if loaded.scene.model == TORSIONAL:
             thinned.append(series.TWIST)
         whole = (series.ZERO, series.SPEED, series.LEVEL, series.LIFT_OFF, series.LANDING)
         self._writers: dict[SeriesLine | Mark, SeriesWriter] = {}
@@ -53,8 +51,11 @@ class TimeSeries:
             self._writers[curve] = SeriesWriter(stream, curve, times=times)
 
     def tick(self, start: CamState, end: CamState, angle: FloatArray, rows: FloatArray) -> None:
-        """Take one tick: unwrapped cam ``angle`` (rad) and ``(6, n)`` rows at its samples."""
-        time, lift, velocity, acceleration, force, impulse = rows
+        """Take one tick: unwrapped cam ``angle`` (rad) and rows at its samples.
+
+        They are the ``(6, n)`` of its block, and the twist (rad) below them where a shaft has it.
+        """
+        time, lift, velocity, acceleration, force, impulse = rows[:6]
         law = self._law(start, end, angle)
         for line, values in (
             (series.LIFT, lift),
@@ -64,9 +65,11 @@ class TimeSeries:
             (series.FORCE, force),
         ):
             self._writers[line].add(time, angle, values)
-        if self._twist is not None:
-            twisted = self._twist.tick(start, end, time)
-            self._writers[series.TWIST].add(time, angle, twisted)
+        if series.GAP in self._writers:
+            gap = np.where(force == 0.0, lift - law, 0.0)
+            self._writers[series.GAP].add(time, angle, gap)
+        if series.TWIST in self._writers:
+            self._writers[series.TWIST].add(time, angle, rows[6])
         ends = (
             np.array([start.time_ns, end.time_ns]) / NS,
             np.array([start.unwrapped, end.unwrapped]),
@@ -100,26 +103,3 @@ class TimeSeries:
         if not start.holds_until(end):
             return law(angle)
         return sample(law, float(angle[0]), step, angle.size, LIFT_OF_LAW, np.zeros(1))[0]
-
-
-class ShaftTwist:
-    """The twist of the shaft behind the cam, which no message carries: solved again, as it was.
-
-    Each tick is solved from where the one before ended.
-    """
-
-    def __init__(self, loaded: LoadedScene) -> None:
-        self._loaded = loaded
-        self._parameters = MODELS[TORSIONAL].parameters(loaded.rig)
-        self._end: tuple[str, tuple[float, ...], float] | None = None
-
-    def tick(self, start: CamState, end: CamState, time: FloatArray) -> FloatArray:
-        """``(n,)`` twist in rad at ``time`` (s of rig time) within the tick."""
-        known = self._end is not None and self._end[0] == start.cam
-        inner, speed = self._end[1:] if self._end is not None and known else ((), None)
-        law, interval = self._loaded.laws[start.cam], start.until(end)
-        driven, state = begin(law, self._parameters, inner, speed, interval)
-        at = start.time_ns / NS
-        motion = solve(law, driven, state, at, interval.duration, interval.acceleration)
-        self._end = start.cam, inner_of(motion), interval.speed_at(interval.duration)
-        return motion.at(time.clip(at, motion.stop_time))[0]

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote, urlsplit
 
+from cam_rig.viewer.server.page_time import SCRIPT, SHOWN_PATH, PageTime
 from cam_rig.viewer.server.process import HOST, free_port, listening, stream_address
 
 #: A viewer that keeps nothing from one visit to the next.
@@ -45,11 +46,15 @@ OUTSIDE = re.compile(rb'<link[^>]*"https://[^>]*>')
 
 
 class Pages(NamedTuple):
-    """The address for a browser, the one to which a live run is sent, and the viewer's process."""
+    """The address for a browser, the one to which a live run is sent, the viewer's process.
+
+    And what the pages show.
+    """
 
     address: str
     stream: str
     viewer: subprocess.Popen[bytes]
+    page: PageTime
 
 
 @contextmanager
@@ -68,7 +73,7 @@ def serve(path: Path | None = None) -> Iterator[Pages]:
         server = _Server(assets, port, path)
         threading.Thread(target=server.serve_forever, daemon=True).start()
         try:
-            yield Pages(f"{server.origin}/", stream_address(port), viewer)
+            yield Pages(f"{server.origin}/", stream_address(port), viewer, server.page)
         finally:
             server.shutdown()
             server.server_close()
@@ -79,7 +84,7 @@ class _Server(ThreadingHTTPServer):
 
     def __init__(self, assets: int, port: int, path: Path | None) -> None:
         super().__init__((HOST, 0), _Handler)
-        self.assets, self.path = assets, path
+        self.assets, self.path, self.page = assets, path, PageTime()
         # Another name that a page made the browser resolve to this machine gets nothing.
         self.hosts = tuple(f"{name}:{self.server_address[1]}" for name in (HOST, "localhost"))
         self.origin = f"http://{self.hosts[0]}"
@@ -99,6 +104,10 @@ class _Handler(BaseHTTPRequestHandler):
         if asked.path == "/" and not asked.query:
             self.send_response(302)
             self.send_header("Location", f"/{QUERY}{quote(self.server.data, safe='')}")
+            self.end_headers()
+        elif asked.path == SHOWN_PATH:
+            self.server.page.take(asked.query)
+            self.send_response(204)
             self.end_headers()
         elif recording is not None and asked.path == f"/{quote(recording.name)}":
             self._recording(recording)
@@ -126,7 +135,9 @@ class _Handler(BaseHTTPRequestHandler):
         if answer.status != 200:
             return self.send_error(answer.status)
         if kind == "text/html":
-            body = OUTSIDE.sub(b"", body).replace(b"<head>", b"<head>" + GUARD.encode(), 1)
+            body = OUTSIDE.sub(b"", body).replace(
+                b"<head>", b"<head>" + (GUARD + SCRIPT).encode(), 1
+            )
         with suppress(ConnectionError):  # a page may be closed while it loads
             self._head(kind, len(body))
             self.wfile.write(body)

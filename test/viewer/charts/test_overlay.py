@@ -10,10 +10,12 @@ import pytest
 from cam_rig.simulation.levels import MeasuredTick, step_levels
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.viewer.charts.level_chart import level_axes
-from cam_rig.viewer.charts.overlay import at_speed
+from cam_rig.viewer.charts.overlay import ROW, at_speed
+from cam_rig.viewer.charts.quantities import scene_ranges
+from cam_rig.viewer.charts.turn_axes import HEAD, WIDTH
+from cam_rig.viewer.framing import force_scale
 from cam_rig.viewer.options import Layout, ViewOptions
 from cam_rig.viewer.recording import save_recording
-from cam_rig.viewer.scene2d import max_contact_force
 from cam_rig.viewer.timeline import TURN, TURN_DEGREES
 
 from ..conftest import Picture, SmallBag
@@ -25,18 +27,22 @@ SCALARS = "Scalars:scalars"
 def test_the_last_turn_lies_over_those_of_the_others(
     bag: SmallBag, tmp_path: Path, rpm: float
 ) -> None:
-    """Lift of the step's last turn, sample by sample, over 0 to 359 degrees."""
+    """Samples of the step's last turn at their degrees, its greatest and its least among them."""
     save_recording(bag.path, tmp_path / "a.rrd", ViewOptions(rpm=rpm))
-    shown = Picture(tmp_path / "a.rrd")
+    shown, ranges = Picture(tmp_path / "a.rrd"), scene_ranges(bag.loaded).whole
     for i, cam in enumerate(bag.loaded.cams):
-        entity = f"{at_speed(rpm, 'lift')}/{cam}"
-        degrees = shown.numbers(entity, TURN_DEGREES)
+        (strips,) = shown.column(f"{at_speed(rpm, 'lift')}/lift/{cam}", "LineStrips2D:strips")
+        low, high, _ = ranges["lift"]
+        x, y = np.array(strips[0]).T
+        degrees, lift = x / WIDTH * 360.0, high - (y - HEAD) / ROW * (high - low)
         step = 4 * (2 * i + int(rpm > 500.0))
         rows = np.concatenate(bag.rows[step + 2 : step + 4], axis=1)
-        angle = np.concatenate(bag.angles[step + 2 : step + 4])
-        np.testing.assert_allclose(shown.numbers(entity, SCALARS), rows[1] * 1e3)
-        np.testing.assert_array_equal(degrees, np.floor(np.degrees(angle) + 1e-4) % 360)
-        assert (degrees.min(), degrees.max()) == (0, 359)
+        angle = np.degrees(np.concatenate(bag.angles[step + 2 : step + 4])) % 360.0
+        assert np.all(np.diff(degrees) > 0.0)
+        at = np.abs(angle[:, None] - degrees).argmin(axis=0)
+        np.testing.assert_allclose(degrees, angle[at], atol=1e-3)
+        np.testing.assert_allclose(lift, rows[1, at] * 1e3, atol=1e-3)
+        assert lift.max() == pytest.approx(rows[1].max() * 1e3, abs=1e-3)
 
 
 def test_turns_are_counted(bag: SmallBag, picture: Picture) -> None:
@@ -70,16 +76,20 @@ def test_the_chart_has_speed_to_the_right_and_level_up(bag: SmallBag) -> None:
 
 
 def test_results_are_those_of_the_turns(bag: SmallBag, picture: Picture) -> None:
-    """The last table has a line a step, the newest first, with that turn's greatest force."""
+    """Cams in the scene's order, each named once, its speeds below it, with four digits."""
     words = picture.column("results", "TextDocument:text")[-1][0]
-    lines = [line.split("|") for line in words.splitlines() if "Polynomial" in line]
-    assert [line[2].strip() for line in lines] == ["700", "300"]
+    lines = [[cell.strip() for cell in line.split("|")[1:]] for line in words.splitlines()[4:]]
+    assert [line[0] for line in lines] == ["Polynomial 3-4-5", "", "Bézier degree 15", ""]
+    assert [line[1] for line in lines] == ["300", "700"] * 2
     last = np.concatenate(bag.rows[6:8], axis=1)
-    assert float(lines[0][4]) == pytest.approx(last[4].max(), rel=1e-3)
-    assert float(lines[0][5]) == 0.0
-    assert int(lines[0][6]) == 1
-    assert float(lines[0][7]) > 0.5
-    assert int(lines[1][6]) == 0
+    slow, fast = lines[:2]
+    assert float(fast[3]) == pytest.approx(last[4].max(), rel=1e-3)
+    assert float(fast[4]) == 0.0
+    assert int(fast[5]) == 1
+    law, angle = bag.loaded.laws["poly345"], np.concatenate(bag.angles[6:8])
+    gap = (last[1] - law(angle))[last[4] == 0.0].max() * 1e6
+    assert float(fast[6]) == pytest.approx(gap, rel=1e-3)
+    assert (slow[5], slow[6]) == ("0", "0")
 
 
 @pytest.mark.parametrize("layout", [Layout.COMPARE, Layout.REPORT])
@@ -91,10 +101,23 @@ def test_cams_side_by_side_at_one_speed(bag: SmallBag, tmp_path: Path, layout: L
     assert "/plots/lift/follower" not in shown.entities
     for cam in bag.loaded.cams:
         label = shown.column(f"compare/{cam}/scene/rig/label", "Points2D:labels")
-        force = max_contact_force(bag.loaded, cam, 10.0 * np.pi)
-        assert label == [[f"300 rpm, longest arrow {force:.0f} N"]]
+        assert label == [["300 rpm"]]
+        assert shown.column(f"compare/{cam}/scene/rig/bar/words", "Points2D:labels") == [["100 N"]]
         assert len(shown.column(f"compare/{cam}/scene/rig/cam", "Transform3D:quaternion")) == 72
         assert len(shown.column(f"compare/{cam}/bands/bars", "LineStrips2D:strips")) == 1
+
+
+def test_cams_side_by_side_have_one_force_scale(bag: SmallBag, tmp_path: Path) -> None:
+    """On the screen, where every cam is as high as the next, the bar of 100 N is as long."""
+    path = tmp_path / "a.rrd"
+    save_recording(bag.path, path, ViewOptions(Layout.COMPARE, 300.0))
+    shown, lengths = Picture(path), []
+    assert 100.0 < force_scale(bag.loaded, 10.0 * np.pi) < 1000.0
+    for cam in bag.loaded.cams:
+        ((foot, top),) = shown.column(f"compare/{cam}/scene/rig/bar", "LineStrips2D:strips")[0]
+        (zoom,) = shown.column(f"compare/{cam}/scene/rig", "Transform3D:mat3x3")[0]
+        lengths.append((top[1] - foot[1]) * zoom[0])
+    assert lengths[0] == pytest.approx(lengths[1], rel=1e-5)
 
 
 @pytest.mark.parametrize("layout", list(Layout))
@@ -106,7 +129,7 @@ def test_a_finished_run_has_its_results_at_every_time(
     save_recording(bag.path, path, ViewOptions(layout))
     shown = Picture(path)
     (words,) = shown.column("results", "TextDocument:text")
-    assert len([line for line in words[0].splitlines() if line.startswith("| ")]) == 1 + 4
+    assert len([line for line in words[0].splitlines() if line.startswith("|")]) == 2 + 4
     for cam in bag.loaded.cams:
         assert len(shown.column(f"noise/final/{cam}", "Points2D:positions")[0]) == 2
         assert shown.column(f"noise/final/{cam}", TURN_DEGREES) == []

@@ -15,7 +15,7 @@ from cam_rig.dynamics.torsional.steady import steady_state
 from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.units import NS, TURN
-from cam_rig.viewer.charts.time_series import ShaftTwist
+from cam_rig.viewer.charts.shaft_twist import ShaftTwist
 
 
 @pytest.mark.parametrize("free", [True, False])
@@ -32,7 +32,7 @@ def test_twist_tick_by_tick_is_that_of_the_model(config_dir: Path, free: bool) -
     parameters, state = MODELS["torsional"].parameters(loaded.rig), None
     for start, end in pairwise(states):
         times = np.linspace(start.time_ns, end.time_ns, 101) / NS
-        shown = twist.tick(start, end, times)
+        shown = twist.tick(start.cam, start.until(end), times)
         state, _ = MODELS["torsional"].advance(law, parameters, state, start.until(end), 1000)
         peak = np.abs(shown).max()
         assert shown[-1] == pytest.approx(state.inner[0], rel=1e-9, abs=1e-10 * peak)

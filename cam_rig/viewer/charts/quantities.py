@@ -1,0 +1,105 @@
+"""The quantities of a run that are drawn over the turn, and how far each goes in a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+
+from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import MODELS
+from cam_rig.dynamics.samples import NamedRows
+from cam_rig.laws import Law
+from cam_rig.simulation.loaded_scene import LoadedScene
+from cam_rig.simulation.simulate import turned_ticks
+from cam_rig.viewer.charts import series
+from cam_rig.viewer.charts.axes import round_range
+from cam_rig.viewer.charts.series import SeriesLine
+from cam_rig.viewer.charts.shaft_twist import TORSIONAL, ShaftTwist
+
+#: From and to, and step, of an axis, in the unit shown.
+Range = tuple[float, float, float]
+Ranges = Mapping[str, Range]
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A quantity with its title and its curve, whose ``factor`` takes SI to the unit shown."""
+
+    key: str
+    title: str
+    line: SeriesLine
+
+
+LIFT = Drawn("lift", "Lift [mm]", series.LIFT)
+VELOCITY = Drawn("velocity", "Velocity [m/s]", series.VELOCITY)
+ACCELERATION = Drawn("acceleration", "Acceleration [m/s²]", series.ACCELERATION)
+FORCE = Drawn("force", "Contact force [N]", series.FORCE)
+GAP = Drawn("gap", "Gap [µm]", series.GAP)
+TWIST = Drawn("twist", "Twist of the shaft [°]", series.TWIST)
+
+
+def drawn_of(model: str) -> tuple[Drawn, ...]:
+    """What is drawn of a model: the gap where it can leave the cam, the twist of a shaft.
+
+    Examples
+    --------
+    >>> [row.key for row in drawn_of("one_mass")]
+    ['lift', 'velocity', 'acceleration', 'force', 'gap']
+    """
+    more = [GAP] if MODELS[model].lifts_off else [TWIST] if model == TORSIONAL else []
+    return LIFT, VELOCITY, ACCELERATION, FORCE, *more
+
+
+def gap_of(law: Law, angle: FloatArray, rows: NamedRows) -> FloatArray:
+    """``(n,)`` how far (m) a follower is off its cam at cam ``angle`` (rad); 0 in contact."""
+    return np.where(rows.force == 0.0, rows.lift - law(angle), 0.0)
+
+
+@dataclass(frozen=True)
+class SceneRanges:
+    """The axis of each quantity by its key: over all cams, and of each cam by its name."""
+
+    whole: Ranges
+    by_cam: Mapping[str, Ranges]
+
+    def of(self, cam: str) -> Ranges:
+        """A cam's own; of one that the scene does not name, those over all."""
+        return self.by_cam.get(cam, self.whole)
+
+
+def scene_ranges(loaded: LoadedScene) -> SceneRanges:
+    """Axes from the least and the greatest of each quantity, at all speeds of the scene.
+
+    The scene is solved for it, exactly as it runs: it takes a few tenths of a second.
+    """
+    rows = drawn_of(loaded.scene.model)
+    shaft = ShaftTwist(loaded) if TWIST in rows else None
+    ends: dict[str, FloatArray] = {}
+    for tick in turned_ticks(loaded):
+        values = [*tick.motion, tick.force]
+        if GAP in rows:
+            values.append(gap_of(loaded.laws[tick.cam], tick.angle, tick))
+        if shaft is not None:
+            values.append(shaft.tick(tick.cam, tick.interval, tick.time))
+        now = np.array([[row.min(), row.max()] for row in values])
+        ends[tick.cam] = _wider(ends.get(tick.cam, now), now)
+    whole = reduce(_wider, ends.values())
+    return SceneRanges(_ranges(rows, whole), {cam: _ranges(rows, e) for cam, e in ends.items()})
+
+
+def _wider(one: FloatArray, other: FloatArray) -> FloatArray:
+    """``(k, 2)`` ends of both."""
+    low, high = np.minimum(one, other), np.maximum(one, other)
+    return np.column_stack([low[:, 0], high[:, 1]])
+
+
+def _ranges(rows: Sequence[Drawn], ends: FloatArray) -> dict[str, Range]:
+    """Round axes that show 0 too, of ``(k, 2)`` ends, SI."""
+    shown = {}
+    for row, (low, high) in zip(rows, ends.tolist(), strict=True):
+        factor = row.line.factor
+        shown[row.key] = round_range(min(low, 0.0) * factor, max(high, 0.0) * factor)
+    return shown

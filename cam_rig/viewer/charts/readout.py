@@ -1,0 +1,65 @@
+"""Numbers under the picture of cam and follower, as an instrument shows them."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+
+from cam_rig.arrays import FloatArray
+from cam_rig.units import TURN
+
+
+def readings(
+    angle: FloatArray,
+    rpm: float,
+    lift: FloatArray,
+    force: FloatArray,
+    gap: FloatArray,
+    pressure_angle: FloatArray,
+) -> list[str]:
+    """Markdown of each of many frames; arrays ``(n,)``.
+
+    Parameters
+    ----------
+    angle, pressure_angle : rad
+    rpm : 1/min
+    lift, gap : m; a gap of 0 is contact
+    force : N
+
+    Examples
+    --------
+    >>> one = np.ones(1)
+    >>> print(readings(one, 400.0, 5e-3 * one, 117.0 * one, 0.0 * one, 0.2 * one)[0])
+    ```
+    θ       57.3°       400 rpm
+    lift    5.000 mm    in contact
+    force   117.0 N     pressure angle 11.5°
+    ```
+    """
+    columns = (
+        np.degrees(np.mod(angle, TURN)),
+        lift * 1e3,
+        force,
+        gap * 1e6,
+        np.degrees(pressure_angle),
+    )
+    return [_words(rpm, *row) for row in np.stack(columns, axis=1).tolist()]
+
+
+def _words(rpm: float, theta: float, lift: float, force: float, gap: float, lean: float) -> str:
+    off = gap != 0.0
+    left = f"{theta:.1f}°", f"{lift:.3f} mm", f"{force:.1f} N"
+    state = f"gap {gap:.4g} µm" if off else "in contact"
+    angle = "not touched" if off else f"pressure angle {lean:.1f}°"
+    right = f"{rpm:.4g} rpm", state, angle
+    names = "θ", "lift", "force"
+    lines = [f"{a:<8}{b:<12}{c}" for a, b, c in zip(names, left, right, strict=True)]
+    return "\n".join(["```", *lines, "```"])
+
+
+def send_readings(
+    stream: rr.RecordingStream, entity: str, at: list[rr.TimeColumn], words: list[str]
+) -> None:
+    """Show them, each at its time."""
+    columns = rr.TextDocument.columns(text=words, media_type=["text/markdown"] * len(words))
+    stream.send_columns(entity, at, columns)

@@ -1,0 +1,207 @@
+"""The last turns of a run over 0 to 360° of the cam, laid over each other.
+
+Where they differ, the follower has not settled, or bounces without end.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+
+from cam_rig.arrays import FloatArray
+from cam_rig.drawing import colours
+from cam_rig.dynamics import MODELS
+from cam_rig.simulation.loaded_scene import LoadedScene
+from cam_rig.simulation.schedule import CamState
+from cam_rig.units import NS
+from cam_rig.viewer.charts import series
+from cam_rig.viewer.charts.axes import THIN, UNSEEN
+from cam_rig.viewer.charts.quantities import GAP, LIFT, TWIST, SceneRanges, drawn_of, gap_of
+from cam_rig.viewer.charts.series import LAW, SeriesLine
+from cam_rig.viewer.charts.turn_axes import (
+    HEAD,
+    ROW,
+    TITLE_AT,
+    WIDTH,
+    TurnAxes,
+    curve,
+    in_turn,
+    label,
+)
+from cam_rig.viewer.timeline import Times, time_columns
+from cam_rig.viewer.turns import Turn, lift_offs
+
+VIEW = "turn"
+#: So many turns of a speed lie over each other.
+LAID = 4
+#: Turns that differ nowhere by more than this share of a row's height look like one.
+ALIKE = 0.004
+#: Where turns are compared, and the law is drawn.
+ALONG, DEGREES_OF_LAW = np.linspace(0.0, WIDTH, 361), np.linspace(0.0, 360.0, 361)
+#: Along the lift's head: a short stroke, and the middle of the name after it.
+LEGEND = ((52.0, 70.0), (84.0, 97.0), (106.0, 122.0), (134.0, 151.0))
+STROKE, MARK = 6.0, -4.0
+#: Height of the line that says which cam turned how fast.
+CAPTION = -7.0
+
+
+class TurnChart:
+    """Draws the axes into a view, then turns as they come; `flush` sends them.
+
+    Parameters
+    ----------
+    ranges : axis of each quantity (`scene_ranges`)
+    times : the timelines; a turn is shown from its end on
+    every : send every turn; else the newest alone, as a live run needs
+    """
+
+    def __init__(
+        self,
+        stream: rr.RecordingStream,
+        loaded: LoadedScene,
+        ranges: SceneRanges,
+        times: Times = time_columns,
+        every: bool = True,
+    ) -> None:
+        self._stream, self._loaded, self._times, self._every = stream, loaded, times, every
+        self._rows = drawn_of(loaded.scene.model)
+        self._ranges, self._axes = ranges, TurnAxes(self._rows, ranges.whole)
+        self._flies = MODELS[loaded.scene.model].lifts_off
+        self._edges = np.array([HEAD, self._axes.height])
+        self._waiting, self._reached = list[tuple[CamState, Turn]](), -np.inf
+        self._taken = self._shown = ("", 0.0)
+        self._laid, self._count = dict[int, FloatArray](), 0
+        self._axes.draw(stream, VIEW)
+        self._draw_styles()
+        self._draw_legend()
+
+    def add(self, end: CamState, turn: Turn) -> None:
+        """Take the turn that ended with a state; one that overlaps the turn before is left out."""
+        hold = turn.cam, turn.speed
+        if hold == self._taken and turn.angle[0] <= self._reached:
+            return
+        self._taken, self._reached = hold, float(turn.angle[-1])
+        self._waiting.append((end, turn))
+
+    def flush(self) -> None:
+        """Send what was taken."""
+        for end, turn in self._waiting if self._every else self._waiting[-1:]:
+            at = (turn.time[0], turn.angle[0]) if self._every else (end.time_ns / NS, end.unwrapped)
+            self._send(self._times(*(np.array([value]) for value in at)), turn)
+        self._waiting = []
+
+    def move_cursor(self, at: list[rr.TimeColumn], angle: FloatArray) -> None:
+        """Where the cam is at each of many times, by its unwrapped angle ``(n,)``, rad."""
+        self._axes.move_cursor(self._stream, VIEW, at, angle)
+
+    def _send(self, at: list[rr.TimeColumn], turn: Turn) -> None:
+        """Lay a turn over those of its speed, where it can be told from them."""
+        if self._shown != (turn.cam, turn.speed):
+            self._begin(at, turn)
+        curves = {row.key: self._curve(row.key, row.line.factor, turn) for row in self._rows}
+        now = np.stack([np.interp(ALONG, *points.T) for points in curves.values()])
+        if any(np.abs(now - before).max() < ALIKE * ROW for before in self._laid.values()):
+            return
+        slot = self._count % LAID
+        self._laid[slot], self._count = now, self._count + 1
+        for key, points in curves.items():
+            # of one entity the last strip lies over the others
+            strips = [points, self._law] if key == LIFT.key else [points]
+            self._strips(at, f"{key}/follower/{slot}", strips)
+        self._draw_events(at, turn)
+
+    def _begin(self, at: list[rr.TimeColumn], turn: Turn) -> None:
+        """Another cam or speed: its axes, law and name, and away with what was laid."""
+        for slot in self._laid:
+            for row in self._rows:
+                self._strips(at, f"{row.key}/follower/{slot}", [])
+        if turn.cam != self._shown[0]:
+            self._mount(at, turn.cam)
+        self._shown, self._laid, self._count = (turn.cam, turn.speed), {}, 0
+        words = f"{self._loaded.cams[turn.cam].title}, {turn.rpm:.4g} rpm"
+        self._stream.send_columns(f"{VIEW}/caption", at, rr.Points2D.columns(labels=[words]))
+
+    def _mount(self, at: list[rr.TimeColumn], cam: str) -> None:
+        """The axes and the law of a cam."""
+        self._axes = TurnAxes(self._rows, self._ranges.of(cam))
+        for key, axes in self._axes.axes.items():
+            marks = self._axes.marks(key)
+            self._strips(at, f"{key}/axes", axes.grid(marks))
+            words = rr.Points2D.columns(positions=axes.beside(marks), labels=[*marks.values()])
+            words = words.partition([len(marks)])
+            self._stream.send_columns(f"{VIEW}/{key}/axes/y", at, words)
+        law = self._loaded.laws[cam](np.radians(DEGREES_OF_LAW)) * LAW.factor
+        self._law = self._axes.place("lift", DEGREES_OF_LAW, law)
+
+    def _curve(self, key: str, factor: float, turn: Turn) -> FloatArray:
+        law = self._loaded.laws[turn.cam]
+        if key == GAP.key:
+            values = gap_of(law, turn.angle, turn)
+        else:
+            values = turn.rows[6] if key == TWIST.key else getattr(turn, key)
+        return curve(self._axes, key, turn.angle, values * factor)
+
+    def _draw_events(self, at: list[rr.TimeColumn], turn: Turn) -> None:
+        """Mark where the follower left the cam and landed, and shade between."""
+        degrees, _ = in_turn(turn.angle)
+        off = turn.force == 0.0
+        lift = turn.lift * LIFT.line.factor
+        left, met = lift_offs(turn.force, bool(off[-1])), turn.impulse > 0.0
+        for mark, there in ((series.LIFT_OFF, left), (series.LANDING, met)):
+            points = self._axes.place("lift", degrees[there], lift[there])
+            columns = rr.Points2D.columns(positions=points).partition([len(points)])
+            self._stream.send_columns(f"{VIEW}/lift/{mark.name}", at, columns)
+        if self._flies:
+            flown = np.unique(np.floor(degrees[off]))
+            x = (flown[:, None] + 0.5) / 360.0 * WIDTH
+            strokes = np.stack([x * [1.0, 1.0], np.full((x.size, 2), self._edges)], axis=2)
+            self._strips(at, "flights", list(strokes))
+
+    def _strips(self, at: list[rr.TimeColumn], entity: str, strips: list[FloatArray]) -> None:
+        columns = rr.LineStrips2D.columns(strips=strips).partition([len(strips)])
+        self._stream.send_columns(f"{VIEW}/{entity}", at, columns)
+
+    def _draw_styles(self) -> None:
+        """What each curve and mark looks like, once for all: the law lies over the follower."""
+        for row in self._rows:
+            lines = [row.line, LAW] if row is LIFT else [row.line]
+            style = rr.LineStrips2D.from_fields(
+                colors=[line.colour for line in lines], radii=[-0.5 * line.width for line in lines]
+            )
+            for slot in range(LAID):
+                self._stream.log(f"{VIEW}/{row.key}/follower/{slot}", style, static=True)
+        for mark in (series.LIFT_OFF, series.LANDING):
+            point = rr.Points2D.from_fields(colors=mark.colour, radii=MARK)
+            self._stream.log(f"{VIEW}/lift/{mark.name}", point, static=True)
+        width = rr.LineStrips2D.from_fields(
+            colors=colours.FLIGHT, radii=0.56 * WIDTH / 360.0, draw_order=19.0
+        )
+        self._stream.log(f"{VIEW}/flights", width, static=True)
+        for row in self._rows:
+            frame = rr.LineStrips2D.from_fields(colors=colours.GREY, radii=THIN)
+            self._stream.log(f"{VIEW}/{row.key}/axes", frame, static=True)
+            words = rr.Points2D.from_fields(colors=colours.GREY, radii=UNSEEN, show_labels=True)
+            self._stream.log(f"{VIEW}/{row.key}/axes/y", words, static=True)
+        caption = rr.Points2D.from_fields(
+            positions=[[0.5 * WIDTH, CAPTION]],
+            colors=colours.BLACK,
+            radii=UNSEEN,
+            show_labels=True,
+        )
+        self._stream.log(f"{VIEW}/caption", caption, static=True)
+
+    def _draw_legend(self) -> None:
+        """Strokes and points of the lift with their names beside them, over its axes."""
+        shown = [LIFT.line, LAW, *((series.LIFT_OFF, series.LANDING) if self._flies else ())]
+        for (x, middle), it in zip(LEGEND, shown, strict=False):
+            where = f"{VIEW}/lift/legend/{it.name}"
+            top = HEAD + TITLE_AT[1]
+            label(self._stream, f"{where}/name", (middle, top), it.name, it.colour)
+            y = top + 3.0
+            if isinstance(it, SeriesLine):
+                ends = [[[x, y], [x + STROKE, y]]]
+                key = rr.LineStrips2D(ends, colors=it.colour, radii=-0.5 * it.width)
+                self._stream.log(where, key, static=True)
+            else:
+                point = rr.Points2D([[x + 0.5 * STROKE, y]], colors=it.colour, radii=MARK)
+                self._stream.log(where, point, static=True)

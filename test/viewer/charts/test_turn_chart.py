@@ -1,0 +1,154 @@
+"""One turn over 0 to 360°: the samples' own numbers, on axes that hold the whole scene."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cam_rig.arrays import FloatArray
+from cam_rig.dynamics import MODELS, Samples
+from cam_rig.schema.load import config_root
+from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.simulate import turned_ticks
+from cam_rig.viewer.charts.axes import step_marks
+from cam_rig.viewer.charts.quantities import drawn_of, gap_of, scene_ranges
+from cam_rig.viewer.charts.series import GAP, LANDING, LIFT_OFF
+from cam_rig.viewer.charts.turn_axes import HEAD, ROW, WIDTH, TurnAxes, curve
+from cam_rig.viewer.charts.turn_chart import LAID
+
+from ..conftest import Picture, SmallBag
+
+STRIPS, POSITIONS = "LineStrips2D:strips", "Points2D:positions"
+
+
+def back(bag: SmallBag, cam: str, key: str, strip: object) -> tuple[FloatArray, FloatArray]:
+    """Degrees and values that a strip of the chart was drawn from."""
+    ranges = scene_ranges(bag.loaded).of(cam)
+    low, high, _ = ranges[key]
+    top = TurnAxes(drawn_of("one_mass"), ranges).tops[key]
+    x, y = np.array(strip).reshape(-1, 2).T
+    return x / WIDTH * 360.0, high - (y - top) / ROW * (high - low)
+
+
+def rows_of(bag: SmallBag, step: int, turn: int) -> tuple[Samples, FloatArray]:
+    """Samples of a turn of a step, and their unwrapped angles."""
+    at = slice(4 * step + 2 * turn, 4 * step + 2 * turn + 2)
+    return Samples(np.concatenate(bag.rows[at], axis=1)), np.concatenate(bag.angles[at])
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_what_can_leave_the_cam_has_a_gap(model: str) -> None:
+    """And what cannot has none: a residual model's force may be negative instead."""
+    keys = [row.key for row in drawn_of(model)]
+    assert ("gap" in keys) == MODELS[model].lifts_off
+    assert ("twist" in keys) == (model == "torsional")
+
+
+@pytest.mark.parametrize("scene", ["quick", "torsion"])
+def test_the_axes_hold_the_whole_scene(scene: str) -> None:
+    """Every sample of every quantity is within its cam's axis, and has at least two numbers."""
+    loaded = open_scene(config_root() / "scenes" / f"{scene}.yaml")
+    ranges = scene_ranges(loaded)
+    for tick in turned_ticks(loaded):
+        for row in drawn_of(loaded.scene.model)[:4]:
+            low, high, _ = ranges.of(tick.cam)[row.key]
+            values = getattr(tick, row.key) * row.line.factor
+            assert low - 1e-9 <= values.min()
+            assert values.max() <= high + 1e-9
+            assert ranges.whole[row.key][0] <= low
+    for cam in loaded.cams:
+        for axis in ranges.of(cam).values():
+            assert len(step_marks(*axis)) >= 2
+
+
+def test_a_curve_is_the_turns_samples(bag: SmallBag, picture: Picture) -> None:
+    """Each quantity of each first turn: samples at their degrees, from 0 to 360, peaks included."""
+    for step, cam in enumerate(("poly345", "poly345", "bezier15", "bezier15")):
+        rows, angle = rows_of(bag, step, 0)
+        degrees = np.degrees(angle) % 360.0
+        for row in drawn_of("one_mass"):
+            first = [strips for strips in picture.column(f"turn/{row.key}/follower/0", STRIPS)]
+            drawn = [strips for strips in first if strips][step]
+            x, y = back(bag, cam, row.key, drawn[0])
+            values = gap_of(bag.loaded.laws[cam], angle, rows) if row.key == "gap" else None
+            known = (getattr(rows, row.key) if values is None else values) * row.line.factor
+            assert np.all(np.diff(x) > 0.0)
+            at = np.abs(degrees[:, None] - x).argmin(axis=0)
+            np.testing.assert_allclose(x, degrees[at], atol=1e-3)
+            near = 2e-5 * np.ptp(scene_ranges(bag.loaded).of(cam)[row.key][:2])
+            np.testing.assert_allclose(y, known[at], atol=near)
+            assert y.max() == pytest.approx(known.max(), abs=near)
+
+
+def test_the_law_lies_over_the_lift(bag: SmallBag, picture: Picture) -> None:
+    """The second strip, thinner and darker, is the law at every degree."""
+    for strips in picture.column("turn/lift/follower/0", STRIPS):
+        if strips:
+            degrees, lift = back(bag, "poly345", "lift", strips[1])
+            law = bag.loaded.laws["poly345"](np.radians(degrees)) * 1e3
+            np.testing.assert_allclose(lift, law, atol=2e-3)
+            break
+    (widths,) = picture.column("turn/lift/follower/0", "LineStrips2D:radii")
+    assert -widths[1] < -widths[0]
+
+
+def test_turns_that_look_alike_are_sent_once(bag: SmallBag, picture: Picture) -> None:
+    """In contact from rest the second turn is the first; each step begins in the first place."""
+    sent = [strips for strips in picture.column("turn/force/follower/0", STRIPS) if strips]
+    assert len(sent) == 4
+    for step in range(4):
+        one, other = (rows_of(bag, step, turn)[0].force for turn in (0, 1))
+        count = min(one.size, other.size)
+        alike = np.abs(one[:count] - other[:count]).max() < 1e-3 * one.max()
+        assert alike or step in (1, 3)
+    others = {f"/turn/force/follower/{i}" for i in range(1, LAID)}
+    sent = [e[1:] for e in others & picture.entities if picture.column(e[1:], "rig_time")]
+    times = [t for entity in sent for t in picture.time(entity)]
+    slow = (bag.rows[0][0, 0], bag.rows[4][0, 0]), (bag.rows[8][0, 0], bag.rows[12][0, 0])
+    assert not [t for t in times for a, b in slow if a < t < b]
+
+
+def test_landings_and_lift_offs_are_marked_and_flights_shaded(
+    bag: SmallBag, picture: Picture
+) -> None:
+    """On the lift, at the degrees of the samples; strokes behind all rows cover each flight."""
+    rows, angle = rows_of(bag, 1, 0)
+    degrees, off = np.degrees(angle) % 360.0, rows.force == 0.0
+    landed, left = degrees[rows.impulse > 0.0], degrees[off & ~np.roll(off, 1)]
+    for mark, there in ((LANDING, landed), (LIFT_OFF, left)):
+        points = [p for p in picture.column(f"turn/lift/{mark.name}", POSITIONS) if p]
+        x, _ = back(bag, "poly345", "lift", points[0])
+        np.testing.assert_allclose(x, there, atol=1e-3)
+    strokes = [s for s in picture.column("turn/flights", STRIPS) if s]
+    x = np.array(strokes[0])[:, 0, 0] / WIDTH * 360.0
+    apart = np.abs(degrees[off][:, None] - x)
+    assert apart.min(axis=1).max() < 0.501  # each sample in flight is under a stroke
+    assert apart.min(axis=0).max() < 0.501 + 360.0 * 700.0 / 60.0 / 4000.0
+
+
+def test_the_gap_is_lift_minus_law_in_flight(bag: SmallBag, picture: Picture) -> None:
+    """Over time, in µm, sample by sample; 0 in contact."""
+    half = bag.samples.shape[1] // 2
+    laws = [law(bag.angle) for law in bag.loaded.laws.values()]
+    law = np.concatenate([laws[0][:half], laws[1][half:]])
+    _, lift, _, _, force, _ = bag.samples
+    gap = np.where(force == 0.0, lift - law, 0.0) * 1e6
+    np.testing.assert_allclose(picture.numbers(GAP.entity, "Scalars:scalars"), gap, atol=1e-3)
+    assert gap.max() > 1e3
+
+
+def test_the_cursor_is_at_the_cams_angle(bag: SmallBag, picture: Picture) -> None:
+    """At each frame, within the turn."""
+    place = picture.numbers("turn/cursor", STRIPS)[:, 0, 0]
+    sample = np.abs(bag.samples[0][:, None] - picture.time("turn/cursor")).argmin(axis=0)
+    np.testing.assert_allclose(place / WIDTH, bag.angle[sample] / (2.0 * np.pi) % 1.0, atol=1e-6)
+
+
+def test_what_is_beyond_its_axis_ends_at_its_edge() -> None:
+    """An operator may drive faster than the scene: no curve runs into the row above."""
+    (lift, *_) = drawn_of("one_mass")
+    axes = TurnAxes([lift], {"lift": (0.0, 10.0, 5.0)})
+    angle = np.linspace(0.0, 2.0 * np.pi, 100, endpoint=False)
+    points = curve(axes, "lift", angle, 20.0 * np.sin(angle))
+    assert points[:, 1].min() == HEAD
+    assert points[:, 1].max() == HEAD + ROW

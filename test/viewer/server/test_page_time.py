@@ -1,0 +1,77 @@
+"""How far a page is behind the drive, in wall time, from what both have said."""
+
+from __future__ import annotations
+
+import threading
+import urllib.request
+
+import pytest
+
+from cam_rig.errors import CamRigError
+from cam_rig.viewer.server import page_time
+from cam_rig.viewer.server.page_time import PageTime
+from cam_rig.viewer.server.web import serve
+
+
+class Wall:
+    """A clock that a test sets."""
+
+    now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 20.0])
+def test_the_delay_is_wall_time_at_any_pace(factor: float) -> None:
+    """A page that shows what the drive did a second ago is a second behind, however fast it is."""
+    wall = Wall()
+    page = PageTime(wall)
+    for i in range(40):
+        wall.now = 0.25 * i
+        page.driven(factor * wall.now)
+        if i >= 4:
+            page.take(f"ns={round(factor * (wall.now - 1.0) * 1e9)}")
+            assert page.behind() == pytest.approx(1.0)
+    assert page.longest == pytest.approx(1.0)
+
+
+def test_a_page_that_shows_nothing_is_not_late() -> None:
+    """It is open, but has no rig time; nor has one whose words are none."""
+    page = PageTime()
+    page.driven(1.0)
+    page.take("ns=-1")
+    page.wait(lambda: False)
+    for words in ("", "ns=", "ns=x", "other=3"):
+        page.take(words)
+    assert page.behind() is None
+
+
+def test_a_page_ahead_of_the_last_report_is_not_behind() -> None:
+    """The drive reports now and then; what it has not reported yet may be shown already."""
+    page = PageTime(Wall())
+    page.driven(1.0)
+    page.take("ns=2000000000")
+    assert page.behind() == 0.0
+
+
+def test_nobody_waits_for_a_viewer_that_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It says so instead."""
+    monkeypatch.setattr(page_time, "LOOK_S", 0.001)
+    with pytest.raises(CamRigError, match="ended before a page was open"):
+        PageTime().wait(lambda: False)
+
+
+def test_the_page_says_what_it_shows() -> None:
+    """The served page carries the script; what it asks for ends the waiting."""
+    with serve() as pages:
+        with urllib.request.urlopen(pages.address, timeout=20) as answer:
+            assert b"/shown?ns=" in answer.read()
+        waiting = threading.Thread(target=pages.page.wait, args=(lambda: True,), daemon=True)
+        waiting.start()
+        pages.page.driven(0.5)
+        with urllib.request.urlopen(f"{pages.address}shown?ns=500000000", timeout=20) as answer:
+            assert answer.status == 204
+        waiting.join(timeout=5.0)
+        assert not waiting.is_alive()
+        assert pages.page.behind() is not None
