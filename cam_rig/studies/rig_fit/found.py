@@ -32,10 +32,9 @@ LEFT_OUT = {
 
 @dataclass(frozen=True)
 class FoundNumber:
-    """One number of the follower: what was found, or why it was not.
+    """One number of the follower: what was found (SI, with its standard error), or why it was not.
 
-    ``value`` and ``error`` (one standard error) in SI; ``value`` is None where nothing tells it,
-    and ``reason`` says why. ``origin`` is given or identified.
+    ``origin`` is given or identified.
     """
 
     name: str
@@ -181,6 +180,9 @@ def _number(
     likelihood = solution.likelihood
     if name in given:
         return FoundNumber(name, given[name], None, "given")
+    if name == "preload" and solution.zero is not None:
+        words = f"in flight the force reads {solution.zero:.3g} N: set its zero and measure again"
+        return FoundNumber(name, None, None, "identified", words)
     if name == "restitution" and solution.bounce is not None:
         return _bounce(*solution.bounce, "roller_share" in likelihood.values(solution.x))
     if name not in likelihood.sought:

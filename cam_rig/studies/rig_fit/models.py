@@ -38,8 +38,13 @@ PLAY = 6.0
 LEAST_PLAY = 1e-7
 #: Restitutions from which lifts alone are searched.
 BOUNCES_TRIED = (0.05, 0.25, 0.45, 0.65)
-#: Samples in flight that show the force's zero, at least.
-LEAST_FLYING = 20
+#: Samples in flight that show the force's zero, at least: with it flights become longer. It is off
+#: where it is beyond so many standard errors.
+LEAST_FLYING, OFF = 4, 6.0
+#: And beyond this part of the preload.
+LEAST_ZERO = 0.005
+#: Looks at it, each with the flights of the one before.
+ZERO_ROUNDS = 5
 
 
 def one_mass(
@@ -118,12 +123,7 @@ def _tared(found: FitSolution) -> FitSolution:
     """The same with the zero of the force sensor, which shows in flights: where they are low."""
     like = found.likelihood
     new, x = continued(found, like.sought, like.values(found.x), tare=True)
-    flying = [
-        hold.force.value[like.kept[i]][there.turn.at(there.force_angle)[1] == 0.0]
-        for i, hold in enumerate(like.holds)
-        if (there := like.predicted(found.x, i)) is not None
-    ]
-    low, at = np.concatenate([np.empty(0), *flying]), new.instruments.at(TARE)
+    low, at = _forces_in_flight(like, found.x), new.instruments.at(TARE)
     if low.size < LEAST_FLYING or at is None:
         return found
     x[at] = float(np.median(low))
@@ -131,6 +131,32 @@ def _tared(found: FitSolution) -> FitSolution:
         k = like.sought.index("preload")
         x[k] = max(0.0, x[k] - x[at])
     return FitSolution(new, x, found.slopes, found.residuals)
+
+
+def _forces_in_flight(like: Likelihood, x: FloatArray) -> FloatArray:
+    """What the force sensor shows (N) where the follower is off the cam."""
+    flying = [
+        hold.force.value[like.kept[i]][there.turn.at(there.force_angle)[1] == 0.0]
+        for i, hold in enumerate(like.holds)
+        if (there := like.predicted(x, i)) is not None
+    ]
+    return np.concatenate([np.empty(0), *flying])
+
+
+def _zero_in_flight(flying: FitSolution) -> float | None:
+    """By how much (N) the force's zero is off; None where flights do not say that it is."""
+    like, x, zero = flying.likelihood, flying.x.copy(), 0.0
+    if "preload" not in like.sought:
+        return None
+    at, low = like.sought.index("preload"), np.empty(0)
+    for _ in range(ZERO_ROUNDS):
+        low = _forces_in_flight(like, x)
+        if low.size < LEAST_FLYING:
+            return None
+        zero = float(np.median(low))
+        x[at] = max(0.0, flying.x[at] - zero)
+    error = float(np.abs(low - zero).mean()) / math.sqrt(low.size)
+    return zero if abs(zero) > OFF * error + LEAST_ZERO * flying.x[at] else None
 
 
 def _with_phases_of(still: FitSolution, new: Likelihood, x: FloatArray) -> FloatArray:
@@ -176,7 +202,8 @@ def _two_masses(
     flying = FitSolution(new, _with_phases_of(quiet, new, x), one.slopes, one.residuals)
     if not any(landings_of(new, flying.x)):
         return quiet
-    return replace(quiet, bounce=bounce_beside(flying))
+    zero = _zero_in_flight(flying)
+    return replace(quiet, bounce=bounce_beside(flying) if zero is None else None, zero=zero)
 
 
 def _quiet(

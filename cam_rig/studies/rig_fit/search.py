@@ -37,7 +37,8 @@ NOISE_ROUNDS, LEAST_FLOOR = 4, 0.05
 class FitSolution:
     """Where a search ended: what is sought, its slopes and residuals in standard deviations.
 
-    ``bounce`` is a restitution with its standard error that was found beside the search.
+    ``bounce`` is a restitution with its standard error that was found beside the search; ``zero``
+    (N) what the force sensor shows in flights that were left out, where that is not nothing.
     """
 
     likelihood: Likelihood
@@ -45,6 +46,7 @@ class FitSolution:
     slopes: FloatArray
     residuals: FloatArray
     bounce: tuple[float, float] | None = None
+    zero: float | None = None
 
 
 def search(likelihood: Likelihood, x: FloatArray) -> FitSolution:
