@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +28,13 @@ MOST_SQUARE = 36.0
 EXPLAINED = 1.5
 #: Of a sum of squares, what 95 % of one number's errors stay below.
 SQUARE_95 = 3.84
+#: Samples in flight that show the force's zero, at least: with it flights become longer. It is off
+#: where it is beyond so many standard errors.
+LEAST_FLYING, OFF = 4, 6.0
+#: And beyond this part of the preload.
+LEAST_ZERO = 0.005
+#: Looks at it, each with the flights of the one before.
+ZERO_ROUNDS = 5
 #: 95 % of a normal distribution lie within so many standard deviations.
 WITHIN_95 = 1.96
 
@@ -157,3 +165,43 @@ def most_bounce(found: FitSolution) -> float:
         if float(residuals @ residuals) > least + SQUARE_95:
             return bounce
     return BOUNCES[-1]
+
+
+def tared(found: FitSolution) -> FitSolution:
+    """The same with the zero of the force sensor, which shows in flights: where they are low."""
+    like = found.likelihood
+    new, x = continued(found, like.sought, like.values(found.x), tare=True)
+    low, at = _forces_in_flight(like, found.x), new.instruments.at(TARE)
+    if low.size < LEAST_FLYING or at is None:
+        return found
+    x[at] = float(np.median(low))
+    if "preload" in like.sought:
+        k = like.sought.index("preload")
+        x[k] = max(0.0, x[k] - x[at])
+    return FitSolution(new, x, found.slopes, found.residuals)
+
+
+def zero_in_flight(flying: FitSolution) -> float | None:
+    """By how much (N) the force's zero is off; None where flights do not say that it is."""
+    like, x, zero = flying.likelihood, flying.x.copy(), 0.0
+    if "preload" not in like.sought:
+        return None
+    at, low = like.sought.index("preload"), np.empty(0)
+    for _ in range(ZERO_ROUNDS):
+        low = _forces_in_flight(like, x)
+        if low.size < LEAST_FLYING:
+            return None
+        zero = float(np.median(low))
+        x[at] = max(0.0, flying.x[at] - zero)
+    error = float(np.abs(low - zero).mean()) / math.sqrt(low.size)
+    return zero if abs(zero) > OFF * error + LEAST_ZERO * flying.x[at] else None
+
+
+def _forces_in_flight(like: Likelihood, x: FloatArray) -> FloatArray:
+    """What the force sensor shows (N) where the follower is off the cam."""
+    flying = [
+        hold.force.value[like.kept[i]][there.turn.at(there.force_angle)[1] == 0.0]
+        for i, hold in enumerate(like.holds)
+        if (there := like.predicted(x, i)) is not None
+    ]
+    return np.concatenate([np.empty(0), *flying])

@@ -32,10 +32,7 @@ LEFT_OUT = {
 
 @dataclass(frozen=True)
 class FoundNumber:
-    """One number of the follower: what was found (SI, with its standard error), or why it was not.
-
-    ``origin`` is given or identified.
-    """
+    """One number, given or identified: SI, with its standard error, or why there is none."""
 
     name: str
     value: float | None
@@ -181,7 +178,7 @@ def _number(
     if name in given:
         return FoundNumber(name, given[name], None, "given")
     if name == "preload" and solution.zero is not None:
-        words = f"in flight the force reads {solution.zero:.3g} N: set its zero and measure again"
+        words = f"in flight the force reads {solution.zero:.3g} N: set its zero"
         return FoundNumber(name, None, None, "identified", words)
     if name == "restitution" and solution.bounce is not None:
         return _bounce(*solution.bounce, "roller_share" in likelihood.values(solution.x))

@@ -22,6 +22,9 @@ LEAST_SAMPLES = 20
 #: A follower that presses with more than this part of its largest force is on the cam; of a hold it
 #: may press with less in this part of the samples, as noise has it.
 PRESSED, SELDOM = 0.05, 0.01
+#: No cam pulls: a force that is below minus this part of its largest in this part of the samples is
+#: its sensor's.
+PULLED, RARELY = 0.1, 0.001
 #: A lift that differs by more than this part of itself from turn to turn is of no steady motion.
 RESTLESS = 0.02
 
@@ -57,6 +60,12 @@ class MeasuredHold:
         """Whether no sample of the force shows a loss of contact; so too where there is none."""
         force = self.force.value
         return not force.size or bool(np.quantile(force, SELDOM) > PRESSED * force.max())
+
+    @property
+    def rings(self) -> bool:
+        """Whether the force pulls now and then, as that of a sensor that vibrates."""
+        force = self.force.value
+        return force.size > 0 and bool(np.quantile(force, RARELY) < -PULLED * force.max())
 
 
 def measured_holds(run: MeasuredRun) -> tuple[MeasuredHold, ...]:

@@ -13,8 +13,13 @@ import numpy as np
 
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError
-from cam_rig.studies.rig_fit.bounces import bounce_beside, with_bounces
-from cam_rig.studies.rig_fit.instruments import BACKLASH, RATIO, RESONANCE, TARE, ZERO
+from cam_rig.studies.rig_fit.bounces import (
+    bounce_beside,
+    tared,
+    with_bounces,
+    zero_in_flight,
+)
+from cam_rig.studies.rig_fit.instruments import BACKLASH, RATIO, RESONANCE, ZERO
 from cam_rig.studies.rig_fit.likelihood import Likelihood
 from cam_rig.studies.rig_fit.numbers import ONE_MASS, TWO_MASSES
 from cam_rig.studies.rig_fit.search import (
@@ -38,13 +43,6 @@ PLAY = 6.0
 LEAST_PLAY = 1e-7
 #: Restitutions from which lifts alone are searched.
 BOUNCES_TRIED = (0.05, 0.25, 0.45, 0.65)
-#: Samples in flight that show the force's zero, at least: with it flights become longer. It is off
-#: where it is beyond so many standard errors.
-LEAST_FLYING, OFF = 4, 6.0
-#: And beyond this part of the preload.
-LEAST_ZERO = 0.005
-#: Looks at it, each with the flights of the one before.
-ZERO_ROUNDS = 5
 
 
 def one_mass(
@@ -73,7 +71,7 @@ def one_mass(
     else:
         found = search(*continued(aligned, smooth, values))
     if any(landings_of(found.likelihood, found.x)):
-        found = with_bounces(_tared(found), given)
+        found = with_bounces(tared(found), given)
     if _has_play(found):
         values = found.likelihood.values(found.x)
         bounce = found.bounce
@@ -119,46 +117,6 @@ def _of_lifts(
     return min(steady, key=lambda one: one.likelihood.lift_noise)
 
 
-def _tared(found: FitSolution) -> FitSolution:
-    """The same with the zero of the force sensor, which shows in flights: where they are low."""
-    like = found.likelihood
-    new, x = continued(found, like.sought, like.values(found.x), tare=True)
-    low, at = _forces_in_flight(like, found.x), new.instruments.at(TARE)
-    if low.size < LEAST_FLYING or at is None:
-        return found
-    x[at] = float(np.median(low))
-    if "preload" in like.sought:
-        k = like.sought.index("preload")
-        x[k] = max(0.0, x[k] - x[at])
-    return FitSolution(new, x, found.slopes, found.residuals)
-
-
-def _forces_in_flight(like: Likelihood, x: FloatArray) -> FloatArray:
-    """What the force sensor shows (N) where the follower is off the cam."""
-    flying = [
-        hold.force.value[like.kept[i]][there.turn.at(there.force_angle)[1] == 0.0]
-        for i, hold in enumerate(like.holds)
-        if (there := like.predicted(x, i)) is not None
-    ]
-    return np.concatenate([np.empty(0), *flying])
-
-
-def _zero_in_flight(flying: FitSolution) -> float | None:
-    """By how much (N) the force's zero is off; None where flights do not say that it is."""
-    like, x, zero = flying.likelihood, flying.x.copy(), 0.0
-    if "preload" not in like.sought:
-        return None
-    at, low = like.sought.index("preload"), np.empty(0)
-    for _ in range(ZERO_ROUNDS):
-        low = _forces_in_flight(like, x)
-        if low.size < LEAST_FLYING:
-            return None
-        zero = float(np.median(low))
-        x[at] = max(0.0, flying.x[at] - zero)
-    error = float(np.abs(low - zero).mean()) / math.sqrt(low.size)
-    return zero if abs(zero) > OFF * error + LEAST_ZERO * flying.x[at] else None
-
-
 def _with_phases_of(still: FitSolution, new: Likelihood, x: FloatArray) -> FloatArray:
     """``x`` with the instruments of some holds, and phases of all on their line ψ = a + b ω t.
 
@@ -196,13 +154,21 @@ def _two_masses(
         if "restitution" not in given and any(landings_of(found.likelihood, found.x)):
             found = with_bounces(found, given)
         return found
-    if "restitution" in given or len(quiet.likelihood.holds) == len(one.likelihood.holds):
+    return quiet if "restitution" in given else _beside_flights(one, quiet)
+
+
+def _beside_flights(one: FitSolution, quiet: FitSolution) -> FitSolution:
+    """Numbers of the speeds on the cam, with what those that lift off say of the restitution."""
+    like = quiet.likelihood
+    if len(like.holds) == len(one.likelihood.holds):
         return quiet
-    new, x = continued(one, sought, quiet.likelihood.values(quiet.x))
+    values, resonance = like.values(quiet.x), like.resonance
+    new, x = continued(one, like.sought, values, resonance=resonance, tare=False)
     flying = FitSolution(new, _with_phases_of(quiet, new, x), one.slopes, one.residuals)
     if not any(landings_of(new, flying.x)):
         return quiet
-    zero = _zero_in_flight(flying)
+    rings = any(hold.rings for hold in new.holds)
+    zero = None if rings else zero_in_flight(flying)
     return replace(quiet, bounce=bounce_beside(flying) if zero is None else None, zero=zero)
 
 
@@ -253,9 +219,13 @@ def elastic(
     It is looked for at the speeds on the cam, if it shows there, as bounces of a rigid mass on what
     has a stem tell nothing.
     """
+    if model is None and any(hold.rings for hold in one.likelihood.holds):
+        on_step("a resonance of the force sensor")
+        return _ringing(one)
     if model is None and not leaves_a_pattern(one.likelihood, one.x):
         return one
-    still = _still(one)
+    still = _calm(one)
+    still = still if leaves_a_pattern(still.likelihood, still.x) else one
     stem, gain = likely_stem(still.likelihood, still.x)
     if model is None and gain < CLEARLY_LIKELIER:
         return one
@@ -276,14 +246,26 @@ def elastic(
     return best
 
 
-def _still(one: FitSolution) -> FitSolution:
-    """One mass at the speeds on the cam, where these leave a pattern; else as it is."""
+def _calm(one: FitSolution) -> FitSolution:
+    """One mass at the speeds on the cam alone; as it is where these are all, or have no force."""
     here = _on_the_cam(one)
     if len(here) == len(one.likelihood.holds) or not _forces(one, here):
         return one
     sought = tuple(name for name in one.likelihood.sought if name != "restitution")
-    still = search(*continued(one, sought, one.likelihood.values(one.x), tare=False, only=here))
-    return still if leaves_a_pattern(still.likelihood, still.x) else one
+    return search(*continued(one, sought, one.likelihood.values(one.x), tare=False, only=here))
+
+
+def _ringing(one: FitSolution) -> FitSolution:
+    """One mass under a force sensor that shows pulls: no cam does, so no stem is sought.
+
+    From the speeds on the cam, for a landing rings all that comes after it.
+    """
+    calm = _calm(one)
+    if not leaves_a_pattern(calm.likelihood, calm.x):
+        return calm if calm is one else _beside_flights(one, calm)
+    sensor = _with_resonance(calm, likely_stem(calm.likelihood, calm.x)[0])
+    likelier = sensor if log_ratio(sensor, calm) > CLEARLY_LIKELIER else calm
+    return likelier if calm is one else _beside_flights(one, likelier)
 
 
 def _has_play(found: FitSolution) -> bool:

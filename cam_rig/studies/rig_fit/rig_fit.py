@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from cam_rig.arrays import rms
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
@@ -13,8 +14,12 @@ from cam_rig.studies.rig_fit.likelihood import Likelihood
 from cam_rig.studies.rig_fit.measured_turns import measured_holds
 from cam_rig.studies.rig_fit.models import elastic, one_mass
 from cam_rig.studies.rig_fit.numbers import OF_TWO, ONE_MASS, require_in_model
-from cam_rig.studies.rig_fit.search import search
+from cam_rig.studies.rig_fit.search import FitSolution, search
 from cam_rig.studies.rig_fit.start import rough_start
+
+#: A lift that is further from the law's than this part of it, r.m.s., at the slowest speed is of
+#: another cam.
+FAR_OFF = 0.05
 
 
 def fit_rig(
@@ -61,11 +66,23 @@ def fit_rig(
     )
     on_step("one rigid mass")
     aligned = search(start, start.start(values, phase, zero))
+    if _is_of_another_cam(aligned):
+        return found_of(law, run, aligned, given, tuple(scale), holds)
     found = one_mass(aligned, rigid | scale, model == "separation")
     if model == "separation" or (model is None and forces):
         found = elastic(found, given, model, on_step)
     on_step("standard errors")
     return found_of(law, run, found, given, tuple(scale), holds)
+
+
+def _is_of_another_cam(aligned: FitSolution) -> bool:
+    """Whether the lift at the slowest speed is far from the law's, whatever the follower."""
+    like, x = aligned.likelihood, aligned.x
+    slowest = min(range(len(like.holds)), key=lambda i: like.holds[i].speed)
+    predicted = like.predicted(x, slowest)
+    if predicted is None or not predicted.lift_left.size:
+        return False
+    return rms(predicted.lift_left) > FAR_OFF * like.law.lift
 
 
 def _of_base(base: RigConfig, name: str) -> float:
