@@ -96,7 +96,8 @@ def conclusion(rows: list[JumpRow]) -> str:
     of = "that identified the rig" if found.fitted else "not used to identify the rig"
     ranking = f"; ranking {'as' if found.same_ranking else 'not as'} published"
     ours, theirs = (
-        f"{low:.1f} to {high:.1f}" for low, high in (found.turns, found.published_turns)
+        f"{low:.1f}" if low == high else f"{low:.1f} to {high:.1f}"
+        for low, high in (found.turns, found.published_turns)
     )
     return (
         f"{100.0 * found.rms:.2f} % r.m.s. from Table 2 on {cams} {of}"

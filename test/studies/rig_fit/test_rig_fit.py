@@ -1,5 +1,6 @@
 """Numbers of a rig from simulated machines, whose truth is known."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -178,6 +179,20 @@ def test_a_stem_that_leaves_a_cam_of_arcs():
     found = scores(fit_rig(law, run, cam_rig.load_rig("tm21"), None, {"restitution": 0.0}), rig)
     assert {"mass", "spring_stiffness", "preload", "damping"} <= set(found)
     assert max(map(abs, found.values())) < 4.0, found
+
+
+def test_a_load_cell_off_zero_gives_no_preload_with_a_stem():
+    """In flights it shows what it is off by; all other numbers are as they would be."""
+    law = cam_rig.build_law(cam_rig.load_cam("arcs_straight"))
+    rig = cam_rig.load_rig("paper_table2").with_follower(mass=1.0)
+    jump = to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
+    run = measured_run(law, rig, "separation", (0.4 * jump, 0.6 * jump, 0.9 * jump), QUICK, 1)
+    off = replace(run, force=replace(run.force, value=run.force.value + 8.0))
+    fit = fit_rig(law, off, cam_rig.load_rig("tm21"), "separation")
+    assert re.search(r"in flight the force reads [78]\.\d+ N", numbers(fit)["preload"].reason)
+    found = scores(fit, rig)
+    assert {"mass", "spring_stiffness"} <= set(found)
+    assert max(map(abs, found.values())) < 4.0
 
 
 def test_another_cam_is_said(rig, law):
