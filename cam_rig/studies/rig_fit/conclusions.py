@@ -61,8 +61,8 @@ def rig_conclusions(fit: RigFit) -> Iterator[str]:
         )
     tare = "" if fit.gauges.force_zero is not None else ", its zero is in the preload"
     yield (
-        f"The gain of the force sensor is taken as true{tare}; so is the encoder's clock: 100 ppm of "
-        "it are 200 ppm of a mass."
+        f"The gain of the force sensor is taken as true{tare}; so is the encoder's clock: 100 ppm "
+        "of it are 200 ppm of a mass."
     )
     yield from _odd(fit)
 
