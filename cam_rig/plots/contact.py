@@ -12,7 +12,16 @@ from matplotlib.figure import Figure
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing.colours import LIMIT, web
 from cam_rig.drawing.words import in_words
-from cam_rig.plots.figures import CAM_ANGLE, empty, line, logarithmic, styled, turn_axis, write
+from cam_rig.plots.figures import (
+    CAM_ANGLE,
+    empty,
+    line,
+    logarithmic,
+    short,
+    styled,
+    turn_axis,
+    write,
+)
 from cam_rig.plots.law_overlay import Style
 from cam_rig.profile.motion import turn_angles
 from cam_rig.studies.contact import event_angle
@@ -72,7 +81,7 @@ def figure(found: ContactTable) -> Figure:
 def _over_turn(panels: FloatArray, row: ContactRow, style: Style) -> None:
     at = row.case.at(turn_angles(POINTS))
     surfaces, degrees = row.case.surfaces, np.degrees(at[0].angle)
-    name = f"{row.case.cam.title} ({row.case.cam.follower.type.replace('_', ' ')})"
+    name = f"{short(row.case.cam.title)} ({row.case.cam.follower.type.replace('_', ' ')})"
     panels[0].plot(degrees, 1e-6 * surfaces.pressure(*at), label=name, **style)
     panels[1].plot(degrees, surfaces.sliding(*at), **style)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import matplotlib as mpl
@@ -43,6 +44,8 @@ STYLE = mpl.rc_params_from_file(
     Path(__file__).with_name("style.mplstyle"), use_default_template=False
 )
 styled = mpl.rc_context(STYLE)
+#: Letters of a cam's title in a legend or over a panel, and of a line over a whole figure, at most.
+LONGEST_TITLE, ACROSS = 28, 72
 #: A logarithmic axis over more decades than this has no ticks at 3.
 DECADES = 4.0
 #: Curves that are no cam's, such as one cam at several speeds: in none of the cams' colours.
@@ -78,8 +81,21 @@ def logarithmic(*axes: Axis) -> None:
 
 
 def title_of(titles: Mapping[str, str], cam: str) -> str:
-    """A cam's title; its name in words where there is none."""
-    return titles.get(cam) or in_words(cam)
+    """A cam's title, as `short`; its name in words where there is none."""
+    return short(titles.get(cam) or in_words(cam))
+
+
+def short(title: str) -> str:
+    """A title that a legend has room for: of a long one its beginning and its end."""
+    if len(title) <= LONGEST_TITLE:
+        return title
+    half = LONGEST_TITLE // 2
+    return f"{title[:half].rstrip()}…{title[1 - half :].lstrip()}"
+
+
+def wrapped(title: str) -> str:
+    """The words over a whole figure, in lines that it holds."""
+    return "\n".join(line for words in title.split("\n") for line in wrap(words, ACROSS) or [""])
 
 
 def turn_axis(axes: Axes, step: int = 60) -> None:

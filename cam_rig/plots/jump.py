@@ -14,7 +14,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.drawing.words import in_words
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.laws import Law
-from cam_rig.plots.figures import CAM_SPEED, colour, empty, line, styled, write
+from cam_rig.plots.figures import CAM_SPEED, colour, empty, line, styled, title_of, write
 from cam_rig.studies.cam_set import CamSet
 from cam_rig.studies.jump.any_rig import ONE_MASS, AnyFollower, follower_of, least_force
 from cam_rig.studies.jump.comparison import JumpRow
@@ -48,7 +48,7 @@ def figure(rows: list[JumpRow], cam_set: CamSet, duration: float | None) -> Figu
     _frame(axes, rpm)
     for row in rows:
         least = least_force(cam_set.laws[row.cam], parameters, duration, rpm * RPM)
-        label = f"{cam_set.titles[row.cam]}: {row.found.rpm:.2f}"
+        label = f"{title_of(cam_set.titles, row.cam)}: {row.found.rpm:.2f}"
         for place in places:
             place.plot(rpm, least, label=label, **line(row.cam))
             _mark(place, row)

@@ -20,7 +20,7 @@ from cam_rig.laws.continuity import SMOOTHEST, Joint, joints
 from cam_rig.laws.control_polygon import control_polygons
 from cam_rig.laws.curves import sampled_pieces
 from cam_rig.laws.peaks import extremes
-from cam_rig.plots.figures import CAM_ANGLE, empty, series, styled, turn_axis, write
+from cam_rig.plots.figures import CAM_ANGLE, empty, series, styled, turn_axis, wrapped, write
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segments import Table
 from cam_rig.studies.cam_fit.arcs_fit import ArcsFit
@@ -61,7 +61,7 @@ def figure(cam: CamConfig, law: Law) -> Figure:
     _classes(panels[0], marked)
     turn_axis(panels[3], 30)
     panels[3].set_xlabel(CAM_ANGLE)
-    out.suptitle(cam.title)
+    out.suptitle(wrapped(cam.title))
     return out
 
 

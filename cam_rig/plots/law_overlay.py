@@ -14,7 +14,7 @@ from cam_rig.drawing.words import in_words
 from cam_rig.laws import Law
 from cam_rig.laws.catalogue import RiseFamily
 from cam_rig.laws.curves import ORDERS, LawCurves, cam_curves, rise_curves
-from cam_rig.plots.figures import CAM_ANGLE, empty, line, styled, turn_axis, write
+from cam_rig.plots.figures import CAM_ANGLE, empty, line, short, styled, turn_axis, write
 from cam_rig.plots.law import NAMES, PER
 from cam_rig.schema import CamConfig
 
@@ -40,7 +40,7 @@ def draw_rises(families: Iterable[RiseFamily], path: Path) -> None:
 @styled
 def cams_figure(cams: Sequence[tuple[CamConfig, Law]]) -> Figure:
     """The laws of cams over the cam angle, in mm."""
-    curves = [(cam_curves(cam.title, law), line(cam.name)) for cam, law in cams]
+    curves = [(cam_curves(short(cam.title), law), line(cam.name)) for cam, law in cams]
     out = empty(HEIGHT)
     panels = out.subplots(len(ORDERS), 1, sharex=True)
     for order, axes in enumerate(panels):

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.two_mass.model import states
 from cam_rig.dynamics.two_mass.trajectory import Separation
-from cam_rig.plots.figures import CAM_ANGLE, empty, line, styled, turn_axis, write
+from cam_rig.plots.figures import CAM_ANGLE, empty, line, styled, title_of, turn_axis, write
 from cam_rig.studies.cam_set import CamSet
 from cam_rig.units import RPM, TURN
 
@@ -37,7 +37,8 @@ def figure(cam_set: CamSet, rpm: float) -> Figure:
         roller = states(course, times)[0]
         off = 1e3 * (roller - course.cam(times)[0])
         lift_offs = sum(event.kind == "lift-off" for event in course.events)
-        label = f"{cam_set.titles[cam]}: {'contact kept' if not lift_offs else 'contact lost'}"
+        contact = "contact lost" if lift_offs else "contact kept"
+        label = f"{title_of(cam_set.titles, cam)}: {contact}"
         place.plot(degrees, 1e3 * roller, label=label, **line(cam))
         gap.plot(degrees, off, **line(cam))
     place.set(ylabel="displacement of the roller [mm]")

@@ -20,6 +20,7 @@ from cam_rig.plots.figures import (
     series,
     series_marker,
     styled,
+    title_of,
     write,
 )
 from cam_rig.studies.flywheel.fluctuation import FlywheelStudy
@@ -49,7 +50,7 @@ def flywheel_figure(study: FlywheelStudy, titles: Mapping[str, str]) -> Figure:
         finite = [turn for turn in turns if math.isfinite(turn.inertia)]
         inertia = np.array([turn.inertia for turn in finite])
         shown = 100.0 * np.array([turn.fluctuation for turn in finite])
-        left.loglog(inertia, shown, label=titles[cam], **line(cam))
+        left.loglog(inertia, shown, label=title_of(titles, cam), **line(cam))
         twist = np.degrees([turn.twist for turn in finite])
         right.semilogx(inertia, twist, **line(cam))
         limit = math.degrees(study.at(cam, math.inf).twist)

@@ -15,7 +15,7 @@ from cam_rig.drawing.outlines import MM, circle
 from cam_rig.drawing.words import typeset
 from cam_rig.laws import Law
 from cam_rig.laws.peaks import Extreme, extremes
-from cam_rig.plots.figures import CAM_ANGLE, empty, styled, turn_axis, write
+from cam_rig.plots.figures import CAM_ANGLE, empty, styled, turn_axis, wrapped, write
 from cam_rig.plots.follower_positions import pivots, positions
 from cam_rig.profile import Contour, contours, turn_angles
 from cam_rig.profile.checks.check import Check
@@ -74,7 +74,7 @@ def figure(
         where = "" if check.degrees is None else f" at {check.degrees:.4g}°"
         value = check.shown(check.value).replace("-", "−")
         title.append(f"not met: {check.title} {value}{where}")
-    out.suptitle("\n".join(title))
+    out.suptitle(wrapped("\n".join(title)))
     return out
 
 

@@ -6,6 +6,7 @@ Small multiples: a column for each cam, in which the other cams are grey.
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,17 @@ from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.laws import Law
-from cam_rig.plots.figures import CAM_ANGLE, colour, empty, line, styled, turn_axis, write
+from cam_rig.plots.figures import (
+    CAM_ANGLE,
+    colour,
+    empty,
+    line,
+    styled,
+    title_of,
+    turn_axis,
+    wrapped,
+    write,
+)
 from cam_rig.schema import RigConfig
 from cam_rig.studies.cam_set import CamSet
 from cam_rig.studies.vibration.dwell import LowDwell, low_dwell
@@ -37,6 +48,8 @@ LABELS = (
 RESIDUAL, AROUND = 1, 60.0
 #: Columns before a new block of rows begins; the other cams.
 MOST_COLUMNS = 5
+#: Letters of a line over a column.
+COLUMN_LETTERS = 14
 OTHERS: dict[str, Any] = {"color": "0.8", "lw": 0.6, "zorder": 1.5}
 #: Abscissa and values of each row.
 Rows = list[tuple[FloatArray, FloatArray]]
@@ -58,14 +71,14 @@ def figure(cam_set: CamSet, rpm: float) -> Figure:
     panels = out.subplots(blocks * count, columns, squeeze=False)
     for place, cam in enumerate(cams):
         top, column = place // columns * count, place % columns
-        title, dwell = cam_set.titles[cam], low_dwell(cam_set.laws[cam])
+        title, dwell = title_of(cam_set.titles, cam), low_dwell(cam_set.laws[cam])
         _column(panels[top : top + count, column], cam, title, rows, dwell)
         panels[top, column].set_title(_broken(title))
     for unused in panels[(blocks - 1) * count :, len(cams) - (blocks - 1) * columns :].flat:
         unused.set_visible(False)
     for row, across in enumerate(panels):
         _share(across, LABELS[row % count])
-    out.suptitle(f"Steady state at {rpm:g} rpm\n{cam_set.rig.title}")
+    out.suptitle(wrapped(f"Steady state at {rpm:g} rpm\n{cam_set.rig.title}"))
     out.legend(handles=_legend(cams), loc="outside lower center", ncols=3, frameon=False)
     return out
 
@@ -131,5 +144,5 @@ def _share(across: np.ndarray, label: str) -> None:
 
 def _broken(title: str) -> str:
     """A title over two lines, for a narrow column."""
-    first, _, rest = title.partition(" ")
-    return f"{first}\n{rest}"
+    lines = wrap(title, COLUMN_LETTERS)
+    return "\n".join([*lines, ""][:2])

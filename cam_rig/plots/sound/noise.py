@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cam_rig.arrays import FloatArray
-from cam_rig.plots.figures import CAM_SPEED, LEVEL, empty, marker, series, styled, write
+from cam_rig.plots.figures import CAM_SPEED, LEVEL, empty, marker, series, short, styled, write
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.noise_comparison import NoiseResult
 
@@ -31,7 +31,7 @@ def figure(result: NoiseResult, loaded: LoadedScene) -> Figure:
     for curve in result.curves.values():
         style = marker(curve.cam)
         ink = style["color"]
-        title = loaded.cams[curve.cam].title
+        title = short(loaded.cams[curve.cam].title)
         if curve.rmse_db is not None:
             title += f", {curve.role}, r.m.s. difference {curve.rmse_db:.2f} dB"
         axes.plot(curve.rpm, curve.level_db, **style, ls="", ms=5, label=title)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from cam_rig.plots.figures import CAM_SPEED, LEVEL, empty, marker, styled, write
+from cam_rig.plots.figures import CAM_SPEED, LEVEL, empty, marker, short, styled, write
 from cam_rig.plots.sound.noise import MIN_SPEEDS
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.studies.noise.calibration_methods import Method
@@ -46,7 +46,7 @@ def _panel(panel: Axes, method: Method, study: NoiseStudy, loaded: LoadedScene) 
     for curve in method.curves.values():
         style = marker(curve.cam)
         colour = style["color"]
-        title = loaded.cams[curve.cam].title
+        title = short(loaded.cams[curve.cam].title)
         label = f"{title}: {curve.role}, r.m.s. difference {curve.rms_db:.2f} dB"
         band = curve.expected
         panel.fill_between(rpm, band.low, band.high, color=colour, alpha=0.16, lw=0)
