@@ -42,6 +42,18 @@ def typeset(value: float, shown: str = ".4g") -> str:
     return mantissa.replace("-", "−")
 
 
+def four_digits(value: float) -> str:
+    """A number of four significant digits, written out.
+
+    Examples
+    --------
+    >>> four_digits(28706.4), four_digits(117.04), four_digits(-0.25)
+    ('28710', '117', '−0.25')
+    """
+    shown = f"{value:.4g}"
+    return (f"{float(shown):.0f}" if "e+" in shown else shown).replace("-", "−")
+
+
 def log_tick(value: float) -> str:
     """What a tick of a logarithmic axis is called.
 

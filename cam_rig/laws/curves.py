@@ -95,9 +95,9 @@ def rise_values(name: str, u: FloatArray) -> FloatArray:
 
 
 def common_unit(cams: Iterable[CamConfig]) -> tuple[str, float]:
-    """The unit of lift that all cams have, and what it is in m; mm if they have several."""
+    """The unit of lift that all cams have, and what it is in m; mm if they have several, or m."""
     units = {(cam.lift.unit, cam.lift.factor) for cam in cams}
-    return units.pop() if len(units) == 1 else COMMON_UNIT
+    return units.pop() if len(units) == 1 and ("m", 1.0) not in units else COMMON_UNIT
 
 
 def _inside(law: Law) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:

@@ -210,7 +210,8 @@ def _scene(
 
 def _noise(loaded: LoadedScene) -> rrb.Spatial2DView:
     bounds = level_chart.level_axes(loaded).bounds(right=level_chart.beside(loaded))
-    return _chart(level_chart.VIEW, "Level over speed: published dashed", *bounds)
+    dashed = ": published dashed" if loaded.published is not None else ""
+    return _chart(level_chart.VIEW, f"Level over speed{dashed}", *bounds)
 
 
 def _bands(loaded: LoadedScene, view: str) -> rrb.Spatial2DView:

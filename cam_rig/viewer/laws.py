@@ -37,7 +37,7 @@ def save_laws(curves: Sequence[LawCurves], along: str, units: Sequence[str], pat
     """
     require_free(path, overwrite=True)
     charts = [_axes(curves, order) for order in ORDERS]
-    views = [_view(order, axes) for order, axes in enumerate(charts)]
+    views = [_view(order, axes, units[order]) for order, axes in enumerate(charts)]
     panels = (
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
@@ -67,10 +67,11 @@ def _axes(curves: Sequence[LawCurves], order: int) -> Axes:
     return Axes(x, (low - room, high + room), height=HEIGHT)
 
 
-def _view(order: int, axes: Axes) -> rrb.Spatial2DView:
+def _view(order: int, axes: Axes, unit: str) -> rrb.Spatial2DView:
     x, y = axes.bounds()
     bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
-    return rrb.Spatial2DView(origin=entity(order), name=CHARTS[order], visual_bounds=bounds)
+    name = f"{CHARTS[order].capitalize()} [{unit}]"
+    return rrb.Spatial2DView(origin=entity(order), name=name, visual_bounds=bounds)
 
 
 def _draw(

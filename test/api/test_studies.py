@@ -80,8 +80,8 @@ def test_a_conjugate_cam_has_two_contours(figures):
     shape = cam_rig.contour(cam_rig.load_cam("conjugate"), points=360)
     assert len(shape.discs) == 2
     assert shape.to_pandas()["disc"].nunique() == 2
-    plan = shape.plot(positions=12).axes[0]
-    assert plan.get_title().startswith("follower every 30°")
+    (legend,) = shape.plot(positions=12).legends
+    assert "follower every 30°" in [text.get_text() for text in legend.get_texts()]
     with pytest.raises(ConfigError, match="positions: is 2; allowed: 3 to 720"):
         shape.plot(positions=2)
 

@@ -6,6 +6,7 @@ import numpy as np
 import rerun as rr
 
 from cam_rig.arrays import FloatArray
+from cam_rig.drawing.words import four_digits
 from cam_rig.units import TURN
 
 
@@ -49,7 +50,7 @@ def readings(
 def _words(rpm: float, theta: float, lift: float, force: float, gap: float, lean: float) -> str:
     off = gap != 0.0
     left = f"{theta:.1f}°", f"{lift:.3f} mm", f"{force:.1f} N"
-    state = f"gap {gap:.4g} µm" if off else "in contact"
+    state = f"gap {four_digits(gap)} µm" if off else "in contact"
     angle = "not touched" if off else f"pressure angle {lean:.1f}°"
     right = f"{rpm:.4g} rpm", state, angle
     names = "θ", "lift", "force"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from cam_rig.drawing.words import four_digits
 from cam_rig.schema.quantity import ORIGINS, Quantity
 from cam_rig.simulation.calibrated import RELATIVE_NOTE
 from cam_rig.simulation.loaded_scene import LoadedScene
@@ -28,7 +29,8 @@ class ResultTable:
         force, law = turn.force, self._loaded.laws[turn.cam]
         count = int(lift_offs(force, bool(force[-1] == 0.0)).sum())
         gap = 1e6 * float(gap_of(law, turn.angle, turn).max()) if count else 0.0
-        words = f"| {force.max():.4g} | {force.min():.4g} | {count} | {gap:.4g} |"
+        most, least = four_digits(float(force.max())), four_digits(float(force.min()))
+        words = f"| {most} | {least} | {count} | {four_digits(gap)} |"
         self._motion[turn.cam, turn.speed] = words
 
     def level(self, cam: str, speed: float, level: float) -> None:
