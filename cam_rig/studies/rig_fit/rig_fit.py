@@ -76,11 +76,14 @@ def fit_rig(
 
 
 def _is_of_another_cam(aligned: FitSolution) -> bool:
-    """Whether the lift at the slowest speed is far from the law's, whatever the follower."""
+    """Whether the lift at the slowest speed is far from the law's though the follower presses.
+
+    A follower that has left the cam may be as far from it, so a force has to say that it has not.
+    """
     like, x = aligned.likelihood, aligned.x
     slowest = min(range(len(like.holds)), key=lambda i: like.holds[i].speed)
-    predicted = like.predicted(x, slowest)
-    if predicted is None or not predicted.lift_left.size:
+    hold, predicted = like.holds[slowest], like.predicted(x, slowest)
+    if predicted is None or not (hold.lift.value.size and hold.force.value.size and hold.presses):
         return False
     return rms(predicted.lift_left) > FAR_OFF * like.law.lift
 
