@@ -27,7 +27,9 @@ PARQUET = ["pyarrow"]
 CAD = ["ezdxf", "shapely>=2"]
 # Compiles the search for lift-offs and landings; without it the same code runs in plain Python.
 FAST = ["numba>=0.61"]
-ALL = [*CLI, *PLOTS, *BAGS, *VIEW, *PARQUET, *CAD, *FAST]
+# Solves the convex programs of `cam-rig design`.
+DESIGN = ["clarabel>=0.11"]
+ALL = [*CLI, *PLOTS, *BAGS, *VIEW, *PARQUET, *CAD, *FAST, *DESIGN]
 # Only for a plain Python; where ROS 2 is installed, these come from it.
 ROS_WHEELS = [
     "ros-kilted-rclpy[fastrtps]",
@@ -117,6 +119,7 @@ setup(
         "parquet": PARQUET,
         "cad": CAD,
         "fast": FAST,
+        "design": DESIGN,
         "all": ALL,
         "ros-wheels": ROS_WHEELS,
         "bench": BENCH,

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cam_rig.api.contour import contour
+    from cam_rig.api.design import design
     from cam_rig.api.files import load_cam, load_rig, load_scene
     from cam_rig.api.jump import jump_speed
     from cam_rig.api.motion import simulate
@@ -35,6 +36,7 @@ _HOMES = {
     "build_law": "cam_rig.laws",
     "compare_run": "cam_rig.api.real_run",
     "contour": "cam_rig.api.contour",
+    "design": "cam_rig.api.design",
     "jump_speed": "cam_rig.api.jump",
     "load_cam": "cam_rig.api.files",
     "load_rig": "cam_rig.api.files",
@@ -52,6 +54,7 @@ __all__ = [
     "build_law",
     "compare_run",
     "contour",
+    "design",
     "jump_speed",
     "load_cam",
     "load_rig",

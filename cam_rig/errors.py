@@ -40,6 +40,10 @@ class DynamicsError(CamRigError):
     """A model was asked for something it cannot give."""
 
 
+class DesignError(CamRigError):
+    """A design has no result: its limits leave no law, or its solver found none."""
+
+
 class BagError(CamRigError):
     """A recording is missing, incomplete, or not one of ours."""
 

@@ -10,6 +10,7 @@ from cam_rig.errors import MissingLibraryError
 
 #: Extra of setup.py by what is imported; the rest is the core, which is always there.
 EXTRAS = {
+    "clarabel": "design",
     "ezdxf": "cad",
     "jinja2": "cli",
     "lz4": "bags",

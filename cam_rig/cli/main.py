@@ -27,6 +27,7 @@ from cam_rig.cli.studies.as_cut import as_cut
 from cam_rig.cli.studies.bench import bench
 from cam_rig.cli.studies.calibrate import calibrate
 from cam_rig.cli.studies.contact import contact
+from cam_rig.cli.studies.design import design
 from cam_rig.cli.studies.factorial import factorial
 from cam_rig.cli.studies.identify import identify
 from cam_rig.cli.studies.jump import jump
@@ -76,6 +77,7 @@ for verb in (
     profile,
     as_cut,
     timing,
+    design,
     contact,
     jump,
     readings,

@@ -44,10 +44,6 @@ def bezier_pieces(spline: BSpline[np.float64]) -> Pieces:
         missing = n - int(np.count_nonzero(spline.t == knot))
         if missing > 0:
             spline = insert(knot, spline, missing)
-    start = int(np.searchsorted(spline.t, breaks[0], side="right")) - n - 1
-    count = breaks.size - 1
-    columns = [
-        np.array(spline.c[start + n * i : start + n * i + n + 1], dtype=np.float64)
-        for i in range(count)
-    ]
+    last = np.searchsorted(spline.t, breaks[:-1], side="right") - 1
+    columns = [np.array(spline.c[j - n : j + 1], dtype=np.float64) for j in last.tolist()]
     return breaks.tolist(), columns

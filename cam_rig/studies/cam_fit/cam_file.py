@@ -85,7 +85,7 @@ def spline_cam(
             ),
             "segments": [table],
         }
-        cam = _cam({**data, "segments": [{**table, "file": points}]})
+        cam = valid_cam({**data, "segments": [{**table, "file": points}]})
         law = build_law(cam)
         passes = all(check.passed for check in check_cam(cam, law))
         if passes:
@@ -155,7 +155,7 @@ def arcs_cam(
         "follower": follower,
         "segments": [segment],
     }
-    cam = _cam(data)
+    cam = valid_cam(data)
     nose = math.degrees(arcs.nose_angle) % 360.0
     at_nose = f"Cam angle 180 deg, the nose, is {nose:.2f} deg of the readings."
     header = _comments(f"{source}.", at_nose, *notes)
@@ -196,7 +196,13 @@ def _flow(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-def _cam(data: dict[str, Any]) -> CamConfig:
+def valid_cam(data: dict[str, Any]) -> CamConfig:
+    """The cam that a file of this content has.
+
+    Raises
+    ------
+    ConfigError : something in it is wrong
+    """
     from pydantic import ValidationError
 
     from cam_rig.schema.explain import explain

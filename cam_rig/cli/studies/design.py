@@ -1,0 +1,185 @@
+"""cam-rig design: the best law of a class between a cam's dwells, and the bound that proves it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cam_rig.cli.common.console import console, say, show, user_errors
+from cam_rig.cli.common.names import cam_path, rig_path
+from cam_rig.cli.common.options import Csv, Json, Plot
+from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot, writing
+
+if TYPE_CHECKING:
+    from cam_rig.schema.design import DesignConfig
+    from cam_rig.studies.design.cam_file import DesignedCam
+    from cam_rig.studies.design.design import Design
+
+#: What stays as the start has it.
+KEPT = ("events", "dwells", "lift")
+
+
+def design(
+    start: Annotated[
+        str, typer.Argument(help="Cam file, or a name in config/cams; or a design file.")
+    ],
+    minimise: Annotated[
+        str | None, typer.Option(metavar="QUANTITY", help="Goal, such as peak_acceleration.")
+    ] = None,
+    maximise: Annotated[
+        str | None, typer.Option(metavar="QUANTITY", help="Goal, such as jump_speed.")
+    ] = None,
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(help="Limit, such as 'peak_acceleration<=start'; as often as needed."),
+    ] = None,
+    keep: Annotated[
+        str, typer.Option(help="What the start's stays; moving events is not convex.")
+    ] = ",".join(KEPT),
+    pieces: Annotated[int, typer.Option(help="Pieces of each event, 1 to 200.")] = 16,
+    joints: Annotated[str, typer.Option(help="Continuity at joints, C1 to C6.")] = "C3",
+    degree: Annotated[
+        int | None, typer.Option(help="Degree, to 15; by default that of the joints and 2.")
+    ] = None,
+    rig: Annotated[str, typer.Option(help="Rig file, or a name in config/rigs.")] = "paper_table2",
+    out: Annotated[
+        Path | None, typer.Option(metavar="CAM.yaml", help="Write the cam's file.")
+    ] = None,
+    plot: Plot = None,
+    csv: Csv = None,
+    json_target: Json = None,
+) -> None:
+    """Design the law that is best by a goal, and bound what any law of its class could reach.
+
+    The law is a B-spline in each event of the start; dwells, events and lift stay. Goals:
+    jump_speed, jump_speed_steady, jump_speed_rigid, least_contact_force@450rpm (maximise);
+    residual_vibration@200-400rpm, sound_level@200-400rpm, peak_velocity, peak_acceleration,
+    peak_jerk, rms_acceleration, peak_contact_force@450rpm (minimise). Limits: any of these, and
+    pressure_angle, radius_of_curvature, lift@90deg, velocity@90deg, acceleration@80-100deg, with a
+    unit or as the start's. Ctrl-C keeps the best law so far.
+
+    Examples
+    --------
+    cam-rig design poly345 --maximise jump_speed --limit 'peak_acceleration<=start' --out fast.yaml
+
+    cam-rig design poly345 --minimise residual_vibration@200-400rpm --pieces 28 --plot out/calm.png
+    """
+    with user_errors():
+        from cam_rig.schema.design import ClassConfig, DesignConfig, is_design, load_design
+
+        _check(out, keep)
+        check_outputs(json_target, plot, csv)
+        path = cam_path(start)
+        if is_design(path):
+            _require_none(path, minimise, maximise, limit)
+            config = load_design(path)
+        else:
+            config = DesignConfig.model_construct(
+                start=start,
+                rig=rig,
+                minimise=minimise,
+                maximise=maximise,
+                limits=limit or [],
+                class_=ClassConfig(pieces=pieces, joints=joints, degree=degree),
+            )
+        _solve(config, out).write(out, plot, csv, json_target)
+
+
+def _require_none(
+    path: Path, minimise: str | None, maximise: str | None, limit: list[str] | None
+) -> None:
+    """Refuse a goal beside a design file's own."""
+    from cam_rig.errors import ConfigError
+
+    if minimise or maximise or limit:
+        raise ConfigError(
+            f"{path}: has a goal and limits of its own; allowed beside it: no --minimise, "
+            "--maximise, --limit"
+        )
+
+
+def _check(out: Path | None, keep: str) -> None:
+    """Refuse what could not be written, or freed."""
+    from cam_rig.cli.cams.fitting import require_new
+    from cam_rig.errors import ConfigError
+
+    if {word.strip() for word in keep.split(",")} != set(KEPT):
+        raise ConfigError(
+            f"--keep: is {keep!r}; allowed: {','.join(KEPT)}; where an event moves the best law is "
+            "no longer found by a convex program: give the start other spans"
+        )
+    if out is not None:
+        if out.suffix != ".yaml":
+            raise ConfigError(f"--out: is {out}; allowed: a name that ends in .yaml")
+        require_new(out)
+
+
+@dataclass
+class Found:
+    """What a search came to: a design, or on Ctrl-C the best law so far."""
+
+    best: DesignedCam | None = None
+    design: Design | None = None
+
+    def write(
+        self, out: Path | None, plot: Path | None, csv: Path | None, json: str | None
+    ) -> None:
+        """Show and write it; end with 130 where it was interrupted.
+
+        Raises
+        ------
+        OutputError : a place cannot be written
+        """
+        text = self.best.text if self.design is None and self.best else ""
+        if self.design is not None:
+            from cam_rig.studies.design.tables import design_table, to_json
+
+            text, table = self.design.text, design_table(self.design)
+            show(table)
+            write_csv([table], csv)
+            write_json(to_json(self.design), json)
+        if out is not None:
+            with writing(out) as part:
+                part.write_text(text, encoding="utf-8")
+            say(f"cam: {out}")
+        if self.design is None:
+            say("interrupted: the best law so far, without a bound")
+            raise typer.Exit(130)
+        if plot is not None:
+            from cam_rig.plots.design import draw
+
+            design = self.design
+            write_plot(plot, lambda part: draw(design, part))
+
+
+def _solve(config: DesignConfig, out: Path | None) -> Found:
+    """Solve it, behind a line with the best so far.
+
+    Raises
+    ------
+    CamRigError : what is asked for cannot be
+    """
+    from cam_rig.schema import load_cam, load_rig
+    from cam_rig.studies.design.design import DesignRequest
+    from cam_rig.studies.design.design import design as solve
+
+    request = DesignRequest.of_config(config)
+    cam, rig = load_cam(cam_path(config.start)), load_rig(rig_path(config.rig))
+    name = out.stem if out is not None else config.name
+    unit, factor = request.goal.quantity.unit, request.goal.quantity.shown
+    found = Found()
+    with console.status(request.words) as status:
+
+        def told(better: DesignedCam, value: float) -> None:
+            found.best = better
+            status.update(f"{request.words}: {value / factor:.5g} {unit} so far")
+
+        try:
+            found.design = solve(cam, rig, request, name, told)
+        except KeyboardInterrupt:
+            if found.best is None:
+                raise
+    return found

@@ -1,0 +1,88 @@
+"""A designed law beside its start: derivatives, contact force at both jump speeds, contour."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cam_rig.arrays import FloatArray
+from cam_rig.drawing.outlines import MM
+from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics.contact_force import force_weights
+from cam_rig.laws import Law
+from cam_rig.laws.curves import cam_curves
+from cam_rig.plots.figures import CAM_ANGLE, empty, series, short, styled, turn_axis, write
+from cam_rig.plots.law import NAMES, PER
+from cam_rig.profile.contour import contours
+from cam_rig.studies.design.design import Design
+from cam_rig.studies.jump.rigid import rigid_jump_speed
+from cam_rig.units import TURN, to_rpm
+
+#: Of the figure in inches, and points of a turn.
+HEIGHT, POINTS = 8.6, 1441
+START: dict[str, Any] = {"color": "0.45", "ls": "--", "lw": 1.2}
+DESIGNED: dict[str, Any] = {"color": series(0)["color"], "lw": 1.4}
+
+
+def draw(design: Design, path: Path) -> None:
+    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
+    write(figure(design), path)
+
+
+@styled
+def figure(design: Design) -> Figure:
+    """Both laws: four derivatives and the force over the turn, and the contours below."""
+    out = empty(HEIGHT)
+    names = [[f"order {k}"] * 2 for k in range(4)] + [["force", "contour"]] * 2
+    panels = out.subplot_mosaic(names, height_ratios=[1.0, 1.0, 1.0, 1.0, 0.9, 0.9])  # type: ignore[arg-type]
+    both = ((design.start, "start", START), (design.law, "designed", DESIGNED))
+    for law, label, style in both:
+        curves = cam_curves(label, law)
+        for order in range(4):
+            axes = panels[f"order {order}"]
+            axes.plot(curves.x, curves.motion[order] * MM, label=label, **style)
+            axes.set_ylabel(f"{NAMES[order]}\n[mm{PER[order]}]")
+            turn_axis(axes, 30)
+            axes.tick_params(labelbottom=order == 3)
+    _force(panels["force"], design, both)
+    _contour(panels["contour"], design, both)
+    panels["order 0"].legend(loc="upper left", frameon=False)
+    panels["order 0"].set_title(f"{short(design.cam.title)}: {design.request.words}", wrap=True)
+    panels["order 3"].set_xlabel(CAM_ANGLE)
+    return out
+
+
+def _force(axes: Axes, design: Design, both: tuple[tuple[Law, str, Any], ...]) -> None:
+    """The contact force of a rigid follower where the designed law is about to lose contact."""
+    follower = FollowerParameters.from_rig(design.rig)
+    speed = rigid_jump_speed(design.law, follower)
+    if not np.isfinite(speed):
+        speed = rigid_jump_speed(design.start, follower)
+    angle = np.linspace(0.0, TURN, POINTS)
+    for law, _, style in both:
+        force = force_weights(follower, speed) @ law.motion_at(angle) + follower.preload
+        axes.plot(np.degrees(angle), force, **style)
+    axes.axhline(0.0, color="0.3", lw=0.8)
+    axes.set_ylabel("contact force [N]")
+    axes.set_xlabel(CAM_ANGLE)
+    axes.set_title(f"rigid, {to_rpm(speed):.4g} rpm")
+    turn_axis(axes, 90)
+
+
+def _contour(axes: Axes, design: Design, both: tuple[tuple[Law, str, Any], ...]) -> None:
+    """The contours of both."""
+    for law, _, style in both:
+        for contour in contours(design.cam.follower, law, POINTS - 1):
+            x, y = _closed(contour.points) * MM
+            axes.plot(x, y, **style)
+    axes.plot(0.0, 0.0, "+", color="0.3")
+    axes.set_aspect("equal")
+    axes.set_title("contour [mm]")
+
+
+def _closed(points: FloatArray) -> FloatArray:
+    return np.concatenate([points, points[:, :1]], axis=1)

@@ -1,0 +1,1 @@
+"""The best law of a class: convex programs in its ordinates, and the bounds that prove it."""

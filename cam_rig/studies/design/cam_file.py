@@ -1,0 +1,105 @@
+"""A designed law as a cam file: B-splines between the dwells of its start."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cam_rig.arrays import FloatArray
+from cam_rig.schema import CamConfig
+from cam_rig.studies.cam_fit.cam_file import quantity, to_yaml, valid_cam
+from cam_rig.studies.design.constraints import Asked
+from cam_rig.studies.design.problem import Problem
+from cam_rig.studies.design.terms import Term
+
+
+@dataclass(frozen=True)
+class DesignedCam:
+    """A cam and the text of its file."""
+
+    cam: CamConfig
+    text: str
+
+
+def designed_cam(
+    problem: Problem,
+    unknowns: FloatArray,
+    name: str,
+    verb: str,
+    goal: Term,
+    limits: list[Asked],
+) -> DesignedCam:
+    """The cam of some unknowns, with the follower of the start's.
+
+    Raises
+    ------
+    ConfigError : the name is not one
+    """
+    source = f"designed to {verb} {goal.key} on rig {problem.rig.name}"
+    data: dict[str, Any] = {
+        "name": name,
+        "title": f"{problem.cam.title}, designed",
+        "lift": _lift(problem),
+        **_follower(problem),
+        "segments": _segments(problem, unknowns, source),
+    }
+    header = [
+        f"# The law of its class that is best by this goal: {verb} {goal.key}.",
+        f"# Start: {problem.cam.name}; rig: {problem.rig.name}; {problem.space.law_class.words}.",
+        *(f"# Limit: {limit.name}." for limit in limits),
+        "# Made by cam-rig design; dwells and events are the start's.",
+    ]
+    return DesignedCam(valid_cam(data), "\n".join(header) + "\n" + to_yaml(data))
+
+
+def _lift(problem: Problem) -> dict[str, Any]:
+    millimetres = problem.start.lift * 1e3
+    return quantity("given", millimetres, "mm", f"that of {problem.cam.name}")
+
+
+def _follower(problem: Problem) -> dict[str, Any]:
+    data = problem.cam.model_dump(exclude_none=True)
+    kept = {"follower": _plain(data["follower"])}
+    return kept | ({"contact": _plain(data["contact"])} if "contact" in data else {})
+
+
+def _plain(data: dict[str, Any]) -> dict[str, Any]:
+    """Without empty words."""
+    return {
+        key: {k: v for k, v in value.items() if v != ""} if isinstance(value, dict) else value
+        for key, value in data.items()
+    }
+
+
+def _segments(problem: Problem, unknowns: FloatArray, source: str) -> list[dict[str, Any]]:
+    space, found, at = problem.space, [], 0.0
+    for index, event in enumerate(space.events):
+        found += _dwell(at, event.start, problem.cam.name)
+        at = event.start + event.span
+        ordinates = space.coefficients(index)(unknowns) / problem.start.lift
+        own = space.law_class
+        knots = np.rint(own.knots[1:-1] * own.pieces).astype(int).tolist()
+        found.append(
+            {
+                "law": "b_spline",
+                "span": _span(event.span, f"that of {problem.cam.name}"),
+                "degree": own.power,
+                "knots": quantity("assumed", knots, "1", f"{own.pieces} equal pieces"),
+                "ordinates": quantity("identified", ordinates.tolist(), "1", source),
+            }
+        )
+    found += _dwell(at, 2.0 * math.pi, problem.cam.name)
+    return found
+
+
+def _dwell(start: float, end: float, cam: str) -> list[dict[str, Any]]:
+    if end - start <= 0.0:
+        return []
+    return [{"law": "dwell", "span": _span(end - start, f"that of {cam}")}]
+
+
+def _span(span: float, source: str) -> dict[str, Any]:
+    return quantity("given", round(math.degrees(span), 10), "deg", source)

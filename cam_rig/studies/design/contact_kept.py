@@ -1,0 +1,186 @@
+"""The contact force of two masses at every speed up to one, in every turn, as rows of a program.
+
+Resonances are narrower than any grid of speeds one could afford as rows: a program is given what
+is lowest, the law is looked at over the grid, and what it falls below becomes rows, until nothing
+does. What the grid misses, the exact jump search finds: its speed joins the grid.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from cam_rig.arrays import FloatArray
+from cam_rig.studies.design.affine import Affine
+from cam_rig.studies.design.amplitude import ForceAtSpeed
+from cam_rig.studies.design.mode import Cells, Dense
+from cam_rig.studies.design.problem import Problem
+from cam_rig.studies.design.program import Block, Solution
+from cam_rig.units import TURN
+
+#: The grid goes down to this part of the speed, in steps that turn the phase by this much (rad)
+#: over the time in which vibration decays; and has no more speeds than that.
+DOWN_TO, PHASE_STEP, MAX_SPEEDS = 0.45, 0.5, 400
+#: Every so many-th speed of the grid is taken in any case, the fastest among them.
+EVERY = 6
+#: Rows of a turn at one speed that a law makes, at most: where it is lowest.
+LOWEST = 4
+#: Rows that a solution is farther above than this part of the scale are left.
+NEAR = 0.15
+#: A law is below what the program allowed by more than this part of the scale.
+BELOW = 6e-3
+#: Rows of speeds above this part of the fastest are never left: the fastest may fall.
+KEEP_ABOVE = 0.95
+#: Rows are left where the level has fallen by this much since they last were.
+FALLEN = 1e-3
+#: Least force, in parts of its scale, that is kept where no goal asks for more: what lies between
+#: the places that are looked at is lower by no more.
+MARGIN = 0.01
+#: Turns of a run from rest that are looked at, as far as it goes, beside the settled one.
+TURNS = (1.0, 2.0, 3.0, 5.0, 8.0, 13.0, 21.0, 34.0)
+
+
+class Below(NamedTuple):
+    """The force (in parts of its scale) less what is wanted, in one turn at a speed."""
+
+    speed: float
+    turn: float
+    values: FloatArray
+
+
+@dataclass(eq=False)
+class ContactKept:
+    """Rows F ≥ t (in parts of the problem's scale of force) at speeds up to one.
+
+    ``duration`` is that of the run from rest, s; None is the steady state.
+    """
+
+    problem: Problem
+    duration: float | None
+    fastest: float
+    name: str = "contact kept"
+    value: float | None = None
+    more: list[float] = field(default_factory=list)
+    _rows: list[tuple[float, Dense, FloatArray]] = field(default_factory=list)
+    _lowest: float = np.inf
+
+    def __post_init__(self) -> None:
+        self.cells = Cells(self.problem.space, self.problem.mode, DOWN_TO * self.fastest)
+        self._known: dict[float, ForceAtSpeed] = {}
+        rate = self.problem.mode.rate
+        decay = 1.0 / max(-rate.real, 1e-300)
+        decay = decay if self.duration is None else min(decay, self.duration)
+        fine = PHASE_STEP / (abs(rate) * decay)
+        self.step = max(min(0.02, fine), math.log(1.0 / DOWN_TO) / MAX_SPEEDS)
+        self.anchor = self.fastest
+
+    def speeds(self) -> list[float]:
+        """The grid up to the fastest, that itself, and what the exact search has found."""
+        ratio = 1.0 + self.step
+        top = math.floor(self.place + 1e-9)
+        count = math.ceil(math.log(1.0 / DOWN_TO) / math.log(ratio))
+        grid = [self.anchor * ratio**k for k in range(top, top - count, -1)]
+        extra = [speed for speed in self.more if speed < self.fastest]
+        return sorted({self.fastest, *grid, *extra})
+
+    @property
+    def place(self) -> float:
+        """Where the fastest stands in the grid."""
+        return math.log(self.fastest / self.anchor) / math.log(1.0 + self.step)
+
+    def move(self, factor: float) -> None:
+        """Change the fastest by a factor, to a speed of the grid where that is a step or more."""
+        self.fastest *= factor
+        if abs(factor - 1.0) > 0.7 * self.step:
+            self.fastest = self.anchor * (1.0 + self.step) ** round(self.place)
+        self._lowest = np.inf  # a level may be higher than the lowest so far
+
+    def turns(self, speed: float) -> list[float]:
+        """Which turns are looked at, at a speed."""
+        if self.duration is None:
+            return [math.inf]
+        last = math.ceil(speed * self.duration / TURN)
+        return sorted({*(turn for turn in TURNS if turn < last), float(last)})
+
+    def refine(self, speed: float) -> None:
+        """Add speeds about one at which contact is lost between those of the grid."""
+        self.more += [speed * (1.0 + self.step * k) for k in (-0.25, 1e-4, 0.25)]
+
+    def _at(self, speed: float) -> ForceAtSpeed:
+        if speed not in self._known:
+            self._known[speed] = ForceAtSpeed(self.cells, speed)
+        return self._known[speed]
+
+    def look(self, unknowns: FloatArray, level: float) -> int:
+        """Make rows of where the force is below a level; how many there are.
+
+        In dwells, where only vibration lowers it, below the margin. Of neighbouring speeds the
+        worst is taken, and of its turns the worst.
+        """
+        found = [self._below(speed, unknowns, level) for speed in self.speeds()]
+        worst = np.pad([below.values.min() for below in found], 1, constant_values=np.inf)
+        dip = (worst[1:-1] <= worst[:-2]) & (worst[1:-1] <= worst[2:])
+        dip[::-EVERY] = True
+        made = 0
+        for here in [below for below, taken in zip(found, dip, strict=True) if taken]:
+            chosen = lowest(here.values)
+            if chosen.size:
+                force = self._at(here.speed)
+                goal = force.first.moving[chosen] & (self.value is None)
+                rows = force.rows(chosen, here.turn)
+                self._rows.append((here.speed, rows, np.where(goal, -1.0, 0.0)))
+                made += chosen.size
+        return made
+
+    def _below(self, speed: float, unknowns: FloatArray, level: float) -> Below:
+        """The force less what is wanted, in parts of the scale, in the worst turn at a speed."""
+        here, turns = self._at(speed), np.array(self.turns(speed))
+        wanted = np.where(here.first.moving, level, MARGIN)
+        above = here.values(unknowns, turns) / self.problem.force_scale - wanted
+        worst = int(np.argmin(above.min(axis=1)))
+        return Below(speed, float(turns[worst]), above[worst])
+
+    def cut(self, solution: Solution) -> bool:
+        """Leave the rows far above, add those below; whether there are any."""
+        level = solution.level if self.value is None else self.value
+        if level < self._lowest - FALLEN:  # else rows would come and go for ever
+            self._lowest = level
+            self._thin(solution)
+        return self.look(solution.unknowns, level) > 0
+
+    @property
+    def blocks(self) -> list[Block]:
+        """The rows so far, of speeds up to the fastest."""
+        chosen = [row for row in self._rows if row[0] <= self.fastest]
+        if not chosen:
+            return []
+        joined = Dense.joined([rows for _, rows, _ in chosen])
+        weight = np.concatenate([weight for _, _, weight in chosen])
+        scale = self.problem.force_scale
+        constant = joined.constant / scale - np.where(weight < 0.0, 0.0, MARGIN)
+        affine = Affine(constant, sparse.csr_array(joined.matrix / scale))
+        return [Block(self.name, affine, weight, "nonneg")]
+
+    def _thin(self, solution: Solution) -> None:
+        """Leave the rows that the solution is far above."""
+        kept = []
+        for speed, (constant, matrix), weight in self._rows:
+            force = (constant + matrix @ solution.unknowns) / self.problem.force_scale
+            near = force < np.where(weight < 0.0, solution.level, MARGIN) + NEAR
+            near |= speed > KEEP_ABOVE * self.fastest
+            if near.any():
+                kept.append((speed, Dense(constant[near], matrix[near]), weight[near]))
+        self._rows = kept
+
+
+def lowest(above: FloatArray) -> NDArray[np.intp]:
+    """Indices of the few lowest local minima below what was wanted."""
+    padded = np.pad(above, 1, constant_values=np.inf)
+    minimum = (above <= padded[:-2]) & (above <= padded[2:]) & (above < -0.5 * BELOW)
+    found = np.flatnonzero(minimum)
+    return np.asarray(found[np.argsort(above[found])[:LOWEST]])

@@ -1,0 +1,159 @@
+"""What a law comes to by each quantity a design may ask for, exactly, whatever law it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+
+from cam_rig.acoustics import RadiationParameters
+from cam_rig.acoustics.level import level_db, pressure_pa
+from cam_rig.acoustics.steady import mean_square_rate
+from cam_rig.arrays import FloatArray
+from cam_rig.dynamics.contact_force import force_ordinates
+from cam_rig.laws import Law, bernstein
+from cam_rig.laws.peaks import extremes, peak
+from cam_rig.profile.checks.curvature import sharpest_convex
+from cam_rig.profile.disc import discs
+from cam_rig.profile.extremes import Scan
+from cam_rig.studies.design.constraints import PEAKS, SPEEDS
+from cam_rig.studies.design.problem import Problem
+from cam_rig.studies.design.residual import speeds_of
+from cam_rig.studies.design.terms import ORDERS, Sense, Term
+from cam_rig.studies.jump.any_rig import find_jump
+from cam_rig.studies.jump.contact_lost_speed import FROM_REST
+from cam_rig.studies.jump.rigid import rigid_jump_speed
+from cam_rig.units import TURN
+
+#: Gauss points of a cell of a piece, and the phase (rad) of the vibration in it at most.
+GAUSS, CELL_PHASE = 12, 2.0
+
+
+def measured(problem: Problem, law: Law, term: Term, sense: Sense) -> float:
+    """A quantity of a law, SI; the level in dB.
+
+    Over a range of angles or speeds the one that a limit of that sense is about.
+
+    Raises
+    ------
+    DynamicsError : contact is lost at every speed or at none
+    """
+    if term.name in PEAKS:
+        return abs(peak(law, PEAKS[term.name]).value)
+    if term.name in ORDERS:
+        return _at_angles(law, term, sense)
+    return MEASURES[term.name](problem, law, term)
+
+
+def _at_angles(law: Law, term: Term, sense: Sense) -> float:
+    inside = law.breaks[(law.breaks > term.low) & (law.breaks < term.high)]
+    edges = np.array([term.low, *inside, term.high])
+    points = np.concatenate([edges, np.linspace(term.low, term.high, 4097)])
+    values = law(points, ORDERS[term.name])
+    return float(values.max() if sense == "<=" else values.min())
+
+
+def _rms_acceleration(_: Problem, law: Law, __: Term) -> float:
+    points, weights = np.polynomial.legendre.leggauss(law.degree + 1)
+    table = bernstein.basis(law.degree, 0.5 * (points + 1.0))
+    squares = (table @ law.derivative_ordinates(2)) ** 2
+    return math.sqrt(float((0.5 * weights @ squares) @ law.spans) / TURN)
+
+
+def _residual(problem: Problem, law: Law, term: Term) -> float:
+    speeds = speeds_of(problem, term.low, term.high)
+    return max(
+        float(left_by(problem, law, event.start, event.start + event.span, speeds).max())
+        for event in problem.space.events
+    )
+
+
+def left_by(problem: Problem, law: Law, start: float, end: float, speeds: FloatArray) -> FloatArray:
+    """Amplitude (m) that a law leaves between two angles (rad) from rest, at speeds (rad/s)."""
+    mode = problem.mode
+    edges = law.breaks[(law.breaks > start) & (law.breaks < end)]
+    edges = np.array([start, *edges, end])
+    most = CELL_PHASE * float(speeds.min()) / mode.rate.imag
+    cut = [np.linspace(a, b, 2 + int((b - a) / most))[:-1] for a, b in pairwise(edges)]
+    edges = np.append(np.concatenate(cut), end)
+    points, weights = np.polynomial.legendre.leggauss(GAUSS)
+    width = np.diff(edges)[:, None]
+    angles = (edges[:-1, None] + 0.5 * width * (points + 1.0)).ravel()
+    share = (0.5 * width * weights).ravel()
+    _, slope, bend = law.motion_at(angles) * share
+    found = np.empty(speeds.size)
+    for i, speed in enumerate(speeds.tolist()):
+        fading = np.exp(mode.rate / speed * (end - angles))
+        total = (mode.drive[0] * slope + mode.drive[1] * speed * bend) @ fading
+        found[i] = abs(total) / mode.rate.imag
+    return found
+
+
+def _force(problem: Problem, law: Law, term: Term) -> float:
+    most = term.name == "peak_contact_force"
+    found = []
+    for speed in {term.low, term.high}:
+        force = Law(law.name, law.breaks, force_ordinates(law, problem.rigid, speed))
+        low, high = extremes(force, 0)
+        found.append(high.value if most else low.value)
+    return max(found) if most else min(found)
+
+
+def _jump(problem: Problem, law: Law, term: Term) -> float:
+    duration = FROM_REST if term.name == "jump_speed" else None
+    return find_jump(law, problem.follower, duration).speed
+
+
+def _level(problem: Problem, law: Law, term: Term) -> float:
+    radiation = RadiationParameters.from_rig(problem.rig)
+    rates = [
+        mean_square_rate(law, problem.rigid, radiation.corner_rate, speed)
+        for speed in np.linspace(term.low, term.high, SPEEDS).tolist()
+    ]
+    return level_of(problem, term, math.sqrt(float(np.mean(rates))))
+
+
+def _background(radiation: RadiationParameters, term: Term) -> float:
+    speeds = np.linspace(term.low, term.high, SPEEDS)
+    return float(np.mean([radiation.background_power(speed) for speed in speeds.tolist()]))
+
+
+def level_of(problem: Problem, term: Term, rate: float) -> float:
+    """The level (dB) of a mean square rate's root (N/s), with the background."""
+    radiation = RadiationParameters.from_rig(problem.rig)
+    power = _background(radiation, term) + (radiation.gain * rate) ** 2
+    return float(level_db(np.array([math.sqrt(power)]))[0])
+
+
+def rate_of(problem: Problem, term: Term, level: float) -> float:
+    """The other way; not above zero where the background alone is as loud."""
+    radiation = RadiationParameters.from_rig(problem.rig)
+    power = float(pressure_pa(level)) ** 2 - _background(radiation, term)
+    return math.copysign(math.sqrt(abs(power)), power) / radiation.gain
+
+
+def _pressure(problem: Problem, law: Law, _: Term) -> float:
+    plates = discs(problem.cam.follower, law)
+    scans = [Scan(law, plate.element) for plate in plates]
+    return max(scan.greatest(lambda touch: np.abs(touch.pressure)).value for scan in scans)
+
+
+def _radius(problem: Problem, law: Law, _: Term) -> float:
+    scans = [Scan(law, plate.element) for plate in discs(problem.cam.follower, law)]
+    return min(float(sharpest_convex(scan).value) for scan in scans)
+
+
+MEASURES: dict[str, Callable[[Problem, Law, Term], float]] = {
+    "rms_acceleration": _rms_acceleration,
+    "residual_vibration": _residual,
+    "peak_contact_force": _force,
+    "least_contact_force": _force,
+    "jump_speed": _jump,
+    "jump_speed_steady": _jump,
+    "jump_speed_rigid": lambda problem, law, _: rigid_jump_speed(law, problem.rigid),
+    "sound_level": _level,
+    "pressure_angle": _pressure,
+    "radius_of_curvature": _radius,
+}

@@ -1,0 +1,227 @@
+"""A convex program in a design's unknowns and one level t, solved, and bounded by its multipliers.
+
+The bound does not rest on the solver: any multipliers of the right signs give one (weak duality),
+and these are put right and the bound computed here, in a few sums.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import sparse
+
+from cam_rig.arrays import FloatArray
+from cam_rig.errors import DesignError
+from cam_rig.extras import libraries_named
+from cam_rig.studies.design.affine import Affine
+
+if TYPE_CHECKING:
+    pass
+
+#: An ordinate of a law is at most so many lifts.
+BOX = 10.0
+#: How the solver is set, one after the other until it ends well.
+TUNINGS: tuple[dict[str, float | int], ...] = (
+    {"tol_feas": 1e-10, "tol_gap_abs": 1e-10, "tol_gap_rel": 1e-10},
+    {"static_regularization_constant": 1e-7, "iterative_refinement_max_iter": 50},
+    {"equilibrate_max_iter": 50, "reduced_tol_gap_rel": 1e-4, "reduced_tol_feas": 1e-4},
+)
+#: Where it does not, a solution is used that breaks no row, and is as near to its bound.
+USABLE = 1e-5
+#: A limit counts as active where it is met to this part of its scale.
+ACTIVE = 1e-5
+
+
+@dataclass(frozen=True)
+class Block:
+    """Rows c + A x + w t: ≥ 0, = 0, or in cones of ``cone`` rows, the first one the radius."""
+
+    name: str
+    rows: Affine
+    weight: FloatArray
+    kind: str
+    cone: int = 1
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Unknowns ``(m,)``, the level t, what no law of the class exceeds, and the active limits."""
+
+    unknowns: FloatArray
+    level: float
+    bound: float
+    active: tuple[str, ...]
+
+
+class InfeasibleError(DesignError):
+    """No law of the class keeps the limits; ``fighting`` names those that contradict each other."""
+
+    def __init__(self, message: str, fighting: tuple[str, ...]) -> None:
+        super().__init__(message)
+        self.fighting = fighting
+
+
+@dataclass
+class Program:
+    """Limits on unknowns ``(unknowns,)``, and t, which is made as large as they allow."""
+
+    unknowns: int
+    link: Affine
+    blocks: list[Block] = field(default_factory=list)
+
+    def copy(self, more: list[Block] | None = None) -> Program:
+        """The same limits, and more."""
+        return Program(self.unknowns, self.link, [*self.blocks, *(more or [])])
+
+    def at_least(self, name: str, rows: Affine, weight: float = 0.0) -> None:
+        """Rows + weight · t ≥ 0."""
+        self.blocks.append(Block(name, rows, np.full(rows.constant.size, weight), "nonneg"))
+
+    def equal(self, name: str, rows: Affine) -> None:
+        """Rows = 0."""
+        self.blocks.append(Block(name, rows, np.zeros(rows.constant.size), "zero"))
+
+    def within(self, name: str, radius: Affine, parts: list[Affine], weight: float = 0.0) -> None:
+        """√(Σ partᵢ²) ≤ radius + weight · t, row by row."""
+        both = Affine.stacked([radius, *parts])
+        size, count = radius.constant.size, 1 + len(parts)
+        order = np.arange(size * count).reshape(count, size).T.ravel()
+        weights = np.zeros((size, count))
+        weights[:, 0] = weight
+        self.blocks.append(Block(name, both.rows(order), weights.ravel(), "cone", count))
+
+    def solve(self) -> Solution:
+        """The largest t.
+
+        Raises
+        ------
+        InfeasibleError : no unknowns keep the limits
+        DesignError : the solver did not end
+        """
+        with libraries_named():
+            import clarabel
+        box = self._box()
+        link = Block("", self.link, np.zeros(self.link.constant.size), "zero")
+        blocks = [link, *sorted([*self.blocks, box], key=lambda block: block.kind != "zero")]
+        G = sparse.vstack(
+            [sparse.hstack([b.rows.matrix, sparse.csr_array(b.weight[:, None])]) for b in blocks]
+        )
+        h = np.concatenate([b.rows.constant for b in blocks])
+        cones: list[object] = []
+        for block in blocks:
+            size = block.weight.size
+            if block.kind == "zero":
+                cones.append(clarabel.ZeroConeT(size))
+            elif block.kind == "nonneg":
+                cones.append(clarabel.NonnegativeConeT(size))
+            else:
+                cones += [clarabel.SecondOrderConeT(block.cone)] * (size // block.cone)
+        cost = np.zeros(self.unknowns + 1)
+        cost[-1] = -1.0
+        none = sparse.csc_matrix((cost.size, cost.size))
+        best, fault = None, np.inf
+        for tuning in TUNINGS:
+            settings = clarabel.DefaultSettings()
+            settings.verbose, settings.max_iter = False, 400
+            for key, value in tuning.items():
+                setattr(settings, key, value)
+            solver = clarabel.DefaultSolver(none, cost, sparse.csc_matrix(-G), h, cones, settings)
+            found = solver.solve()
+            status, dual = str(found.status), np.array(found.z)
+            if "Infeasible" in status:
+                raise self._infeasible(blocks, dual)
+            x = np.array(found.x)
+            if status in ("Solved", "AlmostSolved"):
+                return _solution(blocks, x, dual)
+            broken = _broken(blocks, x)
+            if broken < min(fault, USABLE):
+                best, fault = _solution(blocks, x, dual), broken
+        if best is None or not best.bound - best.level <= USABLE * max(1.0, abs(best.level)):
+            raise DesignError(f"design: the solver ended with {status}; allowed: fewer pieces")
+        return best
+
+    def _box(self) -> Block:
+        free = self.unknowns - self.link.constant.size
+        eye = sparse.csr_array(sparse.eye_array(free, self.unknowns))
+        matrix = sparse.csr_array(sparse.vstack([eye, -eye]))
+        return Block(
+            "ordinates", Affine(np.full(2 * free, BOX), matrix), np.zeros(2 * free), "nonneg"
+        )
+
+    def _infeasible(self, blocks: list[Block], dual: FloatArray) -> InfeasibleError:
+        share: dict[str, float] = {}
+        at = 0
+        for block in blocks:
+            size = block.weight.size
+            if not block.name:
+                at += size
+                continue
+            share[block.name] = share.get(block.name, 0.0) + float(
+                np.abs(dual[at : at + size] * abs(block.rows.matrix).sum(axis=1)).sum()
+            )
+            at += size
+        most = max(share.values(), default=0.0)
+        names = tuple(n for n, s in sorted(share.items(), key=lambda i: -i[1]) if s > 1e-6 * most)
+        together = f"{' and '.join(names[:2])}{' at once' if len(names) > 1 else ''}"
+        return InfeasibleError(
+            f"no law of the class keeps {together}; allowed: looser limits, or more pieces", names
+        )
+
+
+def _solution(blocks: list[Block], x: FloatArray, dual: FloatArray) -> Solution:
+    return Solution(x[:-1], float(x[-1]), _bound(blocks, dual), _active(blocks, x))
+
+
+def _broken(blocks: list[Block], x: FloatArray) -> float:
+    """By how much the worst row is broken."""
+    worst = 0.0
+    for block in blocks:
+        values = block.rows(x[:-1]) + block.weight * x[-1]
+        if block.kind == "cone":
+            cones = values.reshape(-1, block.cone)
+            values = cones[:, 0] - np.linalg.norm(cones[:, 1:], axis=1)
+        worst = max(worst, float(np.abs(values).max() if block.kind == "zero" else -values.min()))
+    return worst
+
+
+def _bound(blocks: list[Block], dual: FloatArray) -> float:
+    """What t cannot exceed, by multipliers put into the cones and scaled to t.
+
+    The first block links the last unknowns to the others, with −1 each: its multipliers are made
+    such that those unknowns drop out.
+    """
+    y, at = dual.copy(), 0
+    matrix = sparse.vstack([b.rows.matrix for b in blocks], format="csr")
+    for block in blocks:
+        size = block.weight.size
+        part = y[at : at + size]
+        if block.kind == "nonneg":
+            np.maximum(part, 0.0, out=part)
+        elif block.kind == "cone":
+            cones = part.reshape(-1, block.cone)
+            cones[:, 0] = np.maximum(cones[:, 0], np.linalg.norm(cones[:, 1:], axis=1))
+        at += size
+    linked = blocks[0].weight.size
+    y[:linked] += (matrix.T @ y)[matrix.shape[1] - linked :]
+    weight = float(np.concatenate([b.weight for b in blocks]) @ y)
+    if not weight < 0.0:
+        return np.inf
+    y /= -weight
+    constant = float(np.concatenate([b.rows.constant for b in blocks]) @ y)
+    rest = (matrix.T @ y)[: matrix.shape[1] - linked]
+    return constant + float(np.abs(rest).sum()) * BOX
+
+
+def _active(blocks: list[Block], x: FloatArray) -> tuple[str, ...]:
+    """Names of the limits that are met."""
+    found = []
+    for block in blocks:
+        values = block.rows(x[:-1]) + block.weight * x[-1]
+        if block.kind == "cone":
+            cones = values.reshape(-1, block.cone)
+            values = cones[:, 0] - np.linalg.norm(cones[:, 1:], axis=1)
+        if block.kind != "zero" and values.min() < ACTIVE:
+            found.append(block.name)
+    return tuple(dict.fromkeys(found))

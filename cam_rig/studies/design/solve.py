@@ -1,0 +1,259 @@
+"""The best law of a class: programs solved in rounds, and speeds by the roots of their levels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from cam_rig.arrays import FloatArray
+from cam_rig.errors import ConfigError, DesignError, DynamicsError
+from cam_rig.studies.design.constraints import Asked, add, force, keep_lift
+from cam_rig.studies.design.contact_kept import MARGIN, ContactKept
+from cam_rig.studies.design.problem import Problem
+from cam_rig.studies.design.program import Block, Program, Solution
+from cam_rig.studies.design.residual import Residual
+from cam_rig.studies.jump.contact_lost_speed import FROM_REST
+from cam_rig.studies.jump.rigid import rigid_jump_speed
+from cam_rig.studies.jump.search import FASTEST
+from cam_rig.units import RPM
+
+#: Rounds of cuts, at most.
+MAX_ROUNDS = 80
+#: Every so many-th row is taken at first; one is broken where it is below zero by so much.
+FIRST_ROWS, BROKEN = 16, 1e-9
+#: A jump speed is found to this part, and its bound is so much above the root.
+SPEED, ABOVE = 2e-5, 1e-6
+
+
+class Cuts(Protocol):
+    """Rows that are added where a law is seen to need them."""
+
+    @property
+    def blocks(self) -> list[Block]:
+        """Those so far."""
+
+    def cut(self, solution: Solution) -> bool:
+        """Add what a solution breaks; whether that is anything."""
+
+
+@dataclass(frozen=True)
+class Best:
+    """The best law of a class by a goal: unknowns, its value and the bound on it (SI).
+
+    ``active`` names the limits that hold it; ``rounds`` is how many programs were solved.
+    """
+
+    unknowns: FloatArray
+    value: float
+    bound: float
+    active: tuple[str, ...]
+    rounds: int
+
+
+@dataclass(eq=False)
+class Solver:
+    """One goal over one class, under limits.
+
+    ``on_best`` is told each law that is better than the ones before: unknowns and value (SI).
+    """
+
+    problem: Problem
+    goal: Asked
+    limits: list[Asked]
+    on_best: Callable[[FloatArray, float], None] = lambda _x, _v: None
+    rounds: int = 0
+    _static: dict[bool, Program] = field(default_factory=dict)
+
+    def best(self) -> Best:
+        """Solve it.
+
+        Raises
+        ------
+        InfeasibleError : no law of the class keeps the limits
+        ConfigError, DesignError, DynamicsError : a limit that the cam or the rig has not; the
+            solver did not end; contact lost at no speed
+        """
+        name = self.goal.term.name
+        if name == "jump_speed_rigid" or (name == "jump_speed" and not self.problem.two_masses):
+            return self.rigid()
+        if name.startswith("jump_speed"):
+            return self._two_masses()
+        return self._level()
+
+    def static(self, hull: bool) -> Program:
+        """The rows of lift and limits that need no rounds."""
+        if hull not in self._static:
+            program = Program(self.problem.space.unknowns, self.problem.space.link)
+            keep_lift(program, self.problem, hull)
+            for limit in self.limits:
+                if not is_cut(limit):
+                    self._add(program, limit, hull)
+            self._static[hull] = program
+        return self._static[hull].copy()
+
+    def _add(self, program: Program, limit: Asked, hull: bool) -> None:
+        name = limit.term.name
+        if name.startswith("jump_speed"):  # of one rigid mass
+            assert limit.value is not None
+            rows = force(self.problem, limit.value, hull) * (1.0 / self.problem.force_scale)
+            program.at_least(limit.name, rows)
+        else:
+            add(program, self.problem, limit, hull)
+
+    def cuts(self) -> list[Cuts]:
+        """The limits that need rounds."""
+        found: list[Cuts] = []
+        for limit in self.limits:
+            if limit.term.name == "residual_vibration":
+                found.append(Residual(self.problem, limit))
+            elif is_cut(limit):
+                assert limit.value is not None
+                duration = FROM_REST if limit.term.name == "jump_speed" else None
+                kept = ContactKept(self.problem, duration, limit.value, limit.name, MARGIN)
+                self._begin(kept, [])
+                found.append(kept)
+        return found
+
+    def solved(self, cuts: list[Cuts]) -> Solution:
+        """One program of what was cut."""
+        return self._solved(Program(self.problem.space.unknowns, self.problem.space.link), cuts)
+
+    def _solved(self, program: Program, cuts: list[Cuts]) -> Solution:
+        self.rounds += 1
+        return program.copy([block for cut in cuts for block in cut.blocks]).solve()
+
+    def lazily(self, hull: bool) -> FewRows:
+        """The limits as cuts: of thousands of rows a few are met."""
+        return FewRows(self.static(hull))
+
+    def settled(self, program: Program, cuts: list[Cuts]) -> Solution:
+        """Solve, cut and solve again until nothing is cut."""
+        for _ in range(MAX_ROUNDS):
+            found = self._solved(program, cuts)
+            if not any([cut.cut(found) for cut in cuts]):
+                return found
+        raise DesignError(
+            f"design: {MAX_ROUNDS} rounds of cuts did not settle; allowed: fewer pieces, or a "
+            "narrower range of speeds"
+        )
+
+    def _level(self) -> Best:
+        """A goal that is the program's own level."""
+        sign = -1.0 if self.goal.sense == "<=" else 1.0
+        found = {}
+        for hull in (True, False):
+            program, cuts = self.static(hull), self.cuts()
+            if self.goal.term.name == "residual_vibration":
+                cuts.append(Residual(self.problem, self.goal))
+            else:
+                add(program, self.problem, self.goal, hull)
+            found[hull] = self.settled(program, cuts)
+            if hull:
+                level = sign * found[hull].level * self.goal.scale
+                self.on_best(found[hull].unknowns, level)
+        value, bound = found[True].level, found[False].bound
+        scale = sign * self.goal.scale
+        active = tuple(n for n in found[True].active if n != self.goal.name)
+        return Best(found[True].unknowns, value * scale, bound * scale, active, self.rounds)
+
+    def rigid(self) -> Best:
+        """The highest speed at which the least force of one rigid mass can be above zero."""
+        found: dict[float, Solution] = {}
+
+        def level(speed: float, hull: bool) -> float:
+            program = self.static(hull)
+            rows = force(self.problem, speed, hull) * (1.0 / self.problem.force_scale)
+            program.at_least(self.goal.name, rows, -1.0)
+            found[speed] = self.settled(program, self.cuts())
+            if hull and found[speed].level > 0.0:
+                self.on_best(found[speed].unknowns, speed)
+            return found[speed].level if hull else found[speed].bound
+
+        first = rigid_jump_speed(self.problem.start, self.problem.rigid)
+        top = self._root(lambda speed: level(speed, True), min(first, FASTEST * RPM))
+        held = max(speed for speed, solution in found.items() if solution.level >= 0.0)
+        law = found[held]
+        bound = self._root(lambda speed: level(speed, False), top) * (1.0 + ABOVE)
+        value = rigid_jump_speed(self.problem.space.law(law.unknowns, "design"), self.problem.rigid)
+        active = tuple(name for name in law.active if name != self.goal.name)
+        return Best(law.unknowns, min(value, bound), bound, active, self.rounds)
+
+    def _root(self, level: Callable[[float], float], first: float) -> float:
+        """Where a level that falls with speed is zero."""
+        low = high = first
+        ratio = 1.02
+        if level(first) > 0.0:
+            while level(high := high * ratio) > 0.0:
+                low, ratio = high, ratio**1.7
+                if high > FASTEST * RPM:
+                    raise DynamicsError(
+                        f"the class has laws that keep contact beyond {FASTEST:g} rpm; allowed: "
+                        "a limit on what lets it, such as peak_acceleration<=start"
+                    )
+        else:
+            while level(low := low / ratio) <= 0.0:
+                high, ratio = low, ratio**1.7
+                if low < RPM:
+                    raise DesignError("no law of the class keeps contact at 1 rpm")
+        return float(brentq(level, low, high, xtol=1e-12, rtol=SPEED))
+
+    def _begin(self, kept: ContactKept, cuts: list[Cuts]) -> None:
+        """First rows of a force: where the best law without vibration would be lowest."""
+        program = self.static(True)
+        rows = force(self.problem, kept.fastest, True) * (1.0 / self.problem.force_scale)
+        program.at_least("rigid", rows, -1.0)
+        kept.look(self._solved(program, cuts).unknowns, 0.5)
+
+    def _two_masses(self) -> Best:
+        """The highest speed up to which the least force of two masses can be above zero."""
+        if not self.problem.two_masses:
+            raise ConfigError(
+                f"goal {self.goal.term.name}: rig {self.problem.rig.name!r} does not say how its "
+                "mass is split; allowed: jump_speed_rigid, or follower.roller_share and "
+                "follower.stem_damping in the rig file"
+            )
+        from cam_rig.studies.design.two_mass_search import TwoMassSearch  # it asks this back
+
+        return TwoMassSearch(self).best()
+
+
+@dataclass(eq=False)
+class FewRows:
+    """Rows of a program, of which those are taken that a solution breaks or nearly meets."""
+
+    program: Program
+    taken: list[NDArray[np.bool_]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        for block in self.program.blocks:
+            taken = np.zeros(block.weight.size, dtype=bool)
+            taken[:: 1 if block.kind != "nonneg" else FIRST_ROWS] = True
+            self.taken.append(taken)
+
+    @property
+    def blocks(self) -> list[Block]:
+        """Those taken so far."""
+        return [
+            Block(block.name, block.rows.rows(taken), block.weight[taken], block.kind, block.cone)
+            for block, taken in zip(self.program.blocks, self.taken, strict=True)
+        ]
+
+    def cut(self, solution: Solution) -> bool:
+        """Take what a solution breaks, and what is near it; whether it breaks anything."""
+        broken = False
+        for block, taken in zip(self.program.blocks, self.taken, strict=True):
+            values = block.rows(solution.unknowns) + block.weight * solution.level
+            broken |= bool((~taken & (values < -BROKEN)).any())
+            np.logical_or(taken, values < BROKEN, out=taken)
+        return broken
+
+
+def is_cut(limit: Asked) -> bool:
+    """Whether a limit's rows are found in rounds."""
+    name = limit.term.name
+    return name == "residual_vibration" or name in ("jump_speed", "jump_speed_steady")

@@ -1,0 +1,97 @@
+"""A design as a table, and as JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cam_rig.studies.design.design import Design, Measure
+from cam_rig.studies.design.terms import Term
+from cam_rig.tables import Cell, Column, DataTable
+from cam_rig.units import TURN
+
+
+def design_table(design: Design) -> DataTable:
+    """The goal and the limits: start, result, bound, which limits are active."""
+    columns = (
+        Column("", ""),
+        Column("unit"),
+        Column("start", shown=".5g"),
+        Column("result", shown=".5g"),
+        Column("bound", shown=".5g", missing="–"),
+        Column("limit", missing="–"),
+        Column("active"),
+    )
+    rows: list[tuple[Cell, ...]] = [_row(design, measure) for measure in design.measures]
+    notes = (
+        f"start: {design.start.name}; class: {design.request.law_class.words}, dwells and lift "
+        "of the start",
+        verdict(design),
+    )
+    return DataTable(
+        f"Design on rig {design.rig.name}: {design.request.words}", columns, tuple(rows), notes
+    )
+
+
+def in_words(term: Term) -> str:
+    """The unit of a quantity as a table shows it."""
+    unit = term.quantity.unit
+    return {"deg": "°", "um": "µm"}.get(unit, unit.replace("^2", "²").replace("^3", "³"))
+
+
+def _row(design: Design, measure: Measure) -> tuple[Cell, ...]:
+    unit, factor = in_words(measure.term), measure.term.quantity.shown
+    limit: Cell = None
+    if measure.limit is not None:
+        sign = "≤" if measure.sense == "<=" else "≥"
+        limit = f"{sign} {measure.limit / factor:.5g}"
+    return (
+        measure.term.words,
+        unit,
+        measure.start / factor,
+        measure.result / factor,
+        None if measure.bound is None else measure.bound / factor,
+        limit,
+        "yes" if measure.active else "",
+    )
+
+
+def verdict(design: Design) -> str:
+    """What the bound proves, in a line."""
+    goal = design.goal
+    assert goal.bound is not None
+    factor, unit = goal.term.quantity.shown, in_words(goal.term)
+    side = "below" if goal.sense == "<=" else "above"
+    gap = f"{100.0 * design.gap:.2g} % from it"
+    proof = "certified" if design.certified else "not certified"
+    return f"no law of the class is {side} {goal.bound / factor:.5g} {unit}; {proof}: {gap}"
+
+
+def to_json(design: Design) -> dict[str, Any]:
+    """Everything of a design that is a number, in SI; levels in dB."""
+    own = design.request.law_class
+    return {
+        "cam": design.cam.name,
+        "start": design.start.name,
+        "rig": design.rig.name,
+        design.request.verb: design.goal.term.key,
+        "class": {"pieces": own.pieces, "joints": own.joints, "degree": own.power},
+        "certified": design.certified,
+        "gap": design.gap,
+        "programs": design.rounds,
+        "measures": [
+            {
+                "quantity": measure.term.key,
+                "unit": "dB" if measure.term.name == "sound_level" else "SI",
+                "start": measure.start,
+                "result": measure.result,
+                "bound": measure.bound,
+                "limit": measure.limit,
+                "active": measure.active,
+            }
+            for measure in design.measures
+        ],
+        "events_deg": [
+            {"start": event.start * 360.0 / TURN, "span": event.span * 360.0 / TURN}
+            for event in design.events
+        ],
+    }

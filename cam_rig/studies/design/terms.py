@@ -1,0 +1,234 @@
+"""What a design may ask for: quantities, where they are taken, and limits on them, as text.
+
+``peak_acceleration<=start``, ``lift@90deg>=30mm``, ``residual_vibration@200-400rpm<=1um``.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from cam_rig.errors import ConfigError, did_you_mean
+from cam_rig.units import RPM
+
+Sense = Literal["<=", ">="]
+#: The limit that a quantity's own value of the start law sets.
+START = "start"
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity of a law.
+
+    Parameters
+    ----------
+    title : in words
+    unit : of tables and pictures
+    units : unit of a request to SI
+    where : what it is taken at: a speed, a range of speeds, an angle or a range, or nothing
+    senses : the limits that are convex; a goal minimises where ``<=`` is, else maximises
+    goal : whether it may be one
+    """
+
+    title: str
+    unit: str
+    units: dict[str, float]
+    where: Literal["", "rpm", "deg"] = ""
+    senses: tuple[Sense, ...] = ("<=",)
+    goal: bool = True
+
+    @property
+    def shown(self) -> float:
+        """One of ``unit`` in SI."""
+        return self.units[self.unit]
+
+
+def _per_rad(power: int) -> dict[str, float]:
+    over = "/rad" if power == 1 else f"/rad^{power}"
+    return {f"mm{over}": 1e-3, f"m{over}": 1.0, f"um{over}": 1e-6}
+
+
+_LENGTH = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "µm": 1e-6, "cm": 1e-2}
+_FORCE, _SPEED = {"N": 1.0, "kN": 1e3}, {"rpm": RPM, "rad/s": 1.0}
+_BOTH: tuple[Sense, ...] = ("<=", ">=")
+QUANTITIES = {
+    "jump_speed": Quantity("jump speed from rest", "rpm", _SPEED, senses=(">=",)),
+    "jump_speed_steady": Quantity("jump speed in steady state", "rpm", _SPEED, senses=(">=",)),
+    "jump_speed_rigid": Quantity("jump speed of one rigid mass", "rpm", _SPEED, senses=(">=",)),
+    "residual_vibration": Quantity("residual vibration", "um", _LENGTH, "rpm"),
+    "peak_velocity": Quantity("peak |s′|", "mm/rad", _per_rad(1)),
+    "peak_acceleration": Quantity("peak |s″|", "mm/rad^2", _per_rad(2)),
+    "peak_jerk": Quantity("peak |s‴|", "mm/rad^3", _per_rad(3)),
+    "rms_acceleration": Quantity("r.m.s. of s″", "mm/rad^2", _per_rad(2)),
+    "peak_contact_force": Quantity("peak contact force", "N", _FORCE, "rpm"),
+    "least_contact_force": Quantity("least contact force", "N", _FORCE, "rpm", (">=",)),
+    "sound_level": Quantity("sound level, mean power over speeds", "dB", {"dB": 1.0}, "rpm"),
+    "pressure_angle": Quantity(
+        "pressure angle", "deg", {"deg": math.pi / 180.0, "rad": 1.0}, goal=False
+    ),
+    "radius_of_curvature": Quantity(
+        "least radius of curvature", "mm", _LENGTH, senses=(">=",), goal=False
+    ),
+    "lift": Quantity("lift", "mm", _LENGTH, "deg", _BOTH, goal=False),
+    "velocity": Quantity("s′", "mm/rad", _per_rad(1), "deg", _BOTH, goal=False),
+    "acceleration": Quantity("s″", "mm/rad^2", _per_rad(2), "deg", _BOTH, goal=False),
+}
+#: What `velocity`, ... are the derivatives of.
+ORDERS = {"lift": 0, "velocity": 1, "acceleration": 2}
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_TERM = re.compile(
+    rf"(?P<name>\w+)\s*(?:@\s*(?P<low>{_NUMBER})(?:\s*-\s*(?P<high>{_NUMBER}))?\s*(?P<unit>\w+)?)?"
+)
+_LIMIT = re.compile(r"(?P<term>[^<>=]+?)\s*(?P<sense><=|>=|≤|≥)\s*(?P<value>.+)")
+_VALUE = re.compile(rf"(?P<number>{_NUMBER})\s*(?P<unit>\S+)?")
+
+
+@dataclass(frozen=True)
+class Term:
+    """A quantity and where it is taken: angles in rad or speeds in rad/s, low and high."""
+
+    name: str
+    low: float = math.nan
+    high: float = math.nan
+
+    @property
+    def quantity(self) -> Quantity:
+        """What is known of it."""
+        return QUANTITIES[self.name]
+
+    @property
+    def words(self) -> str:
+        """As a table says it."""
+        where = self.quantity.where
+        if not where:
+            return self.quantity.title
+        factor = RPM if where == "rpm" else math.pi / 180.0
+        low, high = (f"{value / factor:.6g}" for value in (self.low, self.high))
+        at = low if low == high else f"{low} to {high}"
+        return f"{self.quantity.title} at {at}{' rpm' if where == 'rpm' else '°'}"
+
+    @property
+    def key(self) -> str:
+        """As it is asked for."""
+        where = self.quantity.where
+        if not where:
+            return self.name
+        factor = RPM if where == "rpm" else math.pi / 180.0
+        low, high = (f"{value / factor:.12g}" for value in (self.low, self.high))
+        return f"{self.name}@{low}{'' if low == high else f'-{high}'}{where}"
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A limit on a quantity; ``value`` in SI, None is that of the start law."""
+
+    term: Term
+    sense: Sense
+    value: float | None
+
+    @property
+    def words(self) -> str:
+        """As a table says it."""
+        return f"{self.term.words} {'≤' if self.sense == '<=' else '≥'} {self._value}"
+
+    @property
+    def _value(self) -> str:
+        if self.value is None:
+            return "the start's"
+        return f"{self.value / self.term.quantity.shown:.4g} {self.term.quantity.unit}"
+
+
+def parse_term(text: str) -> Term:
+    """A quantity, such as ``residual_vibration@200-400rpm``.
+
+    Raises
+    ------
+    ConfigError : unknown, or without (or with) a place where it needs one (or has none)
+
+    Examples
+    --------
+    >>> parse_term("residual_vibration@200-400rpm").words
+    'residual vibration at 200 to 400 rpm'
+    """
+    match = _TERM.fullmatch(text.strip())
+    name = match["name"] if match else text.strip()
+    if match is None or name not in QUANTITIES:
+        raise ConfigError(
+            f"{text.strip()!r} is not a quantity{did_you_mean(name, QUANTITIES)}; known: "
+            f"{', '.join(QUANTITIES)}"
+        )
+    where, low = QUANTITIES[name].where, match["low"]
+    if not where:
+        if low is not None:
+            raise ConfigError(f"{name}: is taken at {text.strip()!r}; allowed: {name} alone")
+        return Term(name)
+    example = f"{name}@{'200-400rpm' if where == 'rpm' else '90deg'}"
+    if low is None:
+        what = "a speed or a range of speeds" if where == "rpm" else "an angle or a range"
+        raise ConfigError(f"{name}: is not said at what; needed: {what}, such as {example}")
+    units = {"rpm": _SPEED, "deg": {"deg": math.pi / 180.0, "rad": 1.0}}[where]
+    unit = match["unit"] or where
+    if unit not in units:
+        raise ConfigError(f"{text.strip()!r}: unit is {unit!r}; allowed: {', '.join(units)}")
+    first = float(low) * units[unit]
+    last = first if match["high"] is None else float(match["high"]) * units[unit]
+    if not 0.0 <= first <= last or (where == "rpm" and first == 0.0):
+        raise ConfigError(f"{text.strip()!r}: allowed: a rising range from above 0")
+    if where == "deg" and last > 2.0 * math.pi * (1.0 + 1e-12):
+        raise ConfigError(f"{text.strip()!r}: allowed: angles of one turn, 0 to 360deg")
+    return Term(name, first, last)
+
+
+def parse_limit(text: str) -> Limit:
+    """A limit, such as ``peak_acceleration<=start`` or ``lift@90deg>=30mm``.
+
+    Raises
+    ------
+    ConfigError : not of this form, an unknown unit, or a side that is not convex
+
+    Examples
+    --------
+    >>> parse_limit("lift@90deg>=30mm").words
+    'lift at 90° ≥ 30 mm'
+    """
+    match = _LIMIT.fullmatch(text.strip())
+    if match is None:
+        raise ConfigError(
+            f"limit {text!r}: allowed: quantity<=value or quantity>=value, such as "
+            "peak_acceleration<=start"
+        )
+    term = parse_term(match["term"])
+    sense: Sense = "<=" if match["sense"] in ("<=", "≤") else ">="
+    quantity = term.quantity
+    if sense not in quantity.senses:
+        raise ConfigError(
+            f"limit {text!r}: allowed: {term.name}{quantity.senses[0]}value; the other side is "
+            "not convex, so no bound could be given"
+        )
+    if match["value"].strip() == START:
+        return Limit(term, sense, None)
+    value = _VALUE.fullmatch(match["value"].strip())
+    unit = (value["unit"] or "") if value else ""
+    if value is None or unit not in quantity.units:
+        raise ConfigError(
+            f"limit {text!r}: value is {match['value'].strip()!r}; allowed: a number with one of "
+            f"{', '.join(quantity.units)}, or start"
+        )
+    return Limit(term, sense, float(value["number"]) * quantity.units[unit])
+
+
+def parse_goal(text: str) -> Term:
+    """A goal: a quantity that may be one.
+
+    Raises
+    ------
+    ConfigError : no quantity, or one that is only a limit
+    """
+    term = parse_term(text)
+    if not term.quantity.goal:
+        goals = [name for name, quantity in QUANTITIES.items() if quantity.goal]
+        raise ConfigError(f"{term.name} is a limit, not a goal; goals: {', '.join(goals)}")
+    return term

@@ -1,0 +1,109 @@
+"""The highest jump speed of two masses: cuts and the speed itself are found in one search.
+
+The level of a program at a speed only falls as rows are added. Where it is below the margin the
+speed is too high, at once; where the law that it gives holds on the grid, the exact search looks
+at that law, and the speed goes up. Both move by the slope of the level, which is nearly straight.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cam_rig.arrays import FloatArray
+from cam_rig.errors import DesignError
+from cam_rig.studies.design.contact_kept import MARGIN, ContactKept
+from cam_rig.studies.design.program import Solution
+from cam_rig.studies.design.solve import Best, Cuts, Solver
+from cam_rig.studies.jump.any_rig import find_jump
+from cam_rig.studies.jump.contact_lost_speed import FROM_REST
+from cam_rig.units import to_rpm
+
+#: Rounds of cuts, at most, and laws that the exact search may refuse.
+MAX_ROUNDS, MAX_REFUSED = 120, 24
+#: A speed is settled where the level is no farther from the margin; a law holds a speed where the
+#: exact search finds its jump no lower by more than this part.
+NEAR, HELD = 4e-3, 5e-4
+#: First guess of what the level falls by where the speed doubles, and the largest step of a speed.
+SLOPE, MAX_STEP = -11.0, 0.06
+#: Speeds over the best law's at which a bound is sought.
+ABOVE = (1.0008, 1.0016, 1.0025, 1.004, 1.007, 1.012, 1.02, 1.04, 1.08, 1.15, 1.3)
+
+
+@dataclass(eq=False)
+class TwoMassSearch:
+    """The search of one design."""
+
+    solver: Solver
+
+    def __post_init__(self) -> None:
+        self.problem = self.solver.problem
+        self.duration = FROM_REST if self.solver.goal.term.name == "jump_speed" else None
+        self.law: tuple[float, FloatArray, tuple[str, ...]] = (0.0, np.zeros(0), ())
+        self.refused = 0
+
+    def best(self) -> Best:
+        """The best law found, and a speed that no law of the class reaches.
+
+        Raises
+        ------
+        DesignError : no law was found, or no bound
+        """
+        rigid = Solver(self.problem, self.solver.goal, self.solver.limits).rigid()
+        self.solver.rounds += rigid.rounds
+        kept = ContactKept(self.problem, self.duration, 0.95 * rigid.bound)
+        cuts = [self.solver.lazily(True), *self.solver.cuts()]
+        kept.look(rigid.unknowns, 0.5)
+        self._search(kept, cuts)
+        speed, unknowns, active = self.law
+        if speed == 0.0:
+            raise DesignError("no law was found that keeps contact; allowed: more pieces")
+        return Best(unknowns, speed, self._bound(kept, speed), active, self.solver.rounds)
+
+    def _search(self, kept: ContactKept, cuts: list[Cuts]) -> None:
+        slope, settled = SLOPE, None
+        for _ in range(MAX_ROUNDS):
+            found = self.solver.solved([*cuts, kept])
+            room = found.level - MARGIN
+            if room > -NEAR:
+                if any([cut.cut(found) for cut in [*cuts, kept]]):
+                    continue
+                if not self._held(kept, found) and self.refused <= MAX_REFUSED:
+                    continue
+                if settled is not None:
+                    measured = (room - settled[1]) / (kept.fastest / settled[0] - 1.0)
+                    slope = float(np.clip(measured, 4.0 * SLOPE, 0.4 * SLOPE))
+                settled = (kept.fastest, room)
+                if room <= NEAR or self.refused > MAX_REFUSED:
+                    return
+            step = float(np.clip(-room / slope, -MAX_STEP, MAX_STEP))
+            kept.move(1.0 + step)
+
+    def _held(self, kept: ContactKept, found: Solution) -> bool:
+        """Whether the exact search finds that a law holds the speed; else its own is looked at."""
+        law = self.problem.space.law(found.unknowns, "design")
+        jump = find_jump(law, self.problem.follower, self.duration)
+        if jump.speed > self.law[0]:
+            names = (self.solver.goal.name, kept.name)
+            active = tuple(name for name in found.active if name not in names)
+            self.law = (jump.speed, found.unknowns, active)
+            self.solver.on_best(found.unknowns, jump.speed)
+        if jump.speed >= kept.fastest * (1.0 - HELD):
+            return True
+        self.refused += 1
+        kept.refine(jump.speed)
+        return not kept.cut(found)
+
+    def _bound(self, kept: ContactKept, speed: float) -> float:
+        """A speed at which the rows, some of those that a law must keep, leave no law."""
+        cuts = [self.solver.lazily(False), *self.solver.cuts()]
+        for above in ABOVE:
+            kept.fastest = speed * above
+            for _ in range(MAX_ROUNDS):
+                found = self.solver.solved([*cuts, kept])
+                if found.bound <= 0.0:
+                    return kept.fastest
+                if not any([cut.cut(found) for cut in [*cuts, kept]]):
+                    break
+        raise DesignError(f"no bound was found up to {to_rpm(kept.fastest):.4g} rpm")
