@@ -60,20 +60,22 @@ class Vibration:
         """What an event alone excites, at the end of each of its cells."""
         cells, mode = self.cells, self.cells.mode
         points, weights = cells.gauss
-        gain = 1.0 / (mode.rate - mode.rate.conjugate())
-        by_slope, by_bend = mode.drive[0] * gain, mode.drive[1] * gain * self.speed
         width, count = cells.width(event), cells.count
         reached = np.exp(self.rate * width * (1.0 - points)) * weights * width
-        slope, bend = cells.driving[event]
-        constant = by_slope * slope.constant.reshape(count, -1) @ reached
-        constant += by_bend * bend.constant.reshape(count, -1) @ reached
-        shape = (count, points.size, -1)
-        matrix = by_slope * (slope.matrix.reshape(shape).transpose(0, 2, 1) @ reached)
-        matrix += by_bend * (bend.matrix.reshape(shape).transpose(0, 2, 1) @ reached)
+        reached /= mode.rate - mode.rate.conjugate()
+        both = np.stack([reached.real, reached.imag])
+        slope, bend, columns = cells.driving[event]
+        drive = (mode.drive[0], mode.drive[1] * self.speed)
+        constant = drive[0] * slope.constant + drive[1] * bend.constant
+        matrix = drive[0] * slope.matrix + drive[1] * bend.matrix
+        real, imag = np.moveaxis(both @ matrix.reshape(count, points.size, -1), 1, 0)
+        added = np.zeros((count, cells.space.unknowns), complex)
+        added[:, columns] = real + 1j * imag
         fading = np.exp(self.rate * width * np.arange(1, count + 1))
+        alone = constant.reshape(count, -1) @ reached
         return Linear(
-            fading * np.cumsum(constant / fading),
-            fading[:, None] * np.cumsum(matrix / fading[:, None], axis=0),
+            fading * np.cumsum(alone / fading),
+            fading[:, None] * np.cumsum(added / fading[:, None], axis=0),
         )
 
     def residual(self, event: int) -> Linear:

@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
 from cam_rig.arrays import FloatArray
@@ -153,13 +154,21 @@ class Cells:
         return 0.5 * (points + 1.0), 0.5 * weights
 
     @cached_property
-    def driving(self) -> list[tuple[Dense, Dense]]:
-        """Of each event s' and s'' at its Gauss points."""
+    def driving(self) -> list[tuple[Dense, Dense, NDArray[np.intp]]]:
+        """Of each event s' and s'' at its Gauss points, and the unknowns that they depend on."""
         u = ((np.arange(self.per_piece)[:, None] + self.gauss[0]) / self.per_piece).ravel()
-        return [
-            (Dense.of(self._in(index, 1, u)), Dense.of(self._in(index, 2, u)))
-            for index in range(len(self.space.events))
-        ]
+        found = []
+        for index in range(len(self.space.events)):
+            one, two = (Dense.of(self._in(index, order, u)) for order in (1, 2))
+            columns = np.flatnonzero(one.matrix.any(axis=0) | two.matrix.any(axis=0))
+            found.append(
+                (
+                    Dense(one.constant, one.matrix[:, columns]),
+                    Dense(two.constant, two.matrix[:, columns]),
+                    columns,
+                )
+            )
+        return found
 
     @cached_property
     def motion(self) -> list[list[Dense]]:

@@ -335,6 +335,13 @@ class Space:
         blocks = sparse.block_diag([step / span for span in self.spans], format="csr")
         return below.mapped(sparse.csr_array(blocks))
 
+    def joined(self, free: FloatArray) -> FloatArray:
+        """All unknowns where the free ordinates of the events (in lifts) are these."""
+        unknowns = np.zeros(self.unknowns)
+        unknowns[: free.size] = free
+        unknowns[free.size :] = self.link(unknowns)
+        return unknowns
+
     def law(self, unknowns: FloatArray, name: str) -> Law:
         """The law of some unknowns."""
         ordinates = self.lift(unknowns).reshape(-1, self.degree + 1).T
