@@ -38,9 +38,9 @@ BELOW = 6e-3
 KEEP_ABOVE = 0.95
 #: Rows are left where the level has fallen by this much since they last were.
 FALLEN = 1e-3
-#: Least force, in parts of its scale, that is kept where no goal asks for more: what lies between
-#: the places that are looked at is lower by no more.
-MARGIN = 0.01
+#: Least force, in parts of its scale, that is kept at first: what lies between the places that are
+#: looked at is lower. Where the exact search finds that it is lower by more, so many times more.
+MARGIN, WIDER = 0.01, 1.6
 #: Turns of a run from rest that are looked at, as far as it goes, beside the settled one.
 TURNS = (1.0, 2.0, 3.0, 5.0, 8.0, 13.0, 21.0, 34.0)
 
@@ -57,7 +57,8 @@ class Below(NamedTuple):
 class ContactKept:
     """Rows F ≥ t (in parts of the problem's scale of force) at speeds up to one.
 
-    ``duration`` is that of the run from rest, s; None is the steady state.
+    ``duration`` is that of the run from rest, s; None is the steady state. ``margin`` is the least
+    force, in parts of the scale, where no goal asks for more.
     """
 
     problem: Problem
@@ -65,6 +66,7 @@ class ContactKept:
     fastest: float
     name: str = "contact kept"
     value: float | None = None
+    margin: float = MARGIN
     more: list[float] = field(default_factory=list)
     _rows: list[tuple[float, Dense, FloatArray]] = field(default_factory=list)
     _lowest: float = np.inf
@@ -107,9 +109,12 @@ class ContactKept:
         last = math.ceil(speed * self.duration / TURN)
         return sorted({*(turn for turn in TURNS if turn < last), float(last)})
 
-    def refine(self, speed: float) -> None:
-        """Add speeds about one at which contact is lost between those of the grid."""
+    def refine(self, speed: float, solution: Solution) -> None:
+        """Look closer at a speed at which the exact model loses contact; else widen the margin."""
         self.more += [speed * (1.0 + self.step * k) for k in (-0.25, 1e-4, 0.25)]
+        if not self.cut(solution):
+            self.margin *= WIDER
+            self._lowest = np.inf
 
     def _at(self, speed: float) -> ForceAtSpeed:
         if speed not in self._known:
@@ -140,7 +145,7 @@ class ContactKept:
     def _below(self, speed: float, unknowns: FloatArray, level: float) -> Below:
         """The force less what is wanted, in parts of the scale, in the worst turn at a speed."""
         here, turns = self._at(speed), np.array(self.turns(speed))
-        wanted = np.where(here.first.moving, level, MARGIN)
+        wanted = np.where(here.first.moving, level, self.margin)
         above = here.values(unknowns, turns) / self.problem.force_scale - wanted
         worst = int(np.argmin(above.min(axis=1)))
         return Below(speed, float(turns[worst]), above[worst])
@@ -162,7 +167,7 @@ class ContactKept:
         joined = Dense.joined([rows for _, rows, _ in chosen])
         weight = np.concatenate([weight for _, _, weight in chosen])
         scale = self.problem.force_scale
-        constant = joined.constant / scale - np.where(weight < 0.0, 0.0, MARGIN)
+        constant = joined.constant / scale - np.where(weight < 0.0, 0.0, self.margin)
         affine = Affine(constant, sparse.csr_array(joined.matrix / scale))
         return [Block(self.name, affine, weight, "nonneg")]
 
@@ -171,7 +176,7 @@ class ContactKept:
         kept = []
         for speed, (constant, matrix), weight in self._rows:
             force = (constant + matrix @ solution.unknowns) / self.problem.force_scale
-            near = force < np.where(weight < 0.0, solution.level, MARGIN) + NEAR
+            near = force < np.where(weight < 0.0, solution.level, self.margin) + NEAR
             near |= speed > KEEP_ABOVE * self.fastest
             if near.any():
                 kept.append((speed, Dense(constant[near], matrix[near]), weight[near]))

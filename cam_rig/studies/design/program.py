@@ -47,12 +47,17 @@ class Block:
 
 @dataclass(frozen=True)
 class Solution:
-    """Unknowns ``(m,)``, the level t, what no law of the class exceeds, and the active limits."""
+    """Unknowns ``(m,)``, the level t, what no law of the class exceeds, and the active limits.
+
+    ``blocks`` and ``multipliers`` (one a row, the weights' sum −1) are what proves the bound.
+    """
 
     unknowns: FloatArray
     level: float
     bound: float
     active: tuple[str, ...]
+    blocks: tuple[Block, ...]
+    multipliers: FloatArray
 
 
 class InfeasibleError(DesignError):
@@ -130,7 +135,7 @@ class Program:
             solver = clarabel.DefaultSolver(none, cost, sparse.csc_matrix(-G), h, cones, settings)
             found = solver.solve()
             status, dual = str(found.status), np.array(found.z)
-            if "Infeasible" in status:
+            if status in ("PrimalInfeasible", "AlmostPrimalInfeasible"):
                 raise self._infeasible(blocks, dual)
             x = np.array(found.x)
             if status in ("Solved", "AlmostSolved"):
@@ -171,7 +176,9 @@ class Program:
 
 
 def _solution(blocks: list[Block], x: FloatArray, dual: FloatArray) -> Solution:
-    return Solution(x[:-1], float(x[-1]), _bound(blocks, dual), _active(blocks, x))
+    multipliers = _multipliers(blocks, dual)
+    bound = bound_of(blocks, multipliers)
+    return Solution(x[:-1], float(x[-1]), bound, _active(blocks, x), tuple(blocks), multipliers)
 
 
 def _broken(blocks: list[Block], x: FloatArray) -> float:
@@ -186,8 +193,8 @@ def _broken(blocks: list[Block], x: FloatArray) -> float:
     return worst
 
 
-def _bound(blocks: list[Block], dual: FloatArray) -> float:
-    """What t cannot exceed, by multipliers put into the cones and scaled to t.
+def _multipliers(blocks: list[Block], dual: FloatArray) -> FloatArray:
+    """The solver's multipliers, put into the cones and scaled to t; NaN where t has none.
 
     The first block links the last unknowns to the others, with −1 each: its multipliers are made
     such that those unknowns drop out.
@@ -206,11 +213,19 @@ def _bound(blocks: list[Block], dual: FloatArray) -> float:
     linked = blocks[0].weight.size
     y[:linked] += (matrix.T @ y)[matrix.shape[1] - linked :]
     weight = float(np.concatenate([b.weight for b in blocks]) @ y)
-    if not weight < 0.0:
+    return y / -weight if weight < 0.0 else np.full(y.size, np.nan)
+
+
+def bound_of(blocks: list[Block], multipliers: FloatArray) -> float:
+    """What t cannot exceed: Σ y (c + A x + w t) ≥ 0 with Σ y w = −1 gives t ≤ Σ y c + |Aᵀ y| · BOX.
+
+    Infinite for multipliers that prove nothing.
+    """
+    if np.isnan(multipliers).any():
         return np.inf
-    y /= -weight
-    constant = float(np.concatenate([b.rows.constant for b in blocks]) @ y)
-    rest = (matrix.T @ y)[: matrix.shape[1] - linked]
+    matrix = sparse.vstack([b.rows.matrix for b in blocks], format="csr")
+    constant = float(np.concatenate([b.rows.constant for b in blocks]) @ multipliers)
+    rest = (matrix.T @ multipliers)[: matrix.shape[1] - blocks[0].weight.size]
     return constant + float(np.abs(rest).sum()) * BOX
 
 

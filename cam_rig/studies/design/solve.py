@@ -25,7 +25,9 @@ from cam_rig.units import RPM
 #: Rounds of cuts, at most.
 MAX_ROUNDS = 80
 #: Every so many-th row is taken at first; one is broken where it is below zero by so much.
-FIRST_ROWS, BROKEN = 16, 1e-9
+FIRST_ROWS, BROKEN = 24, 1e-9
+#: With them those are taken that are no farther above it than this.
+NEARLY = 1e-3
 #: A jump speed is found to this part, and its bound is so much above the root.
 SPEED, ABOVE = 2e-5, 1e-6
 
@@ -121,21 +123,20 @@ class Solver:
 
     def solved(self, cuts: list[Cuts]) -> Solution:
         """One program of what was cut."""
-        return self._solved(Program(self.problem.space.unknowns, self.problem.space.link), cuts)
-
-    def _solved(self, program: Program, cuts: list[Cuts]) -> Solution:
         self.rounds += 1
-        return program.copy([block for cut in cuts for block in cut.blocks]).solve()
+        blocks = [block for cut in cuts for block in cut.blocks]
+        return Program(self.problem.space.unknowns, self.problem.space.link, blocks).solve()
 
     def lazily(self, hull: bool) -> FewRows:
         """The limits as cuts: of thousands of rows a few are met."""
         return FewRows(self.static(hull))
 
     def settled(self, program: Program, cuts: list[Cuts]) -> Solution:
-        """Solve, cut and solve again until nothing is cut."""
+        """Solve, cut and solve again until nothing is cut; the program's rows are cuts too."""
+        rounds = [FewRows(program), *cuts]
         for _ in range(MAX_ROUNDS):
-            found = self._solved(program, cuts)
-            if not any([cut.cut(found) for cut in cuts]):
+            found = self.solved(rounds)
+            if not any([cut.cut(found) for cut in rounds]):
                 return found
         raise DesignError(
             f"design: {MAX_ROUNDS} rounds of cuts did not settle; allowed: fewer pieces, or a "
@@ -207,7 +208,7 @@ class Solver:
         program = self.static(True)
         rows = force(self.problem, kept.fastest, True) * (1.0 / self.problem.force_scale)
         program.at_least("rigid", rows, -1.0)
-        kept.look(self._solved(program, cuts).unknowns, 0.5)
+        kept.look(self.settled(program, cuts).unknowns, 0.5)
 
     def _two_masses(self) -> Best:
         """The highest speed up to which the least force of two masses can be above zero."""
@@ -249,7 +250,7 @@ class FewRows:
         for block, taken in zip(self.program.blocks, self.taken, strict=True):
             values = block.rows(solution.unknowns) + block.weight * solution.level
             broken |= bool((~taken & (values < -BROKEN)).any())
-            np.logical_or(taken, values < BROKEN, out=taken)
+            np.logical_or(taken, values < NEARLY, out=taken)
         return broken
 
 

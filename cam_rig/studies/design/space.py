@@ -29,9 +29,11 @@ MAX_PIECES, MAX_DEGREE, MAX_JOINTS = 200, 15, 6
 MAX_ORDINATES = 500
 #: A piece of a law whose ordinates differ by no more than this part of the lift is a dwell.
 FLAT = 1e-12
+#: A turn's end meets its start where they differ by no more than this part of a derivative.
+MEETS = 1e-9
 #: Parts of a piece for the polygon's bound, at least, and of a turn: its ordinates are then near
 #: the polynomial.
-PARTS, PARTS_OF_TURN = 8, 256
+PARTS, PARTS_OF_TURN = 24, 256
 
 
 @dataclass(frozen=True)
@@ -170,28 +172,41 @@ def dwells(law: Law) -> list[tuple[float, float]]:
 
 
 def events(law: Law, joints: int) -> list[Event]:
-    """What lies between the dwells of a law.
+    """What lies between the dwells of a law; their ends are those of their neighbours.
 
     Raises
     ------
-    ConfigError : the law rests all around, or its turn ends elsewhere than it began
+    ConfigError : the law rests all around, or has no dwell and a turn that does not join itself
     """
     edges = [0.0, *(angle for dwell in dwells(law) for angle in dwell), TURN]
-    found = [
-        Event(begin, end - begin, _at(law, begin, joints, 0), _at(law, end, joints, -1))
-        for begin, end in zip(edges[::2], edges[1::2], strict=True)
-        if end > begin
-    ]
+    found = []
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        if end > begin:
+            pieces = np.searchsorted(law.breaks, [begin, end])
+            before, after = (int(pieces[0]) - 1) % law.spans.size, int(pieces[1]) % law.spans.size
+            first, last = _end(law, before, -1, joints), _end(law, after, 0, joints)
+            found.append(Event(begin, end - begin, first, last))
     if not found:
         raise ConfigError(f"cam {law.name!r}: it rests all around; allowed: a cam with a lift")
+    if len(edges) == 2:
+        _require_joined(law, joints)
     return found
 
 
-def _at(law: Law, angle: float, joints: int, end: int) -> tuple[float, ...]:
-    """S and its derivatives beside an angle, on the event's side (``end`` 0 or −1)."""
-    side = int(np.searchsorted(law.breaks, angle))
-    piece = side if end == 0 else side - 1
+def _end(law: Law, piece: int, end: int, joints: int) -> tuple[float, ...]:
+    """S and its derivatives at the start (0) or at the end (−1) of a piece."""
     return tuple(float(law.derivative_ordinates(k)[end, piece]) for k in range(joints + 1))
+
+
+def _require_joined(law: Law, joints: int) -> None:
+    """Refuse a turn without a dwell whose end and start differ in a derivative that stays."""
+    for order in range(joints + 1):
+        ordinates = law.derivative_ordinates(order)
+        if abs(ordinates[0, 0] - ordinates[-1, -1]) > MEETS * np.abs(ordinates).max():
+            raise ConfigError(
+                f"cam {law.name!r}: it has no dwell, and derivative {order} at the turn's end is "
+                f"not that at its start; allowed: joints up to C{order - 1}"
+            )
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ import numpy as np
 
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import DesignError
-from cam_rig.studies.design.contact_kept import MARGIN, ContactKept
+from cam_rig.studies.design.contact_kept import ContactKept
 from cam_rig.studies.design.program import Solution
 from cam_rig.studies.design.solve import Best, Cuts, Solver
 from cam_rig.studies.jump.any_rig import find_jump
@@ -65,7 +65,7 @@ class TwoMassSearch:
         slope, settled = SLOPE, None
         for _ in range(MAX_ROUNDS):
             found = self.solver.solved([*cuts, kept])
-            room = found.level - MARGIN
+            room = found.level - kept.margin
             if room > -NEAR:
                 if any([cut.cut(found) for cut in [*cuts, kept]]):
                     continue
@@ -92,8 +92,8 @@ class TwoMassSearch:
         if jump.speed >= kept.fastest * (1.0 - HELD):
             return True
         self.refused += 1
-        kept.refine(jump.speed)
-        return not kept.cut(found)
+        kept.refine(jump.speed, found)
+        return False
 
     def _bound(self, kept: ContactKept, speed: float) -> float:
         """A speed at which the rows, some of those that a law must keep, leave no law."""
