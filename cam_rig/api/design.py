@@ -10,9 +10,9 @@ from cam_rig.api.arguments import require_type
 from cam_rig.api.notebook import shown
 from cam_rig.extras import libraries_named
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.studies.design.design import Design, DesignRequest
+from cam_rig.studies.design.design import DesignRequest, LawDesign
 from cam_rig.studies.design.design import design as solve
-from cam_rig.studies.design.space import LawClass
+from cam_rig.studies.design.law_class import LawClass
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DesignedLaw(Design):
+class DesignedLaw(LawDesign):
     """A designed law: ``law``, ``cam``, the ``text`` of its file, and ``measures``, goal first."""
 
     def __repr__(self) -> str:

@@ -18,7 +18,7 @@ from cam_rig.laws.curves import cam_curves
 from cam_rig.plots.figures import CAM_ANGLE, empty, series, short, styled, turn_axis, write
 from cam_rig.plots.law import NAMES, PER
 from cam_rig.profile.contour import contours
-from cam_rig.studies.design.design import Design
+from cam_rig.studies.design.design import LawDesign
 from cam_rig.studies.jump.rigid import rigid_jump_speed
 from cam_rig.units import TURN, to_rpm
 
@@ -28,13 +28,13 @@ START: dict[str, Any] = {"color": "0.45", "ls": "--", "lw": 1.2}
 DESIGNED: dict[str, Any] = {"color": series(0)["color"], "lw": 1.4}
 
 
-def draw(design: Design, path: Path) -> None:
+def draw(design: LawDesign, path: Path) -> None:
     """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
     write(figure(design), path)
 
 
 @styled
-def figure(design: Design) -> Figure:
+def figure(design: LawDesign) -> Figure:
     """Both laws: four derivatives and the force over the turn, and the contours below."""
     out = empty(HEIGHT)
     names = [[f"order {k}"] * 2 for k in range(4)] + [["force", "contour"]] * 2
@@ -56,7 +56,7 @@ def figure(design: Design) -> Figure:
     return out
 
 
-def _force(axes: Axes, design: Design, both: tuple[tuple[Law, str, Any], ...]) -> None:
+def _force(axes: Axes, design: LawDesign, both: tuple[tuple[Law, str, Any], ...]) -> None:
     """The contact force of a rigid follower where the designed law is about to lose contact."""
     follower = FollowerParameters.from_rig(design.rig)
     speed = rigid_jump_speed(design.law, follower)
@@ -73,7 +73,7 @@ def _force(axes: Axes, design: Design, both: tuple[tuple[Law, str, Any], ...]) -
     turn_axis(axes, 90)
 
 
-def _contour(axes: Axes, design: Design, both: tuple[tuple[Law, str, Any], ...]) -> None:
+def _contour(axes: Axes, design: LawDesign, both: tuple[tuple[Law, str, Any], ...]) -> None:
     """The contours of both."""
     for law, _, style in both:
         for contour in contours(design.cam.follower, law, POINTS - 1):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,7 +16,7 @@ from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, wri
 if TYPE_CHECKING:
     from cam_rig.schema.design import DesignConfig
     from cam_rig.studies.design.cam_file import DesignedCam
-    from cam_rig.studies.design.design import Design
+    from cam_rig.studies.design.design import LawDesign
 
 #: What stays as the start has it.
 KEPT = ("events", "dwells", "lift")
@@ -68,37 +68,33 @@ def design(
     cam-rig design poly345 --minimise residual_vibration@200-400rpm --pieces 28 --plot out/calm.png
     """
     with user_errors():
-        from cam_rig.schema.design import ClassConfig, DesignConfig, is_design, load_design
-
         _check(out, keep)
         check_outputs(json_target, plot, csv)
-        path = cam_path(start)
-        if is_design(path):
-            _require_none(path, minimise, maximise, limit)
-            config = load_design(path)
-        else:
-            config = DesignConfig.model_construct(
-                start=start,
-                rig=rig,
-                minimise=minimise,
-                maximise=maximise,
-                limits=limit or [],
-                class_=ClassConfig(pieces=pieces, joints=joints, degree=degree),
-            )
+        asked = {"minimise": minimise, "maximise": maximise, "limits": limit or []}
+        config = _config(start, rig, asked, {"pieces": pieces, "joints": joints, "degree": degree})
         _solve(config, out).write(out, plot, csv, json_target)
 
 
-def _require_none(
-    path: Path, minimise: str | None, maximise: str | None, limit: list[str] | None
-) -> None:
-    """Refuse a goal beside a design file's own."""
-    from cam_rig.errors import ConfigError
+def _config(start: str, rig: str, asked: dict[str, Any], law_class: dict[str, Any]) -> DesignConfig:
+    """What the command line asks for, or a design file.
 
-    if minimise or maximise or limit:
+    Raises
+    ------
+    ConfigError : a design file beside a goal, or something wrong in it
+    """
+    from cam_rig.errors import ConfigError
+    from cam_rig.schema.design import ClassConfig, DesignConfig, is_design, load_design
+
+    path = cam_path(start)
+    if not is_design(path):
+        own = ClassConfig(**law_class)
+        return DesignConfig.model_construct(start=start, rig=rig, class_=own, **asked)
+    if any(asked.values()):
         raise ConfigError(
             f"{path}: has a goal and limits of its own; allowed beside it: no --minimise, "
             "--maximise, --limit"
         )
+    return load_design(path)
 
 
 def _check(out: Path | None, keep: str) -> None:
@@ -118,11 +114,11 @@ def _check(out: Path | None, keep: str) -> None:
 
 
 @dataclass
-class Found:
+class DesignRun:
     """What a search came to: a design, or on Ctrl-C the best law so far."""
 
     best: DesignedCam | None = None
-    design: Design | None = None
+    design: LawDesign | None = None
 
     def write(
         self, out: Path | None, plot: Path | None, csv: Path | None, json: str | None
@@ -155,7 +151,7 @@ class Found:
             write_plot(plot, lambda part: draw(design, part))
 
 
-def _solve(config: DesignConfig, out: Path | None) -> Found:
+def _solve(config: DesignConfig, out: Path | None) -> DesignRun:
     """Solve it, behind a line with the best so far.
 
     Raises
@@ -170,7 +166,7 @@ def _solve(config: DesignConfig, out: Path | None) -> Found:
     cam, rig = load_cam(cam_path(config.start)), load_rig(rig_path(config.rig))
     name = out.stem if out is not None else config.name
     unit, factor = request.goal.quantity.unit, request.goal.quantity.shown
-    found = Found()
+    found = DesignRun()
     with console.status(request.words) as status:
 
         def told(better: DesignedCam, value: float) -> None:

@@ -1,4 +1,4 @@
-"""Vibration and contact force at one speed, as functions of a design's unknowns."""
+"""EventVibration and contact force at one speed, as functions of a design's unknowns."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Linear:
 
 
 @dataclass(frozen=True, eq=False)
-class Vibration:
+class EventVibration:
     """Amplitudes a at one speed (rad/s), of (η, η̇) = 2 Re a (1, λ)."""
 
     cells: Cells
@@ -84,7 +84,7 @@ class Vibration:
         return Linear(own.constant[-1:], own.matrix[-1:])
 
 
-class Turn(NamedTuple):
+class FirstTurn(NamedTuple):
     """A first turn from rest: angles ``(n,)``, amplitudes there and at its end, force without.
 
     ``moving`` says which are in events.
@@ -101,7 +101,7 @@ class Turn(NamedTuple):
 class ForceAtSpeed:
     """The contact force (N) at one speed (rad/s), at the ends of cells and early in each dwell.
 
-    Later in a dwell the vibration has only faded. Turn k of a run from rest has what the turns
+    Later in a dwell the vibration has only faded. FirstTurn k of a run from rest has what the turns
     before have left; the infinite one is the steady state.
     """
 
@@ -109,9 +109,9 @@ class ForceAtSpeed:
     speed: float
 
     @cached_property
-    def first(self) -> Turn:
+    def first(self) -> FirstTurn:
         """The turn from rest."""
-        cells, vibration = self.cells, Vibration(self.cells, self.speed)
+        cells, vibration = self.cells, EventVibration(self.cells, self.speed)
         weights = np.array(cells.mode.motion) * self.speed ** np.arange(3.0)
         size, edge = cells.space.unknowns, 0.0
         last = Linear(np.zeros(1, complex), np.zeros((1, size), complex))
@@ -133,7 +133,7 @@ class ForceAtSpeed:
             amplitudes.append(amplitude)
         end = last.carried(np.exp(vibration.rate * np.array([TURN - edge])))
         joined = Linear.joined(amplitudes), end, Dense.joined(still)
-        return Turn(np.concatenate(angles), np.concatenate(moving), *joined)
+        return FirstTurn(np.concatenate(angles), np.concatenate(moving), *joined)
 
     def _places(self, stretch: Stretch) -> FloatArray:
         """Angles of an event's cells, or in a dwell as long as the first periods take."""

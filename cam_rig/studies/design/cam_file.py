@@ -12,7 +12,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.schema import CamConfig
 from cam_rig.studies.cam_fit.cam_file import quantity, to_yaml, valid_cam
 from cam_rig.studies.design.constraints import Asked
-from cam_rig.studies.design.problem import Problem
+from cam_rig.studies.design.problem import DesignProblem
 from cam_rig.studies.design.terms import Term
 
 
@@ -25,7 +25,7 @@ class DesignedCam:
 
 
 def designed_cam(
-    problem: Problem,
+    problem: DesignProblem,
     unknowns: FloatArray,
     name: str,
     verb: str,
@@ -55,12 +55,12 @@ def designed_cam(
     return DesignedCam(valid_cam(data), "\n".join(header) + "\n" + to_yaml(data))
 
 
-def _lift(problem: Problem) -> dict[str, Any]:
+def _lift(problem: DesignProblem) -> dict[str, Any]:
     millimetres = problem.start.lift * 1e3
     return quantity("given", millimetres, "mm", f"that of {problem.cam.name}")
 
 
-def _follower(problem: Problem) -> dict[str, Any]:
+def _follower(problem: DesignProblem) -> dict[str, Any]:
     data = problem.cam.model_dump(exclude_none=True)
     kept = {"follower": _plain(data["follower"])}
     return kept | ({"contact": _plain(data["contact"])} if "contact" in data else {})
@@ -74,7 +74,7 @@ def _plain(data: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _segments(problem: Problem, unknowns: FloatArray, source: str) -> list[dict[str, Any]]:
+def _segments(problem: DesignProblem, unknowns: FloatArray, source: str) -> list[dict[str, Any]]:
     space, found, at = problem.space, [], 0.0
     for index, event in enumerate(space.events):
         found += _dwell(at, event.start, problem.cam.name)

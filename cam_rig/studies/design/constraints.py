@@ -21,8 +21,8 @@ from cam_rig.profile.disc import discs
 from cam_rig.profile.flat_face import GuidedFace
 from cam_rig.profile.roller import GuidedCentre
 from cam_rig.studies.design.affine import Affine
-from cam_rig.studies.design.problem import Problem
-from cam_rig.studies.design.program import Block, Program
+from cam_rig.studies.design.problem import DesignProblem
+from cam_rig.studies.design.program import ConvexProgram, RowBlock
 from cam_rig.studies.design.terms import ORDERS, Limit, Sense, Term
 from cam_rig.units import TURN
 
@@ -69,7 +69,7 @@ class Asked:
         return rows if self.value is None else rows.plus(-sign * self.value / self.scale - spare)
 
 
-def add(program: Program, problem: Problem, asked: Asked, hull: bool) -> None:
+def add(program: ConvexProgram, problem: DesignProblem, asked: Asked, hull: bool) -> None:
     """Add the rows of one goal or limit.
 
     Raises
@@ -83,14 +83,14 @@ def add(program: Program, problem: Problem, asked: Asked, hull: bool) -> None:
         cone = Affine.stacked([Affine(radius, none), parts * (1.0 / asked.scale)])
         weight = np.zeros(cone.constant.size)
         weight[0] = asked.weight
-        program.blocks.append(Block(asked.name, cone, weight, "cone", weight.size))
+        program.blocks.append(RowBlock(asked.name, cone, weight, "cone", weight.size))
         return
     spare = SPARE if hull else 0.0
     for quantity in _rows(problem, asked, hull):
         program.at_least(asked.name, asked.room(quantity, spare), asked.weight)
 
 
-def _rows(problem: Problem, asked: Asked, hull: bool) -> list[Affine]:
+def _rows(problem: DesignProblem, asked: Asked, hull: bool) -> list[Affine]:
     term, space = asked.term, problem.space
     cut = space.hull if hull else space.points
     if term.name in PEAKS:
@@ -112,14 +112,14 @@ def _rows(problem: Problem, asked: Asked, hull: bool) -> list[Affine]:
     raise AssertionError(term.name)
 
 
-def force(problem: Problem, speed: float, hull: bool) -> Affine:
+def force(problem: DesignProblem, speed: float, hull: bool) -> Affine:
     """The contact force (N) of one rigid mass at a speed (rad/s), in hulls or at points."""
     weights = tuple(force_weights(problem.rigid, speed).tolist())
     cut = problem.space.hull if hull else problem.space.points
     return cut(problem.space.weighted(weights)).plus(problem.rigid.preload)
 
 
-def keep_lift(program: Program, problem: Problem, hull: bool) -> None:
+def keep_lift(program: ConvexProgram, problem: DesignProblem, hull: bool) -> None:
     """Between the start's lowest and highest lift, which is reached where the start reaches it."""
     space = problem.space
     low, high = space.levels
@@ -138,7 +138,7 @@ def keep_lift(program: Program, problem: Problem, hull: bool) -> None:
         program.equal("lift", at.plus(-level * scale))
 
 
-def _at_angles(problem: Problem, term: Term, hull: bool) -> Affine:
+def _at_angles(problem: DesignProblem, term: Term, hull: bool) -> Affine:
     """A derivative at an angle, or over a range of angles."""
     space, order = problem.space, ORDERS[term.name]
     if term.low == term.high:
@@ -158,7 +158,7 @@ def _at_angles(problem: Problem, term: Term, hull: bool) -> Affine:
     return space.at(order, edges[(edges >= term.low) & (edges <= term.high)])
 
 
-def _element(problem: Problem) -> Element | None:
+def _element(problem: DesignProblem) -> Element | None:
     """The contact of a cam of one disc whose follower has no inclined face."""
     plates = discs(problem.cam.follower, problem.start)
     element = plates[0].element
@@ -166,14 +166,14 @@ def _element(problem: Problem) -> Element | None:
     return None if len(plates) > 1 or inclined else element
 
 
-def _refused(problem: Problem, limit: str, needed: str) -> ConfigError:
+def _refused(problem: DesignProblem, limit: str, needed: str) -> ConfigError:
     return ConfigError(
         f"limit {limit}: the follower is {problem.cam.follower.type}; allowed: {needed}, where "
         "the limit is linear in the law; look at the result with: cam-rig profile"
     )
 
 
-def _pressure(problem: Problem, most: float, hull: bool) -> list[Affine]:
+def _pressure(problem: DesignProblem, most: float, hull: bool) -> list[Affine]:
     """Tan α (d + s) ∓ (s' − e) ≥ 0, given as what is at most ``most``: the limit less the room."""
     element = _element(problem)
     if not isinstance(element, GuidedCentre):
@@ -190,7 +190,7 @@ def _pressure(problem: Problem, most: float, hull: bool) -> list[Affine]:
     return found
 
 
-def _rms_acceleration(problem: Problem, _: Term) -> Affine:
+def _rms_acceleration(problem: DesignProblem, _: Term) -> Affine:
     """Weighted values of s'' whose squares add to its mean square over the turn, exactly."""
     space = problem.space
     degree = space.degree - 2
@@ -201,7 +201,7 @@ def _rms_acceleration(problem: Problem, _: Term) -> Affine:
     return found.rows(np.flatnonzero(np.abs(found.constant) + abs(found.matrix).sum(axis=1)))
 
 
-def _sound(problem: Problem, term: Term) -> Affine:
+def _sound(problem: DesignProblem, term: Term) -> Affine:
     """Weighted harmonics of s'' whose squares add to the mean power of the contact force's rate.
 
     Of a follower that stays on the cam, mean over speeds; pressure follows that rate through the
@@ -221,7 +221,7 @@ def _sound(problem: Problem, term: Term) -> Affine:
     return Affine(second.constant * gain, sparse.csr_array(second.matrix * gain[:, None]))
 
 
-def fourier(problem: Problem, order: FloatArray) -> Affine:
+def fourier(problem: DesignProblem, order: FloatArray) -> Affine:
     """Real and imaginary parts of the Fourier coefficients of s'', by Gauss points."""
     space = problem.space
     parts = math.ceil(float(space.spans.max() * order.max()) / CELL_PHASE)

@@ -19,8 +19,8 @@ from cam_rig.arrays import FloatArray
 from cam_rig.studies.design.affine import Affine
 from cam_rig.studies.design.amplitude import ForceAtSpeed
 from cam_rig.studies.design.mode import Cells, Dense
-from cam_rig.studies.design.problem import Problem
-from cam_rig.studies.design.program import Block, Solution
+from cam_rig.studies.design.problem import DesignProblem
+from cam_rig.studies.design.program import ProgramSolution, RowBlock
 from cam_rig.units import TURN
 
 #: The grid goes down to this part of the speed, in steps that turn the phase by this much (rad)
@@ -61,7 +61,7 @@ class ContactKept:
     force, in parts of the scale, where no goal asks for more.
     """
 
-    problem: Problem
+    problem: DesignProblem
     duration: float | None
     fastest: float
     name: str = "contact kept"
@@ -109,7 +109,7 @@ class ContactKept:
         last = math.ceil(speed * self.duration / TURN)
         return sorted({*(turn for turn in TURNS if turn < last), float(last)})
 
-    def refine(self, speed: float, solution: Solution) -> None:
+    def refine(self, speed: float, solution: ProgramSolution) -> None:
         """Look closer at a speed at which the exact model loses contact; else widen the margin."""
         self.more += [speed * (1.0 + self.step * k) for k in (-0.25, 1e-4, 0.25)]
         if not self.cut(solution):
@@ -150,7 +150,7 @@ class ContactKept:
         worst = int(np.argmin(above.min(axis=1)))
         return Below(speed, float(turns[worst]), above[worst])
 
-    def cut(self, solution: Solution) -> bool:
+    def cut(self, solution: ProgramSolution) -> bool:
         """Leave the rows far above, add those below; whether there are any."""
         level = solution.level if self.value is None else self.value
         if level < self._lowest - FALLEN:  # else rows would come and go for ever
@@ -159,7 +159,7 @@ class ContactKept:
         return self.look(solution.unknowns, level) > 0
 
     @property
-    def blocks(self) -> list[Block]:
+    def blocks(self) -> list[RowBlock]:
         """The rows so far, of speeds up to the fastest."""
         chosen = [row for row in self._rows if row[0] <= self.fastest]
         if not chosen:
@@ -169,9 +169,9 @@ class ContactKept:
         scale = self.problem.force_scale
         constant = joined.constant / scale - np.where(weight < 0.0, 0.0, self.margin)
         affine = Affine(constant, sparse.csr_array(joined.matrix / scale))
-        return [Block(self.name, affine, weight, "nonneg")]
+        return [RowBlock(self.name, affine, weight, "nonneg")]
 
-    def _thin(self, solution: Solution) -> None:
+    def _thin(self, solution: ProgramSolution) -> None:
         """Leave the rows that the solution is far above."""
         kept = []
         for speed, (constant, matrix), weight in self._rows:

@@ -15,10 +15,12 @@ from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.design import DesignConfig
 from cam_rig.studies.design.cam_file import DesignedCam, designed_cam
 from cam_rig.studies.design.constraints import PEAKS, Asked
+from cam_rig.studies.design.events import LawEvent
+from cam_rig.studies.design.law_class import LawClass
 from cam_rig.studies.design.measure import level_of, measured, rate_of
-from cam_rig.studies.design.problem import Problem
+from cam_rig.studies.design.problem import DesignProblem
 from cam_rig.studies.design.solve import Best, Solver
-from cam_rig.studies.design.space import Event, LawClass, Space
+from cam_rig.studies.design.space import Space
 from cam_rig.studies.design.terms import ORDERS, Limit, Sense, Term, parse_goal, parse_limit
 
 #: A result within this part of its bound is called certified.
@@ -113,7 +115,7 @@ class Measure:
 
 
 @dataclass(frozen=True, eq=False)
-class Design:
+class LawDesign:
     """The best law found, its cam and file; ``measures`` has the goal first.
 
     ``rounds`` is how many programs were solved.
@@ -125,7 +127,7 @@ class Design:
     cam: CamConfig
     text: str
     rig: RigConfig
-    events: tuple[Event, ...]
+    events: tuple[LawEvent, ...]
     measures: tuple[Measure, ...]
     rounds: int
 
@@ -136,8 +138,10 @@ class Design:
 
     @property
     def gap(self) -> float:
-        """How far the result is from its bound, in parts of it."""
+        """How far the result is from its bound, in parts of it; of a level, of its pressure."""
         assert self.goal.bound is not None
+        if self.goal.term.name == "sound_level":
+            return float(10.0 ** (abs(self.goal.result - self.goal.bound) / 20.0) - 1.0)
         size = max(abs(self.goal.bound), 1e-300)
         return abs(self.goal.result - self.goal.bound) / size
 
@@ -153,7 +157,7 @@ def design(
     request: DesignRequest,
     name: str | None = None,
     on_best: Callable[[DesignedCam, float], None] = lambda _c, _v: None,
-) -> Design:
+) -> LawDesign:
     """The best law of a class between the dwells of a cam.
 
     Parameters
@@ -169,7 +173,7 @@ def design(
     """
     start = build_law(cam)
     space = Space(start, request.law_class)
-    problem = Problem(cam, start, rig, space)
+    problem = DesignProblem(cam, start, rig, space)
     name = name or f"{cam.name}_designed"
     limits = [_asked(problem, x.term, x.sense, _value(problem, x)) for x in request.limits]
 
@@ -186,13 +190,13 @@ def design(
         for asked, limit in zip(limits, request.limits, strict=True)
     ]
     events = tuple(space.events)
-    return Design(
+    return LawDesign(
         request, start, law, file.cam, file.text, rig, events, tuple(measures), best.rounds
     )
 
 
 def _solve(
-    problem: Problem,
+    problem: DesignProblem,
     request: DesignRequest,
     limits: list[Asked],
     told: Callable[[FloatArray, float], None],
@@ -206,14 +210,14 @@ def _solve(
     return best
 
 
-def _value(problem: Problem, limit: Limit) -> float:
+def _value(problem: DesignProblem, limit: Limit) -> float:
     """What a limit allows, SI; the level in dB."""
     if limit.value is not None:
         return limit.value
     return measured(problem, problem.start, limit.term, limit.sense)
 
 
-def _asked(problem: Problem, term: Term, sense: Sense, value: float | None) -> Asked:
+def _asked(problem: DesignProblem, term: Term, sense: Sense, value: float | None) -> Asked:
     """A goal or a limit in the units of its rows, and what they are measured by."""
     if value is not None and term.name == "sound_level":
         value = rate_of(problem, term, value)
@@ -224,7 +228,7 @@ def _asked(problem: Problem, term: Term, sense: Sense, value: float | None) -> A
     return Asked(term, sense, value, _scale(problem, term, sense))
 
 
-def _scale(problem: Problem, term: Term, sense: Sense) -> float:
+def _scale(problem: DesignProblem, term: Term, sense: Sense) -> float:
     start = problem.start
     if term.name in PEAKS or term.name in ORDERS:
         order = PEAKS[term.name] if term.name in PEAKS else ORDERS[term.name]
@@ -239,12 +243,12 @@ def _scale(problem: Problem, term: Term, sense: Sense) -> float:
     return rate_of(problem, term, found) if term.name == "sound_level" else found
 
 
-def _shown(problem: Problem, term: Term, value: float) -> float:
+def _shown(problem: DesignProblem, term: Term, value: float) -> float:
     """A goal's value as it is shown: rows have the root of a mean square for a level."""
     return level_of(problem, term, value) if term.name == "sound_level" else value
 
 
-def _goal(problem: Problem, request: DesignRequest, law: Law, best: Best) -> Measure:
+def _goal(problem: DesignProblem, request: DesignRequest, law: Law, best: Best) -> Measure:
     term, sense = request.goal, request.sense
     start = measured(problem, problem.start, term, sense)
     return Measure(
@@ -256,7 +260,7 @@ def _goal(problem: Problem, request: DesignRequest, law: Law, best: Best) -> Mea
     )
 
 
-def _limit(problem: Problem, law: Law, asked: Asked, limit: Limit, best: Best) -> Measure:
+def _limit(problem: DesignProblem, law: Law, asked: Asked, limit: Limit, best: Best) -> Measure:
     start = measured(problem, problem.start, limit.term, limit.sense)
     result, allowed = measured(problem, law, limit.term, limit.sense), _value(problem, limit)
     over = (result - allowed) * (1.0 if limit.sense == "<=" else -1.0)

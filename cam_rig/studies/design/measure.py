@@ -19,7 +19,7 @@ from cam_rig.profile.checks.curvature import sharpest_convex
 from cam_rig.profile.disc import discs
 from cam_rig.profile.extremes import Scan
 from cam_rig.studies.design.constraints import PEAKS, SPEEDS
-from cam_rig.studies.design.problem import Problem
+from cam_rig.studies.design.problem import DesignProblem
 from cam_rig.studies.design.residual import speeds_of
 from cam_rig.studies.design.terms import ORDERS, Sense, Term
 from cam_rig.studies.jump.any_rig import find_jump
@@ -31,7 +31,7 @@ from cam_rig.units import TURN
 GAUSS, CELL_PHASE = 12, 2.0
 
 
-def measured(problem: Problem, law: Law, term: Term, sense: Sense) -> float:
+def measured(problem: DesignProblem, law: Law, term: Term, sense: Sense) -> float:
     """A quantity of a law, SI; the level in dB.
 
     Over a range of angles or speeds the one that a limit of that sense is about.
@@ -55,14 +55,14 @@ def _at_angles(law: Law, term: Term, sense: Sense) -> float:
     return float(values.max() if sense == "<=" else values.min())
 
 
-def _rms_acceleration(_: Problem, law: Law, __: Term) -> float:
+def _rms_acceleration(_: DesignProblem, law: Law, __: Term) -> float:
     points, weights = np.polynomial.legendre.leggauss(law.degree + 1)
     table = bernstein.basis(law.degree, 0.5 * (points + 1.0))
     squares = (table @ law.derivative_ordinates(2)) ** 2
     return math.sqrt(float((0.5 * weights @ squares) @ law.spans) / TURN)
 
 
-def _residual(problem: Problem, law: Law, term: Term) -> float:
+def _residual(problem: DesignProblem, law: Law, term: Term) -> float:
     speeds = speeds_of(problem, term.low, term.high)
     return max(
         float(left_by(problem, law, event.start, event.start + event.span, speeds).max())
@@ -70,7 +70,9 @@ def _residual(problem: Problem, law: Law, term: Term) -> float:
     )
 
 
-def left_by(problem: Problem, law: Law, start: float, end: float, speeds: FloatArray) -> FloatArray:
+def left_by(
+    problem: DesignProblem, law: Law, start: float, end: float, speeds: FloatArray
+) -> FloatArray:
     """Amplitude (m) that a law leaves between two angles (rad) from rest, at speeds (rad/s)."""
     mode = problem.mode
     edges = law.breaks[(law.breaks > start) & (law.breaks < end)]
@@ -91,7 +93,7 @@ def left_by(problem: Problem, law: Law, start: float, end: float, speeds: FloatA
     return found
 
 
-def _force(problem: Problem, law: Law, term: Term) -> float:
+def _force(problem: DesignProblem, law: Law, term: Term) -> float:
     most = term.name == "peak_contact_force"
     found = []
     for speed in {term.low, term.high}:
@@ -101,12 +103,12 @@ def _force(problem: Problem, law: Law, term: Term) -> float:
     return max(found) if most else min(found)
 
 
-def _jump(problem: Problem, law: Law, term: Term) -> float:
+def _jump(problem: DesignProblem, law: Law, term: Term) -> float:
     duration = FROM_REST if term.name == "jump_speed" else None
     return find_jump(law, problem.follower, duration).speed
 
 
-def _level(problem: Problem, law: Law, term: Term) -> float:
+def _level(problem: DesignProblem, law: Law, term: Term) -> float:
     radiation = RadiationParameters.from_rig(problem.rig)
     rates = [
         mean_square_rate(law, problem.rigid, radiation.corner_rate, speed)
@@ -120,32 +122,32 @@ def _background(radiation: RadiationParameters, term: Term) -> float:
     return float(np.mean([radiation.background_power(speed) for speed in speeds.tolist()]))
 
 
-def level_of(problem: Problem, term: Term, rate: float) -> float:
+def level_of(problem: DesignProblem, term: Term, rate: float) -> float:
     """The level (dB) of a mean square rate's root (N/s), with the background."""
     radiation = RadiationParameters.from_rig(problem.rig)
     power = _background(radiation, term) + (radiation.gain * rate) ** 2
     return float(level_db(np.array([math.sqrt(power)]))[0])
 
 
-def rate_of(problem: Problem, term: Term, level: float) -> float:
+def rate_of(problem: DesignProblem, term: Term, level: float) -> float:
     """The other way; not above zero where the background alone is as loud."""
     radiation = RadiationParameters.from_rig(problem.rig)
     power = float(pressure_pa(level)) ** 2 - _background(radiation, term)
     return math.copysign(math.sqrt(abs(power)), power) / radiation.gain
 
 
-def _pressure(problem: Problem, law: Law, _: Term) -> float:
+def _pressure(problem: DesignProblem, law: Law, _: Term) -> float:
     plates = discs(problem.cam.follower, law)
     scans = [Scan(law, plate.element) for plate in plates]
     return max(scan.greatest(lambda touch: np.abs(touch.pressure)).value for scan in scans)
 
 
-def _radius(problem: Problem, law: Law, _: Term) -> float:
+def _radius(problem: DesignProblem, law: Law, _: Term) -> float:
     scans = [Scan(law, plate.element) for plate in discs(problem.cam.follower, law)]
     return min(float(sharpest_convex(scan).value) for scan in scans)
 
 
-MEASURES: dict[str, Callable[[Problem, Law, Term], float]] = {
+MEASURES: dict[str, Callable[[DesignProblem, Law, Term], float]] = {
     "rms_acceleration": _rms_acceleration,
     "residual_vibration": _residual,
     "peak_contact_force": _force,

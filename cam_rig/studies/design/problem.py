@@ -14,7 +14,7 @@ from cam_rig.studies.jump.any_rig import AnyFollower, follower_of
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class DesignProblem:
     """What rows of a program are made of."""
 
     cam: CamConfig

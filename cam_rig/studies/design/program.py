@@ -35,7 +35,7 @@ ACTIVE = 1e-5
 
 
 @dataclass(frozen=True)
-class Block:
+class RowBlock:
     """Rows c + A x + w t: ≥ 0, = 0, or in cones of ``cone`` rows, the first one the radius."""
 
     name: str
@@ -46,7 +46,7 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Solution:
+class ProgramSolution:
     """Unknowns ``(m,)``, the level t, what no law of the class exceeds, and the active limits.
 
     ``blocks`` and ``multipliers`` (one a row, the weights' sum −1) are what proves the bound.
@@ -56,7 +56,7 @@ class Solution:
     level: float
     bound: float
     active: tuple[str, ...]
-    blocks: tuple[Block, ...]
+    blocks: tuple[RowBlock, ...]
     multipliers: FloatArray
 
 
@@ -69,24 +69,24 @@ class InfeasibleError(DesignError):
 
 
 @dataclass
-class Program:
+class ConvexProgram:
     """Limits on unknowns ``(unknowns,)``, and t, which is made as large as they allow."""
 
     unknowns: int
     link: Affine
-    blocks: list[Block] = field(default_factory=list)
+    blocks: list[RowBlock] = field(default_factory=list)
 
-    def copy(self, more: list[Block] | None = None) -> Program:
+    def copy(self, more: list[RowBlock] | None = None) -> ConvexProgram:
         """The same limits, and more."""
-        return Program(self.unknowns, self.link, [*self.blocks, *(more or [])])
+        return ConvexProgram(self.unknowns, self.link, [*self.blocks, *(more or [])])
 
     def at_least(self, name: str, rows: Affine, weight: float = 0.0) -> None:
         """Rows + weight · t ≥ 0."""
-        self.blocks.append(Block(name, rows, np.full(rows.constant.size, weight), "nonneg"))
+        self.blocks.append(RowBlock(name, rows, np.full(rows.constant.size, weight), "nonneg"))
 
     def equal(self, name: str, rows: Affine) -> None:
         """Rows = 0."""
-        self.blocks.append(Block(name, rows, np.zeros(rows.constant.size), "zero"))
+        self.blocks.append(RowBlock(name, rows, np.zeros(rows.constant.size), "zero"))
 
     def within(self, name: str, radius: Affine, parts: list[Affine], weight: float = 0.0) -> None:
         """√(Σ partᵢ²) ≤ radius + weight · t, row by row."""
@@ -95,9 +95,9 @@ class Program:
         order = np.arange(size * count).reshape(count, size).T.ravel()
         weights = np.zeros((size, count))
         weights[:, 0] = weight
-        self.blocks.append(Block(name, both.rows(order), weights.ravel(), "cone", count))
+        self.blocks.append(RowBlock(name, both.rows(order), weights.ravel(), "cone", count))
 
-    def solve(self) -> Solution:
+    def solve(self) -> ProgramSolution:
         """The largest t.
 
         Raises
@@ -108,7 +108,7 @@ class Program:
         with libraries_named():
             import clarabel
         box = self._box()
-        link = Block("", self.link, np.zeros(self.link.constant.size), "zero")
+        link = RowBlock("", self.link, np.zeros(self.link.constant.size), "zero")
         blocks = [link, *sorted([*self.blocks, box], key=lambda block: block.kind != "zero")]
         G = sparse.vstack(
             [sparse.hstack([b.rows.matrix, sparse.csr_array(b.weight[:, None])]) for b in blocks]
@@ -147,15 +147,15 @@ class Program:
             raise DesignError(f"design: the solver ended with {status}; allowed: fewer pieces")
         return best
 
-    def _box(self) -> Block:
+    def _box(self) -> RowBlock:
         free = self.unknowns - self.link.constant.size
         eye = sparse.csr_array(sparse.eye_array(free, self.unknowns))
         matrix = sparse.csr_array(sparse.vstack([eye, -eye]))
-        return Block(
+        return RowBlock(
             "ordinates", Affine(np.full(2 * free, BOX), matrix), np.zeros(2 * free), "nonneg"
         )
 
-    def _infeasible(self, blocks: list[Block], dual: FloatArray) -> InfeasibleError:
+    def _infeasible(self, blocks: list[RowBlock], dual: FloatArray) -> InfeasibleError:
         share: dict[str, float] = {}
         at = 0
         for block in blocks:
@@ -175,13 +175,15 @@ class Program:
         )
 
 
-def _solution(blocks: list[Block], x: FloatArray, dual: FloatArray) -> Solution:
+def _solution(blocks: list[RowBlock], x: FloatArray, dual: FloatArray) -> ProgramSolution:
     multipliers = _multipliers(blocks, dual)
     bound = bound_of(blocks, multipliers)
-    return Solution(x[:-1], float(x[-1]), bound, _active(blocks, x), tuple(blocks), multipliers)
+    return ProgramSolution(
+        x[:-1], float(x[-1]), bound, _active(blocks, x), tuple(blocks), multipliers
+    )
 
 
-def _broken(blocks: list[Block], x: FloatArray) -> float:
+def _broken(blocks: list[RowBlock], x: FloatArray) -> float:
     """By how much the worst row is broken."""
     worst = 0.0
     for block in blocks:
@@ -193,7 +195,7 @@ def _broken(blocks: list[Block], x: FloatArray) -> float:
     return worst
 
 
-def _multipliers(blocks: list[Block], dual: FloatArray) -> FloatArray:
+def _multipliers(blocks: list[RowBlock], dual: FloatArray) -> FloatArray:
     """The solver's multipliers, put into the cones and scaled to t; NaN where t has none.
 
     The first block links the last unknowns to the others, with −1 each: its multipliers are made
@@ -216,7 +218,7 @@ def _multipliers(blocks: list[Block], dual: FloatArray) -> FloatArray:
     return y / -weight if weight < 0.0 else np.full(y.size, np.nan)
 
 
-def bound_of(blocks: list[Block], multipliers: FloatArray) -> float:
+def bound_of(blocks: list[RowBlock], multipliers: FloatArray) -> float:
     """What t cannot exceed: Σ y (c + A x + w t) ≥ 0 with Σ y w = −1 gives t ≤ Σ y c + |Aᵀ y| · BOX.
 
     Infinite for multipliers that prove nothing.
@@ -229,7 +231,7 @@ def bound_of(blocks: list[Block], multipliers: FloatArray) -> float:
     return constant + float(np.abs(rest).sum()) * BOX
 
 
-def _active(blocks: list[Block], x: FloatArray) -> tuple[str, ...]:
+def _active(blocks: list[RowBlock], x: FloatArray) -> tuple[str, ...]:
     """Names of the limits that are met."""
     found = []
     for block in blocks:

@@ -16,11 +16,11 @@ from scipy import sparse
 
 from cam_rig.arrays import ComplexArray, FloatArray
 from cam_rig.studies.design.affine import Affine
-from cam_rig.studies.design.amplitude import Vibration
+from cam_rig.studies.design.amplitude import EventVibration
 from cam_rig.studies.design.constraints import SPARE, Asked
 from cam_rig.studies.design.mode import Cells
-from cam_rig.studies.design.problem import Problem
-from cam_rig.studies.design.program import Block, Solution
+from cam_rig.studies.design.problem import DesignProblem
+from cam_rig.studies.design.program import ProgramSolution, RowBlock
 from cam_rig.units import TURN
 
 #: Speeds a beat: the largest between two of them is missed by 0.1 % at most.
@@ -31,7 +31,7 @@ WORSE = 2e-4
 MAX_SPEEDS = 4096
 
 
-def speeds_of(problem: Problem, low: float, high: float, a_beat: int = A_BEAT) -> FloatArray:
+def speeds_of(problem: DesignProblem, low: float, high: float, a_beat: int = A_BEAT) -> FloatArray:
     """Speeds (rad/s) of a range, even in 1/Ω, so many a beat of the longest event."""
     if low == high:
         return np.array([low])
@@ -42,11 +42,13 @@ def speeds_of(problem: Problem, low: float, high: float, a_beat: int = A_BEAT) -
 
 
 @lru_cache(maxsize=4)
-def left(problem: Problem, low: float, high: float) -> tuple[ComplexArray, ComplexArray]:
+def left(problem: DesignProblem, low: float, high: float) -> tuple[ComplexArray, ComplexArray]:
     """What each event leaves at the speeds: constants ``(e, n)``, matrices ``(e, n, m)``."""
     cells, speeds = Cells(problem.space, problem.mode, low), speeds_of(problem, low, high)
     events = range(len(problem.space.events))
-    found = [[Vibration(cells, speed).residual(e) for speed in speeds.tolist()] for e in events]
+    found = [
+        [EventVibration(cells, speed).residual(e) for speed in speeds.tolist()] for e in events
+    ]
     constant = np.array([[value.constant[0] for value in row] for row in found])
     return constant, np.array([[value.matrix[0] for value in row] for row in found])
 
@@ -55,10 +57,10 @@ def left(problem: Problem, low: float, high: float) -> tuple[ComplexArray, Compl
 class Residual:
     """Cones |2a| ≤ limit (or t) of every event at speeds of a range."""
 
-    problem: Problem
+    problem: DesignProblem
     asked: Asked
     taken: set[tuple[int, int]] = field(default_factory=set)
-    blocks: list[Block] = field(default_factory=list)
+    blocks: list[RowBlock] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         term = self.asked.term
@@ -72,7 +74,7 @@ class Residual:
         """|2a| (m) of every event at every speed."""
         return np.asarray(2.0 * np.abs(self.constant + self.matrix @ unknowns))
 
-    def cut(self, solution: Solution) -> bool:
+    def cut(self, solution: ProgramSolution) -> bool:
         """Add the speeds at which the law is worst, if worse than allowed; whether there are."""
         allowed = self.asked.value
         if allowed is None:
@@ -101,4 +103,4 @@ class Residual:
         if self.asked.value is not None:
             constant[:, 0] = self.asked.value / scale - SPARE
         rows = Affine(constant.ravel(), sparse.csr_array(matrix.reshape(-1, size)))
-        self.blocks.append(Block(self.asked.name, rows, weight.ravel(), "cone", 3))
+        self.blocks.append(RowBlock(self.asked.name, rows, weight.ravel(), "cone", 3))

@@ -14,8 +14,8 @@ from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError, DesignError, DynamicsError
 from cam_rig.studies.design.constraints import Asked, add, force, keep_lift
 from cam_rig.studies.design.contact_kept import MARGIN, ContactKept
-from cam_rig.studies.design.problem import Problem
-from cam_rig.studies.design.program import Block, Program, Solution
+from cam_rig.studies.design.problem import DesignProblem
+from cam_rig.studies.design.program import ConvexProgram, ProgramSolution, RowBlock
 from cam_rig.studies.design.residual import Residual
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.rigid import rigid_jump_speed
@@ -36,10 +36,10 @@ class Cuts(Protocol):
     """Rows that are added where a law is seen to need them."""
 
     @property
-    def blocks(self) -> list[Block]:
+    def blocks(self) -> list[RowBlock]:
         """Those so far."""
 
-    def cut(self, solution: Solution) -> bool:
+    def cut(self, solution: ProgramSolution) -> bool:
         """Add what a solution breaks; whether that is anything."""
 
 
@@ -64,12 +64,12 @@ class Solver:
     ``on_best`` is told each law that is better than the ones before: unknowns and value (SI).
     """
 
-    problem: Problem
+    problem: DesignProblem
     goal: Asked
     limits: list[Asked]
     on_best: Callable[[FloatArray, float], None] = lambda _x, _v: None
     rounds: int = 0
-    _static: dict[bool, Program] = field(default_factory=dict)
+    _static: dict[bool, ConvexProgram] = field(default_factory=dict)
 
     def best(self) -> Best:
         """Solve it.
@@ -87,10 +87,10 @@ class Solver:
             return self._two_masses()
         return self._level()
 
-    def static(self, hull: bool) -> Program:
+    def static(self, hull: bool) -> ConvexProgram:
         """The rows of lift and limits that need no rounds."""
         if hull not in self._static:
-            program = Program(self.problem.space.unknowns, self.problem.space.link)
+            program = ConvexProgram(self.problem.space.unknowns, self.problem.space.link)
             keep_lift(program, self.problem, hull)
             for limit in self.limits:
                 if not is_cut(limit):
@@ -98,7 +98,7 @@ class Solver:
             self._static[hull] = program
         return self._static[hull].copy()
 
-    def _add(self, program: Program, limit: Asked, hull: bool) -> None:
+    def _add(self, program: ConvexProgram, limit: Asked, hull: bool) -> None:
         name = limit.term.name
         if name.startswith("jump_speed"):  # of one rigid mass
             assert limit.value is not None
@@ -121,17 +121,17 @@ class Solver:
                 found.append(kept)
         return found
 
-    def solved(self, cuts: list[Cuts]) -> Solution:
+    def solved(self, cuts: list[Cuts]) -> ProgramSolution:
         """One program of what was cut."""
         self.rounds += 1
         blocks = [block for cut in cuts for block in cut.blocks]
-        return Program(self.problem.space.unknowns, self.problem.space.link, blocks).solve()
+        return ConvexProgram(self.problem.space.unknowns, self.problem.space.link, blocks).solve()
 
     def lazily(self, hull: bool) -> FewRows:
         """The limits as cuts: of thousands of rows a few are met."""
         return FewRows(self.static(hull))
 
-    def settled(self, program: Program, cuts: list[Cuts]) -> Solution:
+    def settled(self, program: ConvexProgram, cuts: list[Cuts]) -> ProgramSolution:
         """Solve, cut and solve again until nothing is cut; the program's rows are cuts too."""
         rounds = [FewRows(program), *cuts]
         for _ in range(MAX_ROUNDS):
@@ -164,7 +164,7 @@ class Solver:
 
     def rigid(self) -> Best:
         """The highest speed at which the least force of one rigid mass can be above zero."""
-        found: dict[float, Solution] = {}
+        found: dict[float, ProgramSolution] = {}
 
         def level(speed: float, hull: bool) -> float:
             program = self.static(hull)
@@ -227,7 +227,7 @@ class Solver:
 class FewRows:
     """Rows of a program, of which those are taken that a solution breaks or nearly meets."""
 
-    program: Program
+    program: ConvexProgram
     taken: list[NDArray[np.bool_]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -237,14 +237,16 @@ class FewRows:
             self.taken.append(taken)
 
     @property
-    def blocks(self) -> list[Block]:
+    def blocks(self) -> list[RowBlock]:
         """Those taken so far."""
         return [
-            Block(block.name, block.rows.rows(taken), block.weight[taken], block.kind, block.cone)
+            RowBlock(
+                block.name, block.rows.rows(taken), block.weight[taken], block.kind, block.cone
+            )
             for block, taken in zip(self.program.blocks, self.taken, strict=True)
         ]
 
-    def cut(self, solution: Solution) -> bool:
+    def cut(self, solution: ProgramSolution) -> bool:
         """Take what a solution breaks, and what is near it; whether it breaks anything."""
         broken = False
         for block, taken in zip(self.program.blocks, self.taken, strict=True):

@@ -13,200 +13,18 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy import sparse
-from scipy.interpolate import BSpline
 
 from cam_rig.arrays import FloatArray
-from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, bernstein
-from cam_rig.laws.families.b_spline import bezier_pieces
 from cam_rig.laws.peaks import extremes
 from cam_rig.studies.design.affine import Affine
+from cam_rig.studies.design.events import FLAT, LawEvent, events
+from cam_rig.studies.design.law_class import LawClass, second_derivative, to_bezier
 from cam_rig.units import TURN
 
-#: Pieces and degree of a class, and how smooth its joints may be.
-MAX_PIECES, MAX_DEGREE, MAX_JOINTS = 200, 15, 6
-#: An event of more ordinates than this is not written to a cam file.
-MAX_ORDINATES = 500
-#: A piece of a law whose ordinates differ by no more than this part of the lift is a dwell.
-FLAT = 1e-12
-#: A turn's end meets its start where they differ by no more than this part of a derivative.
-MEETS = 1e-9
 #: Parts of a piece for the polygon's bound, at least, and of a turn: its ordinates are then near
 #: the polynomial.
 PARTS, PARTS_OF_TURN = 24, 256
-
-
-@dataclass(frozen=True)
-class LawClass:
-    """B-splines of a degree in equal pieces of each event, Cᵏ where they meet.
-
-    Parameters
-    ----------
-    pieces : of each event
-    joints : k, derivatives that are continuous at joints and at the ends of events
-    degree : of the pieces; by default k + 2
-
-    Raises
-    ------
-    ConfigError : out of the limits, a degree not above ``joints``, or nothing left to choose
-
-    Examples
-    --------
-    >>> LawClass(pieces=16, joints=3).free
-    28
-    """
-
-    pieces: int = 16
-    joints: int = 3
-    degree: int | None = None
-
-    def __post_init__(self) -> None:
-        limits = {"pieces": (1, MAX_PIECES), "joints": (1, MAX_JOINTS), "degree": (2, MAX_DEGREE)}
-        for name, (least, most) in limits.items():
-            value = self.power if name == "degree" else getattr(self, name)
-            if not isinstance(value, int) or not least <= value <= most:
-                raise ConfigError(f"class: {name} is {value}; allowed: {least} to {most}")
-        if self.power <= self.joints:
-            raise ConfigError(
-                f"class: degree is {self.power} with joints C{self.joints}; allowed: a degree "
-                f"above {self.joints}"
-            )
-        if self.free < 1:
-            raise ConfigError(
-                f"class: {self.count} ordinates, of which the ends take {2 * self.joints + 2}; "
-                f"allowed: at least {2 * self.joints + 3}, so more pieces or a higher degree"
-            )
-        if self.count > MAX_ORDINATES:
-            raise ConfigError(
-                f"class: {self.count} ordinates an event; allowed: {MAX_ORDINATES}, so fewer "
-                "pieces, a lower degree or smoother joints"
-            )
-
-    @classmethod
-    def of(cls, pieces: int, joints: str, degree: int | None) -> LawClass:
-        """From words: joints such as C3.
-
-        Raises
-        ------
-        ConfigError : as the class, or joints that are not written so
-        """
-        if not (joints[:1] in ("C", "c") and joints[1:].isdecimal()):
-            raise ConfigError(f"joints: are {joints!r}; allowed: C1 to C{MAX_JOINTS}")
-        return cls(pieces, int(joints[1:]), degree)
-
-    @property
-    def power(self) -> int:
-        """The degree."""
-        return self.joints + 2 if self.degree is None else self.degree
-
-    @property
-    def knots(self) -> FloatArray:
-        """Of one event of unit length, the ends ``degree + 1`` times."""
-        inner = np.repeat(np.arange(1.0, self.pieces) / self.pieces, self.power - self.joints)
-        ends = self.power + 1
-        return np.concatenate([np.zeros(ends), inner, np.ones(ends)])
-
-    @property
-    def count(self) -> int:
-        """Ordinates of one event."""
-        return (self.pieces - 1) * (self.power - self.joints) + self.power + 1
-
-    @property
-    def free(self) -> int:
-        """Those that the ends do not take."""
-        return self.count - 2 * (self.joints + 1)
-
-    @property
-    def words(self) -> str:
-        """The class as a table says it."""
-        if self.pieces == 1:
-            return f"Bézier curves of degree {self.power}"
-        return f"B-splines of degree {self.power} in {self.pieces} pieces, C{self.joints} joints"
-
-
-@lru_cache(maxsize=16)
-def to_bezier(law_class: LawClass, order: int = 0) -> sparse.csr_array:
-    """Ordinates of a derivative over one event to those of its Bézier pieces."""
-    knots, degree = law_class.knots, law_class.power - order
-    knots = knots[order : knots.size - order]
-    _, columns = bezier_pieces(BSpline(knots, np.eye(knots.size - degree - 1), degree))
-    return sparse.csr_array(np.concatenate(columns))
-
-
-@lru_cache(maxsize=8)
-def second_derivative(law_class: LawClass) -> sparse.csr_array:
-    """Ordinates over one event of unit length to those of the second derivative."""
-    knots, degree = law_class.knots, law_class.power
-    found = np.eye(law_class.count)
-    for _ in range(2):
-        apart = (knots[degree + 1 : -1] - knots[1 : -degree - 1]) / degree
-        found = np.diff(found, axis=0) / apart[:, None]
-        knots, degree = knots[1:-1], degree - 1
-    return sparse.csr_array(found)
-
-
-@dataclass(frozen=True)
-class Event:
-    """A stretch of the turn that a design may change.
-
-    ``start`` and ``span`` in rad; ``first`` and ``last`` are s and its derivatives (m/radᵏ) at
-    both ends, as many as stay.
-    """
-
-    start: float
-    span: float
-    first: tuple[float, ...]
-    last: tuple[float, ...]
-
-
-def dwells(law: Law) -> list[tuple[float, float]]:
-    """Where a law rests, from and to (rad), joined where pieces meet at one level."""
-    flat = np.ptp(law.ordinates, axis=0) <= FLAT * law.lift
-    found: list[tuple[float, float]] = []
-    for i in np.flatnonzero(flat):
-        begin, end = float(law.breaks[i]), float(law.breaks[i + 1])
-        if found and found[-1][1] == begin:
-            begin = found.pop()[0]
-        found.append((begin, end))
-    return found
-
-
-def events(law: Law, joints: int) -> list[Event]:
-    """What lies between the dwells of a law; their ends are those of their neighbours.
-
-    Raises
-    ------
-    ConfigError : the law rests all around, or has no dwell and a turn that does not join itself
-    """
-    edges = [0.0, *(angle for dwell in dwells(law) for angle in dwell), TURN]
-    found = []
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        if end > begin:
-            pieces = np.searchsorted(law.breaks, [begin, end])
-            before, after = (int(pieces[0]) - 1) % law.spans.size, int(pieces[1]) % law.spans.size
-            first, last = _end(law, before, -1, joints), _end(law, after, 0, joints)
-            found.append(Event(begin, end - begin, first, last))
-    if not found:
-        raise ConfigError(f"cam {law.name!r}: it rests all around; allowed: a cam with a lift")
-    if len(edges) == 2:
-        _require_joined(law, joints)
-    return found
-
-
-def _end(law: Law, piece: int, end: int, joints: int) -> tuple[float, ...]:
-    """S and its derivatives at the start (0) or at the end (−1) of a piece."""
-    return tuple(float(law.derivative_ordinates(k)[end, piece]) for k in range(joints + 1))
-
-
-def _require_joined(law: Law, joints: int) -> None:
-    """Refuse a turn without a dwell whose end and start differ in a derivative that stays."""
-    for order in range(joints + 1):
-        ordinates = law.derivative_ordinates(order)
-        if abs(ordinates[0, 0] - ordinates[-1, -1]) > MEETS * np.abs(ordinates).max():
-            raise ConfigError(
-                f"cam {law.name!r}: it has no dwell, and derivative {order} at the turn's end is "
-                f"not that at its start; allowed: joints up to C{order - 1}"
-            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +36,7 @@ class Space:
 
     start: Law
     law_class: LawClass
-    events: list[Event] = field(default_factory=list)
+    events: list[LawEvent] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         if not self.events:
@@ -302,7 +120,7 @@ class Space:
         shape = (own.count, self.unknowns)
         return Affine(constant, sparse.csr_array((scale, (rows, columns)), shape=shape))
 
-    def _clamped(self, event: Event, derivatives: tuple[float, ...], end: int) -> FloatArray:
+    def _clamped(self, event: LawEvent, derivatives: tuple[float, ...], end: int) -> FloatArray:
         """The ordinates at one end, from it inwards, that give it its derivatives."""
         own = self.law_class
         table = to_bezier(own)[: own.power + 1, : own.joints + 1].toarray()

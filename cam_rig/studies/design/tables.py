@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from cam_rig.studies.design.design import Design, Measure
+from cam_rig.studies.design.design import LawDesign, Measure
 from cam_rig.studies.design.terms import Term
 from cam_rig.tables import Cell, Column, DataTable
 from cam_rig.units import TURN
 
 
-def design_table(design: Design) -> DataTable:
+def design_table(design: LawDesign) -> DataTable:
     """The goal and the limits: start, result, bound, which limits are active."""
     columns = (
         Column("", ""),
@@ -38,7 +38,7 @@ def in_words(term: Term) -> str:
     return {"deg": "°", "um": "µm"}.get(unit, unit.replace("^2", "²").replace("^3", "³"))
 
 
-def _row(design: Design, measure: Measure) -> tuple[Cell, ...]:
+def _row(design: LawDesign, measure: Measure) -> tuple[Cell, ...]:
     unit, factor = in_words(measure.term), measure.term.quantity.shown
     limit: Cell = None
     if measure.limit is not None:
@@ -55,7 +55,7 @@ def _row(design: Design, measure: Measure) -> tuple[Cell, ...]:
     )
 
 
-def verdict(design: Design) -> str:
+def verdict(design: LawDesign) -> str:
     """What the bound proves, in a line."""
     goal = design.goal
     assert goal.bound is not None
@@ -66,7 +66,7 @@ def verdict(design: Design) -> str:
     return f"no law of the class is {side} {goal.bound / factor:.5g} {unit}; {proof}: {gap}"
 
 
-def to_json(design: Design) -> dict[str, Any]:
+def to_json(design: LawDesign) -> dict[str, Any]:
     """Everything of a design that is a number, in SI; levels in dB."""
     own = design.request.law_class
     return {

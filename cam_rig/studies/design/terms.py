@@ -19,7 +19,7 @@ START = "start"
 
 
 @dataclass(frozen=True)
-class Quantity:
+class DesignQuantity:
     """A quantity of a law.
 
     Parameters
@@ -54,26 +54,30 @@ _LENGTH = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "µm": 1e-6, "cm": 1e-2}
 _FORCE, _SPEED = {"N": 1.0, "kN": 1e3}, {"rpm": RPM, "rad/s": 1.0}
 _BOTH: tuple[Sense, ...] = ("<=", ">=")
 QUANTITIES = {
-    "jump_speed": Quantity("jump speed from rest", "rpm", _SPEED, senses=(">=",)),
-    "jump_speed_steady": Quantity("jump speed in steady state", "rpm", _SPEED, senses=(">=",)),
-    "jump_speed_rigid": Quantity("jump speed of one rigid mass", "rpm", _SPEED, senses=(">=",)),
-    "residual_vibration": Quantity("residual vibration", "um", _LENGTH, "rpm"),
-    "peak_velocity": Quantity("peak |s′|", "mm/rad", _per_rad(1)),
-    "peak_acceleration": Quantity("peak |s″|", "mm/rad^2", _per_rad(2)),
-    "peak_jerk": Quantity("peak |s‴|", "mm/rad^3", _per_rad(3)),
-    "rms_acceleration": Quantity("r.m.s. of s″", "mm/rad^2", _per_rad(2)),
-    "peak_contact_force": Quantity("peak contact force", "N", _FORCE, "rpm"),
-    "least_contact_force": Quantity("least contact force", "N", _FORCE, "rpm", (">=",)),
-    "sound_level": Quantity("sound level, mean power over speeds", "dB", {"dB": 1.0}, "rpm"),
-    "pressure_angle": Quantity(
+    "jump_speed": DesignQuantity("jump speed from rest", "rpm", _SPEED, senses=(">=",)),
+    "jump_speed_steady": DesignQuantity(
+        "jump speed in steady state", "rpm", _SPEED, senses=(">=",)
+    ),
+    "jump_speed_rigid": DesignQuantity(
+        "jump speed of one rigid mass", "rpm", _SPEED, senses=(">=",)
+    ),
+    "residual_vibration": DesignQuantity("residual vibration", "um", _LENGTH, "rpm"),
+    "peak_velocity": DesignQuantity("peak |s′|", "mm/rad", _per_rad(1)),
+    "peak_acceleration": DesignQuantity("peak |s″|", "mm/rad^2", _per_rad(2)),
+    "peak_jerk": DesignQuantity("peak |s‴|", "mm/rad^3", _per_rad(3)),
+    "rms_acceleration": DesignQuantity("r.m.s. of s″", "mm/rad^2", _per_rad(2)),
+    "peak_contact_force": DesignQuantity("peak contact force", "N", _FORCE, "rpm"),
+    "least_contact_force": DesignQuantity("least contact force", "N", _FORCE, "rpm", (">=",)),
+    "sound_level": DesignQuantity("sound level, mean power over speeds", "dB", {"dB": 1.0}, "rpm"),
+    "pressure_angle": DesignQuantity(
         "pressure angle", "deg", {"deg": math.pi / 180.0, "rad": 1.0}, goal=False
     ),
-    "radius_of_curvature": Quantity(
+    "radius_of_curvature": DesignQuantity(
         "least radius of curvature", "mm", _LENGTH, senses=(">=",), goal=False
     ),
-    "lift": Quantity("lift", "mm", _LENGTH, "deg", _BOTH, goal=False),
-    "velocity": Quantity("s′", "mm/rad", _per_rad(1), "deg", _BOTH, goal=False),
-    "acceleration": Quantity("s″", "mm/rad^2", _per_rad(2), "deg", _BOTH, goal=False),
+    "lift": DesignQuantity("lift", "mm", _LENGTH, "deg", _BOTH, goal=False),
+    "velocity": DesignQuantity("s′", "mm/rad", _per_rad(1), "deg", _BOTH, goal=False),
+    "acceleration": DesignQuantity("s″", "mm/rad^2", _per_rad(2), "deg", _BOTH, goal=False),
 }
 #: What `velocity`, ... are the derivatives of.
 ORDERS = {"lift": 0, "velocity": 1, "acceleration": 2}
@@ -95,7 +99,7 @@ class Term:
     high: float = math.nan
 
     @property
-    def quantity(self) -> Quantity:
+    def quantity(self) -> DesignQuantity:
         """What is known of it."""
         return QUANTITIES[self.name]
 

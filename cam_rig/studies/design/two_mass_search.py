@@ -14,7 +14,7 @@ import numpy as np
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import DesignError
 from cam_rig.studies.design.contact_kept import ContactKept
-from cam_rig.studies.design.program import Solution
+from cam_rig.studies.design.program import ProgramSolution
 from cam_rig.studies.design.solve import Best, Cuts, Solver
 from cam_rig.studies.jump.any_rig import find_jump
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
@@ -80,7 +80,7 @@ class TwoMassSearch:
             step = float(np.clip(-room / slope, -MAX_STEP, MAX_STEP))
             kept.move(1.0 + step)
 
-    def _held(self, kept: ContactKept, found: Solution) -> bool:
+    def _held(self, kept: ContactKept, found: ProgramSolution) -> bool:
         """Whether the exact search finds that a law holds the speed; else its own is looked at."""
         law = self.problem.space.law(found.unknowns, "design")
         jump = find_jump(law, self.problem.follower, self.duration)

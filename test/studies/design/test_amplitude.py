@@ -1,4 +1,4 @@
-"""Vibration and force as functions of the unknowns are those of the exact model."""
+"""EventVibration and force as functions of the unknowns are those of the exact model."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ from cam_rig.laws import build_law
 from cam_rig.schema import load_cam, load_rig
 from cam_rig.schema.load import config_root
 from cam_rig.studies.design.amplitude import ForceAtSpeed
+from cam_rig.studies.design.law_class import LawClass
 from cam_rig.studies.design.mode import Cells, Mode
-from cam_rig.studies.design.space import LawClass, Space
+from cam_rig.studies.design.space import Space
 from cam_rig.units import TURN
 
 RIG = load_rig(config_root() / "rigs" / "paper_table2.yaml")

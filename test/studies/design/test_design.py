@@ -19,10 +19,11 @@ from cam_rig.laws.peaks import extremes, peak
 from cam_rig.schema import CamConfig, load_cam, load_rig
 from cam_rig.schema.load import config_root
 from cam_rig.studies.design.constraints import Asked, add, keep_lift
-from cam_rig.studies.design.design import Design, DesignRequest, design
-from cam_rig.studies.design.problem import Problem
-from cam_rig.studies.design.program import BOX, Program
-from cam_rig.studies.design.space import PARTS, LawClass, Space
+from cam_rig.studies.design.design import DesignRequest, LawDesign, design
+from cam_rig.studies.design.law_class import LawClass
+from cam_rig.studies.design.problem import DesignProblem
+from cam_rig.studies.design.program import BOX, ConvexProgram
+from cam_rig.studies.design.space import PARTS, Space
 from cam_rig.studies.design.terms import parse_term
 from cam_rig.studies.jump.rigid import rigid_jump_speed
 from cam_rig.units import TURN, to_rpm
@@ -35,7 +36,7 @@ def cam(name: str = "poly345") -> CamConfig:
     return load_cam(config_root() / "cams" / f"{name}.yaml")
 
 
-def designed(law_class: LawClass, **words: object) -> Design:
+def designed(law_class: LawClass, **words: object) -> LawDesign:
     request = DesignRequest.of(law_class=law_class, **words)  # type: ignore[arg-type]
     return design(cam(), RIG, request)
 
@@ -132,8 +133,8 @@ def test_the_bound_holds_in_rational_arithmetic() -> None:
     Signs, the weight of t and |Aᵀ y| are summed exactly; 4h/β² is not passed.
     """
     start = build_law(cam())
-    problem = Problem(cam(), start, RIG, Space(start, LawClass(4, 1)))
-    program = Program(problem.space.unknowns, problem.space.link)
+    problem = DesignProblem(cam(), start, RIG, Space(start, LawClass(4, 1)))
+    program = ConvexProgram(problem.space.unknowns, problem.space.link)
     keep_lift(program, problem, hull=False)
     add(program, problem, Asked(parse_term("peak_acceleration"), "<=", None, 1.0), hull=False)
     solution = program.solve()

@@ -9,7 +9,9 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, build_law
 from cam_rig.schema import load_cam
 from cam_rig.schema.load import config_root
-from cam_rig.studies.design.space import LawClass, Space, dwells
+from cam_rig.studies.design.events import dwells
+from cam_rig.studies.design.law_class import LawClass
+from cam_rig.studies.design.space import Space
 
 RNG = np.random.default_rng(11)
 

@@ -1,0 +1,92 @@
+"""cam-rig design: a file that runs, JSON, a picture, a design file, and refusals in a line."""
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from cam_rig.cli.main import app
+from cam_rig.laws import build_law
+from cam_rig.laws.peaks import peak
+from cam_rig.schema import load_cam
+from cam_rig.studies.design import design as study
+
+SMALL = ("--minimise", "peak_jerk", "--pieces", "6", "--joints", "C2")
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, ["design", *(str(a) for a in arguments)])
+
+
+def test_the_file_is_a_cam_with_the_values_of_the_table(tmp_path):
+    """--out runs as a cam; JSON has start, result and bound in SI; the picture is one."""
+    out, plot = tmp_path / "smooth.yaml", tmp_path / "smooth.png"
+    result = call(
+        "poly345", *SMALL, "--out", out, "--plot", plot, "--json", "-", "--csv", tmp_path / "a.csv"
+    )
+    assert result.exit_code == 0, result.stderr
+    data = json.loads(result.stdout)
+    goal = data["measures"][0]
+    law = build_law(load_cam(out))
+    assert law.name == "smooth"
+    assert goal["result"] == pytest.approx(abs(peak(law, 3).value), rel=1e-12)
+    assert goal["bound"] <= goal["result"] < goal["start"]
+    assert data["certified"]
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    assert "peak |s‴|" in (tmp_path / "a.csv").read_text(encoding="utf-8")
+
+
+def test_a_design_file_is_the_same_request(tmp_path):
+    """Goal, limits and class in YAML give what the options give."""
+    file = tmp_path / "asked.yaml"
+    file.write_text(
+        "start: poly345\nminimise: peak_jerk\nclass: {pieces: 6, joints: C2}\n", encoding="utf-8"
+    )
+    one, other = call(file, "--json", "-"), call("poly345", *SMALL, "--json", "-")
+    assert one.exit_code == 0, one.stderr
+    assert json.loads(one.stdout)["measures"] == json.loads(other.stdout)["measures"]
+    both = call(file, "--minimise", "peak_jerk")
+    assert both.exit_code == 2
+    assert "has a goal and limits of its own" in both.stderr
+
+
+def test_ctrl_c_keeps_the_best_law_so_far(tmp_path, monkeypatch):
+    """Interrupted after a first law: its file is written, the command ends with 130."""
+    solve = study.design
+
+    def interrupted(cam, rig, request, name, told):
+        def then_stop(file, value):
+            told(file, value)
+            raise KeyboardInterrupt
+
+        return solve(cam, rig, request, name, then_stop)
+
+    monkeypatch.setattr(study, "design", interrupted)
+    result = call("poly345", *SMALL, "--out", tmp_path / "kept.yaml")
+    assert result.exit_code == 130
+    assert "without a bound" in result.stderr
+    assert build_law(load_cam(tmp_path / "kept.yaml")).lift == pytest.approx(0.05, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["poly345"], 2, "needed: one, to minimise or to maximise"),
+        (["poly345", "--minimise", "jump_speed"], 2, "allowed: maximise"),
+        (["poly345", "--maximise", "jump_sped"], 2, "did you mean 'jump_speed'"),
+        (["poly345", *SMALL, "--joints", "3"], 2, "allowed: C1 to C6"),
+        (["poly345", *SMALL, "--pieces", "0"], 2, "pieces is 0; allowed: 1 to 200"),
+        (["poly345", *SMALL, "--keep", "dwells"], 2, "allowed: events,dwells,lift"),
+        (["poly345", *SMALL, "--out", "a.yml"], 2, "ends in .yaml"),
+        (["poly345", *SMALL, "--limit", "lift@90deg<=1kg"], 2, "one of mm, m"),
+        (["poly345", *SMALL, "--limit", "lift@150deg<=1mm"], 1, "no law of the class keeps"),
+        (["tm21", "--maximise", "jump_speed_steady", "--rig", "tm21"], 2, "jump_speed_rigid"),
+        (["nowhere", *SMALL], 2, "no such file"),
+    ],
+)
+def test_refusals_are_one_line(arguments, code, words):
+    """What is wrong, what is allowed, on stderr, with the error's code."""
+    result = call(*arguments)
+    assert (result.exit_code, result.stdout) == (code, "")
+    assert words in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
