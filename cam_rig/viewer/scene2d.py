@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 
 import numpy as np
@@ -23,6 +22,7 @@ from cam_rig.simulation.schedule import CamState
 from cam_rig.units import to_rpm
 from cam_rig.viewer.charts.readout import readings, send_readings
 from cam_rig.viewer.framing import ARROW, Framing, framings
+from cam_rig.viewer.pace import FramePace
 from cam_rig.viewer.timeline import Times, time_columns
 
 #: What the view shows; the rig hangs below, for a view is not moved by its own transform.
@@ -37,26 +37,6 @@ def frame_mask(angle: FloatArray, step: float) -> NDArray[np.bool_]:
     """True for the first sample in each frame; unwrapped ``angle`` and its ``step`` in rad."""
     frame = np.floor(np.append(angle[:1] - step, angle) * (FRAMES_PER_TURN / (2.0 * np.pi)))
     return np.asarray(np.diff(frame) > 0.0)
-
-
-class FramePace:
-    """How many frames a second of wall time are worth sending: more than a screen shows are not.
-
-    Parameters
-    ----------
-    rate : 1/s
-    clock : wall time, s
-    """
-
-    def __init__(self, rate: float, clock: Callable[[], float] = time.monotonic) -> None:
-        self._rate, self._clock, self._last = rate, clock, clock()
-
-    def chosen(self, count: int) -> NDArray[np.intp]:
-        """Which of so many frames to send, evenly among them; the newest always."""
-        now = self._clock()
-        most = max(1, int((now - self._last) * self._rate))
-        self._last = now
-        return np.unique(np.linspace(count - 1, 0, min(most, count)).astype(np.intp))
 
 
 class Scene2D:

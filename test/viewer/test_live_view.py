@@ -14,7 +14,6 @@ from cam_rig.simulation.schedule import cam_states
 from cam_rig.viewer import live_view as live
 from cam_rig.viewer.charts.series import ACCELERATION, FORCE, LAW, LIFT, VELOCITY, ZERO
 from cam_rig.viewer.live_view import LiveView, live_window, screen_bucket
-from cam_rig.viewer.scene2d import FramePace
 from cam_rig.viewer.server.process import free_port, listening, stream_address
 
 from .conftest import SmallBag
@@ -145,15 +144,6 @@ def test_a_picture_that_nobody_takes_holds_nobody_up(
     monkeypatch.setattr(live, "TIMEOUT_S", 0.1)
     with pytest.raises(CamRigError, match="the viewer has gone"):
         show(bag, address)
-
-
-def test_no_more_pictures_are_sent_than_a_screen_shows() -> None:
-    """Of many frames as many as fit into the time since the last, evenly, the newest always."""
-    now = iter([0.0, 0.1, 0.1, 10.0])
-    pace = FramePace(30.0, lambda: next(now))
-    assert pace.chosen(100).size == 3
-    assert pace.chosen(100).tolist() == [99]
-    assert pace.chosen(100).tolist() == list(range(100))
 
 
 def test_a_curve_has_two_points_a_place_of_the_screen() -> None:

@@ -23,7 +23,8 @@ from cam_rig.viewer.charts.quantities import SceneRanges
 from cam_rig.viewer.charts.shaft_twist import TORSIONAL, ShaftTwist
 from cam_rig.viewer.charts.time_series import TimeSeries
 from cam_rig.viewer.charts.turn_chart import TurnChart
-from cam_rig.viewer.scene2d import FramePace, Scene2D, frame_mask
+from cam_rig.viewer.pace import FramePace
+from cam_rig.viewer.scene2d import Scene2D, frame_mask
 from cam_rig.viewer.timeline import Times, time_columns
 from cam_rig.viewer.turns import Turn, TurnCollector
 

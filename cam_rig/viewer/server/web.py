@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote, urlsplit
 
-from cam_rig.viewer.server.page_time import SCRIPT, SHOWN_PATH, PageTime
+from cam_rig.viewer.server.page_time import BEHIND_PATH, SCRIPT, SHOWN_PATH, PageTime
 from cam_rig.viewer.server.process import HOST, free_port, listening, stream_address
 
 #: A viewer that keeps nothing from one visit to the next.
@@ -109,6 +109,11 @@ class _Handler(BaseHTTPRequestHandler):
             self.server.page.take(asked.query)
             self.send_response(204)
             self.end_headers()
+        elif asked.path == BEHIND_PATH:
+            late = self.server.page.behind()
+            body = b"" if late is None else f"{late:.3f}".encode()
+            self._head("text/plain", len(body))
+            self.wfile.write(body)
         elif recording is not None and asked.path == f"/{quote(recording.name)}":
             self._recording(recording)
         else:
