@@ -81,6 +81,13 @@ def compared_rpm(loaded: LoadedScene, rpm: float | None) -> float:
     return nearest
 
 
+def playback_begin(loaded: LoadedScene, duration: float) -> float:
+    """Rig time (s) from which a recorded run (duration in s) is played: its first settled turn."""
+    program = loaded.scene.program
+    settled = max(1.0, program.settle_turns.si) * TURN / program.speeds.si_list[0]
+    return min(settled, 0.5 * duration)
+
+
 def _blueprint(view: rrb.Container, timeline: rrb.TimePanel) -> rrb.Blueprint:
     panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
     return rrb.Blueprint(view, *panels, timeline, auto_views=False, auto_layout=False)
@@ -90,9 +97,7 @@ def _played(loaded: LoadedScene, duration: float, window: float | None) -> rrb.T
     """A live run is followed; a bag is played from its first settled turn, over and over."""
     if window is not None:
         return rrb.TimePanel(state="collapsed", timeline=RIG_TIME, play_state="following")
-    program = loaded.scene.program
-    settled = max(1.0, program.settle_turns.si) * TURN / program.speeds.si_list[0]
-    ends = [round(at * NS) for at in (min(settled, 0.5 * duration), duration)]
+    ends = [round(at * NS) for at in (playback_begin(loaded, duration), duration)]
     return rrb.TimePanel(
         state="collapsed",
         timeline=RIG_TIME,

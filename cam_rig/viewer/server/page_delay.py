@@ -6,7 +6,7 @@ from http.client import HTTPException
 from threading import Event, Thread
 from urllib.request import urlopen
 
-from cam_rig.viewer.server.page_time import BEHIND_PATH, REPORT_EVERY_S
+from cam_rig.viewer.server.scripts import BEHIND_PATH, REPORT_EVERY_S
 
 #: Wall time (s) that an answer may take.
 TIMEOUT_S = 2.0

@@ -10,46 +10,8 @@ from urllib.parse import parse_qs
 
 from cam_rig.errors import CamRigError
 from cam_rig.units import NS
+from cam_rig.viewer.server.scripts import REPORT_EVERY_S
 
-#: What the page asks for to say so; the number is -1 while it shows nothing.
-SHOWN_PATH = "/shown"
-#: What the viewer node asks for: the delay in s, nothing while it is not known.
-BEHIND_PATH = "/behind"
-#: Wall time (s) between two reports of a page.
-REPORT_EVERY_S = 1.0
-#: The viewer gives its state as a protobuf: field 3 are its recordings, in each 3 the time cursor,
-#: with its timeline's name in 1.1 and the time (ns) in 3.1.
-SCRIPT = """<script>
-function* fields(b) {
-  let i = 0;
-  const varint = () => {
-    let r = 0n, s = 0n, c;
-    do { c = b[i++]; r |= BigInt(c & 127) << s; s += 7n; } while (c > 127);
-    return r;
-  };
-  while (i < b.length) {
-    const key = Number(varint()), kind = key & 7;
-    if (kind === 0) yield [key >> 3, varint()];
-    else if (kind === 2) { const n = Number(varint()); yield [key >> 3, b.subarray(i, i += n)]; }
-    else if (kind === 1) i += 8; else if (kind === 5) i += 4; else return;
-  }
-}
-const only = (b, ...path) => path.reduce((at, want) =>
-  at === undefined ? at : ([...fields(at)].find(([field]) => field === want) ?? [])[1], b);
-const text = (b) => b === undefined ? "" : new TextDecoder().decode(b);
-setInterval(() => {
-  const handle = window._handle;
-  if (!handle || !handle.viewer_state) return;
-  let shown = -1n;
-  try {
-    for (const [field, recording] of fields(handle.viewer_state())) {
-      const cursor = field === 3 ? only(recording, 3) : undefined;
-      if (cursor && text(only(cursor, 1, 1)) === "rig_time") shown = only(cursor, 3, 1) ?? 0n;
-    }
-  } catch { return; }
-  fetch(`/shown?ns=${shown}`).catch(() => {});
-}, PERIOD_MS);
-</script>""".replace("PERIOD_MS", f"{1e3 * REPORT_EVERY_S:.0f}")
 #: Wall time (s) between two looks at whether the viewer still lives.
 LOOK_S = 0.2
 
