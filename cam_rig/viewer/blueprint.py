@@ -11,8 +11,9 @@ from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.units import NS, TURN, to_rpm
 from cam_rig.viewer import framing, scene2d
 from cam_rig.viewer.charts import level_chart, overlay, series, turn_chart
+from cam_rig.viewer.charts.axes import tens_range
 from cam_rig.viewer.charts.band_chart import band_axes
-from cam_rig.viewer.charts.quantities import Range, Ranges, drawn_of
+from cam_rig.viewer.charts.quantities import CLOSE_GAP, GAP, Range, Ranges, drawn_of
 from cam_rig.viewer.charts.run_view import BANDS, EVENTS
 from cam_rig.viewer.charts.turn_axes import TurnAxes
 from cam_rig.viewer.options import Layout
@@ -140,15 +141,17 @@ def _words() -> rrb.Container:
 def _over_time(
     loaded: LoadedScene, bucket: int, ranges: Ranges, near: rrb.TimeAxis
 ) -> rrb.Container:
-    """The same quantities over rig time, two in a row."""
+    """The same quantities over rig time, in two rows: Rerun numbers a high axis alone."""
     name = f"Time, extremes of {bucket} samples" if bucket > 1 else "Time"
-    plots = [
+    lift, velocity, acceleration, force, *more = [
         _plot(f"plots/{row.key}", row.title, near, ranges[row.key])
         for row in drawn_of(loaded.scene.model)
     ]
-    if len(plots) % 2:
-        plots.append(_plot(series.SPEED.entity, SPEED_NAME, near))
-    return rrb.Grid(*plots, grid_columns=2, name=name)
+    if (close := ranges.get(CLOSE_GAP)) is not None:
+        more.append(_plot(f"plots/{GAP.key}", f"Cut at {close[1]:g} µm", near, close))
+    left = rrb.Vertical(rrb.Tabs(lift, velocity, active_tab=0), acceleration)
+    right = rrb.Vertical(force, *([rrb.Tabs(*more, active_tab=0)] if more else []))
+    return rrb.Horizontal(left, right, name=name)
 
 
 def _sound(loaded: LoadedScene, duration: float) -> rrb.Container:
@@ -235,7 +238,7 @@ def _plot(
 ) -> rrb.TimeSeriesView:
     """A curve over time; from and to ``shown``, or as far as it goes."""
     legend = rrb.PlotLegend(visible=False)
-    y = rrb.ScalarAxis(range=shown[:2]) if shown is not None else None
+    y = rrb.ScalarAxis(range=tens_range(*shown[:2])) if shown is not None else None
     return rrb.TimeSeriesView(origin=origin, name=name, axis_x=axis, axis_y=y, plot_legend=legend)
 
 
