@@ -27,6 +27,20 @@ def in_words(name: str) -> str:
     return " ".join([words[0][:1].upper() + words[0][1:], *words[1:]])
 
 
+def shortened(title: str, longest: int) -> str:
+    """A title of so many letters at the most: of a long one its beginning and its end.
+
+    Examples
+    --------
+    >>> shortened("Polynomial 3-4-5", 16), shortened("Cam of the left inlet valve, v2", 16)
+    ('Polynomial 3-4-5', 'Cam of t…lve, v2')
+    """
+    if len(title) <= longest:
+        return title
+    half = longest // 2
+    return f"{title[:half].rstrip()}…{title[1 - half :].lstrip()}"
+
+
 def typeset(value: float, shown: str = ".4g") -> str:
     """A number with a true minus, its power of ten as mathtext.
 

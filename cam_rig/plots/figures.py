@@ -33,7 +33,7 @@ from cam_rig.drawing.colours import (
     VERMILION,
     web,
 )
-from cam_rig.drawing.words import in_words, log_tick
+from cam_rig.drawing.words import in_words, log_tick, shortened
 
 CAM_ANGLE, CAM_SPEED = "cam angle θ [°]", "cam speed [rpm]"
 LEVEL = "sound pressure level [dB re 20 µPa]"
@@ -87,10 +87,7 @@ def title_of(titles: Mapping[str, str], cam: str) -> str:
 
 def short(title: str) -> str:
     """A title that a legend has room for: of a long one its beginning and its end."""
-    if len(title) <= LONGEST_TITLE:
-        return title
-    half = LONGEST_TITLE // 2
-    return f"{title[:half].rstrip()}…{title[1 - half :].lstrip()}"
+    return shortened(title, LONGEST_TITLE)
 
 
 def wrapped(title: str) -> str:

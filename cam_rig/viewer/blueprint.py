@@ -6,6 +6,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.components import AbsoluteTimeRange
 
+from cam_rig.drawing.words import shortened
 from cam_rig.errors import ConfigError
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.units import NS, TURN, to_rpm
@@ -15,6 +16,7 @@ from cam_rig.viewer.charts.axes import tens_range
 from cam_rig.viewer.charts.band_chart import band_axes
 from cam_rig.viewer.charts.quantities import CLOSE_GAP, GAP, Range, Ranges, drawn_of
 from cam_rig.viewer.charts.run_view import BANDS, EVENTS
+from cam_rig.viewer.charts.text_panels import MAX_TITLE
 from cam_rig.viewer.charts.turn_axes import TurnAxes
 from cam_rig.viewer.options import Layout
 from cam_rig.viewer.run_recorder import ABOUT, RESULTS
@@ -127,12 +129,13 @@ def _run(
 
 
 def _words() -> rrb.Container:
-    columns = rrb.TextLogColumns(text_log_columns=["loglevel", "body"])
+    columns = rrb.TextLogColumns(text_log_columns=["body"])
     return rrb.Vertical(
         rrb.TextDocumentView(origin=RESULTS, name="Results"),
         rrb.Horizontal(
             rrb.TextLogView(origin=EVENTS, name="Events", columns=columns),
             rrb.TextDocumentView(origin=ABOUT, name="About"),
+            column_shares=[3, 2],
         ),
         name="Results",
     )
@@ -186,7 +189,7 @@ def _report(loaded: LoadedScene, rpm: float, ranges: Ranges) -> rrb.Container:
 def _cams(loaded: LoadedScene, share: float) -> list[rrb.Container]:
     """The cams side by side, each turning under its follower."""
     return [
-        _scene(loaded, f"{overlay.COMPARE}/{name}/scene", cam.title, share)
+        _scene(loaded, f"{overlay.COMPARE}/{name}/scene", shortened(cam.title, MAX_TITLE), share)
         for name, cam in loaded.cams.items()
     ]
 
@@ -197,7 +200,7 @@ def _turns(loaded: LoadedScene, rpm: float, ranges: Ranges) -> list[rrb.Spatial2
         _chart(
             overlay.at_speed(rpm, row.key),
             f"{row.title} at {rpm:g} rpm",
-            *overlay.turn_axes(row, ranges).bounds(below=14.0),
+            *overlay.turn_axes(row, ranges).bounds(14.0, overlay.names_height(loaded)),
         )
         for row in overlay.compared_of(loaded)
     ]

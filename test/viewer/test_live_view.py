@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -128,6 +129,32 @@ def test_everything_but_curves_comes_after_them(arrived: list[Chunk]) -> None:
             others += 1
             assert newest(chunk) <= min(reached.values()) + 1e-3, chunk.entity_path
     assert others > 20
+
+
+def test_nothing_of_a_cam_stands_beside_the_next(bag: SmallBag, arrived: list[Chunk]) -> None:
+    """From the state on at which it turns, its caption stands, without a reading or a curve."""
+    changes = [state.time_ns for state in cam_states(bag.loaded.scene)][::4][:-1]
+    captions = rows(arrived, "/turn/caption", "Points2D:labels")
+    assert [time for time, _ in captions] == changes
+    titles = [cam.title for cam in bag.loaded.cams.values()]
+    named = [words[0] for _, words in captions]
+    assert named == [f"{title}, {rpm} rpm" for title in titles for rpm in (300, 700)]
+    readings = rows(arrived, "/scene_readings", "TextDocument:text")
+    begun = [words[0] for time, words in readings if time in changes]
+    assert len(begun) == 4
+    assert all("mm" not in words and "rpm" in words for words in begun)
+    curves = rows(arrived, "/turn/force/follower/0", "LineStrips2D:strips")
+    assert [strips for time, strips in curves if time in changes[1:]] == [[], [], []]
+
+
+def rows(chunks: list[Chunk], entity: str, column: str) -> list[tuple[int, list[Any]]]:
+    """Rig times (ns) of an entity and what a column has there, in order of time."""
+    found = []
+    for batch in (chunk.to_record_batch() for chunk in chunks if chunk.entity_path == entity):
+        if "rig_time" in batch.schema.names and column in batch.schema.names:
+            times = batch.column("rig_time").cast("int64").to_pylist()
+            found += zip(times, batch.column(column).to_pylist(), strict=True)
+    return sorted(found)
 
 
 def test_the_window_holds_two_ticks() -> None:
