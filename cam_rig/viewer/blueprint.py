@@ -125,7 +125,7 @@ def _run(
         _sound(loaded, duration),
         _words(),
     )
-    return rrb.Horizontal(_scene(loaded, scene2d.VIEW), tabs, column_shares=[2, 3])
+    return rrb.Horizontal(_scene(loaded, scene2d.VIEW), tabs, column_shares=[5, 9])
 
 
 def _words() -> rrb.Container:
@@ -207,7 +207,7 @@ def _turns(loaded: LoadedScene, rpm: float, ranges: Ranges) -> list[rrb.Spatial2
 
 
 def _scene(
-    loaded: LoadedScene, view: str, name: str = "Cam and follower", share: float = 6.0
+    loaded: LoadedScene, view: str, name: str = "Cam and follower", share: float = 7.0
 ) -> rrb.Container:
     """A cam under its follower, so many times as high as its readings below."""
     x, y = framing.bounds(framing.framings(loaded))

@@ -20,8 +20,9 @@ RING, AROUND = 1.04, 1.09
 STEM_END = 0.04
 #: Room below the ring for a line of words and the bar of a force, over its radius.
 WORDS = 0.36
-#: Room for a follower in flight above the law's greatest lift, as a share of that.
-FLIGHT = 0.3
+#: Room for a follower in flight above the law's greatest lift: a share of that, and of the
+#: follower's reach, where that is more.
+FLIGHT, FLIGHT_OF_REACH = 0.3, 0.05
 #: Room at the sides and the lower edge of the view, over its height.
 MARGIN = 0.03
 #: Lifts at which the follower is looked at for what it covers, and its distance from a number
@@ -50,7 +51,8 @@ class Framing:
     @property
     def max_lift(self) -> float:
         """The lift (m) at which a follower in flight has reached the edge of its view."""
-        return (1.0 + FLIGHT) * self.shape.max_lift
+        shape = self.shape
+        return shape.max_lift + max(FLIGHT * shape.max_lift, FLIGHT_OF_REACH * shape.reach)
 
     @property
     def height(self) -> float:

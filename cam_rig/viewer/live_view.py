@@ -23,8 +23,9 @@ from cam_rig.viewer.run_recorder import RunRecorder
 
 #: Two points of a curve are all that a screen shows at one place along it: so many places.
 ACROSS_SCREEN = 1000
-#: Rig time (s) before the newest sample that the curves show at least: a few turns.
-MIN_WINDOW_S = 1.0
+#: Rig time (s) before the newest sample that the curves show at least: some turns, and what is
+#: sent at once to the slowest page.
+MIN_WINDOW_S = 2.0
 #: Wall time (s) to send the rest at the end.
 TIMEOUT_S = 8.0
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 #: Pictures a second of wall time at most, as a screen shows, and at least.
-MAX_RATE, MIN_RATE = 30.0, 1.0
+MAX_RATE, MIN_RATE = 30.0, 0.6
 #: A page so much (s) behind, beside the time from picture to picture, is late; one less is not.
 LATE_S, IN_TIME_S = 0.8, 0.5
 #: Factors of the rate: of a page that is just late, less for one that is later; of one in time.
@@ -26,8 +26,8 @@ SETTLE_S, CALM_S = 2.0, 5.0
 class FramePace:
     """How many pictures a second of wall time are worth sending; the newest always is.
 
-    Between 1 a second, with which a page begins, and 30: doubled when the page has been in time for
-    5 s, halved or less when it is late. In between the rate stays.
+    Between 0.6 a second, with which a page begins, and 30: doubled when the page has been in time
+    for 5 s, halved or less when it is late. In between the rate stays.
 
     Parameters
     ----------

@@ -122,7 +122,7 @@ class Scene2D:
         self._rpm, framing = to_rpm(state.speed), self._framing_of(state.cam)
         longest = self._scale or max_contact_force(self._loaded, state.cam, state.speed)
         self._arrow = ARROW * framing.height / longest  # mm/N
-        foot, across = framing.low + 0.015 * framing.height, np.array([0.09, 0.025])
+        foot, across = framing.low + 0.015 * framing.height, np.array([0.09, 0.085])
         force = 10.0 ** math.floor(math.log10(longest))
         bar = foot + np.array([[0.0, 0.0], [0.0, force * self._arrow]])
         self._strips(state, "bar", [bar], colours.FORCE, THICK)

@@ -50,7 +50,7 @@ def test_a_slow_page_is_never_late_for_long(speed: float) -> None:
 
 
 def test_a_page_that_becomes_slower_is_sent_less_and_more_again() -> None:
-    """Another program takes its time away for a minute."""
+    """Another program takes its time away for a minute; two pictures a second are left."""
     page = Page(60.0)
     slow = dict.fromkeys(range(60, 120), 2.0)
     rates = {}
@@ -59,7 +59,7 @@ def test_a_page_that_becomes_slower_is_sent_less_and_more_again() -> None:
         page.go_on()
         rates[i * STEP_S] = page.pace.rate
     assert rates[59.0] == MAX_RATE
-    assert max(rate for at, rate in rates.items() if 80.0 < at < 120.0) <= 4.0
+    assert max(rate for at, rate in rates.items() if 80.0 < at < 120.0) <= 5.0
     assert rates[239.0] == MAX_RATE
 
 

@@ -187,7 +187,7 @@ def test_a_follower_that_flies_out_of_its_view_is_drawn_at_the_edge() -> None:
     one = np.ones(1)
     words = readings(one, 5000.0, 0.2 * one, 0.0 * one, 0.1 * one, one, max_lift=0.065)[0]
     assert "lift    200.000 mm" in words
-    assert "higher than drawn (65 mm)" in words
+    assert "drawn at 65 mm" in words
     words = readings(one, 5000.0, 0.06 * one, 0.0 * one, 0.1 * one, one, max_lift=0.065)[0]
     assert "not touched" in words
 

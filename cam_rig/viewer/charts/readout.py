@@ -64,7 +64,7 @@ def _words(
     state = f"gap {four_digits(gap)} µm" if off else "in contact"
     angle = "not touched" if off else f"pressure angle {lean:.1f}°"
     if lift > edge:
-        angle = f"higher than drawn ({edge:.0f} mm)"
+        angle = f"drawn at {edge:.0f} mm"
     return _lines(left, (f"{rpm:.4g} rpm", state, angle))
 
 
