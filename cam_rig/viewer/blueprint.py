@@ -125,7 +125,7 @@ def _run(
         _sound(loaded, duration),
         _words(),
     )
-    return rrb.Horizontal(_scene(loaded, scene2d.VIEW), tabs, column_shares=[5, 9])
+    return rrb.Horizontal(_scene(loaded, scene2d.VIEW), tabs, column_shares=[3, 5])
 
 
 def _words() -> rrb.Container:

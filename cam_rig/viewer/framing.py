@@ -23,8 +23,8 @@ WORDS = 0.36
 #: Room for a follower in flight above the law's greatest lift: a share of that, and of the
 #: follower's reach, where that is more.
 FLIGHT, FLIGHT_OF_REACH = 0.3, 0.05
-#: Room at the sides and the lower edge of the view, over its height.
-MARGIN = 0.03
+#: Room at the lower edge and at either side of the view, over its height.
+MARGIN, SIDE = 0.03, 0.01
 #: Lifts at which the follower is looked at for what it covers, and its distance from a number
 #: that it leaves free, over the ring's radius.
 PLACES, CLEAR = 13, 0.14
@@ -98,7 +98,7 @@ def bounds(framed: dict[str, Framing]) -> tuple[list[float], list[float]]:
     corners = [np.stack([one.low, one.high]) * highest / one.height for one in framed.values()]
     side = max(float(np.abs(two[:, 0]).max()) for two in corners)
     low, high = min(float(c[0, 1]) for c in corners), max(float(c[1, 1]) for c in corners)
-    side += MARGIN * highest
+    side += SIDE * highest
     return [-side, side], [-high, -low + MARGIN * highest]
 
 

@@ -128,7 +128,7 @@ class Scene2D:
         self._strips(state, "bar", [bar], colours.FORCE, THICK)
         beside = (foot + across * framing.height)[None]
         self._words(state, "bar/words", beside, [f"{force:g} N"], colours.FORCE)
-        under = np.array([[0.0, framing.low[1] + 0.06 * framing.height]])
+        under = np.array([[0.0, framing.low[1] + 0.045 * framing.height]])
         words = f"{title}{self._rpm:.4g} rpm"
         self._words(state, "label", under, [words], of_cam(state.cam))
         if self._pace is not None:  # until its first frame comes, nothing of the one before
