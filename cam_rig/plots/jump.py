@@ -12,11 +12,10 @@ from matplotlib.markers import CARETUP
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing.words import in_words
-from cam_rig.dynamics import TwoMassParameters
 from cam_rig.laws import Law
-from cam_rig.plots.figures import CAM_SPEED, colour, empty, line, styled, title_of, write
+from cam_rig.plots.figures import CAM_SPEED, colour, empty, line, styled, title_of, wrapped, write
 from cam_rig.studies.cam_set import CamSet
-from cam_rig.studies.jump.any_rig import ONE_MASS, AnyFollower, follower_of, least_force
+from cam_rig.studies.jump.any_rig import AnyFollower, described_run, follower_of, least_force
 from cam_rig.studies.jump.comparison import JumpRow
 from cam_rig.units import RPM
 
@@ -52,8 +51,9 @@ def figure(rows: list[JumpRow], cam_set: CamSet, duration: float | None) -> Figu
         for place in places:
             place.plot(rpm, least, label=label, **line(row.cam))
             _mark(place, row)
-    run = _when(duration) if isinstance(parameters, TwoMassParameters) else ONE_MASS
-    axes.set(title=f"Contact is kept while the minimum force is positive ({run})", ylim=(low, high))
+    run = described_run(parameters, duration)
+    title = f"Contact is kept while the minimum force is positive ({run})"
+    axes.set(title=wrapped(title), ylim=(low, high))
     if any(row.published_rpm is not None for row in rows):
         axes.plot([], [], label="published (paper, Table 2)", color="0.3", **PUBLISHED)
     axes.legend(title="jump speed [rpm]", loc="upper left" if len(insets) > 1 else "lower left")
@@ -78,13 +78,9 @@ def one_cam(law: Law, parameters: AnyFollower, duration: float | None, jump: flo
     axes.plot(rpm, least_force(law, parameters, duration, rpm * RPM), **line(law.name))
     axes.plot(jump, 0.0, "o", color=colour(law.name), label=f"jump speed {jump:.2f} rpm")
     _frame(axes, rpm)
-    axes.set(title=f"{in_words(law.name)}, {_when(duration)}")
+    axes.set(title=wrapped(f"{in_words(law.name)}: {described_run(parameters, duration)}"))
     axes.legend(loc="lower left")
     return out
-
-
-def _when(duration: float | None) -> str:
-    return "in steady state" if duration is None else f"{duration:g} s from rest"
 
 
 def _frame(axes: Axes, rpm: FloatArray) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from cam_rig.drawing.words import typeset
 from cam_rig.laws import Law
 from cam_rig.plots.figures import (
     CAM_SPEED,
@@ -26,6 +25,7 @@ from cam_rig.plots.figures import (
 from cam_rig.studies.flywheel.fluctuation import FlywheelStudy
 from cam_rig.studies.stem.chain import BAR, Stem
 from cam_rig.studies.stem.steady import stem_turn
+from cam_rig.tables import printed
 from cam_rig.units import RPM
 
 INERTIA = "inertia of the flywheel [kg·m²]"
@@ -96,5 +96,5 @@ def stem_figure(law: Law, title: str, stem: Stem) -> Figure:
     right.set_ylim(-15.0, None)
     for axes in (left, right):
         axes.legend(frameon=False)
-    out.suptitle(f"Stem of {typeset(follower.stem_stiffness, '.3g')} N/m, steady state")
+    out.suptitle(f"Stem of {printed(follower.stem_stiffness, '.3g')} N/m, steady state")
     return out

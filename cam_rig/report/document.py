@@ -16,7 +16,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from cam_rig import __version__
 from cam_rig.errors import ConfigError
-from cam_rig.tables import DataTable, number, to_markdown
+from cam_rig.tables import DataTable, printed, to_markdown, typeset
 
 #: What makes the numbers of a page, beside the package itself.
 LIBRARIES = ("numpy", "scipy")
@@ -155,19 +155,19 @@ def environment(kind: str) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    found.filters |= {"percent": percent, "number": number, "to": to, "markdown": to_markdown}
-    found.filters |= {"degrees": math.degrees, "anchor": anchor}
+    found.filters |= {"percent": percent, "number": printed, "to": to, "markdown": to_markdown}
+    found.filters |= {"degrees": math.degrees, "anchor": anchor, "typeset": typeset}
     return found
 
 
 def percent(share: float, shown: str = ".0f") -> str:
     """A share as a percentage."""
-    return f"{100.0 * share:{shown}} %"
+    return f"{printed(100.0 * share, shown)} %"
 
 
 def to(pair: tuple[float, float], shown: str = ".0f") -> str:
     """A range from its ends."""
-    return " to ".join(number(end, shown) for end in pair)
+    return " to ".join(printed(end, shown) for end in pair)
 
 
 def anchor(heading: str) -> str:

@@ -117,7 +117,7 @@ def order_figures(found: Findings) -> dict[str, str]:
     if not found.orders:
         return {}
     shown = [study.up_to(SHOWN_ORDERS) for study in found.orders]
-    titles = {name: cam.title for name, cam in found.sources.loaded.cams.items()}
+    titles = found.sources.loaded.titles
     return {"orders": uri(lambda path: write(orders_plot.figure(shown, titles), path, ORDERS_DPI))}
 
 

@@ -46,7 +46,7 @@ MOST_SHOWN = 8
 
 def tables(found: Findings) -> dict[str, list[DataTable]]:
     """Every table of the report, by the section that shows it."""
-    titles = found.sources.cam_set.titles
+    titles, mounted = found.sources.cam_set.titles, found.sources.loaded.titles
     rigid = {cam: m.rigid_jump / RPM for cam, m in found.factorial.cams.items()}
     caption = f"The paper's Table 2: jump speed, {FROM_REST:g} s from rest at constant speed"
     published = found.sources.loaded.published
@@ -55,7 +55,7 @@ def tables(found: Findings) -> dict[str, list[DataTable]]:
     simulated = {cam: curve.level_db for cam, curve in curves.items()}
     printed = {cam: curve.published_db for cam, curve in curves.items()}
     bag = found.sources.recorded
-    recorded = [] if bag is None else [recorded_table(bag, simulated, printed)]
+    recorded = [] if bag is None else [recorded_table(bag, simulated, mounted, printed)]
     return {
         "summary": [summary_table(answers(found))],
         "cams": [_table_1(found), _laws(found)],
@@ -64,8 +64,8 @@ def tables(found: Findings) -> dict[str, list[DataTable]]:
         "jump": [jump_table(found.jumps, caption, titles, rigid)],
         "readings": [
             reading_tables.numbers_table(found.sources.readings.readings),
-            reading_tables.speeds_table(found.readings),
-            reading_tables.times_table(found.readings),
+            reading_tables.speeds_table(found.readings, titles),
+            reading_tables.times_table(found.readings, titles),
         ],
         "stem": stem_tables(found.stems, titles, LOWER),
         "as_cut": [
@@ -112,8 +112,8 @@ def _orders(found: Findings) -> list[DataTable]:
     speeds = [spectrum.rpm for study in found.orders[:1] for spectrum in study.spectra]
     if not speeds:
         return []
-    shown = (speeds[0], STEADY_RPM, speeds[-1])
-    return [orders.speed_table(study.only(*shown) for study in found.orders)]
+    shown, titles = (speeds[0], STEADY_RPM, speeds[-1]), found.sources.loaded.titles
+    return [orders.speed_table((study.only(*shown) for study in found.orders), titles)]
 
 
 def _table_1(found: Findings) -> DataTable:
@@ -205,8 +205,8 @@ def _source(quantity: Quantity) -> str:
 
 
 def _value(quantity: Quantity) -> str:
-    unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+    unit = "" if quantity.unit == "1" else f" {quantity.unit}".replace(" deg", "°")
     numbers = [number(value) for value in quantity.numbers]
     if len(numbers) > MOST_SHOWN:
         numbers = [*numbers[:3], "…", *numbers[-2:]]
-    return ", ".join(numbers) + unit
+    return ", ".join(numbers) + unit.replace("*", "·").replace("^2", "²")

@@ -122,7 +122,8 @@ def test_the_date():
 
 
 def test_numbers_in_sentences():
-    """Shares as percentages, ranges from their ends."""
+    """Shares as percentages, ranges from their ends; a true minus, powers raised."""
     assert percent(0.7249) == "72 %"
-    assert percent(-0.0053, "+.2f") == "-0.53 %"
+    assert percent(-0.0053, "+.2f") == "−0.53 %"
     assert to((0.71, 1.66), ".1f") == "0.7 to 1.7"
+    assert to((-2e-7, 3.3e8), ".2g") == "−2·10⁻⁷ to 3.3·10⁸"

@@ -60,7 +60,7 @@ def _values(found: SceneFindings) -> dict[str, Any]:
         "rig": loaded.rig,
         "calibrated": loaded.calibrated,
         "titles": found.cam_set.titles,
-        "model": MODELS.get(loaded.scene.model, loaded.scene.model),
+        "model": MODELS.get(loaded.scene.model, loaded.scene.model).replace("_", " "),
         "speeds": speeds_of(loaded),
         "failed": [
             (found.cam_set.titles[cam], check)

@@ -14,13 +14,13 @@ from cam_rig.tables import Cell, Column, DataTable, tabulate
 
 #: The numbers of a reading: heading, unit, format, factor from SI.
 NUMBERS = {
-    "event": ("event angle", "°", ".3f", 180.0 / math.pi),
-    "high_dwell": ("high dwell", "°", ".3f", 180.0 / math.pi),
-    "stem_stiffness": ("stem", "N/m", ".6g", 1.0),
-    "roller_share": ("mass split", "", ".5g", 1.0),
-    "stem_damping": ("stem damping", "N·s/m", ".5g", 1.0),
-    "damping": ("damping to ground", "N·s/m", ".5g", 1.0),
-    "preload": ("preload", "N", ".5g", 1.0),
+    "event": ("event angle", "°", ".1f", 180.0 / math.pi),
+    "high_dwell": ("high dwell", "°", ".1f", 180.0 / math.pi),
+    "stem_stiffness": ("stem", "N/m", ".4g", 1.0),
+    "roller_share": ("mass split", "", ".4g", 1.0),
+    "stem_damping": ("stem damping", "N·s/m", ".4g", 1.0),
+    "damping": ("damping to ground", "N·s/m", ".4g", 1.0),
+    "preload": ("preload", "N", ".4g", 1.0),
 }
 
 
@@ -49,9 +49,12 @@ def _number(reading: TableReading, key: str) -> Cell:
     return format(quantity.si * factor, shown) + mark
 
 
-def speeds_table(found: Sequence[Read]) -> DataTable:
-    """The first speed of the grid at which each reading loses contact, beside the printed one."""
-    cams = [row.cam for row in found[0].rows]
+def speeds_table(found: Sequence[Read], titles: Mapping[str, str] | None = None) -> DataTable:
+    """The first speed of the grid at which each reading loses contact, beside the printed one.
+
+    ``titles`` are what cams are called, where not by name.
+    """
+    cams = [(titles or {}).get(row.cam, row.cam) for row in found[0].rows]
     return tabulate(
         f"Readings of the paper's Table 2: first speed with loss of contact, looked at every "
         f"{ROUNDED_TO:g} rpm",
@@ -75,14 +78,18 @@ def speeds_table(found: Sequence[Read]) -> DataTable:
     )
 
 
-def times_table(found: Sequence[Read]) -> DataTable:
-    """When contact is first lost, and what a part in a million of the speed does to it."""
+def times_table(found: Sequence[Read], titles: Mapping[str, str] | None = None) -> DataTable:
+    """When contact is first lost, and what a part in a million of the speed does to it.
+
+    ``titles`` are what cams are called, where not by name.
+    """
+    called = titles or {}
     return tabulate(
         "Readings of the paper's Table 2: time of the first loss of contact",
         [(read, row) for read in found for row in read.rows],
         (
             (Column("reading"), lambda item: item[0].name),
-            (Column("cam"), lambda item: item[1].cam),
+            (Column("cam"), lambda item: called.get(item[1].cam, item[1].cam)),
             (Column("jump speed", "rpm", ".1f"), lambda item: item[1].jump),
             (Column("paper", "s", ".2f"), lambda item: item[1].printed.time_s),
             (Column("time", "s", ".3f"), lambda item: _finite(item[1].time)),
