@@ -6,10 +6,13 @@ from collections.abc import Callable
 
 from pydantic import BaseModel
 
+from cam_rig.drawing.words import in_words
 from cam_rig.laws import Law
 from cam_rig.laws.continuity import SMOOTHEST, joints
+from cam_rig.laws.named import NAMED_RISES
 from cam_rig.laws.peaks import extremes
 from cam_rig.profile.checks.pressure_angle import GUIDED
+from cam_rig.report.called import table_called
 from cam_rig.report.figures import PROPOSED, STEADY_RPM
 from cam_rig.report.misprints import misprints_table
 from cam_rig.report.recorded import recorded_table
@@ -45,7 +48,26 @@ MOST_SHOWN = 8
 
 
 def tables(found: Findings) -> dict[str, list[DataTable]]:
-    """Every table of the report, by the section that shows it."""
+    """Every table of the report, by the section that shows it.
+
+    Names are those of files only where the files' numbers are listed.
+    """
+    titles, listed = titles_of(found), _listed(found)
+    return {
+        section: some if section == "numbers" else [table_called(table, titles) for table in some]
+        for section, some in listed.items()
+    }
+
+
+def titles_of(found: Findings) -> dict[str, str]:
+    """What is called otherwise than by its name: rises, the readings of Table 2, cams."""
+    sources = found.sources
+    rises = {name: in_words(name) for name in NAMED_RISES}
+    readings = {name: name.replace("_", " ") for name in sources.readings.readings}
+    return rises | readings | sources.cam_set.titles | sources.loaded.titles
+
+
+def _listed(found: Findings) -> dict[str, list[DataTable]]:
     titles, mounted = found.sources.cam_set.titles, found.sources.loaded.titles
     rigid = {cam: m.rigid_jump / RPM for cam, m in found.factorial.cams.items()}
     caption = f"The paper's Table 2: jump speed, {FROM_REST:g} s from rest at constant speed"
@@ -64,8 +86,8 @@ def tables(found: Findings) -> dict[str, list[DataTable]]:
         "jump": [jump_table(found.jumps, caption, titles, rigid)],
         "readings": [
             reading_tables.numbers_table(found.sources.readings.readings),
-            reading_tables.speeds_table(found.readings, titles),
-            reading_tables.times_table(found.readings, titles),
+            reading_tables.speeds_table(found.readings),
+            reading_tables.times_table(found.readings),
         ],
         "stem": stem_tables(found.stems, titles, LOWER),
         "as_cut": [
@@ -112,8 +134,8 @@ def _orders(found: Findings) -> list[DataTable]:
     speeds = [spectrum.rpm for study in found.orders[:1] for spectrum in study.spectra]
     if not speeds:
         return []
-    shown, titles = (speeds[0], STEADY_RPM, speeds[-1]), found.sources.loaded.titles
-    return [orders.speed_table((study.only(*shown) for study in found.orders), titles)]
+    shown = (speeds[0], STEADY_RPM, speeds[-1])
+    return [orders.speed_table(study.only(*shown) for study in found.orders)]
 
 
 def _table_1(found: Findings) -> DataTable:

@@ -49,12 +49,9 @@ def _number(reading: TableReading, key: str) -> Cell:
     return format(quantity.si * factor, shown) + mark
 
 
-def speeds_table(found: Sequence[Read], titles: Mapping[str, str] | None = None) -> DataTable:
-    """The first speed of the grid at which each reading loses contact, beside the printed one.
-
-    ``titles`` are what cams are called, where not by name.
-    """
-    cams = [(titles or {}).get(row.cam, row.cam) for row in found[0].rows]
+def speeds_table(found: Sequence[Read]) -> DataTable:
+    """The first speed of the grid at which each reading loses contact, beside the printed one."""
+    cams = [row.cam for row in found[0].rows]
     return tabulate(
         f"Readings of the paper's Table 2: first speed with loss of contact, looked at every "
         f"{ROUNDED_TO:g} rpm",
@@ -78,18 +75,14 @@ def speeds_table(found: Sequence[Read], titles: Mapping[str, str] | None = None)
     )
 
 
-def times_table(found: Sequence[Read], titles: Mapping[str, str] | None = None) -> DataTable:
-    """When contact is first lost, and what a part in a million of the speed does to it.
-
-    ``titles`` are what cams are called, where not by name.
-    """
-    called = titles or {}
+def times_table(found: Sequence[Read]) -> DataTable:
+    """When contact is first lost, and what a part in a million of the speed does to it."""
     return tabulate(
         "Readings of the paper's Table 2: time of the first loss of contact",
         [(read, row) for read in found for row in read.rows],
         (
             (Column("reading"), lambda item: item[0].name),
-            (Column("cam"), lambda item: called.get(item[1].cam, item[1].cam)),
+            (Column("cam"), lambda item: item[1].cam),
             (Column("jump speed", "rpm", ".1f"), lambda item: item[1].jump),
             (Column("paper", "s", ".2f"), lambda item: item[1].printed.time_s),
             (Column("time", "s", ".3f"), lambda item: _finite(item[1].time)),
