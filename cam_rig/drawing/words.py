@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 
 from cam_rig.tables import printed
 
 #: Names that are more than words and digits.
 _POLYNOMIAL, _BEZIER = re.compile(r"poly(\d+)"), re.compile(r"bezier(\d+)(.*)")
+#: Letters of a cam's title in a legend or over a panel, at most.
+LONGEST_TITLE = 28
 #: Powers of ten from and to which a number is written out.
 PLAIN = (-3, 3)
 
@@ -27,6 +30,19 @@ def in_words(name: str) -> str:
         return f"Bézier degree {found[1]}{found[2].replace('_', ', ')}"
     words = [_word(word) for word in name.split("_")]
     return " ".join([words[0][:1].upper() + words[0][1:], *words[1:]])
+
+
+def title_of(titles: Mapping[str, str], cam: str) -> str:
+    """A cam's title, as `short`; its name in words where there is none."""
+    return short(titles.get(cam) or in_words(cam))
+
+
+def short(title: str) -> str:
+    """A title that a legend has room for: of a long one its beginning and its end."""
+    if len(title) <= LONGEST_TITLE:
+        return title
+    half = LONGEST_TITLE // 2
+    return f"{title[:half].rstrip()}…{title[1 - half :].lstrip()}"
 
 
 def four_digits(value: float) -> str:

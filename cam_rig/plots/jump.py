@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.markers import CARETUP
 
 from cam_rig.arrays import FloatArray
-from cam_rig.drawing.words import in_words
+from cam_rig.drawing.words import in_words, title_of
 from cam_rig.laws import Law
-from cam_rig.plots.figures import CAM_SPEED, colour, empty, line, styled, title_of, wrapped, write
+from cam_rig.plots.figures import CAM_SPEED, colour, empty, line, styled, wrapped, write
 from cam_rig.studies.cam_set import CamSet
 from cam_rig.studies.jump.any_rig import AnyFollower, described_run, follower_of, least_force
 from cam_rig.studies.jump.comparison import JumpRow

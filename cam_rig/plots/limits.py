@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from cam_rig.drawing.words import title_of
 from cam_rig.laws import Law
 from cam_rig.plots.figures import (
     CAM_SPEED,
@@ -19,7 +20,6 @@ from cam_rig.plots.figures import (
     series,
     series_marker,
     styled,
-    title_of,
     write,
 )
 from cam_rig.studies.flywheel.fluctuation import FlywheelStudy

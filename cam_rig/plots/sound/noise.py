@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cam_rig.arrays import FloatArray
-from cam_rig.plots.figures import CAM_SPEED, LEVEL, empty, marker, series, short, styled, write
+from cam_rig.drawing.words import short
+from cam_rig.plots.figures import CAM_SPEED, LEVEL, empty, marker, series, styled, write
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.noise_comparison import NoiseResult
 

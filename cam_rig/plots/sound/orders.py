@@ -13,7 +13,8 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from cam_rig.arrays import FloatArray
-from cam_rig.plots.figures import CAM_SPEED, colour, empty, styled, title_of, write
+from cam_rig.drawing.words import title_of
+from cam_rig.plots.figures import CAM_SPEED, colour, empty, styled, write
 from cam_rig.schema.scene import MODEL_ALIASES
 from cam_rig.studies.orders.waterfall import QUANTITIES, RANGE, CamOrders, loudest
 
