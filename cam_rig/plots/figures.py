@@ -79,9 +79,9 @@ def logarithmic(*axes: Axis) -> None:
         axis.set_minor_formatter(NullFormatter())
 
 
-def wrapped(title: str) -> str:
-    """The words over a whole figure, in lines that it holds."""
-    return "\n".join(line for words in title.split("\n") for line in wrap(words, ACROSS) or [""])
+def wrapped(title: str, letters: int = ACROSS) -> str:
+    """The words over a whole figure, in lines that it holds; or of fewer letters, over a part."""
+    return "\n".join(line for words in title.split("\n") for line in wrap(words, letters) or [""])
 
 
 def turn_axis(axes: Axes, step: int = 60) -> None:

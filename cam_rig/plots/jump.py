@@ -21,6 +21,9 @@ from cam_rig.units import RPM
 
 #: Speeds of a curve; between these (rpm) most of the paper's cams lose contact: an inset.
 POINTS, INSET = 400, (380.0, 420.0)
+#: Times its jump speed up to which a cam's curve goes: it has left the axes, and beside a cam that
+#: jumps at ten times the speed it would cost a thousand turns a point.
+BEYOND = 2.0
 #: Marker of a published speed, which points at the axis from below.
 PUBLISHED: dict[str, Any] = {"marker": CARETUP, "ls": "", "ms": 5.5, "zorder": 4}
 
@@ -46,10 +49,11 @@ def figure(rows: list[JumpRow], cam_set: CamSet, duration: float | None) -> Figu
         places.append(_inset(axes, 0.12 * parameters.preload))
     _frame(axes, rpm)
     for row in rows:
-        least = least_force(cam_set.laws[row.cam], parameters, duration, rpm * RPM)
+        near = rpm[rpm < BEYOND * row.found.rpm]
+        least = least_force(cam_set.laws[row.cam], parameters, duration, near * RPM)
         label = f"{title_of(cam_set.titles, row.cam)}: {row.found.rpm:.2f}"
         for place in places:
-            place.plot(rpm, least, label=label, **line(row.cam))
+            place.plot(near, least, label=label, **line(row.cam))
             _mark(place, row)
     run = described_run(parameters, duration)
     title = f"Contact is kept while the minimum force is positive ({run})"

@@ -195,7 +195,7 @@ def _spline_fit(fit: SplineFit) -> Figure:
             axes.axvspan(start, min(stop, 360.0), color=SHADE, lw=0, zorder=0)
             axes.axvspan(0.0, max(stop - 360.0, 0.0), color=SHADE, lw=0, zorder=0)
     _label((lift, "lift [mm]"), (away, "reading − law [mm]"), (bend, "acceleration s″ [mm/rad²]"))
-    lift.set_title(f"{readings.name}: dwells shaded; below, the distance allowed")
+    lift.set_title(wrapped(f"{readings.name}: dwells shaded; below, the distance allowed"))
     turn_axis(bend, 30)
     bend.set_xlabel(CAM_ANGLE)
     return out

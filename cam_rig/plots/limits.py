@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from cam_rig.drawing.words import title_of
 from cam_rig.laws import Law
 from cam_rig.plots.figures import (
+    ACROSS,
     CAM_SPEED,
     colour,
     empty,
@@ -20,6 +21,7 @@ from cam_rig.plots.figures import (
     series,
     series_marker,
     styled,
+    wrapped,
     write,
 )
 from cam_rig.studies.flywheel.fluctuation import FlywheelStudy
@@ -92,7 +94,11 @@ def stem_figure(law: Law, title: str, stem: Stem) -> Figure:
         ]
         right.plot(SPEEDS, least, label=name, **series(i))
     right.axhline(0.0, color="0.3", lw=0.9)
-    right.set(title=f"Least contact force, {title}", xlabel=CAM_SPEED, ylabel="force [N]")
+    right.set(
+        title=wrapped(f"Least contact force, {title}", ACROSS // 2),
+        xlabel=CAM_SPEED,
+        ylabel="force [N]",
+    )
     right.set_ylim(-15.0, None)
     for axes in (left, right):
         axes.legend(frameon=False)

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing.words import short
-from cam_rig.plots.figures import CAM_SPEED, LEVEL, empty, marker, series, styled, write
+from cam_rig.plots.figures import CAM_SPEED, LEVEL, empty, marker, series, styled, wrapped, write
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.noise_comparison import NoiseResult
 
@@ -56,7 +56,7 @@ def figure(result: NoiseResult, loaded: LoadedScene) -> Figure:
             color="0.35",
         )
     worth = "" if loaded.calibrated else "relative "
-    axes.set(xlabel=CAM_SPEED, ylabel=worth + LEVEL, title=loaded.scene.title)
+    axes.set(xlabel=CAM_SPEED, ylabel=worth + LEVEL, title=wrapped(loaded.scene.title))
     axes.legend(loc="upper left")
     return out
 
@@ -72,7 +72,7 @@ def turn_by_turn(by_turn: FloatArray, settle_turns: int, level: float, title: st
     axes.plot(
         settled, [level, level], color=series(1)["color"], label=f"settled turns: {level:.2f} dB"
     )
-    axes.set(xlabel="turn", ylabel=LEVEL, title=title)
+    axes.set(xlabel="turn", ylabel=LEVEL, title=wrapped(title))
     axes.set_xticks(turn[:: 1 + turn.size // 20])
     axes.set_ylim(by_turn.min() - MARGIN_DB, by_turn.max() + MARGIN_DB)
     axes.legend()

@@ -76,9 +76,9 @@ def _rays(axes: Axes, study: CamOrders, values: FloatArray, most: float) -> Line
         axes.axhline(natural, color="w", ls="--", lw=0.8)
     named = _named(highest)
     for order in named:
-        words = f"{order:g}" if order < named[-1] else f"order {order:g}"
+        words = f"order {order:g}" if order == named[0] else f"{order:g}"  # far from the title
         place = (high, order * high / 60.0)
-        axes.annotate(words, place, (2, 0), textcoords="offset points")
+        axes.annotate(words, place, (2, 0), textcoords="offset points", va="center")
     return rays
 
 
