@@ -15,7 +15,6 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from cam_rig import __version__
-from cam_rig.errors import ConfigError
 from cam_rig.tables import DataTable, printed, to_markdown, typeset
 
 #: What makes the numbers of a page, beside the package itself.
@@ -44,29 +43,15 @@ class Made:
         return ", ".join((f"cam_rig {__version__}", f"Python {python_version()}", *others))
 
 
-def written_on(now: float, epoch: str | None) -> str:
-    """The day of a page, UTC.
-
-    Parameters
-    ----------
-    now : s since 1970
-    epoch : in its place, what SOURCE_DATE_EPOCH says; None where it is not set
-
-    Raises
-    ------
-    ConfigError : it is no number of seconds
+def written_on(seconds: float) -> str:
+    """The day of a page, UTC, from s since 1970.
 
     Examples
     --------
-    >>> written_on(0.0, "1700000000")
+    >>> written_on(1_700_000_000)
     '2023-11-14'
     """
-    try:
-        return datetime.fromtimestamp(now if epoch is None else int(epoch), UTC).date().isoformat()
-    except (ValueError, OverflowError, OSError):
-        raise ConfigError(
-            f"SOURCE_DATE_EPOCH: {epoch!r} is no date; allowed: whole seconds since 1970"
-        ) from None
+    return datetime.fromtimestamp(seconds, UTC).date().isoformat()
 
 
 @dataclass(frozen=True)
