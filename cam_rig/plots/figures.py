@@ -17,6 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
 from cam_rig.arrays import FloatArray
@@ -59,14 +60,15 @@ def empty(height: float, width: float = WIDTH) -> Figure:
 
 
 @styled
-def write(figure: Figure, path: Path, dpi: float | None = None) -> None:
+def write(figure: Figure, path: Path, dpi: float | None = None, part: Bbox | None = None) -> None:
     """Write a figure as PNG, or as any format that matplotlib knows by the suffix.
 
     Parameters
     ----------
     dpi : of what is made of pixels; None for the style's
+    part : of the figure, inches from its lower left; None for all of it
     """
-    figure.savefig(path, dpi=STYLE["savefig.dpi"] if dpi is None else dpi)
+    figure.savefig(path, dpi=STYLE["savefig.dpi"] if dpi is None else dpi, bbox_inches=part)
 
 
 def logarithmic(*axes: Axis) -> None:

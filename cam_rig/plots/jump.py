@@ -37,12 +37,13 @@ def draw(rows: list[JumpRow], cam_set: CamSet, duration: float | None, path: Pat
 def figure(rows: list[JumpRow], cam_set: CamSet, duration: float | None) -> Figure:
     """The minimum force of a run of ``duration`` s from rest (None: in steady state) by speed."""
     parameters = follower_of(cam_set.rig)
-    out = empty(4.8)
-    axes = out.subplots()
     last = 1.08 * max(row.found.rpm for row in rows)
     rpm = np.linspace(0.35 * min(row.found.rpm for row in rows), last, POINTS)
     rpm = np.union1d(rpm, np.arange(*INSET)[np.arange(*INSET) < last])
-    places, insets = [axes], [row for row in rows if INSET[0] < row.found.rpm < INSET[1]]
+    insets = [row for row in rows if INSET[0] < row.found.rpm < INSET[1]]
+    out = empty(4.8 if len(insets) > 1 else 3.4)
+    axes = out.subplots()
+    places = [axes]
     low, high = -0.55 * parameters.preload, 1.15 * parameters.preload
     if len(insets) > 1:
         high = 2.1 * parameters.preload  # room for it above the curves

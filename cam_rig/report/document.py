@@ -62,7 +62,7 @@ class Document:
     ----------
     sections : title by key, in the order they are read; the key names the template
     folder : of the templates, with a slash at its end
-    figures : data URIs by key; none in Markdown
+    figures : data URIs by key, each figure's strips from the top; none in Markdown
     values : what the sentences take their numbers from
     """
 
@@ -70,7 +70,7 @@ class Document:
     sections: Mapping[str, str]
     made: Made
     tables: Mapping[str, list[DataTable]]
-    figures: Mapping[str, str]
+    figures: Mapping[str, list[str]]
     values: Mapping[str, Any]
     folder: str = ""
 

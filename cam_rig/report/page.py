@@ -51,8 +51,8 @@ SEEDS = (
 )
 
 
-def html(found: Findings, figures: dict[str, str], made: Made) -> str:
-    """One self-contained page; ``figures`` are data URIs by key."""
+def html(found: Findings, figures: dict[str, list[str]], made: Made) -> str:
+    """One self-contained page; ``figures`` are data URIs by key, from the top."""
     return render("html", _document(found, figures, made))
 
 
@@ -61,7 +61,7 @@ def markdown(found: Findings, made: Made) -> str:
     return render("md", _document(found, {}, made))
 
 
-def _document(found: Findings, figures: dict[str, str], made: Made) -> Document:
+def _document(found: Findings, figures: dict[str, list[str]], made: Made) -> Document:
     return Document(
         title=TITLE,
         sections=SECTIONS,

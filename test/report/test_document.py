@@ -35,7 +35,7 @@ def render(kind, parts=PARTS, figures=("pic",)):
     """A paragraph, tables, a list and a figure."""
     numbering, text = Numbering(), ""
     given = {
-        "figures": dict.fromkeys(figures, "data:image/svg+xml;base64,AAAA"),
+        "figures": {key: ["data:image/svg+xml;base64,AAAA"] for key in figures},
         "numbering": numbering,
         "numbers": {"start": 1, "end": 2},
     }

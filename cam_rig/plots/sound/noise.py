@@ -27,7 +27,7 @@ def draw(result: NoiseResult, loaded: LoadedScene, path: Path) -> None:
 @styled
 def figure(result: NoiseResult, loaded: LoadedScene) -> Figure:
     """Level of each cam against speed, its cubic regression, and what is published."""
-    out = empty(4.4)
+    out = empty(3.4)
     axes = out.subplots()
     for curve in result.curves.values():
         style = marker(curve.cam)
