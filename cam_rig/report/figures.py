@@ -21,10 +21,10 @@ from cam_rig.plots import timing as timing_plot
 from cam_rig.plots import vibration as vibration_plot
 from cam_rig.plots.sound import noise_study as noise_study_plot
 from cam_rig.plots.sound import orders as orders_plot
-from cam_rig.plots.strips import strips, write_strip
 from cam_rig.profile.checks.all_checks import check_cam
 from cam_rig.profile.checks.pressure_angle import GUIDED
 from cam_rig.report.results import CUT, Findings, Sources
+from cam_rig.report.strips import strips, write_strip
 from cam_rig.studies.jump.comparison import JumpRow
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.stem.chain import Stem

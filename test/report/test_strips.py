@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from cam_rig.plots.figures import empty, styled, write
-from cam_rig.plots.strips import strips, write_strip
+from cam_rig.report.strips import strips, write_strip
 
 DPI = 100
 
