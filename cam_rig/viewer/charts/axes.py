@@ -13,6 +13,7 @@ import rerun as rr
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
+from cam_rig.tables import printed
 
 #: Radii on the screen: Rerun takes a negative one as points, not as the plane's unit.
 THIN, UNSEEN = -0.5, -0.1
@@ -47,9 +48,16 @@ class Axes:
         up = (y - self.y[0]) / (self.y[1] - self.y[0])
         return np.column_stack([across * self.width, self.top + (1.0 - up) * self.height])
 
-    def bounds(self, right: float = MARGINS[1]) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Range of x and y of a view of it all; ``right`` is the share of the width left free."""
-        left, _, above, below = MARGINS
+    def bounds(
+        self, right: float = MARGINS[1], below: float = MARGINS[3]
+    ) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Range of x and y of a view of it all.
+
+        Parameters
+        ----------
+        right, below : left free there, shares of width and height
+        """
+        left, _, above, _ = MARGINS
         x = -left * self.width, (1.0 + right) * self.width
         return x, (-above * self.height, (1.0 + below) * self.height)
 
@@ -96,14 +104,14 @@ class Axes:
 
 
 def round_marks(low: float, high: float, unit: str) -> dict[float, str]:
-    """Four to eight round values from ``low`` to ``high``, the last with its unit."""
+    """Four to eight round values from ``low`` to ``high``, the last with its unit if any."""
     raw = (high - low) / 4.0
     power = 10.0 ** np.floor(np.log10(raw))
     step = float(max(f * power for f in (1.0, 2.0, 2.5, 5.0) if f * power <= raw))
     values = np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1.0) * step
     values += 0.0  # no -0
-    words = [f"{value:g}" for value in values]
-    words[-1] += f" {unit}"
+    words = [printed(value) for value in values]
+    words[-1] += f" {unit}" if unit else ""
     return dict(zip(values.tolist(), words, strict=True))
 
 
