@@ -19,10 +19,11 @@ from pathlib import Path
 import numpy as np
 
 from cam_rig.bench.cases.cases import law_of
-from cam_rig.drawing.words import in_words, typeset
+from cam_rig.drawing.words import in_words
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval
 from cam_rig.laws import Law
 from cam_rig.plots.figures import empty, logarithmic, series_marker, styled, write
+from cam_rig.tables import printed
 from cam_rig.units import NS
 
 MODELS_SHOWN = ("kinetostatic", "residual")
@@ -108,12 +109,12 @@ def draw(by_samples: dict[str, list[float]], by_stem: dict[str, list[float]], pa
     left.set(
         xlabel="samples",
         ylabel="wall time [s]",
-        title=f"{RPM:g} rpm, stem {typeset(USUAL_STEM, '.2g')} N/m",
+        title=f"{RPM:g} rpm, stem {printed(USUAL_STEM, '.2g')} N/m",
     )
     right.set(
         xlabel="stem stiffness [N/m]",
         ylabel="wall time [s]",
-        title=f"{RPM:g} rpm, {typeset(USUAL_SAMPLES, '.0e')} samples",
+        title=f"{RPM:g} rpm, {printed(USUAL_SAMPLES, '.0e')} samples",
     )
     low = min(min(times) for times in by_stem.values())
     high = max(max(times) for times in by_stem.values())

@@ -1,12 +1,13 @@
-"""The extras of the installation: which library comes with which, said in one line when missing."""
+"""Libraries of others: the extra that each comes with, and what they read of the environment."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 
-from cam_rig.errors import MissingLibraryError
+from cam_rig.errors import ConfigError, MissingLibraryError
 
 #: Extra of setup.py by what is imported; the rest is the core, which is always there.
 EXTRAS = {
@@ -31,6 +32,8 @@ EXTRAS = {
 ROS_INTERFACES = ("_msgs", "_srvs", "_interfaces")
 #: Libraries that no part of the rig needs, and no extra brings.
 OPTIONAL = ("pandas",)
+#: The end of the year 9999, s since 1970: no calendar goes farther.
+LAST_SECOND = 253_402_300_799
 
 
 def require(library: str) -> None:
@@ -42,6 +45,30 @@ def require(library: str) -> None:
     """
     if find_spec(library) is None:
         raise MissingLibraryError(_missing(library))
+
+
+def source_date() -> int | None:
+    """What SOURCE_DATE_EPOCH says, s since 1970; None where it is not set.
+
+    numpy reads it when scipy is imported, matplotlib when it writes SVG or PDF.
+
+    Raises
+    ------
+    ConfigError : it is no whole number of seconds, or of no date
+    """
+    text = os.environ.get("SOURCE_DATE_EPOCH")
+    if text is None:
+        return None
+    try:
+        seconds = int(text)
+    except ValueError:
+        seconds = -1
+    if not 0 <= seconds <= LAST_SECOND:
+        raise ConfigError(
+            f"SOURCE_DATE_EPOCH: {text[:40]!r} is no date; allowed: whole seconds since 1970, as "
+            "`date +%s` prints; or unset it"
+        )
+    return seconds
 
 
 @contextmanager

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import csv
 import io
+import math
+import re
 import textwrap
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -16,8 +18,14 @@ from typing import TypeVar
 Item = TypeVar("Item")
 #: Characters of a line of Markdown outside a table.
 MARKDOWN_WIDTH = 100
+#: Significant digits of a number that was found, on a page.
+DIGITS = 4
 #: Text, a number in the unit of its column, or nothing.
 Cell = str | float | None
+#: A minus before a number, which is no hyphen of a word; a number with an exponent.
+_MINUS = re.compile(r"(?<![\w)\]-])-(?=\.?\d)")
+_POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)(?!\w)")
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True)
@@ -51,6 +59,52 @@ class Column:
             return self.missing
         return cell if isinstance(cell, str) else number(cell, self.shown)
 
+    def printed(self, cell: Cell) -> str:
+        """A cell as a page has it: typeset, of four digits at most where decimals are asked for.
+
+        A format of significant digits, such as ".6g", stands: it is of what was set, not found.
+
+        Examples
+        --------
+        >>> [Column("force", "N", "+.2f").printed(value) for value in (-413.4426, 28706.4, 0.0)]
+        ['−413.4', '+28710', '+0.00']
+        """
+        text = self.text(cell)
+        if isinstance(cell, float) and math.isfinite(cell) and self.shown.endswith("f"):
+            whole, _, decimals = text.lstrip("+-").partition(".")
+            kept = max(0, DIGITS - len(whole))
+            if whole != "0" and len(decimals) > kept:
+                rounded = float(f"{cell:.{DIGITS}g}")
+                text = f"{rounded:{self.shown[: self.shown.index('.')]}.{kept}f}"
+        return typeset(text)
+
+
+def typeset(text: str) -> str:
+    """A text as it is printed: a true minus, powers of ten raised.
+
+    Examples
+    --------
+    >>> typeset("-0.25 to 3.3e8, 1e-09 on bezier-15")
+    '−0.25 to 3.3·10⁸, 10⁻⁹ on bezier-15'
+    """
+    return _MINUS.sub("−", _POWER.sub(_power, text))
+
+
+def _power(found: re.Match[str]) -> str:
+    factor = "" if found[1] == "1" else f"{found[1]}·"
+    return f"{factor}10{str(int(found[2])).translate(_RAISED)}"
+
+
+def printed(value: float, shown: str = ".6g") -> str:
+    """A number in a sentence or a picture.
+
+    Examples
+    --------
+    >>> printed(-0.25), printed(3.3e8)
+    ('−0.25', '3.3·10⁸')
+    """
+    return typeset(number(value, shown))
+
 
 def number(value: float, shown: str = ".6g") -> str:
     """A number by a format, with no idle characters in its exponent: 1.26e6, 9.9e-5.
@@ -78,6 +132,14 @@ class DataTable:
         """The rows as they are shown."""
         return [
             [column.text(cell) for column, cell in zip(self.columns, row, strict=True)]
+            for row in self.rows
+        ]
+
+    @property
+    def printed(self) -> list[list[str]]:
+        """The rows as a page has them."""
+        return [
+            [column.printed(cell) for column, cell in zip(self.columns, row, strict=True)]
             for row in self.rows
         ]
 
@@ -140,7 +202,9 @@ def to_markdown(table: DataTable, name: str = "") -> str:
     | a | 9 |
     """
     ruler = ["---:" if column.shown else "---" for column in table.columns]
-    lines = [[column.title for column in table.columns], ruler, *table.texts]
+    lines = [[typeset(column.title) for column in table.columns], ruler, *table.printed]
     rows = "\n".join(f"| {' | '.join(line)} |" for line in lines)
-    notes = (textwrap.fill(note, MARKDOWN_WIDTH, break_on_hyphens=False) for note in table.notes)
-    return "\n\n".join((f"**{name}{table.caption}**", rows, *notes))
+    notes = (
+        textwrap.fill(typeset(note), MARKDOWN_WIDTH, break_on_hyphens=False) for note in table.notes
+    )
+    return "\n\n".join((f"**{name}{typeset(table.caption)}**", rows, *notes))

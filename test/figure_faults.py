@@ -32,7 +32,7 @@ def faults(figure: Figure) -> list[str]:
         if HYPHEN.search(words) or EXPONENT.search(words):
             found.append(f"{words!r}: not typeset")
     labels = list(_labels(figure))
-    boxes = [(text, text.get_window_extent()) for text in labels]
+    boxes = [(text, Text.get_window_extent(text)) for text in labels]  # without an arrow
     page = figure.bbox.padded(TOUCH)
     for text, box in boxes:
         if not (
@@ -55,10 +55,11 @@ def faults(figure: Figure) -> list[str]:
 
 
 def _labels(figure: Figure) -> Iterator[Text]:
-    """Ticks in view, names of axes, titles, legends; what is in the panels beside curves is not."""
+    """Ticks in view, names of axes, titles, legends, and words beside curves."""
     for axes in figure.findobj(Axes):
         if axes.get_visible() and axes.axison:
-            texts = [axes.title, axes.xaxis.label, axes.yaxis.label]
+            texts = [child for child in axes.get_children() if isinstance(child, Text)]
+            texts += [axes.xaxis.label, axes.yaxis.label]
             for axis in (axes.xaxis, axes.yaxis):
                 texts += [*_ticks(axis), axis.get_offset_text()]
             yield from (text for text in texts if text.get_visible() and text.get_text().strip())
@@ -67,8 +68,7 @@ def _labels(figure: Figure) -> Iterator[Text]:
     for part in (figure, *figure.subfigs):
         for legend in part.legends:
             yield from legend.get_texts()
-        if part.get_suptitle():
-            yield part._suptitle
+        yield from (text for text in part.texts if text.get_text().strip())
 
 
 def _ticks(axis: Axis) -> Iterator[Text]:

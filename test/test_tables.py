@@ -2,6 +2,7 @@
 
 import csv
 import doctest
+import math
 
 import pytest
 
@@ -34,6 +35,24 @@ def test_examples():
 def test_numbers(value, shown):
     """As few characters as needed."""
     assert number(value) == shown
+
+
+@pytest.mark.parametrize(
+    ("value", "shown", "printed"),
+    [
+        (413.4426, ".2f", "413.4"),
+        (-99.996, ".2f", "−100.0"),
+        (0.00123456, ".5f", "0.00123"),
+        (123456.7, ".1f", "123500"),
+        (12345.0, ".6g", "12345"),
+        (-3.3e8, ".4g", "−3.3·10⁸"),
+        (1e-9, ".3g", "10⁻⁹"),
+        (math.inf, ".2f", "inf"),
+    ],
+)
+def test_a_page_has_four_digits_and_is_typeset(value, shown, printed):
+    """What was found, in decimals, has four digits at most; what was set has all of its own."""
+    assert Column("a", "", shown).printed(value) == printed
 
 
 def test_cells_are_shown_by_their_column():

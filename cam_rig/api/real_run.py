@@ -85,7 +85,7 @@ class RunComparison:
         """
         with libraries_named():
             from cam_rig.plots.measured.real_run import figure
-        return shown(figure(self.speeds))
+        return shown(figure(self.speeds, self.loaded.titles))
 
 
 def compare_run(

@@ -9,14 +9,20 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def start() -> None:
-    """Entry point of ``cam-rig``, which says in one line when the extra ``cli`` is missing."""
-    from cam_rig.errors import MissingLibraryError
+    """Entry point of ``cam-rig``, which says in one line why it cannot begin.
+
+    The extra ``cli`` is missing, or it is interrupted meanwhile.
+    """
+    from cam_rig.errors import INTERRUPTED, MissingLibraryError
     from cam_rig.extras import libraries_named
 
     try:
         with libraries_named():
             from cam_rig.cli.main import main
+        main()
     except MissingLibraryError as error:
         print(f"cam-rig: {error}", file=sys.stderr)
         sys.exit(error.exit_code)
-    main()
+    except KeyboardInterrupt:  # while the modules were imported
+        print("cam-rig: interrupted", file=sys.stderr)
+        sys.exit(INTERRUPTED)

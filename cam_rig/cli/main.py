@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Annotated
 
 import typer
@@ -96,11 +95,8 @@ app.add_typer(fit, name="fit")
 
 
 def main() -> None:
-    """Entry point of the executable."""
-    try:
-        app()
-    except KeyboardInterrupt:
-        sys.exit(130)
+    """Run the command that the arguments name."""
+    app()
 
 
 if __name__ == "__main__":

@@ -45,3 +45,19 @@ def turned(points: FloatArray, angle: float) -> FloatArray:
     """
     cosine, sine = np.cos(angle), np.sin(angle)
     return np.asarray(points @ np.array([[cosine, sine], [-sine, cosine]]))
+
+
+def distances(points: FloatArray, strip: FloatArray) -> FloatArray:
+    """``(n,)`` distances of ``(n, 2)`` points from a strip ``(m, 2)`` of lines.
+
+    Examples
+    --------
+    >>> distances(np.array([[0.5, 2.0], [4.0, 4.0]]), np.array([[0.0, 0.0], [1.0, 0.0]])).tolist()
+    [2.0, 5.0]
+    """
+    begin, along = strip[:-1], np.diff(strip, axis=0)
+    length = np.maximum(np.sum(along**2, axis=1), np.finfo(float).tiny)
+    to = points[:, None] - begin
+    share = (np.sum(to * along, axis=2) / length).clip(0.0, 1.0)
+    away = to - share[:, :, None] * along
+    return np.asarray(np.hypot(away[:, :, 0], away[:, :, 1]).min(axis=1))

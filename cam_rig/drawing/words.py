@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
+
+from cam_rig.tables import printed
 
 #: Names that are more than words and digits.
 _POLYNOMIAL, _BEZIER = re.compile(r"poly(\d+)"), re.compile(r"bezier(\d+)(.*)")
+#: Letters of a cam's title in a legend or over a panel, at most.
+LONGEST_TITLE = 28
 #: Powers of ten from and to which a number is written out.
 PLAIN = (-3, 3)
 
@@ -27,19 +32,28 @@ def in_words(name: str) -> str:
     return " ".join([words[0][:1].upper() + words[0][1:], *words[1:]])
 
 
-def typeset(value: float, shown: str = ".4g") -> str:
-    """A number with a true minus, its power of ten as mathtext.
+def shortened(title: str, longest: int) -> str:
+    """A title of so many letters at the most: of a long one its beginning and its end.
 
     Examples
     --------
-    >>> typeset(-0.25), typeset(3.3e8), typeset(1e8)
-    ('−0.25', '$3.3·10^{8}$', '$10^{8}$')
+    >>> shortened("Polynomial 3-4-5", 16), shortened("Cam of the left inlet valve, v2", 16)
+    ('Polynomial 3-4-5', 'Cam of t…lve, v2')
     """
-    mantissa, mark, exponent = format(value, shown).partition("e")
-    if mark:
-        factor = "" if mantissa == "1" else f"{mantissa}·"
-        return f"${factor}10^{{{int(exponent)}}}$".replace("-", "−")
-    return mantissa.replace("-", "−")
+    if len(title) <= longest:
+        return title
+    half = longest // 2
+    return f"{title[:half].rstrip()}…{title[1 - half :].lstrip()}"
+
+
+def title_of(titles: Mapping[str, str], cam: str) -> str:
+    """A cam's title, as `short`; its name in words where there is none."""
+    return short(titles.get(cam) or in_words(cam))
+
+
+def short(title: str) -> str:
+    """A title that a legend has room for."""
+    return shortened(title, LONGEST_TITLE)
 
 
 def four_digits(value: float) -> str:
@@ -60,14 +74,14 @@ def log_tick(value: float) -> str:
     Examples
     --------
     >>> [log_tick(value) for value in (0.03, 300.0, 1e6, 3e-9)]
-    ['0.03', '300', '$10^{6}$', '$3·10^{−9}$']
+    ['0.03', '300', '10⁶', '3·10⁻⁹']
     """
     if value <= 0.0:
         return ""
     power = math.floor(math.log10(value) + 1e-9)
     if PLAIN[0] <= power <= PLAIN[1]:
         return f"{value:g}"
-    return typeset(float(f"{value:.0e}"), ".0e")
+    return printed(float(f"{value:.0e}"), ".0e")
 
 
 def _word(word: str) -> str:

@@ -15,8 +15,8 @@ from importlib import import_module
 from types import FrameType
 from typing import NoReturn
 
-from cam_rig.errors import MissingLibraryError
-from cam_rig.extras import libraries_named
+from cam_rig.errors import CamRigError
+from cam_rig.extras import libraries_named, source_date
 
 #: The class of each node, by its name and its module's.
 NODES = {
@@ -63,11 +63,13 @@ def start(name: str) -> None:
     signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPPING)
     _end_with_the_runner()
     try:
+        source_date()  # scipy's import ends at what is none
         with libraries_named():
             module = import_module(f"cam_rig.nodes.{name}")
             app = import_module("cam_rig.nodes.common.process")
-    except MissingLibraryError as error:
-        sys.exit(f"cam_rig: {error}")
+    except CamRigError as error:
+        print(f"cam_rig: {error}", file=sys.stderr)
+        sys.exit(error.exit_code)
     app.run(getattr(module, NODES[name]))
 
 

@@ -19,6 +19,7 @@ from cam_rig.nodes.common.rig_node import RigNode
 from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.viewer.live_view import LiveView
 from cam_rig.viewer.recording import polygon
+from cam_rig.viewer.server.page_delay import PageDelay
 from cam_rig.viewer.server.process import require_display, window
 
 #: Messages that may wait per topic: a drive need not wait for the viewer.
@@ -27,12 +28,15 @@ QUEUE_DEPTH = 256
 SPINS_PER_DRAIN = 10
 #: Wall time (s) to wait for the level of the last tick: no drive waits until it is drawn.
 LEVEL_TIMEOUT_S = 2.0
-#: Wall time (s) between blocks of columns.
+#: Wall time (s) between blocks of columns, at least.
 SEND_EVERY_S = 0.25
 
 
 class Viewer(RigNode):
-    """Draws into the viewer at ``address``, or a window of its own; publishes how far it has."""
+    """Draws into the viewer at ``address``, or a window of its own; publishes how far it has.
+
+    It sends less while the page at ``page``, which shows the picture, is behind.
+    """
 
     def __init__(self) -> None:
         super().__init__("viewer")
@@ -41,7 +45,9 @@ class Viewer(RigNode):
         if not address:
             require_display()
             _, address = self._windows.enter_context(window())
-        self._view, self._received = LiveView(self._loaded, address), 0
+        self._page = PageDelay(self.given["page"]) if self.given["page"] else None
+        behind = None if self._page is None else self._page.behind
+        self._view, self._received = LiveView(self._loaded, address, behind), 0
         self._shown, feed = self.publisher(topics.SHOWN), self._view.feed
         handlers: dict[topics.Topic, Callable[[Any], None]] = {
             topics.PROFILE: self._on_profile,
@@ -85,5 +91,7 @@ class Viewer(RigNode):
 
     def close(self) -> None:
         """Send the rest; a window of our own closes."""
+        if self._page is not None:
+            self._page.close()
         self._view.close()
         self._windows.close()

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 
 from cam_rig.drawing.outlines import MM
-from cam_rig.plots.figures import CAM_ANGLE, empty, series, styled, turn_axis, write
+from cam_rig.plots.figures import CAM_ANGLE, empty, series, styled, turn_axis, wrapped, write
 from cam_rig.profile import turn_angles
 from cam_rig.profile.contour import Contour
 from cam_rig.profile.disc import Disc
@@ -30,16 +30,17 @@ def draw(found: AsCut, title: str, path: Path) -> None:
 @styled
 def figure(found: AsCut, title: str) -> Figure:
     """The polar plot, and beside it what the roller does with it."""
-    out = empty(3.8)
+    out = empty(4.0)
     grid = out.add_gridspec(2, 2, width_ratios=[1.15, 1.0])
     polar = out.add_subplot(grid[:, 0], projection="polar")
     assert isinstance(polar, PolarAxes)
     _polar(polar, found)
+    out.legend(*polar.get_legend_handles_labels(), loc="outside lower left", ncols=3)
     lift = out.add_subplot(grid[0, 1])
     _lift(lift, found)
     _acceleration(out.add_subplot(grid[1, 1], sharex=lift), found)
     radii = f"base radius {found.base_radius * MM:g} mm, roller radius {found.roller * MM:g} mm"
-    out.suptitle(f"{title}, {radii}")
+    out.suptitle(wrapped(f"{title}, {radii}"))
     return out
 
 
@@ -58,7 +59,6 @@ def _polar(axes: PolarAxes, found: AsCut) -> None:
     axes.set(rmin=0.0)
     axes.set_rlabel_position(68.0)
     axes.set_title("contour, radius in mm")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=2)
 
 
 def _lift(axes: Axes, found: AsCut) -> None:

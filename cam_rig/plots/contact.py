@@ -11,17 +11,8 @@ from matplotlib.figure import Figure
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing.colours import LIMIT, web
-from cam_rig.drawing.words import in_words
-from cam_rig.plots.figures import (
-    CAM_ANGLE,
-    empty,
-    line,
-    logarithmic,
-    short,
-    styled,
-    turn_axis,
-    write,
-)
+from cam_rig.drawing.words import in_words, short
+from cam_rig.plots.figures import CAM_ANGLE, empty, line, logarithmic, styled, turn_axis, write
 from cam_rig.plots.law_overlay import Style
 from cam_rig.profile.motion import turn_angles
 from cam_rig.studies.contact import event_angle
@@ -31,6 +22,8 @@ from cam_rig.studies.contact.comparison import ContactRow, ContactTable
 #: Samples of a turn, and base radii of a curve from and to these times the cam's own.
 POINTS, RADII = 1440, 36
 FROM, TO = 0.25, 3.0
+#: Letters of a name in the legend, of which three stand beside each other.
+LETTERS = 32
 #: Event angles of the nomogram, degrees.
 EVENTS = np.linspace(30.0, 180.0, 151)
 
@@ -73,7 +66,8 @@ def figure(found: ContactTable) -> Figure:
     logarithmic(panels[0, 1].yaxis)
     panels[1, 1].set(ylabel="largest sliding speed [m/s]", xlabel="base radius $R_b$ [mm]")
     handles, labels = panels[0, 0].get_legend_handles_labels()
-    out.legend(handles, labels, loc="outside lower center", ncols=3)
+    columns = 3 if max(map(len, labels)) <= LETTERS else 2
+    out.legend(handles, labels, loc="outside lower center", ncols=columns)
     out.suptitle(f"Contact at {found.rpm:g} rpm, rig: {in_words(found.rig)}")
     return out
 

@@ -7,7 +7,6 @@ Looks can be told apart in print and by the colour-blind.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
@@ -18,6 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
 from cam_rig.arrays import FloatArray
@@ -33,7 +33,7 @@ from cam_rig.drawing.colours import (
     VERMILION,
     web,
 )
-from cam_rig.drawing.words import in_words, log_tick
+from cam_rig.drawing.words import log_tick
 
 CAM_ANGLE, CAM_SPEED = "cam angle θ [°]", "cam speed [rpm]"
 LEVEL = "sound pressure level [dB re 20 µPa]"
@@ -44,8 +44,8 @@ STYLE = mpl.rc_params_from_file(
     Path(__file__).with_name("style.mplstyle"), use_default_template=False
 )
 styled = mpl.rc_context(STYLE)
-#: Letters of a cam's title in a legend or over a panel, and of a line over a whole figure, at most.
-LONGEST_TITLE, ACROSS = 28, 72
+#: Letters of a line over a whole figure, at most.
+ACROSS = 72
 #: A logarithmic axis over more decades than this has no ticks at 3.
 DECADES = 4.0
 #: Curves that are no cam's, such as one cam at several speeds: in none of the cams' colours.
@@ -60,14 +60,15 @@ def empty(height: float, width: float = WIDTH) -> Figure:
 
 
 @styled
-def write(figure: Figure, path: Path, dpi: float | None = None) -> None:
+def write(figure: Figure, path: Path, dpi: float | None = None, part: Bbox | None = None) -> None:
     """Write a figure as PNG, or as any format that matplotlib knows by the suffix.
 
     Parameters
     ----------
     dpi : of what is made of pixels; None for the style's
+    part : of the figure, inches from its lower left; None for all of it
     """
-    figure.savefig(path, dpi=STYLE["savefig.dpi"] if dpi is None else dpi)
+    figure.savefig(path, dpi=STYLE["savefig.dpi"] if dpi is None else dpi, bbox_inches=part)
 
 
 def logarithmic(*axes: Axis) -> None:
@@ -80,22 +81,9 @@ def logarithmic(*axes: Axis) -> None:
         axis.set_minor_formatter(NullFormatter())
 
 
-def title_of(titles: Mapping[str, str], cam: str) -> str:
-    """A cam's title, as `short`; its name in words where there is none."""
-    return short(titles.get(cam) or in_words(cam))
-
-
-def short(title: str) -> str:
-    """A title that a legend has room for: of a long one its beginning and its end."""
-    if len(title) <= LONGEST_TITLE:
-        return title
-    half = LONGEST_TITLE // 2
-    return f"{title[:half].rstrip()}…{title[1 - half :].lstrip()}"
-
-
-def wrapped(title: str) -> str:
-    """The words over a whole figure, in lines that it holds."""
-    return "\n".join(line for words in title.split("\n") for line in wrap(words, ACROSS) or [""])
+def wrapped(title: str, letters: int = ACROSS) -> str:
+    """The words over a whole figure, in lines that it holds; or of fewer letters, over a part."""
+    return "\n".join(line for words in title.split("\n") for line in wrap(words, letters) or [""])
 
 
 def turn_axis(axes: Axes, step: int = 60) -> None:

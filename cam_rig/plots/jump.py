@@ -11,17 +11,19 @@ from matplotlib.figure import Figure
 from matplotlib.markers import CARETUP
 
 from cam_rig.arrays import FloatArray
-from cam_rig.drawing.words import in_words
-from cam_rig.dynamics import TwoMassParameters
+from cam_rig.drawing.words import in_words, title_of
 from cam_rig.laws import Law
-from cam_rig.plots.figures import CAM_SPEED, colour, empty, line, styled, title_of, write
+from cam_rig.plots.figures import CAM_SPEED, colour, empty, line, styled, wrapped, write
 from cam_rig.studies.cam_set import CamSet
-from cam_rig.studies.jump.any_rig import ONE_MASS, AnyFollower, follower_of, least_force
+from cam_rig.studies.jump.any_rig import AnyFollower, described_run, follower_of, least_force
 from cam_rig.studies.jump.comparison import JumpRow
 from cam_rig.units import RPM
 
 #: Speeds of a curve; between these (rpm) most of the paper's cams lose contact: an inset.
 POINTS, INSET = 400, (380.0, 420.0)
+#: Times its jump speed up to which a cam's curve goes: it has left the axes, and beside a cam that
+#: jumps at ten times the speed it would cost a thousand turns a point.
+BEYOND = 2.0
 #: Marker of a published speed, which points at the axis from below.
 PUBLISHED: dict[str, Any] = {"marker": CARETUP, "ls": "", "ms": 5.5, "zorder": 4}
 
@@ -35,25 +37,28 @@ def draw(rows: list[JumpRow], cam_set: CamSet, duration: float | None, path: Pat
 def figure(rows: list[JumpRow], cam_set: CamSet, duration: float | None) -> Figure:
     """The minimum force of a run of ``duration`` s from rest (None: in steady state) by speed."""
     parameters = follower_of(cam_set.rig)
-    out = empty(4.8)
-    axes = out.subplots()
     last = 1.08 * max(row.found.rpm for row in rows)
     rpm = np.linspace(0.35 * min(row.found.rpm for row in rows), last, POINTS)
     rpm = np.union1d(rpm, np.arange(*INSET)[np.arange(*INSET) < last])
-    places, insets = [axes], [row for row in rows if INSET[0] < row.found.rpm < INSET[1]]
+    insets = [row for row in rows if INSET[0] < row.found.rpm < INSET[1]]
+    out = empty(4.8 if len(insets) > 1 else 3.4)
+    axes = out.subplots()
+    places = [axes]
     low, high = -0.55 * parameters.preload, 1.15 * parameters.preload
     if len(insets) > 1:
         high = 2.1 * parameters.preload  # room for it above the curves
         places.append(_inset(axes, 0.12 * parameters.preload))
     _frame(axes, rpm)
     for row in rows:
-        least = least_force(cam_set.laws[row.cam], parameters, duration, rpm * RPM)
+        near = rpm[rpm < BEYOND * row.found.rpm]
+        least = least_force(cam_set.laws[row.cam], parameters, duration, near * RPM)
         label = f"{title_of(cam_set.titles, row.cam)}: {row.found.rpm:.2f}"
         for place in places:
-            place.plot(rpm, least, label=label, **line(row.cam))
+            place.plot(near, least, label=label, **line(row.cam))
             _mark(place, row)
-    run = _when(duration) if isinstance(parameters, TwoMassParameters) else ONE_MASS
-    axes.set(title=f"Contact is kept while the minimum force is positive ({run})", ylim=(low, high))
+    run = described_run(parameters, duration)
+    title = f"Contact is kept while the minimum force is positive ({run})"
+    axes.set(title=wrapped(title), ylim=(low, high))
     if any(row.published_rpm is not None for row in rows):
         axes.plot([], [], label="published (paper, Table 2)", color="0.3", **PUBLISHED)
     axes.legend(title="jump speed [rpm]", loc="upper left" if len(insets) > 1 else "lower left")
@@ -78,13 +83,9 @@ def one_cam(law: Law, parameters: AnyFollower, duration: float | None, jump: flo
     axes.plot(rpm, least_force(law, parameters, duration, rpm * RPM), **line(law.name))
     axes.plot(jump, 0.0, "o", color=colour(law.name), label=f"jump speed {jump:.2f} rpm")
     _frame(axes, rpm)
-    axes.set(title=f"{in_words(law.name)}, {_when(duration)}")
+    axes.set(title=wrapped(f"{in_words(law.name)}: {described_run(parameters, duration)}"))
     axes.legend(loc="lower left")
     return out
-
-
-def _when(duration: float | None) -> str:
-    return "in steady state" if duration is None else f"{duration:g} s from rest"
 
 
 def _frame(axes: Axes, rpm: FloatArray) -> None:

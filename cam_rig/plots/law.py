@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from cam_rig.drawing.colours import DERIVATIVES, web
 from cam_rig.drawing.outlines import MM
-from cam_rig.drawing.words import in_words, typeset
+from cam_rig.drawing.words import in_words
 from cam_rig.laws import Law
 from cam_rig.laws.cam import segment_angles
 from cam_rig.laws.continuity import SMOOTHEST, Joint, joints
@@ -25,6 +25,7 @@ from cam_rig.schema import CamConfig
 from cam_rig.schema.segments import Table
 from cam_rig.studies.cam_fit.arcs_fit import ArcsFit
 from cam_rig.studies.cam_fit.spline_fit import SplineFit
+from cam_rig.tables import printed
 from cam_rig.units import TURN
 
 #: One a panel.
@@ -98,7 +99,7 @@ def _peaks(axes: Axes, law: Law, order: int) -> None:
         value, at = extreme.value * MM, float(np.degrees(extreme.angle))
         axes.plot(at, value, "o", color=COLOURS[order], ms=4)
         axes.annotate(
-            f"{typeset(value)} at {at:.4g}°",
+            f"{printed(value, '.4g')} at {at:.4g}°",
             (at, value),
             xytext=(-6 if at > 180.0 else 6, 6 if above else -6),
             textcoords="offset points",
@@ -194,7 +195,7 @@ def _spline_fit(fit: SplineFit) -> Figure:
             axes.axvspan(start, min(stop, 360.0), color=SHADE, lw=0, zorder=0)
             axes.axvspan(0.0, max(stop - 360.0, 0.0), color=SHADE, lw=0, zorder=0)
     _label((lift, "lift [mm]"), (away, "reading − law [mm]"), (bend, "acceleration s″ [mm/rad²]"))
-    lift.set_title(f"{readings.name}: dwells shaded; below, the distance allowed")
+    lift.set_title(wrapped(f"{readings.name}: dwells shaded; below, the distance allowed"))
     turn_axis(bend, 30)
     bend.set_xlabel(CAM_ANGLE)
     return out

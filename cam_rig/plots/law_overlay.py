@@ -10,11 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cam_rig.drawing.outlines import MM
-from cam_rig.drawing.words import in_words
+from cam_rig.drawing.words import in_words, short
 from cam_rig.laws import Law
 from cam_rig.laws.catalogue import RiseFamily
 from cam_rig.laws.curves import ORDERS, LawCurves, cam_curves, rise_curves
-from cam_rig.plots.figures import CAM_ANGLE, empty, line, short, styled, turn_axis, write
+from cam_rig.plots.figures import CAM_ANGLE, empty, line, styled, turn_axis, write
 from cam_rig.plots.law import NAMES, PER
 from cam_rig.schema import CamConfig
 

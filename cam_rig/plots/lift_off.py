@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from cam_rig.drawing.words import title_of
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.two_mass.model import states
 from cam_rig.dynamics.two_mass.trajectory import Separation
-from cam_rig.plots.figures import CAM_ANGLE, empty, line, styled, title_of, turn_axis, write
+from cam_rig.plots.figures import CAM_ANGLE, empty, line, styled, turn_axis, write
 from cam_rig.studies.cam_set import CamSet
 from cam_rig.units import RPM, TURN
 

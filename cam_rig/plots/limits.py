@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from cam_rig.drawing.words import typeset
+from cam_rig.drawing.words import title_of
 from cam_rig.laws import Law
 from cam_rig.plots.figures import (
+    ACROSS,
     CAM_SPEED,
     colour,
     empty,
@@ -20,12 +21,13 @@ from cam_rig.plots.figures import (
     series,
     series_marker,
     styled,
-    title_of,
+    wrapped,
     write,
 )
 from cam_rig.studies.flywheel.fluctuation import FlywheelStudy
 from cam_rig.studies.stem.chain import BAR, Stem
 from cam_rig.studies.stem.steady import stem_turn
+from cam_rig.tables import printed
 from cam_rig.units import RPM
 
 INERTIA = "inertia of the flywheel [kg·m²]"
@@ -92,9 +94,13 @@ def stem_figure(law: Law, title: str, stem: Stem) -> Figure:
         ]
         right.plot(SPEEDS, least, label=name, **series(i))
     right.axhline(0.0, color="0.3", lw=0.9)
-    right.set(title=f"Least contact force, {title}", xlabel=CAM_SPEED, ylabel="force [N]")
+    right.set(
+        title=wrapped(f"Least contact force, {title}", ACROSS // 2),
+        xlabel=CAM_SPEED,
+        ylabel="force [N]",
+    )
     right.set_ylim(-15.0, None)
     for axes in (left, right):
         axes.legend(frameon=False)
-    out.suptitle(f"Stem of {typeset(follower.stem_stiffness, '.3g')} N/m, steady state")
+    out.suptitle(f"Stem of {printed(follower.stem_stiffness, '.3g')} N/m, steady state")
     return out

@@ -12,7 +12,7 @@ from cam_rig.drawing import colours
 from cam_rig.drawing.colours import web
 from cam_rig.drawing.outlines import MM
 from cam_rig.dynamics.samples import NamedRows
-from cam_rig.plots.figures import CAM_ANGLE, empty, series, shade, styled, turn_axis, write
+from cam_rig.plots.figures import CAM_ANGLE, empty, series, shade, styled, turn_axis, wrapped, write
 
 #: A speed (rpm), cam angles in the turn (°, rising) and contact forces (N), both ``(n,)``.
 ForceCurve = tuple[float, FloatArray, FloatArray]
@@ -32,7 +32,7 @@ def figure(samples: NamedRows, law_lift: FloatArray, title: str) -> Figure:
     force.plot(time, samples.force, color=web(colours.FORCE))
     shade(lift, time, off, "contact lost" if off.any() else None)
     shade(force, time, off)
-    lift.set(ylabel="lift [mm]", title=title)
+    lift.set(ylabel="lift [mm]", title=wrapped(title))
     lift.margins(y=0.2)
     lift.legend(loc="upper right", ncols=3)
     force.set(xlabel="time [s]", ylabel="contact force [N]")
@@ -53,7 +53,7 @@ def over_turn(curves: Mapping[str, Sequence[ForceCurve]]) -> Figure:
         for i, (rpm, degrees, force) in enumerate(speeds):
             axes.plot(degrees, force, label=f"{rpm:g} rpm", **series(i))
         axes.axhline(0.0, color="0.3", lw=0.9)
-        axes.set(ylabel="contact force [N]", title=title)
+        axes.set(ylabel="contact force [N]", title=wrapped(title))
         turn_axis(axes, 30)
         axes.legend()
     panels[-1].set_xlabel(CAM_ANGLE)

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 
 from cam_rig.drawing.colours import DISCS, LIMIT, PITCH_CURVE, web
 from cam_rig.drawing.outlines import MM, circle
-from cam_rig.drawing.words import typeset
 from cam_rig.laws import Law
 from cam_rig.laws.peaks import Extreme, extremes
 from cam_rig.plots.figures import CAM_ANGLE, empty, styled, turn_axis, wrapped, write
@@ -22,6 +21,7 @@ from cam_rig.profile.checks.check import Check
 from cam_rig.profile.checks.curvature import sharpest_convex
 from cam_rig.profile.extremes import Scan
 from cam_rig.schema import CamConfig
+from cam_rig.tables import printed
 
 #: First and second disc; the dash tells them apart without colour.
 INK = tuple(map(web, DISCS))
@@ -155,7 +155,8 @@ def _curvature(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...])
             np.degrees(contour.angle),
             sharpest_convex(Scan(law, contour.disc.element)),
         )
-        number = f"$ρ_{{min}}$ = {typeset(sharpest.value * MM)} mm at {_degrees(sharpest):.4g}°"
+        smallest = printed(sharpest.value * MM, ".4g")
+        number = f"$ρ_{{min}}$ = {smallest} mm at {_degrees(sharpest):.4g}°"
         axes.plot(degrees, shown, color=colour, ls=dash, label=f"{name}{number}")
         axes.plot(_degrees(sharpest), sharpest.value * MM, "o", color=colour, clip_on=False)
         _flats(axes, degrees, np.isinf(radius), colour)

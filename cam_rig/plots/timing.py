@@ -11,7 +11,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from cam_rig.plots.figures import CAM_ANGLE, empty, series, series_marker, styled, turn_axis, write
+from cam_rig.plots.figures import (
+    ACROSS,
+    CAM_ANGLE,
+    empty,
+    series,
+    series_marker,
+    styled,
+    turn_axis,
+    wrapped,
+    write,
+)
 from cam_rig.profile import turn_angles
 from cam_rig.studies.timing.comparison import CamTiming
 
@@ -34,6 +44,7 @@ def figure(columns: Sequence[CamTiming]) -> Figure:
     panels = out.subplots(2, len(columns), sharex=True, sharey="row", squeeze=False)
     for i, timing in enumerate(columns):
         _basis(panels[0, i], timing)
+        panels[0, i].set_title(wrapped(timing.cam.title, ACROSS // len(columns)))
         _shifts(panels[1, i], timing)
     panels[0, 0].set(ylabel="change of s /\nchange of the ordinate [1]")
     panels[1, 0].set(ylabel="shift of the event\n[° per 1 % of the lift]")
@@ -53,7 +64,6 @@ def _basis(axes: Axes, timing: CamTiming) -> None:
             axes.plot(np.degrees(angle), values[:, j], **(FREE if j in free else HELD))
     for event in timing.events:
         axes.axvline(np.degrees(event.angle), **EVENT)
-    axes.set_title(timing.cam.title)
     turn_axis(axes)
 
 

@@ -17,20 +17,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from cam_rig.arrays import FloatArray
+from cam_rig.drawing.words import title_of
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.laws import Law
-from cam_rig.plots.figures import (
-    CAM_ANGLE,
-    colour,
-    empty,
-    line,
-    styled,
-    title_of,
-    turn_axis,
-    wrapped,
-    write,
-)
+from cam_rig.plots.figures import CAM_ANGLE, colour, empty, line, styled, turn_axis, wrapped, write
 from cam_rig.schema import RigConfig
 from cam_rig.studies.cam_set import CamSet
 from cam_rig.studies.vibration.dwell import LowDwell, low_dwell

@@ -15,8 +15,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from cam_rig import __version__
-from cam_rig.errors import ConfigError
-from cam_rig.tables import DataTable, number, to_markdown
+from cam_rig.tables import DataTable, printed, to_markdown, typeset
 
 #: What makes the numbers of a page, beside the package itself.
 LIBRARIES = ("numpy", "scipy")
@@ -44,29 +43,15 @@ class Made:
         return ", ".join((f"cam_rig {__version__}", f"Python {python_version()}", *others))
 
 
-def written_on(now: float, epoch: str | None) -> str:
-    """The day of a page, UTC.
-
-    Parameters
-    ----------
-    now : s since 1970
-    epoch : in its place, what SOURCE_DATE_EPOCH says; None where it is not set
-
-    Raises
-    ------
-    ConfigError : it is no number of seconds
+def written_on(seconds: float) -> str:
+    """The day of a page, UTC, from s since 1970.
 
     Examples
     --------
-    >>> written_on(0.0, "1700000000")
+    >>> written_on(1_700_000_000)
     '2023-11-14'
     """
-    try:
-        return datetime.fromtimestamp(now if epoch is None else int(epoch), UTC).date().isoformat()
-    except (ValueError, OverflowError, OSError):
-        raise ConfigError(
-            f"SOURCE_DATE_EPOCH: {epoch!r} is no date; allowed: whole seconds since 1970"
-        ) from None
+    return datetime.fromtimestamp(seconds, UTC).date().isoformat()
 
 
 @dataclass(frozen=True)
@@ -77,7 +62,7 @@ class Document:
     ----------
     sections : title by key, in the order they are read; the key names the template
     folder : of the templates, with a slash at its end
-    figures : data URIs by key; none in Markdown
+    figures : data URIs by key, each figure's strips from the top; none in Markdown
     values : what the sentences take their numbers from
     """
 
@@ -85,7 +70,7 @@ class Document:
     sections: Mapping[str, str]
     made: Made
     tables: Mapping[str, list[DataTable]]
-    figures: Mapping[str, str]
+    figures: Mapping[str, list[str]]
     values: Mapping[str, Any]
     folder: str = ""
 
@@ -155,19 +140,19 @@ def environment(kind: str) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    found.filters |= {"percent": percent, "number": number, "to": to, "markdown": to_markdown}
-    found.filters |= {"degrees": math.degrees, "anchor": anchor}
+    found.filters |= {"percent": percent, "number": printed, "to": to, "markdown": to_markdown}
+    found.filters |= {"degrees": math.degrees, "anchor": anchor, "typeset": typeset}
     return found
 
 
 def percent(share: float, shown: str = ".0f") -> str:
     """A share as a percentage."""
-    return f"{100.0 * share:{shown}} %"
+    return f"{printed(100.0 * share, shown)} %"
 
 
 def to(pair: tuple[float, float], shown: str = ".0f") -> str:
     """A range from its ends."""
-    return " to ".join(number(end, shown) for end in pair)
+    return " to ".join(printed(end, shown) for end in pair)
 
 
 def anchor(heading: str) -> str:

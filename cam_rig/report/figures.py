@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable
-from pathlib import Path
+
+from matplotlib.figure import Figure
 
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.files import temporary_folder
@@ -19,12 +19,12 @@ from cam_rig.plots import lift_off as takeoff_plot
 from cam_rig.plots import profile as profile_plot
 from cam_rig.plots import timing as timing_plot
 from cam_rig.plots import vibration as vibration_plot
-from cam_rig.plots.figures import write
 from cam_rig.plots.sound import noise_study as noise_study_plot
 from cam_rig.plots.sound import orders as orders_plot
 from cam_rig.profile.checks.all_checks import check_cam
 from cam_rig.profile.checks.pressure_angle import GUIDED
 from cam_rig.report.results import CUT, Findings, Sources
+from cam_rig.report.strips import strips, write_strip
 from cam_rig.studies.jump.comparison import JumpRow
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.stem.chain import Stem
@@ -41,18 +41,24 @@ SHOWN_ORDERS = 40
 ORDERS_DPI = 130
 
 
-def uri(draw: Callable[[Path], None]) -> str:
-    """What ``draw`` writes to an SVG file, as a data URI that repeats bit for bit."""
-    with temporary_folder() as folder:
-        path = folder / "figure.svg"
-        draw(path)
-        text = path.read_text(encoding="utf-8")
-    kept = [line for line in text.splitlines() if "<dc:date>" not in line]
-    data = base64.b64encode("\n".join(kept).encode()).decode()
-    return f"data:image/svg+xml;base64,{data}"
+def uris(figure: Figure, dpi: float | None = None) -> list[str]:
+    """A figure's strips as SVG, from the top, each a data URI that repeats bit for bit.
+
+    ``dpi`` is of what is made of pixels.
+    """
+    found = []
+    for low, high in strips(figure):
+        with temporary_folder() as folder:
+            path = folder / "figure.svg"
+            write_strip(figure, low, high, path, dpi)
+            text = path.read_text(encoding="utf-8")
+        kept = [line for line in text.splitlines() if "<dc:date>" not in line]
+        data = base64.b64encode("\n".join(kept).encode()).decode()
+        found.append(f"data:image/svg+xml;base64,{data}")
+    return found
 
 
-def early_figures(sources: Sources, jumps: list[JumpRow]) -> dict[str, str]:
+def early_figures(sources: Sources, jumps: list[JumpRow]) -> dict[str, list[str]]:
     """Those that need no study: URIs by key."""
     cam_set, arcs = sources.cam_set, _arc_cam(sources)
     cam, law = cam_set.cams[PROPOSED], cam_set.laws[PROPOSED]
@@ -60,65 +66,65 @@ def early_figures(sources: Sources, jumps: list[JumpRow]) -> dict[str, str]:
     checks = check_cam(cam, law)
     shown = [(cam_set.cams[name], curve) for name, curve in cam_set.laws.items()]
     return {
-        "rises": uri(lambda path: law_overlay.draw_rises(families().values(), path)),
-        "cams": uri(lambda path: law_overlay.draw_cams(shown, path)),
-        "fig1": uri(lambda path: law_plot.draw(tm21, tm21_law, path)),
-        "fig2": uri(lambda path: law_plot.draw(cam, law, path)),
-        "fig4": uri(lambda path: vibration_plot.draw(cam_set, STEADY_RPM, path)),
-        "fig11": uri(lambda path: takeoff_plot.draw(cam_set, TAKEOFF_RPM, path)),
-        "profile": uri(lambda path: profile_plot.draw(cam, law, checks, path)),
-        "jump": uri(lambda path: jump_plot.draw(jumps, cam_set, FROM_REST, path)),
+        "rises": uris(law_overlay.rises_figure(families().values())),
+        "cams": uris(law_overlay.cams_figure(shown)),
+        "fig1": uris(law_plot.figure(tm21, tm21_law)),
+        "fig2": uris(law_plot.figure(cam, law)),
+        "fig4": uris(vibration_plot.figure(cam_set, STEADY_RPM)),
+        "fig11": uris(takeoff_plot.figure(cam_set, TAKEOFF_RPM)),
+        "profile": uris(profile_plot.figure(cam, law, checks)),
+        "jump": uris(jump_plot.figure(jumps, cam_set, FROM_REST)),
     }
 
 
-def late_figures(found: Findings) -> dict[str, str]:
+def late_figures(found: Findings) -> dict[str, list[str]]:
     """Those of the studies."""
     sources, noise, factorial = found.sources, found.noise, found.factorial
     return {
-        "contact": uri(lambda path: contact_plot.draw(found.contact, path)),
-        "events": uri(lambda path: contact_plot.draw_events(GUIDED, SHARPEST, path)),
-        "fig16": uri(lambda path: noise_study_plot.draw(noise, sources.loaded, path)),
-        "factorial": uri(lambda path: factorial_plot.draw(factorial, path)),
+        "contact": uris(contact_plot.figure(found.contact)),
+        "events": uris(contact_plot.events_figure(GUIDED, SHARPEST)),
+        "fig16": uris(noise_study_plot.figure(noise, sources.loaded)),
+        "factorial": uris(factorial_plot.figure(factorial)),
     }
 
 
-def flywheel_figures(found: Findings) -> dict[str, str]:
+def flywheel_figures(found: Findings) -> dict[str, list[str]]:
     """That of the flywheel; none for a rig without a shaft."""
     study, titles = found.flywheel, found.sources.cam_set.titles
     if study is None:
         return {}
-    return {"flywheel": uri(lambda path: limits.draw_flywheel(study, titles, path))}
+    return {"flywheel": uris(limits.flywheel_figure(study, titles))}
 
 
-def stem_figures(found: Findings) -> dict[str, str]:
+def stem_figures(found: Findings) -> dict[str, list[str]]:
     """That of the stem in more and more masses."""
     cam_set = found.sources.cam_set
     stem = Stem(TwoMassParameters.from_rig(cam_set.rig), 1.0)
     law, title = cam_set.laws[LOWER], cam_set.titles[LOWER]
-    return {"stem": uri(lambda path: limits.draw_stem(law, title, stem, path))}
+    return {"stem": uris(limits.stem_figure(law, title, stem))}
 
 
-def cut_figures(found: Findings) -> dict[str, str]:
+def cut_figures(found: Findings) -> dict[str, list[str]]:
     """Fig. 12, where its cam has a roller."""
     cut, titles = found.cuts.get(CUT), found.sources.cam_set.titles
     if cut is None:
         return {}
-    return {"fig12": uri(lambda path: as_cut_plot.draw(cut, titles[CUT], path))}
+    return {"fig12": uris(as_cut_plot.figure(cut, titles[CUT]))}
 
 
-def timing_figures(found: Findings) -> dict[str, str]:
+def timing_figures(found: Findings) -> dict[str, list[str]]:
     """What the ordinates move, where a cam is one Bézier curve."""
     columns = [control.timing for control in found.control]
-    return {"timing": uri(lambda path: timing_plot.draw(columns, path))} if columns else {}
+    return {"timing": uris(timing_plot.figure(columns))} if columns else {}
 
 
-def order_figures(found: Findings) -> dict[str, str]:
+def order_figures(found: Findings) -> dict[str, list[str]]:
     """Orders over speed, where the scene's model has them."""
     if not found.orders:
         return {}
     shown = [study.up_to(SHOWN_ORDERS) for study in found.orders]
-    titles = {name: cam.title for name, cam in found.sources.loaded.cams.items()}
-    return {"orders": uri(lambda path: write(orders_plot.figure(shown, titles), path, ORDERS_DPI))}
+    titles = found.sources.loaded.titles
+    return {"orders": uris(orders_plot.figure(shown, titles), ORDERS_DPI)}
 
 
 def _arc_cam(sources: Sources) -> str:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
+from cam_rig.report.called import called
 from cam_rig.report.document import Document, Made, render
 from cam_rig.report.figures import PROPOSED, STEADY_RPM, TAKEOFF_RPM
 from cam_rig.report.results import CUT, Findings
-from cam_rig.report.tables import files, tables
+from cam_rig.report.tables import files, tables, titles_of
 from cam_rig.schema.quantity import ORIGINS
 from cam_rig.schema.segments.base import quantities
 from cam_rig.studies.factorial.conclusions import conclusions
@@ -49,8 +51,8 @@ SEEDS = (
 )
 
 
-def html(found: Findings, figures: dict[str, str], made: Made) -> str:
-    """One self-contained page; ``figures`` are data URIs by key."""
+def html(found: Findings, figures: dict[str, list[str]], made: Made) -> str:
+    """One self-contained page; ``figures`` are data URIs by key, from the top."""
     return render("html", _document(found, figures, made))
 
 
@@ -59,7 +61,7 @@ def markdown(found: Findings, made: Made) -> str:
     return render("md", _document(found, {}, made))
 
 
-def _document(found: Findings, figures: dict[str, str], made: Made) -> Document:
+def _document(found: Findings, figures: dict[str, list[str]], made: Made) -> Document:
     return Document(
         title=TITLE,
         sections=SECTIONS,
@@ -76,6 +78,7 @@ def _values(found: Findings) -> dict[str, Any]:
     origins = Counter(q.origin for model in files(found).values() for _, q in quantities(model, ""))
     return {
         "found": found,
+        "called": partial(called, titles=titles_of(found)),
         "jump": compare(found.jumps),
         "question": conclusions(found.factorial),
         "proposed": sources.cam_set.titles[found.factorial.config.proposed],

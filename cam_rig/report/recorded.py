@@ -44,15 +44,19 @@ def read_recorded(bag: Path, loaded: LoadedScene) -> Recorded:
 def recorded_table(
     recorded: Recorded,
     simulated: Mapping[str, FloatArray],
+    titles: Mapping[str, str],
     published: Mapping[str, FloatArray] | None = None,
 ) -> DataTable:
-    """What lies between a bag's levels and the simulated ones (dB), and published ones if any."""
+    """What lies between a bag's levels and the simulated ones (dB), and published ones if any.
+
+    ``titles`` are what cams are called.
+    """
     known = published or {}
     return tabulate(
         f"The recorded run {recorded.bag.name}, {recorded.messages} messages",
         recorded.level_db.items(),
         (
-            (Column("cam"), lambda row: row[0]),
+            (Column("cam"), lambda row: titles[row[0]]),
             (
                 Column("largest difference to this run", "dB", ".4f"),
                 lambda row: float(np.abs(row[1] - simulated[row[0]]).max()),

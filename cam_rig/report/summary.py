@@ -122,7 +122,7 @@ def _noise(found: Findings) -> Iterator[Answer]:
     assert published is not None  # the study has its levels
     curve = best.curves[noise.roles.predicted]
     inside = 100.0 * curve.expected.holds(curve.published_db)
-    titles = {name: cam.title for name, cam in loaded.cams.items()}
+    titles = loaded.titles
     yield Answer(
         f"Does the {titles[noise.roles.reference]} cam predict the noise of "
         f"{titles[noise.roles.predicted]}?",

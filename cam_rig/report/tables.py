@@ -6,10 +6,13 @@ from collections.abc import Callable
 
 from pydantic import BaseModel
 
+from cam_rig.drawing.words import in_words
 from cam_rig.laws import Law
 from cam_rig.laws.continuity import SMOOTHEST, joints
+from cam_rig.laws.named import NAMED_RISES
 from cam_rig.laws.peaks import extremes
 from cam_rig.profile.checks.pressure_angle import GUIDED
+from cam_rig.report.called import table_called
 from cam_rig.report.figures import PROPOSED, STEADY_RPM
 from cam_rig.report.misprints import misprints_table
 from cam_rig.report.recorded import recorded_table
@@ -45,8 +48,27 @@ MOST_SHOWN = 8
 
 
 def tables(found: Findings) -> dict[str, list[DataTable]]:
-    """Every table of the report, by the section that shows it."""
-    titles = found.sources.cam_set.titles
+    """Every table of the report, by the section that shows it.
+
+    Names are those of files only where the files' numbers are listed.
+    """
+    titles, listed = titles_of(found), _listed(found)
+    return {
+        section: some if section == "numbers" else [table_called(table, titles) for table in some]
+        for section, some in listed.items()
+    }
+
+
+def titles_of(found: Findings) -> dict[str, str]:
+    """What is called otherwise than by its name: rises, the readings of Table 2, cams."""
+    sources = found.sources
+    rises = {name: in_words(name) for name in NAMED_RISES}
+    readings = {name: name.replace("_", " ") for name in sources.readings.readings}
+    return rises | readings | sources.cam_set.titles | sources.loaded.titles
+
+
+def _listed(found: Findings) -> dict[str, list[DataTable]]:
+    titles, mounted = found.sources.cam_set.titles, found.sources.loaded.titles
     rigid = {cam: m.rigid_jump / RPM for cam, m in found.factorial.cams.items()}
     caption = f"The paper's Table 2: jump speed, {FROM_REST:g} s from rest at constant speed"
     published = found.sources.loaded.published
@@ -55,7 +77,7 @@ def tables(found: Findings) -> dict[str, list[DataTable]]:
     simulated = {cam: curve.level_db for cam, curve in curves.items()}
     printed = {cam: curve.published_db for cam, curve in curves.items()}
     bag = found.sources.recorded
-    recorded = [] if bag is None else [recorded_table(bag, simulated, printed)]
+    recorded = [] if bag is None else [recorded_table(bag, simulated, mounted, printed)]
     return {
         "summary": [summary_table(answers(found))],
         "cams": [_table_1(found), _laws(found)],
@@ -205,8 +227,8 @@ def _source(quantity: Quantity) -> str:
 
 
 def _value(quantity: Quantity) -> str:
-    unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+    unit = "" if quantity.unit == "1" else f" {quantity.unit}".replace(" deg", "°")
     numbers = [number(value) for value in quantity.numbers]
     if len(numbers) > MOST_SHOWN:
         numbers = [*numbers[:3], "…", *numbers[-2:]]
-    return ", ".join(numbers) + unit
+    return ", ".join(numbers) + unit.replace("*", "·").replace("^2", "²")

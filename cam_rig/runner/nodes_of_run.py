@@ -23,18 +23,19 @@ def live(
     bag: Path,
     screen: str | None = None,
     split: Split | None = None,
+    page: str = "",
     **drive: str | bool | float,
 ) -> dict[str, Arguments]:
     """The nodes of a run in the order of the table, with their parameters.
 
     ``screen`` is the address that a viewer draws the run to; None starts no viewer. ``split`` has
-    the limits of each file of the bag.
+    the limits of each file of the bag. ``page`` is the address of the page that shows the picture.
     """
     names = [entry.name for entry in NODES if screen is not None or entry.name != VIEWER]
     consumers = [name for name in names if name in CONSUMERS]
     given: dict[str, Arguments] = {
         RECORDER: {"bag": str(bag), **(split or Split()).parameters},
-        VIEWER: {"address": screen or ""},
+        VIEWER: {"address": screen or "", "page": page},
         # a node that has ended is noticed here at once, so a busy machine may answer late
         DRIVE: {"consumers": consumers, "patience": PATIENCE_S, **drive},
     }

@@ -6,7 +6,7 @@ All but the level is of the samples, be they computed or read from a bag: both g
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from cam_rig.laws import Law
@@ -179,8 +179,14 @@ def rows_by_speed(
     return taken.rows(levels)
 
 
-def speed_table(rows: Iterable[SpeedRow], title: str, rate: int) -> DataTable:
-    """A row for each cam and speed of a run called ``title``, sampled at ``rate`` Hz."""
+def speed_table(
+    rows: Iterable[SpeedRow], title: str, rate: int, titles: Mapping[str, str] | None = None
+) -> DataTable:
+    """A row for each cam and speed of a run called ``title``, sampled at ``rate`` Hz.
+
+    ``titles`` are what cams are called, where not by name.
+    """
+    called = titles or {}
 
     def of(name: str, factor: float = 1.0) -> Callable[[SpeedRow], Cell]:
         def take(row: SpeedRow) -> Cell:
@@ -192,7 +198,9 @@ def speed_table(rows: Iterable[SpeedRow], title: str, rate: int) -> DataTable:
     rows = tuple(rows)
     note = f"Settled turns, of samples at {rate} Hz: a flight is known to one sample."
     if bouncing := [row for row in rows if row.force_peak == 0.0]:
-        where = ", ".join(f"{row.cam} at {row.rpm:.6g} rpm" for row in bouncing)
+        where = ", ".join(
+            f"{called.get(row.cam, row.cam)} at {row.rpm:.6g} rpm" for row in bouncing
+        )
         note += (
             f" {where}: the follower bounces without end and is never at rest on the cam, so no "
             "sample holds a force, only its blows."
@@ -201,7 +209,7 @@ def speed_table(rows: Iterable[SpeedRow], title: str, rate: int) -> DataTable:
         f"{title}: by speed",
         rows,
         (
-            (Column("cam"), of("cam")),
+            (Column("cam"), lambda row: called.get(row.cam, row.cam)),
             (Column("speed", "rpm", ".6g"), of("rpm")),
             (Column("level", "dB", ".1f"), of("level_db")),
             (Column("peak force", "N", ".1f"), of("force_peak")),

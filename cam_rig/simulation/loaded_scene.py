@@ -41,6 +41,11 @@ class LoadedScene:
     published_file: Path | None
 
     @property
+    def titles(self) -> dict[str, str]:
+        """What the mounted cams are called."""
+        return {name: cam.title for name, cam in self.cams.items()}
+
+    @property
     def follower(self) -> FollowerParameters:
         """The follower's numbers."""
         return FollowerParameters.from_rig(self.rig)

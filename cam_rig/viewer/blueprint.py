@@ -6,14 +6,17 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.components import AbsoluteTimeRange
 
+from cam_rig.drawing.words import shortened
 from cam_rig.errors import ConfigError
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.units import NS, TURN, to_rpm
 from cam_rig.viewer import framing, scene2d
 from cam_rig.viewer.charts import level_chart, overlay, series, turn_chart
+from cam_rig.viewer.charts.axes import tens_range
 from cam_rig.viewer.charts.band_chart import band_axes
-from cam_rig.viewer.charts.quantities import Range, Ranges, drawn_of
+from cam_rig.viewer.charts.quantities import CLOSE_GAP, GAP, Range, Ranges, drawn_of
 from cam_rig.viewer.charts.run_view import BANDS, EVENTS
+from cam_rig.viewer.charts.text_panels import MAX_TITLE
 from cam_rig.viewer.charts.turn_axes import TurnAxes
 from cam_rig.viewer.options import Layout
 from cam_rig.viewer.run_recorder import ABOUT, RESULTS
@@ -81,6 +84,13 @@ def compared_rpm(loaded: LoadedScene, rpm: float | None) -> float:
     return nearest
 
 
+def playback_begin(loaded: LoadedScene, duration: float) -> float:
+    """Rig time (s) from which a recorded run (duration in s) is played: its first settled turn."""
+    program = loaded.scene.program
+    settled = max(1.0, program.settle_turns.si) * TURN / program.speeds.si_list[0]
+    return min(settled, 0.5 * duration)
+
+
 def _blueprint(view: rrb.Container, timeline: rrb.TimePanel) -> rrb.Blueprint:
     panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
     return rrb.Blueprint(view, *panels, timeline, auto_views=False, auto_layout=False)
@@ -90,9 +100,7 @@ def _played(loaded: LoadedScene, duration: float, window: float | None) -> rrb.T
     """A live run is followed; a bag is played from its first settled turn, over and over."""
     if window is not None:
         return rrb.TimePanel(state="collapsed", timeline=RIG_TIME, play_state="following")
-    program = loaded.scene.program
-    settled = max(1.0, program.settle_turns.si) * TURN / program.speeds.si_list[0]
-    ends = [round(at * NS) for at in (min(settled, 0.5 * duration), duration)]
+    ends = [round(at * NS) for at in (playback_begin(loaded, duration), duration)]
     return rrb.TimePanel(
         state="collapsed",
         timeline=RIG_TIME,
@@ -117,16 +125,17 @@ def _run(
         _sound(loaded, duration),
         _words(),
     )
-    return rrb.Horizontal(_scene(loaded, scene2d.VIEW), tabs, column_shares=[2, 3])
+    return rrb.Horizontal(_scene(loaded, scene2d.VIEW), tabs, column_shares=[3, 5])
 
 
 def _words() -> rrb.Container:
-    columns = rrb.TextLogColumns(text_log_columns=["loglevel", "body"])
+    columns = rrb.TextLogColumns(text_log_columns=["body"])
     return rrb.Vertical(
         rrb.TextDocumentView(origin=RESULTS, name="Results"),
         rrb.Horizontal(
             rrb.TextLogView(origin=EVENTS, name="Events", columns=columns),
             rrb.TextDocumentView(origin=ABOUT, name="About"),
+            column_shares=[3, 2],
         ),
         name="Results",
     )
@@ -135,15 +144,17 @@ def _words() -> rrb.Container:
 def _over_time(
     loaded: LoadedScene, bucket: int, ranges: Ranges, near: rrb.TimeAxis
 ) -> rrb.Container:
-    """The same quantities over rig time, two in a row."""
+    """The same quantities over rig time, in two rows: Rerun numbers a high axis alone."""
     name = f"Time, extremes of {bucket} samples" if bucket > 1 else "Time"
-    plots = [
+    lift, velocity, acceleration, force, *more = [
         _plot(f"plots/{row.key}", row.title, near, ranges[row.key])
         for row in drawn_of(loaded.scene.model)
     ]
-    if len(plots) % 2:
-        plots.append(_plot(series.SPEED.entity, SPEED_NAME, near))
-    return rrb.Grid(*plots, grid_columns=2, name=name)
+    if (close := ranges.get(CLOSE_GAP)) is not None:
+        more.append(_plot(f"plots/{GAP.key}", f"Cut at {close[1]:g} µm", near, close))
+    left = rrb.Vertical(rrb.Tabs(lift, velocity, active_tab=0), acceleration)
+    right = rrb.Vertical(force, *([rrb.Tabs(*more, active_tab=0)] if more else []))
+    return rrb.Horizontal(left, right, name=name)
 
 
 def _sound(loaded: LoadedScene, duration: float) -> rrb.Container:
@@ -178,7 +189,7 @@ def _report(loaded: LoadedScene, rpm: float, ranges: Ranges) -> rrb.Container:
 def _cams(loaded: LoadedScene, share: float) -> list[rrb.Container]:
     """The cams side by side, each turning under its follower."""
     return [
-        _scene(loaded, f"{overlay.COMPARE}/{name}/scene", cam.title, share)
+        _scene(loaded, f"{overlay.COMPARE}/{name}/scene", shortened(cam.title, MAX_TITLE), share)
         for name, cam in loaded.cams.items()
     ]
 
@@ -189,14 +200,14 @@ def _turns(loaded: LoadedScene, rpm: float, ranges: Ranges) -> list[rrb.Spatial2
         _chart(
             overlay.at_speed(rpm, row.key),
             f"{row.title} at {rpm:g} rpm",
-            *overlay.turn_axes(row, ranges).bounds(below=14.0),
+            *overlay.turn_axes(row, ranges).bounds(14.0, overlay.names_height(loaded)),
         )
         for row in overlay.compared_of(loaded)
     ]
 
 
 def _scene(
-    loaded: LoadedScene, view: str, name: str = "Cam and follower", share: float = 6.0
+    loaded: LoadedScene, view: str, name: str = "Cam and follower", share: float = 7.0
 ) -> rrb.Container:
     """A cam under its follower, so many times as high as its readings below."""
     x, y = framing.bounds(framing.framings(loaded))
@@ -230,7 +241,7 @@ def _plot(
 ) -> rrb.TimeSeriesView:
     """A curve over time; from and to ``shown``, or as far as it goes."""
     legend = rrb.PlotLegend(visible=False)
-    y = rrb.ScalarAxis(range=shown[:2]) if shown is not None else None
+    y = rrb.ScalarAxis(range=tens_range(*shown[:2])) if shown is not None else None
     return rrb.TimeSeriesView(origin=origin, name=name, axis_x=axis, axis_y=y, plot_legend=legend)
 
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.drawing.dial import NUMBER
+from cam_rig.drawing.dial import NUMBER, ring_numbers
 from cam_rig.drawing.follower import FollowerShape, Translating, follower_shape
 from cam_rig.drawing.force_scale import max_contact_force
-from cam_rig.drawing.outlines import MM, turned
+from cam_rig.drawing.outlines import MM, distances, turned
 from cam_rig.profile import contours
 from cam_rig.simulation.loaded_scene import LoadedScene
 
@@ -20,10 +20,14 @@ RING, AROUND = 1.04, 1.09
 STEM_END = 0.04
 #: Room below the ring for a line of words and the bar of a force, over its radius.
 WORDS = 0.36
-#: Room for a follower in flight above the law's greatest lift, as a share of that.
-FLIGHT = 0.3
-#: Room at the lower edge of the view, over its height.
-MARGIN = 0.03
+#: Room for a follower in flight above the law's greatest lift: a share of that, and of the
+#: follower's reach, where that is more.
+FLIGHT, FLIGHT_OF_REACH = 0.3, 0.05
+#: Room at the lower edge and at either side of the view, over its height.
+MARGIN, SIDE = 0.03, 0.01
+#: Lifts at which the follower is looked at for what it covers, and its distance from a number
+#: that it leaves free, over the ring's radius.
+PLACES, CLEAR = 13, 0.14
 #: The arrow of the greatest force, as a share of the picture's height.
 ARROW = 0.22
 
@@ -45,9 +49,27 @@ class Framing:
     high: FloatArray
 
     @property
+    def max_lift(self) -> float:
+        """The lift (m) at which a follower in flight has reached the edge of its view."""
+        shape = self.shape
+        return shape.max_lift + max(FLIGHT * shape.max_lift, FLIGHT_OF_REACH * shape.reach)
+
+    @property
     def height(self) -> float:
         """Of all that is drawn."""
         return float(self.high[1] - self.low[1])
+
+    def numbers(self) -> tuple[FloatArray, list[str]]:
+        """``(n, 2)`` places of the ring's numbers, and the numbers that no follower runs over."""
+        places, numbers = ring_numbers(self.ring)
+        covered = np.zeros(len(numbers), dtype=bool)
+        for lift in np.linspace(0.0, self.shape.max_lift, PLACES)[:, None]:
+            tilt, origin = float(self.shape.turn(lift)[0]), self.shape.origin(lift)[0] * MM
+            for strip in self.follower():
+                covered |= distances(places, turned(strip, tilt) + origin) < CLEAR * self.ring
+        return places[~covered], [
+            one for one, hidden in zip(numbers, covered, strict=True) if not hidden
+        ]
 
     def follower(self) -> list[FloatArray]:
         """Strips of the follower, whose stem ends over its bearing."""
@@ -76,6 +98,7 @@ def bounds(framed: dict[str, Framing]) -> tuple[list[float], list[float]]:
     corners = [np.stack([one.low, one.high]) * highest / one.height for one in framed.values()]
     side = max(float(np.abs(two[:, 0]).max()) for two in corners)
     low, high = min(float(c[0, 1]) for c in corners), max(float(c[1, 1]) for c in corners)
+    side += SIDE * highest
     return [-side, side], [-high, -low + MARGIN * highest]
 
 
@@ -86,7 +109,7 @@ def _framing(loaded: LoadedScene, name: str) -> Framing:
     draft = Framing(shape, ring, np.zeros(2), np.zeros(2))
     points = [np.array([[-1.0, -1.0], [1.0, 1.0]]) * NUMBER * AROUND * ring]
     points += [strip * MM for strip in shape.support()]
-    for lift in (np.zeros(1), np.array([(1.0 + FLIGHT) * shape.max_lift])):
+    for lift in (np.zeros(1), np.array([draft.max_lift])):
         tilt, place = float(shape.turn(lift)[0]), shape.origin(lift)[0] * MM
         points += [turned(strip, tilt) + place for strip in draft.follower()]
     every = np.concatenate(points)

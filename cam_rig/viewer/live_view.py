@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 
 import numpy as np
 import rerun as rr
@@ -16,13 +17,15 @@ from cam_rig.viewer.blueprint import blueprint, compared_rpm
 from cam_rig.viewer.charts.quantities import scene_ranges
 from cam_rig.viewer.feed import RunFeed
 from cam_rig.viewer.options import Layout
+from cam_rig.viewer.pace import FramePace
 from cam_rig.viewer.recording import APPLICATION, name_recording
 from cam_rig.viewer.run_recorder import RunRecorder
 
 #: Two points of a curve are all that a screen shows at one place along it: so many places.
 ACROSS_SCREEN = 1000
-#: Rig time (s) before the newest sample that the curves show at least: a few turns.
-MIN_WINDOW_S = 1.0
+#: Rig time (s) before the newest sample that the curves show at least: some turns, and what is
+#: sent at once to the slowest page.
+MIN_WINDOW_S = 2.0
 #: Wall time (s) to send the rest at the end.
 TIMEOUT_S = 8.0
 
@@ -33,9 +36,15 @@ class LiveView:
     Parameters
     ----------
     address : the viewer's, ``rerun+http://127.0.0.1:9876/proxy`` for one
+    behind : how far (s) the page that shows it is behind, None while that is not known
     """
 
-    def __init__(self, loaded: LoadedScene, address: str) -> None:
+    def __init__(
+        self,
+        loaded: LoadedScene,
+        address: str,
+        behind: Callable[[], float | None] | None = None,
+    ) -> None:
         times = np.array([state.time_ns for state in cam_states(loaded.scene)]) / NS
         duration, window = float(times[-1]), live_window(times)
         bucket = screen_bucket(window, loaded.scene.sample_rate.si)
@@ -48,12 +57,18 @@ class LiveView:
         except (RuntimeError, ValueError) as error:
             raise CamRigError(f"{address}: no viewer can be reached there ({error})") from None
         name_recording(self._stream, loaded.scene.title)
-        self._drawing = RunRecorder(self._stream, loaded, bucket, rpm, ranges, window=window)
+        self._pace = FramePace(behind)
+        # a block and the tick that makes it whole fit into the window: no curve is ever out of it
+        block = window - float(np.diff(times).max())
+        self._drawing = RunRecorder(
+            self._stream, loaded, bucket, rpm, ranges, pace=self._pace, send_every=block
+        )
         self.feed = RunFeed(self._drawing)
 
     def flush(self) -> None:
-        """Send what was drawn."""
-        self._drawing.flush()
+        """Send what was drawn, as often as who looks at it can show it."""
+        if self._pace.is_due():
+            self._drawing.flush()
 
     def close(self) -> None:
         """Send the rest.

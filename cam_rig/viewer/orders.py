@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import rerun as rr
@@ -11,6 +12,7 @@ import rerun.blueprint as rrb
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
+from cam_rig.drawing.words import title_of
 from cam_rig.studies.orders.waterfall import QUANTITIES, RANGE, CamOrders, loudest
 from cam_rig.viewer.charts.axes import Axes, round_marks
 from cam_rig.viewer.recording import APPLICATION, name_recording
@@ -20,35 +22,53 @@ from cam_rig.viewer.rrd_file import require_free, rrd_stream
 SPEED = "cam_rpm"
 #: Radii on the screen, and width of the plane, whose height is 100.
 STROKE, CURSOR, WIDTH = -1.2, -0.8, 160.0
+#: What the charts show.
+CHARTS = {"rays": "orders over speed", "lines": "by order, at one speed"}
+#: Room for half of the last mark, and for those below it, as shares of the width.
+RIGHT, BELOW = 0.12, 0.1
 #: From dark to bright, 0 to 255: a scale that is even in lightness.
 SCALE = np.array(
     [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]], dtype=np.float64
 )
 
 
-def save_orders(found: Sequence[CamOrders], path: Path) -> None:
+def save_orders(
+    found: Sequence[CamOrders], path: Path, titles: Mapping[str, str] = MappingProxyType({})
+) -> None:
     """Write the spectra of cams as a ``.rrd`` file that appears when it is whole.
+
+    Parameters
+    ----------
+    titles : what cams are called, where not by their names in words
 
     Raises
     ------
     CamRigError : the file cannot have this name, or cannot be written
     """
     require_free(path, overwrite=True)
-    rows, tops = [], {quantity: loudest(found, quantity) for quantity in QUANTITIES}
-    for study in found:
-        rays = [_chart(study, q, "rays", _ray_axes(study)) for q in QUANTITIES]
-        lines = [_chart(study, q, "lines", _line_axes(study, tops[q])) for q in QUANTITIES]
-        rows.append(rrb.Vertical(rrb.Horizontal(*rays), rrb.Horizontal(*lines), row_shares=[2, 1]))
+    tops = {quantity: loudest(found, quantity) for quantity in QUANTITIES}
+    rows = orders_tabs(found, titles)
     panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
     timeline = rrb.TimePanel(state="collapsed", timeline=SPEED)
     views = rrb.Tabs(*rows) if len(rows) > 1 else rows[0]
     plan = rrb.Blueprint(views, *panels, timeline, auto_views=False, auto_layout=False)
     with rrd_stream(path, APPLICATION, plan) as stream:
-        name_recording(stream, f"Orders of {', '.join(study.cam for study in found)}")
+        name_recording(stream, f"Orders of {', '.join(str(tab.name) for tab in rows)}")
         for study in found:
             for quantity, most in tops.items():
                 _draw_rays(stream, study, quantity, most)
                 _draw_lines(stream, study, quantity, most)
+
+
+def orders_tabs(found: Sequence[CamOrders], titles: Mapping[str, str]) -> list[rrb.Vertical]:
+    """A tab for each cam: its diagrams, and below them the spectra of one speed."""
+    tabs, tops = [], {quantity: loudest(found, quantity) for quantity in QUANTITIES}
+    for study in found:
+        rays = [_chart(study, q, "rays", _ray_axes(study)) for q in QUANTITIES]
+        lines = [_chart(study, q, "lines", _line_axes(study, tops[q])) for q in QUANTITIES]
+        both, title = (rrb.Horizontal(*rays), rrb.Horizontal(*lines)), title_of(titles, study.cam)
+        tabs.append(rrb.Vertical(*both, row_shares=[2, 1], name=title))
+    return tabs
 
 
 def entity(study: CamOrders, quantity: str, chart: str) -> str:
@@ -57,10 +77,10 @@ def entity(study: CamOrders, quantity: str, chart: str) -> str:
 
 
 def _chart(study: CamOrders, quantity: str, chart: str, axes: Axes) -> rrb.Spatial2DView:
-    x, y = axes.bounds()
+    x, y = axes.bounds(RIGHT, BELOW * axes.width / axes.height)
     return rrb.Spatial2DView(
         origin=entity(study, quantity, chart),
-        name=f"{study.cam}: {QUANTITIES[quantity]}",
+        name=f"{QUANTITIES[quantity]}: {CHARTS[chart]}",
         visual_bounds=rrb.VisualBounds2D(x_range=x, y_range=y),
     )
 
@@ -68,13 +88,13 @@ def _chart(study: CamOrders, quantity: str, chart: str, axes: Axes) -> rrb.Spati
 def _ray_axes(study: CamOrders) -> Axes:
     low, high = study.edges[[0, -1]]
     highest = max(float(spectrum.orders[-1]) for spectrum in study.spectra)
-    return Axes((float(low), float(high)), (0.0, highest * float(high) / 60.0), WIDTH)
+    return Axes((float(low), float(high)), (0.0, highest * float(high) / 60.0), WIDTH, raised=0.05)
 
 
 def _line_axes(study: CamOrders, most: float) -> Axes:
     highest = max(float(spectrum.orders[-1]) for spectrum in study.spectra)
     top = 10.0 * np.ceil(most / 10.0)
-    return Axes((0.0, highest), (float(top) - RANGE, float(top)), WIDTH, 0.4 * WIDTH)
+    return Axes((0.0, highest), (float(top) - RANGE, float(top)), WIDTH, 0.4 * WIDTH, raised=0.09)
 
 
 def _draw_rays(stream: rr.RecordingStream, study: CamOrders, quantity: str, most: float) -> None:
@@ -99,7 +119,7 @@ def _draw_lines(stream: rr.RecordingStream, study: CamOrders, quantity: str, mos
     """The spectrum of each speed, and in the rays a line at that speed."""
     axes, rays = _line_axes(study, most), _ray_axes(study)
     view = entity(study, quantity, "lines")
-    axes.draw(stream, f"{view}/axes", round_marks(*axes.x, "order"), round_marks(*axes.y, "dB"))
+    axes.draw(stream, f"{view}/axes", round_marks(*axes.x, ""), round_marks(*axes.y, "dB"))
     for spectrum in study.spectra:
         stream.set_time(SPEED, sequence=round(spectrum.rpm))
         values = np.clip(getattr(spectrum, quantity)[1:], *axes.y)

@@ -19,7 +19,7 @@ from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_n
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState, cam_states
 from cam_rig.units import NS
-from cam_rig.viewer.blueprint import blueprint, compared_rpm
+from cam_rig.viewer.blueprint import blueprint, compared_rpm, playback_begin
 from cam_rig.viewer.charts.quantities import scene_ranges
 from cam_rig.viewer.feed import RunFeed
 from cam_rig.viewer.options import Layout, ViewOptions
@@ -48,8 +48,10 @@ def save_recording(
     loaded: LoadedScene | None = None,
     overwrite: bool = False,
     on_tick: Callable[[], None] = lambda: None,
-) -> None:
+) -> float:
     """Write a bag as a Rerun recording, a ``.rrd`` file that appears when it is complete.
+
+    Gives the rig time (s) from which it is played.
 
     Parameters
     ----------
@@ -78,6 +80,7 @@ def save_recording(
         feed_bag(
             bag, loaded, RunFeed(RunRecorder(stream, loaded, bucket, rpm, ranges, whole)), on_tick
         )
+    return playback_begin(loaded, duration) if whole else 0.0
 
 
 def name_recording(stream: rr.RecordingStream, name: str) -> None:

@@ -18,15 +18,13 @@ from cam_rig.viewer.charts.level_chart import LevelChart
 from cam_rig.viewer.charts.quantities import SceneRanges
 from cam_rig.viewer.charts.run_view import RunView
 from cam_rig.viewer.charts.text_panels import ResultTable, about
-from cam_rig.viewer.scene2d import FramePace
+from cam_rig.viewer.pace import FramePace
 from cam_rig.viewer.timeline import Times, rig_time_alone, time_columns
 from cam_rig.viewer.turns import TurnCollector, sample_angles
 
 ABOUT, RESULTS = "about", "results"
 #: Rig time (s) into a file at once: long enough to be fast, short enough to stay small in memory.
 SEND_EVERY_S = 5.0
-#: Pictures of cam and follower of a live run a second of wall time, at most: no screen shows more.
-FRAMES_A_SECOND = 30.0
 
 
 class RunRecorder:
@@ -40,8 +38,9 @@ class RunRecorder:
     compared : speed (rpm) at which the cams are laid over each other and put side by side
     ranges : axis of each quantity that is drawn over the turn
     whole : draw the run itself too; else only the results of its turns and speeds
-    window : rig time (s) before the newest that a viewer shows of a live run; None for a finished
+    pace : of a live run, how many pictures of cam and follower may be sent; None for a finished
         one, whose results are there at every time
+    send_every : rig time (s) that is sent at once at the most, and a tick
     """
 
     def __init__(
@@ -52,15 +51,13 @@ class RunRecorder:
         compared: float,
         ranges: SceneRanges,
         whole: bool = True,
-        window: float | None = None,
+        pace: FramePace | None = None,
+        send_every: float = SEND_EVERY_S,
     ) -> None:
         self._stream, self._loaded, self._compared = stream, loaded, compared
         self._ranges = ranges
-        self._grows, self._finished = whole, window is None
-        # No tick of a scene is longer than the other half, so a block fits into the window.
-        self._send_every = SEND_EVERY_S if window is None else 0.5 * window
-        pace = None if window is None else FramePace(FRAMES_A_SECOND)
-        self._times: Times = time_columns if window is None else rig_time_alone
+        self._grows, self._finished, self._send_every = whole, pace is None, send_every
+        self._times: Times = time_columns if pace is None else rig_time_alone
         self._run_view = (
             RunView(stream, loaded, bucket, ranges, self._times, pace) if whole else None
         )

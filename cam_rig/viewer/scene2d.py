@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 
 import numpy as np
@@ -14,15 +13,16 @@ from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
 from cam_rig.drawing.cam_looks import of_cam
 from cam_rig.drawing.colours import tint
-from cam_rig.drawing.dial import body, ring, ring_numbers, rotation
+from cam_rig.drawing.dial import body, ring, rotation
 from cam_rig.drawing.force_scale import max_contact_force
 from cam_rig.drawing.outlines import MM, circle, closed
 from cam_rig.profile.motion import Motion
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import to_rpm
-from cam_rig.viewer.charts.readout import readings, send_readings
+from cam_rig.viewer.charts.readout import no_readings, readings, send_readings
 from cam_rig.viewer.framing import ARROW, Framing, framings
+from cam_rig.viewer.pace import FramePace
 from cam_rig.viewer.timeline import Times, time_columns
 
 #: What the view shows; the rig hangs below, for a view is not moved by its own transform.
@@ -37,26 +37,6 @@ def frame_mask(angle: FloatArray, step: float) -> NDArray[np.bool_]:
     """True for the first sample in each frame; unwrapped ``angle`` and its ``step`` in rad."""
     frame = np.floor(np.append(angle[:1] - step, angle) * (FRAMES_PER_TURN / (2.0 * np.pi)))
     return np.asarray(np.diff(frame) > 0.0)
-
-
-class FramePace:
-    """How many frames a second of wall time are worth sending: more than a screen shows are not.
-
-    Parameters
-    ----------
-    rate : 1/s
-    clock : wall time, s
-    """
-
-    def __init__(self, rate: float, clock: Callable[[], float] = time.monotonic) -> None:
-        self._rate, self._clock, self._last = rate, clock, clock()
-
-    def chosen(self, count: int) -> NDArray[np.intp]:
-        """Which of so many frames to send, evenly among them; the newest always."""
-        now = self._clock()
-        most = max(1, int((now - self._last) * self._rate))
-        self._last = now
-        return np.unique(np.linspace(count - 1, 0, min(most, count)).astype(np.intp))
 
 
 class Scene2D:
@@ -103,7 +83,8 @@ class Scene2D:
         """Put a cam in place of the one before; ``profile`` ``(n, 2)`` in its own frame, m."""
         self.flush()
         framing, self._law = self._framing_of(state.cam), self._loaded.laws[state.cam]
-        self._shape, zoom = framing.shape, self._highest / framing.height
+        self._shape, self._max_lift = framing.shape, framing.max_lift
+        zoom = self._highest / framing.height
         # A plane in Rerun has y down; widths grow as the third root of the determinant.
         flip = rr.Transform3D.columns(mat3x3=np.diag([zoom, -zoom, zoom])[None])
         self._stream.send_columns(self._root, self._at(state), flip)
@@ -128,7 +109,7 @@ class Scene2D:
     def _dial(self, state: CamState, framing: Framing, inner: float) -> None:
         """The ring of degrees, and which way the cam turns."""
         self._strips(state, "ring", ring(framing.ring), colours.GREY, THIN)
-        places, numbers = ring_numbers(framing.ring)
+        places, numbers = framing.numbers()
         self._strips(state, "rotation", rotation(inner), colours.GREY, LINE)
         self._words(state, "numbers", places, numbers, colours.GREY)
 
@@ -141,15 +122,22 @@ class Scene2D:
         self._rpm, framing = to_rpm(state.speed), self._framing_of(state.cam)
         longest = self._scale or max_contact_force(self._loaded, state.cam, state.speed)
         self._arrow = ARROW * framing.height / longest  # mm/N
-        foot, across = framing.low + 0.015 * framing.height, np.array([0.09, 0.025])
+        foot, across = framing.low + 0.015 * framing.height, np.array([0.09, 0.085])
         force = 10.0 ** math.floor(math.log10(longest))
         bar = foot + np.array([[0.0, 0.0], [0.0, force * self._arrow]])
         self._strips(state, "bar", [bar], colours.FORCE, THICK)
         beside = (foot + across * framing.height)[None]
         self._words(state, "bar/words", beside, [f"{force:g} N"], colours.FORCE)
-        under = np.array([[0.0, framing.low[1] + 0.06 * framing.height]])
+        under = np.array([[0.0, framing.low[1] + 0.045 * framing.height]])
         words = f"{title}{self._rpm:.4g} rpm"
         self._words(state, "label", under, [words], of_cam(state.cam))
+        if self._pace is not None:  # until its first frame comes, nothing of the one before
+            no_gap = rr.LineStrips2D.columns(strips=[]).partition([0])
+            no_force = rr.Arrows2D.columns(origins=[], vectors=[]).partition([0])
+            self._stream.send_columns(f"{self._root}/gap", self._at(state), no_gap)
+            self._stream.send_columns(f"{self._root}/force", self._at(state), no_force)
+            entity = f"{self._view}_readings"
+            send_readings(self._stream, entity, self._at(state), [no_readings(self._rpm)])
 
     def frames(
         self, time: FloatArray, angle: FloatArray, lift: FloatArray, force: FloatArray
@@ -157,7 +145,8 @@ class Scene2D:
         """Take cam and follower at ``time`` (s), unwrapped cam ``angle`` (rad), ``lift`` (m).
 
         Where the contact ``force`` (N) is zero, contact is lost, and the gap is drawn: from the
-        point of the cam that would be touched to where the follower has carried it.
+        point of the cam that would be touched to where the follower has carried it. One that flies
+        out of its view is drawn at the edge, which the readings say.
         """
         self._waiting.append(np.stack([time, angle, lift, force]))
 
@@ -171,22 +160,22 @@ class Scene2D:
             frames = frames[:, self._pace.chosen(frames.shape[1])]
         time, angle, lift, force = frames
         times, shape, motion = self._times(time, angle), self._shape, Motion.at(self._law, angle)
-        flat = np.zeros_like(angle)
-        origin = np.column_stack([shape.origin(lift) * MM, flat])
+        drawn = np.minimum(lift, self._max_lift)
+        origin = np.column_stack([shape.origin(drawn) * MM, np.zeros_like(angle)])
         self._stream.send_columns(f"{self._root}/cam", times, _pose(angle, None))
-        self._stream.send_columns(f"{self._root}/follower", times, _pose(shape.turn(lift), origin))
+        self._stream.send_columns(f"{self._root}/follower", times, _pose(shape.turn(drawn), origin))
         point, normal = shape.contact(motion)
         off = force == 0.0
-        ends = np.stack([point, shape.carried(point, motion.s, lift)], axis=1) * MM
+        ends = np.stack([point, shape.carried(point, motion.s, drawn)], axis=1) * MM
         gaps = rr.LineStrips2D.columns(strips=list(ends[off])).partition(off.astype(int))
         self._stream.send_columns(f"{self._root}/gap", times, gaps)
         along = np.sum(normal * shape.upward(motion.s), axis=1)
         gap, lean = np.where(off, lift - motion.s, 0.0), np.arccos(along.clip(-1.0, 1.0))
         # of a live run, which is seen at its newest time, only the last is sent
         seen = slice(None) if self._pace is None else slice(-1, None)
-        shown = (row[seen] for row in (lift, force, gap, lean))
         at, turned = self._times(time[seen], angle[seen]), angle[seen]
-        words = readings(turned, self._rpm, *shown)
+        moved = lift[seen], force[seen], gap[seen], lean[seen]
+        words = readings(turned, self._rpm, *moved, self._max_lift)
         send_readings(self._stream, f"{self._view}_readings", at, words)
         if self._cursor is not None:
             self._cursor(at, turned)

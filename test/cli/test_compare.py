@@ -11,14 +11,16 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from cam_rig import compare_run
 from cam_rig.bag.reader import raw_messages
 from cam_rig.bag.recording.writer import BagWriter
 from cam_rig.cli.main import app
 from cam_rig.messages.topics import recorded_topic
+from cam_rig.plots.measured.real_run import figure as real_run_figure
 from cam_rig.studies.real_run.comparison import compare_steps
 from cam_rig.studies.real_run.measured_pairs import pair_measured
 from cam_rig.viewer.orders import SPEED
-from cam_rig.viewer.real_run import real_run_entity, save_real_run
+from cam_rig.viewer.real_run import real_run_entity, real_run_tabs, save_real_run
 
 from ..foreign_bags import joint, number, wrench, write_bag
 from ..studies.real_run.bench import measured
@@ -135,6 +137,24 @@ def test_the_recording_has_both_side_by_side(bench, tmp_path):
         apart = apart[..., 1] - np.median(apart[..., 1])
         scale = np.sum(both * apart) / np.sum(apart**2)
         np.testing.assert_allclose(both, scale * apart, atol=0.05 * np.abs(both).max())
+
+
+def test_what_is_equal_is_said_to_be(bench):
+    """Where only rounding differs the chart says so, on a scale of µm; a cam has its title."""
+    bag, loaded = bench
+    same = compare_run(GOLDEN, "quick", cam="tm21")
+    other = compare_run(bag, loaded, topics=LINE)
+    for found, equal in ((same, True), (other, False)):
+        (tab,) = real_run_tabs(found.speeds, found.loaded.titles)
+        assert tab.name == found.loaded.titles["tm21"]
+        lift, force = (row.contents[-1] for row in tab.contents)
+        words = ": equal to rounding" if equal else ": difference ["
+        assert lift.name.startswith("lift" + words)
+        assert force.name.startswith("contact force" + words)
+    panels = real_run_figure(same.speeds, same.loaded.titles).axes
+    differences = [axes for axes in panels if axes.get_ylabel().startswith("difference")]
+    assert {axes.get_ylim() for axes in differences} == {(-1.0, 1.0)}
+    assert {axes.get_title(loc="left") for axes in differences} == {"equal to rounding"}
 
 
 def test_of_two_rigs_one_is_compared(tmp_path):

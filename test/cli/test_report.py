@@ -14,6 +14,8 @@ from cam_rig.cli.main import app
 from cam_rig.schema.load import config_root
 from cam_rig.studies.jump.any_rig import find_jump, follower_of
 
+from ..figure_faults import EXPONENT, HYPHEN
+
 
 def call(*arguments):
     return CliRunner().invoke(app, ["report", *(str(a) for a in arguments)])
@@ -32,6 +34,16 @@ def too_long(page):
     return [sentence for sentence in sentences(page) if len(sentence.split()) > 30]
 
 
+def untypeset(page):
+    """Sentences and cells with a hyphen for a minus, or an exponent; commands are as they run."""
+    text = re.sub(r"<code>.*?</code>", "", page)
+    return [words for words in sentences(text) if HYPHEN.search(words) or EXPONENT.search(words)]
+
+
+#: Names of cams and rises that are no words; a rig has that of a cam.
+NAMES = r"(?<!rig )\b(tm21|bezier\d+|poly\d+|bezier_segments|simple_harmonic)\b"
+
+
 def answers(page):
     """The rows of the summary: what the report asks, and what it says."""
     (summary,) = re.findall(r'<section id="summary">(.*?)</section>', page, re.DOTALL)
@@ -48,6 +60,12 @@ def test_a_long_sentence_is_found():
     words = "Word" + 30 * " word"
     page = f"<p>Short. {words}. Short.</p><td class='x'>{words}</td><li>{words[5:]}</li>"
     assert too_long(page) == [f"{words}.", words]
+
+
+def test_what_is_not_typeset_is_found():
+    """In sentences and cells, not in a command."""
+    page = "<p>From -3 to 4.</p><td>1e-9</td><td>−3·10⁸</td><p><code>--at -3</code>, fig. 4-6</p>"
+    assert untypeset(page) == ["From -3 to 4.", "1e-9"]
 
 
 @pytest.fixture
@@ -76,7 +94,7 @@ def test_the_page(sweep, tmp_path):
     assert result.exit_code == 0, result.stderr
     page = out.read_text(encoding="utf-8")
     pictures = re.findall(r'<img src="(.{40})', page)
-    assert len(pictures) == 17
+    assert page.count("<figure ") == 17 < len(pictures)  # tall ones in strips
     assert all(p.startswith("data:image/svg+xml;base64,") for p in pictures)
     for words in ("Table 1:", "Table 2:", "Table 3:", "Given, assumed, identified"):
         assert words in page
@@ -89,6 +107,10 @@ def test_the_page(sweep, tmp_path):
     for outward in ("<script", "http://", "https://", "<link"):
         assert outward not in page
     assert too_long(page) == []
+    assert untypeset(page) == []
+    listed = page.index('<section id="numbers">')  # with the names that files have
+    named = [words for words in sentences(page[:listed]) if re.search(NAMES, words)]
+    assert named == []
     assert len(answers(page)) == 8
     assert all("<strong>" in cells for question, cells in answers(page))
     for word in ("ringing", "swing", "cells left", "of its variance"):
@@ -202,8 +224,10 @@ def test_a_scene_of_ones_own(own_scene, tmp_path, monkeypatch):
     assert result.exit_code == 0, result.stderr
     page = out.read_text(encoding="utf-8")
     assert tuple(re.findall(r'<section id="(.*?)">', page)) == SECTIONS
-    assert len(re.findall(r'<img src="data:image/svg', page)) == 10
+    assert page.count("<figure ") == 10
     assert [words for words in too_long(page) if "allowed:" not in words] == []  # not errors' own
+    assert untypeset(page) == []
+    assert not re.search(r"<th[^>]*>(own|harsh)</th", page)  # cams by their titles
     assert "My &lt;measured&gt; cam" in page
     assert "A harsh cam: law" in page  # its velocity jumps: no jump speed
     assert "Levels are relative" in page
@@ -237,9 +261,22 @@ def test_the_page_says_what_the_commands_say(own_scene, tmp_path):
     assert found["simulate"][1] == row.plain()
     text = out.read_text(encoding="utf-8")
     assert f"| {row.force_peak:.1f} |" in text
-    assert f"**{jump:.1f} rpm**, of one rigid mass" in text
+    assert f"**{jump:.1f} rpm** (one rigid mass, from rest as in steady state)" in text
     assert ".md`; with" in text  # no date, which would change it from one day to the next
     assert "<img" not in text
+
+
+def test_a_level_is_worth_what_its_table_says(tmp_path):
+    """The summary has each cam's role, none of which is "calibrated" by the rig alone."""
+    out = tmp_path / "a.md"
+    result = call("quick", "--out", out)
+    assert result.exit_code == 0, result.stderr
+    loaded, text = load_scene("quick"), out.read_text(encoding="utf-8")
+    (verdict,) = re.findall(r"\| How loud is it\? \|.*\| (.*) \|", text)
+    roles = {title: loaded.part(cam) for cam, title in loaded.titles.items()}
+    assert verdict == "; ".join(f"{role}: {title}" for title, role in roles.items())
+    for title, role in roles.items():
+        assert f"| {title} | {role} |" in text
 
 
 def test_two_masses_and_a_shaft(tmp_path):
@@ -248,6 +285,6 @@ def test_two_masses_and_a_shaft(tmp_path):
     result = call("torsion", "--out", out)
     assert result.exit_code == 0, result.stderr
     text = out.read_text(encoding="utf-8")
-    assert "of two masses" in text
+    assert "(two masses, 1.7 s from rest)" in text
     assert "| twist [°] |" in text
     assert "no closed form" in text

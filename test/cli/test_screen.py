@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from cam_rig.cli.common.screen import open_screen, stay_until_interrupted
+from cam_rig.cli.common.screen import LINE_EVERY_S, DelayReport, open_screen, stay_until_interrupted
 from cam_rig.errors import CamRigError
+from cam_rig.viewer.server.page_time import PageTime
 
 
 def test_a_server_that_was_killed_is_told_of(capsys):
@@ -44,3 +45,29 @@ def test_waiting_needs_somebody_to_wait_for(tmp_path):
     assert done.returncode == 2
     assert "--wait: waits for a viewer" in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+def test_a_log_says_how_far_the_page_is_behind(capsys):
+    """A line now and then where there is no terminal; the longest at the end, whatever it is."""
+    wall = [0.0]
+    page = PageTime(lambda: wall[0])
+    with pytest.raises(CamRigError), DelayReport(page, lambda: wall[0]) as delay:
+        assert delay.driven(1.0, "tm21") == "tm21"
+        wall[0] = 1.5
+        page.take("ns=900000000")
+        assert delay.driven(2.0, "tm21") == "tm21, viewer 1.5 s behind"
+        wall[0] = LINE_EVERY_S
+        page.take("ns=2000000000")
+        assert "viewer" in delay.driven(3.0, "tm21 [at] 200 rpm")
+        raise CamRigError("it was interrupted")
+    seen = capsys.readouterr().err.splitlines()
+    assert seen[0].startswith("tm21 [at] 200 rpm, viewer ")
+    assert float(seen[-1].removeprefix("viewer at most ").removesuffix(" s behind")) >= 1.5
+    assert len(seen) == 2
+
+
+def test_without_a_page_nothing_is_said_of_one(capsys):
+    """Neither while it runs nor at the end."""
+    with DelayReport(None) as delay:
+        assert delay.driven(1.0, "tm21") == "tm21"
+    assert capsys.readouterr().err == ""

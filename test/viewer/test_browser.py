@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 
 from cam_rig.drawing import colours
 from cam_rig.drawing.cam_looks import of_cam
+from cam_rig.units import NS
 from cam_rig.viewer.charts import series
 from cam_rig.viewer.charts.turn_chart import TurnChart
 from cam_rig.viewer.recording import save_recording
 from cam_rig.viewer.server.web import serve_file
-from tools.docs.browser import count, open_browser, photograph, why_no_browser
+from tools.docs.browser import count, new_page, open_browser, photograph, why_no_browser
 
 from .browser import Visit, look
 from .conftest import SmallBag
@@ -100,6 +103,26 @@ def test_the_page_has_no_errors(visit: Visit) -> None:
 def test_the_page_asks_no_other_machine(visit: Visit) -> None:
     """No font, no version, no report of use: it works offline and tells nobody."""
     assert visit.outside == []
+
+
+def test_the_cursor_begins_where_the_run_is_played_from(
+    chromium: Browser, bag: SmallBag, tmp_path: Path
+) -> None:
+    """It gets there in a leap, though it plays at a tenth of the run's speed."""
+    path, end = tmp_path / "late.rrd", float(bag.samples[0, -1])
+    save_recording(bag.path, path)
+    page, shown = new_page(chromium), [0.0]
+    asked = re.compile(r"/shown\?ns=(\d+)")
+    with serve_file(path, 0.9 * end) as address:
+        page.goto(address)
+        while shown[-1] < 0.9 * end:
+            with page.expect_request(asked) as request:
+                pass
+            found = asked.search(request.value.url)
+            assert found is not None
+            shown.append(int(found[1]) / NS)
+    page.context.close()
+    assert np.diff(shown).max() > 0.5 * end
 
 
 @pytest.mark.long

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,6 @@ from cam_rig.simulation.schedule import cam_states
 from cam_rig.viewer import live_view as live
 from cam_rig.viewer.charts.series import ACCELERATION, FORCE, LAW, LIFT, VELOCITY, ZERO
 from cam_rig.viewer.live_view import LiveView, live_window, screen_bucket
-from cam_rig.viewer.scene2d import FramePace
 from cam_rig.viewer.server.process import free_port, listening, stream_address
 
 from .conftest import SmallBag
@@ -131,6 +131,32 @@ def test_everything_but_curves_comes_after_them(arrived: list[Chunk]) -> None:
     assert others > 20
 
 
+def test_nothing_of_a_cam_stands_beside_the_next(bag: SmallBag, arrived: list[Chunk]) -> None:
+    """From the state on at which it turns, its caption stands, without a reading or a curve."""
+    changes = [state.time_ns for state in cam_states(bag.loaded.scene)][::4][:-1]
+    captions = rows(arrived, "/turn/caption", "Points2D:labels")
+    assert [time for time, _ in captions] == changes
+    titles = [cam.title for cam in bag.loaded.cams.values()]
+    named = [words[0] for _, words in captions]
+    assert named == [f"{title}, {rpm} rpm" for title in titles for rpm in (300, 700)]
+    readings = rows(arrived, "/scene_readings", "TextDocument:text")
+    begun = [words[0] for time, words in readings if time in changes]
+    assert len(begun) == 4
+    assert all("mm" not in words and "rpm" in words for words in begun)
+    curves = rows(arrived, "/turn/force/follower/0", "LineStrips2D:strips")
+    assert [strips for time, strips in curves if time in changes[1:]] == [[], [], []]
+
+
+def rows(chunks: list[Chunk], entity: str, column: str) -> list[tuple[int, list[Any]]]:
+    """Rig times (ns) of an entity and what a column has there, in order of time."""
+    found = []
+    for batch in (chunk.to_record_batch() for chunk in chunks if chunk.entity_path == entity):
+        if "rig_time" in batch.schema.names and column in batch.schema.names:
+            times = batch.column("rig_time").cast("int64").to_pylist()
+            found += zip(times, batch.column(column).to_pylist(), strict=True)
+    return sorted(found)
+
+
 def test_the_window_holds_two_ticks() -> None:
     """A slow scene's window is longer, for a tick arrives whole."""
     assert live_window(np.array([0.0, 0.1, 0.2])) == live.MIN_WINDOW_S
@@ -145,15 +171,6 @@ def test_a_picture_that_nobody_takes_holds_nobody_up(
     monkeypatch.setattr(live, "TIMEOUT_S", 0.1)
     with pytest.raises(CamRigError, match="the viewer has gone"):
         show(bag, address)
-
-
-def test_no_more_pictures_are_sent_than_a_screen_shows() -> None:
-    """Of many frames as many as fit into the time since the last, evenly, the newest always."""
-    now = iter([0.0, 0.1, 0.1, 10.0])
-    pace = FramePace(30.0, lambda: next(now))
-    assert pace.chosen(100).size == 3
-    assert pace.chosen(100).tolist() == [99]
-    assert pace.chosen(100).tolist() == list(range(100))
 
 
 def test_a_curve_has_two_points_a_place_of_the_screen() -> None:

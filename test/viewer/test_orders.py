@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import cam_rig
+from cam_rig.drawing.words import short
 from cam_rig.errors import CamRigError
 from cam_rig.studies.orders.waterfall import RANGE, CamOrders, loudest, waterfall
 from cam_rig.units import RPM
-from cam_rig.viewer.orders import SPEED, entity, save_orders
+from cam_rig.viewer.orders import SPEED, entity, orders_tabs, save_orders
 
 from .conftest import Picture
 
@@ -51,6 +52,16 @@ def test_only_what_is_loud_is_a_stroke(found: tuple[CamOrders, ...], tmp_path: P
     (strokes,) = Picture(path).column(rays, STRIPS)
     shown = study.values("level") > loudest(found, "level") - RANGE
     assert len(strokes) == int(shown.sum()) < 0.6 * shown.size
+
+
+def test_tabs_and_charts_are_named_in_words(found: tuple[CamOrders, ...]) -> None:
+    """A cam by its title, a long one shortened; without one by its name in words."""
+    long = "A cam whose title has about forty letters"
+    for titles, name in (({}, "Polynomial 3-4-5"), ({"poly345": long}, short(long))):
+        (tab,) = orders_tabs(found, titles)
+        assert tab.name == name
+        charts = [view for row in tab.contents for view in row.contents]
+        assert len(charts) == 4 and not any("poly" in str(view.name) for view in charts)
 
 
 def test_another_suffix_is_refused(found: tuple[CamOrders, ...], tmp_path: Path) -> None:

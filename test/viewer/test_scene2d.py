@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing.cam_looks import of_cam
 from cam_rig.drawing.force_scale import max_contact_force
-from cam_rig.drawing.outlines import turned
+from cam_rig.drawing.outlines import distances, turned
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.viewer.charts.readout import readings
 from cam_rig.viewer.framing import ARROW, bounds, framings
 from cam_rig.viewer.scene2d import FRAMES_PER_TURN, frame_mask
 
@@ -165,6 +168,28 @@ def test_the_greatest_force_is_seen_at_every_speed(scene: str) -> None:
         slowest = min(loaded.scene.program.speeds.si_list)
         share = ARROW * loaded.follower.preload / max_contact_force(loaded, cam, slowest)
         assert share > 0.01
+
+
+@pytest.mark.parametrize("cam", ["oscillating_roller", "oscillating_flat", "flat", "poly345"])
+def test_no_number_of_the_ring_is_run_over(make_loaded_scene: Any, cam: str) -> None:
+    """At no lift of the law; all others are there, more than half."""
+    framing = framings(make_loaded_scene(cams=[cam]))[cam]
+    places, numbers = framing.numbers()
+    assert len(numbers) >= 6
+    for lift in np.linspace(0.0, framing.shape.max_lift, 50)[:, None]:
+        place, tilt = framing.shape.origin(lift)[0] * 1e3, float(framing.shape.turn(lift)[0])
+        for strip in framing.follower():
+            assert distances(places, turned(strip, tilt) + place).min() > 0.1 * framing.ring
+
+
+def test_a_follower_that_flies_out_of_its_view_is_drawn_at_the_edge() -> None:
+    """The readings say that it is higher, and how high."""
+    one = np.ones(1)
+    words = readings(one, 5000.0, 0.2 * one, 0.0 * one, 0.1 * one, one, max_lift=0.065)[0]
+    assert "lift    200.000 mm" in words
+    assert "drawn at 65 mm" in words
+    words = readings(one, 5000.0, 0.06 * one, 0.0 * one, 0.1 * one, one, max_lift=0.065)[0]
+    assert "not touched" in words
 
 
 def test_nothing_of_a_cam_and_its_follower_is_cut(bag: SmallBag, picture: Picture) -> None:

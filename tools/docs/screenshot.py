@@ -34,7 +34,7 @@ def photograph_viewer(bag: Path, path: Path) -> None:
     """
     with TemporaryDirectory(prefix="cam_rig_") as folder:
         recording = Path(folder) / f"{bag.resolve().name}.rrd"
-        save_recording(bag, recording)
-        with serve_file(recording) as address:
+        begin = save_recording(bag, recording)
+        with serve_file(recording, begin) as address:
             pixels = photograph(address, SHOWN, settled=series.VELOCITY.colour)
     Image.fromarray(pixels).save(path, optimize=True)

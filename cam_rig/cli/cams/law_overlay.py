@@ -129,9 +129,8 @@ def record(names: Sequence[str], rises: bool, path: Path) -> None:
         built = [law_of(cam_path(name), cam) for name, cam in zip(names, cams, strict=True)]
         curves = [cam_curves(cam.name, law) for cam, law in zip(cams, built, strict=True)]
         curves = [replace(curve, motion=curve.motion / factor) for curve in curves]
-        save_laws(
-            curves, "°", tuple(f"{unit}{per}" for per in ("", "/rad", "/rad²", "/rad³")), path
-        )
+        units = tuple(f"{unit}{per}" for per in ("", "/rad", "/rad²", "/rad³"))
+        save_laws(curves, "°", units, path, {cam.name: cam.title for cam in cams})
     say(f"recording: {path}")
 
 

@@ -11,8 +11,8 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from cam_rig.errors import CamRigError
-from cam_rig.extras import libraries_named
+from cam_rig.errors import INTERRUPTED, CamRigError
+from cam_rig.extras import libraries_named, source_date
 
 if TYPE_CHECKING:
     from cam_rig.tables import DataTable
@@ -70,13 +70,17 @@ def _widths(table: DataTable, room: int) -> tuple[int, list[int | None]]:
 
 @contextmanager
 def user_errors() -> Iterator[None]:
-    """End the command with one line and the error's code; nothing else is caught."""
+    """End the command with one line and the error's code, or an interrupt's; no more is caught."""
     try:
+        source_date()  # libraries that a command imports end at what is none
         with libraries_named():
             yield
     except CamRigError as error:
         print(f"cam-rig: {error}", file=sys.stderr)
         raise typer.Exit(error.exit_code) from None
+    except KeyboardInterrupt:
+        print("cam-rig: interrupted", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
 
 
 def progress_bar() -> Progress:

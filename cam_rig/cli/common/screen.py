@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from subprocess import Popen
-from typing import TYPE_CHECKING
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+from rich.markup import escape
 
 from cam_rig.cli.common.console import console
 from cam_rig.errors import CamRigError, ConfigError
@@ -15,16 +19,59 @@ if TYPE_CHECKING:
     from cam_rig.viewer.server.page_time import PageTime
 
 
+#: Wall time (s) from line to line on a page's delay, where there is no terminal for a bar.
+LINE_EVERY_S = 10.0
+
+
 @dataclass(frozen=True)
 class Screen:
     """``address`` is where the picture is sent, None for nowhere; ``stay`` waits for its end.
 
-    ``page`` is what a browser shows of it.
+    ``page`` is what a browser shows of it, at ``page_address``.
     """
 
     address: str | None = None
     stay: Callable[[], None] = lambda: None
     page: PageTime | None = None
+    page_address: str = ""
+
+
+class DelayReport:
+    """How far a page is behind the drive, in words; the longest delay is printed at the end.
+
+    Parameters
+    ----------
+    page : what a browser shows; None where there is none
+    clock : wall time, s
+    """
+
+    def __init__(self, page: PageTime | None, clock: Callable[[], float] = time.monotonic) -> None:
+        self._page, self._clock, self._printed = page, clock, clock()
+
+    def driven(self, rig_time: float, words: str) -> str:
+        """The words on what the drive does at a rig time (s), the delay after them."""
+        if self._page is None:
+            return words
+        self._page.driven(rig_time)
+        late = self._page.behind()
+        words += "" if late is None else f", viewer {late:.1f} s behind"
+        now = self._clock()
+        if not console.is_terminal and late is not None and now - self._printed >= LINE_EVERY_S:
+            self._printed = now
+            console.print(escape(words))
+        return words
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._page is not None and self._page.longest is not None:
+            console.print(f"viewer at most {self._page.longest:.1f} s behind")
 
 
 @contextmanager
@@ -46,7 +93,12 @@ def open_screen(view: bool, web: bool, wait_for_it: bool = False) -> Iterator[Sc
             console.print("open this address in a browser, now or after the run")
             if wait_for_it:
                 pages.page.wait(lambda: pages.viewer.poll() is None)
-            yield Screen(pages.stream, lambda: stay_until_interrupted(pages.viewer), pages.page)
+            yield Screen(
+                pages.stream,
+                lambda: stay_until_interrupted(pages.viewer),
+                pages.page,
+                pages.address,
+            )
     elif view:
         from cam_rig.viewer.server.process import require_display, wait, window
 

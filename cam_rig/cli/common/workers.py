@@ -3,22 +3,67 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import get_context
+from multiprocessing import active_children, resource_tracker
+from multiprocessing.context import SpawnContext, SpawnProcess
+
+
+class _Worker(SpawnProcess):
+    """A process that Ctrl-C does not reach, from its first instruction on.
+
+    The terminal interrupts all processes of a command. A worker would print where it was, in the
+    middle of its imports as likely as not; so the command alone is interrupted, and ends it.
+    """
+
+    def start(self) -> None:
+        resource_tracker.ensure_running()  # it takes the signal off the mask when it starts
+        with _interrupt_deferred():
+            super().start()
+
+
+@contextmanager
+def _interrupt_deferred() -> Iterator[None]:
+    """What is started here has SIGINT blocked, and is wholly started before an interrupt is raised.
+
+    Blocking alone would leave that to the other threads of this process. In the main thread only,
+    as all handlers of signals.
+    """
+    received: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, _frame: received.append(number))
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        signal.signal(signal.SIGINT, handler)
+        if received:
+            signal.raise_signal(signal.SIGINT)
+
+
+class _Workers(SpawnContext):
+    """Where a pool has such processes from."""
+
+    Process = _Worker
 
 
 @contextmanager
 def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
     """A pool of processes, as many as there are cores; work not begun is dropped at an error.
 
-    Each computes on one core: the matrices are too small to share.
+    Each computes on one core: the matrices are too small to share. An interrupt ends them at once.
     """
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    pool = ProcessPoolExecutor(count or os.cpu_count(), mp_context=get_context("spawn"))
+    pool = ProcessPoolExecutor(count or os.cpu_count(), mp_context=_Workers())
     try:
         yield pool
+    except KeyboardInterrupt:
+        for child in active_children():
+            if isinstance(child, _Worker):
+                child.terminate()
+        raise
     finally:
         pool.shutdown(cancel_futures=True)

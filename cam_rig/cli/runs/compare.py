@@ -84,11 +84,11 @@ def compare(
         if plot is not None:
             from cam_rig.plots.measured.real_run import draw
 
-            write_plot(plot, lambda part: draw(found.speeds, part))
+            write_plot(plot, lambda part: draw(found.speeds, part, found.loaded.titles))
         if save is not None:
             from cam_rig.viewer.real_run import save_real_run
 
-            save_real_run(found.speeds, save)
+            save_real_run(found.speeds, save, found.loaded.titles)
             say(f"recording: {save}")
         write_csv([found.every_number], csv)
         write_json(found.plain(), json_target)

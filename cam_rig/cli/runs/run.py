@@ -99,7 +99,7 @@ def run(
         target = bag or Path(time.strftime(f"bags/{path.stem}_%Y-%m-%d_%H-%M-%S"))
         require_new_bag(target, limits.last_number)
         with open_screen(view, web, wait) as screen:
-            nodes = live(path, target, screen.address, limits, pacing=pacing)
+            nodes = live(path, target, screen.address, limits, screen.page_address, pacing=pacing)
             _run(path, target, nodes, respawn, network, place, server, screen.page)
             if analyze:
                 from cam_rig.cli.runs.analyze import analyze_bag
@@ -123,6 +123,7 @@ def _run(
     page: PageTime | None,
 ) -> None:
     from cam_rig.bag.complete import require_complete
+    from cam_rig.cli.common.screen import DelayReport
     from cam_rig.messages.topics import FOLLOWER_SAMPLES
     from cam_rig.runner.domain_lock import own_domain
     from cam_rig.runner.graph import Graph
@@ -141,22 +142,17 @@ def _run(
     with (
         own_domain(namespace),
         progress_bar() as bar,
+        DelayReport(page) as delay,
         Graph(nodes, respawn, network, _log, namespace, server) as graph,
     ):
         task = bar.add_task("starting the nodes", total=tick_count(loaded.scene))
         for report in graph.progress():
             words, tick = f"{report['cam']} {report['rpm']:.0f} rpm", int(report["tick"])
-            if page is not None:
-                page.driven(stamps[tick])
-                late = page.behind()
-                words += "" if late is None else f", viewer {late:.1f} s behind"
-            bar.update(task, completed=tick, description=words)
+            bar.update(task, completed=tick, description=delay.driven(stamps[tick], words))
     for name, node in graph.processes.items():
         if node.warnings:
             words = f"{name} warned {len(node.warnings)} times, last: {node.warnings[-1]}"
             console.print(escape(words))
-    if page is not None and page.longest is not None:
-        console.print(f"the viewer's page was at most {page.longest:.1f} s behind")
     graph.require_closed()
     counts = require_complete(target, loaded.scene)
     took = time.perf_counter() - begun

@@ -86,9 +86,9 @@ def _view(
             return
         if not web:
             require_display()
-        with _converted(bag or newest_bag(), scene, view_options) as path:
+        with _converted(bag or newest_bag(), scene, view_options) as (path, begin):
             if web:
-                _serve(path)
+                _serve(path, begin)
             else:
                 show(path)
 
@@ -109,8 +109,11 @@ def _tidy_end() -> Iterator[None]:
 
 def convert(
     bag: Path, scene: Path | None, path: Path, view_options: ViewOptions, force: bool
-) -> None:
-    """Write a bag as a Rerun recording, with its own scene unless another is named."""
+) -> float:
+    """Write a bag as a Rerun recording, with its own scene unless another is named.
+
+    Gives the rig time (s) from which it is played.
+    """
     from cam_rig.bag.reader import read_counts
     from cam_rig.messages.topics import FOLLOWER_SAMPLES
     from cam_rig.simulation.loaded_scene import open_scene
@@ -119,7 +122,7 @@ def convert(
     loaded = open_scene(scene) if scene else None
     with progress_bar() as bar:
         task = bar.add_task(bag.name, total=read_counts(bag).get(FOLLOWER_SAMPLES.name, 0))
-        save_recording(
+        begin = save_recording(
             bag,
             path,
             view_options,
@@ -128,22 +131,24 @@ def convert(
             on_tick=lambda: bar.advance(task),
         )
     console.print(f"{path}: {path.stat().st_size / 1e6:.1f} MB", soft_wrap=True)
+    return begin
 
 
 @contextmanager
-def _converted(bag: Path, scene: Path | None, view_options: ViewOptions) -> Iterator[Path]:
+def _converted(
+    bag: Path, scene: Path | None, view_options: ViewOptions
+) -> Iterator[tuple[Path, float]]:
     from cam_rig.files import temporary_folder
 
     with temporary_folder() as folder:
         path = folder / f"{bag.resolve().name}.rrd"
-        convert(bag, scene, path, view_options, force=False)
-        yield path
+        yield path, convert(bag, scene, path, view_options, force=False)
 
 
-def _serve(path: Path) -> None:
+def _serve(path: Path, begin: float) -> None:
     from cam_rig.cli.common.screen import stay_until_interrupted
     from cam_rig.viewer.server.web import serve
 
-    with serve(path) as pages:
+    with serve(path, begin) as pages:
         print(pages.address, flush=True)
         stay_until_interrupted(pages.viewer)

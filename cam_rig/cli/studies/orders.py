@@ -89,7 +89,7 @@ def orders(
         check_outputs(json_target, plot, csv)
         if save is not None:
             check_recording(save)
-        laws, chosen_rig, own_model, own_speeds = _opened(source, cam, rig)
+        laws, titles, chosen_rig, own_model, own_speeds = _opened(source, cam, rig)
         speeds = own_speeds if rpm is None else speeds_of(rpm)
         with progress_bar() as bar:
             task = bar.add_task(source, total=len(laws) * len(speeds))
@@ -101,16 +101,16 @@ def orders(
         if plot is not None:
             from cam_rig.plots.sound.orders import draw
 
-            write_plot(plot, lambda part: draw(found, part))
+            write_plot(plot, lambda part: draw(found, part, titles))
         if save is not None:
-            _save(found, save)
+            _save(found, save, titles)
         write_json(tables.to_json(found), json_target)
 
 
 def _opened(
     source: str, cam: str | None, rig: str | None
-) -> tuple[dict[str, Law], RigConfig, str, list[float]]:
-    """Laws by cam, rig, model, and speeds in rpm, of a scene or of a cam alone."""
+) -> tuple[dict[str, Law], dict[str, str], RigConfig, str, list[float]]:
+    """Laws and titles by cam, rig, model, and speeds in rpm, of a scene or of a cam alone."""
     from cam_rig.schema import load_cam, load_rig
     from cam_rig.simulation.cam_files import law_of, require_sprung
     from cam_rig.simulation.loaded_scene import open_scene
@@ -123,17 +123,19 @@ def _opened(
         loaded = load_cam(path)
         require_sprung(path, loaded)
         named = load_rig(rig_path(rig or CAM_RIG))
-        return {loaded.name: law_of(path, loaded)}, named, CAM_MODEL, speeds_of("200:400:10")
+        law, title = {loaded.name: law_of(path, loaded)}, {loaded.name: loaded.title}
+        return law, title, named, CAM_MODEL, speeds_of("200:400:10")
     scene = open_scene(scene_path(source))
     laws = dict(scene.laws) if cam is None else {cam: scene.law_of(cam)}
     speeds = [round(to_rpm(speed), 9) for speed in scene.scene.program.speeds.si_list]
-    return laws, load_rig(rig_path(rig)) if rig else scene.rig, scene.scene.model, sorted(speeds)
+    chosen = load_rig(rig_path(rig)) if rig else scene.rig
+    return laws, scene.titles, chosen, scene.scene.model, sorted(speeds)
 
 
-def _save(found: Sequence[CamOrders], path: Path) -> None:
+def _save(found: Sequence[CamOrders], path: Path, titles: dict[str, str]) -> None:
     from cam_rig.viewer.orders import save_orders
 
-    save_orders(found, path)
+    save_orders(found, path, titles)
     say(f"recording: {path}")
 
 

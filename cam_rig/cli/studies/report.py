@@ -100,13 +100,13 @@ def _papers(
     return text, to_json(found)
 
 
-def _find(sources: Sources, with_figures: bool) -> tuple[Findings, dict[str, str]]:
+def _find(sources: Sources, with_figures: bool) -> tuple[Findings, dict[str, list[str]]]:
     """Results and figures by key, behind a bar."""
     from cam_rig.cli.common.workers import workers
     from cam_rig.report import figures
     from cam_rig.report.results import PARTS, find
 
-    drawn: dict[str, str] = {}
+    drawn: dict[str, list[str]] = {}
     with progress_bar() as bar, workers(2) as pool:
         task = bar.add_task("", total=len(PARTS) + 1)
 

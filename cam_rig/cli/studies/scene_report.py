@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 import time
 from typing import TYPE_CHECKING, Any
 
 from cam_rig.cli.common.console import console
 from cam_rig.cli.common.names import DEFAULT_SCENE
+from cam_rig.extras import source_date
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -31,13 +31,14 @@ def page_made(scene: str, options: Mapping[str, object]) -> Made:
     """
     from cam_rig.report.document import Made, written_on
 
-    epoch, words = os.environ.get("SOURCE_DATE_EPOCH"), ["cam-rig", "report"]
+    epoch, words = source_date(), ["cam-rig", "report"]
     if scene != DEFAULT_SCENE:
         words.append(scene)
     for option, given in options.items():
         words += [] if given is None else [option, str(given)]
     dated = epoch is not None or str(options["--out"]).lower().endswith(".html")
-    return Made(shlex.join(words), written_on(time.time(), epoch) if dated else "")
+    seconds = time.time() if epoch is None else epoch
+    return Made(shlex.join(words), written_on(seconds) if dated else "")
 
 
 def scene_page(

@@ -165,6 +165,8 @@ PARAMETERS: dict[str, tuple[Spec, ...]] = {
         CHECKPOINT,
         replace(AT_END, default=WAIT),
         Spec("address", "", "Rerun's address that the picture goes to; empty opens a window"),
+        Spec("page", "", "address of the page that shows the picture, http://127.0.0.1:PORT/, of "
+             "which less is sent while the page is behind; empty: none is asked"),
     ),
     "player": (
         CHECKPOINT,

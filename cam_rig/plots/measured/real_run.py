@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,8 @@ from matplotlib.figure import Figure
 
 from cam_rig.drawing import colours
 from cam_rig.drawing.colours import web
-from cam_rig.drawing.words import in_words
+from cam_rig.drawing.differences import EQUAL, is_rounding, reach
+from cam_rig.drawing.words import title_of
 from cam_rig.plots.figures import CAM_ANGLE, empty, styled, turn_axis, write
 from cam_rig.studies.real_run.comparison import OverTurn, SpeedDeparture
 
@@ -23,8 +25,6 @@ QUANTITIES = (
 )
 #: More readings a turn than this are drawn as a line.
 MANY = 600
-#: A difference below this (µm, N) is drawn as none.
-LEAST_DIFFERENCE = 1e-3
 #: What its grey points are.
 BESIDE = "beside a jump of the force: not counted"
 
@@ -41,14 +41,21 @@ def chosen(rows: Sequence[SpeedDeparture]) -> list[SpeedDeparture]:
     return found
 
 
-def draw(rows: Sequence[SpeedDeparture], path: Path) -> None:
+def draw(
+    rows: Sequence[SpeedDeparture], path: Path, titles: Mapping[str, str] = MappingProxyType({})
+) -> None:
     """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(figure(rows), path)
+    write(figure(rows, titles), path)
 
 
 @styled
-def figure(rows: Sequence[SpeedDeparture]) -> Figure:
-    """For each cam a column for each chosen speed: the curves, and below them their difference."""
+def figure(
+    rows: Sequence[SpeedDeparture], titles: Mapping[str, str] = MappingProxyType({})
+) -> Figure:
+    """For each cam a column for each chosen speed: the curves, and below them their difference.
+
+    ``titles`` are what cams are called, where not by their names in words.
+    """
     by_cam: dict[str, list[SpeedDeparture]] = {}
     for row in chosen(rows):
         by_cam.setdefault(row.cam, []).append(row)
@@ -63,47 +70,51 @@ def figure(rows: Sequence[SpeedDeparture]) -> Figure:
         2 * down, across, sharex=True, sharey="row", squeeze=False, height_ratios=ratios
     )
     for i, columns in enumerate(by_cam.values()):
-        _block(panels[2 * i * len(shown) : 2 * (i + 1) * len(shown)], columns, shown)
-        for unused in panels[2 * i * len(shown) : 2 * (i + 1) * len(shown), len(columns) :].flat:
+        block = panels[2 * i * len(shown) : 2 * (i + 1) * len(shown)]
+        _block(block, title_of(titles, columns[0].cam), columns, shown)
+        for unused in block[:, len(columns) :].flat:
             unused.set_visible(False)
     for column in panels.T:
         lowest = [axes for axes in column if axes.get_visible()][-1]
         lowest.set_xlabel(CAM_ANGLE)
         lowest.tick_params(labelbottom=True)
-    named = (axes.get_legend_handles_labels() for axes in panels.flat)
-    grey = [line for lines, names in named for line in lines if BESIDE in names]
-    if grey:
-        out.legend(handles=grey[:1], loc="outside lower right", markerscale=3.0)
+    named = [axes.get_legend_handles_labels() for axes in panels.flat]
+    handles = {
+        name: line for lines, names in named for line, name in zip(lines, names, strict=True)
+    }
+    out.legend(handles.values(), handles, loc="outside lower center", ncols=2, markerscale=2.0)
     return out
 
 
 def _block(
-    panels: Any, columns: Sequence[SpeedDeparture], shown: Sequence[tuple[Any, ...]]
+    panels: Any, title: str, columns: Sequence[SpeedDeparture], shown: Sequence[tuple[Any, ...]]
 ) -> None:
     """The panels of one cam."""
     for j, row in enumerate(columns):
-        panels[0, j].set_title(f"{in_words(row.cam)}\n{row.rpm:.4g} rpm")
+        panels[0, j].set_title(f"{title}\n{row.rpm:.6g} rpm")
         for i, (name, _, factor, _, fine, colour) in enumerate(shown):
             turn: OverTurn | None = getattr(row, f"{name}_turn")
             if turn is not None:
-                _curves(panels[2 * i, j], turn, factor, web(colour))
+                _curves(panels[2 * i, j], turn, factor, web(colour), name)
                 _difference(panels[2 * i + 1, j], turn, fine)
     for i, (name, unit, _, small, fine, _) in enumerate(shown):
         panels[2 * i, 0].set_ylabel("contact force [N]" if name == "force" else f"{name} [{unit}]")
         panels[2 * i + 1, 0].set_ylabel(f"difference [{small}]")
-        panels[2 * i, 0].margins(y=0.25)
-        panels[2 * i, 0].legend(loc="upper center", ncols=2, handlelength=1.6)
         turns = [turn for row in columns if (turn := getattr(row, f"{name}_turn")) is not None]
         largest = [np.abs(t.difference[t.calm]).max(initial=0.0) for t in turns]
-        # rounding is drawn as none, and what is beside a landing does not set the scale
-        reach = 1.15 * max(fine * max(largest, default=0.0), LEAST_DIFFERENCE)
-        panels[2 * i + 1, 0].set_ylim(-reach, reach)
+        # what is beside a landing does not set the scale
+        apart = fine * max(largest, default=0.0)
+        panels[2 * i + 1, 0].set_ylim(-reach(apart), reach(apart))
+        if is_rounding(apart):
+            panels[2 * i + 1, 0].set_title(EQUAL, loc="left", fontsize="medium")
 
 
-def _curves(axes: Axes, turn: OverTurn, factor: float, colour: str) -> None:
+def _curves(axes: Axes, turn: OverTurn, factor: float, colour: str, name: str) -> None:
     many = turn.degrees.size > MANY
     style = {"lw": 3.0} if many else {"lw": 0.0, "marker": ".", "ms": 4.0}
-    axes.plot(turn.degrees, turn.measured * factor, color=colour, label="measured", **style)
+    axes.plot(
+        turn.degrees, turn.measured * factor, color=colour, label=f"{name}, measured", **style
+    )
     axes.plot(turn.degrees, turn.model * factor, color="0.1", lw=1.0, label="model")
     turn_axis(axes)
 

@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cam_rig.arrays import FloatArray
-from cam_rig.plots.figures import CAM_SPEED, LEVEL, empty, marker, series, short, styled, write
+from cam_rig.drawing.words import short
+from cam_rig.plots.figures import CAM_SPEED, LEVEL, empty, marker, series, styled, wrapped, write
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.noise_comparison import NoiseResult
 
@@ -26,7 +27,7 @@ def draw(result: NoiseResult, loaded: LoadedScene, path: Path) -> None:
 @styled
 def figure(result: NoiseResult, loaded: LoadedScene) -> Figure:
     """Level of each cam against speed, its cubic regression, and what is published."""
-    out = empty(4.4)
+    out = empty(3.4)
     axes = out.subplots()
     for curve in result.curves.values():
         style = marker(curve.cam)
@@ -55,7 +56,7 @@ def figure(result: NoiseResult, loaded: LoadedScene) -> Figure:
             color="0.35",
         )
     worth = "" if loaded.calibrated else "relative "
-    axes.set(xlabel=CAM_SPEED, ylabel=worth + LEVEL, title=loaded.scene.title)
+    axes.set(xlabel=CAM_SPEED, ylabel=worth + LEVEL, title=wrapped(loaded.scene.title))
     axes.legend(loc="upper left")
     return out
 
@@ -71,7 +72,7 @@ def turn_by_turn(by_turn: FloatArray, settle_turns: int, level: float, title: st
     axes.plot(
         settled, [level, level], color=series(1)["color"], label=f"settled turns: {level:.2f} dB"
     )
-    axes.set(xlabel="turn", ylabel=LEVEL, title=title)
+    axes.set(xlabel="turn", ylabel=LEVEL, title=wrapped(title))
     axes.set_xticks(turn[:: 1 + turn.size // 20])
     axes.set_ylim(by_turn.min() - MARGIN_DB, by_turn.max() + MARGIN_DB)
     axes.legend()

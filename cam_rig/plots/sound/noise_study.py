@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from cam_rig.plots.figures import CAM_SPEED, LEVEL, empty, marker, short, styled, write
+from cam_rig.drawing.words import short
+from cam_rig.plots.figures import CAM_SPEED, LEVEL, empty, marker, styled, write
 from cam_rig.plots.sound.noise import MIN_SPEEDS
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.studies.noise.calibration_methods import Method

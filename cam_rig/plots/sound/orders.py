@@ -13,7 +13,8 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from cam_rig.arrays import FloatArray
-from cam_rig.plots.figures import CAM_SPEED, colour, empty, styled, title_of, write
+from cam_rig.drawing.words import title_of
+from cam_rig.plots.figures import CAM_SPEED, colour, empty, styled, write
 from cam_rig.schema.scene import MODEL_ALIASES
 from cam_rig.studies.orders.waterfall import QUANTITIES, RANGE, CamOrders, loudest
 
@@ -75,9 +76,9 @@ def _rays(axes: Axes, study: CamOrders, values: FloatArray, most: float) -> Line
         axes.axhline(natural, color="w", ls="--", lw=0.8)
     named = _named(highest)
     for order in named:
-        words = f"{order:g}" if order < named[-1] else f"order {order:g}"
+        words = f"order {order:g}" if order == named[0] else f"{order:g}"  # far from the title
         place = (high, order * high / 60.0)
-        axes.annotate(words, place, (2, 0), textcoords="offset points")
+        axes.annotate(words, place, (2, 0), textcoords="offset points", va="center")
     return rays
 
 

@@ -28,8 +28,8 @@ SECTIONS = {
 MODELS = {name: model for model, name in MODEL_ALIASES.items()}
 
 
-def html(found: SceneFindings, figures: dict[str, str], made: Made) -> str:
-    """One self-contained page; ``figures`` are data URIs by key."""
+def html(found: SceneFindings, figures: dict[str, list[str]], made: Made) -> str:
+    """One self-contained page; ``figures`` are data URIs by key, from the top."""
     return render("html", _document(found, figures, made))
 
 
@@ -38,7 +38,7 @@ def markdown(found: SceneFindings, made: Made) -> str:
     return render("md", _document(found, {}, made))
 
 
-def _document(found: SceneFindings, figures: dict[str, str], made: Made) -> Document:
+def _document(found: SceneFindings, figures: dict[str, list[str]], made: Made) -> Document:
     return Document(
         title=found.loaded.scene.title,
         sections=SECTIONS,
@@ -60,7 +60,7 @@ def _values(found: SceneFindings) -> dict[str, Any]:
         "rig": loaded.rig,
         "calibrated": loaded.calibrated,
         "titles": found.cam_set.titles,
-        "model": MODELS.get(loaded.scene.model, loaded.scene.model),
+        "model": MODELS.get(loaded.scene.model, loaded.scene.model).replace("_", " "),
         "speeds": speeds_of(loaded),
         "failed": [
             (found.cam_set.titles[cam], check)

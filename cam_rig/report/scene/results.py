@@ -18,7 +18,7 @@ from cam_rig.profile.checks.check import Check
 from cam_rig.report.recorded import Recorded, read_recorded
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.studies.cam_set import CamSet
-from cam_rig.studies.jump.any_rig import described, find_jump, follower_of
+from cam_rig.studies.jump.any_rig import described, described_run, find_jump, follower_of
 from cam_rig.studies.jump.comparison import JumpRow
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.noise.setup import StudyRoles
@@ -67,6 +67,11 @@ class SceneFindings:
     def follower(self) -> str:
         """Of which follower the jump speeds are."""
         return described(follower_of(self.loaded.rig))
+
+    @property
+    def jump_run(self) -> str:
+        """Of which follower the jump speeds are, and in which run of it."""
+        return described_run(follower_of(self.loaded.rig), FROM_REST)
 
     def drawn(self, cams: list[str]) -> CamSet:
         """The set of some of the cams."""

@@ -61,7 +61,7 @@ def _jumps(found: SceneFindings) -> Iterator[Answer]:
         where = "below" if row.found.rpm < fastest else "above"
         yield Answer(
             f"What is the jump speed of {found.cam_set.titles[row.cam]}?",
-            f"{bold(row.found.rpm, '.1f', 'rpm')}, of {found.follower}; contact is lost at "
+            f"{bold(row.found.rpm, '.1f', 'rpm')} ({found.jump_run}); contact is lost at "
             f"**{math.degrees(row.found.angle):.1f}°**",
             f"{where} the scene's fastest speed",
         )
@@ -73,5 +73,19 @@ def _levels(found: SceneFindings) -> Answer:
     return Answer(
         "How loud is it?",
         span(ends, ".1f", "dB") if ends[0] < ends[1] else bold(ends[0], ".1f", "dB"),
-        "calibrated" if found.loaded.calibrated else "relative: no measurement calibrated it",
+        _worth(found),
     )
+
+
+def _worth(found: SceneFindings) -> str:
+    """What the levels are worth, as the table of levels has it: one word where it is the same."""
+    if not found.loaded.calibrated:
+        return "relative: no measurement calibrated it"
+    titles = found.cam_set.titles
+    roles = {cam: curve.role for cam, curve in found.run.noise.curves.items()}
+    by_role = {
+        role: [titles[cam] for cam in roles if roles[cam] == role] for role in roles.values()
+    }
+    if len(by_role) == 1:
+        return next(iter(by_role))
+    return "; ".join(f"{role}: {', '.join(cams)}" for role, cams in by_role.items())

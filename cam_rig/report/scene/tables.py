@@ -27,7 +27,7 @@ from cam_rig.units import RPM
 
 def tables(found: SceneFindings) -> dict[str, list[DataTable]]:
     """Every table of the page, by the section that shows it."""
-    loaded = found.loaded
+    loaded, titles = found.loaded, found.cam_set.titles
     rate = int(loaded.scene.sample_rate.si)
     simulated = {cam: curve.level_db for cam, curve in found.run.noise.curves.items()}
     return {
@@ -37,13 +37,13 @@ def tables(found: SceneFindings) -> dict[str, list[DataTable]]:
             checks_table(loaded.cams[cam], loaded.laws[cam], checks)
             for cam, checks in found.checks.items()
         ],
-        "turn": [speed_table(found.run.by_speed, loaded.scene.title, rate)],
+        "turn": [speed_table(found.run.by_speed, loaded.scene.title, rate, titles)],
         "jump": [_jumps(found)] if found.jumps else [],
         "vibration": _vibration(found),
         "sound": [
             _levels(found),
-            *([] if found.recorded is None else [recorded_table(found.recorded, simulated)]),
-            *([orders_table(found.orders)] if found.orders else []),
+            *([recorded_table(found.recorded, simulated, titles)] if found.recorded else []),
+            *([orders_table(found.orders, titles)] if found.orders else []),
         ],
         "numbers": [origins_table(name, model) for name, model in files(found).items()],
     }
@@ -71,7 +71,7 @@ def _laws(found: SceneFindings) -> DataTable:
         found.loaded.laws.items(),
         (
             (Column("cam"), lambda row: titles[row[0]]),
-            (Column("lift", "mm", ".5g"), lambda row: 1e3 * row[1].lift),
+            (Column("lift", "mm", ".4g"), lambda row: 1e3 * row[1].lift),
             (Column("continuity"), lambda row: continuity(row[1])),
             (Column("largest s′", "mm/rad", ".4g"), peak(1, 1)),
             (Column("smallest s′", "mm/rad", ".4g"), peak(1, 0)),
@@ -93,7 +93,7 @@ def _jumps(found: SceneFindings) -> DataTable:
             row.cam: rigid_jump_speed(loaded.laws[row.cam], loaded.follower) / RPM
             for row in found.jumps
         }
-    caption = f"Jump speed on rig {loaded.rig.name}: {found.follower}"
+    caption = f"Jump speed on rig {loaded.rig.name}: {found.jump_run}"
     return jump_table(found.jumps, caption, found.cam_set.titles, rigid)
 
 
@@ -115,9 +115,9 @@ def _levels(found: SceneFindings) -> DataTable:
             (Column("cam"), lambda curve: titles[curve.cam]),
             (Column("level is"), lambda curve: curve.role),
             (Column("lowest", "dB", ".1f"), lambda curve: float(curve.level_db.min())),
-            (Column("at", "rpm", ".5g"), lambda curve: float(curve.rpm[curve.level_db.argmin()])),
+            (Column("at", "rpm", ".6g"), lambda curve: float(curve.rpm[curve.level_db.argmin()])),
             (Column("highest", "dB", ".1f"), lambda curve: float(curve.level_db.max())),
-            (Column("at", "rpm", ".5g"), lambda curve: float(curve.rpm[curve.level_db.argmax()])),
+            (Column("at", "rpm", ".6g"), lambda curve: float(curve.rpm[curve.level_db.argmax()])),
             (Column("difference to published", "dB r.m.s.", ".2f"), lambda curve: curve.rmse_db),
         ),
         "" if found.loaded.calibrated else RELATIVE_NOTE,

@@ -40,6 +40,21 @@ def described(parameters: AnyFollower) -> str:
     return TWO_MASSES if isinstance(parameters, TwoMassParameters) else ONE_MASS
 
 
+def described_run(parameters: AnyFollower, duration: float | None) -> str:
+    """Which follower, and how it runs: ``duration`` s from rest, or in steady state for None.
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> described_run(follower_of(cam_rig.load_rig("paper_table2")), 1.7)
+    'two masses, 1.7 s from rest'
+    """
+    name = described(parameters)
+    if name == ONE_MASS:
+        return f"{name}, from rest as in steady state"
+    return f"{name}, in steady state" if duration is None else f"{name}, {duration:g} s from rest"
+
+
 def find_jump(law: Law, parameters: AnyFollower, duration: float | None) -> Jump:
     """The lowest speed at which contact is lost.
 

@@ -14,13 +14,13 @@ from cam_rig.tables import Cell, Column, DataTable, tabulate
 
 #: The numbers of a reading: heading, unit, format, factor from SI.
 NUMBERS = {
-    "event": ("event angle", "°", ".3f", 180.0 / math.pi),
-    "high_dwell": ("high dwell", "°", ".3f", 180.0 / math.pi),
-    "stem_stiffness": ("stem", "N/m", ".6g", 1.0),
-    "roller_share": ("mass split", "", ".5g", 1.0),
-    "stem_damping": ("stem damping", "N·s/m", ".5g", 1.0),
-    "damping": ("damping to ground", "N·s/m", ".5g", 1.0),
-    "preload": ("preload", "N", ".5g", 1.0),
+    "event": ("event angle", "°", ".1f", 180.0 / math.pi),
+    "high_dwell": ("high dwell", "°", ".1f", 180.0 / math.pi),
+    "stem_stiffness": ("stem", "N/m", ".4g", 1.0),
+    "roller_share": ("mass split", "", ".4g", 1.0),
+    "stem_damping": ("stem damping", "N·s/m", ".4g", 1.0),
+    "damping": ("damping to ground", "N·s/m", ".4g", 1.0),
+    "preload": ("preload", "N", ".4g", 1.0),
 }
 
 

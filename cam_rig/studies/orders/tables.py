@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -19,9 +19,12 @@ Row = tuple[str, OrderSpectrum]
 OrderRow = tuple[str, OrderSpectrum, int]
 
 
-def speed_table(found: Iterable[CamOrders]) -> DataTable:
-    """A row for each cam and speed: mean force, sound of all orders, the loudest of them."""
-    rows = list(_spectra(found))
+def speed_table(found: Iterable[CamOrders], titles: Mapping[str, str] | None = None) -> DataTable:
+    """A row for each cam and speed: mean force, sound of all orders, the loudest of them.
+
+    ``titles`` are what cams are called, where not by name.
+    """
+    rows, called = list(_spectra(found)), titles or {}
     highest = max((spectrum.orders[-1] for _, spectrum in rows), default=0.0)
     lands = any(spectrum.steady.landings for _, spectrum in rows)
     unsettled = any(not spectrum.steady.settled for _, spectrum in rows)
@@ -29,7 +32,7 @@ def speed_table(found: Iterable[CamOrders]) -> DataTable:
         f"Orders 1 to {highest:g} of the steady turn",
         rows,
         (
-            (Column("cam"), lambda row: row[0]),
+            (Column("cam"), lambda row: called.get(row[0], row[0])),
             (Column("speed", "rpm", ".6g"), lambda row: row[1].rpm),
             (Column("period", "turns", "d", "none"), _period),
             (Column("mean force", "N", ".2f"), lambda row: float(row[1].amplitude[0])),

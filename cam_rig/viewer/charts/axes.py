@@ -13,11 +13,14 @@ import rerun as rr
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
+from cam_rig.tables import printed
 
 #: Radii on the screen: Rerun takes a negative one as points, not as the plane's unit.
 THIN, UNSEEN = -0.5, -0.1
 #: Room for the words around the axes, as shares of width and height: left, right, above, below.
 MARGINS = (0.17, 0.05, 0.1, 0.12)
+#: Room above the highest number of an axis over time, as a share of what is below it.
+ABOVE = 0.05
 
 
 @dataclass(frozen=True)
@@ -45,9 +48,16 @@ class Axes:
         up = (y - self.y[0]) / (self.y[1] - self.y[0])
         return np.column_stack([across * self.width, self.top + (1.0 - up) * self.height])
 
-    def bounds(self, right: float = MARGINS[1]) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Range of x and y of a view of it all; ``right`` is the share of the width left free."""
-        left, _, above, below = MARGINS
+    def bounds(
+        self, right: float = MARGINS[1], below: float = MARGINS[3]
+    ) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Range of x and y of a view of it all.
+
+        Parameters
+        ----------
+        right, below : left free there, shares of width and height
+        """
+        left, _, above, _ = MARGINS
         x = -left * self.width, (1.0 + right) * self.width
         return x, (-above * self.height, (1.0 + below) * self.height)
 
@@ -94,14 +104,14 @@ class Axes:
 
 
 def round_marks(low: float, high: float, unit: str) -> dict[float, str]:
-    """Four to eight round values from ``low`` to ``high``, the last with its unit."""
+    """Four to eight round values from ``low`` to ``high``, the last with its unit if any."""
     raw = (high - low) / 4.0
     power = 10.0 ** np.floor(np.log10(raw))
     step = float(max(f * power for f in (1.0, 2.0, 2.5, 5.0) if f * power <= raw))
     values = np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1.0) * step
     values += 0.0  # no -0
-    words = [f"{value:g}" for value in values]
-    words[-1] += f" {unit}"
+    words = [printed(value) for value in values]
+    words[-1] += f" {unit}" if unit else ""
     return dict(zip(values.tolist(), words, strict=True))
 
 
@@ -124,6 +134,28 @@ def round_range(low: float, high: float, parts: int = 5) -> tuple[float, float, 
     step = float(min(f * power for f in (1.0, 2.0, 5.0, 10.0) if f * power >= raw * (1 - 1e-9)))
     ends = np.floor(low / step + 1e-9), np.ceil(high / step - 1e-9)
     return round(float(ends[0]) * step, 12), round(float(ends[1]) * step, 12), step
+
+
+def tens_range(low: float, high: float) -> tuple[float, float]:
+    """From and to of an axis that Rerun numbers: at powers of ten, of which three stand or more.
+
+    It steps by the greatest power of ten in what is shown, where ten steps have room. A number at
+    the upper edge would not be drawn: there is some room above the last.
+
+    Examples
+    --------
+    >>> tens_range(-100.0, 60.0), tens_range(0.0, 250.0), tens_range(0.0, 1200.0)
+    ((-100.0, 110.0), (0.0, 250.0), (0.0, 2100.0))
+    """
+    step = 10.0 ** np.floor(np.log10(high - low) + 1e-9)
+    first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
+    while last - first < 2.0:
+        if (last + 1.0) * step - high <= low - (first - 1.0) * step + 1e-9 * step:
+            last += 1.0
+        else:
+            first -= 1.0
+    low, last = min(low, float(first * step)), float(last * step)
+    return low, max(high, last + ABOVE * (last - low))
 
 
 def step_marks(low: float, high: float, step: float, most: int = 4) -> dict[float, str]:

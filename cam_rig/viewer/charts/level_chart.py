@@ -12,11 +12,12 @@ import rerun as rr
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing.cam_looks import of_cam
-from cam_rig.drawing.words import in_words
+from cam_rig.drawing.words import in_words, shortened
 from cam_rig.simulation.levels import MeasuredTick, step_levels
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.units import RPM_PER_RAD_S
 from cam_rig.viewer.charts.axes import UNSEEN, Axes, round_marks
+from cam_rig.viewer.charts.text_panels import MAX_TITLE
 from cam_rig.viewer.timeline import Times, time_columns
 
 VIEW = "noise"
@@ -45,10 +46,11 @@ def level_axes(loaded: LoadedScene) -> Axes:
 
 
 def shown_cams(loaded: LoadedScene) -> dict[str, str]:
-    """Titles of the cams of the scene, then of those that are published only."""
+    """Titles of the cams of the scene, then of those that are published only; long ones short."""
     others = () if loaded.published is None else loaded.published.regression_db
     words = {cam: in_words(cam) for cam in others if cam not in loaded.cams}
-    return {name: cam.title for name, cam in loaded.cams.items()} | words
+    titles = {name: cam.title for name, cam in loaded.cams.items()} | words
+    return {name: shortened(title, MAX_TITLE) for name, title in titles.items()}
 
 
 def beside(loaded: LoadedScene) -> float:

@@ -7,12 +7,14 @@ import rerun as rr
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing.cam_looks import of_cam
+from cam_rig.drawing.words import shortened
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.viewer.charts.band_chart import BandChart
 from cam_rig.viewer.charts.bands import third_octaves
 from cam_rig.viewer.charts.quantities import GAP, LIFT, TWIST, VELOCITY, Drawn, Ranges, drawn_of
-from cam_rig.viewer.charts.turn_axes import HEAD, TurnAxes, curve, label
+from cam_rig.viewer.charts.text_panels import MAX_TITLE
+from cam_rig.viewer.charts.turn_axes import WIDTH, TurnAxes, curve, label
 from cam_rig.viewer.framing import force_scale
 from cam_rig.viewer.scene2d import Scene2D, frame_mask
 from cam_rig.viewer.timeline import within_turn
@@ -21,8 +23,8 @@ from cam_rig.viewer.turns import Turn
 TURNS, COMPARE = "turns", "compare"
 #: Height of the axes, of their width 160.
 ROW = 80.0
-#: Middle of a cam's name in the lift's axes, and from name to name.
-NAME_AT, NAME_STEP = (132.0, 1.0), 11.0
+#: Cams whose names stand in a line over the axes, and from line to line.
+NAMES_IN_LINE, NAME_STEP = 2, 11.0
 #: Radius of a curve on the screen.
 STROKE = -0.9
 
@@ -42,6 +44,11 @@ def turn_axes(row: Drawn, ranges: Ranges) -> TurnAxes:
     return TurnAxes([row], ranges, ROW)
 
 
+def names_height(loaded: LoadedScene) -> float:
+    """Room for the cams' names over the axes, which no curve reaches."""
+    return -(-len(loaded.cams) // NAMES_IN_LINE) * NAME_STEP
+
+
 def draw_turn_axes(
     stream: rr.RecordingStream, loaded: LoadedScene, rpm: float, ranges: Ranges
 ) -> None:
@@ -54,10 +61,12 @@ def draw_turn_axes(
         axes.draw_marks(stream, view)
         turned = np.radians(degrees)
         axes.move_cursor(stream, view, within_turn(degrees, turned), turned)
+    lines = names_height(loaded) / NAME_STEP
     for i, (name, cam) in enumerate(loaded.cams.items()):
-        at = NAME_AT[0], HEAD + NAME_AT[1] + i * NAME_STEP
+        line, column = divmod(i, NAMES_IN_LINE)
+        at = (column + 0.5) * WIDTH / NAMES_IN_LINE, (line - lines) * NAME_STEP
         where = f"{at_speed(rpm, LIFT.key)}/lift/names/{name}"
-        label(stream, where, at, cam.title, of_cam(name))
+        label(stream, where, at, shortened(cam.title, MAX_TITLE), of_cam(name))
 
 
 def draw_turn(stream: rr.RecordingStream, loaded: LoadedScene, turn: Turn, ranges: Ranges) -> None:

@@ -41,6 +41,12 @@ GAP = Drawn("gap", "Gap [µm]", series.GAP)
 TWIST = Drawn("twist", "Twist of the shaft [°]", series.TWIST)
 
 
+#: Key of the axis on which the smallest of a scene's gaps can be seen beside its greatest.
+CLOSE_GAP = "close_gap"
+#: A gap (µm) that is worth an axis of its own, that axis over it, and over the axis of all gaps.
+MIN_GAP, CLOSE, MAX_SHARE = 1.0, 4.0, 0.2
+
+
 def drawn_of(model: str) -> tuple[Drawn, ...]:
     """What is drawn of a model: the gap where it can leave the cam, the twist of a shaft.
 
@@ -78,16 +84,28 @@ def scene_ranges(loaded: LoadedScene) -> SceneRanges:
     rows = drawn_of(loaded.scene.model)
     shaft = ShaftTwist(loaded) if TWIST in rows else None
     ends: dict[str, FloatArray] = {}
+    gaps: dict[tuple[str, float], float] = {}
     for tick in turned_ticks(loaded):
         values = [*tick.motion, tick.force]
         if GAP in rows:
-            values.append(gap_of(loaded.laws[tick.cam], tick.angle, tick))
+            values.append(gap := gap_of(loaded.laws[tick.cam], tick.angle, tick))
+            step = tick.cam, tick.interval.speed
+            gaps[step] = max(gaps.get(step, 0.0), float(gap.max()))
         if shaft is not None:
             values.append(shaft.tick(tick.cam, tick.interval, tick.time))
         now = np.array([[row.min(), row.max()] for row in values])
         ends[tick.cam] = _wider(ends.get(tick.cam, now), now)
     whole = reduce(_wider, ends.values())
-    return SceneRanges(_ranges(rows, whole), {cam: _ranges(rows, e) for cam, e in ends.items()})
+    by_cam = {cam: _ranges(rows, values) for cam, values in ends.items()}
+    return SceneRanges({**_ranges(rows, whole), **close_gap([*gaps.values()])}, by_cam)
+
+
+def close_gap(gaps: Sequence[float]) -> Ranges:
+    """The axis of the smallest gap (m) of any speed, where it is lost on that of all; else none."""
+    seen = [gap * GAP.line.factor for gap in gaps if gap * GAP.line.factor >= MIN_GAP]
+    if not seen or CLOSE * min(seen) > MAX_SHARE * max(seen):
+        return {}
+    return {CLOSE_GAP: round_range(0.0, CLOSE * min(seen))}
 
 
 def _wider(one: FloatArray, other: FloatArray) -> FloatArray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import rerun as rr
 
@@ -17,6 +19,7 @@ def readings(
     force: FloatArray,
     gap: FloatArray,
     pressure_angle: FloatArray,
+    max_lift: float = math.inf,
 ) -> list[str]:
     """Markdown of each of many frames; arrays ``(n,)``.
 
@@ -26,6 +29,7 @@ def readings(
     rpm : 1/min
     lift, gap : m; a gap of 0 is contact
     force : N
+    max_lift : of the picture, m; a follower above it is drawn there
 
     Examples
     --------
@@ -44,17 +48,29 @@ def readings(
         gap * 1e6,
         np.degrees(pressure_angle),
     )
-    return [_words(rpm, *row) for row in np.stack(columns, axis=1).tolist()]
+    return [_words(rpm, 1e3 * max_lift, *row) for row in np.stack(columns, axis=1).tolist()]
 
 
-def _words(rpm: float, theta: float, lift: float, force: float, gap: float, lean: float) -> str:
+def no_readings(rpm: float) -> str:
+    """Markdown of a cam that begins to turn (1/min), before its first frame."""
+    return _lines(("", "", ""), (f"{rpm:.4g} rpm", "", ""))
+
+
+def _words(
+    rpm: float, edge: float, theta: float, lift: float, force: float, gap: float, lean: float
+) -> str:
     off = gap != 0.0
     left = f"{theta:.1f}°", f"{lift:.3f} mm", f"{force:.1f} N"
     state = f"gap {four_digits(gap)} µm" if off else "in contact"
     angle = "not touched" if off else f"pressure angle {lean:.1f}°"
-    right = f"{rpm:.4g} rpm", state, angle
+    if lift > edge:
+        angle = f"drawn at {edge:.0f} mm"
+    return _lines(left, (f"{rpm:.4g} rpm", state, angle))
+
+
+def _lines(left: tuple[str, str, str], right: tuple[str, str, str]) -> str:
     names = "θ", "lift", "force"
-    lines = [f"{a:<8}{b:<12}{c}" for a, b, c in zip(names, left, right, strict=True)]
+    lines = [f"{a:<8}{b:<12}{c}".rstrip() for a, b, c in zip(names, left, right, strict=True)]
     return "\n".join(["```", *lines, "```"])
 
 

@@ -13,6 +13,7 @@ import rerun as rr
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing import colours
+from cam_rig.drawing.words import shortened
 from cam_rig.dynamics import Samples
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
@@ -21,9 +22,11 @@ from cam_rig.viewer.charts.band_chart import BandChart
 from cam_rig.viewer.charts.bands import third_octaves
 from cam_rig.viewer.charts.quantities import SceneRanges
 from cam_rig.viewer.charts.shaft_twist import TORSIONAL, ShaftTwist
+from cam_rig.viewer.charts.text_panels import MAX_TITLE
 from cam_rig.viewer.charts.time_series import TimeSeries
 from cam_rig.viewer.charts.turn_chart import TurnChart
-from cam_rig.viewer.scene2d import FramePace, Scene2D, frame_mask
+from cam_rig.viewer.pace import FramePace
+from cam_rig.viewer.scene2d import Scene2D, frame_mask
 from cam_rig.viewer.timeline import Times, time_columns
 from cam_rig.viewer.turns import Turn, TurnCollector
 
@@ -86,7 +89,7 @@ class RunView:
         for row in zip(time[landed], angle[landed], impulse[landed], strict=True):
             turn, within = divmod(row[1], TURN)
             words = f"landing at {math.degrees(within):.1f}° of turn {int(turn) + 1}"
-            self._events.append((*row[:2], f"{words}, impulse {row[2]:.3g} N·s", "INFO"))
+            self._events.append((*row[:2], f"{words}, {row[2]:.3g} N·s", "INFO"))
         if not start.holds_until(end):
             return
         self._turns.add(start, angle, rows)
@@ -130,7 +133,9 @@ class RunView:
         self.flush()
         if last is None or state.cam != last.cam:
             self._scene.mount(state, profile)
-        title = f"{self._loaded.cams[state.cam].title}, "
+        title = f"{shortened(self._loaded.cams[state.cam].title, MAX_TITLE)}, "
         self._scene.speed(state, title)
+        if not self._whole:  # of a bag, a turn is there from its beginning
+            self._turn_chart.begin(state)
         words = f"{title}{to_rpm(state.speed):.0f} rpm"
         self._events.append((state.time_ns / NS, state.unwrapped, words, "INFO"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cam_rig.drawing.words import four_digits
+from cam_rig.drawing.words import four_digits, shortened
 from cam_rig.schema.quantity import ORIGINS, Quantity
 from cam_rig.simulation.calibrated import RELATIVE_NOTE
 from cam_rig.simulation.loaded_scene import LoadedScene
@@ -10,8 +10,10 @@ from cam_rig.units import to_rpm
 from cam_rig.viewer.charts.quantities import gap_of
 from cam_rig.viewer.turns import Turn, lift_offs
 
+#: Letters of a cam's title that tables and charts have room for where a page is 1000 pixels wide.
+MAX_TITLE = 24
 HEAD = (
-    "| cam | rpm | level [dB] | most force [N] | least force [N] | lift-offs | gap [µm] |",
+    "| cam | rpm | level [dB] | max force [N] | min force [N] | lift-offs | gap [µm] |",
     "|---|---:|---:|---:|---:|---:|---:|",
 )
 
@@ -53,7 +55,7 @@ class ResultTable:
     def _line(self, cam: str, speed: float, first: bool) -> str:
         level, rpm = self._levels.get((cam, speed)), to_rpm(speed)
         shown = "settling" if level is None else f"{level:.4g}"
-        title = self._loaded.cams[cam].title if first else ""
+        title = shortened(self._loaded.cams[cam].title, MAX_TITLE) if first else ""
         return f"| {title} | {rpm:.4g} | {shown} {self._motion[cam, speed]}"
 
 

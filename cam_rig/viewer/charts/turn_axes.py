@@ -51,9 +51,11 @@ class TurnAxes:
         #: Of all rows.
         self.height = len(rows) * (HEAD + row)
 
-    def bounds(self, below: float = BELOW) -> tuple[tuple[float, float], tuple[float, float]]:
+    def bounds(
+        self, below: float = BELOW, above: float = ABOVE
+    ) -> tuple[tuple[float, float], tuple[float, float]]:
         """Range of x and y of a view of it all, with room below for the degrees."""
-        return (-LEFT, WIDTH + RIGHT), (-ABOVE, self.height + below)
+        return (-LEFT, WIDTH + RIGHT), (-above, self.height + below)
 
     def place(self, key: str, degrees: FloatArray, values: FloatArray) -> FloatArray:
         """``(n, 2)`` points in a row; beyond its axis they end at its edge."""

@@ -13,7 +13,7 @@ from cam_rig.drawing import colours
 from cam_rig.dynamics import MODELS
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
-from cam_rig.units import NS
+from cam_rig.units import NS, to_rpm
 from cam_rig.viewer.charts import series
 from cam_rig.viewer.charts.axes import THIN, UNSEEN
 from cam_rig.viewer.charts.quantities import GAP, LIFT, TWIST, SceneRanges, drawn_of, gap_of
@@ -97,7 +97,7 @@ class TurnChart:
     def _send(self, at: list[rr.TimeColumn], turn: Turn) -> None:
         """Lay a turn over those of its speed, where it can be told from them."""
         if self._shown != (turn.cam, turn.speed):
-            self._begin(at, turn)
+            self._begin(at, turn.cam, turn.speed)
         curves = {row.key: self._curve(row.key, row.line.factor, turn) for row in self._rows}
         now = np.stack([np.interp(ALONG, *points.T) for points in curves.values()])
         if any(np.abs(now - before).max() < ALIKE * ROW for before in self._laid.values()):
@@ -110,15 +110,24 @@ class TurnChart:
             self._strips(at, f"{key}/follower/{slot}", strips)
         self._draw_events(at, turn)
 
-    def _begin(self, at: list[rr.TimeColumn], turn: Turn) -> None:
+    def begin(self, state: CamState) -> None:
+        """Another cam or speed turns from a state on; its first whole turn comes later."""
+        at = self._times(np.array([state.time_ns / NS]), np.array([state.unwrapped]))
+        self._begin(at, state.cam, state.speed)
+        for mark in (series.LIFT_OFF, series.LANDING):
+            none = rr.Points2D.columns(positions=[]).partition([0])
+            self._stream.send_columns(f"{VIEW}/lift/{mark.name}", at, none)
+        self._strips(at, "flights", [])
+
+    def _begin(self, at: list[rr.TimeColumn], cam: str, speed: float) -> None:
         """Another cam or speed: its axes, law and name, and away with what was laid."""
         for slot in self._laid:
             for row in self._rows:
                 self._strips(at, f"{row.key}/follower/{slot}", [])
-        if turn.cam != self._shown[0]:
-            self._mount(at, turn.cam)
-        self._shown, self._laid, self._count = (turn.cam, turn.speed), {}, 0
-        words = f"{self._loaded.cams[turn.cam].title}, {turn.rpm:.4g} rpm"
+        if cam != self._shown[0]:
+            self._mount(at, cam)
+        self._shown, self._laid, self._count = (cam, speed), {}, 0
+        words = f"{self._loaded.cams[cam].title}, {to_rpm(speed):.4g} rpm"
         self._stream.send_columns(f"{VIEW}/caption", at, rr.Points2D.columns(labels=[words]))
 
     def _mount(self, at: list[rr.TimeColumn], cam: str) -> None:

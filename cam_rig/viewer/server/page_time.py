@@ -10,42 +10,8 @@ from urllib.parse import parse_qs
 
 from cam_rig.errors import CamRigError
 from cam_rig.units import NS
+from cam_rig.viewer.server.scripts import REPORT_EVERY_S
 
-#: What the page asks for to say so; the number is -1 while it shows nothing.
-SHOWN_PATH = "/shown"
-#: The viewer gives its state as a protobuf: field 3 are its recordings, in each 3 the time cursor,
-#: with its timeline's name in 1.1 and the time (ns) in 3.1.
-SCRIPT = """<script>
-function* fields(b) {
-  let i = 0;
-  const varint = () => {
-    let r = 0n, s = 0n, c;
-    do { c = b[i++]; r |= BigInt(c & 127) << s; s += 7n; } while (c > 127);
-    return r;
-  };
-  while (i < b.length) {
-    const key = Number(varint()), kind = key & 7;
-    if (kind === 0) yield [key >> 3, varint()];
-    else if (kind === 2) { const n = Number(varint()); yield [key >> 3, b.subarray(i, i += n)]; }
-    else if (kind === 1) i += 8; else if (kind === 5) i += 4; else return;
-  }
-}
-const only = (b, ...path) => path.reduce((at, want) =>
-  at === undefined ? at : ([...fields(at)].find(([field]) => field === want) ?? [])[1], b);
-const text = (b) => b === undefined ? "" : new TextDecoder().decode(b);
-setInterval(() => {
-  const handle = window._handle;
-  if (!handle || !handle.viewer_state) return;
-  let shown = -1n;
-  try {
-    for (const [field, recording] of fields(handle.viewer_state())) {
-      const cursor = field === 3 ? only(recording, 3) : undefined;
-      if (cursor && text(only(cursor, 1, 1)) === "rig_time") shown = only(cursor, 3, 1) ?? 0n;
-    }
-  } catch { return; }
-  fetch(`/shown?ns=${shown}`).catch(() => {});
-}, 2000);
-</script>"""
 #: Wall time (s) between two looks at whether the viewer still lives.
 LOOK_S = 0.2
 
@@ -60,9 +26,9 @@ class PageTime:
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock, self._open = clock, Event()
-        self._shown: float | None = None
         self._driven, self._when = list[float](), list[float]()
-        #: The longest delay (s) so far.
+        self._reported: tuple[float, float] | None = None
+        #: The longest delay (s) that a page has reported; None before the first.
         self.longest: float | None = None
 
     def take(self, query: str) -> None:
@@ -73,8 +39,11 @@ class PageTime:
         except ValueError:
             return
         self._open.set()
-        if shown >= 0.0:
-            self._shown = shown
+        if shown < 0.0 or not self._driven:
+            return
+        at, now = bisect_left(self._driven, shown), self._clock()
+        late = 0.0 if at == len(self._driven) else now - self._when[at]
+        self._reported, self.longest = (now, late), max(late, self.longest or 0.0)
 
     def wait(self, alive: Callable[[], bool]) -> None:
         """Wait until a page shows the viewer.
@@ -89,25 +58,24 @@ class PageTime:
 
     def driven(self, rig_time: float) -> None:
         """The drive has come to a rig time (s) now."""
+        self._when.append(self._clock())  # first, for another thread looks it up by the other
         self._driven.append(rig_time)
-        self._when.append(self._clock())
 
     def behind(self) -> float | None:
         """Wall time (s) since the drive was where the page is; None while neither is known.
 
+        As the page has reported last; a report that is overdue adds to it.
+
         Examples
         --------
-        >>> wall = iter([10.0, 11.0, 11.5])
+        >>> wall = iter([10.0, 11.0, 11.5, 12.0, 15.0])
         >>> page = PageTime(lambda: next(wall))
         >>> page.driven(2.0), page.driven(3.0), page.take("ns=2000000000")
         (None, None, None)
-        >>> page.behind()
-        1.5
+        >>> page.behind(), page.behind()
+        (1.5, 4.0)
         """
-        if self._shown is None or not self._driven:
+        if self._reported is None:
             return None
-        at = bisect_left(self._driven, self._shown)
-        now = self._clock()
-        late = 0.0 if at == len(self._driven) else now - self._when[at]
-        self.longest = max(late, self.longest or 0.0)
-        return late
+        when, late = self._reported
+        return late + max(0.0, self._clock() - when - REPORT_EVERY_S)

@@ -21,8 +21,9 @@ from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote, urlsplit
 
-from cam_rig.viewer.server.page_time import SCRIPT, SHOWN_PATH, PageTime
+from cam_rig.viewer.server.page_time import PageTime
 from cam_rig.viewer.server.process import HOST, free_port, listening, stream_address
+from cam_rig.viewer.server.scripts import BEHIND_PATH, SHOWN_PATH, page_script
 
 #: A viewer that keeps nothing from one visit to the next.
 QUERY = "?hide_welcome_screen&persist=0&notebook=0&renderer=webgl&url="
@@ -58,19 +59,25 @@ class Pages(NamedTuple):
 
 
 @contextmanager
-def serve_file(path: Path) -> Iterator[str]:
-    """The address at which a browser shows a recording, as long as the context lasts."""
-    with serve(path) as pages:
+def serve_file(path: Path, begin: float = 0.0) -> Iterator[str]:
+    """The address at which a browser shows a recording, as long as the context lasts.
+
+    ``begin`` is the rig time (s) that it shows first.
+    """
+    with serve(path, begin) as pages:
         yield pages.address
 
 
 @contextmanager
-def serve(path: Path | None = None) -> Iterator[Pages]:
-    """Serve a recording to a browser, or what a live run sends, as long as the context lasts."""
+def serve(path: Path | None = None, begin: float = 0.0) -> Iterator[Pages]:
+    """Serve a recording to a browser, or what a live run sends, as long as the context lasts.
+
+    ``begin`` is the rig time (s) that a page shows first.
+    """
     port, assets = free_port(), free_port()
     arguments = ("--serve-web", "--port", str(port), "--web-viewer-port", str(assets))
     with listening(*arguments, ports=(port, assets)) as viewer:
-        server = _Server(assets, port, path)
+        server = _Server(assets, port, path, begin)
         threading.Thread(target=server.serve_forever, daemon=True).start()
         try:
             yield Pages(f"{server.origin}/", stream_address(port), viewer, server.page)
@@ -82,9 +89,10 @@ def serve(path: Path | None = None) -> Iterator[Pages]:
 class _Server(ThreadingHTTPServer):
     daemon_threads = True
 
-    def __init__(self, assets: int, port: int, path: Path | None) -> None:
+    def __init__(self, assets: int, port: int, path: Path | None, begin: float) -> None:
         super().__init__((HOST, 0), _Handler)
         self.assets, self.path, self.page = assets, path, PageTime()
+        self.script = (GUARD + page_script(begin)).encode()
         # Another name that a page made the browser resolve to this machine gets nothing.
         self.hosts = tuple(f"{name}:{self.server_address[1]}" for name in (HOST, "localhost"))
         self.origin = f"http://{self.hosts[0]}"
@@ -109,6 +117,11 @@ class _Handler(BaseHTTPRequestHandler):
             self.server.page.take(asked.query)
             self.send_response(204)
             self.end_headers()
+        elif asked.path == BEHIND_PATH:
+            late = self.server.page.behind()
+            body = b"" if late is None else f"{late:.3f}".encode()
+            self._head("text/plain", len(body))
+            self.wfile.write(body)
         elif recording is not None and asked.path == f"/{quote(recording.name)}":
             self._recording(recording)
         else:
@@ -135,9 +148,8 @@ class _Handler(BaseHTTPRequestHandler):
         if answer.status != 200:
             return self.send_error(answer.status)
         if kind == "text/html":
-            body = OUTSIDE.sub(b"", body).replace(
-                b"<head>", b"<head>" + (GUARD + SCRIPT).encode(), 1
-            )
+            inserted = b"<head>" + self.server.script
+            body = OUTSIDE.sub(b"", body).replace(b"<head>", inserted, 1)
         with suppress(ConnectionError):  # a page may be closed while it loads
             self._head(kind, len(body))
             self.wfile.write(body)

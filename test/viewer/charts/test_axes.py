@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cam_rig.viewer.charts.axes import round_range, step_marks
+from cam_rig.viewer.charts.axes import ABOVE, round_range, step_marks, tens_range
 
 SEED = 18
 
@@ -51,3 +51,15 @@ def test_every_axis_has_two_to_four_numbers() -> None:
 def test_what_does_not_change_has_an_axis_too() -> None:
     """A follower that never leaves its cam has a gap of 0, from 0 to 1."""
     assert round_range(0.0, 0.0)[:2] == (0.0, 1.0)
+
+
+def test_an_axis_over_time_has_three_numbers_and_room_for_them() -> None:
+    """Powers of ten times a whole number, at most eleven apart, half of the axis used at least."""
+    for low, high in some_ends():
+        left, right = tens_range(low, high)
+        assert left <= low and high <= right
+        step = 10.0 ** np.floor(np.log10(high - low) + 1e-9)
+        numbers = np.arange(np.ceil(left / step - 1e-9), right / step)
+        assert numbers.size >= 3
+        assert (right - left) / step <= 10.0 * (1.0 + ABOVE) + 1.0
+        assert high - low >= 0.33 * (right - left)

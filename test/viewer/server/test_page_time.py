@@ -55,6 +55,19 @@ def test_a_page_ahead_of_the_last_report_is_not_behind() -> None:
     assert page.behind() == 0.0
 
 
+def test_an_overdue_report_counts() -> None:
+    """A page that hangs says nothing: its delay grows all the same."""
+    wall = Wall()
+    page = PageTime(wall)
+    page.driven(1.0)
+    wall.now = 0.5
+    page.take("ns=500000000")
+    wall.now += page_time.REPORT_EVERY_S
+    assert page.behind() == pytest.approx(0.5)
+    wall.now += 7.0
+    assert page.behind() == pytest.approx(7.5)
+
+
 def test_nobody_waits_for_a_viewer_that_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     """It says so instead."""
     monkeypatch.setattr(page_time, "LOOK_S", 0.001)

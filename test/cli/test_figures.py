@@ -1,0 +1,134 @@
+"""Every command's figure, of cams with long titles and tiny, large and negative numbers.
+
+What is wrong with a figure is found where it is written: see ``no_faulty_figure``.
+"""
+
+import re
+import shutil
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from cam_rig.cli.main import app
+from cam_rig.schema.load import config_root
+
+GOLDEN = config_root().parent / "bags" / "golden"
+TITLE = "A cam whose title is of many more letters than forty: {}"
+#: Cams of one's own: name, the shipped file, what else differs in it.
+CAMS = {
+    "tiny_3": ("cycloidal", ("given: 0.05, unit: m", "given: 0.02, unit: mm")),
+    "bezier_14": ("bezier15", None),
+    "arcs_2": ("tm21", None),
+    "flat_7": ("flat", None),
+    "arm_7": ("oscillating_roller", None),
+    "pair_7": ("oscillating_conjugate", None),
+    "below_0": ("gunt_gl110", None),
+}
+#: What is drawn: the command, its arguments, the option that names the picture.
+CASES = [
+    "simulate {five} --plot",
+    "orders {five} --plot",
+    "orders {bezier_14} --rpm 3000 --plot",
+    "jump {five} --plot",
+    "jump {tiny_3} --plot",
+    "vibration {slow} --plot",
+    "contact {five} --plot",
+    "as-cut {bezier_14} --plot",
+    "timing {bezier_14} --plot",
+    "law {tiny_3} --out",
+    "law {below_0} --out",
+    "law {tiny_3} {below_0} {bezier_14} {arm_7} {flat_7} --out",
+    "laws --plot",
+    "profile {arm_7} --plot",
+    "profile {pair_7} --plot",
+    "profile {below_0} --plot",
+    "compare {golden} {quick} --plot",
+    "analyze {golden} --plot",
+]
+#: Commands whose figures take minutes, or a bench: drawn in the tests of their own.
+ELSEWHERE = {
+    "noise": "test_noise.py",
+    "factorial": "test_factorial.py",
+    "bench": "../plots/test_style.py",
+    "fit rig": "test_fit_rig.py",
+    "fit cam": "test_fit.py",
+}
+
+
+def retitled(text, name, title):
+    """A file's text with another name and title."""
+    text = re.sub(r"^name: .*$", f"name: {name}", text, count=1, flags=re.M)
+    return re.sub(r"^title: .*$", f"title: '{title}'", text, count=1, flags=re.M)
+
+
+def shipped(folder, name):
+    return (config_root() / folder / f"{name}.yaml").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory):
+    """Files by name: cams, scenes of five of them, the golden run's with other titles."""
+    root = tmp_path_factory.mktemp("own")
+    files = {"golden": GOLDEN}
+
+    def write(folder, name, text):
+        (root / folder).mkdir(exist_ok=True)
+        files[name] = root / folder / f"{name}.yaml"
+        files[name].write_text(text, encoding="utf-8")
+
+    for name, (source, change) in CAMS.items():
+        text = retitled(shipped("cams", source), name, TITLE.format(name))
+        write("cams", name, text.replace(*change) if change else text)
+        assert change is None or change[1] in text.replace(*change)
+    for name in ("tm21", "bezier15"):
+        write("cams", name, retitled(shipped("cams", name), name, TITLE.format(name)))
+    for path in config_root().glob("cams/*.csv"):
+        shutil.copy(path, root / "cams")
+    quick = shipped("scenes", "quick")
+    title = "A scene whose title has many more letters than forty, over a whole figure of 170 mm"
+    write("scenes", "quick", retitled(quick, "quick", title))
+    plain = retitled(quick, "five", title).replace("published: tm21_noise\n", "")
+    five = plain.replace("[tm21, bezier15]", "[tiny_3, bezier_14, arcs_2, flat_7, arm_7]")
+    write("scenes", "five", five.replace("[200, 300, 350, 400]", "[3, 450, 12000]"))
+    write("scenes", "slow", five.replace("[200, 300, 350, 400]", "[3, 200]"))
+    return files
+
+
+def drawing_commands(group, before=""):
+    """The commands that have an option for a picture, "fit cam" for one of a group."""
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from drawing_commands(command, f"{before}{name} ")
+        elif any("--plot" in option.opts for option in command.params):
+            yield before + name
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_no_figure_is_faulty(case, own, tmp_path):
+    """Nothing cut, nothing on another, 7 points at 170 mm, a true minus; TrueType in PDF."""
+    picture = tmp_path / "a.pdf"
+    words = (word.format_map(own) for word in case.split())
+    result = CliRunner().invoke(app, [*words, str(picture)])
+    assert result.exit_code == 0, f"{result.exception} {result.stderr}"
+    data = picture.read_bytes()
+    assert b"/Type3" not in data and b"/FontFile2" in data
+
+
+def test_no_figure_of_a_page_is_faulty(own, tmp_path):
+    """Those of a scene's report, of the same cams."""
+    result = CliRunner().invoke(
+        app, ["report", str(own["slow"]), "--out", str(tmp_path / "a.html")]
+    )
+    assert result.exit_code == 0, f"{result.exception} {result.stderr}"
+
+
+def test_every_command_that_draws_is_here():
+    """A new one is drawn in a case above, or in tests of its own that draw."""
+    drawn = {case.split()[0] for case in CASES}
+    commands = set(drawing_commands(typer.main.get_command(app)))
+    assert commands <= drawn | set(ELSEWHERE)
+    for command, file in ELSEWHERE.items():
+        assert command in commands
+        text = (config_root().parent / "test" / "cli" / file).read_text(encoding="utf-8")
+        assert "--plot" in text or "work_precision.figure" in text

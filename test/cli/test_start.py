@@ -1,0 +1,98 @@
+"""How a command begins and is ended: an interrupt and a wrong environment are one line each."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from cam_rig.errors import INTERRUPTED, ConfigError
+from cam_rig.extras import LAST_SECOND, source_date
+
+BIN = Path(sys.executable).parent
+
+
+def start(*arguments):
+    """A command in a group of its own, as a terminal starts it."""
+    words = map(str, arguments)
+    return subprocess.Popen([*words], stderr=subprocess.PIPE, text=True, start_new_session=True)
+
+
+def children(process):
+    """The command lines of a process's children."""
+    found = []
+    for number in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split():
+        try:
+            found.append(Path(f"/proc/{number}/cmdline").read_bytes())
+        except (FileNotFoundError, ProcessLookupError):  # it has ended meanwhile
+            continue
+    return found
+
+
+def interrupted(process):
+    """What a command prints at Ctrl-C, which all of its group get; blank lines clear a bar."""
+    os.killpg(process.pid, signal.SIGINT)
+    _, printed = process.communicate(timeout=60)
+    assert process.returncode == INTERRUPTED
+    return [line for line in printed.splitlines() if line.strip()]
+
+
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="children are found in /proc")
+def test_an_interrupt_while_workers_begin(tmp_path):
+    """They are in the middle of their imports, and print nothing; nothing is written."""
+    process = start(BIN / "cam-rig", "report", "--out", tmp_path / "a.html")
+    while not any(b"spawn_main" in line for line in children(process)):
+        assert process.poll() is None, process.stderr.read()
+        time.sleep(0.01)
+    assert interrupted(process) == ["cam-rig: interrupted"]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupt_while_modules_are_imported():
+    """Before any command has begun."""
+    code = (
+        "import signal, sys\n"
+        "class Interrupt:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name == 'cam_rig.cli.runs.simulate':\n"
+        "            signal.raise_signal(signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Interrupt())\n"
+        "from cam_rig.cli import start\n"
+        "start()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (INTERRUPTED, "cam-rig: interrupted\n")
+
+
+@pytest.mark.parametrize("program", ["cam-rig jump poly345", "cam-rig report quick", "law_server"])
+def test_a_date_that_is_none_is_one_line(program, tmp_path):
+    """The libraries that read the variable too would end in their own traceback."""
+    name, *words = program.split()
+    command = [BIN / name, *words]
+    environment = os.environ | {"SOURCE_DATE_EPOCH": "abc"}
+    done = subprocess.run(
+        command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == ConfigError.exit_code
+    (line,) = done.stderr.splitlines()
+    assert line.partition(": ")[2] == (
+        "SOURCE_DATE_EPOCH: 'abc' is no date; allowed: whole seconds since 1970, as `date +%s` "
+        "prints; or unset it"
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_date_of_the_source(monkeypatch):
+    """Whole seconds up to the last of the calendar, or none."""
+    monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
+    assert source_date() is None
+    for right in (0, 1_700_000_000, LAST_SECOND):
+        monkeypatch.setenv("SOURCE_DATE_EPOCH", str(right))
+        assert source_date() == right
+    for wrong in ("today", "", "1e9", "-1", str(LAST_SECOND + 1), "9" * 30):
+        monkeypatch.setenv("SOURCE_DATE_EPOCH", wrong)
+        with pytest.raises(ConfigError, match=r"^SOURCE_DATE_EPOCH: .* is no date; allowed: whole"):
+            source_date()
