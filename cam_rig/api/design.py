@@ -58,7 +58,7 @@ class DesignedLaw(LawDesign):
         MissingLibraryError : matplotlib is not installed
         """
         with libraries_named():
-            from cam_rig.plots.design import figure
+            from cam_rig.plots.laws.designed import figure
         return shown(figure(self))
 
 

@@ -13,7 +13,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.drawing.colours import LIMIT, web
 from cam_rig.drawing.words import in_words, short
 from cam_rig.plots.figures import CAM_ANGLE, empty, line, logarithmic, styled, turn_axis, write
-from cam_rig.plots.law_overlay import Style
+from cam_rig.plots.laws.overlay import Style
 from cam_rig.profile.motion import turn_angles
 from cam_rig.studies.contact import event_angle
 from cam_rig.studies.contact.bounds import Measure, measured, peak_pressure, peak_sliding

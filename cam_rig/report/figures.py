@@ -13,12 +13,13 @@ from cam_rig.plots import as_cut as as_cut_plot
 from cam_rig.plots import contact as contact_plot
 from cam_rig.plots import factorial as factorial_plot
 from cam_rig.plots import jump as jump_plot
-from cam_rig.plots import law as law_plot
-from cam_rig.plots import law_overlay, limits
 from cam_rig.plots import lift_off as takeoff_plot
+from cam_rig.plots import limits
 from cam_rig.plots import profile as profile_plot
 from cam_rig.plots import timing as timing_plot
 from cam_rig.plots import vibration as vibration_plot
+from cam_rig.plots.laws import one_law as law_plot
+from cam_rig.plots.laws import overlay as law_overlay
 from cam_rig.plots.sound import noise_study as noise_study_plot
 from cam_rig.plots.sound import orders as orders_plot
 from cam_rig.profile.checks.all_checks import check_cam

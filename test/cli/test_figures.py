@@ -40,6 +40,8 @@ CASES = [
     "law {below_0} --out",
     "law {tiny_3} {below_0} {bezier_14} {arm_7} {flat_7} --out",
     "laws --plot",
+    "design {tiny_3} --minimise peak_jerk --pieces 4 --joints C2 --plot",
+    "design {arm_7} --minimise residual_vibration@200-300rpm --pieces 4 --plot",
     "profile {arm_7} --plot",
     "profile {pair_7} --plot",
     "profile {below_0} --plot",

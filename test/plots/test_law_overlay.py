@@ -10,7 +10,7 @@ from cam_rig.laws.catalogue import RiseFamily, families
 from cam_rig.laws.curves import ORDERS, rise_values
 from cam_rig.laws.named import NAMED_RISES
 from cam_rig.plots.figures import line as look
-from cam_rig.plots.law_overlay import cams_figure, rises_figure
+from cam_rig.plots.laws.overlay import cams_figure, rises_figure
 from cam_rig.schema import CamConfig
 
 

@@ -85,7 +85,7 @@ def fit_cam(
         write_csv(found.tables(), csv)
         write_json(found.to_json(), json_target)
         if plot is not None:
-            from cam_rig.plots.law import draw_fit
+            from cam_rig.plots.laws.one_law import draw_fit
 
             write_plot(plot, lambda part: draw_fit(found.fit, part))
         if out is not None:

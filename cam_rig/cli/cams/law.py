@@ -97,7 +97,7 @@ def _show_one(name: str, out: Path | None, as_csv: bool) -> None:
     if as_csv:
         law_overlay.print_csv(law_overlay.CAM_HEADINGS, [((), *law_overlay.cam_rows(built))])
     if out is not None or not as_csv:
-        from cam_rig.plots.law import draw
+        from cam_rig.plots.laws.one_law import draw
 
         target = out or Path("out") / f"law_{config.name}.png"
         write_plot(target, lambda part: draw(config, built, part))

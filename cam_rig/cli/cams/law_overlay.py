@@ -71,7 +71,7 @@ def show_rises(names: Sequence[str], out: Path | None, as_csv: bool) -> None:
         blocks = (((name,), u, rise_values(name, u)) for name in names)
         print_csv(("rise", *RISE_HEADINGS), blocks)
     if out is not None or not as_csv:
-        from cam_rig.plots.law_overlay import draw_rises
+        from cam_rig.plots.laws.overlay import draw_rises
 
         family = RiseFamily("Rises of h over the span β", tuple(names))
         _plot(names, "rises_", out, lambda part: draw_rises([family], part))
@@ -95,7 +95,7 @@ def show_cams(names: Sequence[str], out: Path | None, as_csv: bool) -> None:
         blocks = (((cam.name,), *cam_rows(law)) for cam, law in loaded)
         print_csv(("cam", *CAM_HEADINGS), blocks)
     if out is not None or not as_csv:
-        from cam_rig.plots.law_overlay import draw_cams
+        from cam_rig.plots.laws.overlay import draw_cams
 
         _plot([cam.name for cam in cams], "", out, lambda part: draw_cams(loaded, part))
 

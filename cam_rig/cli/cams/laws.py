@@ -58,7 +58,7 @@ def laws(
         write_json({name: asdict(figures(name)) for name in names}, json_target)
         if plot is not None:
             from cam_rig.laws.catalogue import families
-            from cam_rig.plots.law_overlay import draw_rises
+            from cam_rig.plots.laws.overlay import draw_rises
 
             columns = families().values() if shown is None else [shown]
             write_plot(plot, lambda part: draw_rises(columns, part))

@@ -145,7 +145,7 @@ class DesignRun:
             say("interrupted: the best law so far, without a bound")
             raise typer.Exit(130)
         if plot is not None:
-            from cam_rig.plots.design import draw
+            from cam_rig.plots.laws.designed import draw
 
             design = self.design
             write_plot(plot, lambda part: draw(design, part))

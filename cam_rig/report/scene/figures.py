@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from cam_rig.plots import jump as jump_plot
-from cam_rig.plots import law as law_plot
-from cam_rig.plots import law_overlay
 from cam_rig.plots import motion as motion_plot
 from cam_rig.plots import profile as profile_plot
 from cam_rig.plots import vibration as vibration_plot
+from cam_rig.plots.laws import one_law as law_plot
+from cam_rig.plots.laws import overlay as law_overlay
 from cam_rig.plots.sound import noise as noise_plot
 from cam_rig.plots.sound import orders as orders_plot
 from cam_rig.report.figures import uris

@@ -229,7 +229,7 @@ def fourier(problem: DesignProblem, order: FloatArray) -> Affine:
     u = ((np.arange(parts)[:, None] + 0.5 * (points + 1.0)) / parts).ravel()
     table = bernstein.basis(space.degree - 2, u)
     values = space.derivative(2).mapped(
-        sparse.csr_array(sparse.kron(sparse.eye_array(space.spans.size), table, "csr"))
+        sparse.csr_array(sparse.kron(sparse.eye(space.spans.size), table, "csr"))
     )
     angles = (space.breaks[:-1, None] + space.spans[:, None] * u).ravel()
     share = (space.spans[:, None] * np.tile(0.5 * weights / parts, parts)).ravel() / TURN

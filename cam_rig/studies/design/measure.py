@@ -19,8 +19,8 @@ from cam_rig.profile.checks.curvature import sharpest_convex
 from cam_rig.profile.disc import discs
 from cam_rig.profile.extremes import Scan
 from cam_rig.studies.design.constraints import PEAKS, SPEEDS
+from cam_rig.studies.design.elastic.residual import speeds_of
 from cam_rig.studies.design.problem import DesignProblem
-from cam_rig.studies.design.residual import speeds_of
 from cam_rig.studies.design.terms import ORDERS, Sense, Term
 from cam_rig.studies.jump.any_rig import find_jump
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST

@@ -8,7 +8,7 @@ from functools import cached_property
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.laws import Law
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.studies.design.mode import Mode
+from cam_rig.studies.design.elastic.mode import Mode
 from cam_rig.studies.design.space import Space
 from cam_rig.studies.jump.any_rig import AnyFollower, follower_of
 

@@ -149,7 +149,7 @@ class ConvexProgram:
 
     def _box(self) -> RowBlock:
         free = self.unknowns - self.link.constant.size
-        eye = sparse.csr_array(sparse.eye_array(free, self.unknowns))
+        eye = sparse.csr_array(sparse.eye(free, self.unknowns))
         matrix = sparse.csr_array(sparse.vstack([eye, -eye]))
         return RowBlock(
             "ordinates", Affine(np.full(2 * free, BOX), matrix), np.zeros(2 * free), "nonneg"

@@ -13,10 +13,10 @@ from scipy.optimize import brentq
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError, DesignError, DynamicsError
 from cam_rig.studies.design.constraints import Asked, add, force, keep_lift
-from cam_rig.studies.design.contact_kept import MARGIN, ContactKept
+from cam_rig.studies.design.elastic.contact_kept import MARGIN, ContactKept
+from cam_rig.studies.design.elastic.residual import Residual
 from cam_rig.studies.design.problem import DesignProblem
 from cam_rig.studies.design.program import ConvexProgram, ProgramSolution, RowBlock
-from cam_rig.studies.design.residual import Residual
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.rigid import rigid_jump_speed
 from cam_rig.studies.jump.search import FASTEST
@@ -218,7 +218,9 @@ class Solver:
                 "mass is split; allowed: jump_speed_rigid, or follower.roller_share and "
                 "follower.stem_damping in the rig file"
             )
-        from cam_rig.studies.design.two_mass_search import TwoMassSearch  # it asks this back
+        from cam_rig.studies.design.elastic.two_mass_search import (
+            TwoMassSearch,  # it asks this back
+        )
 
         return TwoMassSearch(self).best()
 

@@ -197,7 +197,7 @@ class Space:
 
     def _blocks(self, matrix: FloatArray) -> sparse.csr_array:
         """One matrix for the ordinates of every piece."""
-        return sparse.csr_array(sparse.kron(sparse.eye_array(self.spans.size), matrix, "csr"))
+        return sparse.csr_array(sparse.kron(sparse.eye(self.spans.size), matrix, "csr"))
 
     @property
     def parts(self) -> int:

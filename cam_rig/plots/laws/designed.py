@@ -11,12 +11,13 @@ from matplotlib.figure import Figure
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing.outlines import MM
+from cam_rig.drawing.words import short
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.contact_force import force_weights
 from cam_rig.laws import Law
 from cam_rig.laws.curves import cam_curves
-from cam_rig.plots.figures import CAM_ANGLE, empty, series, short, styled, turn_axis, write
-from cam_rig.plots.law import NAMES, PER
+from cam_rig.plots.figures import CAM_ANGLE, empty, series, styled, turn_axis, write
+from cam_rig.plots.laws.one_law import NAMES, PER
 from cam_rig.profile.contour import contours
 from cam_rig.studies.design.design import LawDesign
 from cam_rig.studies.jump.rigid import rigid_jump_speed

@@ -17,8 +17,8 @@ from scipy import sparse
 
 from cam_rig.arrays import FloatArray
 from cam_rig.studies.design.affine import Affine
-from cam_rig.studies.design.amplitude import ForceAtSpeed
-from cam_rig.studies.design.mode import Cells, Dense
+from cam_rig.studies.design.elastic.amplitude import ForceAtSpeed
+from cam_rig.studies.design.elastic.mode import Cells, Dense
 from cam_rig.studies.design.problem import DesignProblem
 from cam_rig.studies.design.program import ProgramSolution, RowBlock
 from cam_rig.units import TURN

@@ -15,7 +15,7 @@ from cam_rig.laws import Law
 from cam_rig.laws.catalogue import RiseFamily
 from cam_rig.laws.curves import ORDERS, LawCurves, cam_curves, rise_curves
 from cam_rig.plots.figures import CAM_ANGLE, empty, line, styled, turn_axis, write
-from cam_rig.plots.law import NAMES, PER
+from cam_rig.plots.laws.one_law import NAMES, PER
 from cam_rig.schema import CamConfig
 
 #: Of the four rows, in inches.

@@ -14,9 +14,9 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws import build_law
 from cam_rig.schema import load_cam, load_rig
 from cam_rig.schema.load import config_root
-from cam_rig.studies.design.amplitude import ForceAtSpeed
+from cam_rig.studies.design.elastic.amplitude import ForceAtSpeed
+from cam_rig.studies.design.elastic.mode import Cells, Mode
 from cam_rig.studies.design.law_class import LawClass
-from cam_rig.studies.design.mode import Cells, Mode
 from cam_rig.studies.design.space import Space
 from cam_rig.units import TURN
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.arrays import ComplexArray, FloatArray
-from cam_rig.studies.design.mode import Cells, Dense, Stretch
+from cam_rig.studies.design.elastic.mode import Cells, Dense, Stretch
 from cam_rig.units import TURN
 
 #: Places a period at which the force in a dwell is looked at, and for how many periods.

@@ -184,7 +184,7 @@ class Cells:
         degree, count = self.space.degree - order, self.space.law_class.pieces
         first = int(np.searchsorted(self.space.breaks, self.space.events[event].start))
         rows = slice(first * (degree + 1), (first + count) * (degree + 1))
-        table = sparse.kron(sparse.eye_array(count), bernstein.basis(degree, u), "csr")
+        table = sparse.kron(sparse.eye(count), bernstein.basis(degree, u), "csr")
         return self.space.derivative(order).rows(rows).mapped(sparse.csr_array(table))
 
     @cached_property

@@ -13,7 +13,7 @@ import numpy as np
 
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import DesignError
-from cam_rig.studies.design.contact_kept import ContactKept
+from cam_rig.studies.design.elastic.contact_kept import ContactKept
 from cam_rig.studies.design.program import ProgramSolution
 from cam_rig.studies.design.solve import Best, Cuts, Solver
 from cam_rig.studies.jump.any_rig import find_jump

@@ -16,9 +16,9 @@ from scipy import sparse
 
 from cam_rig.arrays import ComplexArray, FloatArray
 from cam_rig.studies.design.affine import Affine
-from cam_rig.studies.design.amplitude import EventVibration
 from cam_rig.studies.design.constraints import SPARE, Asked
-from cam_rig.studies.design.mode import Cells
+from cam_rig.studies.design.elastic.amplitude import EventVibration
+from cam_rig.studies.design.elastic.mode import Cells
 from cam_rig.studies.design.problem import DesignProblem
 from cam_rig.studies.design.program import ProgramSolution, RowBlock
 from cam_rig.units import TURN

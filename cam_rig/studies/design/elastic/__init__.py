@@ -1,0 +1,1 @@
+"""The elastic follower in a design: its vibration and force as functions of the unknowns."""
