@@ -41,6 +41,7 @@ NAMES = (
     *("constant_velocity", "simple_harmonic", "bezier9"),
     *("bezier4_start", "bezier6_start", "bezier8_start"),
     *("bezier4_end", "bezier6_end", "bezier8_end"),
+    "designed",
 )
 #: Rises that are the same curve as another.
 SAME = {"bezier5": "poly345", "bezier7": "poly4567"}

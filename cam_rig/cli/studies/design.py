@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cam_rig.cli.common.console import console, say, show, user_errors
+from cam_rig.cli.common.console import console, progress_bar, say, show, user_errors
 from cam_rig.cli.common.names import cam_path, rig_path
 from cam_rig.cli.common.options import Csv, Json, Plot
 from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot, writing
@@ -41,9 +41,12 @@ def design(
     ] = ",".join(KEPT),
     pieces: Annotated[int, typer.Option(help="Pieces of each event, 1 to 200.")] = 16,
     joints: Annotated[str, typer.Option(help="Continuity at joints, C1 to C6.")] = "C3",
-    degree: Annotated[
-        int | None, typer.Option(help="Degree, to 15; by default that of the joints and 2.")
+    degree: Annotated[int | None, typer.Option(help="To 15; by default joints + 2.")] = None,
+    pareto: Annotated[
+        str | None,
+        typer.Option(metavar="QUANTITY", help="A front: the goal's best for values of another."),
     ] = None,
+    points: Annotated[int, typer.Option(help="Points of the front, 3 to 200.")] = 25,
     rig: Annotated[str, typer.Option(help="Rig file, or a name in config/rigs.")] = "paper_table2",
     out: Annotated[
         Path | None, typer.Option(metavar="CAM.yaml", help="Write the cam's file.")
@@ -59,7 +62,7 @@ def design(
     residual_vibration@200-400rpm, sound_level@200-400rpm, peak_velocity, peak_acceleration,
     peak_jerk, rms_acceleration, peak_contact_force@450rpm (minimise). Limits: any of these, and
     pressure_angle, radius_of_curvature, lift@90deg, velocity@90deg, acceleration@80-100deg, with a
-    unit or as the start's. Ctrl-C keeps the best law so far.
+    unit or as the start's. Ctrl-C keeps the best so far.
 
     Examples
     --------
@@ -72,7 +75,49 @@ def design(
         check_outputs(json_target, plot, csv)
         asked = {"minimise": minimise, "maximise": maximise, "limits": limit or []}
         config = _config(start, rig, asked, {"pieces": pieces, "joints": joints, "degree": degree})
-        _solve(config, out).write(out, plot, csv, json_target)
+        if pareto is None:
+            _solve(config, out).write(out, plot, csv, json_target)
+        else:
+            _require_no_file(out, json_target)
+            _front(config, pareto, points, plot, csv)
+
+
+def _require_no_file(out: Path | None, json: str | None) -> None:
+    """Refuse one cam's outputs beside a front."""
+    from cam_rig.errors import ConfigError
+
+    if out is not None or json is not None:
+        raise ConfigError(
+            "--pareto: is of many cams; allowed beside it: --csv and --plot, no --out or --json"
+        )
+
+
+def _front(
+    config: DesignConfig, other: str, points: int, plot: Path | None, csv: Path | None
+) -> None:
+    """Solve, show and write a front, behind a bar.
+
+    Raises
+    ------
+    CamRigError : what is asked for cannot be
+    """
+    from cam_rig.schema import load_cam, load_rig
+    from cam_rig.studies.design.design import DesignRequest
+    from cam_rig.studies.design.front import front, front_table
+    from cam_rig.studies.design.terms import parse_goal
+
+    request, second = DesignRequest.of_config(config), parse_goal(other)
+    cam, rig = load_cam(cam_path(config.start)), load_rig(rig_path(config.rig))
+    with progress_bar() as bar:
+        task = bar.add_task(request.words, total=points + 2)
+        found = front(cam, rig, request, second, points, lambda: bar.update(task, advance=1))
+    table = front_table(found)
+    show(table)
+    write_csv([table], csv)
+    if plot is not None:
+        from cam_rig.plots.laws.designed import draw_front
+
+        write_plot(plot, lambda part: draw_front(found, part))
 
 
 def _config(start: str, rig: str, asked: dict[str, Any], law_class: dict[str, Any]) -> DesignConfig:

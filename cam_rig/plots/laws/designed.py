@@ -1,4 +1,4 @@
-"""A designed law beside its start: derivatives, contact force at both jump speeds, contour."""
+"""A designed law beside its start: derivatives, contact force, contour; a front of designs."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ from cam_rig.plots.figures import CAM_ANGLE, empty, series, styled, turn_axis, w
 from cam_rig.plots.laws.one_law import NAMES, PER
 from cam_rig.profile.contour import contours
 from cam_rig.studies.design.design import LawDesign
+from cam_rig.studies.design.front import Front
+from cam_rig.studies.design.tables import in_words
 from cam_rig.studies.jump.rigid import rigid_jump_speed
 from cam_rig.units import TURN, to_rpm
 
@@ -54,6 +56,28 @@ def figure(design: LawDesign) -> Figure:
     panels["order 0"].legend(loc="upper left", frameon=False)
     panels["order 0"].set_title(f"{short(design.cam.title)}: {design.request.words}", wrap=True)
     panels["order 3"].set_xlabel(CAM_ANGLE)
+    return out
+
+
+def draw_front(front: Front, path: Path) -> None:
+    """Write the figure of a front to a file."""
+    write(front_figure(front), path)
+
+
+@styled
+def front_figure(front: Front) -> Figure:
+    """The goal over the other quantity, with the start and what no law of the class passes."""
+    out = empty(4.0)
+    axes = out.subplots()
+    goal, other = front.designs[0].goal, front.other
+    x = np.array(front.allowed) / other.quantity.shown
+    values = [(found.goal.result, found.goal.bound) for found in front.designs]
+    result, bound = np.array(values, dtype=np.float64).T / goal.term.quantity.shown
+    axes.plot(x, bound, label="bound of the class", **START)
+    axes.plot(x, result, "o", ms=3.5, label="designed", **DESIGNED)
+    axes.set_xlabel(f"{other.words} [{in_words(other)}]")
+    axes.set_ylabel(f"{goal.term.words}\n[{in_words(goal.term)}]")
+    axes.legend(frameon=False)
     return out
 
 

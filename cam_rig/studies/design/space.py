@@ -123,6 +123,8 @@ class Space:
     def _clamped(self, event: LawEvent, derivatives: tuple[float, ...], end: int) -> FloatArray:
         """The ordinates at one end, from it inwards, that give it its derivatives."""
         own = self.law_class
+        if not any(derivatives[1:]):
+            return np.full(own.joints + 1, derivatives[0])  # at rest, to the last digit
         table = to_bezier(own)[: own.power + 1, : own.joints + 1].toarray()
         span = event.span / own.pieces * (1.0 if end == 0 else -1.0)
         matrix = np.empty((own.joints + 1, own.joints + 1))

@@ -1,0 +1,101 @@
+"""A front of two quantities: the best of one for every value of the other, each with its bound."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cam_rig.errors import ConfigError
+from cam_rig.schema import CamConfig, RigConfig
+from cam_rig.studies.design.design import DesignRequest, LawDesign, design
+from cam_rig.studies.design.tables import in_words
+from cam_rig.studies.design.terms import Limit, Term
+from cam_rig.tables import Column, DataTable, tabulate
+
+#: Points of a front, at least and at most.
+FEWEST, MOST = 3, 200
+
+
+@dataclass(frozen=True)
+class Front:
+    """Designs by rising values of the other quantity: ``allowed`` ``(n,)``, SI (dB for levels)."""
+
+    other: Term
+    allowed: tuple[float, ...]
+    designs: tuple[LawDesign, ...]
+
+
+def front(
+    cam: CamConfig,
+    rig: RigConfig,
+    request: DesignRequest,
+    other: Term,
+    points: int,
+    on_point: Callable[[], None] = lambda: None,
+) -> Front:
+    """The goal's best between the best that the other quantity can be and where it no longer binds.
+
+    Raises
+    ------
+    ConfigError : points out of their limits, the goal itself, or no trade between the two
+    DesignError : no law of the class keeps the limits
+    """
+    if not FEWEST <= points <= MOST:
+        raise ConfigError(f"--points: is {points}; allowed: {FEWEST} to {MOST}")
+    if other == request.goal:
+        raise ConfigError(f"--pareto: is the goal, {other.key}; allowed: another quantity")
+    sense = other.quantity.senses[0]
+    swapped = replace(request, goal=other, sense=sense)
+    own = design(cam, rig, swapped)
+    on_point()
+    free = design(cam, rig, request)
+    on_point()
+    best, loosest = own.goal.result, _value(free, cam, rig, other)
+    better = (loosest - best) * (1.0 if sense == "<=" else -1.0)
+    if better <= 1e-9 * abs(best):
+        raise ConfigError(
+            f"--pareto: {other.key} is best where {request.goal.key} is; allowed: two quantities "
+            "of which one costs the other"
+        )
+    # the end itself has no room for any other law
+    allowed = [float(x) for x in np.linspace(best, loosest, points + 1)[1:]]
+    designs = []
+    for value in allowed:
+        limits = (*request.limits, Limit(other, sense, value))
+        designs.append(design(cam, rig, replace(request, limits=limits)))
+        on_point()
+    return Front(other, tuple(allowed), tuple(designs))
+
+
+def _value(found: LawDesign, cam: CamConfig, rig: RigConfig, other: Term) -> float:
+    """The other quantity of a design."""
+    from cam_rig.studies.design.measure import measured
+    from cam_rig.studies.design.problem import DesignProblem
+    from cam_rig.studies.design.space import Space
+
+    problem = DesignProblem(cam, found.start, rig, Space(found.start, found.request.law_class))
+    return measured(problem, found.law, other, other.quantity.senses[0])
+
+
+def front_table(front: Front) -> DataTable:
+    """One row a point."""
+    goal, own = front.designs[0].goal.term, front.other.quantity
+    unit, shown = in_words(goal), goal.quantity.shown
+
+    def bound(found: LawDesign) -> float:
+        assert found.goal.bound is not None
+        return found.goal.bound / shown
+
+    rows = list(zip(front.allowed, front.designs, strict=True))
+    return tabulate(
+        f"{goal.words} against {front.other.words}",
+        rows,
+        (
+            (Column(front.other.words, in_words(front.other), ".5g"), lambda r: r[0] / own.shown),
+            (Column("result", unit, ".5g"), lambda r: r[1].goal.result / shown),
+            (Column("bound", unit, ".5g"), lambda r: bound(r[1])),
+            (Column("certified"), lambda r: "yes" if r[1].certified else "no"),
+        ),
+    )
