@@ -43,6 +43,8 @@ NAMES = (
     *("bezier4_end", "bezier6_end", "bezier8_end"),
     "designed",
 )
+#: Places for shipped names, those to come among them: no look of one's own cam changes with them.
+PLACES = 48
 #: Rises that are the same curve as another.
 SAME = {"bezier5": "poly345", "bezier7": "poly4567"}
 
@@ -81,8 +83,8 @@ def cam_look(name: str) -> CamLook:
         place = NAMES.index(name)
         colour = COLOURS[place % len(COLOURS)]
     else:
-        free, code = kinds**2 - len(NAMES), crc32(name.encode())
-        place, colour = len(NAMES) + code % free, COLOURS[code // free % len(COLOURS)]
+        free, code = kinds**2 - PLACES, crc32(name.encode())
+        place, colour = PLACES + code % free, COLOURS[code // free % len(COLOURS)]
     marker = MARKERS[(place + place // kinds) % kinds]
     return CamLook(colour, DASHES[place % kinds], marker, marked=place >= kinds)
 

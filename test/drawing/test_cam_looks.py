@@ -65,7 +65,7 @@ def test_a_name_of_ones_own_looks_like_no_shipped_cam() -> None:
     looks = [cam_look(name) for name in names]
     assert not shipped & {(str(one.dash), one.marker) for one in looks}
     assert {one.colour for one in looks} == set(COLOURS)
-    assert cam_look("mine") == CamLook(0xCCBB44FF, DASHES[7], "P", marked=True)
+    assert cam_look("mine") == CamLook(0xEE6677FF, DASHES[3], "s", marked=True)
 
 
 def test_rises_that_are_one_curve_look_the_same() -> None:
