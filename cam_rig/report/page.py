@@ -40,6 +40,7 @@ SECTIONS = {
     "noise": "Noise",
     "orders": "Orders of force and sound",
     "question": "Continuity or lower slopes",
+    "design": "What a better law could reach",
     "numbers": "Given, assumed, identified",
     "reading": "How the paper was read, and how this was made",
 }

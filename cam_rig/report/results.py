@@ -26,6 +26,8 @@ from cam_rig.studies.as_cut.comparison import AsCut, CutBench, cut_all, over_siz
 from cam_rig.studies.cam_set import CamSet, open_cam_set
 from cam_rig.studies.contact.comparison import ContactTable, compare_contacts
 from cam_rig.studies.contact.form_closed import PlayRow, find_play, open_form_closed
+from cam_rig.studies.design.comparison import paper_designs
+from cam_rig.studies.design.design import LawDesign
 from cam_rig.studies.factorial.design import Factorial, run_factorial
 from cam_rig.studies.factorial.laws import open_factorial
 from cam_rig.studies.factorial.measures import Bench
@@ -85,7 +87,8 @@ class Findings:
     ``degrees`` are jump speeds (rpm) of the law by segments by the degree of its half-rises;
     ``stiff_vibration`` is on the stem of Table 1; ``cuts`` are cams as fig. 12 has them cut, by
     name, and ``cut_sizes`` that of `CUT` over its radii. ``timing`` are the events of each cam,
-    ``control`` `CUT` and the B-spline of its lift and events. ``orders`` are of the scene's sweep.
+    ``control`` `CUT` and the B-spline of its lift and events. ``orders`` are of the scene's sweep;
+    ``designs`` are the best laws beside the paper's.
     """
 
     sources: Sources
@@ -105,6 +108,7 @@ class Findings:
     contact: ContactTable
     play: list[PlayRow]
     orders: tuple[CamOrders, ...]
+    designs: list[LawDesign]
 
 
 def open_sources(scene: Path, rig: Path, factorial: str, bag: Path | None) -> Sources:
@@ -178,6 +182,7 @@ def find(
     contact = compare_contacts(sources.touching, CONTACT_RPM)
     play = find_play(sources.form_closed)
     orders = _orders(sources.loaded)
+    designs = paper_designs(cam_set)
     meanwhile(jumps)
     on_part(PARTS[2])
     levels = noise.result()
@@ -202,6 +207,7 @@ def find(
         contact=contact,
         play=play,
         orders=orders,
+        designs=designs,
     )
 
 

@@ -22,6 +22,7 @@ from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.segments.base import quantities
 from cam_rig.studies.as_cut import tables as as_cut
 from cam_rig.studies.contact import tables as contact
+from cam_rig.studies.design.comparison import designs_table
 from cam_rig.studies.factorial import tables as factorial
 from cam_rig.studies.flywheel.tables import flywheel_tables
 from cam_rig.studies.jump import reading_tables
@@ -104,6 +105,7 @@ def _listed(found: Findings) -> dict[str, list[DataTable]]:
         "noise": [*noise.tables(found.noise, published), *recorded],
         "orders": _orders(found),
         "question": factorial.tables(found.factorial, titles),
+        "design": [designs_table(found.designs, titles)] if found.designs else [],
         "numbers": [origins_table(name, model) for name, model in files(found).items()],
         "reading": [misprints_table()],
     }
