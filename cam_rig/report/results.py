@@ -181,7 +181,6 @@ def find(
     control = beside_b_spline(timing[CUT]) if CUT in timing else []
     contact = compare_contacts(sources.touching, CONTACT_RPM)
     play = find_play(sources.form_closed)
-    orders = _orders(sources.loaded)
     designs = paper_designs(cam_set)
     meanwhile(jumps)
     on_part(PARTS[2])
@@ -206,7 +205,7 @@ def find(
         control=control,
         contact=contact,
         play=play,
-        orders=orders,
+        orders=_orders(sources.loaded),
         designs=designs,
     )
 
