@@ -139,7 +139,13 @@ def _config(start: str, rig: str, asked: dict[str, Any], law_class: dict[str, An
             f"{path}: has a goal and limits of its own; allowed beside it: no --minimise, "
             "--maximise, --limit"
         )
-    return load_design(path)
+    own_file = load_design(path)
+    beside = path.parent / own_file.start, path.parent / own_file.rig
+    files = (own_file.start, own_file.rig)
+    start, rig = (
+        str(one) if one.is_file() else name for one, name in zip(beside, files, strict=True)
+    )
+    return own_file.model_copy(update={"start": start, "rig": rig})
 
 
 def _check(out: Path | None, keep: str) -> None:
@@ -209,7 +215,7 @@ def _solve(config: DesignConfig, out: Path | None) -> DesignRun:
 
     request = DesignRequest.of_config(config)
     cam, rig = load_cam(cam_path(config.start)), load_rig(rig_path(config.rig))
-    name = out.stem if out is not None else config.name
+    name = config.name or (out.stem if out is not None else None)
     unit, factor = request.goal.quantity.unit, request.goal.quantity.shown
     found = DesignRun()
     with console.status(request.words) as status:

@@ -35,8 +35,8 @@ TURNING = 1e-4
 PEAKS = {"peak_velocity": 1, "peak_acceleration": 2, "peak_jerk": 3}
 #: Speeds over which the mean power of a range is taken.
 SPEEDS = 41
-#: Orders of the turn that a sound level takes, and those above are no more than 1e-6 of it.
-HARMONICS = 96
+#: Orders of the turn that a sound level takes, and what part of it those above are at most.
+HARMONICS, LEFT_OUT = 96, 2e-4
 #: Phase (rad) of the highest order between two Gauss cells, at most.
 CELL_PHASE = 6.0
 
@@ -78,7 +78,9 @@ def add(program: ConvexProgram, problem: DesignProblem, asked: Asked, hull: bool
     """
     if asked.term.name in MEAN_SQUARES:
         parts = MEAN_SQUARES[asked.term.name](problem, asked.term)
-        radius = np.zeros(1) if asked.value is None else np.array([asked.value / asked.scale])
+        radius = np.zeros(1)
+        if asked.value is not None:  # orders above the highest are left out of a level
+            radius += asked.value / asked.scale * (1.0 - (LEFT_OUT if hull else 0.0))
         none = sparse.csr_array((1, problem.space.unknowns))
         cone = Affine.stacked([Affine(radius, none), parts * (1.0 / asked.scale)])
         weight = np.zeros(cone.constant.size)
@@ -87,7 +89,8 @@ def add(program: ConvexProgram, problem: DesignProblem, asked: Asked, hull: bool
         return
     spare = SPARE if hull else 0.0
     for quantity in _rows(problem, asked, hull):
-        program.at_least(asked.name, asked.room(quantity, spare), asked.weight)
+        rows = asked.room(quantity, spare)
+        program.at_least(asked.name, rows, asked.weight, not hull)
 
 
 def _rows(problem: DesignProblem, asked: Asked, hull: bool) -> list[Affine]:
@@ -131,8 +134,8 @@ def keep_lift(program: ConvexProgram, problem: DesignProblem, hull: bool) -> Non
     lift = space.hull(space.lift, parts) if hull else space.points(space.lift)
     lift = lift * (1.0 / problem.start.lift)
     scale = 1.0 / problem.start.lift
-    program.at_least("lift", lift.plus(spare - low * scale))
-    program.at_least("lift", (lift * -1.0).plus(spare + high * scale))
+    for room in (lift.plus(spare - low * scale), (lift * -1.0).plus(spare + high * scale)):
+        program.at_least("lift", room, necessary=not hull)
     for level, angle in turning:
         at = space.at(0, np.array([angle])) * scale
         program.equal("lift", at.plus(-level * scale))

@@ -69,7 +69,15 @@ class DesignRequest:
         if sense not in goal.quantity.senses:
             other = "maximise" if sense == "<=" else "minimise"
             raise ConfigError(f"goal {goal.key}: allowed: {other}; the other way is not convex")
-        return cls(goal, sense, tuple(map(parse_limit, limits)), law_class or LawClass())
+        found = cls(goal, sense, tuple(map(parse_limit, limits)), law_class or LawClass())
+        for term in (goal, *(limit.term for limit in found.limits)):
+            order = PEAKS.get(term.name, 0)
+            if found.law_class.joints < order - 1:
+                raise ConfigError(
+                    f"{term.key}: has no bound with joints C{found.law_class.joints}, where a "
+                    f"lower derivative may step; allowed: C{order - 1} and above"
+                )
+        return found
 
     @classmethod
     def of_config(cls, config: DesignConfig) -> DesignRequest:
@@ -118,6 +126,7 @@ class Measure:
 class LawDesign:
     """The best law found, its cam and file; ``measures`` has the goal first.
 
+    ``tops`` are the cam angles (rad) within events where start and law reach their lift;
     ``rounds`` is how many programs were solved.
     """
 
@@ -128,6 +137,7 @@ class LawDesign:
     text: str
     rig: RigConfig
     events: tuple[LawEvent, ...]
+    tops: tuple[float, ...]
     measures: tuple[Measure, ...]
     rounds: int
 
@@ -190,8 +200,9 @@ def design(
         for asked, limit in zip(limits, request.limits, strict=True)
     ]
     events = tuple(space.events)
+    tops = tuple(angle for _, angle in space.turning_points)
     return LawDesign(
-        request, start, law, file.cam, file.text, rig, events, tuple(measures), best.rounds
+        request, start, law, file.cam, file.text, rig, events, tops, tuple(measures), best.rounds
     )
 
 
@@ -225,7 +236,10 @@ def _asked(problem: DesignProblem, term: Term, sense: Sense, value: float | None
             raise ConfigError(f"limit {term.key}: the background alone is as loud")
     if value is not None and not math.isfinite(value):
         raise ConfigError(f"limit {term.key}: the start has none; allowed: a number")
-    return Asked(term, sense, value, _scale(problem, term, sense))
+    scale = _scale(problem, term, sense)
+    if not (math.isfinite(scale) and scale > 0.0):  # a start without that quantity
+        scale = 1.0 if value is None else abs(value) or 1.0
+    return Asked(term, sense, value, scale)
 
 
 def _scale(problem: DesignProblem, term: Term, sense: Sense) -> float:

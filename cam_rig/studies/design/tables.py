@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from cam_rig.studies.design.design import LawDesign, Measure
+from cam_rig.studies.design.program import BOX
 from cam_rig.studies.design.terms import Term
 from cam_rig.tables import Cell, Column, DataTable
 from cam_rig.units import TURN
@@ -23,12 +25,29 @@ def design_table(design: LawDesign) -> DataTable:
     )
     rows: list[tuple[Cell, ...]] = [_row(design, measure) for measure in design.measures]
     notes = (
-        f"start: {design.start.name}; class: {design.request.law_class.words}, dwells and lift "
-        "of the start",
+        f"start: {design.start.name}; class: {design.request.law_class.words}, with "
+        f"{kept(design)} of the start; no ordinate beyond {BOX:g} lifts",
         verdict(design),
+        *_start_better(design),
     )
     return DataTable(
         f"Design on rig {design.rig.name}: {design.request.words}", columns, tuple(rows), notes
+    )
+
+
+def kept(design: LawDesign) -> str:
+    """What a class has of its start."""
+    angles = " and ".join(f"{math.degrees(angle):.4g}°" for angle in design.tops)
+    return "dwells and lift" + (f", reached at {angles}," if angles else "")
+
+
+def _start_better(design: LawDesign) -> list[str]:
+    """A line where the start, which need not be of the class, is better than the bound."""
+    goal = design.goal
+    sign = 1.0 if goal.sense == "<=" else -1.0
+    worse = math.isfinite(goal.start) and sign * (goal.result - goal.start) > 0.0
+    return (
+        ["the start is better than any law of this class: more pieces have more"] if worse else []
     )
 
 

@@ -30,6 +30,7 @@ class DesignQuantity:
     where : what it is taken at: a speed, a range of speeds, an angle or a range, or nothing
     senses : the limits that are convex; a goal minimises where ``<=`` is, else maximises
     goal : whether it may be one
+    below : what a limit on it has to be less than, SI
     """
 
     title: str
@@ -38,6 +39,7 @@ class DesignQuantity:
     where: Literal["", "rpm", "deg"] = ""
     senses: tuple[Sense, ...] = ("<=",)
     goal: bool = True
+    below: float = math.inf
 
     @property
     def shown(self) -> float:
@@ -70,7 +72,11 @@ QUANTITIES = {
     "least_contact_force": DesignQuantity("least contact force", "N", _FORCE, "rpm", (">=",)),
     "sound_level": DesignQuantity("sound level, mean power over speeds", "dB", {"dB": 1.0}, "rpm"),
     "pressure_angle": DesignQuantity(
-        "pressure angle", "deg", {"deg": math.pi / 180.0, "rad": 1.0}, goal=False
+        "pressure angle",
+        "deg",
+        {"deg": math.pi / 180.0, "rad": 1.0},
+        goal=False,
+        below=0.5 * math.pi,
     ),
     "radius_of_curvature": DesignQuantity(
         "least radius of curvature", "mm", _LENGTH, senses=(">=",), goal=False
@@ -79,6 +85,8 @@ QUANTITIES = {
     "velocity": DesignQuantity("s′", "mm/rad", _per_rad(1), "deg", _BOTH, goal=False),
     "acceleration": DesignQuantity("s″", "mm/rad^2", _per_rad(2), "deg", _BOTH, goal=False),
 }
+#: Quantities of either sign.
+SIGNED = ("lift", "velocity", "acceleration", "least_contact_force", "sound_level")
 #: What `velocity`, ... are the derivatives of.
 ORDERS = {"lift": 0, "velocity": 1, "acceleration": 2}
 
@@ -221,7 +229,13 @@ def parse_limit(text: str) -> Limit:
             f"limit {text!r}: value is {match['value'].strip()!r}; allowed: a number with one of "
             f"{', '.join(quantity.units)}, or start"
         )
-    return Limit(term, sense, float(value["number"]) * quantity.units[unit])
+    found = float(value["number"]) * quantity.units[unit]
+    if term.name not in SIGNED and not 0.0 < found < quantity.below:
+        most = (
+            "" if math.isinf(quantity.below) else f" and below {quantity.below / quantity.shown:g}"
+        )
+        raise ConfigError(f"limit {text!r}: allowed: a value above 0{most}")
+    return Limit(term, sense, found)
 
 
 def parse_goal(text: str) -> Term:

@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from cam_rig.arrays import FloatArray
+from cam_rig.errors import DynamicsError
 from cam_rig.studies.design.affine import Affine
 from cam_rig.studies.design.elastic.amplitude import ForceAtSpeed
 from cam_rig.studies.design.elastic.mode import Cells, Dense
 from cam_rig.studies.design.problem import DesignProblem
 from cam_rig.studies.design.program import ProgramSolution, RowBlock
-from cam_rig.units import TURN
+from cam_rig.units import TURN, to_rpm
 
 #: The grid goes down to this part of the speed, in steps that turn the phase by this much (rad)
 #: over the time in which vibration decays; and has no more speeds than that.
@@ -65,7 +66,7 @@ class ContactKept:
     duration: float | None
     fastest: float
     name: str = "contact kept"
-    value: float | None = None
+    limit: bool = False
     margin: float = MARGIN
     more: list[float] = field(default_factory=list)
     _rows: list[tuple[float, Dense, FloatArray]] = field(default_factory=list)
@@ -78,6 +79,13 @@ class ContactKept:
         decay = 1.0 / max(-rate.real, 1e-300)
         decay = decay if self.duration is None else min(decay, self.duration)
         fine = PHASE_STEP / (abs(rate) * decay)
+        if self.duration is not None and self.fastest * self.duration < 2.0 * TURN:
+            turns = self.fastest * self.duration / TURN
+            raise DynamicsError(
+                f"a run from rest of {self.duration:g} s has {turns:.2g} turns at "
+                f"{to_rpm(self.fastest):.4g} rpm; allowed for a design: 2 and more, or the goal "
+                "jump_speed_steady"
+            )
         self.step = max(min(0.02, fine), math.log(1.0 / DOWN_TO) / MAX_SPEEDS)
         self.anchor = self.fastest
 
@@ -88,7 +96,8 @@ class ContactKept:
         count = math.ceil(math.log(1.0 / DOWN_TO) / math.log(ratio))
         grid = [self.anchor * ratio**k for k in range(top, top - count, -1)]
         extra = [speed for speed in self.more if speed < self.fastest]
-        return sorted({self.fastest, *grid, *extra})
+        found = sorted({self.fastest, *grid, *extra})
+        return [speed for speed in found if self.duration is None or self.turns(speed)[-1] > 0.0]
 
     @property
     def place(self) -> float:
@@ -97,16 +106,17 @@ class ContactKept:
 
     def move(self, factor: float) -> None:
         """Change the fastest by a factor, to a speed of the grid where that is a step or more."""
-        self.fastest *= factor
+        before, self.fastest = self.fastest, self.fastest * factor
         if abs(factor - 1.0) > 0.7 * self.step:
-            self.fastest = self.anchor * (1.0 + self.step) ** round(self.place)
+            on_grid = self.anchor * (1.0 + self.step) ** round(self.place)
+            self.fastest = on_grid if on_grid != before else self.fastest
         self._lowest = np.inf  # a level may be higher than the lowest so far
 
     def turns(self, speed: float) -> list[float]:
-        """Which turns are looked at, at a speed."""
+        """Which turns are looked at, at a speed: whole ones, the run's end may cut the last."""
         if self.duration is None:
             return [math.inf]
-        last = math.ceil(speed * self.duration / TURN)
+        last = math.floor(speed * self.duration / TURN)
         return sorted({*(turn for turn in TURNS if turn < last), float(last)})
 
     def refine(self, speed: float, solution: ProgramSolution) -> None:
@@ -136,7 +146,7 @@ class ContactKept:
             chosen = lowest(here.values)
             if chosen.size:
                 force = self._at(here.speed)
-                goal = force.first.moving[chosen] & (self.value is None)
+                goal = force.first.moving[chosen] & (not self.limit)
                 rows = force.rows(chosen, here.turn)
                 self._rows.append((here.speed, rows, np.where(goal, -1.0, 0.0)))
                 made += chosen.size
@@ -152,7 +162,7 @@ class ContactKept:
 
     def cut(self, solution: ProgramSolution) -> bool:
         """Leave the rows far above, add those below; whether there are any."""
-        level = solution.level if self.value is None else self.value
+        level = self.margin if self.limit else solution.level
         if level < self._lowest - FALLEN:  # else rows would come and go for ever
             self._lowest = level
             self._thin(solution)
@@ -169,7 +179,8 @@ class ContactKept:
         scale = self.problem.force_scale
         constant = joined.constant / scale - np.where(weight < 0.0, 0.0, self.margin)
         affine = Affine(constant, sparse.csr_array(joined.matrix / scale))
-        return [RowBlock(self.name, affine, weight, "nonneg")]
+        necessary = self.margin == 0.0
+        return [RowBlock(self.name, affine, weight, "nonneg", necessary=necessary)]
 
     def _thin(self, solution: ProgramSolution) -> None:
         """Leave the rows that the solution is far above."""

@@ -25,7 +25,7 @@ from cam_rig.studies.design.space import Space
 from cam_rig.units import TURN
 
 #: Gauss points of a cell, and the phase (rad) of the vibration in it at most.
-GAUSS, CELL_PHASE = 6, 0.6
+GAUSS, CELL_PHASE = 5, 0.3
 
 
 @dataclass(frozen=True)

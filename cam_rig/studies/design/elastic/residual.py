@@ -59,6 +59,7 @@ class Residual:
 
     problem: DesignProblem
     asked: Asked
+    hull: bool
     taken: set[tuple[int, int]] = field(default_factory=set)
     blocks: list[RowBlock] = field(default_factory=list)
 
@@ -101,6 +102,6 @@ class Residual:
         weight = np.zeros((len(pairs), 3))
         weight[:, 0] = self.asked.weight
         if self.asked.value is not None:
-            constant[:, 0] = self.asked.value / scale - SPARE
+            constant[:, 0] = self.asked.value / scale - (SPARE if self.hull else 0.0)
         rows = Affine(constant.ravel(), sparse.csr_array(matrix.reshape(-1, size)))
         self.blocks.append(RowBlock(self.asked.name, rows, weight.ravel(), "cone", 3))

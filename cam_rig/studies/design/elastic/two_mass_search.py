@@ -13,8 +13,8 @@ import numpy as np
 
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import DesignError
-from cam_rig.studies.design.elastic.contact_kept import ContactKept
-from cam_rig.studies.design.program import ProgramSolution
+from cam_rig.studies.design.elastic.contact_kept import MARGIN, ContactKept
+from cam_rig.studies.design.program import InfeasibleError, ProgramSolution
 from cam_rig.studies.design.solve import Best, Cuts, Solver
 from cam_rig.studies.jump.any_rig import find_jump
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
@@ -25,6 +25,10 @@ MAX_ROUNDS, MAX_REFUSED = 120, 24
 #: A speed is settled where the level is no farther from the margin; a law holds a speed where the
 #: exact search finds its jump no lower by more than this part.
 NEAR, HELD = 4e-3, 5e-4
+#: Searches, until a law is no farther from its bound than this part.
+SEARCHES, NEAR_BOUND = 3, 2e-3
+#: A law is searched exactly where the level is no farther above the margin: else it goes faster.
+FAR = 0.1
 #: First guess of what the level falls by where the speed doubles, and the largest step of a speed.
 SLOPE, MAX_STEP = -11.0, 0.06
 #: Speeds over the best law's at which a bound is sought.
@@ -53,25 +57,36 @@ class TwoMassSearch:
         rigid = Solver(self.problem, self.solver.goal, self.solver.limits).rigid()
         self.solver.rounds += rigid.rounds
         kept = ContactKept(self.problem, self.duration, 0.95 * rigid.bound)
-        cuts = [self.solver.lazily(True), *self.solver.cuts()]
+        cuts = [self.solver.lazily(True), *self.solver.cuts(True)]
         kept.look(rigid.unknowns, 0.5)
-        self._search(kept, cuts)
+        bound = np.inf
+        for _ in range(SEARCHES):
+            self._search(kept, cuts)
+            if self.law[0] == 0.0:
+                raise DesignError("no law was found that keeps contact; allowed: more pieces")
+            bound = min(bound, self._bound(kept, self.law[0]))
+            if bound <= self.law[0] * (1.0 + NEAR_BOUND):
+                break
+            # the grid has grown by what was refused: what lies between its speeds is less now
+            kept.margin, self.refused, kept.fastest = MARGIN, 0, 0.5 * (bound + self.law[0])
         speed, unknowns, active = self.law
-        if speed == 0.0:
-            raise DesignError("no law was found that keeps contact; allowed: more pieces")
-        return Best(unknowns, speed, self._bound(kept, speed), active, self.solver.rounds)
+        return Best(unknowns, speed, bound, active, self.solver.rounds)
 
     def _search(self, kept: ContactKept, cuts: list[Cuts]) -> None:
         slope, settled = SLOPE, None
         for _ in range(MAX_ROUNDS):
-            found = self.solver.solved([*cuts, kept])
+            try:
+                found = self.solver.solved([*cuts, kept])
+            except InfeasibleError:  # at this speed the dwells alone leave no law
+                kept.move(1.0 - MAX_STEP)
+                continue
             room = found.level - kept.margin
             if room > -NEAR:
                 if any([cut.cut(found) for cut in [*cuts, kept]]):
                     continue
-                if not self._held(kept, found) and self.refused <= MAX_REFUSED:
+                if room < FAR and not self._held(kept, found) and self.refused <= MAX_REFUSED:
                     continue
-                if settled is not None:
+                if settled is not None and settled[0] != kept.fastest:
                     measured = (room - settled[1]) / (kept.fastest / settled[0] - 1.0)
                     slope = float(np.clip(measured, 4.0 * SLOPE, 0.4 * SLOPE))
                 settled = (kept.fastest, room)
@@ -97,11 +112,15 @@ class TwoMassSearch:
 
     def _bound(self, kept: ContactKept, speed: float) -> float:
         """A speed at which the rows, some of those that a law must keep, leave no law."""
-        cuts = [self.solver.lazily(False), *self.solver.cuts()]
+        cuts = [self.solver.lazily(False), *self.solver.cuts(False)]
+        kept.margin = 0.0  # contact is kept above zero: more than that no law has to
         for above in ABOVE:
             kept.fastest = speed * above
             for _ in range(MAX_ROUNDS):
-                found = self.solver.solved([*cuts, kept])
+                try:
+                    found = self.solver.solved([*cuts, kept])
+                except InfeasibleError:
+                    return kept.fastest
                 if found.bound <= 0.0:
                     return kept.fastest
                 if not any([cut.cut(found) for cut in [*cuts, kept]]):
