@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.optimize import brentq
 
@@ -17,6 +16,7 @@ from cam_rig.studies.design.affine import Affine
 from cam_rig.studies.design.constraints import Asked, add, force, keep_lift
 from cam_rig.studies.design.elastic.contact_kept import MARGIN, ContactKept
 from cam_rig.studies.design.elastic.residual import Residual
+from cam_rig.studies.design.few_rows import FewRows
 from cam_rig.studies.design.problem import DesignProblem
 from cam_rig.studies.design.program import ConvexProgram, InfeasibleError, ProgramSolution, RowBlock
 from cam_rig.studies.jump.any_rig import find_jump
@@ -27,10 +27,6 @@ from cam_rig.units import RPM
 
 #: Rounds of cuts, at most.
 MAX_ROUNDS = 80
-#: Every so many-th row is taken at first; one is broken where it is below zero by so much.
-FIRST_ROWS, BROKEN = 24, 1e-9
-#: With them those are taken that are no farther above it than this.
-NEARLY = 1e-3
 #: A jump speed is found to this part.
 SPEED = 2e-5
 
@@ -263,37 +259,6 @@ class Solver:
         )
 
         return TwoMassSearch(self).best()
-
-
-@dataclass(eq=False)
-class FewRows:
-    """Rows of a program, of which those are taken that a solution breaks or nearly meets."""
-
-    program: ConvexProgram
-    taken: list[NDArray[np.bool_]] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        for block in self.program.blocks:
-            taken = np.zeros(block.weight.size, dtype=bool)
-            taken[:: 1 if block.kind != "nonneg" else FIRST_ROWS] = True
-            self.taken.append(taken)
-
-    @property
-    def blocks(self) -> list[RowBlock]:
-        """Those taken so far."""
-        return [
-            replace(block, rows=block.rows.rows(taken), weight=block.weight[taken])
-            for block, taken in zip(self.program.blocks, self.taken, strict=True)
-        ]
-
-    def cut(self, solution: ProgramSolution) -> bool:
-        """Take what a solution breaks, and what is near it; whether it breaks anything."""
-        broken = False
-        for block, taken in zip(self.program.blocks, self.taken, strict=True):
-            values = block.rows(solution.unknowns) + block.weight * solution.level
-            broken |= bool((~taken & (values < -BROKEN)).any())
-            np.logical_or(taken, values < NEARLY, out=taken)
-        return broken
 
 
 def is_cut(limit: Asked) -> bool:

@@ -268,3 +268,31 @@ def test_a_start_that_breaks_a_limit_is_allowed() -> None:
     (limit,) = found.measures[1:]
     assert limit.start > limit.limit >= limit.result * (1.0 - 1e-6)  # type: ignore[operator]
     assert limit.active
+
+
+def test_a_wider_class_is_bounded_above_every_law_of_a_narrower_one() -> None:
+    """Eight pieces can do what four can: what the bound of eight excludes, none of four reaches."""
+    limits = ["peak_acceleration<=75mm/rad^2"]
+    few, many = (
+        designed(LawClass(pieces, 2), maximise="jump_speed", limits=limits) for pieces in (4, 8)
+    )
+    assert few.goal.result <= few.goal.bound * (1.0 + 1e-9)  # type: ignore[operator]
+    assert few.goal.result <= many.goal.bound  # type: ignore[operator]
+    assert few.goal.bound <= many.goal.bound * (1.0 + 2e-2)  # type: ignore[operator]
+
+
+def test_a_limit_on_the_jump_speed_holds_by_the_exact_search() -> None:
+    """Least jerk with contact kept to 440 rpm: resonances between the program's speeds too."""
+    limits = ["jump_speed>=440rpm", "peak_acceleration<=start"]
+    found = designed(LawClass(10, 3), minimise="peak_jerk", limits=limits)
+    assert to_rpm(found.measures[1].result) >= 440.0 * (1.0 - 1e-5)
+    assert found.goal.bound <= found.goal.result  # type: ignore[operator]
+
+
+def test_what_is_not_proved_is_not_called_impossible() -> None:
+    """Six pieces can keep 68.14 mm/rad², and not 60: not found is not the same as none."""
+    words = {"minimise": "peak_velocity", "law_class": LawClass(6, 3)}
+    with pytest.raises(DesignError, match="a law of the class may keep"):
+        designed(limits=["peak_acceleration<=68.15mm/rad^2"], **words)  # type: ignore[arg-type]
+    with pytest.raises(DesignError, match="no law of the class keeps"):
+        designed(limits=["peak_acceleration<=60mm/rad^2"], **words)  # type: ignore[arg-type]
