@@ -35,7 +35,7 @@ def live(
     consumers = [name for name in names if name in CONSUMERS]
     given: dict[str, Arguments] = {
         RECORDER: {"bag": str(bag), **(split or Split()).parameters},
-        VIEWER: {"address": screen or "", "page": page},
+        VIEWER: {"address": screen or "", **({"page": page} if page else {})},
         # a node that has ended is noticed here at once, so a busy machine may answer late
         DRIVE: {"consumers": consumers, "patience": PATIENCE_S, **drive},
     }

@@ -20,8 +20,8 @@ def test_a_comparison_has_rows_sentences_and_a_picture():
     figure = found.plot()
     assert isinstance(figure, Figure)
     titles = [axes.get_title() for axes in figure.axes if axes.get_title()]
-    expected = ["TM21\n200 rpm", "TM21\n350 rpm", "TM21\n400 rpm", "Bézier degree 15\n200 rpm"]
-    assert titles == [*expected, "Bézier degree 15\n400 rpm"]
+    expected = [f"TM21 concave cam\n{rpm} rpm" for rpm in (200, 350, 400)]
+    assert titles == [*expected, "Bézier degree 15\n200 rpm", "Bézier degree 15\n400 rpm"]
 
 
 def test_arguments_that_do_not_fit_the_bag_are_refused():

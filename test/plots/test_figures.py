@@ -16,8 +16,10 @@ from cam_rig.drawing.cam_looks import COLOURS, cam_look
 from cam_rig.drawing.colours import DISCS, web
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.laws import Law
-from cam_rig.plots import jump, law, law_overlay, lift_off, profile, vibration
+from cam_rig.plots import jump, lift_off, profile, vibration
 from cam_rig.plots.figures import series
+from cam_rig.plots.laws import one_law as law
+from cam_rig.plots.laws import overlay as law_overlay
 from cam_rig.plots.sound import noise
 from cam_rig.profile.checks.all_checks import check_cam
 from cam_rig.schema import CamConfig

@@ -19,8 +19,10 @@ from cam_rig.bench.peers.peers import PEERS
 from cam_rig.bench.result import CaseResult, Sweep, WorkPrecisionPoint, WorkPrecisionStudy
 from cam_rig.laws import Law
 from cam_rig.laws.catalogue import families
-from cam_rig.plots import jump, law, law_overlay, motion, profile, work_precision
+from cam_rig.plots import jump, motion, profile, work_precision
 from cam_rig.plots.figures import WIDTH, empty, logarithmic, styled, write
+from cam_rig.plots.laws import one_law as law
+from cam_rig.plots.laws import overlay as law_overlay
 from cam_rig.plots.sound import noise
 from cam_rig.profile.checks.all_checks import check_cam
 from cam_rig.schema import CamConfig, load_rig
