@@ -16,7 +16,7 @@ from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.errors import ConfigError, DesignError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.peaks import extremes, peak
-from cam_rig.schema import CamConfig, load_cam, load_rig
+from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
 from cam_rig.schema.load import config_root
 from cam_rig.studies.design.constraints import Asked, add, keep_lift
 from cam_rig.studies.design.design import DesignRequest, LawDesign, design
@@ -296,3 +296,23 @@ def test_what_is_not_proved_is_not_called_impossible() -> None:
         designed(limits=["peak_acceleration<=68.15mm/rad^2"], **words)  # type: ignore[arg-type]
     with pytest.raises(DesignError, match="no law of the class keeps"):
         designed(limits=["peak_acceleration<=60mm/rad^2"], **words)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("change", [{"lift": 5e-6}, {"damping": 0.0, "stem_damping": 0.0}])
+def test_hard_cases_of_two_masses_have_a_law_and_a_bound(change: dict[str, float]) -> None:
+    """5 µm of lift jump at thousands of rpm; an undamped stem has resonances of no width."""
+    text, rig = (
+        cam().model_dump(by_alias=True, exclude_none=True),
+        RIG.model_dump(exclude_none=True),
+    )
+    if "lift" in change:
+        text["lift"] = {"given": change["lift"], "unit": "m"}
+    else:
+        for key, value in change.items():
+            rig["follower"][key] = {"given": value, "unit": "N*s/m"}
+    request = DesignRequest.of(
+        maximise="jump_speed", limits=["peak_acceleration<=start"], law_class=LawClass(8, 3)
+    )
+    found = design(CamConfig.model_validate(text), RigConfig.model_validate(rig), request)
+    assert found.goal.start < found.goal.result <= found.goal.bound  # type: ignore[operator]
+    assert found.gap < 5e-3

@@ -37,6 +37,8 @@ NEAR = 0.15
 BELOW = 6e-3
 #: Rows of speeds above this part of the fastest are never left: the fastest may fall.
 KEEP_ABOVE = 0.95
+#: The level is at most so many times the scale.
+TOP = 100.0
 #: Rows are left where the level has fallen by this much since they last were.
 FALLEN = 1e-3
 #: Least force, in parts of its scale, that is kept at first: what lies between the places that are
@@ -172,6 +174,10 @@ class ContactKept:
     def blocks(self) -> list[RowBlock]:
         """The rows so far, of speeds up to the fastest."""
         chosen = [row for row in self._rows if row[0] <= self.fastest]
+        if not self.limit:  # a level is finite before the first rows
+            none = np.zeros((1, self.problem.space.unknowns))
+            top = Dense(np.full(1, TOP * self.problem.force_scale), none)
+            chosen.append((self.fastest, top, np.full(1, -1.0)))
         if not chosen:
             return []
         joined = Dense.joined([rows for _, rows, _ in chosen])

@@ -73,7 +73,7 @@ class TwoMassSearch:
         return Best(unknowns, speed, bound, active, self.solver.rounds)
 
     def _search(self, kept: ContactKept, cuts: list[Cuts]) -> None:
-        slope, settled = SLOPE, None
+        slope, settled, found = SLOPE, None, None
         for _ in range(MAX_ROUNDS):
             try:
                 found = self.solver.solved([*cuts, kept])
@@ -94,6 +94,10 @@ class TwoMassSearch:
                     return
             step = float(np.clip(-room / slope, -MAX_STEP, MAX_STEP))
             kept.move(1.0 + step)
+        if (
+            found is not None
+        ):  # resonances narrower than the grid: the last law is the best there is
+            self._held(kept, found)
 
     def _held(self, kept: ContactKept, found: ProgramSolution) -> bool:
         """Whether the exact search finds that a law holds the speed; else its own is looked at."""
