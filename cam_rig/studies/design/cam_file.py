@@ -15,6 +15,9 @@ from cam_rig.studies.design.constraints import Asked
 from cam_rig.studies.design.problem import DesignProblem
 from cam_rig.studies.design.terms import Term
 
+#: A law's lift is its file's where they differ by no more than this part.
+SAME = 1e-12
+
 
 @dataclass(frozen=True)
 class DesignedCam:
@@ -56,8 +59,11 @@ def designed_cam(
 
 
 def _lift(problem: DesignProblem) -> dict[str, Any]:
-    millimetres = problem.start.lift * 1e3
-    return quantity("given", millimetres, "mm", f"that of {problem.cam.name}")
+    """The start's, with where it comes from; a law may have another than its file's."""
+    own, name = problem.cam.lift, problem.cam.name
+    if abs(own.si - problem.start.lift) > SAME * problem.start.lift:
+        return quantity("assumed", problem.start.lift * 1e3, "mm", f"that of the law of {name}")
+    return quantity(own.origin, own.numbers[0], own.unit, f"as {name}: {own.source}", own.residual)
 
 
 def _follower(problem: DesignProblem) -> dict[str, Any]:
@@ -102,4 +108,4 @@ def _dwell(start: float, end: float, cam: str) -> list[dict[str, Any]]:
 
 
 def _span(span: float, source: str) -> dict[str, Any]:
-    return quantity("given", round(math.degrees(span), 10), "deg", source)
+    return quantity("assumed", round(math.degrees(span), 10), "deg", source)

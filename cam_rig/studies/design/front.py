@@ -10,6 +10,9 @@ import numpy as np
 from cam_rig.errors import ConfigError
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.studies.design.design import DesignRequest, LawDesign, design
+from cam_rig.studies.design.measure import measured
+from cam_rig.studies.design.problem import DesignProblem
+from cam_rig.studies.design.space import Space
 from cam_rig.studies.design.tables import in_words
 from cam_rig.studies.design.terms import Limit, Term
 from cam_rig.tables import Column, DataTable, tabulate
@@ -71,10 +74,6 @@ def front(
 
 def _value(found: LawDesign, cam: CamConfig, rig: RigConfig, other: Term) -> float:
     """The other quantity of a design."""
-    from cam_rig.studies.design.measure import measured
-    from cam_rig.studies.design.problem import DesignProblem
-    from cam_rig.studies.design.space import Space
-
     problem = DesignProblem(cam, found.start, rig, Space(found.start, found.request.law_class))
     return measured(problem, found.law, other, other.quantity.senses[0])
 

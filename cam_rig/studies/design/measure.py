@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -31,6 +32,7 @@ from cam_rig.units import TURN
 GAUSS, CELL_PHASE = 12, 2.0
 
 
+@lru_cache(maxsize=64)
 def measured(problem: DesignProblem, law: Law, term: Term, sense: Sense) -> float:
     """A quantity of a law, SI; the level in dB.
 

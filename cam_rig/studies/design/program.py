@@ -7,7 +7,6 @@ and these are put right and the bound computed here, in a few sums.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import sparse
@@ -16,9 +15,6 @@ from cam_rig.arrays import FloatArray
 from cam_rig.errors import DesignError
 from cam_rig.extras import libraries_named
 from cam_rig.studies.design.affine import Affine
-
-if TYPE_CHECKING:
-    pass
 
 #: An ordinate of a law is at most so many lifts.
 BOX = 10.0
@@ -32,6 +28,8 @@ TUNINGS: tuple[dict[str, float | int | str], ...] = (
 FACTORISATION = "qdldl"
 #: Where it does not, a solution is used that breaks no row, and is as near to its bound.
 USABLE = 1e-5
+#: Limits are proved to contradict each other for levels of no more than this size.
+LEVELS = 1e4
 #: A limit counts as active where it is met to this part of its scale.
 ACTIVE = 1e-5
 
@@ -89,9 +87,9 @@ class ConvexProgram:
     link: Affine
     blocks: list[RowBlock] = field(default_factory=list)
 
-    def copy(self, more: list[RowBlock] | None = None) -> ConvexProgram:
-        """The same limits, and more."""
-        return ConvexProgram(self.unknowns, self.link, [*self.blocks, *(more or [])])
+    def copy(self) -> ConvexProgram:
+        """The same limits, to which others can be added."""
+        return ConvexProgram(self.unknowns, self.link, list(self.blocks))
 
     def at_least(
         self, name: str, rows: Affine, weight: float = 0.0, necessary: bool = True
@@ -103,15 +101,6 @@ class ConvexProgram:
     def equal(self, name: str, rows: Affine) -> None:
         """Rows = 0."""
         self.blocks.append(RowBlock(name, rows, np.zeros(rows.constant.size), "zero"))
-
-    def within(self, name: str, radius: Affine, parts: list[Affine], weight: float = 0.0) -> None:
-        """√(Σ partᵢ²) ≤ radius + weight · t, row by row."""
-        both = Affine.stacked([radius, *parts])
-        size, count = radius.constant.size, 1 + len(parts)
-        order = np.arange(size * count).reshape(count, size).T.ravel()
-        weights = np.zeros((size, count))
-        weights[:, 0] = weight
-        self.blocks.append(RowBlock(name, both.rows(order), weights.ravel(), "cone", count))
 
     def solve(self) -> ProgramSolution:
         """The largest t.
@@ -186,7 +175,7 @@ class ConvexProgram:
             at += size
         most = max(share.values(), default=0.0)
         names = tuple(n for n, s in sorted(share.items(), key=lambda i: -i[1]) if s > 1e-6 * most)
-        proved = all(block.necessary for block in blocks)
+        proved = all(block.necessary for block in blocks) and _refutes(blocks, dual)
         return InfeasibleError(names or ("its limits",), proved)
 
 
@@ -203,20 +192,22 @@ def _solution(blocks: list[RowBlock], x: FloatArray, dual: FloatArray) -> Progra
     )
 
 
+def _slack(block: RowBlock, x: FloatArray) -> FloatArray:
+    """How far each row, or each cone, is from being broken; of an equation how far it is off."""
+    values = np.asarray(block.rows(x[:-1]) + block.weight * x[-1])
+    if block.kind == "cone":
+        cones = values.reshape(-1, block.cone)
+        return np.asarray(cones[:, 0] - np.linalg.norm(cones[:, 1:], axis=1))
+    return -np.abs(values) if block.kind == "zero" else values
+
+
 def _broken(blocks: list[RowBlock], x: FloatArray) -> float:
     """By how much the worst row is broken."""
-    worst = 0.0
-    for block in blocks:
-        values = block.rows(x[:-1]) + block.weight * x[-1]
-        if block.kind == "cone":
-            cones = values.reshape(-1, block.cone)
-            values = cones[:, 0] - np.linalg.norm(cones[:, 1:], axis=1)
-        worst = max(worst, float(np.abs(values).max() if block.kind == "zero" else -values.min()))
-    return worst
+    return max(0.0, *(-float(_slack(block, x).min()) for block in blocks))
 
 
-def _multipliers(blocks: list[RowBlock], dual: FloatArray) -> FloatArray:
-    """The solver's multipliers, put into the cones and scaled to t; NaN where t has none.
+def _in_cones(blocks: list[RowBlock], dual: FloatArray) -> FloatArray:
+    """The solver's multipliers, put into the cones.
 
     The first block links the last unknowns to the others, with −1 each: its multipliers are made
     such that those unknowns drop out.
@@ -234,12 +225,28 @@ def _multipliers(blocks: list[RowBlock], dual: FloatArray) -> FloatArray:
         at += size
     linked = blocks[0].weight.size
     y[:linked] += (matrix.T @ y)[matrix.shape[1] - linked :]
+    return y
+
+
+def _multipliers(blocks: list[RowBlock], dual: FloatArray) -> FloatArray:
+    """The same scaled to t; NaN where t has none."""
+    y = _in_cones(blocks, dual)
     weight = float(np.concatenate([b.weight for b in blocks]) @ y)
     return y / -weight if weight < 0.0 else np.full(y.size, np.nan)
 
 
+def _refutes(blocks: list[RowBlock], dual: FloatArray) -> bool:
+    """Whether multipliers prove that no unknowns keep the rows, for any |t| up to `LEVELS`.
+
+    Σ y (c + A x + w t) cannot be below zero, and yet is.
+    """
+    y = _in_cones(blocks, dual)
+    weight = float(np.concatenate([b.weight for b in blocks]) @ y)
+    return bound_of(blocks, y) + abs(weight) * LEVELS < 0.0
+
+
 def bound_of(blocks: list[RowBlock], multipliers: FloatArray) -> float:
-    """What t cannot exceed: Σ y (c + A x + w t) ≥ 0 with Σ y w = −1 gives t ≤ Σ y c + |Aᵀ y| · BOX.
+    """Σ y c + |Aᵀ y| · BOX: with Σ y w = −1 what t cannot exceed, as Σ y (c + A x + w t) ≥ 0.
 
     Infinite for multipliers that prove nothing.
     """
@@ -253,12 +260,5 @@ def bound_of(blocks: list[RowBlock], multipliers: FloatArray) -> float:
 
 def _active(blocks: list[RowBlock], x: FloatArray) -> tuple[str, ...]:
     """Names of the limits that are met."""
-    found = []
-    for block in blocks:
-        values = block.rows(x[:-1]) + block.weight * x[-1]
-        if block.kind == "cone":
-            cones = values.reshape(-1, block.cone)
-            values = cones[:, 0] - np.linalg.norm(cones[:, 1:], axis=1)
-        if block.kind != "zero" and values.min() < ACTIVE:
-            found.append(block.name)
-    return tuple(dict.fromkeys(found))
+    met = (b.name for b in blocks if b.kind != "zero" and _slack(b, x).min() < ACTIVE)
+    return tuple(dict.fromkeys(met))

@@ -23,7 +23,7 @@ from cam_rig.studies.jump.any_rig import find_jump
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.rigid import rigid_jump_speed
 from cam_rig.studies.jump.search import FASTEST
-from cam_rig.units import RPM
+from cam_rig.units import RPM, to_rpm
 
 #: Rounds of cuts, at most.
 MAX_ROUNDS = 80
@@ -130,7 +130,7 @@ class Solver:
                 duration = FROM_REST if limit.term.name == "jump_speed" else None
                 margin = MARGIN if hull else 0.0
                 kept = ContactKept(self.problem, duration, limit.value, limit.name, True, margin)
-                self._begin(kept, [])
+                self._begin(kept)
                 found.append(kept)
         return found
 
@@ -140,10 +140,6 @@ class Solver:
         blocks = [block for cut in cuts for block in cut.blocks]
         space = self.problem.space
         return ConvexProgram(space.unknowns, space.link, blocks).solve()
-
-    def lazily(self, hull: bool) -> FewRows:
-        """The limits as cuts: of thousands of rows a few are met."""
-        return FewRows(self.static(hull))
 
     def settled(self, program: ConvexProgram, cuts: list[Cuts]) -> ProgramSolution:
         """Solve, cut and solve again until nothing is cut; the program's rows are cuts too."""
@@ -207,11 +203,15 @@ class Solver:
         held = max(speed for speed, solution in found.items() if solution.level >= 0.0)
         law = found[held]
         bound = self._root(lambda speed: level(speed, False), top)
-        while level(bound, False) > 0.0:  # it is proved where it is said
+        for _ in range(MAX_ROUNDS):  # it is proved where it is said
+            if level(bound, False) <= 0.0:
+                break
             bound *= 1.0 + SPEED
+        else:
+            raise DesignError(f"no bound was proved up to {to_rpm(bound):.6g} rpm")
         value = rigid_jump_speed(self.problem.space.law(law.unknowns, "design"), self.problem.rigid)
         active = tuple(name for name in law.active if name != self.goal.name)
-        return Best(law.unknowns, min(value, bound), bound, active, self.rounds)
+        return Best(law.unknowns, value, bound, active, self.rounds)
 
     def _require_a_law(self) -> None:
         """Refuse limits that no law keeps at points of the turn: it is a proof for the class."""
@@ -239,12 +239,12 @@ class Solver:
                     raise DesignError("no law of the class keeps contact at 1 rpm")
         return float(brentq(level, low, high, xtol=1e-12, rtol=SPEED))
 
-    def _begin(self, kept: ContactKept, cuts: list[Cuts]) -> None:
+    def _begin(self, kept: ContactKept) -> None:
         """First rows of a force: where the best law without vibration would be lowest."""
         program = self.static(True)
         rows = force(self.problem, kept.fastest, True) * (1.0 / self.problem.force_scale)
         program.at_least("rigid", rows, -1.0)
-        kept.look(self.settled(program, cuts).unknowns, 0.5)
+        kept.look(self.settled(program, []).unknowns, 0.5)
 
     def _two_masses(self) -> Best:
         """The highest speed up to which the least force of two masses can be above zero."""
@@ -254,9 +254,8 @@ class Solver:
                 "mass is split; allowed: jump_speed_rigid, or follower.roller_share and "
                 "follower.stem_damping in the rig file"
             )
-        from cam_rig.studies.design.elastic.two_mass_search import (
-            TwoMassSearch,  # it asks this back
-        )
+        # it asks this module back
+        from cam_rig.studies.design.elastic.two_mass_search import TwoMassSearch
 
         return TwoMassSearch(self).best()
 

@@ -14,6 +14,7 @@ import numpy as np
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import DesignError
 from cam_rig.studies.design.elastic.contact_kept import MARGIN, ContactKept
+from cam_rig.studies.design.few_rows import FewRows
 from cam_rig.studies.design.program import InfeasibleError, ProgramSolution
 from cam_rig.studies.design.solve import Best, Cuts, Solver
 from cam_rig.studies.jump.any_rig import find_jump
@@ -57,7 +58,7 @@ class TwoMassSearch:
         rigid = Solver(self.problem, self.solver.goal, self.solver.limits).rigid()
         self.solver.rounds += rigid.rounds
         kept = ContactKept(self.problem, self.duration, 0.95 * rigid.bound)
-        cuts = [self.solver.lazily(True), *self.solver.cuts(True)]
+        cuts = [FewRows(self.solver.static(True)), *self.solver.cuts(True)]
         kept.look(rigid.unknowns, 0.5)
         bound = np.inf
         for _ in range(SEARCHES):
@@ -94,9 +95,7 @@ class TwoMassSearch:
                     return
             step = float(np.clip(-room / slope, -MAX_STEP, MAX_STEP))
             kept.move(1.0 + step)
-        if (
-            found is not None
-        ):  # resonances narrower than the grid: the last law is the best there is
+        if found is not None:  # out of rounds, or resonances narrower than the grid
             self._held(kept, found)
 
     def _held(self, kept: ContactKept, found: ProgramSolution) -> bool:
@@ -116,15 +115,17 @@ class TwoMassSearch:
 
     def _bound(self, kept: ContactKept, speed: float) -> float:
         """A speed at which the rows, some of those that a law must keep, leave no law."""
-        cuts = [self.solver.lazily(False), *self.solver.cuts(False)]
+        cuts = [FewRows(self.solver.static(False)), *self.solver.cuts(False)]
         kept.margin = 0.0  # contact is kept above zero: more than that no law has to
         for above in ABOVE:
             kept.fastest = speed * above
             for _ in range(MAX_ROUNDS):
                 try:
                     found = self.solver.solved([*cuts, kept])
-                except InfeasibleError:
-                    return kept.fastest
+                except InfeasibleError as error:
+                    if error.proved:
+                        return kept.fastest
+                    break
                 if found.bound <= 0.0:
                     return kept.fastest
                 if not any([cut.cut(found) for cut in [*cuts, kept]]):
