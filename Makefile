@@ -56,7 +56,7 @@ bench: setup ## speed against error, against other solvers: writes docs/speed.md
 
 lock: | $(BIN)/pip ## resolve requirements.lock anew (remove it first to raise every version)
 	@$(PIP) install uv==0.13.8
-	$(BIN)/uv pip compile setup.py --extra all --extra ros-wheels --extra bench --extra docs --extra test --output-file requirements.lock \
+	$(BIN)/uv pip compile setup.py --extra all --extra dask --extra ros-wheels --extra bench --extra docs --extra test --output-file requirements.lock \
 		--universal --python-version 3.11 --fork-strategy fewest \
 		--no-annotate --custom-compile-command 'make lock' --quiet
 

@@ -29,7 +29,11 @@ CAD = ["ezdxf", "shapely>=2"]
 FAST = ["numba>=0.61"]
 # Solves the convex programs of `cam-rig design`.
 DESIGN = ["clarabel>=0.11"]
-ALL = [*CLI, *PLOTS, *BAGS, *VIEW, *PARQUET, *CAD, *FAST, *DESIGN]
+# A campaign's dataset, and the shares of its inputs.
+CAMPAIGN = [*PARQUET, "salib>=1.5"]
+# Sends a campaign's points to a cluster.
+DASK = ["distributed"]
+ALL = [*CLI, *PLOTS, *BAGS, *VIEW, *PARQUET, *CAD, *FAST, *DESIGN, *CAMPAIGN]
 # Only for a plain Python; where ROS 2 is installed, these come from it.
 ROS_WHEELS = [
     "ros-kilted-rclpy[fastrtps]",
@@ -43,12 +47,13 @@ ROS_WHEELS = [
     "ros-kilted-trajectory-msgs",
     "ros-kilted-visualization-msgs",
 ]
-# The solvers that `cam-rig bench` measures against, beside scipy's.
-BENCH = ["scikit-sundae"]
+# What `cam-rig bench` and `make bench` measure against, beside scipy's solvers.
+BENCH = ["joblib", "pymoo", "scikit-sundae"]
 # What `make docs` builds the documents with.
 DOCS = ["mkdocs-material", "mkdocstrings[python]"]
 TEST = [
     "cmeel-urdfdom",  # the parser of URDF that ROS has
+    "duckdb",  # reads a campaign's dataset as its users do
     "hypothesis",
     "import-linter",
     "mcap-ros2-support",  # reads the golden bag as other viewers do
@@ -120,6 +125,8 @@ setup(
         "cad": CAD,
         "fast": FAST,
         "design": DESIGN,
+        "campaign": CAMPAIGN,
+        "dask": DASK,
         "all": ALL,
         "ros-wheels": ROS_WHEELS,
         "bench": BENCH,

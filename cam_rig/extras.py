@@ -11,14 +11,18 @@ from cam_rig.errors import ConfigError, MissingLibraryError
 
 #: Extra of setup.py by what is imported; the rest is the core, which is always there.
 EXTRAS = {
+    "SALib": "campaign",
     "clarabel": "design",
+    "distributed": "dask",
     "ezdxf": "cad",
     "jinja2": "cli",
+    "joblib": "bench",
     "lz4": "bags",
     "matplotlib": "plots",
     "mcap": "bags",
     "numba": "fast",
     "pyarrow": "parquet",
+    "pymoo": "bench",
     "rclpy": "ros-wheels",
     "rerun": "view",
     "rich": "cli",

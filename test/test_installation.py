@@ -52,11 +52,11 @@ def copied():
 
 
 def test_pip_installs_what_ubuntu_has_not_in_the_versions_of_the_lock():
-    """Every library of the rig comes from one of both, but for those that need NumPy 2,
-    and for numba, without which the same results take longer."""
+    """Every library of the rig comes from one of both, but for those that need NumPy 2, what
+    serves them alone, and numba, without which the same results take longer."""
     lists, asked = lists_of_setup(), pinned(ROOT / "requirements-ros.txt")
     assert asked.items() <= pinned(ROOT / "requirements.lock").items()
-    left_out = {"numba", "pyarrow", "rerun-sdk"}
+    left_out = {"numba", "pyarrow", "rerun-sdk", "salib"}
     assert set(asked) | FROM_UBUNTU == (lists["CORE"] | lists["ALL"]) - left_out
     assert not set(asked) & FROM_UBUNTU
 
