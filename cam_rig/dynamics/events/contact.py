@@ -118,6 +118,12 @@ def contact_loss(
     return loss.time, place, velocity
 
 
+def loss_in_part(contact: StemContactTable, place: float, velocity: float, limit: float) -> float:
+    """The same in the only part of a table, from its beginning with (η, η̇) less X there."""
+    contact = borrowed(contact)
+    return _fall_of_force(contact, ContactStretch(0, 0.0, place, velocity), limit)
+
+
 def _end_of_part(contact: StemContactTable, now: ContactStretch) -> Pair:
     """(η, η̇) where the part ends."""
     rows = contact.parts[now.part]

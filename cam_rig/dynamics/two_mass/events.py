@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.events.contact import contact_loss
+from cam_rig.dynamics.events.contact import contact_loss, loss_in_part
 from cam_rig.dynamics.events.search import call
 from cam_rig.dynamics.events.tables import ROUNDING_ERRORS, contact_table
 from cam_rig.dynamics.input_limits import require_angle, require_number, state_of
@@ -73,20 +73,13 @@ def first_lift_off(
     for turn, i in np.argwhere(may_fall(response, parameters, free)).tolist():
         part = response.parts[i]
         begin = (turn * TURN + part.low) / speed
-        place, velocity = (part.particular[:, 0] + free[turn, i]).tolist()
         left = min(part.length, limit - begin)
         if left <= 0.0:
             break
-        found, *_ = call(
-            contact_loss,
-            partial(contact_table, response, output, only=part),
-            speed,
-            part.low,
-            (place, velocity),
-            left,
-        )
+        table = partial(contact_table, response, output, only=part)
+        found = float(call(loss_in_part, table, *free[turn, i].tolist(), left))
         if found >= 0.0:
-            return begin + float(found)
+            return begin + found
     return None
 
 

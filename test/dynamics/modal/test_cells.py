@@ -14,6 +14,7 @@ from cam_rig.dynamics.two_mass.events import first_lift_off, lift_off, may_fall
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
 from cam_rig.laws import Law
 from cam_rig.laws.families.b_spline import bezier_pieces
+from cam_rig.studies.jump.jump_speed import jump_speed
 from cam_rig.units import RPM, TURN
 
 PAPER = TwoMassParameters(
@@ -133,6 +134,21 @@ def test_the_batch_leaves_where_the_walk_does(count):
             left += 1
             assert found == pytest.approx(walked[0], rel=1e-9)
     assert left
+
+
+@pytest.mark.parametrize("seed", [133, 232, 257])
+def test_where_a_part_ends_nothing_leaves(seed):
+    """Just below the jump speed each part's end is passed, however its time is rounded.
+
+    A part searched alone once began anew after its end, an ulp before the time it was given.
+    """
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(1, 40))
+    law, rig = random_law(rng, count), random_rig(rng, 1.0)
+    jump = jump_speed(law, rig, 0.5).speed
+    for speed in jump * np.append(rng.uniform(0.8, 1.0, 20), np.linspace(0.985, 1.0, 30)[:-1]):
+        assert lift_off(law, rig, speed, 0.0, np.zeros(2), 0.5) is None
+        assert first_lift_off(law, rig, speed, np.zeros(2), 0.5) is None
 
 
 def test_pieces_together_are_pieces_alone():
