@@ -27,8 +27,8 @@ PARQUET = ["pyarrow"]
 CAD = ["ezdxf", "shapely>=2"]
 # Compiles the search for lift-offs and landings; without it the same code runs in plain Python.
 FAST = ["numba>=0.61"]
-# Solves the convex programs of `cam-rig design`.
-DESIGN = ["clarabel>=0.11"]
+# Solve the convex programs of `cam-rig design`: with cones, and linear ones that grow by rows.
+DESIGN = ["clarabel>=0.11", "highspy>=1.11,<1.16"]
 # A campaign's dataset, and the shares of its inputs.
 CAMPAIGN = [*PARQUET, "salib>=1.5"]
 # Sends a campaign's points to a cluster.

@@ -15,6 +15,7 @@ EXTRAS = {
     "clarabel": "design",
     "distributed": "dask",
     "ezdxf": "cad",
+    "highspy": "design",
     "jinja2": "cli",
     "joblib": "bench",
     "lz4": "bags",

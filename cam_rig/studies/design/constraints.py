@@ -20,9 +20,9 @@ from cam_rig.profile.contact import Element
 from cam_rig.profile.disc import discs
 from cam_rig.profile.flat_face import GuidedFace
 from cam_rig.profile.roller import GuidedCentre
-from cam_rig.studies.design.affine import Affine
 from cam_rig.studies.design.problem import DesignProblem
-from cam_rig.studies.design.program import ConvexProgram, RowBlock
+from cam_rig.studies.design.programs.affine import Affine
+from cam_rig.studies.design.programs.program import ConvexProgram, RowBlock
 from cam_rig.studies.design.terms import ORDERS, Limit, Sense, Term
 from cam_rig.units import TURN
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError, DesignError
@@ -215,9 +215,13 @@ def _solve(
     goal = _asked(problem, request.goal, request.sense, None)
     best = Solver(problem, goal, limits, told).best()
     if request.sense == "<=" and 0.0 < best.value < SMALL * goal.scale:
-        goal = Asked(goal.term, goal.sense, None, best.value / SMALL)  # for its bound's digits
-        with suppress(DesignError):  # then the first stands, with its bound
-            best = Solver(problem, goal, limits, told).best()
+        goal = Asked(goal.term, goal.sense, None, best.value / SMALL)  # for more digits
+        with suppress(DesignError):  # then the first stands alone
+            again = Solver(problem, goal, limits, told).best()
+            law = min(best, again, key=lambda found: found.value)
+            best = replace(
+                law, bound=max(best.bound, again.bound), rounds=best.rounds + again.rounds
+            )
     return best
 
 

@@ -20,7 +20,7 @@ from cam_rig.profile.checks.curvature import sharpest_convex
 from cam_rig.profile.disc import discs
 from cam_rig.profile.extremes import Scan
 from cam_rig.studies.design.constraints import PEAKS, SPEEDS
-from cam_rig.studies.design.elastic.residual import speeds_of
+from cam_rig.studies.design.elastic.residual import MISSED, peaks, speeds_of
 from cam_rig.studies.design.problem import DesignProblem
 from cam_rig.studies.design.terms import ORDERS, Sense, Term
 from cam_rig.studies.jump.any_rig import find_jump
@@ -66,10 +66,13 @@ def _rms_acceleration(_: DesignProblem, law: Law, __: Term) -> float:
 
 def _residual(problem: DesignProblem, law: Law, term: Term) -> float:
     speeds = speeds_of(problem, term.low, term.high)
-    return max(
-        float(left_by(problem, law, event.start, event.start + event.span, speeds).max())
-        for event in problem.space.events
-    )
+    highest = []
+    for event in problem.space.events:
+        ends = event.start, event.start + event.span
+        found = left_by(problem, law, *ends, speeds)
+        for speed in peaks(speeds, found, float(found.max()) * (1.0 - MISSED)):
+            highest.append(float(left_by(problem, law, *ends, np.array([speed]))[0]))
+    return max(highest)
 
 
 def left_by(

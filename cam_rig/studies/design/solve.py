@@ -12,13 +12,19 @@ from scipy.optimize import brentq
 
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError, DesignError, DynamicsError
-from cam_rig.studies.design.affine import Affine
 from cam_rig.studies.design.constraints import Asked, add, force, keep_lift
 from cam_rig.studies.design.elastic.contact_kept import MARGIN, ContactKept
 from cam_rig.studies.design.elastic.residual import Residual
-from cam_rig.studies.design.few_rows import FewRows
 from cam_rig.studies.design.problem import DesignProblem
-from cam_rig.studies.design.program import ConvexProgram, InfeasibleError, ProgramSolution, RowBlock
+from cam_rig.studies.design.programs.affine import Affine
+from cam_rig.studies.design.programs.few_rows import FewRows
+from cam_rig.studies.design.programs.growing import GrowingProgram
+from cam_rig.studies.design.programs.program import (
+    ConvexProgram,
+    InfeasibleError,
+    ProgramSolution,
+    RowBlock,
+)
 from cam_rig.studies.jump.any_rig import find_jump
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.rigid import rigid_jump_speed
@@ -134,12 +140,13 @@ class Solver:
                 found.append(kept)
         return found
 
-    def solved(self, cuts: list[Cuts]) -> ProgramSolution:
+    def solved(self, cuts: list[Cuts], growing: GrowingProgram | None = None) -> ProgramSolution:
         """One program of what was cut."""
         self.rounds += 1
         blocks = [block for cut in cuts for block in cut.blocks]
         space = self.problem.space
-        return ConvexProgram(space.unknowns, space.link, blocks).solve()
+        program = ConvexProgram(space.unknowns, space.link, blocks)
+        return program.solve() if growing is None else growing.solve(program)
 
     def settled(self, program: ConvexProgram, cuts: list[Cuts]) -> ProgramSolution:
         """Solve, cut and solve again until nothing is cut; the program's rows are cuts too."""
@@ -160,7 +167,7 @@ class Solver:
         for cut in kept:
             jump = find_jump(law, self.problem.follower, cut.duration)
             if jump.speed < cut.fastest:
-                cut.refine(jump.speed, found)
+                cut.refine(jump, found)
                 return False
         return True
 

@@ -17,14 +17,14 @@ from scipy import sparse
 from cam_rig.arrays import FloatArray
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.peaks import extremes
-from cam_rig.studies.design.affine import Affine
 from cam_rig.studies.design.events import FLAT, LawEvent, events
 from cam_rig.studies.design.law_class import LawClass, second_derivative, to_bezier
+from cam_rig.studies.design.programs.affine import Affine
 from cam_rig.units import TURN
 
 #: Parts of a piece for the polygon's bound, at least, and of a turn: its ordinates are then near
 #: the polynomial.
-PARTS, PARTS_OF_TURN = 24, 256
+PARTS, PARTS_OF_TURN = 40, 256
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from cam_rig.studies.design.design import LawDesign, Measure
-from cam_rig.studies.design.program import BOX
+from cam_rig.studies.design.programs.program import BOX
 from cam_rig.studies.design.terms import Term
 from cam_rig.tables import Cell, Column, DataTable
 from cam_rig.units import TURN

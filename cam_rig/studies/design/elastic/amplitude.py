@@ -78,11 +78,6 @@ class EventVibration:
             fading[:, None] * np.cumsum(added / fading[:, None], axis=0),
         )
 
-    def residual(self, event: int) -> Linear:
-        """What an event alone leaves, where it ends, one value."""
-        own = self.own(event)
-        return Linear(own.constant[-1:], own.matrix[-1:])
-
 
 class FirstTurn(NamedTuple):
     """A first turn from rest: angles ``(n,)``, amplitudes there and at its end, force without.

@@ -17,11 +17,12 @@ from scipy import sparse
 
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import DynamicsError
-from cam_rig.studies.design.affine import Affine
 from cam_rig.studies.design.elastic.amplitude import ForceAtSpeed
 from cam_rig.studies.design.elastic.mode import Cells, Dense
 from cam_rig.studies.design.problem import DesignProblem
-from cam_rig.studies.design.program import ProgramSolution, RowBlock
+from cam_rig.studies.design.programs.affine import Affine
+from cam_rig.studies.design.programs.program import ProgramSolution, RowBlock
+from cam_rig.studies.jump.jump_speed import Jump
 from cam_rig.units import TURN, to_rpm
 
 #: The grid goes down to this part of the speed, in steps that turn the phase by this much (rad)
@@ -31,6 +32,8 @@ DOWN_TO, PHASE_STEP, MAX_SPEEDS = 0.45, 0.5, 400
 EVERY = 6
 #: Rows of a turn at one speed that a law makes, at most: where it is lowest.
 LOWEST = 4
+#: Speeds with no more room than this part of the scale are looked at in every round.
+CLOSE = 0.1
 #: Rows that a solution is farther above than this part of the scale are left.
 NEAR = 0.15
 #: A law is below what the program allowed by more than this part of the scale.
@@ -70,13 +73,14 @@ class ContactKept:
     name: str = "contact kept"
     limit: bool = False
     margin: float = MARGIN
-    more: list[float] = field(default_factory=list)
+    more: dict[float, float] = field(default_factory=dict)
     _rows: list[tuple[float, Dense, FloatArray]] = field(default_factory=list)
     _lowest: float = np.inf
 
     def __post_init__(self) -> None:
         self.cells = Cells(self.problem.space, self.problem.mode, DOWN_TO * self.fastest)
         self._known: dict[float, ForceAtSpeed] = {}
+        self._room: dict[float, float] = {}
         rate = self.problem.mode.rate
         decay = 1.0 / max(-rate.real, 1e-300)
         decay = decay if self.duration is None else min(decay, self.duration)
@@ -119,11 +123,13 @@ class ContactKept:
         if self.duration is None:
             return [math.inf]
         last = math.floor(speed * self.duration / TURN)
-        return sorted({*(turn for turn in TURNS if turn < last), float(last)})
+        seen = self.more.get(speed, 1.0)
+        return sorted({seen, *(turn for turn in TURNS if turn < last), float(last)})
 
-    def refine(self, speed: float, solution: ProgramSolution) -> None:
-        """Look closer at a speed at which the exact model loses contact; else widen the margin."""
-        self.more += [speed * (1.0 + self.step * k) for k in (-0.25, 1e-4, 0.25)]
+    def refine(self, jump: Jump, solution: ProgramSolution) -> None:
+        """Look closer where and when the exact model loses contact; else widen the margin."""
+        turn = 1.0 + math.floor(jump.speed * jump.time / TURN)
+        self.more |= {jump.speed * (1.0 + self.step * k): turn for k in (-0.25, 1e-4, 0.25)}
         if not self.cut(solution):
             self.margin *= WIDER
             self._lowest = np.inf
@@ -137,9 +143,15 @@ class ContactKept:
         """Make rows of where the force is below a level; how many there are.
 
         In dwells, where only vibration lowers it, below the margin. Of neighbouring speeds the
-        worst is taken, and of its turns the worst.
+        worst is taken, and of its turns the worst. Speeds at which it was close when last looked
+        at come first: all are looked at where these make no row.
         """
-        found = [self._below(speed, unknowns, level) for speed in self.speeds()]
+        speeds = self.speeds()
+        close = [speed for speed in speeds if self._room.get(speed, 0.0) < CLOSE]
+        return self._rows_below(close, unknowns, level) or self._rows_below(speeds, unknowns, level)
+
+    def _rows_below(self, speeds: list[float], unknowns: FloatArray, level: float) -> int:
+        found = [self._below(speed, unknowns, level) for speed in speeds]
         worst = np.pad([below.values.min() for below in found], 1, constant_values=np.inf)
         dip = (worst[1:-1] <= worst[:-2]) & (worst[1:-1] <= worst[2:])
         dip[::-EVERY] = True
@@ -160,6 +172,7 @@ class ContactKept:
         wanted = np.where(here.first.moving, level, self.margin)
         above = here.values(unknowns, turns) / self.problem.force_scale - wanted
         worst = int(np.argmin(above.min(axis=1)))
+        self._room[speed] = float(above[worst].min())
         return Below(speed, float(turns[worst]), above[worst])
 
     def cut(self, solution: ProgramSolution) -> bool:

@@ -20,7 +20,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.errors import ConfigError
 from cam_rig.laws import bernstein
-from cam_rig.studies.design.affine import Affine
+from cam_rig.studies.design.programs.affine import Affine
 from cam_rig.studies.design.space import Space
 from cam_rig.units import TURN
 

@@ -1,8 +1,8 @@
 """Residual vibration: the amplitude that an event alone leaves, at every speed of a range.
 
 The amplitude is a function of 1/Ω as narrow in its spectrum as the event is long, so speeds even
-in 1/Ω, so many a beat, miss little of it. A program is given a few of them, and then those at
-which its law is worst, until none is worse.
+in 1/Ω, so many a beat, show where its peaks are; each is then looked at where it is highest. A
+program is given a few speeds, and then those at which its law is worst, until none is worse.
 """
 
 from __future__ import annotations
@@ -14,43 +14,81 @@ from functools import lru_cache
 import numpy as np
 from scipy import sparse
 
-from cam_rig.arrays import ComplexArray, FloatArray
-from cam_rig.studies.design.affine import Affine
+from cam_rig.arrays import FloatArray
 from cam_rig.studies.design.constraints import SPARE, Asked
-from cam_rig.studies.design.elastic.amplitude import EventVibration
+from cam_rig.studies.design.elastic.amplitude import Linear
 from cam_rig.studies.design.elastic.mode import Cells
 from cam_rig.studies.design.problem import DesignProblem
-from cam_rig.studies.design.program import ProgramSolution, RowBlock
+from cam_rig.studies.design.programs.affine import Affine
+from cam_rig.studies.design.programs.program import ProgramSolution, RowBlock
 from cam_rig.units import TURN
 
-#: Speeds a beat: the largest between two of them is missed by 0.1 % at most.
-A_BEAT, FIRST_A_BEAT = 64, 4
+#: Speeds a beat: the largest between two of them is missed by 0.4 % at most.
+A_BEAT, FIRST_EVERY = 32, 8
+#: Peaks that are looked at are no farther below what is allowed, on the grid.
+MISSED = 0.01
 #: A cut is made where the law exceeds what the program allowed by so much.
-WORSE = 2e-4
-#: Speeds of a range, at most.
-MAX_SPEEDS = 4096
+WORSE = 1e-4
+#: Speeds of a range, at most, and numbers of a table of phases that is made at once.
+MAX_SPEEDS, MAX_TABLE = 4096, 2_000_000
 
 
-def speeds_of(problem: DesignProblem, low: float, high: float, a_beat: int = A_BEAT) -> FloatArray:
-    """Speeds (rad/s) of a range, even in 1/Ω, so many a beat of the longest event."""
+def speeds_of(problem: DesignProblem, low: float, high: float) -> FloatArray:
+    """Speeds (rad/s) of a range, falling and even in 1/Ω, so many a beat of the longest event."""
     if low == high:
         return np.array([low])
     longest = max(event.span for event in problem.space.events)
     beats = longest * problem.mode.rate.imag * (1.0 / low - 1.0 / high) / TURN
-    count = min(MAX_SPEEDS, max(8, math.ceil(beats * a_beat)))
+    count = min(MAX_SPEEDS, max(8, math.ceil(beats * A_BEAT)))
     return np.asarray(1.0 / np.linspace(1.0 / high, 1.0 / low, count + 1))
 
 
+def peaks(speeds: FloatArray, amplitudes: FloatArray, above: float) -> FloatArray:
+    """Where a curve ``(n,)`` over speeds even in 1/Ω is highest, at peaks above a value, rad/s.
+
+    Of a parabola through the squares at three speeds; an end that is the highest is one too.
+    """
+    padded = np.pad(amplitudes, 1, constant_values=-np.inf)
+    at = np.flatnonzero(
+        (amplitudes >= padded[:-2]) & (amplitudes >= padded[2:]) & (amplitudes > above)
+    )
+    inner = (at > 0) & (at < amplitudes.size - 1)
+    below, here, beyond = (amplitudes[(at[inner] + k)] ** 2 for k in (-1, 0, 1))
+    bend = 2.0 * here - below - beyond
+    shift = np.divide(0.5 * (beyond - below), bend, out=np.zeros(bend.size), where=bend > 0.0)
+    found = 1.0 / speeds[at]
+    found[inner] += shift * (1.0 / speeds[at[inner] + 1] - found[inner])
+    return np.asarray(1.0 / found)
+
+
 @lru_cache(maxsize=4)
-def left(problem: DesignProblem, low: float, high: float) -> tuple[ComplexArray, ComplexArray]:
-    """What each event leaves at the speeds: constants ``(e, n)``, matrices ``(e, n, m)``."""
+def left(problem: DesignProblem, low: float, high: float) -> list[Linear]:
+    """What each event leaves at the speeds of a range."""
     cells, speeds = Cells(problem.space, problem.mode, low), speeds_of(problem, low, high)
-    events = range(len(problem.space.events))
-    found = [
-        [EventVibration(cells, speed).residual(e) for speed in speeds.tolist()] for e in events
-    ]
-    constant = np.array([[value.constant[0] for value in row] for row in found])
-    return constant, np.array([[value.matrix[0] for value in row] for row in found])
+    return [left_by_event(cells, e, speeds) for e in range(len(problem.space.events))]
+
+
+def left_by_event(cells: Cells, event: int, speeds: FloatArray) -> Linear:
+    """What an event alone leaves where it ends, as a function of the unknowns, at speeds (rad/s).
+
+    The amplitude's integral, see `mode`, by Gauss points.
+    """
+    mode, (slope, bend, columns) = cells.mode, cells.driving[event]
+    points, weights = cells.gauss
+    width = cells.width(event)
+    angles = (width * (np.arange(cells.count)[:, None] + points)).ravel()
+    share = np.tile(weights, cells.count) * width / (mode.rate - mode.rate.conjugate())
+    constant = np.zeros(speeds.size, complex)
+    matrix = np.zeros((speeds.size, cells.space.unknowns), complex)
+    step = max(1, MAX_TABLE // angles.size)
+    for first in range(0, speeds.size, step):
+        some = slice(first, first + step)
+        rate = mode.rate / speeds[some, None]
+        fading = np.exp(rate * (cells.space.events[event].span - angles)) * share
+        of_slope, of_bend = fading * mode.drive[0], fading * (mode.drive[1] * speeds[some, None])
+        constant[some] = of_slope @ slope.constant + of_bend @ bend.constant
+        matrix[some, columns] = of_slope @ slope.matrix + of_bend @ bend.matrix
+    return Linear(constant, matrix)
 
 
 @dataclass(eq=False)
@@ -60,48 +98,46 @@ class Residual:
     problem: DesignProblem
     asked: Asked
     hull: bool
-    taken: set[tuple[int, int]] = field(default_factory=set)
     blocks: list[RowBlock] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         term = self.asked.term
+        self.cells = Cells(self.problem.space, self.problem.mode, term.low)
         self.speeds = speeds_of(self.problem, term.low, term.high)
-        self.constant, self.matrix = left(self.problem, term.low, term.high)
-        count = len(self.problem.space.events)
-        step = A_BEAT // FIRST_A_BEAT
-        self._add([(e, i) for e in range(count) for i in range(0, self.speeds.size, step)])
-
-    def amplitudes(self, unknowns: FloatArray) -> FloatArray:
-        """|2a| (m) of every event at every speed."""
-        return np.asarray(2.0 * np.abs(self.constant + self.matrix @ unknowns))
+        self.left = left(self.problem, term.low, term.high)
+        for linear in self.left:
+            self._add(Linear(linear.constant[::FIRST_EVERY], linear.matrix[::FIRST_EVERY]))
 
     def cut(self, solution: ProgramSolution) -> bool:
         """Add the speeds at which the law is worst, if worse than allowed; whether there are."""
         allowed = self.asked.value
         if allowed is None:
             allowed = -solution.level * self.asked.scale
-        found = self.amplitudes(solution.unknowns)
-        padded = np.pad(found, ((0, 0), (1, 1)), constant_values=-np.inf)
-        peak = (found >= padded[:, :-2]) & (found >= padded[:, 2:])
-        worse = peak & (found > allowed * (1.0 + WORSE))
-        chosen = [(int(e), int(i)) for e, i in zip(*np.nonzero(worse), strict=True)]
-        new = [pair for pair in chosen if pair not in self.taken]
-        if new:
-            self._add(new)
-        return bool(new)
+        elif self.hull:
+            allowed *= 1.0 - WORSE
+        cut = False
+        for event, linear in enumerate(self.left):
+            found = 2.0 * np.abs(linear(solution.unknowns))
+            highest = left_by_event(
+                self.cells, event, peaks(self.speeds, found, allowed * (1.0 - MISSED))
+            )
+            worse = 2.0 * np.abs(highest(solution.unknowns)) > allowed * (1.0 + WORSE)
+            if worse.any():
+                self._add(Linear(highest.constant[worse], highest.matrix[worse]))
+                cut = True
+        return cut
 
-    def _add(self, pairs: list[tuple[int, int]]) -> None:
-        self.taken.update(pairs)
-        size, scale = self.problem.space.unknowns, self.asked.scale
-        constant = np.zeros((len(pairs), 3))
-        matrix = np.zeros((len(pairs), 3, size))
-        for k, (event, speed) in enumerate(pairs):
-            value, row = self.constant[event, speed], self.matrix[event, speed]
-            constant[k, 1:] = 2.0 * value.real / scale, 2.0 * value.imag / scale
-            matrix[k, 1:] = 2.0 * row.real / scale, 2.0 * row.imag / scale
-        weight = np.zeros((len(pairs), 3))
+    def _add(self, at: Linear) -> None:
+        count, size, scale = at.constant.size, self.problem.space.unknowns, self.asked.scale
+        constant = np.zeros((count, 3))
+        matrix = np.zeros((count, 3, size))
+        for place, part in ((1, np.real), (2, np.imag)):
+            constant[:, place] = 2.0 * part(at.constant) / scale
+            matrix[:, place] = 2.0 * part(at.matrix) / scale
+        weight = np.zeros((count, 3))
         weight[:, 0] = self.asked.weight
         if self.asked.value is not None:
-            constant[:, 0] = self.asked.value / scale - (SPARE if self.hull else 0.0)
+            spare = 1.0 - WORSE if self.hull else 1.0
+            constant[:, 0] = self.asked.value / scale * spare - (SPARE if self.hull else 0.0)
         rows = Affine(constant.ravel(), sparse.csr_array(matrix.reshape(-1, size)))
         self.blocks.append(RowBlock(self.asked.name, rows, weight.ravel(), "cone", 3))

@@ -14,8 +14,9 @@ import numpy as np
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import DesignError
 from cam_rig.studies.design.elastic.contact_kept import MARGIN, ContactKept
-from cam_rig.studies.design.few_rows import FewRows
-from cam_rig.studies.design.program import InfeasibleError, ProgramSolution
+from cam_rig.studies.design.programs.few_rows import FewRows
+from cam_rig.studies.design.programs.growing import GrowingProgram
+from cam_rig.studies.design.programs.program import InfeasibleError, ProgramSolution
 from cam_rig.studies.design.solve import Best, Cuts, Solver
 from cam_rig.studies.jump.any_rig import find_jump
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
@@ -75,9 +76,10 @@ class TwoMassSearch:
 
     def _search(self, kept: ContactKept, cuts: list[Cuts]) -> None:
         slope, settled, found = SLOPE, None, None
+        program = GrowingProgram()
         for _ in range(MAX_ROUNDS):
             try:
-                found = self.solver.solved([*cuts, kept])
+                found = self.solver.solved([*cuts, kept], program)
             except InfeasibleError:  # at this speed the dwells alone leave no law
                 kept.move(1.0 - MAX_STEP)
                 continue
@@ -110,18 +112,19 @@ class TwoMassSearch:
         if jump.speed >= kept.fastest * (1.0 - HELD):
             return True
         self.refused += 1
-        kept.refine(jump.speed, found)
+        kept.refine(jump, found)
         return False
 
     def _bound(self, kept: ContactKept, speed: float) -> float:
         """A speed at which the rows, some of those that a law must keep, leave no law."""
         cuts = [FewRows(self.solver.static(False)), *self.solver.cuts(False)]
         kept.margin = 0.0  # contact is kept above zero: more than that no law has to
+        program = GrowingProgram()
         for above in ABOVE:
             kept.fastest = speed * above
             for _ in range(MAX_ROUNDS):
                 try:
-                    found = self.solver.solved([*cuts, kept])
+                    found = self.solver.solved([*cuts, kept], program)
                 except InfeasibleError as error:
                     if error.proved:
                         return kept.fastest

@@ -14,10 +14,10 @@ from scipy import sparse
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import DesignError
 from cam_rig.extras import libraries_named
-from cam_rig.studies.design.affine import Affine
+from cam_rig.studies.design.programs.affine import Affine
 
 #: An ordinate of a law is at most so many lifts.
-BOX = 10.0
+BOX, LARGEST = 10.0, "ordinates"
 #: How the solver is set, one after the other until it ends well. Left to itself it takes another
 #: factorisation for larger programs, three times as slow on these.
 TUNINGS: tuple[dict[str, float | int | str], ...] = (
@@ -112,9 +112,7 @@ class ConvexProgram:
         """
         with libraries_named():
             import clarabel
-        box = self._box()
-        link = RowBlock("", self.link, np.zeros(self.link.constant.size), "zero")
-        blocks = [link, *sorted([*self.blocks, box], key=lambda block: block.kind != "zero")]
+        blocks = self.all_blocks()
         G = sparse.vstack(
             [sparse.hstack([b.rows.matrix, sparse.csr_array(b.weight[:, None])]) for b in blocks]
         )
@@ -145,20 +143,26 @@ class ConvexProgram:
                 raise self._infeasible(blocks, dual)
             x = np.array(found.x)
             if status in ("Solved", "AlmostSolved"):
-                return _solution(blocks, x, dual)
+                return solution_of(blocks, x, dual)
             broken = _broken(blocks, x)
             if broken < min(fault, USABLE):
-                best, fault = _solution(blocks, x, dual), broken
+                best, fault = solution_of(blocks, x, dual), broken
         if best is None or not best.bound - best.level <= USABLE * max(1.0, abs(best.level)):
             raise DesignError(f"design: the solver ended with {status}; allowed: fewer pieces")
         return best
+
+    def all_blocks(self) -> list[RowBlock]:
+        """The link first, then equations, limits and (last) the largest ordinates."""
+        link = RowBlock("", self.link, np.zeros(self.link.constant.size), "zero")
+        ranked = sorted(self.blocks, key=lambda block: block.kind != "zero")
+        return [link, *ranked, self._box()]
 
     def _box(self) -> RowBlock:
         free = self.unknowns - self.link.constant.size
         eye = sparse.csr_array(sparse.eye(free, self.unknowns))
         matrix = sparse.csr_array(sparse.vstack([eye, -eye]))
         return RowBlock(
-            "ordinates", Affine(np.full(2 * free, BOX), matrix), np.zeros(2 * free), "nonneg"
+            LARGEST, Affine(np.full(2 * free, BOX), matrix), np.zeros(2 * free), "nonneg"
         )
 
     def _infeasible(self, blocks: list[RowBlock], dual: FloatArray) -> InfeasibleError:
@@ -174,7 +178,8 @@ class ConvexProgram:
             )
             at += size
         most = max(share.values(), default=0.0)
-        names = tuple(n for n, s in sorted(share.items(), key=lambda i: -i[1]) if s > 1e-6 * most)
+        ranked = sorted(share.items(), key=lambda item: (item[0] == LARGEST, -item[1]))
+        names = tuple(name for name, part in ranked if part > 1e-6 * most)
         proved = all(block.necessary for block in blocks) and _refutes(blocks, dual)
         return InfeasibleError(names or ("its limits",), proved)
 
@@ -184,7 +189,8 @@ def size_of(block: RowBlock) -> FloatArray:
     return np.asarray(abs(block.rows.matrix).sum(axis=1) + np.abs(block.rows.constant))
 
 
-def _solution(blocks: list[RowBlock], x: FloatArray, dual: FloatArray) -> ProgramSolution:
+def solution_of(blocks: list[RowBlock], x: FloatArray, dual: FloatArray) -> ProgramSolution:
+    """Of unknowns with t as the last, and multipliers of all rows, not yet put right."""
     multipliers = _multipliers(blocks, dual)
     bound = bound_of(blocks, multipliers)
     return ProgramSolution(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cam_rig.studies.design.program import ConvexProgram, ProgramSolution, RowBlock
+from cam_rig.studies.design.programs.program import ConvexProgram, ProgramSolution, RowBlock
 
 #: Every so many-th row is taken at first; one is broken where it is below zero by so much.
 FIRST_ROWS, BROKEN = 24, 1e-9

@@ -1,0 +1,1 @@
+"""Convex programs: rows that are affine in the unknowns, solved and bounded."""
