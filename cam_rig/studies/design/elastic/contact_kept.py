@@ -23,11 +23,13 @@ from cam_rig.studies.design.problem import DesignProblem
 from cam_rig.studies.design.programs.affine import Affine
 from cam_rig.studies.design.programs.program import ProgramSolution, RowBlock
 from cam_rig.studies.jump.jump_speed import Jump
-from cam_rig.units import TURN, to_rpm
+from cam_rig.units import RPM, TURN, to_rpm
 
 #: The grid goes down to this part of the speed, in steps that turn the phase by this much (rad)
 #: over the time in which vibration decays; and has no more speeds than that.
 DOWN_TO, PHASE_STEP, MAX_SPEEDS = 0.45, 0.5, 400
+#: Where contact is lost below the grid, it goes down to this part of that speed; never below one.
+FARTHER_DOWN, LEAST_SPEED = 0.7, 10.0 * RPM
 #: Every so many-th speed of the grid is taken in any case, the fastest among them.
 EVERY = 6
 #: Rows of a turn at one speed that a law makes, at most: where it is lowest.
@@ -78,9 +80,7 @@ class ContactKept:
     _lowest: float = np.inf
 
     def __post_init__(self) -> None:
-        self.cells = Cells(self.problem.space, self.problem.mode, DOWN_TO * self.fastest)
-        self._known: dict[float, ForceAtSpeed] = {}
-        self._room: dict[float, float] = {}
+        self._look_down_to(DOWN_TO * self.fastest)
         rate = self.problem.mode.rate
         decay = 1.0 / max(-rate.real, 1e-300)
         decay = decay if self.duration is None else min(decay, self.duration)
@@ -95,11 +95,18 @@ class ContactKept:
         self.step = max(min(0.02, fine), math.log(1.0 / DOWN_TO) / MAX_SPEEDS)
         self.anchor = self.fastest
 
+    def _look_down_to(self, slowest: float) -> None:
+        """Begin the grid at a speed (rad/s)."""
+        self.slowest = slowest
+        self.cells = Cells(self.problem.space, self.problem.mode, slowest)
+        self._known: dict[float, ForceAtSpeed] = {}
+        self._room: dict[float, float] = {}
+
     def speeds(self) -> list[float]:
         """The grid up to the fastest, that itself, and what the exact search has found."""
         ratio = 1.0 + self.step
         top = math.floor(self.place + 1e-9)
-        count = math.ceil(math.log(1.0 / DOWN_TO) / math.log(ratio))
+        count = math.ceil(math.log(self.fastest / self.slowest) / math.log(ratio))
         grid = [self.anchor * ratio**k for k in range(top, top - count, -1)]
         extra = [speed for speed in self.more if speed < self.fastest]
         found = sorted({self.fastest, *grid, *extra})
@@ -128,6 +135,8 @@ class ContactKept:
 
     def refine(self, jump: Jump, solution: ProgramSolution) -> None:
         """Look closer where and when the exact model loses contact; else widen the margin."""
+        if jump.speed < self.slowest:
+            self._look_down_to(max(FARTHER_DOWN * jump.speed, LEAST_SPEED))
         turn = 1.0 + math.floor(jump.speed * jump.time / TURN)
         self.more |= {jump.speed * (1.0 + self.step * k): turn for k in (-0.25, 1e-4, 0.25)}
         if not self.cut(solution):

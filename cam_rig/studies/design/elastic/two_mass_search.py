@@ -33,6 +33,9 @@ SEARCHES, NEAR_BOUND = 3, 2e-3
 FAR = 0.1
 #: First guess of what the level falls by where the speed doubles, and the largest step of a speed.
 SLOPE, MAX_STEP = -11.0, 0.06
+#: A search that ends with a law that holds less than this part of its speed has found the bound's
+#: place alone.
+HALF_WAY = 0.95
 #: Speeds over the best law's at which a bound is sought.
 ABOVE = (1.0008, 1.0016, 1.0025, 1.004, 1.007, 1.012, 1.02, 1.04, 1.08, 1.15, 1.3)
 
@@ -66,7 +69,8 @@ class TwoMassSearch:
             self._search(kept, cuts)
             if self.law[0] == 0.0:
                 raise DesignError("no law was found that keeps contact; allowed: more pieces")
-            bound = min(bound, self._bound(kept, self.law[0]))
+            held = self.law[0] > HALF_WAY * kept.fastest
+            bound = min(bound, self._bound(kept, self.law[0] if held else kept.fastest))
             if bound <= self.law[0] * (1.0 + NEAR_BOUND):
                 break
             # the grid has grown by what was refused: what lies between its speeds is less now
