@@ -32,14 +32,6 @@ class Linear:
         """The one (last) value times factors ``(n,)``."""
         return Linear(factor * self.constant[-1], factor[:, None] * self.matrix[-1])
 
-    @classmethod
-    def joined(cls, parts: list[Linear]) -> Linear:
-        """The values of all, one after the other."""
-        return cls(
-            np.concatenate([part.constant for part in parts]),
-            np.concatenate([part.matrix for part in parts]),
-        )
-
     def __add__(self, other: Linear) -> Linear:
         return Linear(self.constant + other.constant, self.matrix + other.matrix)
 
@@ -80,16 +72,15 @@ class EventVibration:
 
 
 class FirstTurn(NamedTuple):
-    """A first turn from rest: angles ``(n,)``, amplitudes there and at its end, force without.
+    """A first turn from rest: angles ``(n,)``, the force there, and the amplitude at its end.
 
     ``moving`` says which are in events.
     """
 
     angles: FloatArray
     moving: NDArray[np.bool_]
-    amplitude: Linear
+    force: Dense
     end: Linear
-    still: Dense
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +101,7 @@ class ForceAtSpeed:
         weights = np.array(cells.mode.motion) * self.speed ** np.arange(3.0)
         size, edge = cells.space.unknowns, 0.0
         last = Linear(np.zeros(1, complex), np.zeros((1, size), complex))
-        angles, moving, amplitudes, still = [], [], [], []
+        angles, moving, force = [], [], []
         for stretch in cells.stretches:
             here = self._places(stretch)
             if here.size == 0:
@@ -118,17 +109,24 @@ class ForceAtSpeed:
             amplitude = last.carried(np.exp(vibration.rate * (here - edge)))
             if stretch.event is None:
                 level = np.full(here.size, weights[0] * stretch.level)
-                still.append(Dense(level, np.zeros((here.size, size))))
+                still = Dense(level, np.zeros((here.size, size)))
             else:
                 amplitude += vibration.own(stretch.event)
-                still.append(Dense.sum(weights, cells.motion[stretch.event]))
+                still = Dense.sum(weights, cells.motion[stretch.event])
                 last, edge = amplitude, float(here[-1])
             angles.append(here)
             moving.append(np.full(here.size, stretch.event is not None))
-            amplitudes.append(amplitude)
+            force.append(self._force(still, amplitude))
         end = last.carried(np.exp(vibration.rate * np.array([TURN - edge])))
-        joined = Linear.joined(amplitudes), end, Dense.joined(still)
-        return FirstTurn(np.concatenate(angles), np.concatenate(moving), *joined)
+        return FirstTurn(np.concatenate(angles), np.concatenate(moving), Dense.joined(force), end)
+
+    def _force(self, still: Dense, amplitude: Linear) -> Dense:
+        """Of a follower that does not vibrate, and what its vibration adds."""
+        mode = self.cells.mode
+        return Dense(
+            still.constant + mode.constant + 2.0 * (mode.shown * amplitude.constant).real,
+            still.matrix + 2.0 * (mode.shown * amplitude.matrix).real,
+        )
 
     def _places(self, stretch: Stretch) -> FloatArray:
         """Angles of an event's cells, or in a dwell as long as the first periods take."""
@@ -138,15 +136,6 @@ class ForceAtSpeed:
         period = TURN / self.cells.mode.rate.imag * self.speed
         steps = np.arange(1.0, PERIODS * PER_PERIOD + 1.0) * period / PER_PERIOD
         return stretch.start + steps[steps < stretch.end - stretch.start]
-
-    @cached_property
-    def force(self) -> Dense:
-        """The first turn's force."""
-        mode, (_, _, amplitude, _, still) = self.cells.mode, self.first
-        return Dense(
-            still.constant + mode.constant + 2.0 * (mode.shown * amplitude.constant).real,
-            still.matrix + 2.0 * (mode.shown * amplitude.matrix).real,
-        )
 
     @cached_property
     def _before(self) -> ComplexArray:
@@ -163,15 +152,16 @@ class ForceAtSpeed:
     def values(self, unknowns: FloatArray, turns: FloatArray) -> FloatArray:
         """The force in each of some turns, ``(len(turns), n)``."""
         left = self.first.end(unknowns)[0] * self._turns_before(turns)
-        here = self.force.constant + self.force.matrix @ unknowns
+        force = self.first.force
+        here = force.constant + force.matrix @ unknowns
         more = np.outer(left.real, self._before.real) - np.outer(left.imag, self._before.imag)
         return np.asarray(here + more)
 
     def rows(self, chosen: NDArray[np.intp], turn: float) -> Dense:
         """The same as a function of the unknowns, at some of the places of one turn."""
         before = self._before[chosen] * self._turns_before(np.array([turn]))[0]
-        end = self.first.end
+        end, force = self.first.end, self.first.force
         return Dense(
-            self.force.constant[chosen] + (before * end.constant[0]).real,
-            self.force.matrix[chosen] + (before[:, None] * end.matrix[0]).real,
+            force.constant[chosen] + (before * end.constant[0]).real,
+            force.matrix[chosen] + (before[:, None] * end.matrix[0]).real,
         )

@@ -22,10 +22,12 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws import bernstein
 from cam_rig.studies.design.programs.affine import Affine
 from cam_rig.studies.design.space import Space
-from cam_rig.units import TURN
+from cam_rig.units import TURN, to_rpm
 
 #: Gauss points of a cell, and the phase (rad) of the vibration in it at most.
 GAUSS, CELL_PHASE = 5, 0.3
+#: Cells of an event, at most.
+MAX_CELLS = 8000
 
 
 @dataclass(frozen=True)
@@ -135,8 +137,17 @@ class Cells:
     @cached_property
     def per_piece(self) -> int:
         """Cells of one piece, so that the phase in each is small at the slowest speed."""
-        longest = max(event.span for event in self.space.events) / self.space.law_class.pieces
-        return max(2, math.ceil(longest * self.mode.rate.imag / self.slowest / CELL_PHASE))
+        pieces = self.space.law_class.pieces
+        phase = max(event.span for event in self.space.events) * self.mode.rate.imag / self.slowest
+        found = max(2, math.ceil(phase / pieces / CELL_PHASE))
+        if found * pieces > MAX_CELLS:
+            raise ConfigError(
+                f"the stem vibrates {phase / TURN:.4g} times in an event at "
+                f"{to_rpm(self.slowest):.4g} rpm; allowed for a design: "
+                f"{MAX_CELLS * CELL_PHASE / TURN:.4g} times; so stiff a stem is nearly rigid: "
+                "jump_speed_rigid"
+            )
+        return found
 
     @property
     def count(self) -> int:

@@ -31,7 +31,7 @@ OPTIONS: dict[str, bool | int | str | float] = {
     "threads": 1,
     "presolve": "off",
     "solver": "simplex",
-    "simplex_scale_strategy": 0,
+    "simplex_scale_strategy": 2,
     "primal_feasibility_tolerance": TOLERANCE,
     "dual_feasibility_tolerance": TOLERANCE,
 }
