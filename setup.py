@@ -31,9 +31,11 @@ FAST = ["numba>=0.61"]
 DESIGN = ["clarabel>=0.11", "highspy>=1.11,<1.16"]
 # A campaign's dataset, and the shares of its inputs.
 CAMPAIGN = [*PARQUET, "salib>=1.5"]
+# Serves `cam-rig panel` to a browser.
+PANEL = ["starlette", "uvicorn", "websockets"]
 # Sends a campaign's points to a cluster.
 DASK = ["distributed"]
-ALL = [*CLI, *PLOTS, *BAGS, *VIEW, *PARQUET, *CAD, *FAST, *DESIGN, *CAMPAIGN]
+ALL = [*CLI, *PLOTS, *BAGS, *VIEW, *PARQUET, *CAD, *FAST, *DESIGN, *CAMPAIGN, *PANEL]
 # Only for a plain Python; where ROS 2 is installed, these come from it.
 ROS_WHEELS = [
     "ros-kilted-rclpy[fastrtps]",
@@ -126,6 +128,7 @@ setup(
         "fast": FAST,
         "design": DESIGN,
         "campaign": CAMPAIGN,
+        "panel": PANEL,
         "dask": DASK,
         "all": ALL,
         "ros-wheels": ROS_WHEELS,

@@ -30,7 +30,10 @@ EXTRAS = {
     "rosbags": "bags",
     "shapely": "cad",
     "sksundae": "bench",
+    "starlette": "panel",
     "typer": "cli",
+    "uvicorn": "panel",
+    "websockets": "panel",
     "zstandard": "bags",
 }
 #: Ends of the names of packages of ROS messages, which come with rclpy.
