@@ -1,0 +1,157 @@
+"""The front of designs beside an evolutionary search of the same class, with the same evaluator.
+
+Jump speed of one rigid mass against peak |s″|, laws of 16 pieces at the events of poly345. The
+peer is NSGA-II (pymoo), helped where that is fair: its genes are combinations of the free ordinates
+that change s'' by equal parts (with the ordinates themselves it does not leave the start), in the
+range that all designs need and half as much again on either side; it begins at the start law and
+around it, and the lift is its constraint. Prints the table of docs/design.md, draws both fronts.
+
+Usage: OMP_NUM_THREADS=1 python benchmark/design_front.py [--minutes 10] [--plot docs/front.png]
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+import numpy as np
+from pymoo.algorithms.moo.nsga2 import NSGA2
+from pymoo.core.problem import ElementwiseProblem
+from pymoo.indicators.hv import HV
+from pymoo.optimize import minimize
+from pymoo.termination.max_time import TimeBasedTermination
+
+import cam_rig
+from cam_rig.laws import Law
+from cam_rig.laws.peaks import extremes
+from cam_rig.plots.figures import write
+from cam_rig.plots.laws.designed import front_figure
+from cam_rig.studies.design.design import DesignRequest
+from cam_rig.studies.design.front import front
+from cam_rig.studies.design.law_class import LawClass
+from cam_rig.studies.design.measure import measured
+from cam_rig.studies.design.problem import DesignProblem
+from cam_rig.studies.design.space import Space
+from cam_rig.studies.design.terms import parse_goal
+from cam_rig.units import to_rpm
+
+POINTS, POPULATION, SEED = 25, 100, 1
+GOAL, OTHER = parse_goal("jump_speed_rigid"), parse_goal("peak_acceleration")
+#: The first population: the start law, and laws whose ordinates are so far from its, in
+#: parts of the designs' range.
+AROUND = (1e-3, 1e-2, 0.1, 0.5)
+#: By so much of the lift a law of the peer may leave its range, which ours may not.
+LIFT = 1e-6
+
+
+class Laws(ElementwiseProblem):
+    """Jump speed (negative, rpm) and peak |s″| (mm/rad²) of a law; its lift as constraint."""
+
+    def __init__(
+        self, problem: DesignProblem, shapes: np.ndarray, low: np.ndarray, high: np.ndarray
+    ) -> None:
+        self.problem, self.shapes, self.evaluated = problem, shapes, 0
+        super().__init__(n_var=low.size, n_obj=2, n_ieq_constr=1, xl=low, xu=high)
+
+    def _evaluate(self, x, out, *_args, **_kwargs):
+        self.evaluated += 1
+        problem = self.problem
+        law = problem.space.law(problem.space.joined(self.shapes @ x), "peer")
+        jump = to_rpm(measured(problem, law, GOAL, ">="))
+        peak = measured(problem, law, OTHER, "<=") * 1e3
+        low, high = extremes(law, 0)
+        left = max(-low.value, high.value - problem.start.lift) / problem.start.lift
+        out["F"], out["G"] = [-jump, peak], [left - LIFT]
+
+
+def ordinates(space: Space, law: Law) -> np.ndarray:
+    """Of the law of the class that is nearest to a law, in lifts."""
+    angles = np.concatenate(
+        [np.linspace(e.start, e.start + e.span, 400)[1:-1] for e in space.events]
+    )
+    rows = space.at(0, angles)
+    own = space.law_class.free * len(space.events)
+    matrix = rows.matrix.toarray()[:, :own]
+    return np.linalg.lstsq(matrix, law(angles, 0) - rows.constant, rcond=None)[0]
+
+
+def even_shapes(space: Space) -> np.ndarray:
+    """Free ordinates of shapes, column by column, whose s'' are orthonormal."""
+    own = space.law_class.free * len(space.events)
+    angles = np.linspace(0.0, 2.0 * np.pi, 4000, endpoint=False)
+    unit = np.eye(own)
+    bends = [space.law(space.joined(one), "one")(angles, 2) for one in (0.0 * unit[0], *unit)]
+    _, upper = np.linalg.qr(np.stack(bends[1:], axis=1) - bends[0][:, None])
+    return np.linalg.inv(upper)
+
+
+def main() -> None:
+    """Both fronts, the table and the picture."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--plot", type=Path)
+    asked = parser.parse_args()
+    cam, rig = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
+    request = DesignRequest.of(maximise=GOAL.key, law_class=LawClass(16, 3))
+    begun = time.perf_counter()
+    ours = front(cam, rig, request, OTHER, POINTS)
+    took = time.perf_counter() - begun
+    start = ours.designs[0].start
+    space = Space(start, request.law_class)
+    shapes = even_shapes(space)
+    laws_known = [start, *(design.law for design in ours.designs)]
+    known = np.array([np.linalg.solve(shapes, ordinates(space, law)) for law in laws_known])
+    first = known[0]
+    low, high = known.min(axis=0), known.max(axis=0) + 1e-6
+    problem = DesignProblem(cam, start, rig, space)
+    laws = Laws(problem, shapes, 1.5 * low - 0.5 * high, 1.5 * high - 0.5 * low)
+    spread = np.resize(AROUND, (POPULATION, 1)) * (high - low)
+    rng = np.random.default_rng(SEED)
+    population = first + rng.normal(size=(POPULATION, first.size)) * spread
+    population[0] = first
+    found = minimize(
+        laws,
+        NSGA2(pop_size=POPULATION, sampling=population),
+        TimeBasedTermination(60.0 * asked.minutes),
+        seed=SEED,
+    )
+    report(ours, took, laws, found.F, asked)
+
+
+def report(ours, took, laws, peer, asked) -> None:
+    """Print and draw."""
+    allowed = np.array(ours.allowed) * 1e3
+    result = np.array([to_rpm(design.goal.result) for design in ours.designs])
+    bound = np.array([to_rpm(design.goal.bound) for design in ours.designs])
+    own = np.column_stack([-result, allowed])
+    # what is slower than the slowest of both, or steeper than the steepest, counts for nothing
+    worst = np.maximum(own.max(axis=0), peer.max(axis=0))
+    indicator = HV(ref_point=worst + 0.01 * np.abs(worst))
+    at = np.searchsorted(allowed, peer[:, 1])  # the first of our points that allows as much
+    beyond = np.append(bound, np.inf)[at] < -peer[:, 0]
+    volume = indicator(own), indicator(peer)
+    print("| | points | laws evaluated | time | hypervolume |")
+    print("|---|---|---|---|---|")
+    programs = sum(design.rounds for design in ours.designs)
+    print(f"| designs | {result.size} | {programs} programs | {took:.0f} s | 1 |")
+    print(
+        f"| NSGA-II | {len(peer)} | {laws.evaluated} | {60.0 * asked.minutes:.0f} s | "
+        f"{volume[1] / volume[0]:.3f} |"
+    )
+    print(
+        f"\nPoints of NSGA-II beyond a bound: {int(beyond[at < bound.size].sum())}; "
+        f"jump speed {-peer[:, 0].max():.1f} to {-peer[:, 0].min():.1f} rpm at peak |s″| "
+        f"{peer[:, 1].min():.2f} to {peer[:, 1].max():.2f} mm/rad²; "
+        f"designs {result.min():.1f} to {result.max():.1f} rpm at {allowed.min():.2f} to "
+        f"{allowed.max():.2f} mm/rad²"
+    )
+    if asked.plot is not None:
+        figure = front_figure(ours)
+        figure.axes[0].plot(peer[:, 1], -peer[:, 0], "x", ms=4, color="0.4", label="NSGA-II")
+        figure.axes[0].legend(frameon=False)
+        write(figure, asked.plot)
+
+
+if __name__ == "__main__":
+    main()
