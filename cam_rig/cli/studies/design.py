@@ -42,6 +42,10 @@ def design(
     pieces: Annotated[int, typer.Option(help="Pieces of each event, 1 to 200.")] = 16,
     joints: Annotated[str, typer.Option(help="Continuity at joints, C1 to C6.")] = "C3",
     degree: Annotated[int | None, typer.Option(help="To 15; by default joints + 2.")] = None,
+    starts: Annotated[
+        int, typer.Option(help="Laws that a search begins from, where the design is not convex.")
+    ] = 8,
+    seed: Annotated[int, typer.Option(help="Of the random ones among them.")] = 1,
     pareto: Annotated[
         str | None,
         typer.Option(metavar="QUANTITY", help="A front: the goal's best for values of another."),
@@ -74,7 +78,9 @@ def design(
         _check(out, keep)
         check_outputs(json_target, plot, csv)
         asked = {"minimise": minimise, "maximise": maximise, "limits": limit or []}
-        config = _config(start, rig, asked, {"pieces": pieces, "joints": joints, "degree": degree})
+        law_class = {"pieces": pieces, "joints": joints, "degree": degree}
+        search = {"starts": starts, "seed": seed}
+        config = _config(start, rig, asked, law_class, search)
         if pareto is None:
             _solve(config, out).write(out, plot, csv, json_target)
         else:
@@ -102,8 +108,8 @@ def _front(
     CamRigError : what is asked for cannot be
     """
     from cam_rig.schema import load_cam, load_rig
-    from cam_rig.studies.design.design import DesignRequest
-    from cam_rig.studies.design.front import front, front_table
+    from cam_rig.studies.design.request import DesignRequest
+    from cam_rig.studies.design.results.front import front, front_table
     from cam_rig.studies.design.terms import parse_goal
 
     request, second = DesignRequest.of_config(config), parse_goal(other)
@@ -120,7 +126,13 @@ def _front(
         write_plot(plot, lambda part: draw_front(found, part))
 
 
-def _config(start: str, rig: str, asked: dict[str, Any], law_class: dict[str, Any]) -> DesignConfig:
+def _config(
+    start: str,
+    rig: str,
+    asked: dict[str, Any],
+    law_class: dict[str, Any],
+    search: dict[str, Any],
+) -> DesignConfig:
     """What the command line asks for, or a design file.
 
     Raises
@@ -133,7 +145,7 @@ def _config(start: str, rig: str, asked: dict[str, Any], law_class: dict[str, An
     path = cam_path(start)
     if not is_design(path):
         own = ClassConfig(**law_class)
-        return DesignConfig.model_construct(start=start, rig=rig, class_=own, **asked)
+        return DesignConfig.model_construct(start=start, rig=rig, class_=own, **asked, **search)
     if any(asked.values()):
         raise ConfigError(
             f"{path}: has a goal and limits of its own; allowed beside it: no --minimise, "
@@ -182,7 +194,7 @@ class DesignRun:
         """
         text = self.best.text if self.design is None and self.best else ""
         if self.design is not None:
-            from cam_rig.studies.design.tables import design_table, to_json
+            from cam_rig.studies.design.results.tables import design_table, to_json
 
             text, table = self.design.text, design_table(self.design)
             show(table)
@@ -210,8 +222,8 @@ def _solve(config: DesignConfig, out: Path | None) -> DesignRun:
     CamRigError : what is asked for cannot be
     """
     from cam_rig.schema import load_cam, load_rig
-    from cam_rig.studies.design.design import DesignRequest
     from cam_rig.studies.design.design import design as solve
+    from cam_rig.studies.design.request import DesignRequest
 
     request = DesignRequest.of_config(config)
     cam, rig = load_cam(cam_path(config.start)), load_rig(rig_path(config.rig))

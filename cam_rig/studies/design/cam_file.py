@@ -12,6 +12,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.schema import CamConfig
 from cam_rig.studies.cam_fit.cam_file import quantity, to_yaml, valid_cam
 from cam_rig.studies.design.constraints import Asked
+from cam_rig.studies.design.local.multistart import Multistart
 from cam_rig.studies.design.problem import DesignProblem
 from cam_rig.studies.design.terms import Term
 
@@ -34,8 +35,9 @@ def designed_cam(
     verb: str,
     goal: Term,
     limits: list[Asked],
+    search: Multistart | None = None,
 ) -> DesignedCam:
-    """The cam of some unknowns, with the follower of the start's.
+    """The cam of some unknowns, with the follower of the start's; ``search`` of what is local.
 
     Raises
     ------
@@ -50,12 +52,18 @@ def designed_cam(
         "segments": _segments(problem, unknowns, source),
     }
     header = [
-        f"# The law of its class that is best by this goal: {verb} {goal.key}.",
+        f"# {_found(search)} by this goal: {verb} {goal.key}.",
         f"# Start: {problem.cam.name}; rig: {problem.rig.name}; {problem.space.law_class.words}.",
         *(f"# Limit: {limit.name}." for limit in limits),
         "# Made by cam-rig design; dwells and events are the start's.",
     ]
     return DesignedCam(valid_cam(data), "\n".join(header) + "\n" + to_yaml(data))
+
+
+def _found(search: Multistart | None) -> str:
+    if search is None:
+        return "The law of its class that is best"
+    return f"The best law found, seed {search.seed}, {search.words}, without a bound,"
 
 
 def _lift(problem: DesignProblem) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from cam_rig.profile.disc import discs
 from cam_rig.profile.extremes import Scan
 from cam_rig.studies.design.constraints import PEAKS, SPEEDS
 from cam_rig.studies.design.elastic.residual import speeds_of
+from cam_rig.studies.design.local.pointwise import greatest, torque
 from cam_rig.studies.design.problem import DesignProblem
 from cam_rig.studies.design.terms import ORDERS, Sense, Term
 from cam_rig.studies.jump.any_rig import find_jump
@@ -149,6 +150,10 @@ def _radius(problem: DesignProblem, law: Law, _: Term) -> float:
     return min(float(sharpest_convex(scan).value) for scan in scans)
 
 
+def _torque(problem: DesignProblem, law: Law, term: Term) -> float:
+    return greatest(law, torque(problem.rigid, term.low, term.high))
+
+
 MEASURES: dict[str, Callable[[DesignProblem, Law, Term], float]] = {
     "rms_acceleration": _rms_acceleration,
     "residual_vibration": _residual,
@@ -160,4 +165,5 @@ MEASURES: dict[str, Callable[[DesignProblem, Law, Term], float]] = {
     "sound_level": _level,
     "pressure_angle": _pressure,
     "radius_of_curvature": _radius,
+    "shaft_torque": _torque,
 }

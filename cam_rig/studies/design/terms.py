@@ -28,7 +28,7 @@ class DesignQuantity:
     unit : of tables and pictures
     units : unit of a request to SI
     where : what it is taken at: a speed, a range of speeds, an angle or a range, or nothing
-    senses : the limits that are convex; a goal minimises where ``<=`` is, else maximises
+    senses : the limits that can be kept; a goal minimises where ``<=`` is, else maximises
     goal : whether it may be one
     below : what a limit on it has to be less than, SI
     """
@@ -54,6 +54,7 @@ def _per_rad(power: int) -> dict[str, float]:
 
 _LENGTH = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "µm": 1e-6, "cm": 1e-2}
 _FORCE, _SPEED = {"N": 1.0, "kN": 1e3}, {"rpm": RPM, "rad/s": 1.0}
+_TORQUE = {"N*m": 1.0, "Nm": 1.0, "N·m": 1.0, "mN*m": 1e-3}
 _BOTH: tuple[Sense, ...] = ("<=", ">=")
 QUANTITIES = {
     "jump_speed": DesignQuantity("jump speed from rest", "rpm", _SPEED, senses=(">=",)),
@@ -70,16 +71,16 @@ QUANTITIES = {
     "rms_acceleration": DesignQuantity("r.m.s. of s″", "mm/rad^2", _per_rad(2)),
     "peak_contact_force": DesignQuantity("peak contact force", "N", _FORCE, "rpm"),
     "least_contact_force": DesignQuantity("least contact force", "N", _FORCE, "rpm", (">=",)),
+    "shaft_torque": DesignQuantity("peak |shaft torque|", "N*m", _TORQUE, "rpm"),
     "sound_level": DesignQuantity("sound level, mean power over speeds", "dB", {"dB": 1.0}, "rpm"),
     "pressure_angle": DesignQuantity(
         "pressure angle",
         "deg",
         {"deg": math.pi / 180.0, "rad": 1.0},
-        goal=False,
         below=0.5 * math.pi,
     ),
     "radius_of_curvature": DesignQuantity(
-        "least radius of curvature", "mm", _LENGTH, senses=(">=",), goal=False
+        "least radius of curvature", "mm", _LENGTH, senses=(">=",)
     ),
     "lift": DesignQuantity("lift", "mm", _LENGTH, "deg", _BOTH, goal=False),
     "velocity": DesignQuantity("s′", "mm/rad", _per_rad(1), "deg", _BOTH, goal=False),

@@ -9,11 +9,12 @@ import numpy as np
 
 from cam_rig.errors import ConfigError
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.studies.design.design import DesignRequest, LawDesign, design
+from cam_rig.studies.design.design import LawDesign, design
 from cam_rig.studies.design.measure import measured
 from cam_rig.studies.design.problem import DesignProblem
+from cam_rig.studies.design.request import DesignRequest
+from cam_rig.studies.design.results.tables import in_words
 from cam_rig.studies.design.space import Space
-from cam_rig.studies.design.tables import in_words
 from cam_rig.studies.design.terms import Limit, Term
 from cam_rig.tables import Column, DataTable, tabulate
 
@@ -83,9 +84,8 @@ def front_table(front: Front) -> DataTable:
     goal, own = front.designs[0].goal.term, front.other.quantity
     unit, shown = in_words(goal), goal.quantity.shown
 
-    def bound(found: LawDesign) -> float:
-        assert found.goal.bound is not None
-        return found.goal.bound / shown
+    def bound(found: LawDesign) -> float | None:
+        return None if found.goal.bound is None else found.goal.bound / shown
 
     rows = list(zip(front.allowed, front.designs, strict=True))
     return tabulate(
@@ -94,7 +94,11 @@ def front_table(front: Front) -> DataTable:
         (
             (Column(front.other.words, in_words(front.other), ".5g"), lambda r: r[0] / own.shown),
             (Column("result", unit, ".5g"), lambda r: r[1].goal.result / shown),
-            (Column("bound", unit, ".5g"), lambda r: bound(r[1])),
-            (Column("certified"), lambda r: "yes" if r[1].certified else "no"),
+            (Column("bound", unit, ".5g", missing="–"), lambda r: bound(r[1])),
+            (Column("certified"), lambda r: _proof(r[1])),
         ),
     )
+
+
+def _proof(found: LawDesign) -> str:
+    return "local" if found.goal.bound is None else "yes" if found.certified else "no"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import Any
 
 from cam_rig.studies.design.design import LawDesign, Measure
@@ -54,7 +55,9 @@ def _start_better(design: LawDesign) -> list[str]:
 def in_words(term: Term) -> str:
     """The unit of a quantity as a table shows it."""
     unit = term.quantity.unit
-    return {"deg": "°", "um": "µm"}.get(unit, unit.replace("^2", "²").replace("^3", "³"))
+    return {"deg": "°", "um": "µm"}.get(
+        unit, unit.replace("^2", "²").replace("^3", "³").replace("*", "·")
+    )
 
 
 def _row(design: LawDesign, measure: Measure) -> tuple[Cell, ...]:
@@ -77,7 +80,9 @@ def _row(design: LawDesign, measure: Measure) -> tuple[Cell, ...]:
 def verdict(design: LawDesign) -> str:
     """What the bound proves, in a line."""
     goal = design.goal
-    assert goal.bound is not None
+    if goal.bound is None:
+        assert design.multistart is not None
+        return f"{design.multistart.words}; no bound: another law may be better"
     factor, unit = goal.term.quantity.shown, in_words(goal.term)
     side = "below" if goal.sense == "<=" else "above"
     gap = f"{100.0 * design.gap:.2g} % from it"
@@ -95,7 +100,8 @@ def to_json(design: LawDesign) -> dict[str, Any]:
         design.request.verb: design.goal.term.key,
         "class": {"pieces": own.pieces, "joints": own.joints, "degree": own.power},
         "certified": design.certified,
-        "gap": design.gap,
+        "gap": None if design.goal.bound is None else design.gap,
+        "local": None if design.multistart is None else asdict(design.multistart),
         "programs": design.rounds,
         "measures": [
             {

@@ -9,9 +9,9 @@ import pytest
 from cam_rig.errors import ConfigError
 from cam_rig.schema import load_cam, load_rig
 from cam_rig.schema.load import config_root
-from cam_rig.studies.design.design import DesignRequest
-from cam_rig.studies.design.front import front, front_table
 from cam_rig.studies.design.law_class import LawClass
+from cam_rig.studies.design.request import DesignRequest
+from cam_rig.studies.design.results.front import front, front_table
 from cam_rig.studies.design.terms import parse_term
 
 CAM = load_cam(config_root() / "cams" / "poly345.yaml")
