@@ -34,7 +34,9 @@ LITTLE = 2e-5
 #: gains more than the second may be longer.
 POOR, GOOD = 0.25, 0.7
 #: Limits are met with so much of their scale to spare; a law keeps those that it is no more over.
-SPARE, KEPT = 1e-7, 1e-9
+SPARE, MOST_SPARE, KEPT = 1e-7, 1e-3, 1e-9
+#: That is no more than this part of the room that the last law has.
+ROOM = 0.5
 #: While limits are broken, a law is sought that keeps them with this to spare, no more.
 INSIDE = 0.02
 
@@ -92,15 +94,18 @@ class _Fixed:
 class Descent:
     """The search of one goal, local or convex, under limits of both kinds.
 
-    ``solver`` has the convex limits; ``on_place`` is told each law that keeps all of them.
+    ``solver`` has the convex limits, of which ``cuts`` are those whose rows are found in rounds,
+    and kept; ``on_place`` is told each law that keeps all limits.
     """
 
     problem: DesignProblem
     solver: Solver
     goal: LocalTerm | Asked
     limits: list[LocalTerm]
+    cuts: list[Cuts]
     on_place: Callable[[Place], None] = lambda _: None
     reach: float = field(default=FIRST_REACH, init=False)
+    _residual: list[Cuts] = field(default_factory=list)
 
     def place(self, unknowns: FloatArray) -> Place:
         """A law's exact values."""
@@ -150,12 +155,13 @@ class Descent:
         """A better law within reach.
 
         Where a law that a program gives is not better, or breaks its limits, the rows of the next
-        one are put right by what that law exactly comes to.
+        one are put right by what that law exactly comes to, and tighter by what it is over.
         """
         tried: list[FloatArray] = []
+        spare = SPARE
         for _ in range(1 + CORRECTED):
             try:
-                found = self._solved(here, tried)
+                found = self._solved(here, tried, spare)
             except DesignError:  # nothing within reach, or the solver fails
                 return None
             there = self.place(found.unknowns)._replace(active=found.active)
@@ -166,6 +172,7 @@ class Descent:
                 self._adapt(here, there, found.level)
                 return there
             tried.append(found.unknowns)
+            spare += max(0.0, min(there.over, MOST_SPARE))
         return None
 
     def _adapt(self, here: Place, there: Place, level: float) -> None:
@@ -190,14 +197,16 @@ class Descent:
         """Whether the goal is the rigid jump speed."""
         return isinstance(self.goal, Asked) and self.goal.term.name.startswith("jump_speed")
 
-    def _solved(self, here: Place, tried: list[FloatArray]) -> ProgramSolution:
+    def _solved(self, here: Place, tried: list[FloatArray], spare: float) -> ProgramSolution:
         """The best law of the program near a law; while it breaks limits, the goal waits."""
         program = self.solver.static(True)
-        cuts: list[Cuts] = [_Fixed([self._within(here)]), *self.solver.cuts(True)]
+        cuts: list[Cuts] = [_Fixed([self._within(here)]), *self.cuts]
         for limit in self.limits:
             assert limit.allowed is not None
             room = limit.rows(here.unknowns, tried) * (-1.0 / limit.scale)
-            room = room.plus(limit.allowed / limit.scale - SPARE)
+            room = room.plus(limit.allowed / limit.scale)
+            # beside a dwell that is at the limit there is next to no room, and always
+            room = room.plus(-np.clip(ROOM * room(here.unknowns), 0.0, spare))
             program.at_least(limit.name, room, -1.0 if here.over > KEPT else 0.0)
         if here.over > KEPT:
             none = sparse.csr_array((1, self.problem.space.unknowns))
@@ -209,7 +218,8 @@ class Descent:
             rows = force(self.problem, self._jump(here), True) * (1.0 / self.problem.force_scale)
             program.at_least(self.goal.name, rows, -1.0)
         elif self.goal.term.name == "residual_vibration":
-            cuts.append(Residual(self.problem, self.goal, True))
+            self._residual = self._residual or [Residual(self.problem, self.goal, True)]
+            cuts += self._residual
         else:
             add(program, self.problem, self.goal, True)
         return self.solver.settled(program, cuts)

@@ -64,13 +64,15 @@ class LocalSearch:
         convex = [x for x in self.limits if not is_local(self.problem, x.term)]
         self.solver = Solver(self.problem, self.goal, convex)
         own = self._term(self.goal) if is_local(self.problem, self.goal.term, True) else self.goal
-        if isinstance(own, Asked) and own.term.name in ("jump_speed", "jump_speed_steady"):
+        two_masses = ("jump_speed", "jump_speed_steady") if self.problem.two_masses else ()
+        if isinstance(own, Asked) and own.term.name in two_masses:
             raise ConfigError(
                 f"goal {own.term.key}: stands beside a limit that is not convex; allowed: it as a "
                 "limit, such as jump_speed>=450rpm, or the goal jump_speed_rigid"
             )
         limits = [self._term(x) for x in self.limits if x not in convex]
-        self.descent = Descent(self.problem, self.solver, own, limits, self._told)
+        self.cuts = self.solver.cuts(True)
+        self.descent = Descent(self.problem, self.solver, own, limits, self.cuts, self._told)
         self.best_goal = np.inf
 
     def _term(self, asked: Asked) -> LocalTerm:
@@ -84,7 +86,14 @@ class LocalSearch:
         allowed = None
         if asked.value is not None:
             allowed = as_branch(self.problem, asked.term, asked.value)
-        return PointwiseTerm(self.problem, asked.name, pointwise(self.problem, asked.term), allowed)
+        branches = pointwise(self.problem, asked.term)
+        found = PointwiseTerm(self.problem, asked.name, branches, allowed)
+        if allowed is not None and found.at_rest > allowed + KEPT * found.scale:
+            raise DesignError(
+                f"limit {asked.name}: a dwell of {self.problem.start.name!r} breaks it, whatever "
+                "the law; allowed: a looser limit"
+            )
+        return found
 
     def _value(self, place: Place) -> float:
         law = self.problem.space.law(place.unknowns, "design")
@@ -105,7 +114,7 @@ class LocalSearch:
         DynamicsError : contact lost at no speed
         """
         asked = self.multistart
-        ends = [self.descent.run(x) for x in starts(self.solver, asked.starts, asked.seed)]
+        ends = [self.descent.run(x) for x in starts(self.solver, self.cuts, asked)]
         kept = [end for end in ends if end.over <= KEPT]
         if not kept:
             nearest = min(ends, key=lambda end: end.over)

@@ -13,8 +13,9 @@ from scipy import sparse
 from cam_rig.arrays import FloatArray
 from cam_rig.studies.design.affine import Affine
 from cam_rig.studies.design.constraints import Asked, add
+from cam_rig.studies.design.local.multistart import Multistart
 from cam_rig.studies.design.program import RowBlock
-from cam_rig.studies.design.solve import Solver
+from cam_rig.studies.design.solve import Cuts, Solver
 from cam_rig.studies.design.terms import Term
 
 #: Convex goals whose best laws are started from.
@@ -24,31 +25,28 @@ GOALS = ("rms_acceleration", "peak_velocity")
 LEAST_WAY, BENDS = 0.2, 3.0
 
 
-def starts(solver: Solver, count: int, seed: int) -> Iterator[FloatArray]:
-    """Unknowns of ``count`` laws, the same for the same seed.
+def starts(solver: Solver, cuts: list[Cuts], asked: Multistart) -> Iterator[FloatArray]:
+    """Unknowns of laws that keep the solver's limits and what is cut, as many as are asked for.
+
+    The same for the same seed.
 
     Raises
     ------
     InfeasibleError : no law of the class keeps the convex limits
     DesignError : the solver did not end
     """
-    yield _near_start(solver)
-    middle: FloatArray | None = None
-    random = np.random.default_rng(seed)
-    for index in range(count - 1):
-        if index < len(GOALS):
-            found = _best(solver, GOALS[index])
-            middle = found if middle is None else middle
-        else:
-            assert middle is not None
-            way = _corner(solver, random) - middle
-            bend = solver.problem.space.derivative(2)
-            most = np.abs(bend(middle)).max() / np.abs(bend.matrix @ way).max()
-            found = middle + random.uniform(LEAST_WAY, 1.0) * min(1.0, BENDS * most) * way
-        yield found
+    yield _near_start(solver, cuts)
+    random = np.random.default_rng(asked.seed)
+    best = [_best(solver, cuts, goal) for goal in GOALS[: asked.starts - 1]]
+    yield from best
+    bend = solver.problem.space.derivative(2)
+    for _ in range(asked.starts - 1 - len(best)):
+        way = _corner(solver, cuts, random) - best[0]
+        most = np.abs(bend(best[0])).max() / np.abs(bend.matrix @ way).max()
+        yield best[0] + random.uniform(LEAST_WAY, 1.0) * min(1.0, BENDS * most) * way
 
 
-def _near_start(solver: Solver) -> FloatArray:
+def _near_start(solver: Solver, cuts: list[Cuts]) -> FloatArray:
     """The law of the class whose lift is nearest to the start's, in mean square."""
     problem = solver.problem
     space, program = problem.space, solver.static(True)
@@ -60,21 +58,21 @@ def _near_start(solver: Solver) -> FloatArray:
     weight = np.zeros(cone.constant.size)
     weight[0] = -1.0
     program.blocks.append(RowBlock("start", cone, weight, "cone", weight.size))
-    return solver.settled(program, solver.cuts(True)).unknowns
+    return solver.settled(program, cuts).unknowns
 
 
-def _best(solver: Solver, goal: str) -> FloatArray:
+def _best(solver: Solver, cuts: list[Cuts], goal: str) -> FloatArray:
     program = solver.static(True)
     scale = solver.problem.start.lift
     add(program, solver.problem, Asked(Term(goal), "<=", None, scale), True)
-    return solver.settled(program, solver.cuts(True)).unknowns
+    return solver.settled(program, cuts).unknowns
 
 
-def _corner(solver: Solver, random: np.random.Generator) -> FloatArray:
+def _corner(solver: Solver, cuts: list[Cuts], random: np.random.Generator) -> FloatArray:
     """The law that is farthest in a random direction of the ordinates."""
     space, program = solver.problem.space, solver.static(True)
     direction = np.zeros((1, space.unknowns))
     free = space.unknowns - space.link.constant.size
     direction[0, :free] = random.normal(size=free) / np.sqrt(free)
     program.at_least("direction", Affine(np.zeros(1), sparse.csr_array(direction)), -1.0)
-    return solver.settled(program, solver.cuts(True)).unknowns
+    return solver.settled(program, cuts).unknowns
