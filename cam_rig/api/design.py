@@ -14,7 +14,7 @@ from cam_rig.studies.design.design import LawDesign
 from cam_rig.studies.design.design import design as solve
 from cam_rig.studies.design.law_class import LawClass
 from cam_rig.studies.design.local.multistart import STARTS, Multistart
-from cam_rig.studies.design.request import DesignRequest
+from cam_rig.studies.design.request import KEEP, DesignRequest
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -73,6 +73,7 @@ def design(
     degree: int | None = None,
     starts: int = STARTS,
     seed: int = 1,
+    keep: Sequence[str] = KEEP[0],
 ) -> DesignedLaw:
     """The law that is best by a goal, of B-splines in each event of a cam.
 
@@ -85,6 +86,7 @@ def design(
     minimise, maximise : one of them: a quantity as `cam-rig design` takes it
     limits : such as ``"peak_acceleration<=start"`` or ``"lift@90deg>=30mm"``
     pieces, joints, degree : of the splines; joints k means Cᵏ, a degree is by default k + 2
+    keep : what stays: all of it, ``("dwells", "lift")`` or ``("lift",)``; then spans are searched
     starts, seed : of a local search; the same seed gives the same law
 
     Raises
@@ -109,5 +111,6 @@ def design(
         limits=limits,
         law_class=LawClass(pieces, joints, degree),
         multistart=Multistart(starts, seed),
+        keep=keep,
     )
     return DesignedLaw(**vars(solve(cam, rig, request)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError, DesignError
@@ -15,6 +15,7 @@ from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.studies.design.cam_file import DesignedCam, designed_cam
 from cam_rig.studies.design.constraints import PEAKS, Asked
 from cam_rig.studies.design.events import LawEvent
+from cam_rig.studies.design.local.event_spans import EventSpans
 from cam_rig.studies.design.local.multistart import Multistart
 from cam_rig.studies.design.local.search import LocalBest, LocalSearch, is_local
 from cam_rig.studies.design.measure import level_of, measured, rate_of
@@ -30,6 +31,8 @@ CERTIFIED = 2e-3
 SMALL = 0.05
 #: A limit is broken where the written law exceeds it by this part of its scale.
 BROKEN = 1e-6
+#: A limit on an event's span is met within this part of it.
+SPAN_MET = 1e-3
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,8 @@ class LawDesign:
 
     ``tops`` are the cam angles (rad) within events where start and law reach their lift;
     ``rounds`` is how many programs were solved; ``multistart`` is of a design that is not convex,
-    which has no bound.
+    which has no bound, and ``spans_bound`` of one whose events have other spans: what no law with
+    just these spans passes.
     """
 
     request: DesignRequest
@@ -68,6 +72,7 @@ class LawDesign:
     measures: tuple[Measure, ...]
     rounds: int
     multistart: Multistart | None = None
+    spans_bound: float | None = None
 
     @property
     def goal(self) -> Measure:
@@ -114,11 +119,73 @@ def design(
     DynamicsError : contact lost at every speed or at none
     """
     start = build_law(cam)
-    space = Space(start, request.law_class)
-    problem = DesignProblem(cam, start, rig, space)
+    problem = DesignProblem(cam, start, rig, Space(start, request.law_class))
     name = name or f"{cam.name}_designed"
-    limits = [_asked(problem, x.term, x.sense, _value(problem, x)) for x in request.limits]
+    if "events" in request.keep:
+        return _designed(problem, request, name, on_best)
+    return _with_other_spans(problem, request, name, on_best)
 
+
+def _with_other_spans(
+    problem: DesignProblem,
+    request: DesignRequest,
+    name: str,
+    on_best: Callable[[DesignedCam, float], None],
+) -> LawDesign:
+    """The best law whose events have the best spans, by a search of these."""
+    asked = [replace(limit, value=_value(problem, limit)) for limit in request.limits]
+    spans = [limit for limit in asked if limit.term.name == "event_angle"]
+    others = replace(request, limits=tuple(limit for limit in asked if limit not in spans))
+    quick = replace(others, multistart=replace(request.multistart, starts=1))
+    sign, best = 1.0 if request.sense == "<=" else -1.0, math.inf
+
+    def told(cam: DesignedCam, value: float) -> None:
+        nonlocal best
+        if sign * value < best:
+            best = sign * value
+            on_best(cam, value)
+
+    def value(moved: DesignProblem) -> float:
+        return sign * _designed(moved, quick, name, told).goal.result
+
+    search = EventSpans(problem, "dwells" in request.keep, spans, value)
+    moved, multistart = search.best(request.multistart)
+    found = _designed(moved, others, name, told, multistart)
+    goal, *rest = found.measures
+    limited = iter(rest)
+    measures = [replace(goal, bound=None)]
+    measures += [_span(moved, x) if x in spans else next(limited) for x in asked]
+    measures = [
+        replace(x, start=measured(problem, problem.start, x.term, x.sense)) for x in measures
+    ]
+    return replace(
+        found,
+        request=request,
+        start=problem.start,
+        measures=tuple(measures),
+        multistart=multistart,
+        spans_bound=goal.bound,
+    )
+
+
+def _span(moved: DesignProblem, limit: Limit) -> Measure:
+    """A limit on an event's span; ``start`` is not yet the start's."""
+    assert limit.value is not None
+    span = measured(moved, moved.start, limit.term, limit.sense)
+    met = math.isclose(span, limit.value, rel_tol=SPAN_MET)
+    return Measure(limit.term, limit.sense, span, span, None, limit.value, met)
+
+
+def _designed(
+    problem: DesignProblem,
+    request: DesignRequest,
+    name: str,
+    on_best: Callable[[DesignedCam, float], None],
+    search: Multistart | None = None,
+) -> LawDesign:
+    """The best law with the events that a problem has; ``search`` is what they were found by."""
+    start, space, rig = problem.start, problem.space, problem.rig
+    limits = [_asked(problem, x.term, x.sense, _value(problem, x)) for x in request.limits]
     goal = _asked(problem, request.goal, request.sense, None)
 
     def told(unknowns: FloatArray, value: float) -> None:
@@ -129,7 +196,8 @@ def design(
         best = LocalSearch(problem, goal, limits, request.multistart, told).best()
     else:
         best = _solve(problem, goal, limits, told)
-    search = best.multistart if isinstance(best, LocalBest) else None
+    if search is None and isinstance(best, LocalBest):
+        search = best.multistart
     file = designed_cam(problem, best.unknowns, name, request.verb, request.goal, limits, search)
     law = build_law(file.cam)
     measures = [_goal(problem, request, law, best)]

@@ -14,6 +14,7 @@ from cam_rig.acoustics.level import level_db, pressure_pa
 from cam_rig.acoustics.steady import mean_square_rate
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.contact_force import force_ordinates
+from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.peaks import extremes, peak
 from cam_rig.profile.checks.curvature import sharpest_convex
@@ -154,6 +155,15 @@ def _torque(problem: DesignProblem, law: Law, term: Term) -> float:
     return greatest(law, torque(problem.rigid, term.low, term.high))
 
 
+def _span(problem: DesignProblem, _: Law, term: Term) -> float:
+    events = problem.space.events
+    if term.event > len(events):
+        raise ConfigError(
+            f"{term.key}: {problem.cam.name!r} has {len(events)} events; allowed: 1 to that"
+        )
+    return events[term.event - 1].span
+
+
 MEASURES: dict[str, Callable[[DesignProblem, Law, Term], float]] = {
     "rms_acceleration": _rms_acceleration,
     "residual_vibration": _residual,
@@ -166,4 +176,5 @@ MEASURES: dict[str, Callable[[DesignProblem, Law, Term], float]] = {
     "pressure_angle": _pressure,
     "radius_of_curvature": _radius,
     "shaft_torque": _torque,
+    "event_angle": _span,
 }

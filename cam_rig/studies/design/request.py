@@ -12,6 +12,25 @@ from cam_rig.studies.design.law_class import LawClass
 from cam_rig.studies.design.local.multistart import Multistart
 from cam_rig.studies.design.terms import Limit, Sense, Term, parse_goal, parse_limit
 
+#: What of the start may stay: all of it, or its events have other spans, or its dwells too.
+KEEP = (("events", "dwells", "lift"), ("dwells", "lift"), ("lift",))
+
+
+def _kept(keep: Sequence[str], limits: Sequence[Limit]) -> tuple[str, ...]:
+    """What stays, in order.
+
+    Raises
+    ------
+    ConfigError : none of `KEEP`, or a limit on an event that stays
+    """
+    found = [own for own in KEEP if set(own) == {word.strip() for word in keep}]
+    if not found:
+        allowed = " or ".join(",".join(own) for own in KEEP)
+        raise ConfigError(f"keep: is {','.join(keep)!r}; allowed: {allowed}")
+    if "events" in found[0] and any(limit.term.name == "event_angle" for limit in limits):
+        raise ConfigError("limit event_angle: events stay; allowed: with keep dwells,lift or lift")
+    return found[0]
+
 
 @dataclass(frozen=True)
 class DesignRequest:
@@ -29,6 +48,7 @@ class DesignRequest:
     limits: tuple[Limit, ...] = ()
     law_class: LawClass = field(default_factory=LawClass)
     multistart: Multistart = field(default_factory=Multistart)
+    keep: tuple[str, ...] = KEEP[0]
 
     @classmethod
     def of(
@@ -39,6 +59,7 @@ class DesignRequest:
         limits: Sequence[str] = (),
         law_class: LawClass | None = None,
         multistart: Multistart | None = None,
+        keep: Sequence[str] = KEEP[0],
     ) -> DesignRequest:
         """From words.
 
@@ -54,7 +75,14 @@ class DesignRequest:
             other = "maximise" if sense == "<=" else "minimise"
             raise ConfigError(f"goal {goal.key}: allowed: {other}; the other way is not convex")
         asked = tuple(map(parse_limit, limits))
-        found = cls(goal, sense, asked, law_class or LawClass(), multistart or Multistart())
+        found = cls(
+            goal,
+            sense,
+            asked,
+            law_class or LawClass(),
+            multistart or Multistart(),
+            _kept(keep, asked),
+        )
         for term in (goal, *(limit.term for limit in found.limits)):
             order = PEAKS.get(term.name, 0)
             if found.law_class.joints < order - 1:
@@ -79,6 +107,7 @@ class DesignRequest:
             limits=config.limits,
             law_class=LawClass.of(own.pieces, own.joints, own.degree),
             multistart=Multistart(config.starts, config.seed),
+            keep=config.keep,
         )
 
     @property

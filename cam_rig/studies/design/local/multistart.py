@@ -8,6 +8,8 @@ from cam_rig.errors import ConfigError
 
 #: Starts, at most, and by default.
 MOST_STARTS, STARTS = 1000, 8
+#: Descents that end within this part of the best came to the same.
+SAME = 1e-3
 
 
 @dataclass(frozen=True)

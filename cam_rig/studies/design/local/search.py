@@ -13,16 +13,13 @@ from cam_rig.profile.flat_face import GuidedFace
 from cam_rig.profile.roller import GuidedCentre
 from cam_rig.studies.design.constraints import Asked, one_element
 from cam_rig.studies.design.local.descent import KEPT, Descent, LocalTerm, Place
-from cam_rig.studies.design.local.multistart import Multistart
+from cam_rig.studies.design.local.multistart import SAME, Multistart
 from cam_rig.studies.design.local.pointwise import PointwiseTerm, as_branch, pointwise
 from cam_rig.studies.design.local.starts import starts
 from cam_rig.studies.design.measure import measured
 from cam_rig.studies.design.problem import DesignProblem
 from cam_rig.studies.design.solve import Solver
 from cam_rig.studies.design.terms import Term
-
-#: Descents that end within this part of the best came to the same.
-SAME = 1e-3
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,8 @@ def design_table(design: LawDesign) -> DataTable:
 def kept(design: LawDesign) -> str:
     """What a class has of its start."""
     angles = " and ".join(f"{math.degrees(angle):.4g}°" for angle in design.tops)
-    return "dwells and lift" + (f", reached at {angles}," if angles else "")
+    kept = " and ".join(what for what in design.request.keep if what != "events")
+    return kept + (f", reached at {angles}," if angles else "")
 
 
 def _start_better(design: LawDesign) -> list[str]:
@@ -82,12 +83,24 @@ def verdict(design: LawDesign) -> str:
     goal = design.goal
     if goal.bound is None:
         assert design.multistart is not None
-        return f"{design.multistart.words}; no bound: another law may be better"
+        return f"{design.multistart.words}; {_other_spans(design)}"
     factor, unit = goal.term.quantity.shown, in_words(goal.term)
     side = "below" if goal.sense == "<=" else "above"
     gap = f"{100.0 * design.gap:.2g} % from it"
     proof = "certified" if design.certified else "not certified"
     return f"no law of the class is {side} {goal.bound / factor:.5g} {unit}; {proof}: {gap}"
+
+
+def _other_spans(design: LawDesign) -> str:
+    """What is known of better laws where there is no bound for all of them."""
+    if design.spans_bound is None:
+        return "no bound: another law may be better"
+    shown = design.spans_bound / design.goal.term.quantity.shown
+    side = "below" if design.goal.sense == "<=" else "above"
+    return (
+        f"at these events no law is {side} {shown:.5g} {in_words(design.goal.term)}, at others one "
+        "may be"
+    )
 
 
 def to_json(design: LawDesign) -> dict[str, Any]:
@@ -102,6 +115,7 @@ def to_json(design: LawDesign) -> dict[str, Any]:
         "certified": design.certified,
         "gap": None if design.goal.bound is None else design.gap,
         "local": None if design.multistart is None else asdict(design.multistart),
+        "bound_at_these_events": design.spans_bound,
         "programs": design.rounds,
         "measures": [
             {
