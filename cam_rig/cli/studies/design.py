@@ -19,6 +19,13 @@ if TYPE_CHECKING:
     from cam_rig.studies.design.design import LawDesign
 
 
+Keep = Annotated[
+    str, typer.Option(help="What stays as the start has it; or dwells,lift; or lift alone.")
+]
+Starts = Annotated[int, typer.Option(help="Where it is not convex: laws, or spans, to begin from.")]
+Seed = Annotated[int, typer.Option(help="Of the random ones among them.")]
+
+
 def design(
     start: Annotated[
         str, typer.Argument(help="Cam file, or a name in config/cams; or a design file.")
@@ -33,16 +40,12 @@ def design(
         list[str] | None,
         typer.Option(help="Limit, such as 'peak_acceleration<=start'; as often as needed."),
     ] = None,
-    keep: Annotated[
-        str, typer.Option(help="What stays as the start has it; or dwells,lift; or lift alone.")
-    ] = "events,dwells,lift",
+    keep: Keep = "events,dwells,lift",
     pieces: Annotated[int, typer.Option(help="Pieces of each event, 1 to 200.")] = 16,
     joints: Annotated[str, typer.Option(help="Continuity at joints, C1 to C6.")] = "C3",
     degree: Annotated[int | None, typer.Option(help="To 15; by default joints + 2.")] = None,
-    starts: Annotated[
-        int, typer.Option(help="Laws that a search begins from, where the design is not convex.")
-    ] = 8,
-    seed: Annotated[int, typer.Option(help="Of the random ones among them.")] = 1,
+    starts: Starts = 8,
+    seed: Seed = 1,
     pareto: Annotated[
         str | None,
         typer.Option(metavar="QUANTITY", help="A front: the goal's best for values of another."),
@@ -61,9 +64,10 @@ def design(
     The law is a B-spline in each event of the start; dwells, events and lift stay. Goals:
     jump_speed, jump_speed_steady, jump_speed_rigid, least_contact_force@450rpm (maximise);
     residual_vibration@200-400rpm, sound_level@200-400rpm, peak_velocity, peak_acceleration,
-    peak_jerk, rms_acceleration, peak_contact_force@450rpm (minimise). Limits: any of these, and
-    pressure_angle, radius_of_curvature, lift@90deg, velocity@90deg, acceleration@80-100deg, with a
-    unit or as the start's. Ctrl-C keeps the best so far.
+    peak_jerk, rms_acceleration, peak_contact_force@450rpm (minimise). Without a bound, as the best
+    of several searches: shaft_torque@300rpm, sound_level_with_jumps@450-550rpm, pressure_angle
+    (minimise), radius_of_curvature (maximise). Limits: any of these, lift@90deg, velocity@90deg,
+    acceleration@80-100deg, event_angle@1, with a unit or as the start's. Ctrl-C keeps the best.
 
     Examples
     --------

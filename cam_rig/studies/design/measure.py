@@ -23,6 +23,7 @@ from cam_rig.profile.extremes import Scan
 from cam_rig.studies.design.constraints import PEAKS, SPEEDS
 from cam_rig.studies.design.elastic.residual import speeds_of
 from cam_rig.studies.design.local.pointwise import greatest, torque
+from cam_rig.studies.design.local.sound import level_with_jumps
 from cam_rig.studies.design.problem import DesignProblem
 from cam_rig.studies.design.terms import ORDERS, Sense, Term
 from cam_rig.studies.jump.any_rig import find_jump
@@ -177,4 +178,5 @@ MEASURES: dict[str, Callable[[DesignProblem, Law, Term], float]] = {
     "radius_of_curvature": _radius,
     "shaft_torque": _torque,
     "event_angle": _span,
+    "sound_level_with_jumps": level_with_jumps,
 }

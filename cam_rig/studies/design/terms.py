@@ -74,6 +74,9 @@ QUANTITIES = {
     "least_contact_force": DesignQuantity("least contact force", "N", _FORCE, "rpm", (">=",)),
     "shaft_torque": DesignQuantity("peak |shaft torque|", "N*m", _TORQUE, "rpm"),
     "sound_level": DesignQuantity("sound level, mean power over speeds", "dB", {"dB": 1.0}, "rpm"),
+    "sound_level_with_jumps": DesignQuantity(
+        "sound level with landings, mean power over speeds", "dB", {"dB": 1.0}, "rpm"
+    ),
     "pressure_angle": DesignQuantity("pressure angle", "deg", _ANGLE, below=0.5 * math.pi),
     "radius_of_curvature": DesignQuantity(
         "least radius of curvature", "mm", _LENGTH, senses=(">=",)
@@ -86,7 +89,14 @@ QUANTITIES = {
     "acceleration": DesignQuantity("s″", "mm/rad^2", _per_rad(2), "deg", _BOTH, goal=False),
 }
 #: Quantities of either sign.
-SIGNED = ("lift", "velocity", "acceleration", "least_contact_force", "sound_level")
+SIGNED = (
+    "lift",
+    "velocity",
+    "acceleration",
+    "least_contact_force",
+    "sound_level",
+    "sound_level_with_jumps",
+)
 #: What `velocity`, ... are the derivatives of.
 ORDERS = {"lift": 0, "velocity": 1, "acceleration": 2}
 

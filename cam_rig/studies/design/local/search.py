@@ -15,6 +15,7 @@ from cam_rig.studies.design.constraints import Asked, one_element
 from cam_rig.studies.design.local.descent import KEPT, Descent, LocalTerm, Place
 from cam_rig.studies.design.local.multistart import SAME, Multistart
 from cam_rig.studies.design.local.pointwise import PointwiseTerm, as_branch, pointwise
+from cam_rig.studies.design.local.sound import FlightLevel
 from cam_rig.studies.design.local.starts import starts
 from cam_rig.studies.design.measure import measured
 from cam_rig.studies.design.problem import DesignProblem
@@ -41,7 +42,7 @@ def is_local(problem: DesignProblem, term: Term, goal: bool = False) -> bool:
         return goal or not isinstance(one_element(problem), GuidedCentre)
     if term.name == "radius_of_curvature":
         return not isinstance(one_element(problem), GuidedFace)
-    return term.name in ("shaft_torque",)
+    return term.name in ("shaft_torque", "sound_level_with_jumps")
 
 
 @dataclass(eq=False)
@@ -73,6 +74,8 @@ class LocalSearch:
         self.best_goal = np.inf
 
     def _term(self, asked: Asked) -> LocalTerm:
+        if asked.term.name == "sound_level_with_jumps":
+            return FlightLevel(self.problem, asked.name, asked.term, asked.value)
         if asked.term.name == "pressure_angle" and isinstance(
             one_element(self.problem), GuidedFace
         ):

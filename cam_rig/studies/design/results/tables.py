@@ -120,7 +120,7 @@ def to_json(design: LawDesign) -> dict[str, Any]:
         "measures": [
             {
                 "quantity": measure.term.key,
-                "unit": "dB" if measure.term.name == "sound_level" else "SI",
+                "unit": "dB" if measure.term.quantity.unit == "dB" else "SI",
                 "start": measure.start,
                 "result": measure.result,
                 "bound": measure.bound,
