@@ -10,11 +10,11 @@ from cam_rig.api.arguments import require_type
 from cam_rig.api.notebook import shown
 from cam_rig.extras import libraries_named
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.studies.design.design import LawDesign
 from cam_rig.studies.design.design import design as solve
 from cam_rig.studies.design.law_class import LawClass
 from cam_rig.studies.design.local.multistart import STARTS, Multistart
 from cam_rig.studies.design.request import KEEP, DesignRequest
+from cam_rig.studies.design.results.law_design import LawDesign
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

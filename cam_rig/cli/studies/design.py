@@ -16,9 +16,13 @@ from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, wri
 if TYPE_CHECKING:
     from cam_rig.schema.design import DesignConfig
     from cam_rig.studies.design.cam_file import DesignedCam
-    from cam_rig.studies.design.design import LawDesign
+    from cam_rig.studies.design.results.law_design import LawDesign
 
 
+Second = Annotated[
+    str | None,
+    typer.Option(metavar="QUANTITY", help="A front: the goal's best for values of another."),
+]
 Keep = Annotated[
     str, typer.Option(help="What stays as the start has it; or dwells,lift; or lift alone.")
 ]
@@ -46,10 +50,7 @@ def design(
     degree: Annotated[int | None, typer.Option(help="To 15; by default joints + 2.")] = None,
     starts: Starts = 8,
     seed: Seed = 1,
-    pareto: Annotated[
-        str | None,
-        typer.Option(metavar="QUANTITY", help="A front: the goal's best for values of another."),
-    ] = None,
+    pareto: Second = None,
     points: Annotated[int, typer.Option(help="Points of the front, 3 to 200.")] = 25,
     rig: Annotated[str, typer.Option(help="Rig file, or a name in config/rigs.")] = "paper_table2",
     out: Annotated[
@@ -74,6 +75,8 @@ def design(
     cam-rig design poly345 --maximise jump_speed --limit 'peak_acceleration<=start' --out fast.yaml
 
     cam-rig design poly345 --minimise residual_vibration@200-400rpm --pieces 28 --plot out/calm.png
+
+    cam-rig design poly345 --maximise jump_speed_rigid --keep dwells,lift --starts 3
     """
     with user_errors():
         _check(out)
@@ -111,9 +114,9 @@ def _front(
     from cam_rig.schema import load_cam, load_rig
     from cam_rig.studies.design.request import DesignRequest
     from cam_rig.studies.design.results.front import front, front_table
-    from cam_rig.studies.design.terms import parse_goal
+    from cam_rig.studies.design.terms import parse_second
 
-    request, second = DesignRequest.of_config(config), parse_goal(other)
+    request, second = DesignRequest.of_config(config), parse_second(other)
     cam, rig = load_cam(cam_path(config.start)), load_rig(rig_path(config.rig))
     with progress_bar() as bar:
         task = bar.add_task(request.words, total=points + 2)

@@ -19,8 +19,8 @@ from cam_rig.laws.curves import cam_curves
 from cam_rig.plots.figures import CAM_ANGLE, empty, series, styled, turn_axis, write
 from cam_rig.plots.laws.one_law import NAMES, PER
 from cam_rig.profile.contour import contours
-from cam_rig.studies.design.design import LawDesign
 from cam_rig.studies.design.results.front import Front
+from cam_rig.studies.design.results.law_design import LawDesign
 from cam_rig.studies.design.results.tables import in_words
 from cam_rig.studies.jump.rigid import rigid_jump_speed
 from cam_rig.units import TURN, to_rpm

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError, DesignError
@@ -14,88 +14,23 @@ from cam_rig.laws.peaks import peak
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.studies.design.cam_file import DesignedCam, designed_cam
 from cam_rig.studies.design.constraints import PEAKS, Asked
-from cam_rig.studies.design.events import LawEvent
 from cam_rig.studies.design.local.event_spans import EventSpans
 from cam_rig.studies.design.local.multistart import Multistart
 from cam_rig.studies.design.local.search import LocalBest, LocalSearch, is_local
 from cam_rig.studies.design.measure import level_of, measured, rate_of
 from cam_rig.studies.design.problem import DesignProblem
 from cam_rig.studies.design.request import DesignRequest
+from cam_rig.studies.design.results.law_design import LawDesign, Measure
 from cam_rig.studies.design.solve import Best, Solver
 from cam_rig.studies.design.space import Space
 from cam_rig.studies.design.terms import ORDERS, Limit, Sense, Term
 
-#: A result within this part of its bound is called certified.
-CERTIFIED = 2e-3
 #: A goal below this part of the start's is solved again, measured by itself.
 SMALL = 0.05
 #: A limit is broken where the written law exceeds it by this part of its scale.
 BROKEN = 1e-6
 #: A limit on an event's span is met within this part of it.
 SPAN_MET = 1e-3
-
-
-@dataclass(frozen=True)
-class Measure:
-    """A goal or a limit of a design, SI (dB for levels).
-
-    ``bound`` is what no law of the class passes, for the goal alone; ``limit`` for limits alone.
-    """
-
-    term: Term
-    sense: Sense
-    start: float
-    result: float
-    bound: float | None = None
-    limit: float | None = None
-    active: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class LawDesign:
-    """The best law found, its cam and file; ``measures`` has the goal first.
-
-    ``tops`` are the cam angles (rad) within events where start and law reach their lift;
-    ``rounds`` is how many programs were solved; ``multistart`` is of a design that is not convex,
-    which has no bound, and ``spans_bound`` of one whose events have other spans: what no law with
-    just these spans passes.
-    """
-
-    request: DesignRequest
-    start: Law
-    law: Law
-    cam: CamConfig
-    text: str
-    rig: RigConfig
-    events: tuple[LawEvent, ...]
-    tops: tuple[float, ...]
-    measures: tuple[Measure, ...]
-    rounds: int
-    multistart: Multistart | None = None
-    spans_bound: float | None = None
-
-    @property
-    def goal(self) -> Measure:
-        """The goal's."""
-        return self.measures[0]
-
-    @property
-    def gap(self) -> float:
-        """How far the result is from its bound, in parts of it; of a level, of its pressure.
-
-        Infinite where there is no bound.
-        """
-        if self.goal.bound is None:
-            return math.inf
-        if self.goal.term.name == "sound_level":
-            return float(10.0 ** (abs(self.goal.result - self.goal.bound) / 20.0) - 1.0)
-        size = max(abs(self.goal.bound), 1e-300)
-        return abs(self.goal.result - self.goal.bound) / size
-
-    @property
-    def certified(self) -> bool:
-        """Whether the bound proves that little could be better."""
-        return self.gap <= CERTIFIED
 
 
 def design(
@@ -122,7 +57,7 @@ def design(
     problem = DesignProblem(cam, start, rig, Space(start, request.law_class))
     name = name or f"{cam.name}_designed"
     if "events" in request.keep:
-        return _designed(problem, request, name, on_best)
+        return design_problem(problem, request, name, on_best)
     return _with_other_spans(problem, request, name, on_best)
 
 
@@ -133,7 +68,7 @@ def _with_other_spans(
     on_best: Callable[[DesignedCam, float], None],
 ) -> LawDesign:
     """The best law whose events have the best spans, by a search of these."""
-    asked = [replace(limit, value=_value(problem, limit)) for limit in request.limits]
+    asked = own_limits(problem, request)
     spans = [limit for limit in asked if limit.term.name == "event_angle"]
     others = replace(request, limits=tuple(limit for limit in asked if limit not in spans))
     quick = replace(others, multistart=replace(request.multistart, starts=1))
@@ -146,11 +81,11 @@ def _with_other_spans(
             on_best(cam, value)
 
     def value(moved: DesignProblem) -> float:
-        return sign * _designed(moved, quick, name, told).goal.result
+        return sign * design_problem(moved, quick, name, told).goal.result
 
     search = EventSpans(problem, "dwells" in request.keep, spans, value)
     moved, multistart = search.best(request.multistart)
-    found = _designed(moved, others, name, told, multistart)
+    found = design_problem(moved, others, name, told, multistart)
     goal, *rest = found.measures
     limited = iter(rest)
     measures = [replace(goal, bound=None)]
@@ -168,6 +103,11 @@ def _with_other_spans(
     )
 
 
+def own_limits(problem: DesignProblem, request: DesignRequest) -> list[Limit]:
+    """The limits with the start's values, which stay where its events move."""
+    return [replace(limit, value=_value(problem, limit)) for limit in request.limits]
+
+
 def _span(moved: DesignProblem, limit: Limit) -> Measure:
     """A limit on an event's span; ``start`` is not yet the start's."""
     assert limit.value is not None
@@ -176,14 +116,19 @@ def _span(moved: DesignProblem, limit: Limit) -> Measure:
     return Measure(limit.term, limit.sense, span, span, None, limit.value, met)
 
 
-def _designed(
+def design_problem(
     problem: DesignProblem,
     request: DesignRequest,
     name: str,
     on_best: Callable[[DesignedCam, float], None],
     search: Multistart | None = None,
 ) -> LawDesign:
-    """The best law with the events that a problem has; ``search`` is what they were found by."""
+    """The best law with the events that a problem has; ``search`` is what they were found by.
+
+    Raises
+    ------
+    DesignError, ConfigError, DynamicsError : as `design`
+    """
     start, space, rig = problem.start, problem.space, problem.rig
     limits = [_asked(problem, x.term, x.sense, _value(problem, x)) for x in request.limits]
     goal = _asked(problem, request.goal, request.sense, None)

@@ -287,3 +287,14 @@ def parse_goal(text: str) -> Term:
         goals = [name for name, quantity in QUANTITIES.items() if quantity.goal]
         raise ConfigError(f"{term.name} is a limit, not a goal; goals: {', '.join(goals)}")
     return term
+
+
+def parse_second(text: str) -> Term:
+    """The other quantity of a front: what may be a goal, or an event's span.
+
+    Raises
+    ------
+    ConfigError : as `parse_goal`
+    """
+    term = parse_term(text)
+    return term if term.name == "event_angle" else parse_goal(text)

@@ -19,11 +19,12 @@ from cam_rig.laws.peaks import extremes, peak
 from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
 from cam_rig.schema.load import config_root
 from cam_rig.studies.design.constraints import Asked, add, keep_lift
-from cam_rig.studies.design.design import LawDesign, design
+from cam_rig.studies.design.design import design
 from cam_rig.studies.design.law_class import LawClass
 from cam_rig.studies.design.problem import DesignProblem
 from cam_rig.studies.design.program import BOX, ConvexProgram
 from cam_rig.studies.design.request import DesignRequest
+from cam_rig.studies.design.results.law_design import LawDesign
 from cam_rig.studies.design.space import PARTS, Space
 from cam_rig.studies.design.terms import parse_term
 from cam_rig.studies.jump.rigid import rigid_jump_speed

@@ -83,7 +83,7 @@ class EventSpans:
         if self.keep_dwells and total(-most) <= 0.0 <= total(most):
             more = float(brentq(total, -most, most, xtol=1e-14))
         found = self._rounded(np.clip(self.start + more, self.low, self.high))
-        if not self._possible(found):
+        if not self.possible(found):
             raise ConfigError(
                 "limits on event_angle: no spans of events keep them and the dwells; allowed: "
                 "looser limits"
@@ -98,7 +98,8 @@ class EventSpans:
             found[-1] = self.start.sum() - found[:-1].sum()
         return np.asarray(found)
 
-    def _possible(self, spans: FloatArray) -> bool:
+    def possible(self, spans: FloatArray) -> bool:
+        """Whether limits and dwells leave these spans (rad)."""
         slack = np.radians(STEP_DEG)
         if (spans < self.low - slack).any() or (spans > self.high + slack).any():
             return False
@@ -145,7 +146,7 @@ class EventSpans:
         key = tuple(spans.tolist())
         if key not in self._known:
             self._known[key] = np.inf
-            if self._possible(spans):
+            if self.possible(spans):
                 try:
                     self._known[key] = self.value(self.moved(spans))
                 except DesignError:  # no law at these spans; at others there may be
@@ -195,7 +196,7 @@ class EventSpans:
             way = random.uniform(self.low, self.high) - self.base
             if self.keep_dwells:
                 way -= way.mean()
-            while not self._possible(place := self._rounded(self.base + way)):
+            while not self.possible(place := self._rounded(self.base + way)):
                 way *= 0.7
             for _ in range(NEARER):
                 if np.isfinite(self._value(place[:size])):

@@ -6,8 +6,8 @@ import math
 from dataclasses import asdict
 from typing import Any
 
-from cam_rig.studies.design.design import LawDesign, Measure
 from cam_rig.studies.design.program import BOX
+from cam_rig.studies.design.results.law_design import LawDesign, Measure
 from cam_rig.studies.design.terms import Term
 from cam_rig.tables import Cell, Column, DataTable
 from cam_rig.units import TURN

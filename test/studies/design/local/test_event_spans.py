@@ -13,11 +13,12 @@ from cam_rig.laws import build_law
 from cam_rig.laws.peaks import peak
 from cam_rig.schema import CamConfig, load_cam, load_rig
 from cam_rig.schema.load import config_root
-from cam_rig.studies.design.design import LawDesign, design
+from cam_rig.studies.design.design import design
 from cam_rig.studies.design.events import dwells, events
 from cam_rig.studies.design.law_class import LawClass
 from cam_rig.studies.design.local.multistart import Multistart
 from cam_rig.studies.design.request import DesignRequest
+from cam_rig.studies.design.results.law_design import LawDesign
 
 RIG = load_rig(config_root() / "rigs" / "paper_table2.yaml")
 HEIGHTS, LIFT = np.array([0.4, 0.6, 1.0]), 0.05

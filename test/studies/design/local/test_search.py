@@ -15,10 +15,11 @@ from cam_rig.laws import Law, build_law
 from cam_rig.profile.contour import contours
 from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
 from cam_rig.schema.load import config_root
-from cam_rig.studies.design.design import LawDesign, design
+from cam_rig.studies.design.design import design
 from cam_rig.studies.design.law_class import LawClass
 from cam_rig.studies.design.local.multistart import Multistart
 from cam_rig.studies.design.request import DesignRequest
+from cam_rig.studies.design.results.law_design import LawDesign
 from cam_rig.studies.design.space import Space
 from cam_rig.units import RPM, TURN
 
