@@ -164,6 +164,9 @@ class Descent:
                 found = self._solved(here, tried, spare)
             except DesignError:  # nothing within reach, or the solver fails
                 return None
+            if self._settled(here, found):
+                self.reach = 0.0
+                return None
             there = self.place(found.unknowns)._replace(active=found.active)
             if here.over > KEPT:
                 if there.over < max(0.9 * here.over, KEPT):
@@ -174,6 +177,11 @@ class Descent:
             tried.append(found.unknowns)
             spare += max(0.0, min(there.over, MOST_SPARE))
         return None
+
+    def _settled(self, here: Place, found: ProgramSolution) -> bool:
+        """Whether a law keeps its limits and a program promises next to nothing beyond its goal."""
+        promised = here.goal + found.level
+        return here.over <= KEPT and not self._speed and promised < LITTLE * abs(here.goal)
 
     def _adapt(self, here: Place, there: Place, level: float) -> None:
         """How far to go in the next step, by what this one gained of what was promised."""

@@ -44,13 +44,15 @@ def kept(design: LawDesign) -> str:
 
 
 def _start_better(design: LawDesign) -> list[str]:
-    """A line where the start, which need not be of the class, is better than the bound."""
+    """A line where the start, which need not be of the class, is better than what was found."""
     goal = design.goal
     sign = 1.0 if goal.sense == "<=" else -1.0
     worse = math.isfinite(goal.start) and sign * (goal.result - goal.start) > 0.0
-    return (
-        ["the start is better than any law of this class: more pieces have more"] if worse else []
-    )
+    if not worse:
+        return []
+    if goal.bound is None:
+        return ["the start is better than the law found: more pieces, or more starts, have more"]
+    return ["the start is better than any law of this class: more pieces have more"]
 
 
 def in_words(term: Term) -> str:
