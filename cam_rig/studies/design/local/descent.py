@@ -30,6 +30,8 @@ STEPS, CORRECTED = 60, 2
 FIRST_REACH, MOST_REACH, LEAST_REACH = 0.1, 2.0, 1e-5
 #: A step of less than this part of the goal ends it, the second time.
 LITTLE = 2e-5
+#: So does the promise of less than this part of the goal within the first reach.
+PROMISED = 1e-5
 #: A step that gains less than the first part of what its program promised is too long; one that
 #: gains more than the second may be longer.
 POOR, GOOD = 0.25, 0.7
@@ -164,7 +166,7 @@ class Descent:
                 found = self._solved(here, tried, spare)
             except DesignError:  # nothing within reach, or the solver fails
                 return None
-            if self._settled(here, found):
+            if not tried and self._settled(here, found):
                 self.reach = 0.0
                 return None
             there = self.place(found.unknowns)._replace(active=found.active)
@@ -179,9 +181,9 @@ class Descent:
         return None
 
     def _settled(self, here: Place, found: ProgramSolution) -> bool:
-        """Whether a law keeps its limits and a program promises next to nothing beyond its goal."""
-        promised = here.goal + found.level
-        return here.over <= KEPT and not self._speed and promised < LITTLE * abs(here.goal)
+        """Whether a law keeps its limits and a program promises next to nothing for its reach."""
+        promised, part = here.goal + found.level, PROMISED * min(1.0, self.reach / FIRST_REACH)
+        return here.over <= KEPT and not self._speed and promised < part * abs(here.goal)
 
     def _adapt(self, here: Place, there: Place, level: float) -> None:
         """How far to go in the next step, by what this one gained of what was promised."""

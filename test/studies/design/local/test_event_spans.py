@@ -35,9 +35,9 @@ def two_rises() -> CamConfig:
 
 
 def designed(start: CamConfig, keep: list[str], joints: int = 1, **words: Any) -> LawDesign:
-    law_class = LawClass(8, joints)
+    law_class = LawClass(4, joints)
     request = DesignRequest.of(
-        law_class=law_class, keep=keep, multistart=Multistart(words.pop("starts", 3)), **words
+        law_class=law_class, keep=keep, multistart=Multistart(words.pop("starts", 2)), **words
     )
     return design(start, RIG, request)
 
@@ -61,9 +61,9 @@ def test_spans_go_with_the_root_of_what_each_event_rises(tmp_path: Path) -> None
     assert found.spans_bound <= found.goal.result <= found.spans_bound * 1.002
 
 
-@pytest.mark.parametrize("widest", [100.0, 109.5])
-def test_a_limit_on_a_span_holds_and_dwells_give_way(widest: float) -> None:
+def test_a_limit_on_a_span_holds_and_dwells_give_way() -> None:
     """Events that keep their middles: the fall as wide as its limit allows, 4h/β²."""
+    widest = 109.5
     limits = [f"event_angle@{number}<={widest}deg" for number in (1, 2, 3)]
     found = designed(two_rises(), ["lift"], minimise="peak_acceleration", limits=limits)
     assert found.goal.result == pytest.approx(4.0 * LIFT / np.radians(widest) ** 2, rel=2e-3)

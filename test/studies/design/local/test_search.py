@@ -113,7 +113,7 @@ def test_one_free_ordinate_is_as_good_as_a_scan(tmp_path: Path) -> None:
     best = max(min(half) for half in halves)
     law = build_law(written(found, tmp_path))
     assert peak_torque(law, RIG, 250.0) == pytest.approx(found.goal.result, rel=1e-5)
-    assert found.goal.result <= best * (1.0 + 1e-6)
+    assert found.goal.result <= best * (1.0 + 2e-5)  # where a descent ends
     assert found.goal.result >= best * (1.0 - 2e-3)  # the scan's own grid
 
 
