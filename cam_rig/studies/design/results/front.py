@@ -94,7 +94,17 @@ def _over_spans(
 
     From the shortest that has a law (or half of the start's) to the longest that the dwells leave
     (or twice the start's).
+
+    Raises
+    ------
+    ConfigError : a request in which spans move already
+    DesignError : no law has the longest spans
     """
+    if "events" not in request.keep:
+        raise ConfigError(
+            f"--pareto: over {other.key} the events and the dwells have their spans from it; "
+            "allowed: without --keep"
+        )
     start = build_law(cam)
     problem = DesignProblem(cam, start, rig, Space(start, request.law_class))
     own = replace(request, limits=tuple(own_limits(problem, request)))

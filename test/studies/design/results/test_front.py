@@ -71,6 +71,13 @@ def test_a_front_over_spans_begins_where_the_first_law_is() -> None:
     assert found.designs[0].goal.result > found.designs[-1].goal.result
 
 
+def test_a_front_over_spans_has_no_other_spans() -> None:
+    """A request in which the events' spans are searched has none to go over."""
+    request = DesignRequest.of(minimise="peak_jerk", keep=["dwells", "lift"])
+    with pytest.raises(ConfigError, match="allowed: without --keep"):
+        front(CAM, RIG, request, parse_second("event_angle@1"), 4)
+
+
 def test_a_front_of_what_is_not_convex_has_no_bounds() -> None:
     """Torque against peak acceleration: falling, and called local."""
     request = DesignRequest.of(
