@@ -27,11 +27,11 @@ from cam_rig.laws import Law
 from cam_rig.laws.peaks import extremes
 from cam_rig.plots.figures import write
 from cam_rig.plots.laws.designed import front_figure
-from cam_rig.studies.design.design import DesignRequest
-from cam_rig.studies.design.front import front
 from cam_rig.studies.design.law_class import LawClass
 from cam_rig.studies.design.measure import measured
 from cam_rig.studies.design.problem import DesignProblem
+from cam_rig.studies.design.request import DesignRequest
+from cam_rig.studies.design.results.front import front
 from cam_rig.studies.design.space import Space
 from cam_rig.studies.design.terms import parse_goal
 from cam_rig.units import to_rpm

@@ -10,9 +10,11 @@ from cam_rig.api.arguments import require_type
 from cam_rig.api.notebook import shown
 from cam_rig.extras import libraries_named
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.studies.design.design import DesignRequest, LawDesign
 from cam_rig.studies.design.design import design as solve
 from cam_rig.studies.design.law_class import LawClass
+from cam_rig.studies.design.local.multistart import STARTS, Multistart
+from cam_rig.studies.design.request import KEEP, DesignRequest
+from cam_rig.studies.design.results.law_design import LawDesign
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,12 +29,9 @@ class DesignedLaw(LawDesign):
         """The goal, from start to result, and its bound."""
         goal = self.goal
         factor, unit = goal.term.quantity.shown, goal.term.quantity.unit
-        assert goal.bound is not None
-        start, result, bound = (x / factor for x in (goal.start, goal.result, goal.bound))
-        return (
-            f"DesignedLaw({self.request.words}: {start:.4g} → {result:.4g} {unit}, bound "
-            f"{bound:.4g})"
-        )
+        bound = "local" if goal.bound is None else f"bound {goal.bound / factor:.4g}"
+        start, result = goal.start / factor, goal.result / factor
+        return f"DesignedLaw({self.request.words}: {start:.4g} → {result:.4g} {unit}, {bound})"
 
     def to_pandas(self) -> DataFrame:
         """A row for the goal and for each limit, SI (levels in dB).
@@ -72,17 +71,23 @@ def design(
     pieces: int = 16,
     joints: int = 3,
     degree: int | None = None,
+    starts: int = STARTS,
+    seed: int = 1,
+    keep: Sequence[str] = KEEP[0],
 ) -> DesignedLaw:
     """The law that is best by a goal, of B-splines in each event of a cam.
 
     Dwells, events and lift stay. The bound holds for the whole class: it comes from a convex
-    program's multipliers.
+    program's multipliers. What is not convex is searched for from several starts, without a bound:
+    ``multistart`` says how many of them came to the same.
 
     Parameters
     ----------
     minimise, maximise : one of them: a quantity as `cam-rig design` takes it
     limits : such as ``"peak_acceleration<=start"`` or ``"lift@90deg>=30mm"``
     pieces, joints, degree : of the splines; joints k means Cᵏ, a degree is by default k + 2
+    keep : what stays: all of it, ``("dwells", "lift")`` or ``("lift",)``; then spans are searched
+    starts, seed : of a local search; the same seed gives the same law
 
     Raises
     ------
@@ -105,5 +110,7 @@ def design(
         maximise=maximise,
         limits=limits,
         law_class=LawClass(pieces, joints, degree),
+        multistart=Multistart(starts, seed),
+        keep=keep,
     )
     return DesignedLaw(**vars(solve(cam, rig, request)))

@@ -26,8 +26,8 @@ from cam_rig.studies.as_cut.comparison import AsCut, CutBench, cut_all, over_siz
 from cam_rig.studies.cam_set import CamSet, open_cam_set
 from cam_rig.studies.contact.comparison import ContactTable, compare_contacts
 from cam_rig.studies.contact.form_closed import PlayRow, find_play, open_form_closed
-from cam_rig.studies.design.comparison import paper_designs
-from cam_rig.studies.design.design import LawDesign
+from cam_rig.studies.design.results.comparison import paper_designs
+from cam_rig.studies.design.results.law_design import LawDesign
 from cam_rig.studies.factorial.design import Factorial, run_factorial
 from cam_rig.studies.factorial.laws import open_factorial
 from cam_rig.studies.factorial.measures import Bench

@@ -22,7 +22,7 @@ from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.segments.base import quantities
 from cam_rig.studies.as_cut import tables as as_cut
 from cam_rig.studies.contact import tables as contact
-from cam_rig.studies.design.comparison import designs_table
+from cam_rig.studies.design.results.comparison import designs_table
 from cam_rig.studies.factorial import tables as factorial
 from cam_rig.studies.flywheel.tables import flywheel_tables
 from cam_rig.studies.jump import reading_tables

@@ -27,6 +27,9 @@ class DesignConfig(Strict):
     minimise: str | None = None
     maximise: str | None = None
     limits: list[str] = Field(default_factory=list)
+    keep: list[str] = Field(default_factory=lambda: ["events", "dwells", "lift"])
+    starts: int = Field(default=8, strict=True)
+    seed: int = Field(default=1, strict=True)
     class_: ClassConfig = Field(default=ClassConfig(), alias="class")
 
     @model_validator(mode="after")

@@ -68,6 +68,62 @@ def test_ctrl_c_keeps_the_best_law_so_far(tmp_path, monkeypatch):
     assert build_law(load_cam(tmp_path / "kept.yaml")).lift == pytest.approx(0.05, rel=1e-9)
 
 
+def test_what_is_not_convex_says_local_and_has_no_bound(tmp_path):
+    """In the table, in JSON and in the file; the picture has both laws."""
+    out, plot = tmp_path / "easy.yaml", tmp_path / "easy.png"
+    result = call(
+        *("poly345", "--minimise", "shaft_torque@300rpm", "--pieces", "4", "--joints", "C2"),
+        *("--starts", "3", "--seed", "7", "--out", out, "--plot", plot, "--json", "-"),
+    )
+    assert result.exit_code == 0, result.stderr
+    data = json.loads(result.stdout)
+    assert data["local"]["starts"] == 3
+    assert data["local"]["seed"] == 7
+    assert 1 <= data["local"]["near"] <= 3
+    assert not data["certified"]
+    assert data["gap"] is None
+    assert data["measures"][0]["bound"] is None
+    assert "local (3 starts, " in result.stderr
+    assert "seed 7, local (3 starts, " in out.read_text(encoding="utf-8").splitlines()[0]
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_events_share_what_dwells_leave(tmp_path):
+    """--keep dwells,lift, and a limit on one event: the file's spans are the table's."""
+    result = call(
+        *("poly345", "--minimise", "peak_acceleration", "--pieces", "4", "--joints", "C1"),
+        *("--keep", "dwells,lift", "--limit", "event_angle@1<=110deg", "--starts", "2"),
+        *("--out", tmp_path / "moved.yaml", "--json", "-"),
+    )
+    assert result.exit_code == 0, result.stderr
+    data = json.loads(result.stdout)
+    assert data["events_deg"][0]["span"] == pytest.approx(110.0, abs=1e-3)
+    assert data["events_deg"][1]["span"] == pytest.approx(125.0, abs=1e-3)
+    assert data["bound_at_these_events"] <= data["measures"][0]["result"]
+    assert len(build_law(load_cam(tmp_path / "moved.yaml")).spans) == 4 + 4 + 3
+
+
+def test_ctrl_c_keeps_the_best_of_a_search(tmp_path, monkeypatch):
+    """Interrupted after a first law of a search that is local: as of a convex one."""
+    solve, laws = study.design, []
+
+    def interrupted(cam, rig, request, name, told):
+        def then_stop(file, value):
+            told(file, value)
+            laws.append(value)
+            if len(laws) == 3:
+                raise KeyboardInterrupt
+
+        return solve(cam, rig, request, name, then_stop)
+
+    monkeypatch.setattr(study, "design", interrupted)
+    out = tmp_path / "kept.yaml"
+    result = call("poly345", "--minimise", "shaft_torque@300rpm", "--pieces", "6", "--out", out)
+    assert result.exit_code == 130
+    assert laws == sorted(laws, reverse=True)
+    assert build_law(load_cam(out)).lift == pytest.approx(0.05, rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
@@ -77,6 +133,10 @@ def test_ctrl_c_keeps_the_best_law_so_far(tmp_path, monkeypatch):
         (["poly345", *SMALL, "--joints", "3"], 2, "allowed: C1 to C6"),
         (["poly345", *SMALL, "--pieces", "0"], 2, "pieces is 0; allowed: 1 to 200"),
         (["poly345", *SMALL, "--keep", "dwells"], 2, "allowed: events,dwells,lift"),
+        (["poly345", *SMALL, "--limit", "event_angle@1<=90deg"], 2, "events stay; allowed:"),
+        (["poly345", "--minimise", "shaft_torque@300rpm", "--starts", "0"], 2, "allowed: 1 to"),
+        (["poly345", "--minimise", "shaft_torque@300rpm", "--seed", "-1"], 2, "0 and above"),
+        (["flat", "--minimise", "pressure_angle"], 2, "pressure angle no law changes"),
         (["poly345", *SMALL, "--out", "a.yml"], 2, "ends in .yaml"),
         (["poly345", *SMALL, "--limit", "lift@90deg<=1kg"], 2, "one of mm, m"),
         (["poly345", *SMALL, "--limit", "lift@150deg<=1mm"], 1, "no law of the class keeps"),

@@ -16,10 +16,18 @@ from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, wri
 if TYPE_CHECKING:
     from cam_rig.schema.design import DesignConfig
     from cam_rig.studies.design.cam_file import DesignedCam
-    from cam_rig.studies.design.design import LawDesign
+    from cam_rig.studies.design.results.law_design import LawDesign
 
-#: What stays as the start has it.
-KEPT = ("events", "dwells", "lift")
+
+Second = Annotated[
+    str | None,
+    typer.Option(metavar="QUANTITY", help="A front: the goal's best for values of another."),
+]
+Keep = Annotated[
+    str, typer.Option(help="What stays as the start has it; or dwells,lift; or lift alone.")
+]
+Starts = Annotated[int, typer.Option(help="Where it is not convex: laws, or spans, to begin from.")]
+Seed = Annotated[int, typer.Option(help="Of the random ones among them.")]
 
 
 def design(
@@ -36,16 +44,13 @@ def design(
         list[str] | None,
         typer.Option(help="Limit, such as 'peak_acceleration<=start'; as often as needed."),
     ] = None,
-    keep: Annotated[
-        str, typer.Option(help="What the start's stays; moving events is not convex.")
-    ] = ",".join(KEPT),
+    keep: Keep = "events,dwells,lift",
     pieces: Annotated[int, typer.Option(help="Pieces of each event, 1 to 200.")] = 16,
     joints: Annotated[str, typer.Option(help="Continuity at joints, C1 to C6.")] = "C3",
     degree: Annotated[int | None, typer.Option(help="To 15; by default joints + 2.")] = None,
-    pareto: Annotated[
-        str | None,
-        typer.Option(metavar="QUANTITY", help="A front: the goal's best for values of another."),
-    ] = None,
+    starts: Starts = 8,
+    seed: Seed = 1,
+    pareto: Second = None,
     points: Annotated[int, typer.Option(help="Points of the front, 3 to 200.")] = 25,
     rig: Annotated[str, typer.Option(help="Rig file, or a name in config/rigs.")] = "paper_table2",
     out: Annotated[
@@ -60,21 +65,26 @@ def design(
     The law is a B-spline in each event of the start; dwells, events and lift stay. Goals:
     jump_speed, jump_speed_steady, jump_speed_rigid, least_contact_force@450rpm (maximise);
     residual_vibration@200-400rpm, sound_level@200-400rpm, peak_velocity, peak_acceleration,
-    peak_jerk, rms_acceleration, peak_contact_force@450rpm (minimise). Limits: any of these, and
-    pressure_angle, radius_of_curvature, lift@90deg, velocity@90deg, acceleration@80-100deg, with a
-    unit or as the start's. Ctrl-C keeps the best so far.
+    peak_jerk, rms_acceleration, peak_contact_force@450rpm (minimise). Without a bound, as the best
+    of several searches: shaft_torque@300rpm, sound_level_with_jumps@450-550rpm, pressure_angle
+    (minimise), radius_of_curvature (maximise). Limits: any of these, lift@90deg, velocity@90deg,
+    acceleration@80-100deg, event_angle@1, with a unit or as the start's. Ctrl-C keeps the best.
 
     Examples
     --------
     cam-rig design poly345 --maximise jump_speed --limit 'peak_acceleration<=start' --out fast.yaml
 
     cam-rig design poly345 --minimise residual_vibration@200-400rpm --pieces 28 --plot out/calm.png
+
+    cam-rig design poly345 --maximise jump_speed_rigid --keep dwells,lift --starts 3
     """
     with user_errors():
-        _check(out, keep)
+        _check(out)
         check_outputs(json_target, plot, csv)
         asked = {"minimise": minimise, "maximise": maximise, "limits": limit or []}
-        config = _config(start, rig, asked, {"pieces": pieces, "joints": joints, "degree": degree})
+        law_class = {"pieces": pieces, "joints": joints, "degree": degree}
+        search = {"starts": starts, "seed": seed, "keep": keep.split(",")}
+        config = _config(start, rig, asked, law_class, search)
         if pareto is None:
             _solve(config, out).write(out, plot, csv, json_target)
         else:
@@ -102,11 +112,11 @@ def _front(
     CamRigError : what is asked for cannot be
     """
     from cam_rig.schema import load_cam, load_rig
-    from cam_rig.studies.design.design import DesignRequest
-    from cam_rig.studies.design.front import front, front_table
-    from cam_rig.studies.design.terms import parse_goal
+    from cam_rig.studies.design.request import DesignRequest
+    from cam_rig.studies.design.results.front import front, front_table
+    from cam_rig.studies.design.terms import parse_second
 
-    request, second = DesignRequest.of_config(config), parse_goal(other)
+    request, second = DesignRequest.of_config(config), parse_second(other)
     cam, rig = load_cam(cam_path(config.start)), load_rig(rig_path(config.rig))
     with progress_bar() as bar:
         task = bar.add_task(request.words, total=points + 2)
@@ -120,7 +130,13 @@ def _front(
         write_plot(plot, lambda part: draw_front(found, part))
 
 
-def _config(start: str, rig: str, asked: dict[str, Any], law_class: dict[str, Any]) -> DesignConfig:
+def _config(
+    start: str,
+    rig: str,
+    asked: dict[str, Any],
+    law_class: dict[str, Any],
+    search: dict[str, Any],
+) -> DesignConfig:
     """What the command line asks for, or a design file.
 
     Raises
@@ -133,7 +149,7 @@ def _config(start: str, rig: str, asked: dict[str, Any], law_class: dict[str, An
     path = cam_path(start)
     if not is_design(path):
         own = ClassConfig(**law_class)
-        return DesignConfig.model_construct(start=start, rig=rig, class_=own, **asked)
+        return DesignConfig.model_construct(start=start, rig=rig, class_=own, **asked, **search)
     if any(asked.values()):
         raise ConfigError(
             f"{path}: has a goal and limits of its own; allowed beside it: no --minimise, "
@@ -148,16 +164,11 @@ def _config(start: str, rig: str, asked: dict[str, Any], law_class: dict[str, An
     return own_file.model_copy(update={"start": start, "rig": rig})
 
 
-def _check(out: Path | None, keep: str) -> None:
-    """Refuse what could not be written, or freed."""
+def _check(out: Path | None) -> None:
+    """Refuse what could not be written."""
     from cam_rig.cli.cams.fitting import require_new
     from cam_rig.errors import ConfigError
 
-    if {word.strip() for word in keep.split(",")} != set(KEPT):
-        raise ConfigError(
-            f"--keep: is {keep!r}; allowed: {','.join(KEPT)}; where an event moves the best law is "
-            "no longer found by a convex program: give the start other spans"
-        )
     if out is not None:
         if out.suffix != ".yaml":
             raise ConfigError(f"--out: is {out}; allowed: a name that ends in .yaml")
@@ -182,7 +193,7 @@ class DesignRun:
         """
         text = self.best.text if self.design is None and self.best else ""
         if self.design is not None:
-            from cam_rig.studies.design.tables import design_table, to_json
+            from cam_rig.studies.design.results.tables import design_table, to_json
 
             text, table = self.design.text, design_table(self.design)
             show(table)
@@ -210,8 +221,8 @@ def _solve(config: DesignConfig, out: Path | None) -> DesignRun:
     CamRigError : what is asked for cannot be
     """
     from cam_rig.schema import load_cam, load_rig
-    from cam_rig.studies.design.design import DesignRequest
     from cam_rig.studies.design.design import design as solve
+    from cam_rig.studies.design.request import DesignRequest
 
     request = DesignRequest.of_config(config)
     cam, rig = load_cam(cam_path(config.start)), load_rig(rig_path(config.rig))

@@ -19,9 +19,9 @@ from cam_rig.laws.curves import cam_curves
 from cam_rig.plots.figures import CAM_ANGLE, empty, series, styled, turn_axis, write
 from cam_rig.plots.laws.one_law import NAMES, PER
 from cam_rig.profile.contour import contours
-from cam_rig.studies.design.design import LawDesign
-from cam_rig.studies.design.front import Front
-from cam_rig.studies.design.tables import in_words
+from cam_rig.studies.design.results.front import Front
+from cam_rig.studies.design.results.law_design import LawDesign
+from cam_rig.studies.design.results.tables import in_words
 from cam_rig.studies.jump.rigid import rigid_jump_speed
 from cam_rig.units import TURN, to_rpm
 
@@ -73,7 +73,8 @@ def front_figure(front: Front) -> Figure:
     x = np.array(front.allowed) / other.quantity.shown
     values = [(found.goal.result, found.goal.bound) for found in front.designs]
     result, bound = np.array(values, dtype=np.float64).T / goal.term.quantity.shown
-    axes.plot(x, bound, label="bound of the class", **START)
+    if not np.isnan(bound).all():  # what is not convex has none
+        axes.plot(x, bound, label="bound of the class", **START)
     axes.plot(x, result, "o", ms=3.5, label="designed", **DESIGNED)
     axes.set_xlabel(f"{other.words} [{in_words(other)}]")
     axes.set_ylabel(f"{goal.term.words}\n[{in_words(goal.term)}]")

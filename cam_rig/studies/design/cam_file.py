@@ -12,6 +12,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.schema import CamConfig
 from cam_rig.studies.cam_fit.cam_file import quantity, to_yaml, valid_cam
 from cam_rig.studies.design.constraints import Asked
+from cam_rig.studies.design.local.multistart import Multistart
 from cam_rig.studies.design.problem import DesignProblem
 from cam_rig.studies.design.terms import Term
 
@@ -34,8 +35,9 @@ def designed_cam(
     verb: str,
     goal: Term,
     limits: list[Asked],
+    search: Multistart | None = None,
 ) -> DesignedCam:
-    """The cam of some unknowns, with the follower of the start's.
+    """The cam of some unknowns, with the follower of the start's; ``search`` of what is local.
 
     Raises
     ------
@@ -50,12 +52,23 @@ def designed_cam(
         "segments": _segments(problem, unknowns, source),
     }
     header = [
-        f"# The law of its class that is best by this goal: {verb} {goal.key}.",
+        f"# {_found(search)} by this goal: {verb} {goal.key}.",
         f"# Start: {problem.cam.name}; rig: {problem.rig.name}; {problem.space.law_class.words}.",
         *(f"# Limit: {limit.name}." for limit in limits),
-        "# Made by cam-rig design; dwells and events are the start's.",
+        f"# Made by cam-rig design; {_kept(problem)}.",
     ]
     return DesignedCam(valid_cam(data), "\n".join(header) + "\n" + to_yaml(data))
+
+
+def _kept(problem: DesignProblem) -> str:
+    kept = [what for what in ("dwells", "events") if what not in problem.free]
+    return f"{' and '.join(kept)} are the start's" if kept else "the lift is the start's"
+
+
+def _found(search: Multistart | None) -> str:
+    if search is None:
+        return "The law of its class that is best"
+    return f"The best law found, seed {search.seed}, {search.words}, without a bound,"
 
 
 def _lift(problem: DesignProblem) -> dict[str, Any]:
@@ -82,30 +95,39 @@ def _plain(data: dict[str, Any]) -> dict[str, Any]:
 
 def _segments(problem: DesignProblem, unknowns: FloatArray, source: str) -> list[dict[str, Any]]:
     space, found, at = problem.space, [], 0.0
+    own = {what: _origin(problem, what) for what in ("dwells", "events")}
     for index, event in enumerate(space.events):
-        found += _dwell(at, event.start, problem.cam.name)
+        found += _dwell(at, event.start, own["dwells"])
         at = event.start + event.span
         ordinates = space.coefficients(index)(unknowns) / problem.start.lift
-        own = space.law_class
-        knots = np.rint(own.knots[1:-1] * own.pieces).astype(int).tolist()
+        law_class = space.law_class
+        knots = np.rint(law_class.knots[1:-1] * law_class.pieces).astype(int).tolist()
         found.append(
             {
                 "law": "b_spline",
-                "span": _span(event.span, f"that of {problem.cam.name}"),
-                "degree": own.power,
-                "knots": quantity("assumed", knots, "1", f"{own.pieces} equal pieces"),
+                "span": _span(event.span, own["events"]),
+                "degree": law_class.power,
+                "knots": quantity("assumed", knots, "1", f"{law_class.pieces} equal pieces"),
                 "ordinates": quantity("identified", ordinates.tolist(), "1", source),
             }
         )
-    found += _dwell(at, 2.0 * math.pi, problem.cam.name)
+    found += _dwell(at, 2.0 * math.pi, own["dwells"])
     return found
 
 
-def _dwell(start: float, end: float, cam: str) -> list[dict[str, Any]]:
+def _origin(problem: DesignProblem, what: str) -> tuple[str, str]:
+    """Whether spans of events or dwells are the cam's or found, and the words for it."""
+    if what in problem.free:
+        return "identified", "found with the law"
+    return "assumed", f"that of {problem.cam.name}"
+
+
+def _dwell(start: float, end: float, origin: tuple[str, str]) -> list[dict[str, Any]]:
     if end - start <= 0.0:
         return []
-    return [{"law": "dwell", "span": _span(end - start, f"that of {cam}")}]
+    return [{"law": "dwell", "span": _span(end - start, origin)}]
 
 
-def _span(span: float, source: str) -> dict[str, Any]:
-    return quantity("assumed", round(math.degrees(span), 10), "deg", source)
+def _span(span: float, origin: tuple[str, str]) -> dict[str, Any]:
+    kind, source = origin
+    return quantity(kind, round(math.degrees(span), 10), "deg", source)

@@ -14,7 +14,6 @@ from scipy import sparse
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.contact_force import force_weights
-from cam_rig.errors import ConfigError
 from cam_rig.laws import bernstein
 from cam_rig.profile.contact import Element
 from cam_rig.profile.disc import discs
@@ -70,12 +69,7 @@ class Asked:
 
 
 def add(program: ConvexProgram, problem: DesignProblem, asked: Asked, hull: bool) -> None:
-    """Add the rows of one goal or limit.
-
-    Raises
-    ------
-    ConfigError : the cam's follower has no such limit that is convex
-    """
+    """Add the rows of one goal or limit."""
     if asked.term.name in MEAN_SQUARES:
         parts = MEAN_SQUARES[asked.term.name](problem, asked.term)
         radius = np.zeros(1)
@@ -107,9 +101,8 @@ def _rows(problem: DesignProblem, asked: Asked, hull: bool) -> list[Affine]:
         assert asked.value is not None
         return _pressure(problem, asked.value, hull)
     if term.name == "radius_of_curvature":
-        element = _element(problem)
-        if not isinstance(element, GuidedFace):
-            raise _refused(problem, term.name, "a flat face square to its guide")
+        element = one_element(problem)
+        assert isinstance(element, GuidedFace)  # under any other it is not convex
         radius = cut(space.weighted((1.0, 0.0, 1.0)))
         return [radius.plus(element.base_radius)]
     raise AssertionError(term.name)
@@ -161,7 +154,7 @@ def _at_angles(problem: DesignProblem, term: Term, hull: bool) -> Affine:
     return space.at(order, edges[(edges >= term.low) & (edges <= term.high)])
 
 
-def _element(problem: DesignProblem) -> Element | None:
+def one_element(problem: DesignProblem) -> Element | None:
     """The contact of a cam of one disc whose follower has no inclined face."""
     plates = discs(problem.cam.follower, problem.start)
     element = plates[0].element
@@ -169,18 +162,10 @@ def _element(problem: DesignProblem) -> Element | None:
     return None if len(plates) > 1 or inclined else element
 
 
-def _refused(problem: DesignProblem, limit: str, needed: str) -> ConfigError:
-    return ConfigError(
-        f"limit {limit}: the follower is {problem.cam.follower.type}; allowed: {needed}, where "
-        "the limit is linear in the law; look at the result with: cam-rig profile"
-    )
-
-
 def _pressure(problem: DesignProblem, most: float, hull: bool) -> list[Affine]:
     """Tan α (d + s) ∓ (s' − e) ≥ 0, given as what is at most ``most``: the limit less the room."""
-    element = _element(problem)
-    if not isinstance(element, GuidedCentre):
-        raise _refused(problem, "pressure_angle", "a roller or a point in a guide")
+    element = one_element(problem)
+    assert isinstance(element, GuidedCentre)
     space, tangent = problem.space, math.tan(most)
     cut = space.hull if hull else space.points
     height = element.height(np.zeros(1))[0]

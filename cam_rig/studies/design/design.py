@@ -3,162 +3,34 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError, DesignError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.peaks import peak
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.schema.design import DesignConfig
 from cam_rig.studies.design.cam_file import DesignedCam, designed_cam
 from cam_rig.studies.design.constraints import PEAKS, Asked
-from cam_rig.studies.design.events import LawEvent
-from cam_rig.studies.design.law_class import LawClass
+from cam_rig.studies.design.local.event_spans import EventSpans
+from cam_rig.studies.design.local.multistart import Multistart
+from cam_rig.studies.design.local.search import LocalBest, LocalSearch, is_local
 from cam_rig.studies.design.measure import level_of, measured, rate_of
 from cam_rig.studies.design.problem import DesignProblem
+from cam_rig.studies.design.request import DesignRequest
+from cam_rig.studies.design.results.law_design import LawDesign, Measure
 from cam_rig.studies.design.solve import Best, Solver
 from cam_rig.studies.design.space import Space
-from cam_rig.studies.design.terms import ORDERS, Limit, Sense, Term, parse_goal, parse_limit
+from cam_rig.studies.design.terms import ORDERS, Limit, Sense, Term
 
-#: A result within this part of its bound is called certified.
-CERTIFIED = 2e-3
 #: A goal below this part of the start's is solved again, measured by itself.
 SMALL = 0.05
 #: A limit is broken where the written law exceeds it by this part of its scale.
 BROKEN = 1e-6
-
-
-@dataclass(frozen=True)
-class DesignRequest:
-    """What is asked: a goal with its sense, limits, and the class of laws.
-
-    Examples
-    --------
-    >>> request = DesignRequest.of(maximise="jump_speed", limits=["peak_acceleration<=start"])
-    >>> request.words
-    'maximise jump speed from rest'
-    """
-
-    goal: Term
-    sense: Sense
-    limits: tuple[Limit, ...] = ()
-    law_class: LawClass = field(default_factory=LawClass)
-
-    @classmethod
-    def of(
-        cls,
-        *,
-        minimise: str | None = None,
-        maximise: str | None = None,
-        limits: Sequence[str] = (),
-        law_class: LawClass | None = None,
-    ) -> DesignRequest:
-        """From words.
-
-        Raises
-        ------
-        ConfigError : not one goal, one that is not convex that way, or a limit that is none
-        """
-        if (minimise is None) == (maximise is None):
-            raise ConfigError("goal: needed: one, to minimise or to maximise")
-        goal = parse_goal(minimise or maximise or "")
-        sense: Sense = "<=" if minimise is not None else ">="
-        if sense not in goal.quantity.senses:
-            other = "maximise" if sense == "<=" else "minimise"
-            raise ConfigError(f"goal {goal.key}: allowed: {other}; the other way is not convex")
-        found = cls(goal, sense, tuple(map(parse_limit, limits)), law_class or LawClass())
-        for term in (goal, *(limit.term for limit in found.limits)):
-            order = PEAKS.get(term.name, 0)
-            if found.law_class.joints < order - 1:
-                raise ConfigError(
-                    f"{term.key}: has no bound with joints C{found.law_class.joints}, where a "
-                    f"lower derivative may step; allowed: C{order - 1} and above"
-                )
-        return found
-
-    @classmethod
-    def of_config(cls, config: DesignConfig) -> DesignRequest:
-        """From a design file.
-
-        Raises
-        ------
-        ConfigError : as `of`, or a class that is none
-        """
-        own = config.class_
-        return cls.of(
-            minimise=config.minimise,
-            maximise=config.maximise,
-            limits=config.limits,
-            law_class=LawClass.of(own.pieces, own.joints, own.degree),
-        )
-
-    @property
-    def verb(self) -> str:
-        """Minimise or maximise."""
-        return "minimise" if self.sense == "<=" else "maximise"
-
-    @property
-    def words(self) -> str:
-        """As a title says it."""
-        return f"{self.verb} {self.goal.words}"
-
-
-@dataclass(frozen=True)
-class Measure:
-    """A goal or a limit of a design, SI (dB for levels).
-
-    ``bound`` is what no law of the class passes, for the goal alone; ``limit`` for limits alone.
-    """
-
-    term: Term
-    sense: Sense
-    start: float
-    result: float
-    bound: float | None = None
-    limit: float | None = None
-    active: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class LawDesign:
-    """The best law found, its cam and file; ``measures`` has the goal first.
-
-    ``tops`` are the cam angles (rad) within events where start and law reach their lift;
-    ``rounds`` is how many programs were solved.
-    """
-
-    request: DesignRequest
-    start: Law
-    law: Law
-    cam: CamConfig
-    text: str
-    rig: RigConfig
-    events: tuple[LawEvent, ...]
-    tops: tuple[float, ...]
-    measures: tuple[Measure, ...]
-    rounds: int
-
-    @property
-    def goal(self) -> Measure:
-        """The goal's."""
-        return self.measures[0]
-
-    @property
-    def gap(self) -> float:
-        """How far the result is from its bound, in parts of it; of a level, of its pressure."""
-        assert self.goal.bound is not None
-        if self.goal.term.name == "sound_level":
-            return float(10.0 ** (abs(self.goal.result - self.goal.bound) / 20.0) - 1.0)
-        size = max(abs(self.goal.bound), 1e-300)
-        return abs(self.goal.result - self.goal.bound) / size
-
-    @property
-    def certified(self) -> bool:
-        """Whether the bound proves that little could be better."""
-        return self.gap <= CERTIFIED
+#: A limit on an event's span is met within this part of it.
+SPAN_MET = 1e-3
 
 
 def design(
@@ -182,42 +54,123 @@ def design(
     DynamicsError : contact lost at every speed or at none
     """
     start = build_law(cam)
-    space = Space(start, request.law_class)
-    problem = DesignProblem(cam, start, rig, space)
+    problem = DesignProblem(cam, start, rig, Space(start, request.law_class))
     name = name or f"{cam.name}_designed"
+    if "events" in request.keep:
+        return design_problem(problem, request, name, on_best)
+    return _with_other_spans(problem, request, name, on_best)
+
+
+def _with_other_spans(
+    problem: DesignProblem,
+    request: DesignRequest,
+    name: str,
+    on_best: Callable[[DesignedCam, float], None],
+) -> LawDesign:
+    """The best law whose events have the best spans, by a search of these."""
+    asked = own_limits(problem, request)
+    spans = [limit for limit in asked if limit.term.name == "event_angle"]
+    others = replace(request, limits=tuple(limit for limit in asked if limit not in spans))
+    quick = replace(others, multistart=replace(request.multistart, starts=1))
+    sign, best = 1.0 if request.sense == "<=" else -1.0, math.inf
+
+    def told(cam: DesignedCam, value: float) -> None:
+        nonlocal best
+        if sign * value < best:
+            best = sign * value
+            on_best(cam, value)
+
+    def value(moved: DesignProblem) -> float:
+        return sign * design_problem(moved, quick, name, told).goal.result
+
+    search = EventSpans(problem, "dwells" in request.keep, spans, value)
+    moved, multistart = search.best(request.multistart)
+    found = design_problem(moved, others, name, told, multistart)
+    goal, *rest = found.measures
+    limited = iter(rest)
+    measures = [replace(goal, bound=None)]
+    measures += [_span(moved, x) if x in spans else next(limited) for x in asked]
+    measures = [
+        replace(x, start=measured(problem, problem.start, x.term, x.sense)) for x in measures
+    ]
+    return replace(
+        found,
+        request=request,
+        start=problem.start,
+        measures=tuple(measures),
+        multistart=multistart,
+        spans_bound=goal.bound,
+    )
+
+
+def own_limits(problem: DesignProblem, request: DesignRequest) -> list[Limit]:
+    """The limits with the start's values, which stay where its events move."""
+    return [replace(limit, value=_value(problem, limit)) for limit in request.limits]
+
+
+def _span(moved: DesignProblem, limit: Limit) -> Measure:
+    """A limit on an event's span; ``start`` is not yet the start's."""
+    assert limit.value is not None
+    span = measured(moved, moved.start, limit.term, limit.sense)
+    met = math.isclose(span, limit.value, rel_tol=SPAN_MET)
+    return Measure(limit.term, limit.sense, span, span, None, limit.value, met)
+
+
+def design_problem(
+    problem: DesignProblem,
+    request: DesignRequest,
+    name: str,
+    on_best: Callable[[DesignedCam, float], None],
+    search: Multistart | None = None,
+) -> LawDesign:
+    """The best law with the events that a problem has; ``search`` is what they were found by.
+
+    Raises
+    ------
+    DesignError, ConfigError, DynamicsError : as `design`
+    """
+    start, space, rig = problem.start, problem.space, problem.rig
     limits = [_asked(problem, x.term, x.sense, _value(problem, x)) for x in request.limits]
+    goal = _asked(problem, request.goal, request.sense, None)
 
     def told(unknowns: FloatArray, value: float) -> None:
-        file = designed_cam(problem, unknowns, name, request.verb, request.goal, limits)
-        on_best(file, _shown(problem, request.goal, value))
+        on_best(designed_cam(problem, unknowns, name, request.verb, request.goal, limits), value)
 
-    best = _solve(problem, request, limits, told)
-    file = designed_cam(problem, best.unknowns, name, request.verb, request.goal, limits)
+    best: Best | LocalBest
+    if is_local(problem, goal.term, True) or any(is_local(problem, x.term) for x in limits):
+        best = LocalSearch(problem, goal, limits, request.multistart, told).best()
+    else:
+        best = _solve(problem, goal, limits, told)
+    if search is None and isinstance(best, LocalBest):
+        search = best.multistart
+    file = designed_cam(problem, best.unknowns, name, request.verb, request.goal, limits, search)
     law = build_law(file.cam)
     measures = [_goal(problem, request, law, best)]
     measures += [
         _limit(problem, law, asked, limit, best)
         for asked, limit in zip(limits, request.limits, strict=True)
     ]
-    events = tuple(space.events)
-    tops = tuple(angle for _, angle in space.turning_points)
+    events, tops = tuple(space.events), tuple(angle for _, angle in space.turning_points)
+    texts = file.cam, file.text, rig
     return LawDesign(
-        request, start, law, file.cam, file.text, rig, events, tops, tuple(measures), best.rounds
+        request, start, law, *texts, events, tops, tuple(measures), best.rounds, search
     )
 
 
 def _solve(
     problem: DesignProblem,
-    request: DesignRequest,
+    goal: Asked,
     limits: list[Asked],
     told: Callable[[FloatArray, float], None],
 ) -> Best:
-    goal = _asked(problem, request.goal, request.sense, None)
-    best = Solver(problem, goal, limits, told).best()
-    if request.sense == "<=" and 0.0 < best.value < SMALL * goal.scale:
+    def shown(unknowns: FloatArray, value: float) -> None:
+        told(unknowns, _shown(problem, goal.term, value))
+
+    best = Solver(problem, goal, limits, shown).best()
+    if goal.sense == "<=" and 0.0 < best.value < SMALL * goal.scale:
         goal = Asked(goal.term, goal.sense, None, best.value / SMALL)  # for more digits
         with suppress(DesignError):  # then the first stands alone
-            again = Solver(problem, goal, limits, told).best()
+            again = Solver(problem, goal, limits, shown).best()
             law = min(best, again, key=lambda found: found.value)
             best = replace(
                 law, bound=max(best.bound, again.bound), rounds=best.rounds + again.rounds
@@ -266,19 +219,18 @@ def _shown(problem: DesignProblem, term: Term, value: float) -> float:
     return level_of(problem, term, value) if term.name == "sound_level" else value
 
 
-def _goal(problem: DesignProblem, request: DesignRequest, law: Law, best: Best) -> Measure:
+def _goal(
+    problem: DesignProblem, request: DesignRequest, law: Law, best: Best | LocalBest
+) -> Measure:
     term, sense = request.goal, request.sense
-    start = measured(problem, problem.start, term, sense)
-    return Measure(
-        term,
-        sense,
-        start,
-        measured(problem, law, term, sense),
-        bound=_shown(problem, term, best.bound),
-    )
+    start, result = (measured(problem, x, term, sense) for x in (problem.start, law))
+    bound = _shown(problem, term, best.bound) if isinstance(best, Best) else None
+    return Measure(term, sense, start, result, bound)
 
 
-def _limit(problem: DesignProblem, law: Law, asked: Asked, limit: Limit, best: Best) -> Measure:
+def _limit(
+    problem: DesignProblem, law: Law, asked: Asked, limit: Limit, best: Best | LocalBest
+) -> Measure:
     start = measured(problem, problem.start, limit.term, limit.sense)
     result, allowed = measured(problem, law, limit.term, limit.sense), _value(problem, limit)
     over = (result - allowed) * (1.0 if limit.sense == "<=" else -1.0)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.units import TURN
@@ -62,6 +63,20 @@ def events(law: Law, joints: int) -> list[LawEvent]:
     if len(edges) == 2:
         _require_joined(law, joints)
     return found
+
+
+def retimed(law: Law, found: list[LawEvent], edges: FloatArray) -> Law:
+    """A law whose events begin and end elsewhere, and which is in proportion between these angles.
+
+    Parameters
+    ----------
+    found : its events
+    edges : rad, rising: the turn's start, both new ends of each event in turn, the turn's end
+    """
+    ends = [angle for event in found for angle in (event.start, event.start + event.span)]
+    breaks = np.interp(law.breaks, [0.0, *ends, TURN], edges)
+    breaks[-1] = TURN
+    return Law(law.name, breaks, law.ordinates)
 
 
 def _end(law: Law, piece: int, end: int, joints: int) -> tuple[float, ...]:

@@ -14,6 +14,7 @@ from cam_rig.acoustics.level import level_db, pressure_pa
 from cam_rig.acoustics.steady import mean_square_rate
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.contact_force import force_ordinates
+from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.peaks import extremes, peak
 from cam_rig.profile.checks.curvature import sharpest_convex
@@ -21,6 +22,8 @@ from cam_rig.profile.disc import discs
 from cam_rig.profile.extremes import Scan
 from cam_rig.studies.design.constraints import PEAKS, SPEEDS
 from cam_rig.studies.design.elastic.residual import MISSED, peaks, speeds_of
+from cam_rig.studies.design.local.pointwise import greatest, torque
+from cam_rig.studies.design.local.sound import level_with_jumps
 from cam_rig.studies.design.problem import DesignProblem
 from cam_rig.studies.design.terms import ORDERS, Sense, Term
 from cam_rig.studies.jump.any_rig import find_jump
@@ -152,6 +155,19 @@ def _radius(problem: DesignProblem, law: Law, _: Term) -> float:
     return min(float(sharpest_convex(scan).value) for scan in scans)
 
 
+def _torque(problem: DesignProblem, law: Law, term: Term) -> float:
+    return greatest(law, torque(problem.rigid, term.low, term.high))
+
+
+def _span(problem: DesignProblem, _: Law, term: Term) -> float:
+    events = problem.space.events
+    if term.event > len(events):
+        raise ConfigError(
+            f"{term.key}: {problem.cam.name!r} has {len(events)} events; allowed: 1 to that"
+        )
+    return events[term.event - 1].span
+
+
 MEASURES: dict[str, Callable[[DesignProblem, Law, Term], float]] = {
     "rms_acceleration": _rms_acceleration,
     "residual_vibration": _residual,
@@ -163,4 +179,7 @@ MEASURES: dict[str, Callable[[DesignProblem, Law, Term], float]] = {
     "sound_level": _level,
     "pressure_angle": _pressure,
     "radius_of_curvature": _radius,
+    "shaft_torque": _torque,
+    "event_angle": _span,
+    "sound_level_with_jumps": level_with_jumps,
 }

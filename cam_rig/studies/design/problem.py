@@ -15,12 +15,13 @@ from cam_rig.studies.jump.any_rig import AnyFollower, follower_of
 
 @dataclass(frozen=True, eq=False)
 class DesignProblem:
-    """What rows of a program are made of."""
+    """What rows of a program are made of; ``free`` is what the start's cam has elsewhere."""
 
     cam: CamConfig
     start: Law
     rig: RigConfig
     space: Space
+    free: tuple[str, ...] = ()
 
     @cached_property
     def rigid(self) -> FollowerParameters:

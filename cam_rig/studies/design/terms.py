@@ -27,8 +27,8 @@ class DesignQuantity:
     title : in words
     unit : of tables and pictures
     units : unit of a request to SI
-    where : what it is taken at: a speed, a range of speeds, an angle or a range, or nothing
-    senses : the limits that are convex; a goal minimises where ``<=`` is, else maximises
+    where : what it is taken at: a speed or an angle, a range of them, an event's number, or nothing
+    senses : the limits that can be kept; a goal minimises where ``<=`` is, else maximises
     goal : whether it may be one
     below : what a limit on it has to be less than, SI
     """
@@ -36,7 +36,7 @@ class DesignQuantity:
     title: str
     unit: str
     units: dict[str, float]
-    where: Literal["", "rpm", "deg"] = ""
+    where: Literal["", "rpm", "deg", "event"] = ""
     senses: tuple[Sense, ...] = ("<=",)
     goal: bool = True
     below: float = math.inf
@@ -54,6 +54,8 @@ def _per_rad(power: int) -> dict[str, float]:
 
 _LENGTH = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "µm": 1e-6, "cm": 1e-2}
 _FORCE, _SPEED = {"N": 1.0, "kN": 1e3}, {"rpm": RPM, "rad/s": 1.0}
+_ANGLE = {"deg": math.pi / 180.0, "rad": 1.0}
+_TORQUE = {"N*m": 1.0, "Nm": 1.0, "N·m": 1.0, "mN*m": 1e-3}
 _BOTH: tuple[Sense, ...] = ("<=", ">=")
 QUANTITIES = {
     "jump_speed": DesignQuantity("jump speed from rest", "rpm", _SPEED, senses=(">=",)),
@@ -70,23 +72,31 @@ QUANTITIES = {
     "rms_acceleration": DesignQuantity("r.m.s. of s″", "mm/rad^2", _per_rad(2)),
     "peak_contact_force": DesignQuantity("peak contact force", "N", _FORCE, "rpm"),
     "least_contact_force": DesignQuantity("least contact force", "N", _FORCE, "rpm", (">=",)),
+    "shaft_torque": DesignQuantity("peak |shaft torque|", "N*m", _TORQUE, "rpm"),
     "sound_level": DesignQuantity("sound level, mean power over speeds", "dB", {"dB": 1.0}, "rpm"),
-    "pressure_angle": DesignQuantity(
-        "pressure angle",
-        "deg",
-        {"deg": math.pi / 180.0, "rad": 1.0},
-        goal=False,
-        below=0.5 * math.pi,
+    "sound_level_with_jumps": DesignQuantity(
+        "sound level with landings, mean power over speeds", "dB", {"dB": 1.0}, "rpm"
     ),
+    "pressure_angle": DesignQuantity("pressure angle", "deg", _ANGLE, below=0.5 * math.pi),
     "radius_of_curvature": DesignQuantity(
-        "least radius of curvature", "mm", _LENGTH, senses=(">=",), goal=False
+        "least radius of curvature", "mm", _LENGTH, senses=(">=",)
+    ),
+    "event_angle": DesignQuantity(
+        "span of event", "deg", _ANGLE, "event", _BOTH, goal=False, below=2.0 * math.pi
     ),
     "lift": DesignQuantity("lift", "mm", _LENGTH, "deg", _BOTH, goal=False),
     "velocity": DesignQuantity("s′", "mm/rad", _per_rad(1), "deg", _BOTH, goal=False),
     "acceleration": DesignQuantity("s″", "mm/rad^2", _per_rad(2), "deg", _BOTH, goal=False),
 }
 #: Quantities of either sign.
-SIGNED = ("lift", "velocity", "acceleration", "least_contact_force", "sound_level")
+SIGNED = (
+    "lift",
+    "velocity",
+    "acceleration",
+    "least_contact_force",
+    "sound_level",
+    "sound_level_with_jumps",
+)
 #: What `velocity`, ... are the derivatives of.
 ORDERS = {"lift": 0, "velocity": 1, "acceleration": 2}
 
@@ -100,7 +110,10 @@ _VALUE = re.compile(rf"(?P<number>{_NUMBER})\s*(?P<unit>\S+)?")
 
 @dataclass(frozen=True)
 class Term:
-    """A quantity and where it is taken: angles in rad or speeds in rad/s, low and high."""
+    """A quantity and where it is taken: angles in rad or speeds in rad/s, low and high.
+
+    Of an event low and high are its number, from 1.
+    """
 
     name: str
     low: float = math.nan
@@ -112,11 +125,18 @@ class Term:
         return QUANTITIES[self.name]
 
     @property
+    def event(self) -> int:
+        """The number of its event, from 1."""
+        return int(self.low)
+
+    @property
     def words(self) -> str:
         """As a table says it."""
         where = self.quantity.where
         if not where:
             return self.quantity.title
+        if where == "event":
+            return f"{self.quantity.title} {self.event}"
         factor = RPM if where == "rpm" else math.pi / 180.0
         low, high = (f"{value / factor:.6g}" for value in (self.low, self.high))
         at = low if low == high else f"{low} to {high}"
@@ -128,6 +148,8 @@ class Term:
         where = self.quantity.where
         if not where:
             return self.name
+        if where == "event":
+            return f"{self.name}@{self.event}"
         factor = RPM if where == "rpm" else math.pi / 180.0
         low, high = (f"{value / factor:.12g}" for value in (self.low, self.high))
         return f"{self.name}@{low}{'' if low == high else f'-{high}'}{where}"
@@ -177,6 +199,8 @@ def parse_term(text: str) -> Term:
         if low is not None:
             raise ConfigError(f"{name}: is taken at {text.strip()!r}; allowed: {name} alone")
         return Term(name)
+    if where == "event":
+        return _of_event(name, text.strip(), match)
     example = f"{name}@{'200-400rpm' if where == 'rpm' else '90deg'}"
     if low is None:
         what = "a speed or a range of speeds" if where == "rpm" else "an angle or a range"
@@ -192,6 +216,19 @@ def parse_term(text: str) -> Term:
     if where == "deg" and last > 2.0 * math.pi * (1.0 + 1e-12):
         raise ConfigError(f"{text.strip()!r}: allowed: angles of one turn, 0 to 360deg")
     return Term(name, first, last)
+
+
+def _of_event(name: str, text: str, match: re.Match[str]) -> Term:
+    """A quantity of one event.
+
+    Raises
+    ------
+    ConfigError : without a number of one
+    """
+    number = float(match["low"] or "nan")
+    if match["high"] or match["unit"] or not (number >= 1.0 and number.is_integer()):
+        raise ConfigError(f"{text!r}: allowed: the number of one event, such as {name}@1")
+    return Term(name, number, number)
 
 
 def parse_limit(text: str) -> Limit:
@@ -250,3 +287,14 @@ def parse_goal(text: str) -> Term:
         goals = [name for name, quantity in QUANTITIES.items() if quantity.goal]
         raise ConfigError(f"{term.name} is a limit, not a goal; goals: {', '.join(goals)}")
     return term
+
+
+def parse_second(text: str) -> Term:
+    """The other quantity of a front: what may be a goal, or an event's span.
+
+    Raises
+    ------
+    ConfigError : as `parse_goal`
+    """
+    term = parse_term(text)
+    return term if term.name == "event_angle" else parse_goal(text)

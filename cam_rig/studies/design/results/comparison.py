@@ -5,9 +5,11 @@ from __future__ import annotations
 from importlib.util import find_spec
 
 from cam_rig.studies.cam_set import CamSet
-from cam_rig.studies.design.design import DesignRequest, LawDesign, design
+from cam_rig.studies.design.design import design
 from cam_rig.studies.design.law_class import LawClass
-from cam_rig.studies.design.tables import in_words
+from cam_rig.studies.design.request import DesignRequest
+from cam_rig.studies.design.results.law_design import LawDesign
+from cam_rig.studies.design.results.tables import in_words
 from cam_rig.tables import Column, DataTable, tabulate
 
 #: One Bézier curve as the paper's, and B-splines between dwells, few pieces and more.

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import Any
 
-from cam_rig.studies.design.design import LawDesign, Measure
 from cam_rig.studies.design.programs.program import BOX
+from cam_rig.studies.design.results.law_design import LawDesign, Measure
 from cam_rig.studies.design.terms import Term
 from cam_rig.tables import Cell, Column, DataTable
 from cam_rig.units import TURN
@@ -38,23 +39,28 @@ def design_table(design: LawDesign) -> DataTable:
 def kept(design: LawDesign) -> str:
     """What a class has of its start."""
     angles = " and ".join(f"{math.degrees(angle):.4g}°" for angle in design.tops)
-    return "dwells and lift" + (f", reached at {angles}," if angles else "")
+    kept = " and ".join(what for what in design.request.keep if what != "events")
+    return kept + (f", reached at {angles}," if angles else "")
 
 
 def _start_better(design: LawDesign) -> list[str]:
-    """A line where the start, which need not be of the class, is better than the bound."""
+    """A line where the start, which need not be of the class, is better than what was found."""
     goal = design.goal
     sign = 1.0 if goal.sense == "<=" else -1.0
     worse = math.isfinite(goal.start) and sign * (goal.result - goal.start) > 0.0
-    return (
-        ["the start is better than any law of this class: more pieces have more"] if worse else []
-    )
+    if not worse:
+        return []
+    if goal.bound is None:
+        return ["the start is better than the law found: more pieces, or more starts, have more"]
+    return ["the start is better than any law of this class: more pieces have more"]
 
 
 def in_words(term: Term) -> str:
     """The unit of a quantity as a table shows it."""
     unit = term.quantity.unit
-    return {"deg": "°", "um": "µm"}.get(unit, unit.replace("^2", "²").replace("^3", "³"))
+    return {"deg": "°", "um": "µm"}.get(
+        unit, unit.replace("^2", "²").replace("^3", "³").replace("*", "·")
+    )
 
 
 def _row(design: LawDesign, measure: Measure) -> tuple[Cell, ...]:
@@ -77,12 +83,26 @@ def _row(design: LawDesign, measure: Measure) -> tuple[Cell, ...]:
 def verdict(design: LawDesign) -> str:
     """What the bound proves, in a line."""
     goal = design.goal
-    assert goal.bound is not None
+    if goal.bound is None:
+        assert design.multistart is not None
+        return f"{design.multistart.words}; {_other_spans(design)}"
     factor, unit = goal.term.quantity.shown, in_words(goal.term)
     side = "below" if goal.sense == "<=" else "above"
     gap = f"{100.0 * design.gap:.2g} % from it"
     proof = "certified" if design.certified else "not certified"
     return f"no law of the class is {side} {goal.bound / factor:.5g} {unit}; {proof}: {gap}"
+
+
+def _other_spans(design: LawDesign) -> str:
+    """What is known of better laws where there is no bound for all of them."""
+    if design.spans_bound is None:
+        return "no bound: another law may be better"
+    shown = design.spans_bound / design.goal.term.quantity.shown
+    side = "below" if design.goal.sense == "<=" else "above"
+    return (
+        f"at these events no law is {side} {shown:.5g} {in_words(design.goal.term)}, at others one "
+        "may be"
+    )
 
 
 def to_json(design: LawDesign) -> dict[str, Any]:
@@ -95,12 +115,14 @@ def to_json(design: LawDesign) -> dict[str, Any]:
         design.request.verb: design.goal.term.key,
         "class": {"pieces": own.pieces, "joints": own.joints, "degree": own.power},
         "certified": design.certified,
-        "gap": design.gap,
+        "gap": None if design.goal.bound is None else design.gap,
+        "local": None if design.multistart is None else asdict(design.multistart),
+        "bound_at_these_events": design.spans_bound,
         "programs": design.rounds,
         "measures": [
             {
                 "quantity": measure.term.key,
-                "unit": "dB" if measure.term.name == "sound_level" else "SI",
+                "unit": "dB" if measure.term.quantity.unit == "dB" else "SI",
                 "start": measure.start,
                 "result": measure.result,
                 "bound": measure.bound,
