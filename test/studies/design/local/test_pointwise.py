@@ -44,7 +44,7 @@ def some_law(term: PointwiseTerm, seed: int) -> FloatArray:
 def test_rows_are_exact_at_a_law_and_have_its_slopes(name: str, text: str) -> None:
     """The greatest row is the greatest value, of a law that was tried too.
 
-    What its correction changes at the first law is of second order: a tenth of the way, a hundredth.
+    What its correction changes at the first law goes with the square of the way between them.
     """
     term = term_of(name, text)
     space = term.problem.space
