@@ -51,7 +51,7 @@ def test_a_design_file_is_the_same_request(tmp_path):
 
 
 def test_ctrl_c_keeps_the_best_law_so_far(tmp_path, monkeypatch):
-    """Interrupted after a first law: its file is written, the command ends with 130."""
+    """Interrupted after a first law: file, picture, table and JSON are of it; it ends with 130."""
     solve = study.design
 
     def interrupted(cam, rig, request, name, told):
@@ -62,9 +62,15 @@ def test_ctrl_c_keeps_the_best_law_so_far(tmp_path, monkeypatch):
         return solve(cam, rig, request, name, then_stop)
 
     monkeypatch.setattr(study, "design", interrupted)
-    result = call("poly345", *SMALL, "--out", tmp_path / "kept.yaml")
+    asked = "--out", tmp_path / "kept.yaml", "--plot", tmp_path / "kept.png", "--json", "-"
+    result = call("poly345", *SMALL, *asked)
     assert result.exit_code == 130
     assert "without a bound" in result.stderr
+    data = json.loads(result.stdout)
+    assert (data["ended"], data["certified"], data["gap"]) == (False, False, None)
+    assert data["measures"][0]["unit"] == "m/rad^3"
+    assert data["measures"][0]["result"] < data["measures"][0]["start"]
+    assert (tmp_path / "kept.png").read_bytes().startswith(b"\x89PNG")
     assert build_law(load_cam(tmp_path / "kept.yaml")).lift == pytest.approx(0.05, rel=1e-9)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,7 +15,6 @@ from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, wri
 
 if TYPE_CHECKING:
     from cam_rig.schema.design import DesignConfig
-    from cam_rig.studies.design.cam_file import DesignedCam
     from cam_rig.studies.design.results.law_design import LawDesign
 
 
@@ -86,7 +85,7 @@ def design(
         search = {"starts": starts, "seed": seed, "keep": keep.split(",")}
         config = _config(start, rig, asked, law_class, search)
         if pareto is None:
-            _solve(config, out).write(out, plot, csv, json_target)
+            _write(_solve(config, out), out, plot, csv, json_target)
         else:
             _require_no_file(out, json_target)
             _front(config, pareto, points, plot, csv)
@@ -175,46 +174,35 @@ def _check(out: Path | None) -> None:
         require_new(out)
 
 
-@dataclass
-class DesignRun:
-    """What a search came to: a design, or on Ctrl-C the best law so far."""
+def _write(
+    design: LawDesign, out: Path | None, plot: Path | None, csv: Path | None, json: str | None
+) -> None:
+    """Show and write a design; end with 130 where its search was interrupted.
 
-    best: DesignedCam | None = None
-    design: LawDesign | None = None
+    Raises
+    ------
+    OutputError : a place cannot be written
+    """
+    from cam_rig.studies.design.results.tables import design_table, to_json
 
-    def write(
-        self, out: Path | None, plot: Path | None, csv: Path | None, json: str | None
-    ) -> None:
-        """Show and write it; end with 130 where it was interrupted.
+    table = design_table(design)
+    show(table)
+    write_csv([table], csv)
+    write_json(to_json(design), json)
+    if out is not None:
+        with writing(out) as part:
+            part.write_text(design.text, encoding="utf-8")
+        say(f"cam: {out}")
+    if plot is not None:
+        from cam_rig.plots.laws.designed import draw
 
-        Raises
-        ------
-        OutputError : a place cannot be written
-        """
-        text = self.best.text if self.design is None and self.best else ""
-        if self.design is not None:
-            from cam_rig.studies.design.results.tables import design_table, to_json
-
-            text, table = self.design.text, design_table(self.design)
-            show(table)
-            write_csv([table], csv)
-            write_json(to_json(self.design), json)
-        if out is not None:
-            with writing(out) as part:
-                part.write_text(text, encoding="utf-8")
-            say(f"cam: {out}")
-        if self.design is None:
-            say("interrupted: the best law so far, without a bound")
-            raise typer.Exit(130)
-        if plot is not None:
-            from cam_rig.plots.laws.designed import draw
-
-            design = self.design
-            write_plot(plot, lambda part: draw(design, part))
+        write_plot(plot, lambda part: draw(design, part))
+    if not design.ended:
+        raise typer.Exit(130)
 
 
-def _solve(config: DesignConfig, out: Path | None) -> DesignRun:
-    """Solve it, behind a line with the best so far.
+def _solve(config: DesignConfig, out: Path | None) -> LawDesign:
+    """Solve it, behind a line with the best so far, which Ctrl-C keeps.
 
     Raises
     ------
@@ -228,16 +216,16 @@ def _solve(config: DesignConfig, out: Path | None) -> DesignRun:
     cam, rig = load_cam(cam_path(config.start)), load_rig(rig_path(config.rig))
     name = config.name or (out.stem if out is not None else None)
     unit, factor = request.goal.quantity.unit, request.goal.quantity.shown
-    found = DesignRun()
+    found: list[Callable[[], LawDesign]] = []
     with console.status(request.words) as status:
 
-        def told(better: DesignedCam, value: float) -> None:
-            found.best = better
+        def told(better: Callable[[], LawDesign], value: float) -> None:
+            found[:] = [better]
             status.update(f"{request.words}: {value / factor:.5g} {unit} so far")
 
         try:
-            found.design = solve(cam, rig, request, name, told)
+            return solve(cam, rig, request, name, told)
         except KeyboardInterrupt:
-            if found.best is None:
+            if not found:
                 raise
-    return found
+            return found[0]()

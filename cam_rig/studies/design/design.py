@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError, DesignError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.peaks import peak
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.studies.design.cam_file import DesignedCam, designed_cam
+from cam_rig.studies.design.cam_file import designed_cam
 from cam_rig.studies.design.constraints import PEAKS, Asked
 from cam_rig.studies.design.local.event_spans import EventSpans
 from cam_rig.studies.design.local.multistart import Multistart
@@ -27,10 +28,21 @@ from cam_rig.studies.design.terms import ORDERS, Limit, Sense, Term
 
 #: A goal below this part of the start's is solved again, measured by itself.
 SMALL = 0.05
+#: Told what makes a design of a law that is better than those before, and its goal's value (SI).
+OnBest = Callable[[Callable[[], LawDesign], float], None]
 #: A limit is broken where the written law exceeds it by this part of its scale.
 BROKEN = 1e-6
 #: A limit on an event's span is met within this part of it.
 SPAN_MET = 1e-3
+
+
+@dataclass(frozen=True)
+class SoFar:
+    """A law that a search has found on its way."""
+
+    unknowns: FloatArray
+    active: tuple[str, ...] = ()
+    rounds: int = 0
 
 
 def design(
@@ -38,14 +50,14 @@ def design(
     rig: RigConfig,
     request: DesignRequest,
     name: str | None = None,
-    on_best: Callable[[DesignedCam, float], None] = lambda _c, _v: None,
+    on_best: OnBest = lambda _design, _value: None,
 ) -> LawDesign:
     """The best law of a class between the dwells of a cam.
 
     Parameters
     ----------
     name : of the new cam, by default the start's with ``_designed``
-    on_best : told each better law as a cam, and what the goal comes to (SI)
+    on_best : told each better law, as what makes a design of it, and what the goal comes to (SI)
 
     Raises
     ------
@@ -65,7 +77,7 @@ def _with_other_spans(
     problem: DesignProblem,
     request: DesignRequest,
     name: str,
-    on_best: Callable[[DesignedCam, float], None],
+    on_best: OnBest,
 ) -> LawDesign:
     """The best law whose events have the best spans, by a search of these."""
     asked = own_limits(problem, request)
@@ -74,22 +86,33 @@ def _with_other_spans(
     quick = replace(others, multistart=replace(request.multistart, starts=1))
     sign, best = 1.0 if request.sense == "<=" else -1.0, math.inf
 
-    def told(cam: DesignedCam, value: float) -> None:
+    def told(moved: DesignProblem, made: Callable[[], LawDesign], value: float) -> None:
         nonlocal best
         if sign * value < best:
             best = sign * value
-            on_best(cam, value)
+            on_best(lambda: _of_start(problem, request, asked, moved, made()), value)
 
     def value(moved: DesignProblem) -> float:
-        return sign * design_problem(moved, quick, name, told).goal.result
+        return sign * design_problem(moved, quick, name, partial(told, moved)).goal.result
 
     search = EventSpans(problem, "dwells" in request.keep, spans, value)
     moved, multistart = search.best(request.multistart)
-    found = design_problem(moved, others, name, told, multistart)
+    found = design_problem(moved, others, name, partial(told, moved), multistart)
+    return _of_start(problem, request, asked, moved, found)
+
+
+def _of_start(
+    problem: DesignProblem,
+    request: DesignRequest,
+    asked: list[Limit],
+    moved: DesignProblem,
+    found: LawDesign,
+) -> LawDesign:
+    """A design of moved events beside the start that was asked for."""
     goal, *rest = found.measures
     limited = iter(rest)
     measures = [replace(goal, bound=None)]
-    measures += [_span(moved, x) if x in spans else next(limited) for x in asked]
+    measures += [_span(moved, x) if x.term.name == "event_angle" else next(limited) for x in asked]
     measures = [
         replace(x, start=measured(problem, problem.start, x.term, x.sense)) for x in measures
     ]
@@ -98,7 +121,6 @@ def _with_other_spans(
         request=request,
         start=problem.start,
         measures=tuple(measures),
-        multistart=multistart,
         spans_bound=goal.bound,
     )
 
@@ -120,7 +142,7 @@ def design_problem(
     problem: DesignProblem,
     request: DesignRequest,
     name: str,
-    on_best: Callable[[DesignedCam, float], None],
+    on_best: OnBest,
     search: Multistart | None = None,
 ) -> LawDesign:
     """The best law with the events that a problem has; ``search`` is what they were found by.
@@ -129,18 +151,38 @@ def design_problem(
     ------
     DesignError, ConfigError, DynamicsError : as `design`
     """
-    start, space, rig = problem.start, problem.space, problem.rig
     limits = [_asked(problem, x.term, x.sense, _value(problem, x)) for x in request.limits]
     goal = _asked(problem, request.goal, request.sense, None)
 
     def told(unknowns: FloatArray, value: float) -> None:
-        on_best(designed_cam(problem, unknowns, name, request.verb, request.goal, limits), value)
+        on_best(lambda: made(SoFar(unknowns)), value)
+
+    def made(best: Best | LocalBest | SoFar) -> LawDesign:
+        return _law_design(problem, request, name, limits, best, search)
 
     best: Best | LocalBest
     if is_local(problem, goal.term, True) or any(is_local(problem, x.term) for x in limits):
         best = LocalSearch(problem, goal, limits, request.multistart, told).best()
     else:
         best = _solve(problem, goal, limits, told)
+    return made(best)
+
+
+def _law_design(
+    problem: DesignProblem,
+    request: DesignRequest,
+    name: str,
+    limits: list[Asked],
+    best: Best | LocalBest | SoFar,
+    search: Multistart | None,
+) -> LawDesign:
+    """A law with all that was asked of it.
+
+    Raises
+    ------
+    DesignError : it breaks a limit, and the search is at its end
+    """
+    start, space, rig = problem.start, problem.space, problem.rig
     if search is None and isinstance(best, LocalBest):
         search = best.multistart
     file = designed_cam(problem, best.unknowns, name, request.verb, request.goal, limits, search)
@@ -152,8 +194,9 @@ def design_problem(
     ]
     events, tops = tuple(space.events), tuple(angle for _, angle in space.turning_points)
     texts = file.cam, file.text, rig
+    rounds, ended = best.rounds, not isinstance(best, SoFar)
     return LawDesign(
-        request, start, law, *texts, events, tops, tuple(measures), best.rounds, search
+        request, start, law, *texts, events, tops, tuple(measures), rounds, search, ended=ended
     )
 
 
@@ -220,7 +263,7 @@ def _shown(problem: DesignProblem, term: Term, value: float) -> float:
 
 
 def _goal(
-    problem: DesignProblem, request: DesignRequest, law: Law, best: Best | LocalBest
+    problem: DesignProblem, request: DesignRequest, law: Law, best: Best | LocalBest | SoFar
 ) -> Measure:
     term, sense = request.goal, request.sense
     start, result = (measured(problem, x, term, sense) for x in (problem.start, law))
@@ -229,12 +272,16 @@ def _goal(
 
 
 def _limit(
-    problem: DesignProblem, law: Law, asked: Asked, limit: Limit, best: Best | LocalBest
+    problem: DesignProblem,
+    law: Law,
+    asked: Asked,
+    limit: Limit,
+    best: Best | LocalBest | SoFar,
 ) -> Measure:
     start = measured(problem, problem.start, limit.term, limit.sense)
     result, allowed = measured(problem, law, limit.term, limit.sense), _value(problem, limit)
     over = (result - allowed) * (1.0 if limit.sense == "<=" else -1.0)
-    if over > BROKEN * max(abs(allowed), abs(start)):
+    if over > BROKEN * max(abs(allowed), abs(start)) and not isinstance(best, SoFar):
         raise DesignError(
             f"the law found breaks {limit.words}: it has "
             f"{result / limit.term.quantity.shown:.6g} {limit.term.quantity.unit}; allowed: a "

@@ -39,7 +39,7 @@ class LawDesign:
     ``tops`` are the cam angles (rad) within events where start and law reach their lift;
     ``rounds`` is how many programs were solved; ``multistart`` is of a design that is not convex,
     which has no bound, and ``spans_bound`` of one whose events have other spans: what no law with
-    just these spans passes.
+    just these spans passes. One whose search was interrupted is not ``ended``.
     """
 
     request: DesignRequest
@@ -54,6 +54,7 @@ class LawDesign:
     rounds: int
     multistart: Multistart | None = None
     spans_bound: float | None = None
+    ended: bool = True
 
     @property
     def goal(self) -> Measure:

@@ -83,6 +83,8 @@ def _row(design: LawDesign, measure: Measure) -> tuple[Cell, ...]:
 def verdict(design: LawDesign) -> str:
     """What the bound proves, in a line."""
     goal = design.goal
+    if not design.ended:
+        return "interrupted: the best law so far, without a bound"
     if goal.bound is None:
         assert design.multistart is not None
         return f"{design.multistart.words}; {_other_spans(design)}"
@@ -105,6 +107,11 @@ def _other_spans(design: LawDesign) -> str:
     )
 
 
+def _si(term: Term) -> str:
+    """The unit of a quantity's numbers."""
+    return next(unit for unit, factor in term.quantity.units.items() if factor == 1.0)
+
+
 def to_json(design: LawDesign) -> dict[str, Any]:
     """Everything of a design that is a number, in SI; levels in dB."""
     own = design.request.law_class
@@ -114,6 +121,7 @@ def to_json(design: LawDesign) -> dict[str, Any]:
         "rig": design.rig.name,
         design.request.verb: design.goal.term.key,
         "class": {"pieces": own.pieces, "joints": own.joints, "degree": own.power},
+        "ended": design.ended,
         "certified": design.certified,
         "gap": None if design.goal.bound is None else design.gap,
         "local": None if design.multistart is None else asdict(design.multistart),
@@ -122,7 +130,7 @@ def to_json(design: LawDesign) -> dict[str, Any]:
         "measures": [
             {
                 "quantity": measure.term.key,
-                "unit": "dB" if measure.term.quantity.unit == "dB" else "SI",
+                "unit": _si(measure.term),
                 "start": measure.start,
                 "result": measure.result,
                 "bound": measure.bound,
