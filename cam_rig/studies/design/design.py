@@ -12,7 +12,7 @@ from cam_rig.errors import ConfigError, DesignError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.peaks import peak
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.schema.design import DesignConfig
+from cam_rig.schema.studies.design import DesignConfig
 from cam_rig.studies.design.cam_file import DesignedCam, designed_cam
 from cam_rig.studies.design.constraints import PEAKS, Asked
 from cam_rig.studies.design.events import LawEvent

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 from cam_rig.errors import ConfigError, did_you_mean
@@ -85,8 +86,8 @@ QUANTITIES = {
     "velocity": DesignQuantity("s′", "mm/rad", _per_rad(1), "deg", _BOTH, goal=False),
     "acceleration": DesignQuantity("s″", "mm/rad^2", _per_rad(2), "deg", _BOTH, goal=False),
 }
-#: Quantities of either sign.
-SIGNED = ("lift", "velocity", "acceleration", "least_contact_force", "sound_level")
+#: Quantities of either sign, or zero.
+SIGNED = ("lift", "velocity", "acceleration", "least_contact_force", "sound_level", "lift_offs")
 #: What `velocity`, ... are the derivatives of.
 ORDERS = {"lift": 0, "velocity": 1, "acceleration": 2}
 
@@ -105,11 +106,14 @@ class Term:
     name: str
     low: float = math.nan
     high: float = math.nan
+    known: Mapping[str, DesignQuantity] = field(
+        default_factory=lambda: QUANTITIES, repr=False, compare=False
+    )
 
     @property
     def quantity(self) -> DesignQuantity:
         """What is known of it."""
-        return QUANTITIES[self.name]
+        return self.known[self.name]
 
     @property
     def words(self) -> str:
@@ -153,8 +157,8 @@ class Limit:
         return f"{self.value / self.term.quantity.shown:.4g} {self.term.quantity.unit}"
 
 
-def parse_term(text: str) -> Term:
-    """A quantity, such as ``residual_vibration@200-400rpm``.
+def parse_term(text: str, known: Mapping[str, DesignQuantity] = QUANTITIES) -> Term:
+    """A quantity among those known, such as ``residual_vibration@200-400rpm``.
 
     Raises
     ------
@@ -167,16 +171,16 @@ def parse_term(text: str) -> Term:
     """
     match = _TERM.fullmatch(text.strip())
     name = match["name"] if match else text.strip()
-    if match is None or name not in QUANTITIES:
+    if match is None or name not in known:
         raise ConfigError(
-            f"{text.strip()!r} is not a quantity{did_you_mean(name, QUANTITIES)}; known: "
-            f"{', '.join(QUANTITIES)}"
+            f"{text.strip()!r} is not a quantity{did_you_mean(name, known)}; known: "
+            f"{', '.join(known)}"
         )
-    where, low = QUANTITIES[name].where, match["low"]
+    where, low = known[name].where, match["low"]
     if not where:
         if low is not None:
             raise ConfigError(f"{name}: is taken at {text.strip()!r}; allowed: {name} alone")
-        return Term(name)
+        return Term(name, known=known)
     example = f"{name}@{'200-400rpm' if where == 'rpm' else '90deg'}"
     if low is None:
         what = "a speed or a range of speeds" if where == "rpm" else "an angle or a range"
@@ -191,10 +195,10 @@ def parse_term(text: str) -> Term:
         raise ConfigError(f"{text.strip()!r}: allowed: a rising range from above 0")
     if where == "deg" and last > 2.0 * math.pi * (1.0 + 1e-12):
         raise ConfigError(f"{text.strip()!r}: allowed: angles of one turn, 0 to 360deg")
-    return Term(name, first, last)
+    return Term(name, first, last, known)
 
 
-def parse_limit(text: str) -> Limit:
+def parse_limit(text: str, known: Mapping[str, DesignQuantity] = QUANTITIES) -> Limit:
     """A limit, such as ``peak_acceleration<=start`` or ``lift@90deg>=30mm``.
 
     Raises
@@ -212,7 +216,7 @@ def parse_limit(text: str) -> Limit:
             f"limit {text!r}: allowed: quantity<=value or quantity>=value, such as "
             "peak_acceleration<=start"
         )
-    term = parse_term(match["term"])
+    term = parse_term(match["term"], known)
     sense: Sense = "<=" if match["sense"] in ("<=", "≤") else ">="
     quantity = term.quantity
     if sense not in quantity.senses:

@@ -1,0 +1,1 @@
+"""Pictures of a campaign: a map, the distributions, what each input does."""

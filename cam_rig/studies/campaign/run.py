@@ -1,0 +1,95 @@
+"""A campaign run: batches of points to an executor, their rows to the dataset as they come."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    wait,
+)
+
+from cam_rig.errors import RunError
+from cam_rig.studies.campaign.dataset import CampaignDataset
+from cam_rig.studies.campaign.point import BatchRows, measure_batch
+
+#: Processor time a batch should take, s: a scheduler's share of it is small.
+BATCH_S = 1.0
+#: A batch has at most so many points, and so many times those of the one measured before it.
+MAX_BATCH, GROWTH = 1 << 16, 4
+#: Batches in flight for each worker: one at work and others waiting.
+IN_FLIGHT = 3
+
+
+def run_campaign(
+    dataset: CampaignDataset,
+    executor: Executor,
+    workers: int,
+    done: Callable[[int], None] = lambda points: None,
+) -> None:
+    """Make every point that the dataset has not; the dataset must be open.
+
+    A batch is sized by the cost of those before it. How points fall into batches, and who makes
+    them in which order, changes no row.
+
+    Parameters
+    ----------
+    executor : of processes, or Dask's: ``client.get_executor()``
+    workers : how many batches it takes at a time
+    done : told how many points were written
+
+    Raises
+    ------
+    OutputError : a batch cannot be written
+    RunError : the executor broke down: a process was killed, or the scheduler is gone
+    """
+    campaign = dataset.campaign
+    sizes = BatchSizes(campaign.total, workers)
+    todo = _batches(dataset.missing(), sizes)
+    flying: set[Future[BatchRows]] = set()
+    try:
+        while True:
+            while len(flying) < IN_FLIGHT * workers and (batch := next(todo, None)) is not None:
+                flying.add(executor.submit(measure_batch, campaign, *batch))
+            if not flying:
+                return
+            finished, flying = wait(flying, return_when=FIRST_COMPLETED)
+            for future in finished:
+                rows = future.result()
+                dataset.write(rows)
+                sizes.take(rows)
+                done(len(rows.reasons))
+    except (BrokenExecutor, CancelledError) as error:
+        raise RunError(
+            f"a worker or the scheduler is gone ({type(error).__name__}); what is finished stays"
+        ) from None
+    finally:
+        for future in flying:
+            future.cancel()
+
+
+class BatchSizes:
+    """How many points the next batch has: as many as last `BATCH_S`, from one on."""
+
+    def __init__(self, total: int, workers: int) -> None:
+        self._most = max(1, min(MAX_BATCH, total // (2 * workers)))
+        self.next = 1
+
+    def take(self, rows: BatchRows) -> None:
+        """Learn from a batch's cost."""
+        count = len(rows.reasons)
+        wanted = int(BATCH_S * count / max(rows.seconds, 1e-9))
+        self.next = max(1, min(wanted, GROWTH * count, self._most))
+
+
+def _batches(gaps: list[tuple[int, int]], sizes: BatchSizes) -> Iterator[tuple[int, int]]:
+    """The gaps in pieces, each as long as a batch is to be when it is asked for."""
+    for first, last in gaps:
+        at = first
+        while at < last:
+            end = min(last, at + sizes.next)
+            yield at, end
+            at = end
