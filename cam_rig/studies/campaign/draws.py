@@ -71,7 +71,7 @@ class InputDraws:
         plan = self.config.plan
         if plan.kind == "grid":
             places = grid_places(self._counts, first, last)
-            columns = [_steps(one)[places[:, i]] for i, one in enumerate(self.inputs)]
+            columns = [steps_of(one)[places[:, i]] for i, one in enumerate(self.inputs)]
         else:
             points = rows_of(plan.kind, plan.points, self._counts)
             unit = unit_points(plan.kind, plan.seed, points, len(self.inputs), first, last)
@@ -90,7 +90,7 @@ class InputDraws:
         return np.asarray(ndtr(found))
 
 
-def _steps(one: CampaignInput) -> FloatArray:
+def steps_of(one: CampaignInput) -> FloatArray:
     """The numbers that an input takes on a grid."""
     variation = one.variation
     if variation.values is not None:
@@ -105,7 +105,7 @@ def _drawn(one: CampaignInput, unit: FloatArray) -> FloatArray:
     """What an input is at places of its distribution, each in (0, 1)."""
     variation = one.variation
     if variation.values is not None:
-        steps = _steps(one)
+        steps = steps_of(one)
         return np.asarray(steps[np.minimum(unit * steps.size, steps.size - 1).astype(int)])
     if variation.range is not None:
         low, high = variation.range

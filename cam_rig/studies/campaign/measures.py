@@ -142,7 +142,7 @@ MEASURES: dict[str, tuple[DesignQuantity, Callable[[MeasuredPoint, Term], float]
     "peak_contact_force": (_either("peak_contact_force"), _of_run("force_peak")),
     "sound_level": (_new("sound level", "dB", {"dB": 1.0}), _level),
     "peak_torque": (_new("peak torque", "N*m", _TORQUE), _of_run("torque_peak")),
-    "lift_offs": (_new("lift-offs a turn", "1", {"1": 1.0, "": 1.0}), _of_run("lift_offs")),
+    "lift_offs": (_new("lift-offs a turn", "", {"": 1.0}), _of_run("lift_offs")),
     "twist": (_new("twist, peak to peak", "rad", {"rad": 1.0, "deg": np.pi / 180.0}), _twist),
 }
 KNOWN = MappingProxyType({name: quantity for name, (quantity, _) in MEASURES.items()})

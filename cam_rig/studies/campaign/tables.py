@@ -33,7 +33,7 @@ def quantile_table(results: CampaignResults) -> DataTable:
     rows = [(m, q) for m in results.campaign.measures for q in results.quantiles(m)]
 
     def at(name: str) -> Any:
-        return lambda row: getattr(row[1], name)
+        return lambda row: _known(getattr(row[1], name))
 
     return tabulate(
         f"{results.campaign.config.title}: {results.points} points",
@@ -51,6 +51,11 @@ def quantile_table(results: CampaignResults) -> DataTable:
     )
 
 
+def _known(value: float) -> float | None:
+    """Nothing for what the sample does not tell."""
+    return None if np.isnan(value) else value
+
+
 def extreme_table(results: CampaignResults) -> DataTable:
     """Of a grid, which is no sample: the least and the largest of each measure."""
 
@@ -66,8 +71,8 @@ def extreme_table(results: CampaignResults) -> DataTable:
         [row_of(measure) for measure in results.campaign.measures],
         (
             (Column("measure"), lambda row: row[0].term.words),
-            (Column("least", "", ".6g"), lambda row: row[1]),
-            (Column("largest", "", ".6g"), lambda row: row[2]),
+            (Column("least", "", ".6g"), lambda row: _known(row[1])),
+            (Column("largest", "", ".6g"), lambda row: _known(row[2])),
             (Column("unit"), lambda row: row[0].unit),
         ),
         failed_note(results),

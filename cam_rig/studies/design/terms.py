@@ -154,7 +154,7 @@ class Limit:
     def _value(self) -> str:
         if self.value is None:
             return "the start's"
-        return f"{self.value / self.term.quantity.shown:.4g} {self.term.quantity.unit}"
+        return f"{self.value / self.term.quantity.shown:.4g} {self.term.quantity.unit}".rstrip()
 
 
 def parse_term(text: str, known: Mapping[str, DesignQuantity] = QUANTITIES) -> Term:
