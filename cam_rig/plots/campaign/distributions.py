@@ -22,8 +22,8 @@ BARS, INPUTS = 60, 12
 TENTH = 0.1
 #: What the bars of the lowest tenth and of the highest are drawn with.
 LOOKS: tuple[dict[str, Any], ...] = (
-    {"height": 0.7, "color": web(SKY_BLUE), "edgecolor": "white"},
-    {"height": 0.4, "color": web(BLUE), "edgecolor": "white", "hatch": "///"},
+    {"height": 0.7, "facecolor": web(SKY_BLUE), "edgecolor": "white"},
+    {"height": 0.4, "facecolor": web(BLUE), "edgecolor": "white", "hatch": "///"},
 )
 ENDS = ("lowest tenth of the input", "highest tenth")
 

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, build_law
 from cam_rig.schema import CamConfig, Library, RigConfig, SceneConfig, load_cam, load_rig
+from cam_rig.schema.explain import explain
 from cam_rig.schema.load import load_scene
 from cam_rig.schema.studies.campaign import MAX_POINTS, CampaignConfig, load_campaign
 from cam_rig.simulation.cam_files import require_sprung
@@ -105,15 +109,21 @@ class Campaign:
         return checked(replace(self, config=_validated(data)))
 
 
-def _validated(data: dict[str, Any]) -> CampaignConfig:
-    from pydantic import ValidationError
-
-    from cam_rig.schema.explain import explain
-
+def _validated(data: Mapping[str, Any]) -> CampaignConfig:
     try:
         return CampaignConfig.model_validate(data)
     except ValidationError as error:
         raise ConfigError(explain(error, CampaignConfig)) from None
+
+
+def campaign_from(data: Mapping[str, Any], library: Library) -> Campaign:
+    """A study from plain data, as a file holds it.
+
+    Raises
+    ------
+    ConfigError, LawError : what is wrong, in one line
+    """
+    return campaign_of(_validated(data), library)
 
 
 def open_campaign(path: Path) -> Campaign:

@@ -11,11 +11,14 @@ from concurrent.futures import (
     Future,
     wait,
 )
+from typing import ParamSpec, TypeVar
 
 from cam_rig.errors import RunError
 from cam_rig.studies.campaign.dataset import CampaignDataset
 from cam_rig.studies.campaign.point import BatchRows, measure_batch
 
+P = ParamSpec("P")
+T = TypeVar("T")
 #: Processor time a batch should take, s: a scheduler's share of it is small.
 BATCH_S = 1.0
 #: A batch has at most so many points, and so many times those of the one measured before it.
@@ -69,6 +72,16 @@ def run_campaign(
     finally:
         for future in flying:
             future.cancel()
+
+
+class InThisProcess(Executor):
+    """Does each piece of work where it is submitted, before it goes on."""
+
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        """The work, done; an error is raised here."""
+        future: Future[T] = Future()
+        future.set_result(fn(*args, **kwargs))
+        return future
 
 
 class BatchSizes:
