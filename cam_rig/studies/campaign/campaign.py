@@ -26,6 +26,8 @@ from cam_rig.studies.design.terms import Limit
 
 #: Runs of a base without a scene: samples a second, turns and those left out.
 SAMPLE_RATE, TURNS, SETTLE_TURNS = 48_000, 4, 1
+#: A waviness has both.
+WAVE, WAVELENGTH = "profile.waviness.amplitude", "profile.waviness.wavelength"
 #: Any speed: each measure has its own.
 SPEED_RPM = 300.0
 
@@ -175,6 +177,8 @@ def checked(campaign: Campaign) -> Campaign:
     ConfigError, LawError : what is wrong
     """
     _ = campaign.limits, campaign.law
+    if WAVE in campaign.config.vary and WAVELENGTH not in campaign.config.vary:
+        raise ConfigError(f"vary.{WAVE}: has no wavelength; needed beside it: {WAVELENGTH}")
     if campaign.total > MAX_POINTS:
         raise ConfigError(f"plan: has {campaign.total:.3g} points; allowed: {MAX_POINTS:.3g}")
     return campaign

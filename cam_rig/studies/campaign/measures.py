@@ -24,9 +24,8 @@ from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.simulate import simulate
 from cam_rig.studies.design.terms import QUANTITIES, DesignQuantity, Limit, Term, parse_limit
 from cam_rig.studies.design.terms import parse_term as parse
-from cam_rig.studies.jump.any_rig import find_jump, follower_of
+from cam_rig.studies.jump.any_rig import AnyFollower, find_jump, follower_of
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
-from cam_rig.studies.jump.rigid import rigid_jump
 from cam_rig.studies.jump.search import NoJumpSpeedError, sought_speed
 from cam_rig.studies.vibration.steady_state import residual_vibration, steady_twist
 from cam_rig.units import RPM
@@ -70,31 +69,26 @@ def _settled(point: MeasuredPoint, speed: float) -> SpeedRow:
     return rows.rows(step_levels(ticks, settle))[0]
 
 
-def _jump(duration: float | None) -> Callable[[MeasuredPoint, Term], float]:
+def _jump(
+    duration: float | None, follower: Callable[[RigConfig], AnyFollower] = follower_of
+) -> Callable[[MeasuredPoint, Term], float]:
     """The jump speed of a run from rest of so many s, or in steady state (None).
 
-    Where two masses are pressed on it is what `cam-rig jump` proves afterwards, to 5e-7.
+    Of two masses it is what `cam-rig jump` proves afterwards, to 5e-7.
     """
 
     def found(point: MeasuredPoint, _: Term) -> float:
-        follower = follower_of(point.rig)
+        parameters = follower(point.rig)
         if point.law.velocity_jumps:  # where the velocity jumps down the follower lifts off
             return 0.0
         try:
-            if isinstance(follower, TwoMassParameters):
-                return sought_speed(point.law, follower, duration)
-            return find_jump(point.law, follower, duration).speed
+            if isinstance(parameters, TwoMassParameters):
+                return sought_speed(point.law, parameters, duration)
+            return find_jump(point.law, parameters, duration).speed
         except NoJumpSpeedError as none:
             return none.speed
 
     return found
-
-
-def _rigid(point: MeasuredPoint, _: Term) -> float:
-    follower = FollowerParameters.from_rig(point.rig)
-    if point.law.velocity_jumps or follower.preload == 0.0:
-        return 0.0
-    return rigid_jump(point.law, follower)[0]
 
 
 def _residual(point: MeasuredPoint, term: Term) -> float:
@@ -136,7 +130,7 @@ def _new(title: str, unit: str, units: dict[str, float]) -> DesignQuantity:
 MEASURES: dict[str, tuple[DesignQuantity, Callable[[MeasuredPoint, Term], float]]] = {
     "jump_speed": (_either("jump_speed"), _jump(FROM_REST)),
     "jump_speed_steady": (_either("jump_speed_steady"), _jump(None)),
-    "jump_speed_rigid": (_either("jump_speed_rigid"), _rigid),
+    "jump_speed_rigid": (_either("jump_speed_rigid"), _jump(None, FollowerParameters.from_rig)),
     "residual_vibration": (_either("residual_vibration"), _residual),
     "least_contact_force": (_either("least_contact_force"), _of_run("force_least")),
     "peak_contact_force": (_either("peak_contact_force"), _of_run("force_peak")),

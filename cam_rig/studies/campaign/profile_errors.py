@@ -50,11 +50,9 @@ class ProfileErrors:
 
         Raises
         ------
-        ConfigError : a wavelength that cannot be followed, or waviness without one
+        ConfigError : a wavelength that cannot be followed
         """
         wavelength = numbers.get("waviness.wavelength")
-        if wavelength is None and "waviness.amplitude" in numbers:
-            raise ConfigError("profile.waviness: has no wavelength; allowed: one, 0.1 to 360 deg")
         if wavelength is not None and not (
             SHORTEST * (1.0 - 1e-9) <= wavelength <= LONGEST * (1.0 + 1e-9)
         ):
