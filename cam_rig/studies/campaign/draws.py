@@ -79,6 +79,11 @@ class InputDraws:
             columns = [_drawn(one, unit[:, i]) for i, one in enumerate(self.inputs)]
         return np.stack(columns, axis=1)
 
+    def middle(self) -> FloatArray:
+        """Each input in the middle of its distribution, ``(d,)``; a list's number there."""
+        half = np.array([0.5])
+        return np.concatenate([_drawn(one, half) for one in self.inputs])
+
     def _correlated(self, unit: FloatArray) -> FloatArray:
         """Term by term: a matrix product may round otherwise in a batch of another length."""
         if self.mixing is None:

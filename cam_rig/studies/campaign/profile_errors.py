@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -70,6 +70,18 @@ class ProfileErrors:
         )
 
     @property
+    def eccentric(self) -> ProfileErrors:
+        """The eccentricity alone."""
+        return ProfileErrors(
+            eccentricity=self.eccentricity, eccentricity_phase=self.eccentricity_phase
+        )
+
+    @property
+    def wavy(self) -> ProfileErrors:
+        """The waviness alone."""
+        return replace(self, size=0.0, eccentricity=0.0)
+
+    @property
     def _step(self) -> float:
         """Longest piece, rad."""
         waves = [TURN] if self.eccentricity else []
@@ -95,8 +107,7 @@ class ProfileErrors:
             ends = np.linspace(law.breaks[i], law.breaks[i + 1], count + 1)
             breaks.append(ends[1:])
             parts = np.einsum("cqp,p->qc", _cuts(law.degree, count), law.ordinates[:, i])
-            errors = self._quintics(ends)
-            columns.append(bernstein.elevate(parts, degree) + bernstein.elevate(errors, degree))
+            columns.append(bernstein.elevate(parts, degree) + self.ordinates(ends, degree))
         return Law(law.name, np.concatenate(breaks), np.concatenate(columns, axis=1))
 
     def at(self, angle: FloatArray) -> FloatArray:
@@ -127,15 +138,15 @@ class ProfileErrors:
         own[2] += step * gap[2] + 2.0 * slope * gap[1] + bend * gap[0]
         return own
 
-    def _quintics(self, ends: FloatArray) -> FloatArray:
-        """Ordinates ``(6, n)`` between neighbouring angles of ``(n + 1,)``."""
+    def ordinates(self, ends: FloatArray, degree: int) -> FloatArray:
+        """Of the quintics between neighbouring angles ``(n + 1,)``, ``(degree + 1, n)``."""
         value, slope, bend = self.at(ends)
         h = np.diff(ends)
         left = [value[:-1], value[:-1] + slope[:-1] * h / 5.0]
         left.append(2.0 * left[1] - left[0] + bend[:-1] * h**2 / 20.0)
         right = [value[1:], value[1:] - slope[1:] * h / 5.0]
         right.append(2.0 * right[1] - right[0] + bend[1:] * h**2 / 20.0)
-        return np.stack([*left, *right[::-1]])
+        return bernstein.elevate(np.stack([*left, *right[::-1]]), degree)
 
 
 def _sine(amplitude: float, wavelength: float, phase: float, angle: FloatArray) -> FloatArray:
