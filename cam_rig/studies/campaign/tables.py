@@ -6,9 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from cam_rig.studies.campaign.first_order import FirstOrder, first_orders
 from cam_rig.studies.campaign.measures import CampaignMeasure
-from cam_rig.studies.campaign.results import CampaignResults
-from cam_rig.tables import Column, DataTable, tabulate
+from cam_rig.studies.campaign.results import CampaignResults, Quantile
+from cam_rig.studies.campaign.sensitivities import JumpSensitivity
+from cam_rig.tables import Column, DataTable, number, tabulate
+from cam_rig.units import RPM
 
 INTERVALS = (
     "Intervals are of 95 %, for independent draws; of a Latin hypercube or Sobol's sequence they "
@@ -25,7 +28,36 @@ def result_tables(results: CampaignResults) -> list[DataTable]:
         tables.append(yield_table(results))
     if campaign.config.plan.kind == "shares":
         tables += [share_table(results, measure) for measure in campaign.measures]
+    if random:
+        tables += [derivative_table(one) for one in first_orders(results)]
     return tables
+
+
+def derivative_table(found: FirstOrder) -> DataTable:
+    """A row each input, and whether first order says what the points do."""
+    predicted, real = found.predicted / RPM, found.found / RPM
+    without = [one.path for one in found.inputs if one.derivative is None]
+    left = f", without {', '.join(without)}" if without else ""
+    words = (
+        f"First order predicts a standard deviation of {number(predicted, '.3g')} rpm{left}; the "
+        f"points have {number(real, '.3g')} rpm"
+    )
+    words += ": do not rely on it here." if found.lies else "."
+
+    def rpm(one: JumpSensitivity, factor: float) -> float | None:
+        return None if one.derivative is None else one.derivative * factor / RPM
+
+    return tabulate(
+        f"Local derivatives of {found.measure.term.words}, in the middle of the inputs",
+        found.inputs,
+        (
+            (Column("input"), lambda one: one.path),
+            (Column("there", "SI", ".6g"), lambda one: one.value),
+            (Column("rpm each SI unit", "", ".6g", "none"), lambda one: rpm(one, 1.0)),
+            (Column("rpm each percent", "", ".4g", "none"), lambda one: rpm(one, 0.01 * one.value)),
+        ),
+        words,
+    )
 
 
 def quantile_table(results: CampaignResults) -> DataTable:
@@ -118,6 +150,11 @@ def share_table(results: CampaignResults, measure: CampaignMeasure) -> DataTable
     )
 
 
+def _plain(found: Quantile) -> dict[str, float | None]:
+    """JSON has neither NaN nor ∞: null for both."""
+    return {key: value if np.isfinite(value) else None for key, value in vars(found).items()}
+
+
 def to_json(results: CampaignResults) -> dict[str, Any]:
     """The same as plain data, in the units of the rows."""
     campaign = results.campaign
@@ -132,10 +169,14 @@ def to_json(results: CampaignResults) -> dict[str, Any]:
         "measures": {
             m.column: {
                 "unit": m.unit,
-                **({"quantiles": [vars(q) for q in results.quantiles(m)]} if random else {}),
+                **({"quantiles": [_plain(q) for q in results.quantiles(m)]} if random else {}),
                 **({"shares": [vars(s) for s in results.shares(m)]} if shares else {}),
             }
             for m in campaign.measures
+        },
+        "local_derivatives": {
+            one.measure.column: {x.path: x.derivative for x in one.inputs}
+            for one in (first_orders(results) if random else [])
         },
         "limits": [
             {"limit": y.limit.words, "share": y.share, "low": y.low, "high": y.high}
