@@ -48,7 +48,7 @@ FOLLOWER = (
 
 
 @dataclass(frozen=True, eq=False)
-class Touch:
+class ContactTouch:
     """Where contact is just lost: speed (rad/s), turn from 0, cam angle in it (rad)."""
 
     speed: float
@@ -56,7 +56,7 @@ class Touch:
     angle: float
 
 
-def touch_of(law: Law, follower: TwoMassParameters, duration: float | None) -> Touch:
+def touch_of(law: Law, follower: TwoMassParameters, duration: float | None) -> ContactTouch:
     """The touch at the jump speed of a run from rest of so many s, or in steady state (None).
 
     Raises
@@ -78,14 +78,14 @@ def touch_of(law: Law, follower: TwoMassParameters, duration: float | None) -> T
     turn, inside = divmod(time * above, TURN)
 
     def force(angle: float) -> float:
-        shifted = Touch(speed, int(turn + angle // TURN), angle % TURN)
+        shifted = ContactTouch(speed, int(turn + angle // TURN), angle % TURN)
         return float(contact_force(law, law.ordinates, numbers, speed, shifted, duration).real)
 
     near = minimize_scalar(
         force, bounds=(inside - NEAR, inside + NEAR), method="bounded", options={"xatol": 1e-12}
     )
     angle = float(near.x)
-    return Touch(speed, int(turn + angle // TURN), angle % TURN)
+    return ContactTouch(speed, int(turn + angle // TURN), angle % TURN)
 
 
 def contact_force(
@@ -93,7 +93,7 @@ def contact_force(
     ordinates: NDArray[Any],
     numbers: Mapping[str, complex],
     speed: complex,
-    touch: Touch,
+    touch: ContactTouch,
     duration: float | None,
 ) -> complex:
     """The contact force (N) of two masses at an angle of a turn, from rest or in steady state.
@@ -135,7 +135,7 @@ def _free_state(
     free: _FreeVibration,
     forced: NDArray[Any],
     speed: complex,
-    touch: Touch,
+    touch: ContactTouch,
     duration: float | None,
 ) -> NDArray[Any]:
     """(η, η̇) of the free vibration at the touch: what the joints before it have added, faded."""
