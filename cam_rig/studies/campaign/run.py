@@ -19,8 +19,13 @@ from cam_rig.studies.campaign.point import BatchRows, measure_batch
 
 P = ParamSpec("P")
 T = TypeVar("T")
-#: Processor time a batch should take, s: a scheduler's share of it is small.
-BATCH_S = 1.0
+#: Processor time a batch should take, s, and more for each worker: twice what a batch costs the
+#: scheduler and the one writer, so that they are never what all others wait for.
+BATCH_S, EACH_WORKER_S = 1.0, 0.01
+#: Batches of a campaign, and so its files, at most or little more.
+MAX_BATCHES = 20_000
+#: Batches of one point that are sent before a cost is known, at most.
+PILOTS = 64
 #: A batch has at most so many points, and so many times those of the one measured before it.
 MAX_BATCH, GROWTH = 1 << 16, 4
 #: Batches in flight for each worker: one at work and others waiting.
@@ -55,7 +60,7 @@ def run_campaign(
     flying: set[Future[BatchRows]] = set()
     try:
         while True:
-            while len(flying) < IN_FLIGHT * workers and (batch := next(todo, None)) is not None:
+            while len(flying) < sizes.in_flight and (batch := next(todo, None)) is not None:
                 flying.add(executor.submit(measure_batch, campaign, *batch))
             if not flying:
                 return
@@ -85,17 +90,24 @@ class InThisProcess(Executor):
 
 
 class BatchSizes:
-    """How many points the next batch has: as many as last `BATCH_S`, from one on."""
+    """How many points the next batch has, and how many batches are sent ahead.
+
+    From one point on as many as last `BATCH_S`, or `EACH_WORKER_S` times the workers; more where
+    there would be more batches than `MAX_BATCHES`.
+    """
 
     def __init__(self, total: int, workers: int) -> None:
         self._most = max(1, min(MAX_BATCH, total // (2 * workers)))
-        self.next = 1
+        self._least = min(self._most, -(-total // MAX_BATCHES))
+        self._seconds, self._workers = max(BATCH_S, EACH_WORKER_S * workers), workers
+        self.next, self.in_flight = 1, min(PILOTS, IN_FLIGHT * workers)
 
     def take(self, rows: BatchRows) -> None:
         """Learn from a batch's cost."""
         count = len(rows.reasons)
-        wanted = int(BATCH_S * count / max(rows.seconds, 1e-9))
-        self.next = max(1, min(wanted, GROWTH * count, self._most))
+        wanted = int(self._seconds * count / max(rows.seconds, 1e-9))
+        self.next = max(1, min(max(wanted, self._least), GROWTH * count, self._most))
+        self.in_flight = IN_FLIGHT * self._workers
 
 
 def _batches(gaps: list[tuple[int, int]], sizes: BatchSizes) -> Iterator[tuple[int, int]]:

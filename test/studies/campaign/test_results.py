@@ -93,6 +93,21 @@ def test_shares_of_a_campaign(study, tmp_path):
     assert shares[preload].total < 0.02
 
 
+def test_a_quantile_is_within_its_error_of_a_ten_times_larger_run(study, tmp_path):
+    """The 1 % quantile, of random draws on a Latin hypercube."""
+    mass, preload = "rig.follower.mass", "rig.follower.preload"
+    vary = {mass: {"normal": 5, "unit": "%"}, preload: {"normal": 5, "unit": "%"}}
+    found = []
+    for points in (400, 4000):
+        plan = {"kind": "latin_hypercube", "points": points, "seed": points}
+        one = results(study, tmp_path / str(points), vary=vary, plan=plan)
+        found.append(one.quantiles(one.campaign.measures[0])[0])
+    few, many = found
+    assert few.probability == 0.01
+    assert few.low < many.value < few.high
+    assert many.high - many.low < 0.5 * (few.high - few.low)
+
+
 def test_shares_need_their_plan(study, tmp_path):
     """Refused in a line for any other."""
     found = results(study, tmp_path)

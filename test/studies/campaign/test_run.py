@@ -120,14 +120,16 @@ def test_a_batch_lasts_as_long_as_it_should(alone):
     """From one point on, four times as many at most; a slow point is alone in its batch."""
     rows = measure_batch(alone.campaign, 0, 3)
 
-    def after(seconds, count):
-        sizes = BatchSizes(10**6, 2)
+    def after(seconds, count, total=10**4, workers=2):
+        sizes = BatchSizes(total, workers)
         object.__setattr__(rows, "seconds", seconds)
         object.__setattr__(rows, "reasons", ("",) * count)
         sizes.take(rows)
         return sizes.next
 
-    assert BatchSizes(10**6, 2).next == 1
+    assert (BatchSizes(10**6, 2).next, BatchSizes(10**6, 1000).in_flight) == (1, 64)
     assert after(BATCH_S * 100 / 50, 100) == 50
     assert after(1e-6, 100) == 400
     assert after(10.0 * BATCH_S, 1) == 1
+    assert after(10.0 * BATCH_S, 1, total=10**8) == 4
+    assert after(BATCH_S * 100 / 50, 100, total=10**7, workers=1000) == 400
