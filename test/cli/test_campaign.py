@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 
 import duckdb
 import pytest
@@ -129,6 +130,49 @@ def test_what_is_finished_stays_and_the_rest_is_made(study, tmp_path, number):
     other = CampaignDataset(whole, dataset.campaign)
     for name in ("point", "rig_follower_preload", "jump_speed_rpm"):
         assert dataset.column(name).tolist() == other.column(name).tolist()
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_is_gone_ends_it_in_one_line(study, tmp_path):
+    """What is finished stays, and the command that goes on is named."""
+    path, out = study(plan={"kind": "sobol", "points": 400, "seed": 2}), tmp_path / "rows"
+    file = tmp_path / "scheduler.json"
+    given = ["--scheduler-file", str(file), "--no-dashboard"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    python = [sys.executable, "-m"]
+    with started(
+        [*python, "distributed.cli.dask_scheduler", *given, "--host", "127.0.0.1", "--port", "0"],
+        **quiet,
+    ) as scheduler:
+        until(file.exists, scheduler)
+        with started([*python, "distributed.cli.dask_worker", *given, "--nthreads", "1"], **quiet):
+            command = [*python, "cam_rig.cli.main", "campaign", str(path), "--out", str(out)]
+            with started([*command, "--dask", str(file)], stderr=subprocess.PIPE, text=True) as run:
+                until(lambda: list(out.glob("*.parquet")), run)
+                scheduler.kill()
+                _, words = run.communicate()
+    assert run.returncode == 1
+    assert "the scheduler is gone" in words
+    assert "go on with: cam-rig campaign" in words
+    assert words.strip().count("\n") == 0
+    assert len(CampaignDataset(out, open_campaign(path)).column("point")) > 0
+
+
+@contextmanager
+def started(command, **options):
+    """A process that is ended when it is no longer needed."""
+    with subprocess.Popen(command, **options) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def until(condition, process):
+    """Wait for something that a process does, as long as it lives."""
+    while not condition():
+        assert process.poll() is None
+        time.sleep(0.01)
 
 
 def test_a_folder_that_has_rows_is_not_written_over(study, tmp_path):

@@ -76,7 +76,9 @@ def _cluster(dask: str) -> Iterator[Workplace]:
     with libraries_named():
         from distributed import Client
     connect: Any = Client  # its functions are untyped
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # its errors are ours to tell
+    for name in list(logging.root.manager.loggerDict):  # its errors are ours to tell
+        if name.startswith("distributed"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         client = connect(**_where(dask), timeout=WAIT_S, set_as_default=False)
     except (OSError, ValueError) as error:  # of no connection, and of what is no address
