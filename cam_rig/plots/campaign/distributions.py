@@ -11,13 +11,16 @@ from matplotlib.patches import Patch
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing.colours import BLUE, SKY_BLUE, VERMILION, web
-from cam_rig.plots.campaign.words import input_name, measure_title
-from cam_rig.plots.figures import empty, styled
+from cam_rig.plots.campaign.words import input_name, measure_title, measure_unit
+from cam_rig.plots.figures import empty, styled, wrapped
 from cam_rig.studies.campaign.measures import CampaignMeasure
 from cam_rig.studies.campaign.results import CampaignResults
+from cam_rig.tables import printed
 
 #: Bars of a histogram, and inputs of a tornado, at most.
 BARS, INPUTS = 60, 12
+#: Of a line under half the figure, at most.
+LETTERS = 40
 #: The part of the points at either end of an input that a bar of a tornado is of.
 TENTH = 0.1
 #: What the bars of the lowest tenth and of the highest are drawn with.
@@ -37,7 +40,7 @@ def distributions(results: CampaignResults) -> Figure:
     out = empty(height * len(measures))
     panels = out.subplots(len(measures), 2, squeeze=False)
     for (left, right), measure in zip(panels, measures, strict=True):
-        values = results.values(measure)
+        values = results.values(measure) / measure_unit(measure)[1]
         _histogram(left, results, measure, values)
         _tornado(right, results, measure, values)
     handles = [Patch(label=words, **_patch(look)) for words, look in zip(ENDS, LOOKS, strict=True)]
@@ -55,7 +58,7 @@ def _histogram(
 ) -> None:
     """How often a measure is what; limits are lines, with the part that keeps them."""
     finite = values[np.isfinite(values)]
-    axes.set_xlabel(measure_title(measure))
+    axes.set_xlabel(wrapped(measure_title(measure), LETTERS))
     axes.set_ylabel("points")
     if finite.size:
         axes.hist(finite, bins=min(BARS, 5 + int(np.sqrt(finite.size))), color=web(SKY_BLUE))
@@ -64,10 +67,11 @@ def _histogram(
         words.append(f"{values.size - finite.size} points of {values.size} have no finite value")
     for found in results.yields():
         if found.limit.term == measure.term and found.limit.value is not None:
-            bound = found.limit.value / measure.factor
+            bound = found.limit.value / found.limit.term.quantity.shown
             axes.axvline(bound, color=web(VERMILION), ls="--")
             sign = "≤" if found.limit.sense == "<=" else "≥"
-            words.append(f"{100.0 * found.share:.3g} % keep {sign} {bound:.6g} {measure.unit}")
+            limit = f"{sign} {printed(bound)} {measure_unit(measure)[0]}"
+            words.append(f"{100.0 * found.share:.3g} % keep {limit}")
     axes.set_title("\n".join(words))
 
 
@@ -88,7 +92,7 @@ def _tornado(
             axes.barh(i, end - middle, left=middle, **look)
     axes.axvline(middle, color="0.2", lw=0.8)
     axes.set_yticks(range(len(rows)), [row[0] for row in rows])
-    axes.set_xlabel(f"median {measure_title(measure)}")
+    axes.set_xlabel(wrapped(f"median {measure_title(measure)}", LETTERS))
     axes.grid(visible=False, axis="y")
 
 

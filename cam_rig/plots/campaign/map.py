@@ -10,8 +10,14 @@ from matplotlib.figure import Figure, FigureBase
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing.colours import VERMILION, web
-from cam_rig.plots.campaign.words import input_name, input_title, input_unit, measure_title
-from cam_rig.plots.figures import empty, styled
+from cam_rig.plots.campaign.words import (
+    input_name,
+    input_title,
+    input_unit,
+    measure_title,
+    measure_unit,
+)
+from cam_rig.plots.figures import empty, styled, wrapped
 from cam_rig.studies.campaign.draws import steps_of
 from cam_rig.studies.campaign.inputs import CampaignInput
 from cam_rig.studies.campaign.measures import CampaignMeasure
@@ -21,6 +27,10 @@ from cam_rig.tables import printed
 #: Panels beside each other, and in all for one measure: the steps between are left out.
 COLUMNS, PANELS = 3, 6
 PANEL_HEIGHT = 2.3
+#: Of a line over a panel, at most.
+LETTERS = 26
+#: Of a line along one row of panels, at most.
+WORDS = 36
 
 
 def varied(results: CampaignResults) -> list[CampaignInput]:
@@ -66,11 +76,13 @@ def _panels(
     cells: list[tuple[int | None, ...]],
 ) -> None:
     grid = _grid(results)
-    values = results.values(measure).reshape([steps.size for _, steps in grid])
+    values = (results.values(measure) / measure_unit(measure)[1]).reshape(
+        [steps.size for _, steps in grid]
+    )
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
     levels = [
-        limit.value / measure.factor
+        limit.value / measure.term.quantity.shown
         for limit in results.campaign.limits
         if limit.term == measure.term and limit.value is not None
     ]
@@ -93,7 +105,7 @@ def _panels(
     part.supxlabel(input_title(grid[axis[0]][0]), fontsize="medium")
     part.supylabel(input_title(grid[axis[1]][0]), fontsize="medium")
     if mesh is not None:
-        part.colorbar(mesh, ax=panels, label=measure_title(measure))
+        part.colorbar(mesh, ax=panels, label=wrapped(measure_title(measure), WORDS))
 
 
 def _cell_title(grid: list[tuple[CampaignInput, FloatArray]], cell: tuple[int | None, ...]) -> str:
@@ -103,4 +115,4 @@ def _cell_title(grid: list[tuple[CampaignInput, FloatArray]], cell: tuple[int | 
         if i is not None and steps.size > 1:
             unit, factor = input_unit(one)
             words.append(f"{input_name(one)} {printed(float(steps[i]) / factor, '.4g')} {unit}")
-    return "\n".join(words)
+    return wrapped("\n".join(words), LETTERS)

@@ -10,7 +10,7 @@ from cam_rig.studies.campaign.inputs import CampaignInput
 from cam_rig.studies.campaign.measures import CampaignMeasure
 
 #: Parts of a path that say where a number stands and not what it is.
-_PLACES = re.compile(r"^(?:rig\.(?:follower\.)?|cam\.|profile\.|scene\.(?:program\.)?)")
+_PLACES = re.compile(r"^(?:(?:rig|cam)\.(?:follower\.)?|profile\.|scene\.(?:program\.)?)")
 _UNITS = {"um": "µm", "deg": "°"}
 
 
@@ -31,7 +31,14 @@ def input_title(one: CampaignInput) -> str:
     return input_name(one) if unit == "1" else f"{input_name(one)} [{unit}]"
 
 
+def measure_unit(measure: CampaignMeasure) -> tuple[str, float]:
+    """The unit a measure is shown in, and what one of it is in the unit of the rows."""
+    quantity = measure.term.quantity
+    unit = quantity.unit.replace("*", "·")
+    return _UNITS.get(unit, unit), quantity.shown / measure.factor
+
+
 def measure_title(measure: CampaignMeasure) -> str:
     """Words and unit."""
-    unit = "" if not measure.unit else f" [{measure.unit.replace('*', '·')}]"
-    return f"{measure.term.words}{unit}"
+    unit = measure_unit(measure)[0]
+    return f"{measure.term.words} [{unit}]" if unit else measure.term.words
