@@ -16,6 +16,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from cam_rig.api.campaign import campaign
     from cam_rig.api.contour import contour
     from cam_rig.api.design import design
     from cam_rig.api.files import load_cam, load_rig, load_scene
@@ -34,6 +35,7 @@ _HOMES = {
     "CamRigError": "cam_rig.errors",
     "Law": "cam_rig.laws",
     "build_law": "cam_rig.laws",
+    "campaign": "cam_rig.api.campaign",
     "compare_run": "cam_rig.api.real_run",
     "contour": "cam_rig.api.contour",
     "design": "cam_rig.api.design",
@@ -52,6 +54,7 @@ __all__ = [
     "Law",
     "__version__",
     "build_law",
+    "campaign",
     "compare_run",
     "contour",
     "design",

@@ -25,6 +25,7 @@ from cam_rig.cli.runs.view import view
 from cam_rig.cli.studies.as_cut import as_cut
 from cam_rig.cli.studies.bench import bench
 from cam_rig.cli.studies.calibrate import calibrate
+from cam_rig.cli.studies.campaign import campaign
 from cam_rig.cli.studies.contact import contact
 from cam_rig.cli.studies.design import design
 from cam_rig.cli.studies.factorial import factorial
@@ -82,6 +83,7 @@ for verb in (
     readings,
     vibration,
     factorial,
+    campaign,
     noise,
     orders,
     report,

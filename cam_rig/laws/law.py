@@ -202,10 +202,11 @@ class Law:
         """Largest minus smallest displacement over the turn, m."""
         if self.known is not None:
             return self.known.lift
-        extremes = [float(self.ordinates[0].min()), float(self.ordinates[0].max())]
-        slopes = bernstein.derivative(self.ordinates)
-        for i in range(self.spans.size):
-            at = np.array(bernstein.crossings(slopes[:, i]))
+        low, high = float(self.ordinates[0].min()), float(self.ordinates[0].max())
+        extremes = [low, high]
+        beyond = (self.ordinates.min(axis=0) < low) | (self.ordinates.max(axis=0) > high)
+        for i in np.flatnonzero(beyond).tolist():  # no piece is beyond its ordinates
+            at = np.array(bernstein.crossings(bernstein.derivative(self.ordinates[:, i])))
             extremes.extend(bernstein.evaluate(self.ordinates[:, i], at).tolist())
         return max(extremes) - min(extremes)
 

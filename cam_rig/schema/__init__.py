@@ -1,7 +1,6 @@
 """The configuration: what a person may write in YAML, checked once, in SI afterwards."""
 
 from cam_rig.schema.cam import CamConfig
-from cam_rig.schema.factorial import FactorialConfig
 from cam_rig.schema.load import (
     Library,
     load_cam,
@@ -16,6 +15,7 @@ from cam_rig.schema.published import PublishedNoise, PublishedTables
 from cam_rig.schema.reading import TableReading, TableReadings
 from cam_rig.schema.rig import RigConfig
 from cam_rig.schema.scene import SceneConfig
+from cam_rig.schema.studies.factorial import FactorialConfig
 
 __all__ = [
     "CamConfig",

@@ -14,11 +14,11 @@ from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.files import MIB, read_bytes
 from cam_rig.schema.cam import CamConfig
 from cam_rig.schema.explain import explain, kind_of
-from cam_rig.schema.factorial import FactorialConfig
 from cam_rig.schema.published import PublishedNoise, PublishedTables
 from cam_rig.schema.reading import TableReadings
 from cam_rig.schema.rig import RigConfig
 from cam_rig.schema.scene import SceneConfig
+from cam_rig.schema.studies.factorial import FactorialConfig
 from cam_rig.schema.yaml_text import parse_yaml
 
 Config = TypeVar("Config", bound=BaseModel)

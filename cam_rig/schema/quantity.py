@@ -23,7 +23,7 @@ ORIGINS: tuple[Origin, ...] = ("given", "assumed", "identified")
 
 #: dimension -> unit -> factor to SI
 UNITS: dict[str, dict[str, float]] = {
-    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254},
+    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254},
     "angle": {"rad": 1.0, "deg": math.pi / 180.0, "turn": TURN},
     "speed": {"rad/s": 1.0, "rpm": RPM},
     "mass": {"kg": 1.0, "g": 1e-3},

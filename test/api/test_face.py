@@ -16,6 +16,7 @@ from cam_rig.api.notebook import shown
 #: Modules whose docstrings have examples of public names.
 WITH_EXAMPLES = (
     "cam_rig",
+    "cam_rig.api.campaign",
     "cam_rig.api.contour",
     "cam_rig.api.files",
     "cam_rig.api.jump",
@@ -44,7 +45,7 @@ def test_examples_in_docstrings_are_true(module, monkeypatch):
 def test_every_public_function_has_an_example():
     """A name without one cannot be tried from its help."""
     functions = [getattr(cam_rig, name) for name in cam_rig.__all__ if name[0].islower()]
-    assert len(functions) == 12
+    assert len(functions) == 13
     assert [f.__name__ for f in functions if ">>> " not in f.__doc__] == []
 
 

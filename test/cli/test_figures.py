@@ -5,6 +5,7 @@ What is wrong with a figure is found where it is written: see ``no_faulty_figure
 
 import re
 import shutil
+from textwrap import dedent
 
 import pytest
 import typer
@@ -47,7 +48,36 @@ CASES = [
     "profile {below_0} --plot",
     "compare {golden} {quick} --plot",
     "analyze {golden} --plot",
+    "campaign {draws} --jobs 1 --out {draws}.rows --plot",
+    "campaign {planes} --jobs 1 --out {planes}.rows --plot",
 ]
+#: Campaigns of one's own: many inputs, points that fail or never jump, a limit that none keeps.
+CAMPAIGNS = {
+    "draws": """
+        vary:
+          rig.follower.mass: {normal: 80, unit: "%"}
+          rig.follower.preload: {uniform: 100, unit: "%"}
+          rig.follower.stem_stiffness: {uniform: 0, unit: "%"}
+          rig.radiation.background_corner: {uniform: 1, unit: "%"}
+          cam.follower.base_radius: {uniform: 2, unit: "%"}
+          profile.eccentricity.amplitude: {range: [0, 1], unit: mm}
+          profile.waviness.amplitude: {range: [0, 1], unit: um}
+          profile.waviness.wavelength: {range: [20, 200], unit: deg}
+        plan: {kind: latin_hypercube, points: 24}
+        measures: [jump_speed, least_contact_force@12000rpm, residual_vibration@200-210rpm]
+        limits: [jump_speed>=99999rpm, least_contact_force@12000rpm>=-1e-9N]
+        """,
+    "planes": """
+        vary:
+          rig.follower.mass: {values: [-1, 0.5, 5], unit: kg}
+          rig.follower.preload: {values: [0.001, 1000], unit: N}
+          rig.follower.spring_stiffness: {range: [1, 90000], unit: N/m, count: 4}
+          cam.follower.roller_radius: {values: [0.009, 0.0101], unit: m}
+        plan: {kind: grid}
+        measures: [jump_speed_rigid, peak_torque@450rpm]
+        limits: [jump_speed_rigid>=300rpm]
+        """,
+}
 #: Commands whose figures take minutes, or a bench: drawn in the tests of their own.
 ELSEWHERE = {
     "noise": "test_noise.py",
@@ -93,6 +123,9 @@ def own(tmp_path_factory):
     plain = retitled(quick, "five", title).replace("published: tm21_noise\n", "")
     five = plain.replace("[tm21, bezier15]", "[tiny_3, bezier_14, arcs_2, flat_7, arm_7]")
     write("scenes", "five", five.replace("[200, 300, 350, 400]", "[3, 450, 12000]"))
+    for name, text in CAMPAIGNS.items():
+        head = f"name: {name}\ntitle: '{title}'\nbase: {{cam: poly345, rig: paper_table2}}\n"
+        write("campaigns", name, head + dedent(text))
     write("scenes", "slow", five.replace("[200, 300, 350, 400]", "[3, 200]"))
     return files
 

@@ -62,7 +62,10 @@ def test_a_windows_file_is_read(load):
             table(header="angle,lift"),
             "columns are angle, lift; allowed: one of angle_rad, angle_deg",
         ),
-        (table(header="angle_deg,lift_kg"), "allowed: one of lift_m, lift_cm, lift_mm, lift_in"),
+        (
+            table(header="angle_deg,lift_kg"),
+            "allowed: one of lift_m, lift_cm, lift_mm, lift_um, lift_in",
+        ),
         (table(header="angle_deg,angle_rad"), "allowed: one of angle_rad"),
         (table(ROWS[:8]), "has 8 points; allowed: 12 to 7200"),
         (table(["0,nan", *ROWS[1:]]), "line 2: lift_mm is 'nan'; allowed: a finite number"),

@@ -54,6 +54,13 @@ def study_path(study: str) -> Path:
     return named_path("factorials", study)
 
 
+def campaign_path(study: str) -> Path:
+    """A campaign's study by its path, or by its name in ``config/campaigns``."""
+    from cam_rig.schema.load import named_path
+
+    return named_path("campaigns", study)
+
+
 def tables_path() -> Path:
     """The paper's tables as data."""
     from cam_rig.schema.load import config_root

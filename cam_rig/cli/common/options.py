@@ -43,3 +43,14 @@ Json = Annotated[
 Namespace = Annotated[
     str, typer.Option(help="Namespace of its nodes and topics, for two rigs side by side.")
 ]
+Jobs = Annotated[
+    int | None,
+    typer.Option(metavar="N", min=1, max=1024, help="Processes; by default one a core."),
+]
+Dask = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Send the work to a Dask cluster: tcp://HOST:PORT, or its scheduler file.",
+    ),
+]

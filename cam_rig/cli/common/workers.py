@@ -7,8 +7,10 @@ import signal
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import active_children, resource_tracker
+from multiprocessing import active_children, parent_process, resource_tracker
+from multiprocessing.connection import wait
 from multiprocessing.context import SpawnContext, SpawnProcess
+from threading import Thread
 
 
 class _Worker(SpawnProcess):
@@ -49,6 +51,18 @@ class _Workers(SpawnContext):
     Process = _Worker
 
 
+def _end_with_parent() -> None:
+    """End this worker when the command is gone: one that was killed could not end it itself."""
+    parent = parent_process()
+    assert parent is not None  # a worker has one
+
+    def follow() -> None:
+        wait([parent.sentinel])
+        os._exit(1)
+
+    Thread(target=follow, daemon=True).start()
+
+
 @contextmanager
 def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
     """A pool of processes, as many as there are cores; work not begun is dropped at an error.
@@ -57,7 +71,9 @@ def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
     """
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    pool = ProcessPoolExecutor(count or os.cpu_count(), mp_context=_Workers())
+    pool = ProcessPoolExecutor(
+        count or os.cpu_count(), mp_context=_Workers(), initializer=_end_with_parent
+    )
     try:
         yield pool
     except KeyboardInterrupt:

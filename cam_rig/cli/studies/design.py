@@ -14,7 +14,7 @@ from cam_rig.cli.common.options import Csv, Json, Plot
 from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot, writing
 
 if TYPE_CHECKING:
-    from cam_rig.schema.design import DesignConfig
+    from cam_rig.schema.studies.design import DesignConfig
     from cam_rig.studies.design.results.law_design import LawDesign
 
 
@@ -143,7 +143,7 @@ def _config(
     ConfigError : a design file beside a goal, or something wrong in it
     """
     from cam_rig.errors import ConfigError
-    from cam_rig.schema.design import ClassConfig, DesignConfig, is_design, load_design
+    from cam_rig.schema.studies.design import ClassConfig, DesignConfig, is_design, load_design
 
     path = cam_path(start)
     if not is_design(path):

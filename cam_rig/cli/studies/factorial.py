@@ -8,7 +8,7 @@ import typer
 
 from cam_rig.cli.common.console import progress_bar, say, show, user_errors
 from cam_rig.cli.common.names import cam_path, rig_path, study_path, tables_path
-from cam_rig.cli.common.options import Csv, Json, Plot
+from cam_rig.cli.common.options import Csv, Dask, Jobs, Json, Plot
 from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
 
 if TYPE_CHECKING:
@@ -25,6 +25,8 @@ def factorial(
     study: Annotated[
         str, typer.Argument(help="Study file, or a name in config/factorials.")
     ] = "continuity",
+    jobs: Jobs = None,
+    dask: Dask = None,
     json_target: Json = None,
     csv: Csv = None,
     plot: Plot = None,
@@ -41,12 +43,14 @@ def factorial(
     cam-rig factorial --json - | jq .conclusions
     """
     with user_errors():
+        from cam_rig.cli.common.executors import check_workplace
         from cam_rig.studies.factorial import tables
         from cam_rig.studies.factorial.conclusions import conclusions
         from cam_rig.studies.factorial.laws import open_factorial
 
         check_outputs(json_target, plot, csv)
-        found = measure(open_factorial(study_path(study)))
+        check_workplace(dask)
+        found = measure(open_factorial(study_path(study)), jobs, dask)
         shown = tables.tables(found)
         show(*shown)
         say(*conclusion_lines(conclusions(found)))
@@ -58,14 +62,15 @@ def factorial(
         write_json(tables.to_json(found), json_target)
 
 
-def measure(config: FactorialConfig) -> Factorial:
-    """Run the study in all processes, behind a bar.
+def measure(config: FactorialConfig, jobs: int | None, dask: str | None) -> Factorial:
+    """Run the study in so many processes, or on a cluster, behind a bar.
 
     Raises
     ------
     ConfigError, DynamicsError : as the study raises them
+    RunError : no cluster answers
     """
-    from cam_rig.cli.common.workers import workers
+    from cam_rig.cli.common.executors import workplace
     from cam_rig.schema import load_rig, load_tables
     from cam_rig.studies.cam_set import open_cam_set
     from cam_rig.studies.factorial.design import run_factorial
@@ -74,11 +79,13 @@ def measure(config: FactorialConfig) -> Factorial:
     others = [cam for cam in load_tables(tables_path()).table_2_jump if cam != config.proposed]
     cam_set = open_cam_set(map(cam_path, [config.proposed, *others]), rig_path(config.rig))
     bench = Bench.of(config, cam_set.rig, load_rig(rig_path(config.noise_rig)))
-    with progress_bar() as bar, workers() as pool:
+    with progress_bar() as bar, workplace(jobs, dask) as place:
 
         def each(function: Callable[[Law], Measures], laws: Iterable[Law]) -> Iterable[Measures]:
             todo = list(laws)
-            return bar.track(pool.map(function, todo), total=len(todo), description=config.name)
+            return bar.track(
+                place.executor.map(function, todo), total=len(todo), description=config.name
+            )
 
         return run_factorial(config, bench, cam_set.laws, each)
 

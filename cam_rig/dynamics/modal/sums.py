@@ -13,10 +13,11 @@ from cam_rig.arrays import FloatArray
 FADED = 20.0
 
 
-def taylor_series(top: FloatArray, bottom: FloatArray, count: int) -> FloatArray:
-    """Taylor coefficients of top(D)/bottom(D), by long division."""
-    found = np.zeros(count)
-    rest = np.zeros(count + bottom.size)
+def taylor_series(top: NDArray[Any], bottom: NDArray[Any], count: int) -> NDArray[Any]:
+    """Taylor coefficients of top(D)/bottom(D), by long division; complex where these are."""
+    kind = np.result_type(top, bottom)
+    found = np.zeros(count, kind)
+    rest = np.zeros(count + bottom.size, kind)
     rest[: top.size] = top
     for k in range(count):
         found[k] = rest[k] / bottom[0]

@@ -22,7 +22,8 @@ from cam_rig.profile.roller import GuidedCentre
 from cam_rig.studies.design.problem import DesignProblem
 from cam_rig.studies.design.programs.affine import Affine
 from cam_rig.studies.design.programs.program import ConvexProgram, RowBlock
-from cam_rig.studies.design.terms import ORDERS, Limit, Sense, Term
+from cam_rig.studies.design.quantities import ORDERS, Sense
+from cam_rig.studies.design.terms import Limit, Term
 from cam_rig.units import TURN
 
 #: Limits are kept with so much of their scale to spare: rounding of the solver and of the file.

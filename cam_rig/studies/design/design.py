@@ -20,11 +20,12 @@ from cam_rig.studies.design.local.multistart import Multistart
 from cam_rig.studies.design.local.search import LocalBest, LocalSearch, is_local
 from cam_rig.studies.design.measure import level_of, measured, rate_of
 from cam_rig.studies.design.problem import DesignProblem
+from cam_rig.studies.design.quantities import ORDERS, Sense
 from cam_rig.studies.design.request import DesignRequest
 from cam_rig.studies.design.results.law_design import LawDesign, Measure
 from cam_rig.studies.design.solve import Best, Solver
 from cam_rig.studies.design.space import Space
-from cam_rig.studies.design.terms import ORDERS, Limit, Sense, Term
+from cam_rig.studies.design.terms import Limit, Term
 
 #: A goal below this part of the start's is solved again, measured by itself.
 SMALL = 0.05

@@ -25,7 +25,8 @@ from cam_rig.studies.design.elastic.residual import MISSED, peaks, speeds_of
 from cam_rig.studies.design.local.pointwise import greatest, torque
 from cam_rig.studies.design.local.sound import level_with_jumps
 from cam_rig.studies.design.problem import DesignProblem
-from cam_rig.studies.design.terms import ORDERS, Sense, Term
+from cam_rig.studies.design.quantities import ORDERS, Sense
+from cam_rig.studies.design.terms import Term
 from cam_rig.studies.jump.any_rig import find_jump
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.rigid import rigid_jump_speed

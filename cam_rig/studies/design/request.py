@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from cam_rig.errors import ConfigError
-from cam_rig.schema.design import DesignConfig
+from cam_rig.schema.studies.design import DesignConfig
 from cam_rig.studies.design.constraints import PEAKS
 from cam_rig.studies.design.law_class import LawClass
 from cam_rig.studies.design.local.multistart import Multistart
-from cam_rig.studies.design.terms import Limit, Sense, Term, parse_goal, parse_limit
+from cam_rig.studies.design.quantities import Sense
+from cam_rig.studies.design.terms import Limit, Term, parse_goal, parse_limit
 
 #: What of the start may stay: all of it, or its events have other spans, or its dwells too.
 KEEP = (("events", "dwells", "lift"), ("dwells", "lift"), ("lift",))

@@ -7,98 +7,22 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from cam_rig.errors import ConfigError, did_you_mean
+from cam_rig.studies.design.quantities import (
+    ANGLE_UNITS,
+    QUANTITIES,
+    SIGNED,
+    SPEED_UNITS,
+    DesignQuantity,
+    Sense,
+)
 from cam_rig.units import RPM
 
-Sense = Literal["<=", ">="]
 #: The limit that a quantity's own value of the start law sets.
 START = "start"
-
-
-@dataclass(frozen=True)
-class DesignQuantity:
-    """A quantity of a law.
-
-    Parameters
-    ----------
-    title : in words
-    unit : of tables and pictures
-    units : unit of a request to SI
-    where : what it is taken at: a speed or an angle, a range of them, an event's number, or nothing
-    senses : the limits that can be kept; a goal minimises where ``<=`` is, else maximises
-    goal : whether it may be one
-    below : what a limit on it has to be less than, SI
-    """
-
-    title: str
-    unit: str
-    units: dict[str, float]
-    where: Literal["", "rpm", "deg", "event"] = ""
-    senses: tuple[Sense, ...] = ("<=",)
-    goal: bool = True
-    below: float = math.inf
-
-    @property
-    def shown(self) -> float:
-        """One of ``unit`` in SI."""
-        return self.units[self.unit]
-
-
-def _per_rad(power: int) -> dict[str, float]:
-    over = "/rad" if power == 1 else f"/rad^{power}"
-    return {f"mm{over}": 1e-3, f"m{over}": 1.0, f"um{over}": 1e-6}
-
-
-_LENGTH = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "µm": 1e-6, "cm": 1e-2}
-_FORCE, _SPEED = {"N": 1.0, "kN": 1e3}, {"rpm": RPM, "rad/s": 1.0}
-_ANGLE = {"deg": math.pi / 180.0, "rad": 1.0}
-_TORQUE = {"N*m": 1.0, "Nm": 1.0, "N·m": 1.0, "mN*m": 1e-3}
-_BOTH: tuple[Sense, ...] = ("<=", ">=")
-QUANTITIES = {
-    "jump_speed": DesignQuantity("jump speed from rest", "rpm", _SPEED, senses=(">=",)),
-    "jump_speed_steady": DesignQuantity(
-        "jump speed in steady state", "rpm", _SPEED, senses=(">=",)
-    ),
-    "jump_speed_rigid": DesignQuantity(
-        "jump speed of one rigid mass", "rpm", _SPEED, senses=(">=",)
-    ),
-    "residual_vibration": DesignQuantity("residual vibration", "um", _LENGTH, "rpm"),
-    "peak_velocity": DesignQuantity("peak |s′|", "mm/rad", _per_rad(1)),
-    "peak_acceleration": DesignQuantity("peak |s″|", "mm/rad^2", _per_rad(2)),
-    "peak_jerk": DesignQuantity("peak |s‴|", "mm/rad^3", _per_rad(3)),
-    "rms_acceleration": DesignQuantity("r.m.s. of s″", "mm/rad^2", _per_rad(2)),
-    "peak_contact_force": DesignQuantity("peak contact force", "N", _FORCE, "rpm"),
-    "least_contact_force": DesignQuantity("least contact force", "N", _FORCE, "rpm", (">=",)),
-    "shaft_torque": DesignQuantity("peak |shaft torque|", "N*m", _TORQUE, "rpm"),
-    "sound_level": DesignQuantity("sound level, mean power over speeds", "dB", {"dB": 1.0}, "rpm"),
-    "sound_level_with_jumps": DesignQuantity(
-        "sound level with landings, mean power over speeds", "dB", {"dB": 1.0}, "rpm"
-    ),
-    "pressure_angle": DesignQuantity("pressure angle", "deg", _ANGLE, below=0.5 * math.pi),
-    "radius_of_curvature": DesignQuantity(
-        "least radius of curvature", "mm", _LENGTH, senses=(">=",)
-    ),
-    "event_angle": DesignQuantity(
-        "span of event", "deg", _ANGLE, "event", _BOTH, goal=False, below=2.0 * math.pi
-    ),
-    "lift": DesignQuantity("lift", "mm", _LENGTH, "deg", _BOTH, goal=False),
-    "velocity": DesignQuantity("s′", "mm/rad", _per_rad(1), "deg", _BOTH, goal=False),
-    "acceleration": DesignQuantity("s″", "mm/rad^2", _per_rad(2), "deg", _BOTH, goal=False),
-}
-#: Quantities of either sign.
-SIGNED = (
-    "lift",
-    "velocity",
-    "acceleration",
-    "least_contact_force",
-    "sound_level",
-    "sound_level_with_jumps",
-)
-#: What `velocity`, ... are the derivatives of.
-ORDERS = {"lift": 0, "velocity": 1, "acceleration": 2}
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _TERM = re.compile(
@@ -118,11 +42,14 @@ class Term:
     name: str
     low: float = math.nan
     high: float = math.nan
+    known: Mapping[str, DesignQuantity] = field(
+        default_factory=lambda: QUANTITIES, repr=False, compare=False
+    )
 
     @property
     def quantity(self) -> DesignQuantity:
         """What is known of it."""
-        return QUANTITIES[self.name]
+        return self.known[self.name]
 
     @property
     def event(self) -> int:
@@ -172,11 +99,11 @@ class Limit:
     def _value(self) -> str:
         if self.value is None:
             return "the start's"
-        return f"{self.value / self.term.quantity.shown:.4g} {self.term.quantity.unit}"
+        return f"{self.value / self.term.quantity.shown:.4g} {self.term.quantity.unit}".rstrip()
 
 
-def parse_term(text: str) -> Term:
-    """A quantity, such as ``residual_vibration@200-400rpm``.
+def parse_term(text: str, known: Mapping[str, DesignQuantity] = QUANTITIES) -> Term:
+    """A quantity among those known, such as ``residual_vibration@200-400rpm``.
 
     Raises
     ------
@@ -189,23 +116,23 @@ def parse_term(text: str) -> Term:
     """
     match = _TERM.fullmatch(text.strip())
     name = match["name"] if match else text.strip()
-    if match is None or name not in QUANTITIES:
+    if match is None or name not in known:
         raise ConfigError(
-            f"{text.strip()!r} is not a quantity{did_you_mean(name, QUANTITIES)}; known: "
-            f"{', '.join(QUANTITIES)}"
+            f"{text.strip()!r} is not a quantity{did_you_mean(name, known)}; known: "
+            f"{', '.join(known)}"
         )
-    where, low = QUANTITIES[name].where, match["low"]
+    where, low = known[name].where, match["low"]
     if not where:
         if low is not None:
             raise ConfigError(f"{name}: is taken at {text.strip()!r}; allowed: {name} alone")
-        return Term(name)
+        return Term(name, known=known)
     if where == "event":
         return _of_event(name, text.strip(), match)
     example = f"{name}@{'200-400rpm' if where == 'rpm' else '90deg'}"
     if low is None:
         what = "a speed or a range of speeds" if where == "rpm" else "an angle or a range"
         raise ConfigError(f"{name}: is not said at what; needed: {what}, such as {example}")
-    units = {"rpm": _SPEED, "deg": {"deg": math.pi / 180.0, "rad": 1.0}}[where]
+    units = {"rpm": SPEED_UNITS, "deg": ANGLE_UNITS}[where]
     unit = match["unit"] or where
     if unit not in units:
         raise ConfigError(f"{text.strip()!r}: unit is {unit!r}; allowed: {', '.join(units)}")
@@ -215,7 +142,7 @@ def parse_term(text: str) -> Term:
         raise ConfigError(f"{text.strip()!r}: allowed: a rising range from above 0")
     if where == "deg" and last > 2.0 * math.pi * (1.0 + 1e-12):
         raise ConfigError(f"{text.strip()!r}: allowed: angles of one turn, 0 to 360deg")
-    return Term(name, first, last)
+    return Term(name, first, last, known)
 
 
 def _of_event(name: str, text: str, match: re.Match[str]) -> Term:
@@ -231,7 +158,7 @@ def _of_event(name: str, text: str, match: re.Match[str]) -> Term:
     return Term(name, number, number)
 
 
-def parse_limit(text: str) -> Limit:
+def parse_limit(text: str, known: Mapping[str, DesignQuantity] = QUANTITIES) -> Limit:
     """A limit, such as ``peak_acceleration<=start`` or ``lift@90deg>=30mm``.
 
     Raises
@@ -249,7 +176,7 @@ def parse_limit(text: str) -> Limit:
             f"limit {text!r}: allowed: quantity<=value or quantity>=value, such as "
             "peak_acceleration<=start"
         )
-    term = parse_term(match["term"])
+    term = parse_term(match["term"], known)
     sense: Sense = "<=" if match["sense"] in ("<=", "≤") else ">="
     quantity = term.quantity
     if sense not in quantity.senses:

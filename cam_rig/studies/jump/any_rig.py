@@ -9,12 +9,17 @@ from __future__ import annotations
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.velocity_jumps import require_smooth
-from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.studies.jump.jump_speed import Jump, jump_speed, require_run
 from cam_rig.studies.jump.rigid import rigid_jump, rigid_least
-from cam_rig.studies.jump.search import FASTEST, SLOWEST, force_run
+from cam_rig.studies.jump.search import (
+    FASTEST,
+    SLOWEST,
+    force_run,
+    keeps_contact,
+    loses_contact,
+)
 from cam_rig.units import RPM
 
 #: What a rig gives to a jump speed, and what each is called.
@@ -82,15 +87,9 @@ def find_jump(law: Law, parameters: AnyFollower, duration: float | None) -> Jump
     require_smooth(law, "; where it falls contact is lost at any speed")
     speed, angle = rigid_jump(law, parameters)
     if parameters.preload == 0.0 or speed < SLOWEST * RPM:
-        raise DynamicsError(
-            f"cam {law.name!r}: the follower loses contact at {SLOWEST:g} rpm already; allowed for "
-            "a jump speed: a follower that is pressed on, so give it a preload"
-        )
+        raise loses_contact(law)
     if speed > FASTEST * RPM:
-        raise DynamicsError(
-            f"cam {law.name!r}: the follower keeps contact up to {FASTEST:g} rpm; allowed for a "
-            "jump speed: a cam on which contact is lost"
-        )
+        raise keeps_contact(law)
     return Jump(speed, angle, angle / speed)
 
 

@@ -51,6 +51,32 @@ class Sought:
     high: float
 
 
+class NoJumpSpeedError(DynamicsError):
+    """Contact is lost at every speed, ``speed`` 0, or at none, ``speed`` infinite."""
+
+    def __init__(self, message: str, speed: float) -> None:
+        super().__init__(message)
+        self.speed = speed
+
+
+def loses_contact(law: Law, slowest: float = SLOWEST) -> NoJumpSpeedError:
+    """What is raised where contact is lost at the slowest speed (rpm) already."""
+    return NoJumpSpeedError(
+        f"cam {law.name!r}: the follower loses contact at {slowest:g} rpm already; allowed for a "
+        "jump speed: a follower that is pressed on, so give it a preload",
+        0.0,
+    )
+
+
+def keeps_contact(law: Law) -> NoJumpSpeedError:
+    """What is raised where contact holds at every speed."""
+    return NoJumpSpeedError(
+        f"cam {law.name!r}: the follower keeps contact up to {FASTEST:g} rpm; allowed for a "
+        "jump speed: a cam on which contact is lost",
+        math.inf,
+    )
+
+
 def force_run(law: Law, parameters: TwoMassParameters, duration: float | None) -> ModalRun:
     """The contact force of the two-mass follower over a run, at any speeds."""
     model = ModalResponse.of(contact_response(law, parameters, RPM), force_output(parameters))
@@ -104,18 +130,12 @@ def _bracket(run: ModalRun, law: Law, slowest: float) -> tuple[float, float]:
         found = _first_touch(run, speeds, RPM * slowest)
         if found is not None:
             if found[0] <= RPM * slowest:
-                raise DynamicsError(
-                    f"cam {law.name!r}: the follower loses contact at {slowest:g} rpm already; "
-                    "allowed for a jump speed: a follower that is pressed on, so give it a preload"
-                )
+                raise loses_contact(law, slowest)
             return found
         if not clear.all():
             raise _unresolved(law, float(speeds[-1]) if speeds.size else 0.0)
         first *= ratio**TOGETHER
-    raise DynamicsError(
-        f"cam {law.name!r}: the follower keeps contact up to {FASTEST:g} rpm; allowed for a "
-        "jump speed: a cam on which contact is lost"
-    )
+    raise keeps_contact(law)
 
 
 def _unresolved(law: Law, speed: float) -> DynamicsError:

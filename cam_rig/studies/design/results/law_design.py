@@ -9,8 +9,9 @@ from cam_rig.laws import Law
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.studies.design.events import LawEvent
 from cam_rig.studies.design.local.multistart import Multistart
+from cam_rig.studies.design.quantities import Sense
 from cam_rig.studies.design.request import DesignRequest
-from cam_rig.studies.design.terms import Sense, Term
+from cam_rig.studies.design.terms import Term
 
 #: A result within this part of its bound is called certified.
 CERTIFIED = 2e-3

@@ -1,0 +1,165 @@
+"""cam-rig campaign: thousands of rigs that differ in some numbers, on this machine or a cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cam_rig.cli.common.console import console, say, show, user_errors
+from cam_rig.cli.common.names import campaign_path
+from cam_rig.cli.common.options import Csv, Dask, Jobs, Json, Plot
+from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
+from cam_rig.errors import INTERRUPTED, OutputError, RunError
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+    from cam_rig.studies.campaign.dataset import CampaignDataset
+
+
+def campaign(
+    study: Annotated[str, typer.Argument(help="Study file, or a name in config/campaigns.")],
+    out: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Of the dataset; by default out/NAME.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the points that the folder has not.")
+    ] = False,
+    points: Annotated[int | None, typer.Option(help="Points, in place of the study's.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed, in place of the study's.")] = None,
+    jobs: Jobs = None,
+    dask: Dask = None,
+    plot: Plot = None,
+    csv: Csv = None,
+    json_target: Json = None,
+) -> None:
+    """Measure thousands of rigs that differ in some numbers, and keep a row of each.
+
+    The study says what varies, at which points, and what is measured: jump speeds, vibration,
+    forces, levels. Rows go into a folder of Parquet files, readable while it runs; tables of
+    quantiles, yields and shares follow. Rows are the same on any number of processes, and on a
+    Dask cluster. Ctrl-C keeps what is finished; --resume goes on.
+
+    Examples
+    --------
+    cam-rig campaign tolerance_poly345 --points 256 --plot out/tolerances.png
+
+    cam-rig campaign jump_map --out out/map --resume
+    """
+    with user_errors():
+        from cam_rig.cli.common.executors import check_workplace
+        from cam_rig.extras import require
+        from cam_rig.studies.campaign.campaign import open_campaign
+        from cam_rig.studies.campaign.dataset import CampaignDataset
+        from cam_rig.studies.campaign.results import CampaignResults
+        from cam_rig.studies.campaign.tables import result_tables, to_json
+
+        check_outputs(json_target, plot, csv)
+        check_workplace(dask)
+        require("pyarrow")
+        asked = open_campaign(campaign_path(study)).planned(points, seed)
+        folder = out or Path("out") / asked.config.name
+        dataset = CampaignDataset(folder, asked)
+        again = _command(study, folder, points, seed, jobs, dask)
+        _run(dataset, resume, jobs, dask, again)
+        results = CampaignResults(dataset)
+        shown = result_tables(results)
+        show(*shown)
+        say(f"dataset: {folder}/*.parquet")
+        write_csv(shown, csv)
+        if plot is not None:
+            from cam_rig.plots.campaign import draw
+
+            write_plot(plot, lambda part: draw(results, part))
+        write_json(to_json(results), json_target)
+
+
+def _command(
+    study: str,
+    folder: Path,
+    points: int | None,
+    seed: int | None,
+    jobs: int | None,
+    dask: str | None,
+) -> str:
+    """The command that goes on where this one ends."""
+    import shlex
+
+    given = {"--points": points, "--seed": seed, "--jobs": jobs, "--dask": dask}
+    words = ["cam-rig", "campaign", study, "--out", str(folder), "--resume"]
+    for option, value in given.items():
+        words += [] if value is None else [option, str(value)]
+    return shlex.join(words)
+
+
+def _run(
+    dataset: CampaignDataset, resume: bool, jobs: int | None, dask: str | None, again: str
+) -> None:
+    """Make the points that are missing, behind a bar; what ends it says how to go on.
+
+    Raises
+    ------
+    CamRigError : the folder is another's, the disk is full, or the workers are gone
+    """
+    from cam_rig.cli.common.executors import workplace
+    from cam_rig.studies.campaign.run import run_campaign
+
+    with dataset.opened(resume), _going_on(again):
+        missing = sum(last - first for first, last in dataset.missing())
+        if not missing:
+            return
+        total = dataset.campaign.total
+        with workplace(jobs, dask) as place, _bar() as bar:
+            task = bar.add_task(
+                dataset.campaign.config.name, total=total, completed=total - missing
+            )
+            run_campaign(
+                dataset, place.executor, place.count, lambda count: bar.advance(task, count)
+            )
+
+
+@contextmanager
+def _going_on(again: str) -> Iterator[None]:
+    """Ends of a run that leave something to go on with: the command that does is named."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        say(f"cam-rig: interrupted; what is finished stays, go on with: {again}")
+        raise typer.Exit(INTERRUPTED) from None
+    except (OutputError, RunError) as error:
+        raise type(error)(f"{error}; go on with: {again}") from None
+
+
+def _bar() -> Progress:
+    """A bar with points done, points a second and the time left."""
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        ProgressColumn,
+        Task,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+    from rich.text import Text
+
+    class Rate(ProgressColumn):
+        """Points a second, of the last half minute."""
+
+        def render(self, task: Task) -> Text:
+            speed = task.finished_speed or task.speed
+            return Text("" if speed is None else f"{speed:.3g} points/s")
+
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        Rate(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+    )

@@ -1,0 +1,1 @@
+"""Campaigns: many rigs that differ in some numbers, each measured alike, kept as rows."""

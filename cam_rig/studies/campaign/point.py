@@ -1,0 +1,90 @@
+"""One point of a campaign: its cam and rig made, then measured; what fails is a row too."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from cam_rig.arrays import FloatArray
+from cam_rig.errors import CamRigError
+from cam_rig.laws import build_law
+from cam_rig.studies.campaign.campaign import Campaign
+from cam_rig.studies.campaign.inputs import with_numbers
+from cam_rig.studies.campaign.measures import MeasuredPoint
+from cam_rig.studies.campaign.profile_errors import ProfileErrors
+
+#: Status of a point: all measures are there, or a reason says why not.
+OK, FAILED = "ok", "failed"
+
+
+@dataclass(frozen=True, eq=False)
+class BatchRows:
+    """The rows of points ``first`` to ``first + n`` (exclusive).
+
+    Parameters
+    ----------
+    inputs, measures : ``(n, d)`` SI and ``(n, k)`` in their columns' units; NaN for a measure that
+        the point has not. A jump speed is 0 where contact is lost at every speed, ∞ where at none
+    reasons : one a row, empty where nothing failed
+    seconds : processor time of the batch
+    """
+
+    first: int
+    inputs: FloatArray
+    measures: FloatArray
+    reasons: tuple[str, ...]
+    seconds: float
+
+    @property
+    def last(self) -> int:
+        """The first point after the batch."""
+        return self.first + len(self.reasons)
+
+
+def measure_batch(campaign: Campaign, first: int, last: int) -> BatchRows:
+    """The rows of points ``first`` to ``last`` (exclusive), each from its index and the study."""
+    start = time.process_time()
+    inputs = campaign.draws.rows(first, last)
+    rows = [measure_point(campaign, row) for row in inputs]
+    measures = np.array([values for values, _ in rows]).reshape(len(rows), -1)
+    reasons = tuple(reason for _, reason in rows)
+    return BatchRows(first, inputs, measures, reasons, time.process_time() - start)
+
+
+def measure_point(campaign: Campaign, inputs: FloatArray) -> tuple[list[float], str]:
+    """The measures of one point, and why some are missing."""
+    try:
+        point = make_point(campaign, inputs)
+    except CamRigError as error:
+        return [math.nan] * len(campaign.measures), str(error)
+    found, reasons = [], []
+    for measure in campaign.measures:
+        try:
+            found.append(measure.of(point))
+        except CamRigError as error:
+            found.append(math.nan)
+            reasons.append(f"{measure.term.key}: {error}")
+    return found, "; ".join(reasons)
+
+
+def make_point(campaign: Campaign, inputs: FloatArray) -> MeasuredPoint:
+    """The cam, the rig and the scene with a point's numbers ``(d,)``, SI.
+
+    Raises
+    ------
+    CamRigError : no such cam or rig can be
+    """
+    numbers: dict[str, dict[str, float]] = {"cam": {}, "rig": {}, "scene": {}, "profile": {}}
+    for one, value in zip(campaign.inputs, inputs.tolist(), strict=True):
+        root, _, path = one.path.partition(".")
+        numbers[root][path] = value
+    law = campaign.law
+    if numbers["cam"]:
+        law = build_law(with_numbers(campaign.cam, numbers["cam"]))
+    if numbers["profile"]:
+        law = ProfileErrors.of(numbers["profile"]).added_to(law)
+    rig = with_numbers(campaign.rig, numbers["rig"])
+    return MeasuredPoint(law, rig, with_numbers(campaign.scene, numbers["scene"]))

@@ -1,0 +1,185 @@
+"""A campaign's results as tables and as JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cam_rig.studies.campaign.first_order import FirstOrder, first_orders
+from cam_rig.studies.campaign.measures import CampaignMeasure
+from cam_rig.studies.campaign.results import CampaignResults, Quantile
+from cam_rig.studies.campaign.sensitivities import JumpSensitivity
+from cam_rig.tables import Column, DataTable, number, tabulate
+from cam_rig.units import RPM
+
+INTERVALS = (
+    "Intervals are of 95 %, for independent draws; of a Latin hypercube or Sobol's sequence they "
+    "are on the safe side."
+)
+
+
+def result_tables(results: CampaignResults) -> list[DataTable]:
+    """Quantiles of each measure, yields, and shares where the plan gives them."""
+    campaign = results.campaign
+    random = campaign.config.plan.kind != "grid"
+    tables = [quantile_table(results)] if random else [extreme_table(results)]
+    if campaign.limits:
+        tables.append(yield_table(results))
+    if campaign.config.plan.kind == "shares":
+        tables += [share_table(results, measure) for measure in campaign.measures]
+    if random:
+        tables += [derivative_table(one) for one in first_orders(results)]
+    return tables
+
+
+def derivative_table(found: FirstOrder) -> DataTable:
+    """A row each input, and whether first order says what the points do."""
+    predicted, real = found.predicted / RPM, found.found / RPM
+    without = [one.path for one in found.inputs if one.derivative is None]
+    left = f", without {', '.join(without)}" if without else ""
+    words = (
+        f"First order predicts a standard deviation of {number(predicted, '.3g')} rpm{left}; the "
+        f"points have {number(real, '.3g')} rpm"
+    )
+    words += ": do not rely on it here." if found.lies else "."
+
+    def rpm(one: JumpSensitivity, factor: float) -> float | None:
+        return None if one.derivative is None else one.derivative * factor / RPM
+
+    return tabulate(
+        f"Local derivatives of {found.measure.term.words}, in the middle of the inputs",
+        found.inputs,
+        (
+            (Column("input"), lambda one: one.path),
+            (Column("there", "SI", ".6g"), lambda one: one.value),
+            (Column("rpm each SI unit", "", ".6g", "none"), lambda one: rpm(one, 1.0)),
+            (Column("rpm each percent", "", ".4g", "none"), lambda one: rpm(one, 0.01 * one.value)),
+        ),
+        words,
+    )
+
+
+def quantile_table(results: CampaignResults) -> DataTable:
+    """A row each measure and probability."""
+    rows = [(m, q) for m in results.campaign.measures for q in results.quantiles(m)]
+
+    def at(name: str) -> Any:
+        return lambda row: _known(getattr(row[1], name))
+
+    return tabulate(
+        f"{results.campaign.config.title}: {results.points} points",
+        rows,
+        (
+            (Column("measure"), lambda row: row[0].term.words),
+            (Column("quantile", "%", "g"), lambda row: 100.0 * row[1].probability),
+            (Column("value", "", ".6g"), at("value")),
+            (Column("from", "", ".6g"), at("low")),
+            (Column("to", "", ".6g"), at("high")),
+            (Column("unit"), lambda row: row[0].unit),
+        ),
+        INTERVALS,
+        failed_note(results),
+    )
+
+
+def _known(value: float) -> float | None:
+    """Nothing for what the sample does not tell."""
+    return None if np.isnan(value) else value
+
+
+def extreme_table(results: CampaignResults) -> DataTable:
+    """Of a grid, which is no sample: the least and the largest of each measure."""
+
+    def row_of(measure: CampaignMeasure) -> tuple[CampaignMeasure, float, float]:
+        values = results.values(measure)
+        values = values[~np.isnan(values)]
+        if values.size == 0:
+            return measure, float("nan"), float("nan")
+        return measure, float(values.min()), float(values.max())
+
+    return tabulate(
+        f"{results.campaign.config.title}: {results.points} points",
+        [row_of(measure) for measure in results.campaign.measures],
+        (
+            (Column("measure"), lambda row: row[0].term.words),
+            (Column("least", "", ".6g"), lambda row: _known(row[1])),
+            (Column("largest", "", ".6g"), lambda row: _known(row[2])),
+            (Column("unit"), lambda row: row[0].unit),
+        ),
+        failed_note(results),
+    )
+
+
+def failed_note(results: CampaignResults) -> str:
+    """How many points have no measure, in words; nothing where all have."""
+    count = results.failed
+    if not count:
+        return ""
+    return f"{count} points could not be measured whole; the column reason says why."
+
+
+def yield_table(results: CampaignResults) -> DataTable:
+    """A row each limit."""
+    grid = results.campaign.config.plan.kind == "grid"
+    columns: list[Any] = [
+        (Column("limit"), lambda row: row.limit.words),
+        (Column("kept by", "%", ".4g"), lambda row: 100.0 * row.share),
+    ]
+    if not grid:
+        columns += [
+            (Column("from", "%", ".4g"), lambda row: 100.0 * row.low),
+            (Column("to", "%", ".4g"), lambda row: 100.0 * row.high),
+        ]
+    return tabulate("Limits", results.yields(), columns)
+
+
+def share_table(results: CampaignResults, measure: CampaignMeasure) -> DataTable:
+    """A row each input."""
+    return tabulate(
+        f"Shares of the variance of {measure.term.words}",
+        results.shares(measure),
+        (
+            (Column("input"), lambda row: row.path),
+            (Column("alone", "1", ".3f"), lambda row: row.first),
+            (Column("±", "1", ".3f"), lambda row: row.first_error),
+            (Column("in all", "1", ".3f"), lambda row: row.total),
+            (Column("± ", "1", ".3f"), lambda row: row.total_error),
+        ),
+        "Alone: of the first order. In all: with interactions. ± of 95 %, bootstrapped.",
+    )
+
+
+def _plain(found: Quantile) -> dict[str, float | None]:
+    """JSON has neither NaN nor ∞: null for both."""
+    return {key: value if np.isfinite(value) else None for key, value in vars(found).items()}
+
+
+def to_json(results: CampaignResults) -> dict[str, Any]:
+    """The same as plain data, in the units of the rows."""
+    campaign = results.campaign
+    random = campaign.config.plan.kind != "grid"
+    shares = campaign.config.plan.kind == "shares"
+    return {
+        "study": campaign.config.name,
+        "points": results.points,
+        "seed": campaign.seed,
+        "failed": results.failed,
+        "fingerprint": campaign.fingerprint,
+        "measures": {
+            m.column: {
+                "unit": m.unit,
+                **({"quantiles": [_plain(q) for q in results.quantiles(m)]} if random else {}),
+                **({"shares": [vars(s) for s in results.shares(m)]} if shares else {}),
+            }
+            for m in campaign.measures
+        },
+        "local_derivatives": {
+            one.measure.column: {x.path: x.derivative for x in one.inputs}
+            for one in (first_orders(results) if random else [])
+        },
+        "limits": [
+            {"limit": y.limit.words, "share": y.share, "low": y.low, "high": y.high}
+            for y in results.yields()
+        ],
+    }

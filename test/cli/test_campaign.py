@@ -1,0 +1,185 @@
+"""cam-rig campaign: tables, files and pictures; refusals in a line; ended anyhow, it goes on."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+
+import duckdb
+import pytest
+from ruamel.yaml import YAML
+from typer.testing import CliRunner
+
+from cam_rig.cli.main import app
+from cam_rig.schema.load import config_root
+from cam_rig.studies.campaign.campaign import open_campaign
+from cam_rig.studies.campaign.dataset import CampaignDataset
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, ["campaign", *(str(a) for a in arguments)])
+
+
+def shipped(name):
+    text = (config_root() / "campaigns" / f"{name}.yaml").read_text(encoding="utf-8")
+    return YAML(typ="safe").load(text)
+
+
+@pytest.fixture
+def study(tmp_path):
+    """A study file: a shipped one with other parts."""
+
+    def write(name="tolerance_poly345", **parts):
+        path = tmp_path / "campaigns" / "study.yaml"
+        path.parent.mkdir(exist_ok=True)
+        with path.open("w", encoding="utf-8") as file:
+            YAML(typ="safe").dump(shipped(name) | parts, file)
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("name", ["jump_map", "tolerance_poly345", "noise_map"])
+def test_shipped_studies_run_and_draw(study, tmp_path, name):
+    """Smaller, with one process: tables, JSON, CSV, a picture, rows that DuckDB reads."""
+    data, out = shipped(name), tmp_path / "rows"
+    for one in data["vary"].values():
+        if "count" in one:
+            one["count"] = 3
+    more = ["--points", 8] if data["plan"]["kind"] == "sobol" else []
+    plot, csv = tmp_path / "a.png", tmp_path / "a.csv"
+    result = call(
+        study(name, vary=data["vary"]), "--out", out, "--jobs", 1, *more,
+        "--plot", plot, "--csv", csv, "--json", "-",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.stderr
+    found = json.loads(result.stdout)
+    counted = duckdb.sql(f"select count(*), min(status) from '{out}/*.parquet'").fetchall()
+    assert counted == [(found["points"], "ok")]
+    assert found["failed"] == 0
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    assert data["title"] in csv.read_text(encoding="utf-8")
+    assert data["title"] in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ({"vary": {"rig.follower.preloda": {"uniform": 1, "unit": "N"}}}, "did you mean"),
+        ({"vary": {"rig.follower.preload": {"uniform": -1, "unit": "N"}}}, "greater than or equal"),
+        ({"vary": {"rig.follower.preload": {"uniform": 1, "unit": "kg"}}}, "not a force"),
+        ({"vary": {"rig.follower.preload": {"uniform": 1, "unit": "bar"}}}, "has unit 'bar'"),
+        ({"vary": {"rig.follower.preload": {"unit": "N"}}}, "exactly one of"),
+        ({"vary": {"rig.follower.preload": {"range": [2, 1], "unit": "N"}}}, "rising"),
+        ({"vary": {"profile.waviness.amplitude": {"uniform": 1, "unit": "um"}}}, "no wavelength"),
+        ({"vary": {"profile.size": {"uniform": 1, "unit": "%"}}}, "0 in the base"),
+        ({"measures": ["jump_sped"], "limits": []}, "did you mean 'jump_speed'"),
+        ({"measures": ["sound_level"], "limits": []}, "not said at what"),
+        ({"limits": ["jump_speed>=3kg"]}, "allowed: a number with one of rpm"),
+        ({"limits": ["twist@300rpm<=1deg"]}, "is not measured"),
+        ({"plan": {"kind": "sobol", "points": 10**12}}, "plan: has 1e+12 points"),
+        ({"plan": {"kind": "sobol", "points": 0}}, "plan.points"),
+        ({"plan": {"kind": "soboll", "points": 4}}, "did you mean 'sobol'"),
+        ({"plan": {"kind": "shares", "points": 9}}, "a power of 2"),
+        ({"plan": {"kind": "grid"}}, "allowed on a grid"),
+        ({"base": {"cam": "poly345"}}, "needs a scene, or a cam and a rig"),
+        ({"base": {"cam": "poly354", "rig": "tm21"}}, "did you mean 'poly345'"),
+    ],
+)
+def test_bad_studies_are_refused_in_one_line(study, tmp_path, parts, words):
+    """With the key, before anything is written."""
+    result = call(study(**parts), "--out", tmp_path / "rows")
+    assert result.exit_code == 2
+    assert words in result.stderr
+    assert result.stderr.count("\n") == 1
+    assert not (tmp_path / "rows").exists()
+
+
+def test_a_cluster_that_is_none_is_refused_in_one_line(tmp_path):
+    """Neither an address nor a file; and both places at once."""
+    one = call("jump_map", "--out", tmp_path / "rows", "--dask", "nowhere")
+    assert (one.exit_code, one.stderr.count("\n")) == (2, 1)
+    assert "allowed: an address" in one.stderr
+    both = call("jump_map", "--out", tmp_path / "r", "--dask", "tcp://127.0.0.1:1", "--jobs", 2)
+    assert "allowed: one of them" in both.stderr
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_what_is_finished_stays_and_the_rest_is_made(study, tmp_path, number):
+    """Ctrl-C in the middle, or a kill: the same rows as of a run that nothing ended."""
+    path, out = study(plan={"kind": "sobol", "points": 50, "seed": 2}), tmp_path / "rows"
+    command = [sys.executable, "-m", "cam_rig.cli.main", "campaign", str(path), "--jobs", "1"]
+    with subprocess.Popen([*command, "--out", str(out)], stderr=subprocess.PIPE, text=True) as run:
+        while not list(out.glob("*.parquet")) and run.poll() is None:
+            time.sleep(0.01)
+        run.send_signal(number)
+        _, words = run.communicate()
+    dataset = CampaignDataset(out, open_campaign(path))
+    assert 0 < len(dataset.column("point")) < 50
+    if number == signal.SIGINT:
+        assert run.returncode == 130
+        assert "go on with: cam-rig campaign" in words
+        assert "--resume" in words
+        assert words.strip().count("\n") == 0
+    again = call(path, "--out", out, "--resume", "--jobs", 1)
+    assert again.exit_code == 0, again.stderr
+    whole = tmp_path / "whole"
+    assert call(path, "--out", whole, "--jobs", 2).exit_code == 0
+    other = CampaignDataset(whole, dataset.campaign)
+    for name in ("point", "rig_follower_preload", "jump_speed_rpm"):
+        assert dataset.column(name).tolist() == other.column(name).tolist()
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_is_gone_ends_it_in_one_line(study, tmp_path):
+    """What is finished stays, and the command that goes on is named."""
+    path, out = study(plan={"kind": "sobol", "points": 400, "seed": 2}), tmp_path / "rows"
+    file = tmp_path / "scheduler.json"
+    given = ["--scheduler-file", str(file), "--no-dashboard"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    python = [sys.executable, "-m"]
+    with started(
+        [*python, "distributed.cli.dask_scheduler", *given, "--host", "127.0.0.1", "--port", "0"],
+        **quiet,
+    ) as scheduler:
+        until(file.exists, scheduler)
+        with started([*python, "distributed.cli.dask_worker", *given, "--nthreads", "1"], **quiet):
+            command = [*python, "cam_rig.cli.main", "campaign", str(path), "--out", str(out)]
+            with started([*command, "--dask", str(file)], stderr=subprocess.PIPE, text=True) as run:
+                until(lambda: list(out.glob("*.parquet")), run)
+                scheduler.kill()
+                _, words = run.communicate()
+    assert run.returncode == 1
+    assert "the scheduler is gone" in words
+    assert "go on with: cam-rig campaign" in words
+    assert words.strip().count("\n") == 0
+    assert len(CampaignDataset(out, open_campaign(path)).column("point")) > 0
+
+
+@contextmanager
+def started(command, **options):
+    """A process that is ended when it is no longer needed."""
+    with subprocess.Popen(command, **options) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def until(condition, process):
+    """Wait for something that a process does, as long as it lives."""
+    while not condition():
+        assert process.poll() is None
+        time.sleep(0.01)
+
+
+def test_a_folder_that_has_rows_is_not_written_over(study, tmp_path):
+    """It is resumed, or another is taken; another study's rows are not mixed with these."""
+    path, out = study(plan={"kind": "sobol", "points": 2}), tmp_path / "rows"
+    assert call(path, "--out", out, "--jobs", 1).exit_code == 0
+    assert "--resume to go on" in call(path, "--out", out).stderr
+    other = call(path, "--out", out, "--resume", "--seed", 9)
+    assert "is of another study" in other.stderr
+    assert other.exit_code == 2

@@ -1,0 +1,56 @@
+"""Where work is done: processes of this machine, a Dask cluster by address or by file."""
+
+import json
+import os
+
+import pytest
+from distributed import LocalCluster
+
+from cam_rig.cli.common import executors
+from cam_rig.cli.common.executors import check_workplace, workplace
+from cam_rig.errors import ConfigError, RunError
+
+
+def test_processes_are_others_than_this(monkeypatch):
+    """As many as are asked for; by default one a core."""
+    with workplace(1, None) as place:
+        assert place.count == 1
+        assert place.executor.submit(os.getpid).result() != os.getpid()
+    monkeypatch.setattr(os, "cpu_count", lambda: 3)
+    with workplace(None, None) as place:
+        assert place.count == 3
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    with LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as found:
+        yield found
+
+
+@pytest.mark.slow
+def test_a_cluster_is_found_by_its_address_and_by_its_file(cluster, tmp_path):
+    """Work is done in its worker, a process of its own."""
+    file = tmp_path / "scheduler.json"
+    file.write_text(json.dumps({"address": cluster.scheduler_address}), encoding="utf-8")
+    for dask in (cluster.scheduler_address, str(file)):
+        check_workplace(dask)
+        with workplace(None, dask) as place:
+            assert place.count == 1
+            assert list(place.executor.map(pow, [2, 3], [5, 2])) == [32, 9]
+            assert place.executor.submit(os.getpid).result() != os.getpid()
+
+
+def test_where_nobody_answers_is_said_in_a_line(monkeypatch):
+    """No scheduler at the address; neither an address nor a file; two places at once."""
+    monkeypatch.setattr(executors, "WAIT_S", 0.3)
+    with (
+        pytest.raises(RunError, match="no scheduler answers"),
+        workplace(None, "tcp://127.0.0.1:9"),
+    ):
+        pass
+    with pytest.raises(ConfigError, match="allowed: an address"):
+        check_workplace("nowhere.json")
+    with pytest.raises(ConfigError, match="allowed: one of them"), workplace(2, "tcp://x:1"):
+        pass
