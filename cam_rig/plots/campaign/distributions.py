@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing.colours import BLUE, SKY_BLUE, VERMILION, web
@@ -60,6 +61,7 @@ def _histogram(
     finite = values[np.isfinite(values)]
     axes.set_xlabel(wrapped(measure_title(measure), LETTERS))
     axes.set_ylabel("points")
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     if finite.size:
         axes.hist(finite, bins=min(BARS, 5 + int(np.sqrt(finite.size))), color=web(SKY_BLUE))
     words = []

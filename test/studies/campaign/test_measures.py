@@ -169,8 +169,8 @@ def least_forces(masses, inputs, jumps):
 
     whole = p.stem_stiffness + p.spring_stiffness
     start = np.concatenate([(p.stem_stiffness * cam(0.0)[0] - p.preload) / whole, 0.0 * speed])
-    times = np.linspace(0.0, 1.7, 40_001)
-    tight = {"rtol": 1e-9, "atol": 1e-13, "max_step": 2e-3}
+    times = np.linspace(0.0, 1.7, 30_001)
+    tight = {"rtol": 1e-8, "atol": 1e-13, "max_step": 2e-3}
     run = solve_ivp(rate, (0.0, 1.7), start, "DOP853", times, **tight)
     least = np.full(speed.size, np.inf)
     for time, state in zip(times, run.y.T, strict=True):

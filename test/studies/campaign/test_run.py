@@ -79,7 +79,7 @@ def test_a_cluster_that_loses_a_worker_makes_the_same_rows(alone, tmp_path):
 
     with (
         LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0"
         ) as cluster,
         Client(cluster) as client,
         dataset.opened(False),
