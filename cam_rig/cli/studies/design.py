@@ -127,6 +127,9 @@ def _front(
         from cam_rig.plots.laws.designed import draw_front
 
         write_plot(plot, lambda part: draw_front(found, part))
+    if not found.ended:
+        say(f"interrupted: {len(found.designs)} of {points} points")
+        raise typer.Exit(130)
 
 
 def _config(

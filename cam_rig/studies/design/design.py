@@ -33,6 +33,8 @@ SMALL = 0.05
 OnBest = Callable[[Callable[[], LawDesign], float], None]
 #: A limit is broken where the written law exceeds it by this part of its scale.
 BROKEN = 1e-6
+#: Followers between two faces or rollers of one disc, which bind the fall to the rise.
+CLOSED = ("constant_breadth", "constant_diameter")
 #: A limit on an event's span is met within this part of it.
 SPAN_MET = 1e-3
 
@@ -66,6 +68,11 @@ def design(
     ConfigError : what the cam or the rig does not have
     DynamicsError : contact lost at every speed or at none
     """
+    if cam.follower.type in CLOSED:
+        raise ConfigError(
+            f"cam {cam.name!r}: its follower is {cam.follower.type}, whose fall must be its rise "
+            "turned by 180°, which a design does not keep; allowed: other followers"
+        )
     start = build_law(cam)
     problem = DesignProblem(cam, start, rig, Space(start, request.law_class))
     name = name or f"{cam.name}_designed"

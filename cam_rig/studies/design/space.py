@@ -22,9 +22,9 @@ from cam_rig.studies.design.law_class import LawClass, second_derivative, to_bez
 from cam_rig.studies.design.programs.affine import Affine
 from cam_rig.units import TURN
 
-#: Parts of a piece for the polygon's bound, at least, and of a turn: its ordinates are then near
-#: the polynomial.
-PARTS, PARTS_OF_TURN = 40, 256
+#: Parts of a piece for the polygon's bound, at least, at most, of a turn, and for each piece of an
+#: event: its ordinates are then near the polynomial. More pieces press harder on their limits.
+PARTS, MOST_PARTS, PARTS_OF_TURN, PARTS_A_PIECE = 24, 48, 256, 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,7 +204,8 @@ class Space:
     @property
     def parts(self) -> int:
         """Of a piece, for its bounds."""
-        return max(PARTS, round(PARTS_OF_TURN / self.spans.size))
+        own = min(MOST_PARTS, round(PARTS_A_PIECE * self.law_class.pieces))
+        return max(PARTS, own, round(PARTS_OF_TURN / self.spans.size))
 
     def hull(self, ordinates: Affine, parts: int | None = None) -> Affine:
         """Ordinates of all pieces cut in parts: the polynomial lies in their convex hull."""

@@ -20,6 +20,7 @@ from cam_rig.studies.design.programs.program import InfeasibleError, ProgramSolu
 from cam_rig.studies.design.solve import Best, Cuts, Solver
 from cam_rig.studies.jump.any_rig import find_jump
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
+from cam_rig.studies.jump.jump_speed import Jump
 from cam_rig.units import to_rpm
 
 #: Rounds of cuts, at most, and laws that the exact search may refuse.
@@ -28,7 +29,7 @@ MAX_ROUNDS, MAX_REFUSED = 120, 24
 #: exact search finds its jump no lower by more than this part.
 NEAR, HELD = 4e-3, 5e-4
 #: Searches, until a law is no farther from its bound than this part.
-SEARCHES, NEAR_BOUND = 3, 2e-3
+SEARCHES, NEAR_BOUND = 6, 2e-3
 #: A law is searched exactly where the level is no farther above the margin: else it goes faster.
 FAR = 0.1
 #: First guess of what the level falls by where the speed doubles, and the largest step of a speed.
@@ -64,13 +65,14 @@ class TwoMassSearch:
         kept = ContactKept(self.problem, self.duration, 0.95 * rigid.bound)
         cuts = [FewRows(self.solver.static(True)), *self.solver.cuts(True)]
         kept.look(rigid.unknowns, 0.5)
+        self._take(rigid.unknowns, rigid.active)
         bound = np.inf
         for _ in range(SEARCHES):
-            self._search(kept, cuts)
-            if self.law[0] == 0.0:
-                raise DesignError("no law was found that keeps contact; allowed: more pieces")
-            held = self.law[0] > HALF_WAY * kept.fastest
-            bound = min(bound, self._bound(kept, self.law[0] if held else kept.fastest))
+            far = bound < np.inf and bound > self.law[0] / HALF_WAY
+            self._search(kept, cuts, kept.fastest if far else np.inf)
+            if not far:
+                held = self.law[0] > HALF_WAY * kept.fastest
+                bound = min(bound, self._bound(kept, self.law[0] if held else kept.fastest))
             if bound <= self.law[0] * (1.0 + NEAR_BOUND):
                 break
             # the grid has grown by what was refused: what lies between its speeds is less now
@@ -78,7 +80,8 @@ class TwoMassSearch:
         speed, unknowns, active = self.law
         return Best(unknowns, speed, bound, active, self.solver.rounds)
 
-    def _search(self, kept: ContactKept, cuts: list[Cuts]) -> None:
+    def _search(self, kept: ContactKept, cuts: list[Cuts], most: float) -> None:
+        """The highest speed that a law is found for, or one that keeps contact up to ``most``."""
         slope, settled, found = SLOPE, None, None
         program = GrowingProgram()
         for _ in range(MAX_ROUNDS):
@@ -91,33 +94,40 @@ class TwoMassSearch:
             if room > -NEAR:
                 if any([cut.cut(found) for cut in [*cuts, kept]]):
                     continue
-                if room < FAR and not self._held(kept, found) and self.refused <= MAX_REFUSED:
+                there = kept.fastest >= most
+                exact = room < FAR or there
+                if exact and not self._held(kept, found) and self.refused <= MAX_REFUSED:
                     continue
                 if settled is not None and settled[0] != kept.fastest:
                     measured = (room - settled[1]) / (kept.fastest / settled[0] - 1.0)
                     slope = float(np.clip(measured, 4.0 * SLOPE, 0.4 * SLOPE))
                 settled = (kept.fastest, room)
-                if room <= NEAR or self.refused > MAX_REFUSED:
+                if room <= NEAR or there or self.refused > MAX_REFUSED:
                     return
             step = float(np.clip(-room / slope, -MAX_STEP, MAX_STEP))
-            kept.move(1.0 + step)
+            kept.move(min(1.0 + step, most / kept.fastest))
         if found is not None:  # out of rounds, or resonances narrower than the grid
             self._held(kept, found)
 
     def _held(self, kept: ContactKept, found: ProgramSolution) -> bool:
         """Whether the exact search finds that a law holds the speed; else its own is looked at."""
-        law = self.problem.space.law(found.unknowns, "design")
-        jump = find_jump(law, self.problem.follower, self.duration)
-        if jump.speed > self.law[0]:
-            names = (self.solver.goal.name, kept.name)
-            active = tuple(name for name in found.active if name not in names)
-            self.law = (jump.speed, found.unknowns, active)
-            self.solver.on_best(found.unknowns, jump.speed)
+        names = (self.solver.goal.name, kept.name)
+        active = tuple(name for name in found.active if name not in names)
+        jump = self._take(found.unknowns, active)
         if jump.speed >= kept.fastest * (1.0 - HELD):
             return True
         self.refused += 1
         kept.refine(jump, found)
         return False
+
+    def _take(self, unknowns: FloatArray, active: tuple[str, ...]) -> Jump:
+        """Where the exact search finds that a law loses contact; it is kept if it is the best."""
+        law = self.problem.space.law(unknowns, "design")
+        jump = find_jump(law, self.problem.follower, self.duration)
+        if jump.speed > self.law[0]:
+            self.law = (jump.speed, unknowns, active)
+            self.solver.on_best(unknowns, jump.speed)
+        return jump
 
     def _bound(self, kept: ContactKept, speed: float) -> float:
         """A speed at which the rows, some of those that a law must keep, leave no law."""

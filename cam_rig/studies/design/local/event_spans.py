@@ -50,6 +50,7 @@ class EventSpans:
     limits: list[Limit]
     value: Callable[[DesignProblem], float]
     _known: dict[tuple[float, ...], float] = field(default_factory=dict)
+    _why: str = "no room for them"
 
     def __post_init__(self) -> None:
         events = self.problem.space.events
@@ -149,7 +150,8 @@ class EventSpans:
             if self.possible(spans):
                 try:
                     self._known[key] = self.value(self.moved(spans))
-                except DesignError:  # no law at these spans; at others there may be
+                except DesignError as error:  # no law at these spans; at others there may be
+                    self._why = str(error)
                     return np.inf
         return self._known[key]
 
@@ -180,8 +182,7 @@ class EventSpans:
                 found.append((float(end.fun), end.x))
         if not found:
             raise DesignError(
-                f"no law keeps the limits at any of {asked.starts} choices of event spans; "
-                "allowed: looser limits, more starts or more pieces"
+                f"no spans of events that were tried have a law; of the last: {self._why}"
             )
         value, unknowns = min(found, key=lambda pair: pair[0])
         near = sum(other <= value + SAME * abs(value) for other, _ in found)

@@ -34,6 +34,7 @@ class Front:
     other: Term
     allowed: tuple[float, ...]
     designs: tuple[LawDesign, ...]
+    ended: bool = True
 
 
 def front(
@@ -74,12 +75,31 @@ def front(
         )
     # the end itself has no room for any other law
     allowed = [float(x) for x in np.linspace(best, loosest, points + 1)[1:]]
-    designs = []
-    for value in allowed:
+
+    def found(value: float) -> LawDesign:
         limits = (*request.limits, Limit(other, sense, value))
-        designs.append(design(cam, rig, replace(request, limits=limits)))
-        on_point()
-    return Front(other, tuple(allowed), tuple(designs))
+        return design(cam, rig, replace(request, limits=limits))
+
+    return _along(other, allowed, found, on_point)
+
+
+def _along(
+    other: Term,
+    allowed: list[float],
+    found: Callable[[float], LawDesign],
+    on_point: Callable[[], None],
+) -> Front:
+    """A design for each value; where it is interrupted those that there are."""
+    designs: list[LawDesign] = []
+    try:
+        for value in allowed:
+            designs.append(found(value))
+            on_point()
+    except KeyboardInterrupt:
+        if not designs:
+            raise
+    count = len(designs)
+    return Front(other, tuple(allowed[:count]), tuple(designs), count == len(allowed))
 
 
 def _over_spans(
@@ -132,12 +152,8 @@ def _over_spans(
     on_point()
     shortest = _edge(has_law, longest, SHORTEST)
     on_point()
-    designs = []
-    for factor in np.linspace(shortest, longest, points).tolist():
-        designs.append(found(factor))
-        on_point()
     allowed = np.linspace(shortest, longest, points) * span
-    return Front(other, tuple(allowed.tolist()), tuple(designs))
+    return _along(other, allowed.tolist(), lambda value: found(value / span), on_point)
 
 
 def _edge(holds: Callable[[float], bool], inside: float, outside: float) -> float:

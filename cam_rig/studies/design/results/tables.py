@@ -12,6 +12,9 @@ from cam_rig.studies.design.terms import Term
 from cam_rig.tables import Cell, Column, DataTable
 from cam_rig.units import TURN
 
+#: A start breaks a limit that it is over by more than this part of.
+OVER = 1e-6
+
 
 def design_table(design: LawDesign) -> DataTable:
     """The goal and the limits: start, result, bound, which limits are active."""
@@ -29,6 +32,7 @@ def design_table(design: LawDesign) -> DataTable:
         f"start: {design.start.name}; class: {design.request.law_class.words}, with "
         f"{kept(design)} of the start; no ordinate beyond {BOX:g} lifts",
         verdict(design),
+        *_start_breaks(design),
         *_start_better(design),
     )
     return DataTable(
@@ -48,11 +52,27 @@ def _start_better(design: LawDesign) -> list[str]:
     goal = design.goal
     sign = 1.0 if goal.sense == "<=" else -1.0
     worse = math.isfinite(goal.start) and sign * (goal.result - goal.start) > 0.0
-    if not worse:
+    if not worse or _start_breaks(design):
         return []
-    if goal.bound is None:
-        return ["the start is better than the law found: more pieces, or more starts, have more"]
-    return ["the start is better than any law of this class: more pieces have more"]
+    if goal.bound is not None and sign * (goal.bound - goal.start) > 0.0:
+        return ["the start is better than any law of this class: more pieces have more"]
+    more = "more pieces" if design.multistart is None else "more pieces, or more starts,"
+    return [f"the start is better than the law found: {more} may have more"]
+
+
+def _start_breaks(design: LawDesign) -> list[str]:
+    """A line with the limits that the start, which may, does not keep."""
+    broken = [
+        f"{x.term.words} {'≤' if x.sense == '<=' else '≥'} {_shown(x.limit, x.term)}"
+        for x in design.measures[1:]
+        if x.limit is not None
+        and (x.start - x.limit) * (1.0 if x.sense == "<=" else -1.0) > OVER * abs(x.limit)
+    ]
+    return [f"the start breaks {' and '.join(broken)}"] if broken else []
+
+
+def _shown(value: float, term: Term) -> str:
+    return f"{value / term.quantity.shown:.5g} {in_words(term)}"
 
 
 def in_words(term: Term) -> str:
