@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 
 from cam_rig.arrays import FloatArray
+from cam_rig.laws import Law
 from cam_rig.schema import CamConfig
 from cam_rig.studies.cam_fit.cam_file import quantity, to_yaml, valid_cam
 from cam_rig.studies.design.constraints import Asked
 from cam_rig.studies.design.problem import DesignProblem
+from cam_rig.studies.design.space import Space
 from cam_rig.studies.design.terms import Term
 
 #: A law's lift is its file's where they differ by no more than this part.
@@ -42,13 +44,8 @@ def designed_cam(
     ConfigError : the name is not one
     """
     source = f"designed to {verb} {goal.key} on rig {problem.rig.name}"
-    data: dict[str, Any] = {
-        "name": name,
-        "title": f"{problem.cam.title}, designed",
-        "lift": _lift(problem),
-        **_follower(problem),
-        "segments": _segments(problem, unknowns, source),
-    }
+    title = f"{problem.cam.title}, designed"
+    data = class_cam_data(problem.cam, problem.space, unknowns, name, title, source)
     header = [
         f"# The law of its class that is best by this goal: {verb} {goal.key}.",
         f"# Start: {problem.cam.name}; rig: {problem.rig.name}; {problem.space.law_class.words}.",
@@ -58,46 +55,68 @@ def designed_cam(
     return DesignedCam(valid_cam(data), "\n".join(header) + "\n" + to_yaml(data))
 
 
-def _lift(problem: DesignProblem) -> dict[str, Any]:
+def class_cam_data(
+    cam: CamConfig, space: Space, unknowns: FloatArray, name: str, title: str, source: str
+) -> dict[str, Any]:
+    """The content of the file of a law of a class, with the follower of the cam it starts from.
+
+    Parameters
+    ----------
+    cam : of which ``space`` has the law, dwells and events
+    unknowns : of the space
+    source : where the ordinates come from
+    """
+    return {
+        "name": name,
+        "title": title,
+        "lift": _lift(cam, space.start),
+        **_follower(cam),
+        "segments": _segments(cam, space, unknowns, source),
+    }
+
+
+def _lift(cam: CamConfig, start: Law) -> dict[str, Any]:
     """The start's, with where it comes from; a law may have another than its file's."""
-    own, name = problem.cam.lift, problem.cam.name
-    if abs(own.si - problem.start.lift) > SAME * problem.start.lift:
-        return quantity("assumed", problem.start.lift * 1e3, "mm", f"that of the law of {name}")
+    own, name = cam.lift, cam.name
+    if abs(own.si - start.lift) > SAME * start.lift:
+        return quantity("assumed", start.lift * 1e3, "mm", f"that of the law of {name}")
     return quantity(own.origin, own.numbers[0], own.unit, f"as {name}: {own.source}", own.residual)
 
 
-def _follower(problem: DesignProblem) -> dict[str, Any]:
-    data = problem.cam.model_dump(exclude_none=True)
-    kept = {"follower": _plain(data["follower"])}
-    return kept | ({"contact": _plain(data["contact"])} if "contact" in data else {})
+def _follower(cam: CamConfig) -> dict[str, Any]:
+    data = cam.model_dump(exclude_none=True)
+    kept = {"follower": without_empty(data["follower"])}
+    return kept | ({"contact": without_empty(data["contact"])} if "contact" in data else {})
 
 
-def _plain(data: dict[str, Any]) -> dict[str, Any]:
-    """Without empty words."""
+def without_empty(data: dict[str, Any]) -> dict[str, Any]:
+    """A part of a file without empty words."""
     return {
         key: {k: v for k, v in value.items() if v != ""} if isinstance(value, dict) else value
         for key, value in data.items()
     }
 
 
-def _segments(problem: DesignProblem, unknowns: FloatArray, source: str) -> list[dict[str, Any]]:
-    space, found, at = problem.space, [], 0.0
+def _segments(
+    cam: CamConfig, space: Space, unknowns: FloatArray, source: str
+) -> list[dict[str, Any]]:
+    found, at = [], 0.0
     for index, event in enumerate(space.events):
-        found += _dwell(at, event.start, problem.cam.name)
+        found += _dwell(at, event.start, cam.name)
         at = event.start + event.span
-        ordinates = space.coefficients(index)(unknowns) / problem.start.lift
+        ordinates = space.coefficients(index)(unknowns) / space.start.lift
         own = space.law_class
         knots = np.rint(own.knots[1:-1] * own.pieces).astype(int).tolist()
         found.append(
             {
                 "law": "b_spline",
-                "span": _span(event.span, f"that of {problem.cam.name}"),
+                "span": _span(event.span, f"that of {cam.name}"),
                 "degree": own.power,
                 "knots": quantity("assumed", knots, "1", f"{own.pieces} equal pieces"),
                 "ordinates": quantity("identified", ordinates.tolist(), "1", source),
             }
         )
-    found += _dwell(at, 2.0 * math.pi, problem.cam.name)
+    found += _dwell(at, 2.0 * math.pi, cam.name)
     return found
 
 
