@@ -189,8 +189,8 @@ def _object(text: str | bytes) -> dict[str, Any]:
 class ServedPanel:
     """A panel that is being served, at ``address``."""
 
-    def __init__(self, address: str, thread: threading.Thread) -> None:
-        self.address, self._thread = address, thread
+    def __init__(self, address: str, ended: threading.Event) -> None:
+        self.address, self._ended = address, ended
 
     def wait(self) -> None:
         """Until Ctrl-C.
@@ -199,7 +199,8 @@ class ServedPanel:
         ------
         CamRigError : the server ended of itself
         """
-        self._thread.join()
+        # Not the thread's join: one that Ctrl-C interrupts takes the thread for ended (3.11).
+        self._ended.wait()
         raise CamRigError("the panel's server ended")
 
 
@@ -228,10 +229,18 @@ def serve(board: Board, port: int = 0) -> Iterator[ServedPanel]:
             server_header=False,
         )
         server = uvicorn.Server(config)
-        thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
+        ended = threading.Event()
+
+        def run() -> None:
+            try:
+                server.run(sockets=[listener])
+            finally:
+                ended.set()
+
+        thread = threading.Thread(target=run, daemon=True)
         thread.start()
         try:
-            yield ServedPanel(guard.address, thread)
+            yield ServedPanel(guard.address, ended)
         finally:
             server.should_exit = True
             thread.join()

@@ -61,8 +61,8 @@ def panel(
 
 @contextmanager
 def _ended_alike() -> Iterator[None]:
-    """SIGTERM and SIGHUP unwind as Ctrl-C does, so that no process stays."""
-    numbers = signal.SIGTERM, signal.SIGHUP
+    """Any signal to end unwinds as Ctrl-C does, so that no process stays."""
+    numbers = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
     before = [signal.signal(number, signal.default_int_handler) for number in numbers]
     try:
         yield
