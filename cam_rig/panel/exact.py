@@ -31,7 +31,7 @@ from cam_rig.units import RPM
 POINTS, DECIMALS = 360, 4
 #: Turns that are simulated for the level where contact is lost; the first settles.
 TURNS = 6
-#: A value for the page: a number, or the words on why there is none.
+#: A value for the page: a number, or the words on why there is none; empty for infinity.
 Found = dict[str, float | str]
 #: A contour as the page draws it.
 Shape = dict[str, Any]
@@ -43,11 +43,12 @@ def at_once(cam: CamConfig, law: Law, rig: RigConfig) -> dict[str, Any]:
     The contour is looked at where it is drawn; `at_rest` looks everywhere. A law that cannot be
     made has ``faults``; one that can, and should not, has ``warnings``.
     """
+    jump = _found(lambda: rigid_jump_speed(law, FollowerParameters.from_rig(rig)) / RPM)
     try:
         discs = contours(cam.follower, law, POINTS)
-        jump = _rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
     except CamRigError as error:
-        return {"discs": [], "faults": [{"key": "error", "words": str(error)}], "warnings": []}
+        faults: list[dict[str, Any]] = [{"key": "error", "words": str(error)}]
+        return {"discs": [], "faults": faults, "warnings": [], "jump_rigid": jump}
     shown, faults, warnings = [], [], []
     for disc in discs:
         allowed = greatest_allowed(cam.follower, disc.disc.element)
@@ -103,15 +104,12 @@ def level(law: Law, rig: RigConfig, rpm: float) -> float:
 
 
 def _found(compute: Callable[[], float]) -> Found:
+    """A finite value, or why there is none; nothing at all for an infinite one, as in JSON."""
     try:
-        return {"value": compute()}
+        value = compute()
     except CamRigError as error:
         return {"words": str(error)}
-
-
-def _rpm(speed: float) -> float | None:
-    """None where contact is kept at any speed: JSON has no infinity."""
-    return speed / RPM if math.isfinite(speed) else None
+    return {"value": value} if math.isfinite(value) else {}
 
 
 def _degrees(disc: Contour, at: int) -> float:

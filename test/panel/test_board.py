@@ -13,6 +13,7 @@ import cam_rig
 from cam_rig.errors import ConfigError, LawError, OutputError, RefusedError
 from cam_rig.panel.board import MAX_RPM, Board
 from cam_rig.panel.exact import at_rest, level
+from cam_rig.schema import CamConfig
 from cam_rig.units import RPM
 
 
@@ -73,7 +74,7 @@ def test_what_is_said_at_once_is_the_cores(board: Board) -> None:
     )  # without the split of the mass its follower is one rigid mass
     found = board.at_once()
     assert found["faults"] == []
-    assert found["jump_rigid"] == pytest.approx(cam_rig.jump_speed(law, rig).rpm, rel=1e-9)
+    assert found["jump_rigid"]["value"] == pytest.approx(cam_rig.jump_speed(law, rig).rpm, rel=1e-9)
     points = np.array(found["discs"][0]["points"])
     contour = cam_rig.contour(cam_rig.load_cam(board.out / "moved.yaml"), points=360)
     assert np.abs(points - 1e3 * np.stack([contour.x, contour.y])).max() <= 1e-4
@@ -94,7 +95,7 @@ def test_what_is_said_at_rest_is_the_cores(board: Board) -> None:
 
 def test_the_level_goes_on_where_contact_is_lost(board: Board) -> None:
     """Above the jump speed the landings are heard: it is simulated, not held on the cam."""
-    rpm = 1.1 * board.at_once()["jump_rigid"]
+    rpm = 1.1 * board.at_once()["jump_rigid"]["value"]
     jumping = cam_rig.simulate(board.law(), board.rig, rpm=rpm, turns=6)
     held = cam_rig.simulate(board.law(), board.rig, model="kinetostatic", rpm=rpm, turns=6)
     found = level(board.law(), board.rig, rpm)
@@ -181,8 +182,39 @@ def test_another_law_is_a_shipped_cams(board: Board) -> None:
 def test_a_speed_is_in_rpm(board: Board) -> None:
     """The jump speed found is where the least force is zero."""
     law, rig = board.law(), board.rig.follower
-    speed = board.at_once()["jump_rigid"] * RPM
+    speed = board.at_once()["jump_rigid"]["value"] * RPM
     s, slope, bend = law.motion_at(np.linspace(0.0, 2.0 * np.pi, 20001))
     force = rig.mass.si * bend * speed**2 + rig.damping.si * slope * speed
     force += rig.spring_stiffness.si * s + rig.preload.si
     assert abs(force.min()) <= 1e-3 * force.max()
+
+
+@pytest.mark.parametrize("name", ["poly345", "bezier15", "flat", "conjugate", "oscillating_point"])
+def test_any_law_that_a_page_may_draw_has_an_answer(tmp_path: Path, name: str) -> None:
+    """Numbers or words, and nothing that JSON does not have, however wild the law."""
+    board = Board(cam_rig.load_cam(name), cam_rig.load_rig("tm21"), tmp_path)
+    random = np.random.default_rng(5)
+    for size in (1e-9, 1e-3, 0.1, 1.0, 10.0, 90.0) * 3:
+        moved = board.drawn.ordinates + size * random.uniform(-1.0, 1.0, board.ordinates.size)
+        board.take(np.clip(moved, -100.0, 100.0).tolist(), 300)
+        found = board.at_once()
+        json.dumps(found, allow_nan=False)
+        assert found["discs"] or found["faults"]
+        json.dumps(board.page(), allow_nan=False)
+
+
+def test_a_law_whose_velocity_jumps_is_drawn_and_its_jump_speed_says_why(tmp_path: Path) -> None:
+    """Its contour is there; no follower stays on it at any speed."""
+    cam = cam_rig.load_cam("bezier15").model_dump(exclude_none=True)
+    half = {"assumed": 180.0, "unit": "deg", "source": "test"}
+    rise = {"assumed": [0.0, 0.2, 0.6, 1.0], "unit": "1", "source": "test"}
+    fall = {"assumed": [1.0, 0.6, 0.2, 0.0], "unit": "1", "source": "test"}
+    cam["segments"] = [
+        {"law": "bezier", "span": half, "ordinates": rise},
+        {"law": "bezier", "span": half, "ordinates": fall},
+    ]
+    board = Board(CamConfig.model_validate(cam), cam_rig.load_rig("tm21"), tmp_path)
+    assert len(board.drawn.handles) == 4
+    found = board.at_once()
+    assert found["discs"]
+    assert "velocity" in found["jump_rigid"]["words"]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import signal
 import socket
 from http.client import HTTPConnection, HTTPResponse
 from pathlib import Path
@@ -152,6 +154,26 @@ def test_only_the_last_law_is_answered_at_rest(board: Board, address: str, cooki
         while answer["version"] < 20:
             answer = next_of(page, "rest")
         assert answer["rpm"] == 220.0
+
+
+def test_a_worker_that_is_killed_is_named_and_another_begins(
+    board: Board, address: str, cookie: str
+) -> None:
+    """The next change is answered again."""
+    headers = {"Cookie": cookie, "Origin": "http://" + urlsplit(address).netloc}
+    with connect(
+        f"ws://{urlsplit(address).netloc}/changes", additional_headers=headers, origin=None
+    ) as page:
+        assert "jump" in next_of(page, "rest")
+        tasks = Path(f"/proc/{os.getpid()}/task").glob("*/children")
+        for child in (number for task in tasks for number in task.read_text().split()):
+            if b"cam_rig.panel.worker" in Path(f"/proc/{child}/cmdline").read_bytes():
+                os.kill(int(child), signal.SIGKILL)
+        change = {"number": 1, "ordinates": board.ordinates.tolist(), "rpm": 200}
+        page.send(json.dumps(change))
+        assert "ended" in next_of(page, "rest")["words"]
+        page.send(json.dumps(change | {"number": 2}))
+        assert "jump" in next_of(page, "rest")
 
 
 def test_the_page_asks_for_no_file_that_is_not_there(address: str, cookie: str) -> None:

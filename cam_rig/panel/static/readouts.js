@@ -31,9 +31,7 @@ export class Readouts {
   exact({ version, faults, warnings, jump_rigid: jump }) {
     this.version = version;
     for (const id of AT_REST) $(id).classList.add("stale");
-    if (!this.sprung) put("jump_rigid", text("held"));
-    else if (jump !== undefined) put("jump_rigid", jump === null ? text("at_no_speed") : `${shown(jump, 5)} rpm`);
-    else put("jump_rigid", "–");
+    value("jump_rigid", this.sprung ? jump : { words: text("held") }, 5, "rpm");
     this.faults = [...faults, ...warnings].map(inWords);
     this.checks = [];
     this.#list();
@@ -69,10 +67,10 @@ function inWords({ key, angle_deg: angle, value_deg: found, allowed_deg: allowed
 const LEAST = 1e-3;
 
 function value(id, { value: number, words }, digits, unit) {
-  const size = Math.abs(number) < LEAST ? text("below", { value: LEAST }) : shown(number, digits);
-  put(id, words ?? `${size} ${unit}`);
+  const size = number === undefined ? "" : Math.abs(number) < LEAST ? text("below", { value: LEAST }) : shown(number, digits);
+  put(id, words ?? (number === undefined ? text("at_no_speed") : `${size} ${unit}`));
   $(id).classList.remove("stale");
-  $(id).classList.toggle("words", words !== undefined);
+  $(id).classList.toggle("words", number === undefined);
 }
 
 function put(id, words) { $(id).textContent = words; }
