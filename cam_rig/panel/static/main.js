@@ -168,7 +168,8 @@ function heard(message, pending) {
   for (const number of sent.keys()) if (number !== "moved" && number <= message.number) sent.delete(number);
   readouts.exact(message);
   const turned = pictures.judged(ordinates, message);
-  if (message.type === "moved") settle();
+  // What turned good or bad at rest may have other axes; in the middle of a gesture they stay.
+  if (message.type === "moved" || (turned && !history.before)) settle();
   else if (turned) drawSoon();
   if (!pending) readouts.current(message.version);
 }
