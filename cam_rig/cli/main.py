@@ -16,6 +16,7 @@ from cam_rig.cli.runs.analyze import analyze
 from cam_rig.cli.runs.compare import compare
 from cam_rig.cli.runs.export import export
 from cam_rig.cli.runs.listen import listen
+from cam_rig.cli.runs.panel import panel
 from cam_rig.cli.runs.recover import recover
 from cam_rig.cli.runs.replay import replay
 from cam_rig.cli.runs.run import run
@@ -68,6 +69,7 @@ for verb in (
     compare,
     export,
     view,
+    panel,
     recover,
     replay,
     urdf,

@@ -17,12 +17,13 @@ from cam_rig.messages.topics import FOLLOWER_SAMPLES
 from cam_rig.plots.sound import noise
 from cam_rig.simulation.levels import step_levels
 from cam_rig.simulation.noise_comparison import NoiseResult, compare
+from tools.docs.panel_picture import PICTURE, photograph_panel
 from tools.docs.pictures import draw_pictures
 from tools.docs.screenshot import photograph_viewer
 from tools.docs.turn_archive import TurnArchive, read_turns
 
-#: The photograph of the viewer.
-VIEWER = "viewer.png"
+#: The photographs of the viewer and of the panel.
+VIEWER, PANEL = "viewer.png", PICTURE.name
 
 
 def pictures(
@@ -33,8 +34,8 @@ def pictures(
 ) -> None:
     """Draw a run for the documents: an animation, cams side by side, noise against rpm.
 
-    Files of the same names are replaced. Where Chromium is installed, the Rerun viewer is
-    photographed in it too.
+    Files of the same names are replaced. Where Chromium is installed, the Rerun viewer and
+    the panel are photographed in it too.
 
     Examples
     --------
@@ -52,11 +53,15 @@ def _draw(bag: Path, to: Path) -> None:
         drawn = draw_pictures(
             archive, lambda path: noise.draw(result, archive.loaded, path), folder
         )
-        try:
-            photograph_viewer(bag, folder / VIEWER)
-            drawn.append(folder / VIEWER)
-        except CamRigError as error:
-            console.print(f"{to / VIEWER}: left as it is ({error})", soft_wrap=True)
+        for name, photographed in (
+            (VIEWER, lambda path: photograph_viewer(bag, path)),
+            (PANEL, photograph_panel),
+        ):
+            try:
+                photographed(folder / name)
+                drawn.append(folder / name)
+            except CamRigError as error:
+                console.print(f"{to / name}: left as it is ({error})", soft_wrap=True)
         for path in drawn:
             with writing(to / path.name) as part:
                 part.write_bytes(path.read_bytes())

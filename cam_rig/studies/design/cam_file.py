@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 
 from cam_rig.arrays import FloatArray
+from cam_rig.laws import Law
 from cam_rig.schema import CamConfig
 from cam_rig.studies.cam_fit.cam_file import quantity, to_yaml, valid_cam
 from cam_rig.studies.design.constraints import Asked
 from cam_rig.studies.design.local.multistart import Multistart
 from cam_rig.studies.design.problem import DesignProblem
+from cam_rig.studies.design.space import Space
 from cam_rig.studies.design.terms import Term
 
 #: A law's lift is its file's where they differ by no more than this part.
@@ -44,13 +46,8 @@ def designed_cam(
     ConfigError : the name is not one
     """
     source = f"designed to {verb} {goal.key} on rig {problem.rig.name}"
-    data: dict[str, Any] = {
-        "name": name,
-        "title": f"{problem.cam.title}, designed",
-        "lift": _lift(problem),
-        **_follower(problem),
-        "segments": _segments(problem, unknowns, source),
-    }
+    title = f"{problem.cam.title}, designed"
+    data = class_cam_data(problem.cam, problem.space, unknowns, name, title, source, problem.free)
     header = [
         f"# {_found(search)} by this goal: {verb} {goal.key}.",
         f"# Start: {problem.cam.name}; rig: {problem.rig.name}; {problem.space.law_class.words}.",
@@ -71,55 +68,82 @@ def _found(search: Multistart | None) -> str:
     return f"The best law found, seed {search.seed}, {search.words}, without a bound,"
 
 
-def _lift(problem: DesignProblem) -> dict[str, Any]:
+def class_cam_data(
+    cam: CamConfig,
+    space: Space,
+    unknowns: FloatArray,
+    name: str,
+    title: str,
+    source: str,
+    free: tuple[str, ...] = (),
+) -> dict[str, Any]:
+    """The content of the file of a law of a class, with the follower of the cam it starts from.
+
+    Parameters
+    ----------
+    cam : of which ``space`` has the law, dwells and events
+    unknowns : of the space
+    source : where the ordinates come from
+    free : what of dwells and events the space has elsewhere than the cam
+    """
+    return {
+        "name": name,
+        "title": title,
+        "lift": _lift(cam, space.start),
+        **_follower(cam),
+        "segments": _segments(cam, space, unknowns, source, free),
+    }
+
+
+def _lift(cam: CamConfig, start: Law) -> dict[str, Any]:
     """The start's, with where it comes from; a law may have another than its file's."""
-    own, name = problem.cam.lift, problem.cam.name
-    if abs(own.si - problem.start.lift) > SAME * problem.start.lift:
-        return quantity("assumed", problem.start.lift * 1e3, "mm", f"that of the law of {name}")
+    own, name = cam.lift, cam.name
+    if abs(own.si - start.lift) > SAME * start.lift:
+        return quantity("assumed", start.lift * 1e3, "mm", f"that of the law of {name}")
     return quantity(own.origin, own.numbers[0], own.unit, f"as {name}: {own.source}", own.residual)
 
 
-def _follower(problem: DesignProblem) -> dict[str, Any]:
-    data = problem.cam.model_dump(exclude_none=True)
-    kept = {"follower": _plain(data["follower"])}
-    return kept | ({"contact": _plain(data["contact"])} if "contact" in data else {})
+def _follower(cam: CamConfig) -> dict[str, Any]:
+    data = cam.model_dump(exclude_none=True)
+    kept = {"follower": without_empty(data["follower"])}
+    return kept | ({"contact": without_empty(data["contact"])} if "contact" in data else {})
 
 
-def _plain(data: dict[str, Any]) -> dict[str, Any]:
-    """Without empty words."""
+def without_empty(data: dict[str, Any]) -> dict[str, Any]:
+    """A part of a file without empty words."""
     return {
         key: {k: v for k, v in value.items() if v != ""} if isinstance(value, dict) else value
         for key, value in data.items()
     }
 
 
-def _segments(problem: DesignProblem, unknowns: FloatArray, source: str) -> list[dict[str, Any]]:
-    space, found, at = problem.space, [], 0.0
-    own = {what: _origin(problem, what) for what in ("dwells", "events")}
+def _segments(
+    cam: CamConfig, space: Space, unknowns: FloatArray, source: str, free: tuple[str, ...]
+) -> list[dict[str, Any]]:
+    found, at = [], 0.0
+    dwells, events = (_origin(cam, what in free) for what in ("dwells", "events"))
     for index, event in enumerate(space.events):
-        found += _dwell(at, event.start, own["dwells"])
+        found += _dwell(at, event.start, dwells)
         at = event.start + event.span
-        ordinates = space.coefficients(index)(unknowns) / problem.start.lift
-        law_class = space.law_class
-        knots = np.rint(law_class.knots[1:-1] * law_class.pieces).astype(int).tolist()
+        ordinates = space.coefficients(index)(unknowns) / space.start.lift
+        own = space.law_class
+        knots = np.rint(own.knots[1:-1] * own.pieces).astype(int).tolist()
         found.append(
             {
                 "law": "b_spline",
-                "span": _span(event.span, own["events"]),
-                "degree": law_class.power,
-                "knots": quantity("assumed", knots, "1", f"{law_class.pieces} equal pieces"),
+                "span": _span(event.span, events),
+                "degree": own.power,
+                "knots": quantity("assumed", knots, "1", f"{own.pieces} equal pieces"),
                 "ordinates": quantity("identified", ordinates.tolist(), "1", source),
             }
         )
-    found += _dwell(at, 2.0 * math.pi, own["dwells"])
+    found += _dwell(at, 2.0 * math.pi, dwells)
     return found
 
 
-def _origin(problem: DesignProblem, what: str) -> tuple[str, str]:
+def _origin(cam: CamConfig, found: bool) -> tuple[str, str]:
     """Whether spans of events or dwells are the cam's or found, and the words for it."""
-    if what in problem.free:
-        return "identified", "found with the law"
-    return "assumed", f"that of {problem.cam.name}"
+    return ("identified", "found with the law") if found else ("assumed", f"that of {cam.name}")
 
 
 def _dwell(start: float, end: float, origin: tuple[str, str]) -> list[dict[str, Any]]:

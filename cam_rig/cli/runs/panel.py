@@ -1,0 +1,71 @@
+"""cam-rig panel: the drawing board in a browser."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cam_rig.cli.common.console import console, user_errors
+from cam_rig.cli.common.names import cam_path, rig_path
+from cam_rig.cli.common.options import Rig
+
+
+def panel(
+    cam: Annotated[str, typer.Argument(help="Cam file, or a name in config/cams.")] = "poly345",
+    rig: Rig = "paper_table2",
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port on this machine; 0 takes a free one.")
+    ] = 0,
+    out: Annotated[Path, typer.Option(metavar="FOLDER", help="Where cam files are saved.")] = Path(
+        "out"
+    ),
+    open_browser: Annotated[bool, typer.Option("--open", help="Open the browser.")] = False,
+) -> None:
+    """Draw a motion law in a browser: drag its curve, and see what the follower makes of it.
+
+    Prints an address on this machine and serves it until Ctrl-C. The ordinates of the law are
+    handles on its curve; s to s''', contour, contact force, spectrum and jump speeds follow. A
+    cam without ordinates of its own is drawn as the nearest B-splines, and the page says so. The
+    address has a token: no other page, user or machine gets anything.
+
+    Examples
+    --------
+    cam-rig panel --open
+
+    cam-rig panel bezier15 --rig tm21 --out cams
+    """
+    with user_errors(), _ended_alike():
+        from cam_rig.extras import require
+        from cam_rig.panel.board import Board
+        from cam_rig.schema import load_cam, load_rig
+
+        for library in ("starlette", "uvicorn", "websockets"):
+            require(library)
+        from cam_rig.panel.server import serve
+
+        board = Board(load_cam(cam_path(cam)), load_rig(rig_path(rig)), out)
+        with serve(board, port) as served:
+            print(served.address, flush=True)
+            console.print("Ctrl-C ends the panel")
+            if open_browser:
+                import webbrowser
+
+                webbrowser.open(served.address)
+            served.wait()
+
+
+@contextmanager
+def _ended_alike() -> Iterator[None]:
+    """Any signal to end unwinds as Ctrl-C does, so that no process stays."""
+    numbers = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+    before = [signal.signal(number, signal.default_int_handler) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)

@@ -1,0 +1,1 @@
+"""The rig in a browser: a drawing board for motion laws."""

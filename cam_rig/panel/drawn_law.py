@@ -1,0 +1,203 @@
+"""A law as a linear function of its ordinates: what a page multiplies, and the law of any of them.
+
+Every piece of the law is a Bézier curve whose ordinates are those of its segment times a fixed
+matrix, so s to s''' at fixed angles are too. The ends of segments stay as they are, up to the
+derivative in which the start joins there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import BSpline as Spline
+
+from cam_rig.arrays import FloatArray
+from cam_rig.laws import Law, bernstein
+from cam_rig.laws.cam import segment_angles
+from cam_rig.laws.continuity import joints
+from cam_rig.laws.families.b_spline import bezier_pieces, greville
+from cam_rig.panel.drawable import (
+    DRAWN,
+    DrawableCam,
+    Drawn,
+    nearest_of_class,
+    with_own_ordinates,
+)
+from cam_rig.schema import CamConfig
+from cam_rig.schema.segments import BSpline
+from cam_rig.units import TURN
+
+#: Angles of a turn at which the page has the law, and its derivatives: s to s'''.
+POINTS, ORDERS = 720, 4
+#: Joints of a start are kept up to this derivative.
+KEPT = 3
+
+
+@dataclass(frozen=True)
+class Handle:
+    """One ordinate that may be moved.
+
+    Parameters
+    ----------
+    index : among all ordinates
+    angle : rad, where it pulls the most
+    """
+
+    index: int
+    angle: float
+
+
+@dataclass(frozen=True, eq=False)
+class MotionTable:
+    """S to s''' at `POINTS` angles, each constant + Σ table · ordinates from ``first`` on.
+
+    Parameters
+    ----------
+    first : ``(n,)`` index of the first ordinate that plays a part at an angle
+    table : ``(4, n, w)`` m/rad^order per ordinate; ``constant`` ``(4, n)``
+    """
+
+    first: FloatArray
+    table: FloatArray
+    constant: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnLaw:
+    """The laws of a cam's segments with any ordinates, in fractions of the lift."""
+
+    start: DrawableCam
+
+    @classmethod
+    def of(cls, cam: CamConfig) -> DrawnLaw:
+        """Of a cam's own ordinates, where it has some that may be moved; else of its class law's.
+
+        Raises
+        ------
+        ConfigError : it rests all around, or does not join itself even in C1
+        LawError : it has no law
+        """
+        own = with_own_ordinates(cam)
+        drawn = None if own is None else cls(own)
+        return drawn if drawn is not None and drawn.handles else cls(nearest_of_class(cam))
+
+    @property
+    def drawn(self) -> list[Drawn]:
+        """The segments that have ordinates, in turn."""
+        return [segment for segment in self.start.cam.segments if isinstance(segment, DRAWN)]
+
+    @cached_property
+    def ordinates(self) -> FloatArray:
+        """``(m,)`` those of the start, segment by segment."""
+        return np.array([x for segment in self.drawn for x in segment.ordinates.numbers])
+
+    @cached_property
+    def handles(self) -> list[Handle]:
+        """The ordinates that may be moved, in the order of their angles."""
+        smooth = {joint.angle: joint.continuity for joint in joints(self.start.law)}
+        ends = np.array(sorted(smooth))
+        found, index = [], 0
+        for segment, begin in zip(self.start.cam.segments, self._angles, strict=True):
+            if not isinstance(segment, DRAWN):
+                continue
+            count = len(segment.ordinates.numbers)
+            at = begin + segment.span.si * _abscissae(segment)
+            edges = (begin, (begin + segment.span.si) % TURN)
+            fixed = [1 + min(KEPT, max(0, smooth[_nearest(ends, edge)])) for edge in edges]
+            free = range(fixed[0], count - fixed[1])
+            found += [Handle(index + i, float(at[i]) % TURN) for i in free]
+            index += count
+        return found
+
+    @cached_property
+    def _angles(self) -> list[float]:
+        return segment_angles(self.start.cam)
+
+    @cached_property
+    def _pieces(self) -> list[tuple[int, FloatArray]]:
+        """Of each piece the index of its first ordinate, and ``(p + 1, k)`` from k of them (m).
+
+        A dwell has no ordinate: k is 0.
+        """
+        degree, lift, found, index = self.start.law.degree, self.start.cam.lift.si, [], 0
+        for segment in self.start.cam.segments:
+            if not isinstance(segment, DRAWN):
+                found.append((0, np.zeros((degree + 1, 0))))
+                continue
+            for columns in _bezier(segment):
+                used = np.flatnonzero(columns.any(axis=0))
+                own = columns[:, used[0] : used[-1] + 1]
+                found.append((index + int(used[0]), lift * bernstein.elevate(own, degree)))
+            index += len(segment.ordinates.numbers)
+        return found
+
+    def law(self, ordinates: FloatArray, name: str) -> Law:
+        """The law of some ordinates ``(m,)``.
+
+        Raises
+        ------
+        LawError : they are not finite
+        """
+        start = self.start.law
+        columns = [
+            matrix @ ordinates[first : first + matrix.shape[1]]
+            if matrix.shape[1]
+            else start.ordinates[:, i]
+            for i, (first, matrix) in enumerate(self._pieces)
+        ]
+        return Law(name, start.breaks, np.stack(columns, axis=1))
+
+    @cached_property
+    def table(self) -> MotionTable:
+        """What gives s to s''' at `POINTS` equal steps of a turn; right limits at joints."""
+        law = self.start.law
+        angle = table_angles()
+        piece = np.searchsorted(law.breaks[1:-1], angle, side="right")
+        u = (angle - law.breaks[piece]) / law.spans[piece]
+        width = max(matrix.shape[1] for _, matrix in self._pieces)
+        first, count = np.zeros(POINTS), self.ordinates.size
+        table, constant = np.zeros((ORDERS, POINTS, width)), np.zeros((ORDERS, POINTS))
+        for i in np.unique(piece):
+            here, (begin, matrix) = np.flatnonzero(piece == i), self._pieces[i]
+            if not matrix.shape[1]:
+                constant[0, here] = law.ordinates[0, i]
+                continue
+            shift = max(0, begin + width - count)  # no row reaches beyond the last ordinate
+            columns = slice(shift, shift + matrix.shape[1])
+            first[here] = begin - shift
+            for order in range(min(ORDERS, law.degree + 1)):
+                values = bernstein.basis(law.degree - order, u[here]) @ matrix
+                table[order, here, columns] = values
+                matrix = bernstein.derivative(matrix) / law.spans[i]
+        return MotionTable(first, table, constant)
+
+
+def table_angles() -> FloatArray:
+    """``(n,)`` cam angles (rad) of a `MotionTable`."""
+    return np.linspace(0.0, TURN, POINTS, endpoint=False)
+
+
+def _abscissae(segment: Drawn) -> FloatArray:
+    """Greville's, of the ordinates of a segment, from 0 to 1."""
+    if not isinstance(segment, BSpline):
+        return np.linspace(0.0, 1.0, len(segment.ordinates.numbers))
+    knots = np.array(segment.knots.numbers)
+    return np.asarray((greville(knots, segment.degree) - knots[0]) / (knots[-1] - knots[0]))
+
+
+def _bezier(segment: Drawn) -> list[FloatArray]:
+    """From the ordinates of a segment to those of each of its Bézier pieces."""
+    count = len(segment.ordinates.numbers)
+    if not isinstance(segment, BSpline):
+        return [np.eye(count)]
+    knots = np.array(segment.knots.numbers)
+    outer = np.concatenate([knots[:1], knots, knots[-1:]])
+    return bezier_pieces(Spline(outer, np.eye(count), segment.degree))[1]
+
+
+def _nearest(ends: FloatArray, angle: float) -> float:
+    """The joint at an angle (rad) of the turn, rounding aside."""
+    apart = np.abs((ends - angle + 0.5 * TURN) % TURN - 0.5 * TURN)
+    return float(ends[np.argmin(apart)])

@@ -1,0 +1,161 @@
+// Charts in SVG: axes that change with their range, and paths that change with every frame.
+
+export function element(name, attributes, parent) {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  parent?.append(made);
+  return made;
+}
+
+/** Round steps, about `count` of them, that cover a range. */
+export function ticks(low, high, count) {
+  const raw = (high - low) / count;
+  const power = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 5, 10].find((part) => part * power >= raw * 0.8) * power;
+  const found = [];
+  for (let i = Math.ceil(low / step - 1e-9); i * step <= high + step * 1e-9; i += 1) found.push(i * step);
+  return found;
+}
+
+/** A number with so many digits, and no exponent where it can be read without. */
+export function shown(value, digits = 4) {
+  if (value === 0) return "0";
+  const size = Math.abs(value);
+  if (size >= 1e6 || size < 1e-4) return value.toExponential(digits - 1);
+  formats[digits] ??= new Intl.NumberFormat(document.documentElement.lang, { maximumSignificantDigits: digits, useGrouping: false });
+  return formats[digits].format(value);
+}
+const formats = []; // they are slow to make
+
+const LEFT = 56, RIGHT = 16, TOP = 18, BOTTOM = 20;
+
+export class Chart {
+  /** `options`: x range, its ticks, log for a logarithmic y axis, title and xTitle. */
+  constructor(place, { title, x, xTicks, xTitle = "", log = false }) {
+    Object.assign(this, { place, title, x, xTicks, xTitle, log });
+    this.svg = element("svg", { role: "img", "aria-label": title });
+    place.append(this.svg);
+    this.axes = element("g", {}, this.svg);
+    const id = `clip_${place.id}`;
+    this.clip = element("rect", {}, element("clipPath", { id }, element("defs", {}, this.svg)));
+    this.curves = element("g", { "clip-path": `url(#${id})` }, this.svg);
+    this.paths = new Map();
+    this.drawn = new WeakMap();
+    this.range = null;
+    this.resized = () => {};
+    new ResizeObserver(() => { this.#axes(); this.resized(); }).observe(place);
+    this.#measure();
+  }
+
+  #measure() {
+    this.width = Math.max(80, this.place.clientWidth);
+    this.height = Math.max(60, this.place.clientHeight);
+  }
+
+  right(x) { return LEFT + ((x - this.x[0]) / (this.x[1] - this.x[0])) * (this.width - LEFT - RIGHT); }
+
+  down(y) {
+    const [low, high] = this.range;
+    return TOP + ((high - y) / (high - low)) * (this.height - TOP - BOTTOM - (this.xTitle ? 14 : 0));
+  }
+
+  /** The value at a height in px of the chart. */
+  value(pixels) {
+    const [low, high] = this.range;
+    return high - ((pixels - TOP) / (this.height - TOP - BOTTOM - (this.xTitle ? 14 : 0))) * (high - low);
+  }
+
+  /** Widen the range to hold these values; `anew` lets it shrink as well. */
+  fit(low, high, anew) {
+    if (!(Number.isFinite(low) && Number.isFinite(high))) return;
+    if (!(high > low)) [low, high] = [low - 1, high + 1];
+    const own = this.range;
+    if (own && !anew && low >= own[0] && high <= own[1]) return;
+    const spare = this.log ? 0 : 0.08 * (high - low);
+    this.range = [low - spare, high + spare];
+    if (own && !anew) this.range = [Math.min(own[0], this.range[0]), Math.max(own[1], this.range[1])];
+    this.#axes();
+  }
+
+  #axes() {
+    this.#measure();
+    if (!this.range) return;
+    const { width, height } = this;
+    this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    const [top, bottom] = [this.down(this.range[1]), this.down(this.range[0])];
+    for (const [key, value] of Object.entries({ x: LEFT, y: top, width: width - LEFT - RIGHT, height: bottom - top })) {
+      this.clip.setAttribute(key, value);
+    }
+    const parts = document.createDocumentFragment();
+    const text = (x, y, words, more = {}) => { element("text", { x, y, ...more }, parts).textContent = words; };
+    const every = width < 300 ? 2 : 1;
+    this.xTicks.forEach((x, i) => {
+      element("path", { class: "grid", d: `M${this.right(x)} ${top}V${bottom}` }, parts);
+      if (i % every === 0) text(this.right(x), bottom + 14, shown(x), { "text-anchor": "middle" });
+    });
+    const marks = this.log ? decades(this.range) : ticks(...this.range, Math.max(4, Math.round((bottom - top) / 45)));
+    for (const y of marks) {
+      element("path", { class: y === 0 && !this.log ? "zero" : "grid", d: `M${LEFT} ${this.down(y)}H${width - RIGHT}` }, parts);
+      text(LEFT - 5, this.down(y) + 4, shown(this.log ? 10 ** y : y), { "text-anchor": "end" });
+    }
+    element("path", { class: "frame", d: `M${LEFT} ${top}V${bottom}H${width - RIGHT}` }, parts);
+    text(LEFT, 12, this.title, { class: "title" });
+    if (this.xTitle) text(width - RIGHT, height - 4, this.xTitle, { "text-anchor": "end" });
+    this.axes.replaceChildren(parts);
+    this.drawn = new WeakMap();
+  }
+
+  /** A path to be drawn; null where it is empty, or is of the same values on the same axes. */
+  #path(key, values, colour, kind) {
+    if (!this.paths.has(key)) this.paths.set(key, element("path", { class: `curve ${kind}` }, this.curves));
+    const path = this.paths.get(key);
+    if (!values) {
+      if (path.getAttribute("d")) path.setAttribute("d", "");
+      this.drawn.delete(path);
+      return null;
+    }
+    if (this.drawn.get(path) === values) return null;
+    this.drawn.set(path, values);
+    if (colour) path.setAttribute("stroke", colour);
+    return path;
+  }
+
+  /** Lines up to values at 1, 2, ...; `aside` (px) lets several stand beside each other. */
+  stems(key, values, { colour, kind = "", aside = 0 }) {
+    const path = this.#path(key, values, colour, kind);
+    if (!path) return;
+    const bottom = this.down(this.range[0]).toFixed(1);
+    const parts = Array.from(values, (y, i) => `M${(this.right(i + 1) + aside).toFixed(1)} ${bottom}V${this.down(Math.max(y, this.range[0])).toFixed(1)}`);
+    path.setAttribute("d", parts.join(""));
+  }
+
+  /** A curve of values at equal steps of x; null takes it away. */
+  curve(key, values, { colour, kind = "", scale = 1, step }) {
+    const path = this.#path(key, values, colour, kind);
+    if (!path) return;
+    const from = this.x[0];
+    const parts = new Array(values.length);
+    for (let i = 0; i < values.length; i += 1) {
+      parts[i] = `${this.right(from + i * step).toFixed(1)} ${this.down(values[i] * scale).toFixed(1)}`;
+    }
+    path.setAttribute("d", `M${parts.join("L")}`);
+  }
+}
+
+function decades([low, high]) {
+  const found = [];
+  for (let i = Math.ceil(low); i <= high; i += 1) found.push(i);
+  return found;
+}
+
+/** Lowest and highest of several arrays, those that are there. */
+export function extent(arrays, scale = 1) {
+  let [low, high] = [Infinity, -Infinity];
+  for (const values of arrays) {
+    for (const value of values ?? []) {
+      if (value < low) low = value;
+      if (value > high) high = value;
+    }
+  }
+  return [low * scale, high * scale];
+}

@@ -1,0 +1,73 @@
+// Handles on the curve: circles that are moved and never replaced, so that focus and pointer stay.
+import { element } from "./charts.js";
+
+/** Of the lift: what an arrow key moves an ordinate by, and how Shift and Page change that. */
+const STEP = 0.005, FINE = 0.1, COARSE = 10;
+const RADIUS = 6;
+
+export class Handles {
+  /**
+   * handles: {index, angle, k} each; act: begin(), move(handle, lift in m), step(handle, lifts),
+   * home(handle), end(), least and most (mm); words: label(i), value(handle).
+   */
+  constructor(chart, handles, act, words) {
+    Object.assign(this, { chart, handles, act, words, seen: [] });
+    this.circles = handles.map((handle, i) => {
+      const circle = element("circle", { class: "handle", r: RADIUS, role: "slider", tabindex: 0, "aria-label": words.label(i), "aria-orientation": "vertical", "aria-valuemin": act.least, "aria-valuemax": act.most, "data-index": handle.index }, chart.svg);
+      this.#listen(circle, handle);
+      return circle;
+    });
+  }
+
+  #listen(circle, handle) {
+    let grabbed = null;
+    circle.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0) return;
+      event.preventDefault();
+      circle.focus();
+      circle.setPointerCapture(event.pointerId);
+      grabbed = event.clientY - Number(circle.getAttribute("cy"));
+      this.act.begin();
+    });
+    circle.addEventListener("pointermove", (event) => {
+      if (grabbed !== null) this.act.move(handle, this.chart.value(event.clientY - grabbed) / 1e3);
+    });
+    const release = () => {
+      if (grabbed === null) return;
+      grabbed = null;
+      this.act.end();
+    };
+    circle.addEventListener("pointerup", release);
+    circle.addEventListener("lostpointercapture", release);
+    circle.addEventListener("keydown", (event) => this.#key(event, handle));
+  }
+
+  #key(event, handle) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const fine = event.shiftKey ? FINE : 1;
+    const by = { ArrowUp: fine, ArrowRight: fine, ArrowDown: -fine, ArrowLeft: -fine, PageUp: COARSE, PageDown: -COARSE }[event.key];
+    if (by === undefined && event.key !== "Home") return;
+    event.preventDefault();
+    this.act.begin();
+    if (by === undefined) this.act.home(handle);
+    else this.act.step(handle, by * STEP);
+    this.act.end();
+  }
+
+  /** Put every handle where the lift (m) is; what is as it was is not touched. */
+  place(lift, ordinates, unit) {
+    this.handles.forEach((handle, i) => {
+      const at = [this.chart.right((handle.angle * 180) / Math.PI), this.chart.down(lift[handle.k] * 1e3)];
+      const [x, y] = at.map((value) => value.toFixed(1));
+      const value = (ordinates[handle.index] * unit).toFixed(4);
+      const seen = `${x} ${y} ${value} ${lift[handle.k]}`;
+      if (this.seen[i] === seen) return;
+      this.seen[i] = seen;
+      set(this.circles[i], { cx: x, cy: y, "aria-valuenow": value, "aria-valuetext": this.words.value(handle) });
+    });
+  }
+}
+
+function set(circle, attributes) {
+  for (const [key, value] of Object.entries(attributes)) circle.setAttribute(key, value);
+}

@@ -1,0 +1,186 @@
+// The drawing board: what is dragged changes the law here at once; the server says what is exact.
+import { Chart, shown } from "./charts.js";
+import { ContourChart } from "./contour.js";
+import { Handles } from "./drag.js";
+import { History } from "./history.js";
+import { decode, motion, pull, readTable } from "./law.js";
+import { Pictures } from "./pictures.js";
+import { Readouts } from "./readouts.js";
+import { loadTexts, text } from "./texts.js";
+import { Wire } from "./wire.js";
+
+const $ = (id) => document.getElementById(id);
+const degrees = (radians) => (radians * 180) / Math.PI;
+
+await loadTexts();
+const board = await (await fetch("/board")).json();
+const table = readTable(board);
+const state = { ordinates: Float64Array.from(board.ordinates), rpm: board.rpm };
+const start = Float64Array.from(board.start);
+const lift = board.cam.lift_m;
+const sent = new Map();
+
+const pictures = new Pictures(board, table, motion(table, start));
+pictures.contour = new ContourChart($("contour"), board.colours, text("contour"));
+const readouts = new Readouts(board);
+
+// -- what is seen ---------------------------------------------------------------------------------
+let asked = false;
+function draw(anew = false) {
+  pictures.draw(state.ordinates, state.rpm, anew);
+  handles.place(pictures.motion[0], state.ordinates, lift * 1e3);
+}
+/** Draw with the next frame: however many events there are, a frame is drawn once. */
+function drawSoon() {
+  if (asked) return;
+  asked = true;
+  requestAnimationFrame(() => { asked = false; draw(); });
+}
+function changed() {
+  readouts.stale();
+  drawSoon();
+  wire.change();
+}
+
+// -- what is dragged ------------------------------------------------------------------------------
+const history = new History(
+  () => ({ ordinates: Array.from(state.ordinates), rpm: state.rpm }),
+  (before) => { put(before); changed(); settle(); },
+  () => {
+    $("undo").disabled = !history.past.length;
+    $("redo").disabled = !history.future.length;
+  },
+);
+function put({ ordinates, rpm }) {
+  state.ordinates = Float64Array.from(ordinates);
+  setSpeed(rpm);
+}
+/** After a gesture the axes may shrink again. */
+function settle() { requestAnimationFrame(() => draw(true)); }
+function moveOrdinate(handle, value) {
+  state.ordinates[handle.index] = Math.min(FARTHEST, Math.max(-FARTHEST, value));
+  changed();
+}
+const own = board.handles.map(({ index, angle }) => {
+  const k = Math.round((angle / (2 * Math.PI)) * board.points) % board.points;
+  return { index, k, angle: (2 * Math.PI * k) / board.points };
+});
+const FARTHEST = 100; // lifts, of an ordinate
+const act = {
+  least: -FARTHEST * lift * 1e3,
+  most: FARTHEST * lift * 1e3,
+  begin: () => history.begin(),
+  move(handle, height) {
+    const now = motion(table, state.ordinates)[0][handle.k];
+    moveOrdinate(handle, state.ordinates[handle.index] + (height - now) / pull(table, handle.k, handle.index));
+  },
+  step: (handle, lifts) => moveOrdinate(handle, state.ordinates[handle.index] + lifts),
+  home: (handle) => moveOrdinate(handle, start[handle.index]),
+  end() { history.end(); settle(); wire.flush(); },
+};
+const handles = new Handles(pictures.charts[0], own, act, {
+  label: (i) => text("handle", { number: i + 1, count: own.length }),
+  value: ({ k, angle }) => text("handle_value", { lift: shown(pictures.motion[0][k] * 1e3, 5), angle: shown(degrees(angle), 4) }),
+});
+pictures.charts[0].resized = drawSoon;
+for (const chart of pictures.all) chart.resized = drawSoon;
+
+// -- the knob, on a scale of equal ratios ---------------------------------------------------------
+const KNOB = [20, 2000];
+function setSpeed(rpm) {
+  state.rpm = rpm;
+  $("rpm").value = Number(rpm.toPrecision(6));
+  $("knob").value = Math.log(rpm);
+}
+[$("knob").min, $("knob").max] = KNOB.map(Math.log);
+$("knob").setAttribute("aria-label", text("speed"));
+[$("rpm").min, $("rpm").max] = board.rpm_range;
+$("knob").addEventListener("input", () => {
+  history.begin();
+  setSpeed(Math.round(Math.exp($("knob").value)));
+  changed();
+});
+$("knob").addEventListener("keydown", (event) => {
+  const by = { ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1, PageUp: 10, PageDown: -10 }[event.key];
+  if (by === undefined) return;
+  event.preventDefault();
+  history.begin();
+  setSpeed(Math.min(board.rpm_range[1], Math.max(board.rpm_range[0], Math.round(state.rpm) + by)));
+  changed();
+  history.end();
+});
+$("knob").addEventListener("change", () => { history.end(); settle(); wire.flush(); });
+$("rpm").addEventListener("change", () => {
+  const rpm = $("rpm").valueAsNumber;
+  if (!$("rpm").checkValidity() || !Number.isFinite(rpm)) { $("rpm").reportValidity(); return; }
+  history.begin();
+  setSpeed(rpm);
+  changed();
+  history.end();
+  settle();
+});
+
+// -- buttons and keys -----------------------------------------------------------------------------
+$("undo").addEventListener("click", () => history.undo());
+$("redo").addEventListener("click", () => history.redo());
+$("reset").addEventListener("click", () => {
+  history.begin();
+  state.ordinates = start.slice();
+  changed();
+  history.end();
+  settle();
+});
+addEventListener("keydown", (event) => {
+  if (!(event.ctrlKey || event.metaKey) || event.target.matches("input:not([type=range])")) return;
+  const key = event.key.toLowerCase();
+  if (key === "z" && !event.shiftKey) history.undo();
+  else if (key === "y" || (key === "z" && event.shiftKey)) history.redo();
+  else return;
+  event.preventDefault();
+});
+$("controls").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const body = JSON.stringify({ name: $("name").value, ordinates: Array.from(state.ordinates) });
+  const answer = await fetch("/save", { method: "POST", body });
+  const found = await answer.json();
+  readouts.status(answer.ok ? text("saved", found) : text("not_saved", found), !answer.ok);
+});
+for (const name of board.cams) $("second").append(new Option(name, name));
+$("second").addEventListener("change", async () => {
+  const name = $("second").value;
+  const answer = name && (await fetch(`/other/${name}`));
+  const found = answer && (await answer.json());
+  if ($("second").value !== name) return; // another was chosen meanwhile
+  if (answer && !answer.ok) readouts.status(found.words, true);
+  const flat = answer?.ok ? decode(found.motion) : null;
+  pictures.second = flat && Array.from({ length: board.orders }, (_, i) => flat.subarray(i * board.points, (i + 1) * board.points));
+  draw(true);
+});
+$("spectrum_of").addEventListener("change", () => draw(true));
+
+// -- the server -----------------------------------------------------------------------------------
+function heard(message, pending) {
+  if (message.type === "refused") readouts.status(text("refused", message), true);
+  if (message.type === "rest") readouts.rest(message);
+  if (message.type === "moved") { put(message); sent.set("moved", Float64Array.from(message.ordinates)); }
+  if (message.type !== "exact" && message.type !== "moved") return;
+  const ordinates = sent.get(message.number ?? "moved");
+  for (const number of sent.keys()) if (number !== "moved" && number <= message.number) sent.delete(number);
+  readouts.exact(message);
+  const turned = pictures.judged(ordinates, message);
+  // What turned good or bad at rest may have other axes; in the middle of a gesture they stay.
+  if (message.type === "moved" || (turned && !history.before)) settle();
+  else if (turned) drawSoon();
+  if (!pending) readouts.current(message.version);
+}
+const wire = new Wire(
+  (number) => {
+    sent.set(number, state.ordinates.slice());
+    return { ordinates: Array.from(state.ordinates), rpm: state.rpm };
+  },
+  heard,
+  (on) => readouts.status(on ? text("connected") : text("disconnected"), !on),
+);
+setSpeed(state.rpm);
+history.told();
+draw(true);

@@ -1,0 +1,76 @@
+// Numbers and words from the server; those of an earlier law are marked until the new ones come.
+import { shown } from "./charts.js";
+import { text } from "./texts.js";
+
+const AT_REST = ["jump", "residual", "level"];
+const $ = (id) => document.getElementById(id);
+
+export class Readouts {
+  constructor(board) {
+    const { rig, cam } = board;
+    this.version = null;
+    this.sprung = cam.sprung;
+    $("title").textContent = text("title", { title: cam.title, rig: rig.title });
+    document.title = `${cam.name} – cam_rig`;
+    $("class").textContent = board.class === null ? text("own") : text("class", { words: board.class, distance: shown(board.distance_m * 1e6, 2) });
+    $("jump_title").textContent = text(rig.two_masses ? "jump" : "jump_one", { seconds: rig.from_rest_s });
+    $("level_title").textContent = rig.calibrated_on ? text("level", { cam: rig.calibrated_on }) : text("level_relative");
+    $("name").value = `${cam.name}_drawn`;
+    this.checks = [];
+    this.faults = [];
+  }
+
+  status(words, wrong) {
+    $("status").textContent = words;
+    $("status").classList.toggle("fault", Boolean(wrong));
+  }
+
+  /** The law has changed: what was found of it belongs to the one before. */
+  stale() { for (const id of ["jump_rigid", ...AT_REST]) $(id).classList.add("stale"); }
+
+  exact({ version, faults, warnings, jump_rigid: jump }) {
+    this.version = version;
+    for (const id of AT_REST) $(id).classList.add("stale");
+    value("jump_rigid", this.sprung ? jump : { words: text("held") }, 5, "rpm");
+    this.faults = [...faults, ...warnings].map(inWords);
+    this.checks = [];
+    this.#list();
+  }
+
+  /** Nothing newer is on its way. */
+  current() { $("jump_rigid").classList.remove("stale"); }
+
+  rest(message) {
+    if (message.version !== this.version) return;
+    if (message.words) return this.status(message.words, true);
+    value("jump", this.sprung ? message.jump : { words: text("held") }, 5, "rpm");
+    value("residual", message.residual_um, 4, "µm");
+    value("level", message.level_db, 4, "dB");
+    this.checks = message.checks;
+    this.#list();
+  }
+
+  /** At rest the checks say it all; until then what was seen of the contour. */
+  #list() {
+    const lines = this.checks.length ? this.checks : this.faults;
+    const items = lines.map((words) => Object.assign(document.createElement("li"), { textContent: words }));
+    if ($("faults").textContent !== lines.join("")) $("faults").replaceChildren(...items);
+  }
+}
+
+function inWords({ key, angle_deg: angle, value_deg: found, allowed_deg: allowed, words }) {
+  if (key === "error") return words;
+  return text(key, { angle: shown(angle, 3), value: found && shown(found, 3), allowed: allowed && shown(allowed, 3) });
+}
+
+/** Of the unit of a readout: less is not told apart. */
+const LEAST = 1e-3;
+
+function value(id, { value: number, words }, digits, unit) {
+  const size = number === undefined ? "" : Math.abs(number) < LEAST ? text("below", { value: LEAST }) : shown(number, digits);
+  put(id, words ?? (number === undefined ? text("at_no_speed") : `${size} ${unit}`));
+  $(id).classList.remove("stale");
+  $(id).classList.toggle("words", number === undefined);
+}
+
+function put(id, words) { $(id).textContent = words; }

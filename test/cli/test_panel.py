@@ -1,0 +1,74 @@
+"""cam-rig panel: the address it prints, how it ends, what it refuses."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from http.client import HTTPConnection
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from typer.testing import CliRunner
+
+from cam_rig.cli.main import app
+from cam_rig.errors import INTERRUPTED
+
+COMMAND = (Path(sys.executable).parent / "cam-rig", "panel")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_it_serves_until_it_is_ended_and_leaves_no_process(number: int) -> None:
+    """One line and 130, however it is asked; its address answers no more."""
+    process = subprocess.Popen(
+        COMMAND, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    assert process.stdout is not None
+    url = urlsplit(process.stdout.readline().strip())
+    assert url.hostname == "127.0.0.1"
+    connection = HTTPConnection("127.0.0.1", url.port or 0, timeout=60)
+    connection.request("GET", f"/?{url.query}")
+    assert connection.getresponse().status == 303
+    connection.close()
+    folder = Path(f"/proc/{process.pid}/task")
+    children = [child for task in folder.glob("*/children") for child in task.read_text().split()]
+    assert children
+    os.kill(process.pid, number)
+    _, printed = process.communicate(timeout=60)
+    assert process.returncode == INTERRUPTED
+    assert printed.splitlines() == ["Ctrl-C ends the panel", "cam-rig: interrupted"]
+    assert not [child for child in children if Path(f"/proc/{child}").exists()]
+    with socket.socket() as caller:
+        assert caller.connect_ex(("127.0.0.1", url.port or 0)) != 0
+
+
+def test_a_port_in_use_is_one_line() -> None:
+    """With the remedy, and the code of a wrong argument."""
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        result = CliRunner().invoke(app, ["panel", "--port", str(port)])
+    assert result.exit_code == 2
+    assert result.stderr == (
+        f"cam-rig: --port: {port} is in use; allowed: another, or 0 for a free one\n"
+    )
+
+
+def test_a_law_that_cannot_be_drawn_is_one_line(tmp_path: Path) -> None:
+    """A cam that never lifts; and one that is not there."""
+    cam = tmp_path / "rests.yaml"
+    cam.write_text(
+        "name: rests\ntitle: Rests\nlift: {assumed: 1, unit: mm, source: none}\n"
+        "follower: {type: flat, base_radius: {assumed: 20, unit: mm, source: none}}\n"
+        "segments:\n  - {law: dwell, span: {assumed: 360, unit: deg, source: all}}\n",
+        encoding="utf-8",
+    )
+    for given, words in ((cam, "rests all around"), ("nobody", "no such file")):
+        result = CliRunner().invoke(app, ["panel", str(given)])
+        assert result.exit_code == 2
+        assert words in result.stderr
+        assert result.stderr.count("\n") == 1

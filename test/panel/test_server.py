@@ -1,0 +1,229 @@
+"""Who gets what: pages with the token, of this host and origin, and nobody else."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import socket
+from http.client import HTTPConnection, HTTPResponse
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from cam_rig.errors import ConfigError
+from cam_rig.panel.board import Board
+from cam_rig.panel.server import STATIC, serve
+
+PATHS = ["/", "/board", "/static/law.js", "/other/tm21", "/save", "/nothing"]
+
+
+def ask(address: str, path: str, method: str = "GET", body: str = "", **headers: str) -> tuple:
+    """Status, headers and body; ``Host`` is the address's unless another is given."""
+    url = urlsplit(address)
+    connection = HTTPConnection(url.hostname or "", url.port, timeout=20)
+    connection.putrequest(method, path, skip_host=True)
+    for name, value in ({"Host": url.netloc, "Content-Length": str(len(body))} | headers).items():
+        connection.putheader(name, value)
+    connection.endheaders(body.encode())
+    answer: HTTPResponse = connection.getresponse()
+    found = answer.status, answer.headers, answer.read()
+    connection.close()
+    return found
+
+
+@pytest.fixture
+def cookie(address: str) -> str:
+    """What the printed address is answered with."""
+    url = urlsplit(address)
+    status, headers, _ = ask(address, f"/?{url.query}")
+    assert (status, headers["Location"]) == (303, "/")
+    words = headers["Set-Cookie"]
+    assert "HttpOnly" in words
+    assert "SameSite=strict" in words
+    return str(words.split(";")[0])
+
+
+def test_the_token_becomes_a_cookie_with_which_the_page_is_read(address: str, cookie: str) -> None:
+    """The address in the browser's history has no token any more."""
+    assert address.startswith("http://127.0.0.1:")
+    status, headers, body = ask(address, "/", Cookie=cookie)
+    assert status == 200
+    assert b"main.js" in body
+    assert "default-src 'self'" in headers["Content-Security-Policy"]
+    assert "unsafe" not in headers["Content-Security-Policy"]
+    assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+    assert ask(address, "/board", Cookie=cookie)[0] == 200
+
+
+def test_without_the_token_there_is_nothing(address: str, cookie: str) -> None:
+    """Neither page nor file, also with another's token."""
+    name = cookie.split("=", maxsplit=1)[0]
+    for path in PATHS:
+        for wrong in ({}, {"Cookie": f"{name}=wrong"}, {"Cookie": f"{name}="}, {"Cookie": "é=1"}):
+            status, _, body = ask(address, path, **wrong)
+            assert status == 403
+            assert b"token" in body
+        assert ask(address, f"{path}?token=wrong", Cookie=cookie)[0] == 403
+
+
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:{port}", "127.0.0.1", ""])
+def test_another_host_name_gets_nothing(address: str, cookie: str, host: str) -> None:
+    """A site whose name is made to point to this machine, even with the cookie."""
+    host = host.format(port=urlsplit(address).port)
+    for path in PATHS:
+        assert ask(address, path, Cookie=cookie, Host=host)[0] == 403
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "https://127.0.0.1:{port}"])
+def test_another_origin_gets_nothing(address: str, cookie: str, origin: str) -> None:
+    """Neither by a request nor by a websocket; a POST without an origin is refused too."""
+    origin = origin.format(port=urlsplit(address).port)
+    for path in PATHS:
+        assert ask(address, path, Cookie=cookie, Origin=origin)[0] == 403
+    assert ask(address, "/save", "POST", "{}", Cookie=cookie, Origin=origin)[0] == 403
+    assert ask(address, "/save", "POST", "{}", Cookie=cookie)[0] == 403
+
+
+def socket_status(address: str, **headers: str) -> int:
+    """How a websocket's handshake is answered."""
+    url = urlsplit(address)
+    given = {name: value for name, value in headers.items() if name != "Host"}
+    try:
+        with connect(f"ws://{url.netloc}/changes", additional_headers=given, origin=None):
+            return 101
+    except InvalidStatus as error:
+        return error.response.status_code
+
+
+def test_a_websocket_needs_cookie_and_origin(address: str, cookie: str) -> None:
+    """As a page of the panel sends them: both, and nothing else will do."""
+    own = "http://" + urlsplit(address).netloc
+    assert socket_status(address, Cookie=cookie, Origin=own) == 101
+    assert socket_status(address, Cookie=cookie) == 403
+    assert socket_status(address, Origin=own) == 403
+    assert socket_status(address, Cookie=f"{cookie}x", Origin=own) == 403
+    assert socket_status(address, Cookie=cookie, Origin="http://evil.example") == 403
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", "1", "{", "{}", '{"number": 1}', '{"number": 1, "ordinates": [], "rpm": 1}']
+)
+def test_a_wrong_message_is_refused_and_the_next_is_taken(
+    board: Board, address: str, cookie: str, text: str
+) -> None:
+    """The page is told why, and what was drawn stays."""
+    headers = {"Cookie": cookie, "Origin": "http://" + urlsplit(address).netloc}
+    with connect(
+        f"ws://{urlsplit(address).netloc}/changes", additional_headers=headers, origin=None
+    ) as page:
+        assert json.loads(page.recv())["type"] == "moved"
+        page.send(text)
+        answer = next_of(page, "refused")
+        assert "allowed" in answer["words"]
+        assert board.version == 0
+        change = {"number": 7, "ordinates": board.ordinates.tolist(), "rpm": 250}
+        page.send(json.dumps(change))
+        assert next_of(page, "exact")["number"] == 7
+        assert board.rpm == 250.0
+
+
+def next_of(page: object, kind: str) -> dict:
+    """The next message of a kind."""
+    while True:
+        message = json.loads(page.recv(timeout=60))  # type: ignore[attr-defined]
+        if message["type"] == kind:
+            return dict(message)
+
+
+def test_only_the_last_law_is_answered_at_rest(board: Board, address: str, cookie: str) -> None:
+    """What comes late is of the newest change, and says of which."""
+    headers = {"Cookie": cookie, "Origin": "http://" + urlsplit(address).netloc}
+    with connect(
+        f"ws://{urlsplit(address).netloc}/changes", additional_headers=headers, origin=None
+    ) as page:
+        assert next_of(page, "rest")["version"] == 0
+        for number in range(1, 21):
+            change = {"number": number, "ordinates": board.ordinates.tolist(), "rpm": 200 + number}
+            page.send(json.dumps(change))
+        answer = next_of(page, "rest")
+        while answer["version"] < 20:
+            answer = next_of(page, "rest")
+        assert answer["rpm"] == 220.0
+
+
+def test_a_worker_that_is_killed_is_named_and_another_begins(
+    board: Board, address: str, cookie: str
+) -> None:
+    """The next change is answered again."""
+    headers = {"Cookie": cookie, "Origin": "http://" + urlsplit(address).netloc}
+    with connect(
+        f"ws://{urlsplit(address).netloc}/changes", additional_headers=headers, origin=None
+    ) as page:
+        assert "jump" in next_of(page, "rest")
+        tasks = Path(f"/proc/{os.getpid()}/task").glob("*/children")
+        for child in (number for task in tasks for number in task.read_text().split()):
+            if b"cam_rig.panel.worker" in Path(f"/proc/{child}/cmdline").read_bytes():
+                os.kill(int(child), signal.SIGKILL)
+        change = {"number": 1, "ordinates": board.ordinates.tolist(), "rpm": 200}
+        page.send(json.dumps(change))
+        assert "ended" in next_of(page, "rest")["words"]
+        page.send(json.dumps(change | {"number": 2}))
+        assert "jump" in next_of(page, "rest")
+
+
+def test_the_page_asks_for_no_file_that_is_not_there(address: str, cookie: str) -> None:
+    """Every module and style that a file names is served, with its kind."""
+    for path in STATIC.iterdir():
+        text = path.read_text(encoding="utf-8")
+        named = re.findall(r'(?:from|src=|href=)\s*"(?:\./|/static/)([^"]+)"', text)
+        for name in [path.name, *named]:
+            status, headers, _ = ask(address, f"/static/{name}", Cookie=cookie)
+            assert (name, status) == (name, 200)
+            assert "text/plain" not in headers["Content-Type"]
+        assert "//cdn" not in text
+        assert "https://" not in text
+
+
+def test_a_folder_is_not_left(address: str, cookie: str) -> None:
+    """Nothing beside the page's own files."""
+    for path in ("/static/../server.py", "/static/%2e%2e/server.py", "/static//etc/passwd"):
+        assert ask(address, path, Cookie=cookie)[0] == 404
+
+
+def test_a_port_in_use_is_named(board: Board) -> None:
+    """With what to do about it."""
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        words = f"--port: {port} is in use; allowed: another"
+        with pytest.raises(ConfigError, match=words), serve(board, port):
+            pass
+
+
+def test_every_word_of_the_page_is_in_the_texts() -> None:
+    """A language is one file: nothing is asked of it that it has not, or has in vain."""
+    words = json.loads((STATIC / "en.json").read_text(encoding="utf-8"))
+    used = set()
+    for path in STATIC.iterdir():
+        text = path.read_text(encoding="utf-8")
+        if path.suffix == ".html":
+            used |= set(re.findall(r'data-text="(\w+)"', text))
+        if path.suffix == ".js":
+            used |= set(re.findall(r'"([a-z_0-9]+)"', text))
+            used |= {f"s{i}" for i in range(4)} | {"undercut", "pressure"}
+    assert set(words) <= used
+    html = (STATIC / "index.html").read_text(encoding="utf-8")
+    assert set(re.findall(r'data-text="(\w+)"', html)) <= set(words)
+
+
+def test_the_files_are_in_the_package() -> None:
+    """As many as a wheel is told to take."""
+    setup = (Path(__file__).parents[2] / "setup.py").read_text(encoding="utf-8")
+    assert '"panel/static/*"' in setup
+    assert not [path for path in STATIC.iterdir() if path.is_dir()]
