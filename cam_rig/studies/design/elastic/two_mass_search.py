@@ -69,8 +69,9 @@ class TwoMassSearch:
         bound = np.inf
         for _ in range(SEARCHES):
             far = bound < np.inf and bound > self.law[0] / HALF_WAY
-            self._search(kept, cuts, kept.fastest if far else np.inf)
-            if not far:
+            most = kept.fastest if far else np.inf
+            self._search(kept, cuts, most)
+            if self.law[0] < most * (1.0 - HELD):  # else it only says that more may be had
                 held = self.law[0] > HALF_WAY * kept.fastest
                 bound = min(bound, self._bound(kept, self.law[0] if held else kept.fastest))
             if bound <= self.law[0] * (1.0 + NEAR_BOUND):
