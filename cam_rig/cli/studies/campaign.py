@@ -13,7 +13,8 @@ from cam_rig.cli.common.console import console, say, show, user_errors
 from cam_rig.cli.common.names import campaign_path
 from cam_rig.cli.common.options import Csv, Dask, Jobs, Json, Plot
 from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
-from cam_rig.errors import INTERRUPTED, OutputError, RunError
+from cam_rig.cli.studies.largest_waviness import show_largest
+from cam_rig.errors import INTERRUPTED, ConfigError, OutputError, RunError
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -31,6 +32,16 @@ def campaign(
     ] = False,
     points: Annotated[int | None, typer.Option(help="Points, in place of the study's.")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed, in place of the study's.")] = None,
+    largest_waviness: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=1,
+            max=1000,
+            help="Instead: the largest waviness with which 99 % keep the study's limits, for N "
+            "wavelengths.",
+        ),
+    ] = None,
     jobs: Jobs = None,
     dask: Dask = None,
     plot: Plot = None,
@@ -49,6 +60,8 @@ def campaign(
     cam-rig campaign tolerance_poly345 --points 256 --plot out/tolerances.png
 
     cam-rig campaign jump_map --out out/map --resume
+
+    cam-rig campaign tolerance_poly345 --points 64 --largest-waviness 24
     """
     with user_errors():
         from cam_rig.cli.common.executors import check_workplace
@@ -60,8 +73,15 @@ def campaign(
 
         check_outputs(json_target, plot, csv)
         check_workplace(dask)
-        require("pyarrow")
         asked = open_campaign(campaign_path(study)).planned(points, seed)
+        if largest_waviness is not None:
+            if out is not None or resume:
+                raise ConfigError(
+                    "--largest-waviness: keeps no rows; allowed: without --out and --resume"
+                )
+            show_largest(asked, largest_waviness, jobs, dask, plot, csv, json_target)
+            return
+        require("pyarrow")
         folder = out or Path("out") / asked.config.name
         dataset = CampaignDataset(folder, asked)
         again = _command(study, folder, points, seed, jobs, dask)
