@@ -45,7 +45,9 @@ def figure(search: WavinessSearch, found: Sequence[LargestWaviness]) -> Figure:
         for name, end in (("amplitude", floor), ("low", floor), ("high", top))
     )
     axes.set_yscale("log")
-    axes.fill_between(angle, low, high, color=web(SKY_BLUE), alpha=0.4, lw=0.0, label="95 %")
+    axes.fill_between(
+        angle, low, high, color=web(SKY_BLUE), alpha=0.4, lw=0.0, label="interval of 95 %"
+    )
     axes.plot(angle, value, **FOUND, label="does not divide the turn")
     whole = np.array([abs(one.waves - round(one.waves)) < 1e-9 for one in found])
     if whole.any():
