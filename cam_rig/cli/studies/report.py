@@ -25,19 +25,21 @@ if TYPE_CHECKING:
 #: The factorial study of the paper's page.
 FACTORIAL = "continuity"
 
+Rig = Annotated[
+    str | None,
+    typer.Option(
+        help="Rig file, or a name in config/rigs; by default the scene's. On the paper's page: "
+        "of the jump speeds, paper_table2."
+    ),
+]
+
 
 def report(
     scene: Scene = DEFAULT_SCENE,
     out: Annotated[Path, typer.Option(help="The page: .html, or .md without figures.")] = Path(
         "report.html"
     ),
-    rig: Annotated[
-        str | None,
-        typer.Option(
-            help="Rig file, or a name in config/rigs; by default the scene's. On the paper's page: "
-            "of the jump speeds, paper_table2."
-        ),
-    ] = None,
+    rig: Rig = None,
     factorial: Annotated[
         str | None, typer.Option(help="The factorial study of the paper's page; continuity.")
     ] = None,
