@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from contextlib import contextmanager
+from pathlib import Path
 
 import duckdb
 import pytest
@@ -62,6 +63,42 @@ def test_shipped_studies_run_and_draw(study, tmp_path, name):
     assert plot.read_bytes().startswith(b"\x89PNG")
     assert data["title"] in csv.read_text(encoding="utf-8")
     assert data["title"] in result.stderr
+
+
+def test_the_largest_waviness_is_told_and_keeps_no_rows(study, tmp_path, monkeypatch):
+    """A table, JSON, CSV and a picture; the same with any number of processes."""
+    monkeypatch.chdir(tmp_path)
+    vary = shipped("tolerance_poly345")["vary"]
+    vary["profile.waviness.wavelength"] = {"range": [12, 60], "unit": "deg"}
+    path = study(vary=vary, measures=["jump_speed_rigid"], limits=["jump_speed_rigid>=350rpm"])
+    found = []
+    for jobs in (1, 2):
+        more = ["--plot", "a.png", "--csv", "a.csv", "--json", "-", "--jobs", jobs]
+        result = call(path, "--points", 8, "--largest-waviness", 3, *more)
+        assert result.exit_code == 0, result.stderr
+        found.append(json.loads(result.stdout))
+    assert found[0] == found[1]
+    assert [one["outcome"] for one in found[0]["wavelengths"]] == ["found"] * 3
+    assert "Largest waviness with which 99 % keep" in result.stderr
+    assert "wavelength" in (tmp_path / "a.csv").read_text(encoding="utf-8")
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert not (tmp_path / "out").exists()
+    refused = call(path, "--largest-waviness", 3, "--resume")
+    assert (refused.exit_code, refused.stderr.count("\n")) == (2, 1)
+    assert "keeps no rows" in refused.stderr
+
+
+def test_ctrl_c_ends_the_search_with_130(study):
+    """In a line, while workers are at it."""
+    command = [sys.executable, "-m", "cam_rig.cli.main", "campaign", str(study())]
+    with subprocess.Popen(
+        [*command, "--jobs", "1", "--largest-waviness", "30"], stderr=subprocess.PIPE, text=True
+    ) as run:
+        children = Path(f"/proc/{run.pid}/task/{run.pid}/children")
+        until(lambda: len(children.read_text(encoding="utf-8").split()) > 1, run)
+        run.send_signal(signal.SIGINT)
+        _, words = run.communicate()
+    assert (run.returncode, words.strip()) == (130, "cam-rig: interrupted")
 
 
 @pytest.mark.parametrize(

@@ -78,7 +78,7 @@ def in_this_process(monkeypatch):
             done.set_result(function(*given))
             return done
 
-    monkeypatch.setattr("cam_rig.cli.common.workers.workers", lambda _count: nullcontext(Here()))
+    monkeypatch.setattr("cam_rig.cli.common.executors.workers", lambda _count: nullcontext(Here()))
 
 
 @pytest.mark.slow
@@ -133,6 +133,8 @@ def test_the_page(sweep, tmp_path):
         (["--out", "{tmp}/a.html", "--scene", "no_such"], 2, "no such file"),
         (["--out", "{tmp}/a.html", "--factorial", "no_such"], 2, "no such file"),
         (["--out", "{tmp}/a.html", "quick", "--factorial", "continuity"], 2, "not the paper's"),
+        (["--out", "{tmp}/a.html", "quick", "--jobs", "2"], 2, "not the paper's"),
+        (["--out", "{tmp}/a.html", "--dask", "nowhere"], 2, "allowed: an address"),
         (["--out", "{tmp}/a.html", "quick", "--rig", "no_such"], 2, "no such file"),
     ],
 )

@@ -13,12 +13,26 @@ from cam_rig.cli.common.console import console, say, show, user_errors
 from cam_rig.cli.common.names import campaign_path
 from cam_rig.cli.common.options import Csv, Dask, Jobs, Json, Plot
 from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
-from cam_rig.errors import INTERRUPTED, OutputError, RunError
+from cam_rig.cli.studies.largest_waviness import show_largest
+from cam_rig.errors import INTERRUPTED, ConfigError, OutputError, RunError
 
 if TYPE_CHECKING:
     from rich.progress import Progress
 
+    from cam_rig.studies.campaign.campaign import Campaign
     from cam_rig.studies.campaign.dataset import CampaignDataset
+
+
+Wavelengths = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N",
+        min=1,
+        max=1000,
+        help="Instead: the largest waviness with which 99 % keep the study's limits, for N "
+        "wavelengths.",
+    ),
+]
 
 
 def campaign(
@@ -31,6 +45,7 @@ def campaign(
     ] = False,
     points: Annotated[int | None, typer.Option(help="Points, in place of the study's.")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed, in place of the study's.")] = None,
+    largest_waviness: Wavelengths = None,
     jobs: Jobs = None,
     dask: Dask = None,
     plot: Plot = None,
@@ -49,33 +64,46 @@ def campaign(
     cam-rig campaign tolerance_poly345 --points 256 --plot out/tolerances.png
 
     cam-rig campaign jump_map --out out/map --resume
+
+    cam-rig campaign tolerance_poly345 --points 64 --largest-waviness 24
     """
     with user_errors():
         from cam_rig.cli.common.executors import check_workplace
-        from cam_rig.extras import require
         from cam_rig.studies.campaign.campaign import open_campaign
-        from cam_rig.studies.campaign.dataset import CampaignDataset
-        from cam_rig.studies.campaign.results import CampaignResults
-        from cam_rig.studies.campaign.tables import result_tables, to_json
 
         check_outputs(json_target, plot, csv)
         check_workplace(dask)
-        require("pyarrow")
         asked = open_campaign(campaign_path(study)).planned(points, seed)
+        if largest_waviness is not None:
+            if out is not None or resume:
+                raise ConfigError(
+                    "--largest-waviness: keeps no rows; allowed: without --out and --resume"
+                )
+            show_largest(asked, largest_waviness, jobs, dask, plot, csv, json_target)
+            return
         folder = out or Path("out") / asked.config.name
-        dataset = CampaignDataset(folder, asked)
         again = _command(study, folder, points, seed, jobs, dask)
-        _run(dataset, resume, jobs, dask, again)
-        results = CampaignResults(dataset)
-        shown = result_tables(results)
-        show(*shown)
-        say(f"dataset: {folder}/*.parquet")
-        write_csv(shown, csv)
-        if plot is not None:
-            from cam_rig.plots.campaign import draw
+        dataset = _measured(folder, asked, resume, jobs, dask, again)
+        _show_results(dataset, plot, csv, json_target)
 
-            write_plot(plot, lambda part: draw(results, part))
-        write_json(to_json(results), json_target)
+
+def _show_results(
+    dataset: CampaignDataset, plot: Path | None, csv: Path | None, json_target: str | None
+) -> None:
+    """What the rows come to: tables, a picture, files."""
+    from cam_rig.studies.campaign.results import CampaignResults
+    from cam_rig.studies.campaign.tables import result_tables, to_json
+
+    results = CampaignResults(dataset)
+    shown = result_tables(results)
+    show(*shown)
+    say(f"dataset: {dataset.folder}/*.parquet")
+    write_csv(shown, csv)
+    if plot is not None:
+        from cam_rig.plots.campaign import draw
+
+        write_plot(plot, lambda part: draw(results, part))
+    write_json(to_json(results), json_target)
 
 
 def _command(
@@ -96,9 +124,9 @@ def _command(
     return shlex.join(words)
 
 
-def _run(
-    dataset: CampaignDataset, resume: bool, jobs: int | None, dask: str | None, again: str
-) -> None:
+def _measured(
+    folder: Path, asked: Campaign, resume: bool, jobs: int | None, dask: str | None, again: str
+) -> CampaignDataset:
     """Make the points that are missing, behind a bar; what ends it says how to go on.
 
     Raises
@@ -106,12 +134,16 @@ def _run(
     CamRigError : the folder is another's, the disk is full, or the workers are gone
     """
     from cam_rig.cli.common.executors import workplace
+    from cam_rig.extras import require
+    from cam_rig.studies.campaign.dataset import CampaignDataset
     from cam_rig.studies.campaign.run import run_campaign
 
+    require("pyarrow")
+    dataset = CampaignDataset(folder, asked)
     with dataset.opened(resume), _going_on(again):
         missing = sum(last - first for first, last in dataset.missing())
         if not missing:
-            return
+            return dataset
         total = dataset.campaign.total
         with workplace(jobs, dask) as place, _bar() as bar:
             task = bar.add_task(
@@ -120,6 +152,7 @@ def _run(
             run_campaign(
                 dataset, place.executor, place.count, lambda count: bar.advance(task, count)
             )
+    return dataset
 
 
 @contextmanager

@@ -10,12 +10,14 @@ import typer
 from cam_rig.cli.common.cam_sets import RIG, asked_scene
 from cam_rig.cli.common.console import console, progress_bar, user_errors
 from cam_rig.cli.common.names import DEFAULT_SCENE, rig_beside, scene_path
-from cam_rig.cli.common.options import Json, Scene
+from cam_rig.cli.common.options import Dask, Jobs, Json, Scene
 from cam_rig.cli.common.outputs import check_outputs, check_place, write_json, writing
 from cam_rig.cli.studies.scene_report import page_made, scene_page
 from cam_rig.errors import ConfigError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from cam_rig.report.document import Made
     from cam_rig.report.results import Findings, Sources
     from cam_rig.studies.jump.comparison import JumpRow
@@ -23,25 +25,29 @@ if TYPE_CHECKING:
 #: The factorial study of the paper's page.
 FACTORIAL = "continuity"
 
+Rig = Annotated[
+    str | None,
+    typer.Option(
+        help="Rig file, or a name in config/rigs; by default the scene's. On the paper's page: "
+        "of the jump speeds, paper_table2."
+    ),
+]
+
 
 def report(
     scene: Scene = DEFAULT_SCENE,
     out: Annotated[Path, typer.Option(help="The page: .html, or .md without figures.")] = Path(
         "report.html"
     ),
-    rig: Annotated[
-        str | None,
-        typer.Option(
-            help="Rig file, or a name in config/rigs; by default the scene's. On the paper's page: "
-            "of the jump speeds, paper_table2."
-        ),
-    ] = None,
+    rig: Rig = None,
     factorial: Annotated[
         str | None, typer.Option(help="The factorial study of the paper's page; continuity.")
     ] = None,
     bag: Annotated[
         Path | None, typer.Option(help="A recording of the scene, to stand beside the run.")
     ] = None,
+    jobs: Jobs = None,
+    dask: Dask = None,
     json_target: Json = None,
     scene_option: Annotated[str | None, typer.Option("--scene", hidden=True)] = None,
 ) -> None:
@@ -60,6 +66,7 @@ def report(
     cam-rig report --out out/report.html --bag bags/tm21_sweep --json out/report.json
     """
     with user_errors():
+        from cam_rig.cli.common.executors import check_workplace
         from cam_rig.report.scene.results import is_papers
         from cam_rig.simulation.loaded_scene import open_scene
 
@@ -67,18 +74,16 @@ def report(
             raise ConfigError(f"{out}: unknown kind of page; allowed: .html, .md")
         check_outputs(json_target, None)
         check_place(out)
+        check_workplace(dask)
         path = scene_path(scene_option or scene)
         loaded = open_scene(path)
         options = {"--rig": rig, "--factorial": factorial, "--bag": bag, "--out": out}
         made = page_made(scene_option or scene, options)
         if is_papers(loaded):
-            text, plain = _papers(path, rig, factorial, bag, out, made)
+            sources = _sources(path, rig, factorial, bag)
+            text, plain = _papers(sources, jobs, dask, out, made)
         else:
-            if factorial is not None:
-                raise ConfigError(
-                    f"--factorial {factorial}: {path} is not the paper's noise study; allowed: "
-                    "without it"
-                )
+            _require_papers(path, {"--factorial": factorial, "--jobs": jobs, "--dask": dask})
             text, plain = scene_page(asked_scene(scene_option or scene, rig), bag, out, made)
         with writing(out) as part:
             part.write_text(text, encoding="utf-8")
@@ -86,28 +91,44 @@ def report(
         write_json(plain, json_target)
 
 
+def _require_papers(path: Path, options: Mapping[str, object]) -> None:
+    """Refuse what only the paper's page has a use for."""
+    for option, value in options.items():
+        if value is not None:
+            raise ConfigError(
+                f"{option} {value}: {path} is not the paper's noise study; allowed: without it"
+            )
+
+
+def _sources(path: Path, rig: str | None, factorial: str | None, bag: Path | None) -> Sources:
+    """What the paper's page is made from."""
+    from cam_rig.report.results import open_sources
+
+    return open_sources(path, rig_beside(rig or RIG, path), factorial or FACTORIAL, bag)
+
+
 def _papers(
-    path: Path, rig: str | None, factorial: str | None, bag: Path | None, out: Path, made: Made
+    sources: Sources, jobs: int | None, dask: str | None, out: Path, made: Made
 ) -> tuple[str, dict[str, Any]]:
     """The paper's page, and its findings as plain data."""
     from cam_rig.report import page
-    from cam_rig.report.results import open_sources
 
-    sources = open_sources(path, rig_beside(rig or RIG, path), factorial or FACTORIAL, bag)
     with_figures = out.suffix.lower() == ".html"
-    found, drawn = _find(sources, with_figures)
+    found, drawn = _find(sources, jobs, dask, with_figures)
     text = page.html(found, drawn, made) if with_figures else page.markdown(found, made)
     return text, to_json(found)
 
 
-def _find(sources: Sources, with_figures: bool) -> tuple[Findings, dict[str, list[str]]]:
-    """Results and figures by key, behind a bar."""
-    from cam_rig.cli.common.workers import workers
+def _find(
+    sources: Sources, jobs: int | None, dask: str | None, with_figures: bool
+) -> tuple[Findings, dict[str, list[str]]]:
+    """Results and figures by key, behind a bar; the two long studies where they are sent."""
+    from cam_rig.cli.common.executors import workplace
     from cam_rig.report import figures
     from cam_rig.report.results import PARTS, find
 
     drawn: dict[str, list[str]] = {}
-    with progress_bar() as bar, workers(2) as pool:
+    with progress_bar() as bar, workplace(jobs, dask) as place:
         task = bar.add_task("", total=len(PARTS) + 1)
 
         def done(part: str) -> None:
@@ -117,7 +138,7 @@ def _find(sources: Sources, with_figures: bool) -> tuple[Findings, dict[str, lis
             if with_figures:
                 drawn.update(figures.early_figures(sources, jumps))
 
-        found = find(sources, pool, done, meanwhile)
+        found = find(sources, place.executor, done, meanwhile)
         if with_figures:
             drawn |= figures.late_figures(found) | figures.cut_figures(found)
             drawn |= figures.timing_figures(found) | figures.flywheel_figures(found)

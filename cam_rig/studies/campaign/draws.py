@@ -76,13 +76,13 @@ class InputDraws:
             points = rows_of(plan.kind, plan.points, self._counts)
             unit = unit_points(plan.kind, plan.seed, points, len(self.inputs), first, last)
             unit = self._correlated(unit)
-            columns = [_drawn(one, unit[:, i]) for i, one in enumerate(self.inputs)]
+            columns = [drawn(one, unit[:, i]) for i, one in enumerate(self.inputs)]
         return np.stack(columns, axis=1)
 
     def middle(self) -> FloatArray:
         """Each input in the middle of its distribution, ``(d,)``; a list's number there."""
         half = np.array([0.5])
-        return np.concatenate([_drawn(one, half) for one in self.inputs])
+        return np.concatenate([drawn(one, half) for one in self.inputs])
 
     def _correlated(self, unit: FloatArray) -> FloatArray:
         """Term by term: a matrix product may round otherwise in a batch of another length."""
@@ -106,7 +106,7 @@ def steps_of(one: CampaignInput) -> FloatArray:
     return np.asarray(one.origin + one.factor * steps)
 
 
-def _drawn(one: CampaignInput, unit: FloatArray) -> FloatArray:
+def drawn(one: CampaignInput, unit: FloatArray) -> FloatArray:
     """What an input is at places of its distribution, each in (0, 1)."""
     variation = one.variation
     if variation.values is not None:

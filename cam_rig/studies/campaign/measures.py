@@ -9,8 +9,10 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.errors import ConfigError, DynamicsError
@@ -201,6 +203,13 @@ def _single(term: Term) -> Term:
             f"{', '.join(OVER_RANGES)})"
         )
     return term
+
+
+def kept(limit: Limit, values: FloatArray) -> NDArray[np.bool_]:
+    """Which values of its measure, in its unit in rows, keep a limit; NaN does not."""
+    assert limit.value is not None  # checked as the study was opened
+    bound = limit.value / CampaignMeasure(limit.term).factor
+    return values <= bound if limit.sense == "<=" else values >= bound
 
 
 def parse_limits(texts: Iterable[str], measures: tuple[CampaignMeasure, ...]) -> tuple[Limit, ...]:

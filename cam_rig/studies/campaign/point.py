@@ -13,7 +13,7 @@ from cam_rig.errors import CamRigError
 from cam_rig.laws import build_law
 from cam_rig.studies.campaign.campaign import Campaign
 from cam_rig.studies.campaign.inputs import with_numbers
-from cam_rig.studies.campaign.measures import MeasuredPoint
+from cam_rig.studies.campaign.measures import CampaignMeasure, MeasuredPoint, kept
 from cam_rig.studies.campaign.profile_errors import ProfileErrors
 
 #: Status of a point: all measures are there, or a reason says why not.
@@ -68,6 +68,18 @@ def measure_point(campaign: Campaign, inputs: FloatArray) -> tuple[list[float], 
             found.append(math.nan)
             reasons.append(f"{measure.term.key}: {error}")
     return found, "; ".join(reasons)
+
+
+def keeps_limits(campaign: Campaign, inputs: FloatArray) -> bool:
+    """Whether a point ``(d,)``, SI, keeps all limits; one without a measure does not."""
+    try:
+        point = make_point(campaign, inputs)
+        return all(
+            kept(limit, np.array(CampaignMeasure(limit.term).of(point))).all()
+            for limit in campaign.limits
+        )
+    except CamRigError:
+        return False
 
 
 def make_point(campaign: Campaign, inputs: FloatArray) -> MeasuredPoint:

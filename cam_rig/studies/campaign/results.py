@@ -17,7 +17,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.extras import libraries_named
 from cam_rig.studies.campaign.campaign import Campaign
 from cam_rig.studies.campaign.dataset import CampaignDataset
-from cam_rig.studies.campaign.measures import CampaignMeasure
+from cam_rig.studies.campaign.measures import CampaignMeasure, kept
 from cam_rig.studies.design.terms import Limit
 
 #: Probabilities of the quantiles.
@@ -100,11 +100,10 @@ class CampaignResults:
         """One for each limit, by the binomial's exact interval (Clopper and Pearson)."""
         found = []
         for limit in self.campaign.limits:
-            measure = CampaignMeasure(limit.term)
-            assert limit.value is not None  # checked as the study was opened
-            values, bound = self.values(measure), limit.value / measure.factor
-            kept = values <= bound if limit.sense == "<=" else values >= bound
-            found.append(LimitYield(limit, *proportion(int(kept.sum()), values.size)))
+            values = self.values(CampaignMeasure(limit.term))
+            found.append(
+                LimitYield(limit, *proportion(int(kept(limit, values).sum()), values.size))
+            )
         return tuple(found)
 
     def shares(self, measure: CampaignMeasure) -> tuple[InputShare, ...]:
@@ -135,14 +134,19 @@ def quantile(values: FloatArray, probability: float) -> Quantile:
     count = values.size
     if count == 0:
         return Quantile(probability, np.nan, np.nan, np.nan)
-    low = int(binom.ppf(0.5 * MISSED, count, probability)) - 1
-    high = int(binom.ppf(1.0 - 0.5 * MISSED, count, probability))
+    low, high = order_interval(count, probability)
     return Quantile(
         probability,
         float(np.quantile(values, probability, method="inverted_cdf")),
         float(values[low]) if low >= 0 else np.nan,
         float(values[high]) if high < count else np.nan,
     )
+
+
+def order_interval(count: int, probability: float) -> tuple[int, int]:
+    """Places, from 0, of the sorted numbers between which a quantile is; outside: beyond them."""
+    low = int(binom.ppf(0.5 * MISSED, count, probability)) - 1
+    return low, int(binom.ppf(1.0 - 0.5 * MISSED, count, probability))
 
 
 def proportion(kept: int, count: int) -> tuple[float, float, float]:

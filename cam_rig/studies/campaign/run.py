@@ -11,6 +11,7 @@ from concurrent.futures import (
     Future,
     wait,
 )
+from contextlib import contextmanager
 from typing import ParamSpec, TypeVar
 
 from cam_rig.errors import RunError
@@ -59,24 +60,36 @@ def run_campaign(
     todo = _batches(dataset.missing(), sizes)
     flying: set[Future[BatchRows]] = set()
     try:
-        while True:
-            while len(flying) < sizes.in_flight and (batch := next(todo, None)) is not None:
-                flying.add(executor.submit(measure_batch, campaign, *batch))
-            if not flying:
-                return
-            finished, flying = wait(flying, return_when=FIRST_COMPLETED)
-            for future in finished:
-                rows = future.result()
-                dataset.write(rows)
-                sizes.take(rows)
-                done(len(rows.reasons))
-    except (BrokenExecutor, CancelledError) as error:
-        raise RunError(
-            f"a worker or the scheduler is gone ({type(error).__name__}); what is finished stays"
-        ) from None
+        with broken_named("; what is finished stays"):
+            while True:
+                while len(flying) < sizes.in_flight and (batch := next(todo, None)) is not None:
+                    flying.add(executor.submit(measure_batch, campaign, *batch))
+                if not flying:
+                    return
+                finished, flying = wait(flying, return_when=FIRST_COMPLETED)
+                for future in finished:
+                    rows = future.result()
+                    dataset.write(rows)
+                    sizes.take(rows)
+                    done(len(rows.reasons))
     finally:
         for future in flying:
             future.cancel()
+
+
+@contextmanager
+def broken_named(then: str = "") -> Iterator[None]:
+    """Whatever an executor says when it breaks down, in one line.
+
+    Raises
+    ------
+    RunError : it broke down
+    """
+    try:
+        yield
+    except (BrokenExecutor, CancelledError) as error:
+        name = type(error).__name__
+        raise RunError(f"a worker or the scheduler is gone ({name}){then}") from None
 
 
 class InThisProcess(Executor):

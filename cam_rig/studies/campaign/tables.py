@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from cam_rig.studies.campaign.first_order import FirstOrder, first_orders
+from cam_rig.studies.campaign.largest_waviness import (
+    LOST,
+    LargestWaviness,
+    WavinessSearch,
+    resonances,
+)
 from cam_rig.studies.campaign.measures import CampaignMeasure
 from cam_rig.studies.campaign.results import CampaignResults, Quantile
 from cam_rig.studies.campaign.sensitivities import JumpSensitivity
@@ -181,5 +189,60 @@ def to_json(results: CampaignResults) -> dict[str, Any]:
         "limits": [
             {"limit": y.limit.words, "share": y.share, "low": y.low, "high": y.high}
             for y in results.yields()
+        ],
+    }
+
+
+def waviness_table(search: WavinessSearch, found: Sequence[LargestWaviness]) -> DataTable:
+    """A row each wavelength."""
+    limits = " and ".join(limit.words for limit in search.campaign.limits)
+    near = resonances(search.campaign)
+    words = [
+        f"The same {search.campaign.total} draws for all; from and to are the interval of 95 % "
+        "that so many draws give."
+    ]
+    if near:
+        angles = " and ".join(f"{number(math.degrees(one), '.4g')}°" for one in near)
+        words.append(f"Waves of {angles} meet the stem's resonance at the limit's speed.")
+
+    def um(value: float | None) -> float | None:
+        return None if value is None else value * 1e6
+
+    return tabulate(
+        f"Largest waviness with which 99 % keep: {limits}",
+        found,
+        (
+            (Column("wavelength", "deg", ".4g"), lambda one: math.degrees(one.wavelength)),
+            (Column("waves a turn", "1", ".5g"), lambda one: one.waves),
+            (Column("amplitude", "µm", ".3g"), lambda one: um(one.amplitude)),
+            (Column("from", "µm", ".3g", "not told"), lambda one: um(one.low)),
+            (Column("to", "µm", ".3g", "not told"), lambda one: um(one.high)),
+            (Column("outcome"), lambda one: one.outcome),
+        ),
+        *words,
+    )
+
+
+def waviness_json(search: WavinessSearch, found: Sequence[LargestWaviness]) -> dict[str, Any]:
+    """The same as plain data, SI; null where so few draws do not tell."""
+    campaign = search.campaign
+    return {
+        "study": campaign.config.name,
+        "draws": campaign.total,
+        "seed": campaign.seed,
+        "limits": [limit.words for limit in campaign.limits],
+        "kept_by": 1.0 - LOST,
+        "resonance_wavelengths_rad": resonances(campaign),
+        "wavelengths": [
+            {
+                "wavelength_rad": one.wavelength,
+                "waves": one.waves,
+                "amplitude_m": one.amplitude,
+                "low_m": one.low,
+                "high_m": one.high,
+                "outcome": one.outcome,
+                "evaluations": one.evaluations,
+            }
+            for one in found
         ],
     }
