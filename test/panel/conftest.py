@@ -31,7 +31,7 @@ def address(board: Board) -> Iterator[str]:
         yield served.address
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def chromium() -> Iterator[Browser]:
     if why := why_no_browser():
         pytest.skip(why)
@@ -104,7 +104,7 @@ class Panel:
         self.page.mouse.up()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def shared(chromium: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shared]:
     """One server and one page for all tests of the page: each begins with the start anew."""
     cam, rig = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
