@@ -78,7 +78,7 @@ class Panel:
         script = """([id, kind]) => [...document.querySelectorAll(`#${id} .curve`)].find(
             (path) => kind ? path.classList.contains(kind)
               : !["ghost", "second"].some((other) => path.classList.contains(other))
-        ).getAttribute("d")"""
+        ).getAttribute("d") ?? ''"""
         return str(self.page.evaluate(script, [chart, kind]))
 
     def until(self, condition: Callable[[], Any]) -> None:
