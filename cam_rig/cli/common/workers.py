@@ -75,6 +75,8 @@ def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
         count or os.cpu_count(), mp_context=_Workers(), initializer=_end_with_parent
     )
     try:
+        with _interrupt_deferred():  # else one may find the pool's own thread half started
+            pool.submit(os.getpid)
         yield pool
     except KeyboardInterrupt:
         for child in active_children():
