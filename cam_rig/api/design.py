@@ -93,7 +93,7 @@ def design(
     ------
     ConfigError : an unknown quantity or unit, a goal or limit that is not convex that way
     DesignError : no law of the class keeps the limits
-    MissingLibraryError : clarabel is not installed
+    MissingLibraryError : clarabel or highspy is not installed
 
     Examples
     --------
