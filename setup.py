@@ -105,7 +105,7 @@ setup(
         NAME: [
             "py.typed",
             "bench/reference/*.json",
-            "panel/static/*",
+            "panel/static/*/*",
             "plots/*.mplstyle",
             "report/templates/*",
             "report/templates/scene/*",

@@ -11,7 +11,8 @@ from urllib.parse import urlsplit
 import pytest
 
 import cam_rig
-from cam_rig.panel.board import START_RPM, Board
+from cam_rig.panel.board.board import START_RPM, Board
+from cam_rig.panel.board.pages import BoardPages
 from cam_rig.panel.server import serve
 from tools.docs.browser import HEIGHT, TIMEOUT_S, WIDTH, new_page, open_browser, why_no_browser
 
@@ -27,7 +28,7 @@ def board(tmp_path: Path) -> Board:
 @pytest.fixture
 def address(board: Board) -> Iterator[str]:
     """The address that is printed, with its token."""
-    with serve(board) as served:
+    with serve(BoardPages(board)) as served:
         yield served.address
 
 
@@ -109,7 +110,7 @@ def shared(chromium: Browser, tmp_path_factory: pytest.TempPathFactory) -> Itera
     """One server and one page for all tests of the page: each begins with the start anew."""
     cam, rig = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
     board = Board(cam, rig, tmp_path_factory.mktemp("panel"))
-    with serve(board) as served:
+    with serve(BoardPages(board)) as served:
         page = new_page(chromium)
         yield Shared(board, Panel(page), served.address)
         page.context.close()

@@ -9,17 +9,18 @@ import signal
 import socket
 from http.client import HTTPConnection, HTTPResponse
 from pathlib import Path
-from urllib.parse import urlsplit
+from urllib.parse import urljoin, urlsplit
 
 import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from cam_rig.errors import ConfigError
-from cam_rig.panel.board import Board
+from cam_rig.panel.board.board import Board
+from cam_rig.panel.board.pages import BoardPages
 from cam_rig.panel.server import STATIC, serve
 
-PATHS = ["/", "/board", "/static/law.js", "/other/tm21", "/save", "/nothing"]
+PATHS = ["/", "/board", "/static/board/law.js", "/other/tm21", "/save", "/nothing"]
 
 
 def ask(address: str, path: str, method: str = "GET", body: str = "", **headers: str) -> tuple:
@@ -167,7 +168,7 @@ def test_a_worker_that_is_killed_is_named_and_another_begins(
         assert "jump" in next_of(page, "rest")
         tasks = Path(f"/proc/{os.getpid()}/task").glob("*/children")
         for child in (number for task in tasks for number in task.read_text().split()):
-            if b"cam_rig.panel.worker" in Path(f"/proc/{child}/cmdline").read_bytes():
+            if b"cam_rig.panel.board.worker" in Path(f"/proc/{child}/cmdline").read_bytes():
                 os.kill(int(child), signal.SIGKILL)
         change = {"number": 1, "ordinates": board.ordinates.tolist(), "rpm": 200}
         page.send(json.dumps(change))
@@ -178,11 +179,12 @@ def test_a_worker_that_is_killed_is_named_and_another_begins(
 
 def test_the_page_asks_for_no_file_that_is_not_there(address: str, cookie: str) -> None:
     """Every module and style that a file names is served, with its kind."""
-    for path in STATIC.iterdir():
+    for path in STATIC.glob("*/*"):
         text = path.read_text(encoding="utf-8")
-        named = re.findall(r'(?:from|src=|href=)\s*"(?:\./|/static/)([^"]+)"', text)
-        for name in [path.name, *named]:
-            status, headers, _ = ask(address, f"/static/{name}", Cookie=cookie)
+        named = re.findall(r'(?:from|src=|href=)\s*"(\.[^"]+|/static/[^"]+)"', text)
+        own = f"/static/{path.relative_to(STATIC)}"
+        for name in [own, *(urljoin(own, name) for name in named)]:
+            status, headers, _ = ask(address, name, Cookie=cookie)
             assert (name, status) == (name, 200)
             assert "text/plain" not in headers["Content-Type"]
         assert "//cdn" not in text
@@ -202,28 +204,27 @@ def test_a_port_in_use_is_named(board: Board) -> None:
         other.listen()
         port = other.getsockname()[1]
         words = f"--port: {port} is in use; allowed: another"
-        with pytest.raises(ConfigError, match=words), serve(board, port):
+        with pytest.raises(ConfigError, match=words), serve(BoardPages(board), port=port):
             pass
 
 
 def test_every_word_of_the_page_is_in_the_texts() -> None:
     """A language is one file: nothing is asked of it that it has not, or has in vain."""
-    words = json.loads((STATIC / "en.json").read_text(encoding="utf-8"))
-    used = set()
-    for path in STATIC.iterdir():
+    words = json.loads((STATIC / "texts" / "en.json").read_text(encoding="utf-8"))
+    used, asked = set(), set()
+    for path in STATIC.glob("*/*"):
         text = path.read_text(encoding="utf-8")
         if path.suffix == ".html":
-            used |= set(re.findall(r'data-text="(\w+)"', text))
+            asked |= set(re.findall(r'data-text="(\w+)"', text))
         if path.suffix == ".js":
             used |= set(re.findall(r'"([a-z_0-9]+)"', text))
             used |= {f"s{i}" for i in range(4)} | {"undercut", "pressure"}
-    assert set(words) <= used
-    html = (STATIC / "index.html").read_text(encoding="utf-8")
-    assert set(re.findall(r'data-text="(\w+)"', html)) <= set(words)
+    assert asked <= set(words) <= used | asked
 
 
 def test_the_files_are_in_the_package() -> None:
     """As many as a wheel is told to take."""
     setup = (Path(__file__).parents[2] / "setup.py").read_text(encoding="utf-8")
-    assert '"panel/static/*"' in setup
-    assert not [path for path in STATIC.iterdir() if path.is_dir()]
+    assert '"panel/static/*/*"' in setup
+    assert all(path.is_file() for path in STATIC.glob("*/*"))
+    assert all(path.is_dir() for path in STATIC.iterdir())

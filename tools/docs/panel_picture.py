@@ -14,7 +14,8 @@ from cam_rig.cli.common.console import console, user_errors
 from cam_rig.cli.common.names import cam_path, rig_path
 from cam_rig.cli.common.outputs import writing
 from cam_rig.errors import CamRigError
-from cam_rig.panel.board import Board
+from cam_rig.panel.board.board import Board
+from cam_rig.panel.board.pages import BoardPages
 from cam_rig.panel.server import serve
 from cam_rig.schema import load_cam, load_rig
 from tools.docs.browser import TIMEOUT_S, new_page, open_browser
@@ -39,7 +40,7 @@ def photograph_panel(path: Path) -> None:
     CamRigError : there is no browser, or the page does not show all numbers
     """
     board = Board(load_cam(cam_path(CAM)), load_rig(rig_path(RIG)), Path("out"))
-    with serve(board) as served, open_browser(webgl=False) as browser:
+    with serve(BoardPages(board)) as served, open_browser(webgl=False) as browser:
         page = new_page(browser)
         page.set_viewport_size({"width": 1600, "height": HEIGHT})
         page.goto(served.address)

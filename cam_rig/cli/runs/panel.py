@@ -41,15 +41,16 @@ def panel(
     """
     with user_errors(), _ended_alike():
         from cam_rig.extras import require
-        from cam_rig.panel.board import Board
+        from cam_rig.panel.board.board import Board
         from cam_rig.schema import load_cam, load_rig
 
         for library in ("starlette", "uvicorn", "websockets"):
             require(library)
+        from cam_rig.panel.board.pages import BoardPages
         from cam_rig.panel.server import serve
 
         board = Board(load_cam(cam_path(cam)), load_rig(rig_path(rig)), out)
-        with serve(board, port) as served:
+        with serve(BoardPages(board), port=port) as served:
             print(served.address, flush=True)
             console.print("Ctrl-C ends the panel")
             if open_browser:

@@ -1,5 +1,5 @@
 // Handles on the curve: circles that are moved and never replaced, so that focus and pointer stay.
-import { element } from "./charts.js";
+import { element } from "../common/charts.js";
 
 /** Of the lift: what an arrow key moves an ordinate by, and how Shift and Page change that. */
 const STEP = 0.005, FINE = 0.1, COARSE = 10;

@@ -1,6 +1,6 @@
 // Numbers and words from the server; those of an earlier law are marked until the new ones come.
-import { shown } from "./charts.js";
-import { text } from "./texts.js";
+import { shown } from "../common/charts.js";
+import { text } from "../common/texts.js";
 
 const AT_REST = ["jump", "residual", "level"];
 const $ = (id) => document.getElementById(id);

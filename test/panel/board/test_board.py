@@ -11,8 +11,8 @@ import pytest
 
 import cam_rig
 from cam_rig.errors import ConfigError, LawError, OutputError, RefusedError
-from cam_rig.panel.board import MAX_RPM, Board
-from cam_rig.panel.exact import at_rest, level
+from cam_rig.panel.board.board import MAX_RPM, Board
+from cam_rig.panel.board.exact import at_rest, level
 from cam_rig.schema import CamConfig
 from cam_rig.units import RPM
 

@@ -32,7 +32,7 @@ class WorkerLostError(CamRigError):
 async def worker(cam: CamConfig, rig: RigConfig) -> AsyncIterator[asyncio.subprocess.Process]:
     """The process, for as long as the context lasts."""
     process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "cam_rig.panel.worker"),
+        *(sys.executable, "-m", "cam_rig.panel.board.worker"),
         stdin=asyncio.subprocess.PIPE,
         stdout=asyncio.subprocess.PIPE,
         env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
@@ -75,7 +75,7 @@ def _send(process: asyncio.subprocess.Process, data: dict[str, Any]) -> None:
 
 def main() -> None:
     """Answer lines of standard input until it ends."""
-    from cam_rig.panel.exact import at_rest
+    from cam_rig.panel.board.exact import at_rest
 
     first = json.loads(sys.stdin.readline())
     cam, rig = CamConfig.model_validate(first["cam"]), RigConfig.model_validate(first["rig"])

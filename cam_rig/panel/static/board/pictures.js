@@ -1,7 +1,7 @@
 // All charts of the page: the law and its derivatives, the force over the turn, the spectrum.
-import { Chart, element, extent, shown } from "./charts.js";
+import { Chart, element, extent, shown } from "../common/charts.js";
 import { contactForce, motion, spectrum } from "./law.js";
-import { text } from "./texts.js";
+import { text } from "../common/texts.js";
 
 /** Lengths are shown in mm; the spectrum has so many orders, over so many decades. */
 const MM = 1e3, HIGHEST_ORDER = 40, DECADES = 5;

@@ -1,13 +1,13 @@
 // The drawing board: what is dragged changes the law here at once; the server says what is exact.
-import { Chart, shown } from "./charts.js";
+import { Chart, shown } from "../common/charts.js";
 import { ContourChart } from "./contour.js";
 import { Handles } from "./drag.js";
 import { History } from "./history.js";
 import { decode, motion, pull, readTable } from "./law.js";
 import { Pictures } from "./pictures.js";
 import { Readouts } from "./readouts.js";
-import { loadTexts, text } from "./texts.js";
-import { Wire } from "./wire.js";
+import { loadTexts, text } from "../common/texts.js";
+import { Wire } from "../common/wire.js";
 
 const $ = (id) => document.getElementById(id);
 const degrees = (radians) => (radians * 180) / Math.PI;

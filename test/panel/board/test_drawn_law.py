@@ -8,11 +8,11 @@ import pytest
 from cam_rig.errors import ConfigError
 from cam_rig.laws import build_law
 from cam_rig.laws.continuity import joints
-from cam_rig.panel.drawable import with_own_ordinates
-from cam_rig.panel.drawn_law import ORDERS, DrawnLaw, table_angles
+from cam_rig.panel.board.drawable import with_own_ordinates
+from cam_rig.panel.board.drawn_law import ORDERS, DrawnLaw, table_angles
 from cam_rig.schema import CamConfig, load_cam
 
-from ..conftest import CAM_NAMES, CONFIG
+from ...conftest import CAM_NAMES, CONFIG
 
 #: Laws in s and its derivatives agree within this part of their largest value.
 SAME = 1e-12

@@ -11,14 +11,15 @@ import pytest
 
 import cam_rig
 from cam_rig.dynamics import FollowerParameters
-from cam_rig.panel.board import Board
-from cam_rig.panel.drawn_law import ORDERS, POINTS, table_angles
+from cam_rig.panel.board.board import Board
+from cam_rig.panel.board.drawn_law import ORDERS, POINTS, table_angles
+from cam_rig.panel.board.pages import BoardPages
 from cam_rig.panel.server import serve
 from cam_rig.studies.jump.any_rig import find_jump
 from cam_rig.units import RPM
 from tools.docs.browser import new_page
 
-from .conftest import Panel, Shared
+from ..conftest import Panel, Shared
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -36,14 +37,14 @@ def board(shared: Shared) -> Board:
 SAME = 1e-12
 #: The page's own modules, asked as the page asks them.
 LAW_IN_PAGE = """async ([ordinates, rpm]) => {
-  const { readTable, motion, contactForce } = await import("/static/law.js");
+  const { readTable, motion, contactForce } = await import("/static/board/law.js");
   const board = await (await fetch("/board")).json();
   const law = motion(readTable(board), ordinates);
   const all = Float64Array.from([...law, contactForce(law, board.rig, rpm)].flatMap((x) => [...x]));
   return btoa(String.fromCharCode(...new Uint8Array(all.buffer)));
 }"""
 SPECTRUM_IN_PAGE = """async (values) => {
-  const { spectrum } = await import("/static/law.js");
+  const { spectrum } = await import("/static/board/law.js");
   return [...spectrum(Float64Array.from(values), 40)];
 }"""
 
@@ -262,7 +263,7 @@ def test_nothing_sticks_out_of_the_page(panel: Panel, width: int) -> None:
 def test_any_cam_and_rig_can_be_drawn(chromium: Browser, tmp_path: Path, name: str) -> None:
     """Own ordinates, and a frame with two discs, on a rig of one mass."""
     board = Board(cam_rig.load_cam(name), cam_rig.load_rig("tm21"), tmp_path)
-    with serve(board) as served:
+    with serve(BoardPages(board)) as served:
         shown = Panel(new_page(chromium))
         shown.page.goto(served.address)
         shown.until(lambda: shown.text("level") not in ("–", "None"))

@@ -2,7 +2,7 @@
 let words = {};
 
 export async function loadTexts() {
-  words = await (await fetch(`/static/${document.documentElement.lang}.json`)).json();
+  words = await (await fetch(`/static/texts/${document.documentElement.lang}.json`)).json();
   for (const place of document.querySelectorAll("[data-text]")) place.textContent = text(place.dataset.text);
 }
 

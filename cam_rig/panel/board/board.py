@@ -13,9 +13,9 @@ from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.errors import ConfigError, OutputError, RefusedError
 from cam_rig.laws import Law, build_law
-from cam_rig.panel.drawable import DRAWN
-from cam_rig.panel.drawn_law import ORDERS, POINTS, DrawnLaw, table_angles
-from cam_rig.panel.exact import at_once
+from cam_rig.panel.board.drawable import DRAWN
+from cam_rig.panel.board.drawn_law import ORDERS, POINTS, DrawnLaw, table_angles
+from cam_rig.panel.board.exact import at_once
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import NAME, Library, config_root, load_cam
 from cam_rig.studies.cam_fit.cam_file import quantity, to_yaml, valid_cam

@@ -18,7 +18,7 @@ from cam_rig.laws import Law, bernstein
 from cam_rig.laws.cam import segment_angles
 from cam_rig.laws.continuity import joints
 from cam_rig.laws.families.b_spline import bezier_pieces, greville
-from cam_rig.panel.drawable import (
+from cam_rig.panel.board.drawable import (
     DRAWN,
     DrawableCam,
     Drawn,

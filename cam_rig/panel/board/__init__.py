@@ -1,0 +1,1 @@
+"""The drawing board: a law, dragged, and what the follower makes of it."""
