@@ -79,11 +79,11 @@ def cam_states(scene: SceneConfig) -> Iterator[CamState]:
         before = 0.0
         for speed in program.speeds.si_list:
             for ticks in (_ramp(scene, before, speed), _hold(scene, speed)):
-                for part in ticks:
-                    at = time_ns + part.start_ns, angle + part.angle
-                    yield CamState(*at, part.speed, cam, turns + part.turns)
-                if ticks:
-                    last = ticks[-1]
+                last = None
+                for last in ticks:
+                    at = time_ns + last.start_ns, angle + last.angle
+                    yield CamState(*at, last.speed, cam, turns + last.turns)
+                if last is not None:
                     time_ns += last.stop_ns
                     turned = angle + last.angle_at(last.duration)
                     turns, angle = wrap(turned, turns + last.turns)
@@ -91,13 +91,13 @@ def cam_states(scene: SceneConfig) -> Iterator[CamState]:
     yield CamState(time_ns, angle, 0.0, scene.cams[-1], turns)
 
 
-def _hold(scene: SceneConfig, speed: float) -> list[Interval]:
-    """The ticks of one speed, from time and angle 0."""
+def _hold(scene: SceneConfig, speed: float) -> Iterator[Interval]:
+    """The ticks of one speed, from time and angle 0; there may be a hundred million."""
     tick = Fraction(TURN) * NS / Fraction(speed) / scene.program.ticks_per_turn
     # In whole numbers, so that a turn ends at the same nanosecond however it is divided.
     whole, parts = (2 * tick).as_integer_ratio()
-    edges = [(i * whole + parts) // (2 * parts) for i in range(ticks_a_step(scene) + 1)]
-    return [_held(a, b, speed) for a, b in pairwise(edges)]
+    edges = ((i * whole + parts) // (2 * parts) for i in range(ticks_a_step(scene) + 1))
+    return (_held(a, b, speed) for a, b in pairwise(edges))
 
 
 def _held(start_ns: int, stop_ns: int, speed: float) -> Interval:
