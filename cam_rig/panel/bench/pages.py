@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
-from dataclasses import asdict
 from typing import Any
 
 from starlette.requests import Request
@@ -13,23 +12,23 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from cam_rig.acoustics import RadiationParameters
 from cam_rig.acoustics.sound_level_meter import FREQUENCY_WEIGHTINGS, TIME_WEIGHTINGS
+from cam_rig.drawing import colours
 from cam_rig.errors import RefusedError
+from cam_rig.panel.bench.controls import DONE, EMERGENCY_STOP, BenchControls
 from cam_rig.panel.bench.link import NodeLink
 from cam_rig.panel.bench.live_state import LiveState
 from cam_rig.panel.bench.readings import to_csv
 from cam_rig.panel.bench.runner import BenchRunner
 from cam_rig.panel.bench.setup import (
     MAX_ADDED_MASS,
-    SAMPLE_RATE,
-    START_RPM,
+    MAX_RPM,
+    MIN_RPM,
     Setup,
     add_cam,
     allowed_models,
     cam_names,
 )
-from cam_rig.panel.bench.sound import PageSound
 from cam_rig.panel.messages import read_object
 from cam_rig.panel.server import STATIC
 from cam_rig.schema import CamConfig
@@ -39,16 +38,9 @@ from cam_rig.units import NS
 TELL_EVERY_S = 0.05
 #: Speeds (rpm) of the knob.
 KNOB = (20.0, 1000.0)
+#: Cams in the chart, whose markers differ too.
+CAM_COLOURS = (colours.BLUE, colours.VERMILION, colours.GREEN, colours.BLACK)
 PACES = ("real_time", "0.1x", "0.25x", "0.5x", "2x", "5x", "free")
-#: What a page may set on which node.
-SETTINGS = {
-    "rpm": "cam_drive",
-    "pacing": "cam_drive",
-    "cam": "law_server",
-    "frequency_weighting": "microphone",
-    "time_weighting": "microphone",
-}
-SERVICES = ("start", "stop", "reset", "emergency_stop")
 
 
 class BenchPages:
@@ -67,7 +59,7 @@ class BenchPages:
         self._link = NodeLink(runner.socket, self._heard)
         self._pages: dict[WebSocket, bool] = {}  # whether it listens to the sound
         self._holder: WebSocket | None = None
-        self._sound: PageSound | None = None
+        self._controls = BenchControls(runner, self.live, self._link)
         self._sending: set[asyncio.Future[None]] = set()
         self._told = asyncio.Event()
         self.routes = (
@@ -100,7 +92,7 @@ class BenchPages:
 
     async def _index(self, _: Request) -> Response:
         if self.live.graph == "off":
-            self._set_up(self.live.setup)
+            self._controls.set_up(self.live.setup)
         return FileResponse(STATIC / "bench" / "index.html")
 
     async def _about(self, _: Request) -> Response:
@@ -113,7 +105,8 @@ class BenchPages:
                 "cams": cam_names(self._runner.cams),
                 "paces": PACES,
                 "knob": KNOB,
-                "start_rpm": START_RPM,
+                "speeds": (MIN_RPM, MAX_RPM),
+                "colours": [colours.web(colour) for colour in CAM_COLOURS],
                 "max_added_mass": MAX_ADDED_MASS,
                 "frequency_weightings": FREQUENCY_WEIGHTINGS,
                 "time_weightings": list(TIME_WEIGHTINGS),
@@ -162,57 +155,14 @@ class BenchPages:
             case "listen":
                 self._pages[page] = command.get("value") is True
                 self._listen()
-                return {"success": True, "words": ""}
+                return DONE
             case "take_over":
                 self._holder = page
-                return {"success": True, "words": ""}
-        if page is not self._holder:
+                return DONE
+        # An emergency stop is whoever's who sees the need.
+        if page is not self._holder and command.get("value") != EMERGENCY_STOP:
             raise RefusedError("another page holds the controls; allowed: after taking over")
-        match command.get("do"):
-            case "call" if command.get("value") in SERVICES:
-                return await self._link.ask({"call": command["value"]})
-            case "set" if command.get("name") in SETTINGS:
-                return await self._set(str(command["name"]), command.get("value"))
-            case "set_up":
-                own = command.get("value")
-                if not isinstance(own, dict):
-                    raise RefusedError("set-up: allowed: a JSON object")
-                self._set_up(self._as_it_is(**own))
-            case "keep":
-                self._keep()
-            case "start_again" if command.get("value") in self.live.ended:
-                self._runner.start_again(str(command["value"]))
-            case "note":
-                return {"success": True, "words": "", "noted": asdict(self.live.note())}
-            case "clear":
-                self.live.clear()
-            case _:
-                raise RefusedError(f"{str(command)[:80]}: allowed: what the page's controls send")
-        return {"success": True, "words": ""}
-
-    async def _set(self, name: str, value: Any) -> dict[str, Any]:
-        kind = float if name == "rpm" else str
-        if isinstance(value, bool) or not isinstance(value, kind | int):
-            raise RefusedError(f"{name}: is {str(value)[:40]!r}; allowed: a {kind.__name__}")
-        command = {"node": SETTINGS[name], "name": name, "value": kind(value)}
-        return await self._link.ask(command)
-
-    def _set_up(self, setup: Setup, keep: bool = False) -> None:
-        self.live.setup = setup
-        self.live.happened({"graph": "starting"})
-        radiation = RadiationParameters.from_rig(setup.rig(self._runner.rig))
-        self._sound = PageSound(radiation, SAMPLE_RATE)
-        self._runner.set_up(setup, self.live.chosen(), keep)
-
-    def _keep(self) -> None:
-        """Close the present bag and keep it; the same set-up begins anew."""
-        if not self.live.state:
-            raise RefusedError("bag: nothing is recorded yet; allowed: after the cam has turned")
-        self._set_up(self._as_it_is(), keep=True)
-
-    def _as_it_is(self, **given: Any) -> Setup:
-        """The present set-up with the cam that is mounted and the speed that is commanded."""
-        return self.live.setup.changed(self.live.mounted() | given, self._runner.rig)
+        return await self._controls.obey(command)
 
     # -- what the pages are told ----------------------------------------------------------------
 
@@ -220,8 +170,8 @@ class BenchPages:
         self._link.listen(any(self._pages.values()))
 
     def _heard(self, message: dict[str, Any]) -> None:
-        if "samples" in message and self._sound is not None:
-            sound = self._sound.render(message, self.live.state.get("rpm", 0.0))
+        if "samples" in message:
+            sound = self._controls.sound.render(message, self.live.state.get("rpm", 0.0))
             for page in [page for page, listens in self._pages.items() if listens]:
                 self._later(page.send_bytes(sound))
             return
@@ -256,6 +206,6 @@ class BenchPages:
 
     def _shown(self, page: WebSocket, shown: dict[str, Any] | None = None) -> dict[str, Any]:
         shown = self.live.shown() if shown is None else shown
-        rate = None if self._sound is None else self._sound.rate
+        rate = self._controls.sound.rate
         own = {"type": "live", "holds": page is self._holder, "pages": len(self._pages)}
         return own | {"sound_rate": rate} | shown
