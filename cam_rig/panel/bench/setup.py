@@ -14,6 +14,9 @@ from cam_rig.schema.load import NAME, config_root
 
 #: Models that a bench runs, and what a rig must have for each.
 MODELS = ("one_mass", "separation", "kinetostatic", "residual", "torsional")
+#: A scene's last speed (rpm): what the viewer's axes have room for.
+DRAWN_RPM = 600.0
+SPEEDS_ARE = "the knob's first, and what the axes have room for"
 #: The speed (rpm) that the knob begins at.
 START_RPM = 200.0
 #: Ticks of a turn: a command acts at the next one, 17 ms later at 300 rpm.
@@ -105,6 +108,7 @@ class Setup:
 
     def write(self, folder: Path, base: RigConfig) -> Path:
         """Write scene and rig into a folder, beside its ``cams``; gives the scene's path."""
+        speeds = [self.rpm] if self.rpm >= DRAWN_RPM else [self.rpm, DRAWN_RPM]
         rig = self.rig(base).model_dump(exclude_none=True, mode="json") | {"name": "bench"}
         scene = {
             "name": "bench",
@@ -114,7 +118,7 @@ class Setup:
             "model": self.model,
             "sample_rate": {"assumed": SAMPLE_RATE, "unit": "Hz", "source": "the bench's"},
             "program": {
-                "speeds": {"assumed": [self.rpm], "unit": "rpm", "source": "the knob's first"},
+                "speeds": {"assumed": speeds, "unit": "rpm", "source": SPEEDS_ARE},
                 "turns": {"assumed": MAX_TURNS, "unit": "turns", "source": "until it is ended"},
                 "settle_turns": {"assumed": 1, "unit": "turns", "source": "the bench's"},
                 "ticks_per_turn": TICKS_PER_TURN,
