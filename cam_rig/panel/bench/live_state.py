@@ -12,6 +12,7 @@ from cam_rig.panel.bench.setup import Setup
 
 #: What a node's heartbeat says of a drive that was stopped, and its diagnosis after an emergency.
 STOPPED, EMERGENCY, LOST = "stopped", "emergency stop", "contact lost"
+WAITING = "waiting for "
 #: Lines of the graph's log that are shown.
 MAX_LINES = 6
 
@@ -34,6 +35,8 @@ class LiveState:
     #: Whether the cam is driven: turning, stopped, or emergency.
     drive: str = "stopped"
     #: Nodes that were killed and wait to be started again, and how they ended.
+    #: Nodes that the drive waits for, in its words.
+    waits_for: str = ""
     ended: dict[str, str] = field(default_factory=dict)
     values: dict[str, dict[str, Any]] = field(default_factory=dict)
     state: dict[str, Any] = field(default_factory=dict)
@@ -61,7 +64,7 @@ class LiveState:
             self.domain = message.get("domain", self.domain)
             if self.graph == "starting":
                 self.drive, self.state, self.ended, self.values = "stopped", {}, {}, {}
-                self.contact, self.late, self.meter = "", "", Meter()
+                self.contact, self.late, self.waits_for, self.meter = "", "", "", Meter()
         if "ended" in message:
             self.ended = message["ended"]
         self.screen = message.get("screen", self.screen)
@@ -87,14 +90,15 @@ class LiveState:
     def _turned(self, state: dict[str, Any]) -> None:
         if state["cam"] != self.state.get("cam"):
             self.meter.forget()
-        self.state, self.graph = state, "running"
+        self.state, self.graph, self.waits_for = state, "running", ""
         self.meter.state(state["time_ns"], state["rpm"])
         if self.drive != EMERGENCY:
             self.drive = "turning"
 
     def _health(self, node: str, _level: int, words: str) -> None:
-        if node == f"cam_drive{HEARTBEAT}" and self.graph == "starting":
-            self.graph = "running"
+        if node == f"cam_drive{HEARTBEAT}":
+            self.graph = "running" if self.graph == "starting" else self.graph
+            self.waits_for = words.removeprefix(WAITING) if words.startswith(WAITING) else ""
         if node == "follower":
             self.contact = words
             self.lost_since |= words == LOST
@@ -169,6 +173,7 @@ class LiveState:
             "domain": self.domain,
             "screen": self.screen,
             "drive": self.drive,
+            "waits_for": self.waits_for,
             "ended": self.ended,
             "values": self.values,
             "state": self.state,

@@ -8,7 +8,7 @@ export class Knob {
   /** `range` in rpm; moved(rpm) is told of every change by a person. */
   constructor(place, range, label, moved) {
     Object.assign(this, { place, range, moved, value: range[0], held: false, enabled: true });
-    const svg = element("svg", { viewBox: "-60 -60 120 120", "aria-hidden": "true" });
+    const svg = element("svg", { viewBox: "-68 -62 136 124", "aria-hidden": "true" });
     place.append(svg);
     element("path", { class: "track", d: arc(FIRST, FIRST + SWEEP) }, svg);
     this.turned = element("path", { class: "turned" }, svg);

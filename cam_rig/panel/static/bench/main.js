@@ -135,10 +135,11 @@ function enable(on) {
   for (const id of ["rpm", "start", "stop", "reset", ...SELECTS, "note", "clear", "keep"]) $(id).disabled = !on;
 }
 
-function graphWords({ graph, words: why, domain, drive }) {
+function graphWords({ graph, words: why, domain, drive, waits_for: nodes }) {
   $("ros").textContent = graph === "running" ? text("ros", { domain }) : "";
-  const key = graph === "running" ? `drive_${drive}` : `graph_${graph}`;
-  if ($("graph").textContent !== text(key, { why })) $("graph").textContent = text(key, { why });
+  const key = graph !== "running" ? `graph_${graph}` : nodes ? "drive_waits" : `drive_${drive}`;
+  const said = text(key, { why, nodes });
+  if ($("graph").textContent !== said) $("graph").textContent = said;
   $("graph").classList.toggle("fault", graph === "failed" || drive === "emergency");
 }
 
