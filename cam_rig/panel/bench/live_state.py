@@ -11,7 +11,7 @@ from cam_rig.panel.bench.readings import MAX_READINGS, Meter, NotedReading
 from cam_rig.panel.bench.setup import Setup
 
 #: What a node's heartbeat says of a drive that was stopped, and its diagnosis after an emergency.
-STOPPED, EMERGENCY, LOST = "stopped", "emergency stop", "contact lost"
+STOPPED, EMERGENCY, LOST = "stopped", "emergency", "contact lost"
 WAITING = "waiting for "
 #: Lines of the graph's log that are shown.
 MAX_LINES = 6
@@ -48,8 +48,8 @@ class LiveState:
     #: Address of the page that shows the rig in Rerun.
     screen: str = ""
     version: int = 0
-    #: Whether contact was lost since the pages were last told.
-    lost_since: bool = False
+    #: Ticks in which contact was lost, as far as they were told apart.
+    losses: int = 0
 
     def __post_init__(self) -> None:
         self.meter = Meter()
@@ -101,7 +101,7 @@ class LiveState:
             self.waits_for = words.removeprefix(WAITING) if words.startswith(WAITING) else ""
         if node == "follower":
             self.contact = words
-            self.lost_since |= words == LOST
+            self.losses += words == LOST
         elif node == PACE:
             self.late = "" if words == "on time" else words
         elif node.startswith("cam_drive"):
@@ -164,9 +164,8 @@ class LiveState:
         self.version += 1
 
     def shown(self) -> dict[str, Any]:
-        """All of it, for a page; contact that was lost meanwhile is told once."""
+        """All of it, for a page."""
         tick = self.meter.latest
-        lost, self.lost_since = self.lost_since or self.contact == LOST, False
         return {
             "graph": self.graph,
             "words": self.words,
@@ -178,7 +177,8 @@ class LiveState:
             "values": self.values,
             "state": self.state,
             "level": None if tick is None else round(tick.level, 3),
-            "contact": LOST if lost else self.contact,
+            "contact": self.contact,
+            "losses": self.losses,
             "late": self.late,
             "kept": self.kept,
             "log": self.log,
