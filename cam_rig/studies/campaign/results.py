@@ -19,9 +19,12 @@ from cam_rig.studies.campaign.campaign import Campaign
 from cam_rig.studies.campaign.dataset import CampaignDataset
 from cam_rig.studies.campaign.measures import CampaignMeasure, kept
 from cam_rig.studies.design.terms import Limit
+from cam_rig.tables import counted
 
 #: Probabilities of the quantiles.
 PROBABILITIES = (0.01, 0.05, 0.5, 0.95, 0.99)
+#: Reasons of failed points that are named.
+REASONS = 3
 #: Probability that an interval does not hold the number.
 MISSED = 0.05
 
@@ -82,6 +85,21 @@ class CampaignResults:
         """Points that there are rows of."""
         return sum(last - first for first, last, _ in self.dataset.batches())
 
+    @cached_property
+    def failures(self) -> str:
+        """How many points failed and the most frequent reasons, in a line; empty where none did."""
+        if not self.failed:
+            return ""
+        reasons = self.dataset.reasons()
+        named = [f"{reason} ({count})" for reason, count in reasons[:REASONS]]
+        if len(reasons) > REASONS:
+            rest = sum(count for _, count in reasons[REASONS:])
+            named.append(f"{counted(len(reasons) - REASONS, 'other reason')} ({rest})")
+        return (
+            f"{self.failed} of {counted(self.points, 'point')} could not be made: "
+            f"{', '.join(named)}"
+        )
+
     def values(self, measure: CampaignMeasure) -> FloatArray:
         """A measure of every point, in its unit in rows, NaN where a point has none."""
         return self.dataset.column(measure.column)
@@ -122,8 +140,8 @@ class CampaignResults:
         bad = int((~np.isfinite(values)).sum())
         if bad:
             raise ConfigError(
-                f"shares of {measure.term.key}: {bad} points have no finite value; allowed: "
-                "inputs that vary less"
+                f"shares of {measure.term.key}: {counted(bad, 'point')} without a finite value"
+                f"{f' ({self.failures})' if self.failures else ''}; allowed: inputs that vary less"
             )
         paths = [one.path for one in self.campaign.inputs]
         return saltelli_shares(values, paths, self.campaign.seed)

@@ -18,7 +18,7 @@ from cam_rig.studies.campaign.largest_waviness import (
 from cam_rig.studies.campaign.measures import CampaignMeasure
 from cam_rig.studies.campaign.results import CampaignResults, Quantile
 from cam_rig.studies.campaign.sensitivities import JumpSensitivity
-from cam_rig.tables import Column, DataTable, number, tabulate
+from cam_rig.tables import Column, DataTable, counted, number, tabulate
 from cam_rig.units import RPM
 
 INTERVALS = (
@@ -76,7 +76,7 @@ def quantile_table(results: CampaignResults) -> DataTable:
         return lambda row: _known(getattr(row[1], name))
 
     return tabulate(
-        f"{results.campaign.config.title}: {results.points} points",
+        f"{results.campaign.config.title}: {counted(results.points, 'point')}",
         rows,
         (
             (Column("measure"), lambda row: row[0].term.words),
@@ -87,7 +87,7 @@ def quantile_table(results: CampaignResults) -> DataTable:
             (Column("unit"), lambda row: row[0].unit),
         ),
         INTERVALS,
-        failed_note(results),
+        results.failures,
     )
 
 
@@ -107,7 +107,7 @@ def extreme_table(results: CampaignResults) -> DataTable:
         return measure, float(values.min()), float(values.max())
 
     return tabulate(
-        f"{results.campaign.config.title}: {results.points} points",
+        f"{results.campaign.config.title}: {counted(results.points, 'point')}",
         [row_of(measure) for measure in results.campaign.measures],
         (
             (Column("measure"), lambda row: row[0].term.words),
@@ -115,16 +115,8 @@ def extreme_table(results: CampaignResults) -> DataTable:
             (Column("largest", "", ".6g"), lambda row: _known(row[2])),
             (Column("unit"), lambda row: row[0].unit),
         ),
-        failed_note(results),
+        results.failures,
     )
-
-
-def failed_note(results: CampaignResults) -> str:
-    """How many points have no measure, in words; nothing where all have."""
-    count = results.failed
-    if not count:
-        return ""
-    return f"{count} points could not be measured whole; the column reason says why."
 
 
 def yield_table(results: CampaignResults) -> DataTable:
@@ -173,6 +165,7 @@ def to_json(results: CampaignResults) -> dict[str, Any]:
         "points": results.points,
         "seed": campaign.seed,
         "failed": results.failed,
+        "reasons": [{"reason": text, "points": n} for text, n in results.dataset.reasons()],
         "fingerprint": campaign.fingerprint,
         "measures": {
             m.column: {
