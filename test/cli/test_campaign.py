@@ -222,9 +222,9 @@ def test_a_cluster_that_is_none_is_refused_in_one_line(tmp_path):
     assert "allowed: one of them" in both.stderr
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_what_is_finished_stays_and_the_rest_is_made(study, tmp_path, number):
-    """Ctrl-C in the middle, or a kill: the same rows as of a run that nothing ended."""
+    """Ctrl-C in the middle, SIGTERM or a kill: the same rows as of a run that nothing ended."""
     path, out = study(plan={"kind": "sobol", "points": 32, "seed": 2}), tmp_path / "rows"
     command = [sys.executable, "-m", "cam_rig.cli.main", "campaign", str(path), "--jobs", "1"]
     with subprocess.Popen([*command, "--out", str(out)], stderr=subprocess.PIPE, text=True) as run:
@@ -234,8 +234,9 @@ def test_what_is_finished_stays_and_the_rest_is_made(study, tmp_path, number):
         _, words = run.communicate()
     dataset = CampaignDataset(out, open_campaign(path))
     assert 0 < len(dataset.column("point")) < 32
-    if number == signal.SIGINT:
-        assert run.returncode == 130
+    if number != signal.SIGKILL:
+        assert run.returncode == 128 + number
+        assert "leaked" not in words and "Traceback" not in words
         assert "go on with: cam-rig campaign" in words.strip().splitlines()[-1]
         assert "--resume" in words
     again = call(path, "--out", out, "--resume", "--jobs", 1)

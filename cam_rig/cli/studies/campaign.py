@@ -14,7 +14,7 @@ from cam_rig.cli.common.names import campaign_path
 from cam_rig.cli.common.options import Csv, Dask, Jobs, Json, Plot
 from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
 from cam_rig.cli.studies.largest_waviness import show_largest
-from cam_rig.errors import INTERRUPTED, ConfigError, DynamicsError, OutputError, RunError
+from cam_rig.errors import ConfigError, DynamicsError, OutputError, RunError, code_of
 
 if TYPE_CHECKING:
     from cam_rig.studies.campaign.campaign import Campaign
@@ -28,7 +28,7 @@ Wavelengths = Annotated[
         min=1,
         max=1000,
         help="Instead: the largest waviness with which 99 % keep the study's limits, for N "
-        "wavelengths.",
+        "wavelengths. It keeps no rows: refused with --out and with --resume.",
     ),
 ]
 
@@ -137,7 +137,7 @@ def _measured(
     CamRigError : the folder is another's, the disk is full, or the workers are gone
     """
     from cam_rig.cli.common.executors import workplace
-    from cam_rig.cli.studies.campaign_progress import CampaignProgress
+    from cam_rig.cli.common.progress import CampaignProgress
     from cam_rig.extras import require
     from cam_rig.studies.campaign.dataset import CampaignDataset
     from cam_rig.studies.campaign.run import run_campaign
@@ -157,8 +157,8 @@ def _going_on(again: str) -> Iterator[None]:
     """Ends of a run that leave something to go on with: the command that does is named."""
     try:
         yield
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interrupt:
         say(f"cam-rig: interrupted; what is finished stays, go on with: {again}")
-        raise typer.Exit(INTERRUPTED) from None
+        raise typer.Exit(code_of(interrupt)) from None
     except (OutputError, RunError) as error:
         raise type(error)(f"{error}; go on with: {again}") from None

@@ -6,6 +6,8 @@ or Sobol's sequence the true error is smaller, and they are on the safe side.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -27,16 +29,29 @@ PROBABILITIES = (0.01, 0.05, 0.5, 0.95, 0.99)
 REASONS = 3
 #: Probability that an interval does not hold the number.
 MISSED = 0.05
+#: Draws from which on the median of a sample has an interval.
+FOR_MEDIAN = 6
+#: Shares are told whose interval is no wider than ± so much.
+SHARE_ERROR = 0.1
 
 
 @dataclass(frozen=True)
 class Quantile:
-    """A quantile of a measure and its interval, in the measure's unit; NaN beyond the sample."""
+    """A quantile of a measure and its interval, in the measure's unit; NaN beyond the sample.
+
+    The value is NaN too where an end of its interval is, with fewer than ``needed`` draws.
+    """
 
     probability: float
     value: float
     low: float
     high: float
+
+    @property
+    def needed(self) -> int:
+        """Draws from which on the sample has both ends of its interval."""
+        outside = max(self.probability, 1.0 - self.probability)
+        return math.ceil(math.log(0.5 * MISSED) / math.log(outside))
 
 
 @dataclass(frozen=True)
@@ -147,15 +162,26 @@ class CampaignResults:
         return saltelli_shares(values, paths, self.campaign.seed)
 
 
+def points_needed(shares: Sequence[InputShare], points: int) -> int:
+    """Points of a base sample, a power of 2, with which shares would be within `SHARE_ERROR`.
+
+    From the widest interval that so many points gave: it narrows as their square root.
+    """
+    errors = [error for one in shares for error in (one.first_error, one.total_error)]
+    ratio = (max(errors) / SHARE_ERROR) ** 2
+    return points if ratio <= 1.0 else 1 << math.ceil(math.log2(points * ratio))
+
+
 def quantile(values: FloatArray, probability: float) -> Quantile:
     """A quantile of sorted numbers, with the order statistics that hold it with 95 %."""
     count = values.size
     if count == 0:
         return Quantile(probability, np.nan, np.nan, np.nan)
     low, high = order_interval(count, probability)
+    told = 0 <= low <= high < count
     return Quantile(
         probability,
-        float(np.quantile(values, probability, method="inverted_cdf")),
+        float(np.quantile(values, probability, method="inverted_cdf")) if told else np.nan,
         float(values[low]) if low >= 0 else np.nan,
         float(values[high]) if high < count else np.nan,
     )

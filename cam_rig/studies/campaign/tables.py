@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,11 +16,18 @@ from cam_rig.studies.campaign.largest_waviness import (
     resonances,
 )
 from cam_rig.studies.campaign.measures import CampaignMeasure
-from cam_rig.studies.campaign.results import CampaignResults, Quantile
+from cam_rig.studies.campaign.results import (
+    SHARE_ERROR,
+    CampaignResults,
+    Quantile,
+    points_needed,
+)
 from cam_rig.studies.campaign.sensitivities import JumpSensitivity
 from cam_rig.tables import Column, DataTable, counted, number, tabulate
 from cam_rig.units import RPM
 
+#: Points from which on a standard deviation is known to about 10 % (1/√(2n)).
+FOR_SPREAD = 50
 INTERVALS = (
     "Intervals are of 95 %, for independent draws; of a Latin hypercube or Sobol's sequence they "
     "are on the safe side."
@@ -51,6 +58,10 @@ def derivative_table(found: FirstOrder) -> DataTable:
         f"points have {number(real, '.3g')} rpm"
     )
     words += ": do not rely on it here." if found.lies else "."
+    if found.correlated:
+        words += " Inputs are correlated: the prediction counts their covariances."
+    if found.points < FOR_SPREAD:
+        words += f" Of {counted(found.points, 'point')} a spread is not told: needs {FOR_SPREAD}."
 
     def rpm(one: JumpSensitivity, factor: float) -> float | None:
         return None if one.derivative is None else one.derivative * factor / RPM
@@ -85,10 +96,25 @@ def quantile_table(results: CampaignResults) -> DataTable:
             (Column("from", "", ".6g"), at("low")),
             (Column("to", "", ".6g"), at("high")),
             (Column("unit"), lambda row: row[0].unit),
+            (Column("outcome"), lambda row: "not found" if np.isnan(row[1].value) else None),
         ),
+        _not_found(rows),
         INTERVALS,
         results.failures,
     )
+
+
+def _not_found(rows: Iterable[tuple[CampaignMeasure, Quantile]]) -> str:
+    """How many draws the quantiles need that are not found; empty where all are."""
+    needed: dict[int, list[str]] = {}
+    for _, one in rows:
+        probability = f"{100.0 * one.probability:g} %"
+        if np.isnan(one.value) and probability not in needed.setdefault(one.needed, []):
+            needed[one.needed].append(probability)
+    if not needed:
+        return ""
+    words = [f"{n} draws for {' and '.join(which)}" for n, which in needed.items()]
+    return f"Not found: needs at least {', '.join(words)}."
 
 
 def _known(value: float) -> float | None:
@@ -136,9 +162,12 @@ def yield_table(results: CampaignResults) -> DataTable:
 
 def share_table(results: CampaignResults, measure: CampaignMeasure) -> DataTable:
     """A row each input."""
+    shares, points = results.shares(measure), results.campaign.config.plan.points
+    assert points is not None  # the schema's
+    needed = points_needed(shares, points)
     return tabulate(
         f"Shares of the variance of {measure.term.words}",
-        results.shares(measure),
+        shares,
         (
             (Column("input"), lambda row: row.path),
             (Column("alone", "1", ".3f"), lambda row: row.first),
@@ -147,12 +176,17 @@ def share_table(results: CampaignResults, measure: CampaignMeasure) -> DataTable
             (Column("± ", "1", ".3f"), lambda row: row.total_error),
         ),
         "Alone: of the first order. In all: with interactions. ± of 95 %, bootstrapped.",
+        ""
+        if needed == points
+        else f"Too few points to tell shares to ±{SHARE_ERROR:g}: plan.points is {points}, about "
+        f"{needed} are needed.",
     )
 
 
 def _plain(found: Quantile) -> dict[str, float | None]:
     """JSON has neither NaN nor ∞: null for both."""
-    return {key: value if np.isfinite(value) else None for key, value in vars(found).items()}
+    plain = {key: value if np.isfinite(value) else None for key, value in vars(found).items()}
+    return plain | {"needed_draws": found.needed}
 
 
 def to_json(results: CampaignResults) -> dict[str, Any]:

@@ -2,8 +2,8 @@
 
 import pytest
 
-from cam_rig.cli.studies import campaign_progress
-from cam_rig.cli.studies.campaign_progress import CampaignProgress, in_words, sized
+from cam_rig.cli.common import progress as module
+from cam_rig.cli.common.progress import CampaignProgress, in_words, sized
 from cam_rig.schema.load import Library, config_root
 from cam_rig.studies.campaign.campaign import campaign_from
 from cam_rig.studies.campaign.dataset import CampaignDataset
@@ -26,8 +26,8 @@ def dataset(tmp_path):
 def test_a_line_tells_rate_time_left_and_size(dataset, monkeypatch):
     """50 points in 20 s after the first batch leave 940 at 2.5 points/s, 376 s; 10 s apart."""
     now, said = [0.0], []
-    monkeypatch.setattr(campaign_progress.time, "monotonic", lambda: now[0])
-    monkeypatch.setattr(campaign_progress, "say", said.append)
+    monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(module, "say", said.append)
     with dataset.opened(False), CampaignProgress(dataset) as progress:
         for time, first, last in ((1.0, 0, 10), (9.0, 10, 30), (21.0, 30, 60), (30.0, 60, 80)):
             dataset.write(measure_batch(dataset.campaign, first, last))
