@@ -125,8 +125,11 @@ def counted(count: int, what: str) -> str:
     --------
     >>> counted(1, "point"), counted(64, "point")
     ('1 point', '64 points')
+    >>> counted(2, "process")
+    '2 processes'
     """
-    return f"{count} {what}{'' if count == 1 else 's'}"
+    plural = "es" if what.endswith("s") else "s"
+    return f"{count} {what}{'' if count == 1 else plural}"
 
 
 @dataclass(frozen=True)
