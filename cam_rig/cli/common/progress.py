@@ -30,7 +30,7 @@ class CampaignProgress:
         self._told, self._size = time.monotonic(), ""
         self._bar = Progress(
             TextColumn("{task.description}"),
-            BarColumn(),
+            BarColumn(12),
             MofNCompleteColumn(),
             TextColumn("{task.fields[ahead]}"),
             console=console,
