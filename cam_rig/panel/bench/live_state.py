@@ -53,6 +53,8 @@ class LiveState:
 
     def __post_init__(self) -> None:
         self.meter = Meter()
+        #: Rig time (ns) at which contact was lost last.
+        self._lost_ns = -1
 
     # -- what happens to the graph ------------------------------------------------------------
 
@@ -65,6 +67,7 @@ class LiveState:
             if self.graph == "starting":
                 self.drive, self.state, self.ended, self.values = "stopped", {}, {}, {}
                 self.contact, self.late, self.waits_for, self.meter = "", "", "", Meter()
+                self._lost_ns = -1
         if "ended" in message:
             self.ended = message["ended"]
         self.screen = message.get("screen", self.screen)
@@ -100,8 +103,11 @@ class LiveState:
             self.graph = "running" if self.graph == "starting" else self.graph
             self.waits_for = words.removeprefix(WAITING) if words.startswith(WAITING) else ""
         if node == "follower":
+            if words == LOST:
+                self.losses += 1
+            if LOST in (words, self.contact):  # it was until now
+                self._lost_ns = int(self.state.get("time_ns", 0))
             self.contact = words
-            self.losses += words == LOST
         elif node == PACE:
             self.late = "" if words == "on time" else words
         elif node.startswith("cam_drive"):
@@ -141,7 +147,8 @@ class LiveState:
         """
         if len(self.readings) >= MAX_READINGS:
             raise RefusedError(f"reading: {MAX_READINGS} are noted; allowed: no more, clear them")
-        rpm, level = self.meter.steady()
+        rpm, level, begin_ns = self.meter.steady()
+        lost = self.contact == LOST or self._lost_ns >= begin_ns
         ear = self.values.get("microphone", {})
         reading = NotedReading(
             self.state["cam"],
@@ -149,7 +156,7 @@ class LiveState:
             round(rpm, 6),
             round(level, 3),
             f"L{ear.get('frequency_weighting', '?')}{ear.get('time_weighting', '?')}",
-            self.contact,
+            LOST if lost else self.contact,
             self.setup.added_mass,
             self.setup.spring_stiffness,
             self.setup.preload,

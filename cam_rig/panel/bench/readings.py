@@ -76,8 +76,10 @@ class Meter:
         """The newest tick."""
         return self._ticks[-1] if self._ticks else None
 
-    def steady(self) -> tuple[float, float]:
+    def steady(self) -> tuple[float, float, int]:
         """Speed (rpm) and level (dB, mean square) of the last turns, a second or more of them.
+
+        And when they began (ns).
 
         Raises
         ------
@@ -101,7 +103,7 @@ class Meter:
             )
         levels = [t.level for t in same if last.time_ns - t.time_ns < (1 - 1e-6) * needed * NS]
         square = float((pressure_pa(np.array(levels)) ** 2).mean())
-        return last.rpm, float(level_db(math.sqrt(square)))
+        return last.rpm, float(level_db(math.sqrt(square))), last.time_ns - round(needed * NS)
 
 
 def to_csv(readings: list[NotedReading]) -> str:
