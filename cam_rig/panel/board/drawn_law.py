@@ -20,9 +20,10 @@ from cam_rig.laws.continuity import joints
 from cam_rig.laws.families.b_spline import bezier_pieces, greville
 from cam_rig.panel.board.drawable import (
     DRAWN,
+    KEPT,
     DrawableCam,
     Drawn,
-    nearest_of_class,
+    as_b_splines,
     with_own_ordinates,
 )
 from cam_rig.schema import CamConfig
@@ -31,8 +32,6 @@ from cam_rig.units import TURN
 
 #: Angles of a turn at which the page has the law, and its derivatives: s to s'''.
 POINTS, ORDERS = 720, 4
-#: Joints of a start are kept up to this derivative.
-KEPT = 3
 
 
 @dataclass(frozen=True)
@@ -72,16 +71,16 @@ class DrawnLaw:
 
     @classmethod
     def of(cls, cam: CamConfig) -> DrawnLaw:
-        """Of a cam's own ordinates, where it has some that may be moved; else of its class law's.
+        """Of a cam's own ordinates, where some may be moved; else of B-splines that stand for it.
 
         Raises
         ------
-        ConfigError : it rests all around, or does not join itself even in C1
+        ConfigError : it rests all around
         LawError : it has no law
         """
         own = with_own_ordinates(cam)
         drawn = None if own is None else cls(own)
-        return drawn if drawn is not None and drawn.handles else cls(nearest_of_class(cam))
+        return drawn if drawn is not None and drawn.handles else cls(as_b_splines(cam))
 
     @property
     def drawn(self) -> list[Drawn]:
