@@ -24,14 +24,18 @@ def panel(
     out: Annotated[Path, typer.Option(metavar="FOLDER", help="Where cam files are saved.")] = Path(
         "out"
     ),
+    lang: Annotated[
+        str | None, typer.Option(help="Language of the pages, en or es; the browser's by default.")
+    ] = None,
     open_browser: Annotated[bool, typer.Option("--open", help="Open the browser.")] = False,
 ) -> None:
     """Draw a motion law in a browser: drag its curve, and see what the follower makes of it.
 
     Prints an address on this machine and serves it until Ctrl-C. The ordinates of the law are
     handles on its curve; s to s''', contour, contact force, spectrum and jump speeds follow. A
-    cam without ordinates of its own is drawn as the nearest B-splines, and the page says so. The
-    address has a token: no other page, user or machine gets anything.
+    cam without ordinates of its own is drawn as B-splines, exactly where its law is of polynomials;
+    else the nearest, and the page says how far off they are. The address has a token: no other
+    page, user or machine gets anything.
 
     Examples
     --------
@@ -49,8 +53,8 @@ def panel(
         from cam_rig.panel.board.pages import BoardPages
         from cam_rig.panel.server import serve
 
-        board = Board(load_cam(cam_path(cam)), load_rig(rig_path(rig)), out)
-        with serve(BoardPages(board), port=port) as served:
+        board = Board(load_cam(cam_path(cam)), load_rig(rig_path(rig)), out, rig)
+        with serve(BoardPages(board), port=port, language=lang) as served:
             print(served.address, flush=True)
             console.print("Ctrl-C ends the panel")
             if open_browser:

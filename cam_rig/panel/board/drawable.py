@@ -17,7 +17,7 @@ from scipy.interpolate import BSpline as Spline
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, build_law
-from cam_rig.laws.continuity import joints
+from cam_rig.laws.continuity import SMOOTHEST, joints
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segments import Bezier, BSpline
 from cam_rig.schema.segments.curves import MAX_B_SPLINE_DEGREE, MAX_B_SPLINE_ORDINATES
@@ -114,7 +114,7 @@ def _in_file(spline: Spline, event: LawEvent, name: str) -> dict[str, Any]:
         "knots": quantity(
             "assumed", spline.t[1:-1].tolist(), "1", f"joints of {name}, and between"
         ),
-        "ordinates": quantity("identified", spline.c.tolist(), "1", f"the law of {name}"),
+        "ordinates": quantity("identified", (spline.c + 0.0).tolist(), "1", f"the law of {name}"),
     }
 
 
@@ -147,18 +147,18 @@ def _knots(law: Law, event: LawEvent, degree: int) -> tuple[FloatArray, list[int
     Long pieces are split: none is longer than `LONGEST`, or than a `PIECES`-th of the event.
     """
     found = {joint.angle: joint.continuity for joint in joints(law)}
-    end = event.start + event.span
-    edges = [angle for angle in law.breaks.tolist() if event.start <= angle <= end]
+    ends = [np.argmin(np.abs(law.breaks - event.start - part * event.span)) for part in (0, 1)]
+    edges = law.breaks[ends[0] : ends[1] + 1].tolist()
     if law.degree > MAX_B_SPLINE_DEGREE:  # pieces of a fit: smooth seams are none of the law's
-        seam = max(found.values())
-        edges = [a for a in edges if a in (edges[0], edges[-1]) or found[a] < seam]
+        inner = [angle for angle in edges[1:-1] if found[angle] < SMOOTHEST]
+        edges = [edges[0], *inner, edges[-1]]
     knots, longest = [0.0] * (degree + 1), min(LONGEST, event.span / PIECES)
     for left, right in pairwise(edges):
         parts = max(1, math.ceil((right - left) / longest * (1.0 - SAME)))
-        steps = left + (right - left) * np.arange(1, parts + 1) / parts
+        begin, stop = ((angle - event.start) / event.span for angle in (left, right))
+        steps = begin + (stop - begin) * np.arange(1, parts + 1) / parts
         own = 1 if right == edges[-1] else max(1, degree - max(0, found[right]))
-        inner = ((steps - event.start) / event.span).tolist()
-        knots += inner[:-1] + [inner[-1]] * own
+        knots += [*steps[:-1].tolist(), *[float(steps[-1])] * own]
     knots[-1:] = [1.0] * (degree + 1)
     smooth = [min(KEPT, max(0, found[angle % TURN])) for angle in (edges[0], edges[-1])]
     return np.array(knots), smooth

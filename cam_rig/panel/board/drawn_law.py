@@ -42,10 +42,15 @@ class Handle:
     ----------
     index : among all ordinates
     angle : rad, where it pulls the most
+    segment : which of the cam's it is of
+    left, right : rad, how far from there the ordinates next to its segment's ends stay fixed
     """
 
     index: int
     angle: float
+    segment: int
+    left: float
+    right: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,15 +103,18 @@ class DrawnLaw:
         smooth = {joint.angle: joint.continuity for joint in joints(self.start.law)}
         ends = np.array(sorted(smooth))
         found, index = [], 0
-        for segment, begin in zip(self.start.cam.segments, self._angles, strict=True):
+        segments = zip(self.start.cam.segments, self._angles, strict=True)
+        for number, (segment, begin) in enumerate(segments):
             if not isinstance(segment, DRAWN):
                 continue
             count = len(segment.ordinates.numbers)
             at = begin + segment.span.si * _abscissae(segment)
             edges = (begin, (begin + segment.span.si) % TURN)
             fixed = [1 + min(KEPT, max(0, smooth[_nearest(ends, edge)])) for edge in edges]
-            free = range(fixed[0], count - fixed[1])
-            found += [Handle(index + i, float(at[i]) % TURN) for i in free]
+            first, last = float(at[fixed[0] - 1]), float(at[-fixed[1]])
+            for i in range(fixed[0], count - fixed[1]):
+                here = float(at[i])
+                found.append(Handle(index + i, here % TURN, number, here - first, last - here))
             index += count
         return found
 

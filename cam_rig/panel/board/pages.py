@@ -48,6 +48,7 @@ class BoardPages:
             Route("/board", self._board),
             Route("/other/{cam}", self._other),
             Route("/save", self._save, methods=["POST"]),
+            Route("/dxf", self._dxf, methods=["POST"]),
             WebSocketRoute("/changes", self._changes),
         )
 
@@ -78,10 +79,18 @@ class BoardPages:
     async def _save(self, request: Request) -> Response:
         try:
             body = await read_body(request)
-            path = self.board.save(body.get("name"), body.get("ordinates"))
+            found = self.board.saved(body.get("name"), body.get("ordinates"))
         except CamRigError as error:
             return JSONResponse({"words": str(error)}, 409)
-        return JSONResponse({"path": str(path)})
+        return JSONResponse(found)
+
+    async def _dxf(self, request: Request) -> Response:
+        try:
+            body = await read_body(request)
+            text = await asyncio.to_thread(self.board.dxf, body.get("ordinates"))
+        except CamRigError as error:
+            return JSONResponse({"words": str(error)}, 409)
+        return Response(text, media_type="image/vnd.dxf")
 
     async def _changes(self, page: WebSocket) -> None:
         """Changes of one page, each answered at once; other pages follow."""
@@ -123,8 +132,10 @@ class BoardPages:
 
     async def _answer_at_rest(self) -> None:
         """What takes longer, of the last law alone, once it has rested."""
+        start = self.board.drawn.start
+        file = None if start.own or start.exact else self.board.file
         while True:
-            async with worker(self.board.cam, self.board.rig) as process:
+            async with worker(self.board.cam, self.board.rig, file) as process:
                 try:
                     while True:
                         await self._answer_once(process)

@@ -29,8 +29,13 @@ class WorkerLostError(CamRigError):
 
 
 @asynccontextmanager
-async def worker(cam: CamConfig, rig: RigConfig) -> AsyncIterator[asyncio.subprocess.Process]:
-    """The process, for as long as the context lasts."""
+async def worker(
+    cam: CamConfig, rig: RigConfig, file: CamConfig | None
+) -> AsyncIterator[asyncio.subprocess.Process]:
+    """The process, for as long as the context lasts.
+
+    ``file`` is the cam whose own law is answered for beside each: see `exact.file_jump`.
+    """
     process = await asyncio.create_subprocess_exec(
         *(sys.executable, "-m", "cam_rig.panel.board.worker"),
         stdin=asyncio.subprocess.PIPE,
@@ -40,7 +45,8 @@ async def worker(cam: CamConfig, rig: RigConfig) -> AsyncIterator[asyncio.subpro
         limit=MAX_LINE,
     )
     try:
-        _send(process, {"cam": cam.model_dump(), "rig": rig.model_dump()})
+        own = None if file is None else file.model_dump()
+        _send(process, {"cam": cam.model_dump(), "rig": rig.model_dump(), "file": own})
         yield process
     finally:
         with suppress(ProcessLookupError):
@@ -75,14 +81,17 @@ def _send(process: asyncio.subprocess.Process, data: dict[str, Any]) -> None:
 
 def main() -> None:
     """Answer lines of standard input until it ends."""
-    from cam_rig.panel.board.exact import at_rest
+    from cam_rig.panel.board.exact import at_rest, file_jump
 
     first = json.loads(sys.stdin.readline())
     cam, rig = CamConfig.model_validate(first["cam"]), RigConfig.model_validate(first["rig"])
+    own = {}
+    if first["file"] is not None:
+        own = {"file_jump": file_jump(CamConfig.model_validate(first["file"]), rig)}
     for line in sys.stdin:
         asked = json.loads(line)
         law = Law(cam.name, np.array(asked["breaks"]), np.array(asked["ordinates"]))
-        print(json.dumps(at_rest(cam, law, rig, asked["rpm"])), flush=True)
+        print(json.dumps(at_rest(cam, law, rig, asked["rpm"]) | own), flush=True)
 
 
 if __name__ == "__main__":
