@@ -83,12 +83,12 @@ def as_b_splines(cam: CamConfig) -> DrawableCam:
 
     Raises
     ------
-    ConfigError : it rests all around
+    ConfigError : it rests all around, or has too many pieces
     LawError : it has no law
     """
     law = build_law(cam)
     found = events(law, 0)
-    splines = [_in_file(_nearest(law, event), event, cam.name) for event in found]
+    splines = [_in_file(_nearest(law, event), cam.name) for event in found]
     drawn = valid_cam(spline_cam_data(cam, law, found, splines, cam.name, cam.title))
     drawn_law = build_law(drawn)
     angles = np.linspace(0.0, TURN, COMPARED, endpoint=False)
@@ -96,19 +96,8 @@ def as_b_splines(cam: CamConfig) -> DrawableCam:
     return DrawableCam(drawn, drawn_law, False, distance)
 
 
-def _in_file(spline: Spline, event: LawEvent, name: str) -> dict[str, Any]:
-    """As a cam's file has it: without scipy's outermost knots.
-
-    Raises
-    ------
-    ConfigError : more ordinates than a file takes
-    """
-    if spline.c.size > MAX_B_SPLINE_ORDINATES:
-        raise ConfigError(
-            f"{name}: the law has too many pieces from {math.degrees(event.start):.4g}° on, "
-            f"{spline.c.size} ordinates; allowed: {MAX_B_SPLINE_ORDINATES}, so fit it first with "
-            "cam-rig fit"
-        )
+def _in_file(spline: Spline, name: str) -> dict[str, Any]:
+    """As a cam's file has it: without scipy's outermost knots."""
     return {
         "degree": int(spline.k),
         "knots": quantity(
@@ -119,15 +108,25 @@ def _in_file(spline: Spline, event: LawEvent, name: str) -> dict[str, Any]:
 
 
 def _nearest(law: Law, event: LawEvent) -> Spline:
-    """Nearest in s and s'' by least squares, with the ends' derivatives; in lifts over [0, 1]."""
+    """Nearest in s and s'' by least squares, with the ends' derivatives; in lifts over [0, 1].
+
+    Raises
+    ------
+    ConfigError : it needs more ordinates than a file takes
+    """
     degree = law.degree if DEGREE <= law.degree <= MAX_B_SPLINE_DEGREE else DEGREE
     knots, smooth = _knots(law, event, degree)
     count = knots.size - degree - 1
+    if count > MAX_B_SPLINE_ORDINATES:
+        raise ConfigError(
+            f"{law.name}: its law has too many pieces from {math.degrees(event.start):.4g}° on, "
+            f"for {count} ordinates; allowed: {MAX_B_SPLINE_ORDINATES}, so fit it with cam-rig fit"
+        )
     unit = Spline(knots, np.eye(count), degree)
     ends = [np.arange(smooth[0] + 1), count - 1 - np.arange(smooth[1] + 1)]
     ordinates = np.zeros(count)
     for end, fixed in enumerate(ends):
-        rows = [unit.derivative(k)(float(end))[fixed] for k in range(fixed.size)]
+        rows = [unit(float(end), k)[fixed] for k in range(fixed.size)]
         ordinates[fixed] = np.linalg.solve(np.array(rows), _at_end(law, event, end, fixed.size))
     inside, edges = 0.5 * (np.polynomial.legendre.leggauss(GAUSS)[0] + 1.0), np.unique(knots)
     at = (edges[:-1, None] + np.diff(edges)[:, None] * inside).ravel()
@@ -135,7 +134,7 @@ def _nearest(law: Law, event: LawEvent) -> Spline:
     bend *= event.span**2
     rms = math.sqrt(float(np.mean(bend**2))) or 1.0
     wanted = np.concatenate([bend / rms, WEIGHT * lift])
-    table = np.concatenate([unit.derivative(2)(at) / rms, WEIGHT * unit(at)])
+    table = np.concatenate([unit(at, 2) / rms, WEIGHT * unit(at)])
     free = np.setdiff1d(np.arange(count), np.concatenate(ends))
     ordinates[free] = np.linalg.lstsq(table[:, free], wanted - table @ ordinates)[0]
     return Spline(knots, ordinates, degree)

@@ -4,23 +4,37 @@ from __future__ import annotations
 
 import json
 import math
+import re
+import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
+from shapely import Point, Polygon
+from typer.testing import CliRunner
 
 import cam_rig
-from cam_rig.errors import ConfigError, LawError, OutputError, RefusedError
+from cam_rig.cad.dxf import read_dxf
+from cam_rig.cli.main import app
+from cam_rig.errors import (
+    ConfigError,
+    LawError,
+    MissingLibraryError,
+    OutputError,
+    ProfileError,
+    RefusedError,
+)
 from cam_rig.panel.board.board import MAX_RPM, Board
-from cam_rig.panel.board.exact import at_rest, level
+from cam_rig.panel.board.exact import at_rest, file_jump, level
 from cam_rig.schema import CamConfig
+from cam_rig.schema.quantity import Quantity
 from cam_rig.units import RPM
 
 
 def with_one_moved(board: Board, lifts: float) -> list[float]:
     """The ordinates, one in the middle of the rise moved."""
     ordinates = board.ordinates.tolist()
-    ordinates[board.drawn.handles[14].index] += lifts
+    ordinates[board.drawn.handles[7].index] += lifts
     return ordinates
 
 
@@ -28,8 +42,9 @@ def test_a_page_gets_what_json_can_carry(board: Board) -> None:
     """No infinity, no array: the rig's weights in SI, and a number for every handle."""
     page = json.loads(json.dumps(board.page(), allow_nan=False))
     assert page["rig"]["mass"] == cam_rig.load_rig("paper_table2").follower.mass.si
-    assert len(page["handles"]) == 56
-    assert page["class"] == "B-splines of degree 5 in 16 pieces, C3 joints"
+    assert len(page["handles"]) == 30
+    assert page["drawn_as"] == {"degree": 5, "exact": True}
+    assert page["start_made"]
 
 
 def test_a_change_moves_free_ordinates_alone(board: Board) -> None:
@@ -43,7 +58,7 @@ def test_a_change_moves_free_ordinates_alone(board: Board) -> None:
 
 
 @pytest.mark.parametrize(
-    "ordinates", [None, [], [0.0] * 71, ["0"] * 72, [True] * 72, [math.nan] * 72, [101.0] * 72]
+    "ordinates", [None, [], [0.0] * 41, ["0"] * 42, [True] * 42, [math.nan] * 42, [101.0] * 42]
 )
 def test_wrong_ordinates_are_refused_and_change_nothing(board: Board, ordinates: object) -> None:
     """What a page sends is not trusted."""
@@ -105,7 +120,7 @@ def test_the_level_goes_on_where_contact_is_lost(board: Board) -> None:
 
 def test_an_undercut_law_is_a_fault_with_its_angle(board: Board) -> None:
     """At once by the contour as it is drawn, at rest by the checks of `cam-rig profile`."""
-    board.take(with_one_moved(board, 0.3), 300)
+    board.take(with_one_moved(board, 0.5), 300)
     found = board.at_once()
     keys = {fault["key"]: fault["angle_deg"] for fault in found["faults"]}
     assert keys["undercut"] == pytest.approx(92.0, abs=4.0)
@@ -161,6 +176,84 @@ def test_a_file_is_never_overwritten(board: Board) -> None:
     with pytest.raises(OutputError, match="exists already"):
         board.save("mine", with_one_moved(board, 0.1))
     assert path.read_bytes() == before
+
+
+def test_the_file_of_a_cam_that_cannot_be_made_says_so(board: Board) -> None:
+    """With the check that fails, its angle and the remedy; undone, the file says nothing."""
+    found = board.saved("undercut", with_one_moved(board, 0.5))
+    cam = cam_rig.load_cam(found["path"])
+    assert cam.cannot_be_made == found["why_not"]
+    assert re.search(r"radius of curvature is -.* at 9\d.*°; allowed", found["why_not"])
+    good = board.saved("good", with_one_moved(board, 0.05))
+    assert good["why_not"] is None
+    assert cam_rig.load_cam(good["path"]).cannot_be_made is None
+
+
+def test_a_pressure_angle_alone_can_be_made(tmp_path: Path) -> None:
+    """A bad cam is not one that cannot exist: what `cannot_be_made` says is of that alone."""
+    cam = cam_rig.load_cam("poly345")
+    strict = Quantity(given=1.0, unit="deg", source="test")
+    follower = cam.follower.model_copy(update={"most_pressure_angle": strict})
+    board = Board(cam.model_copy(update={"follower": follower}), cam_rig.load_rig("tm21"), tmp_path)
+    assert board.saved("steep", board.ordinates.tolist())["why_not"] is None
+    found = at_rest(board.cam, board.law(), board.rig, 300.0)
+    assert found["made"]
+    assert any("pressure angle" in words for words in found["checks"])
+
+
+def test_the_dxf_is_the_contour_in_mm(board: Board, tmp_path: Path) -> None:
+    """Every point of the drawing is on the exact contour, to 1e-6 mm, and none is missing."""
+    ordinates = with_one_moved(board, 0.05)
+    path = tmp_path / "cam.dxf"
+    path.write_text(board.dxf(ordinates), encoding="utf-8")
+    (points,) = read_dxf(path)
+    board.take(ordinates, 300)
+    wanted = np.array(board.at_once()["discs"][0]["points"])
+    drawn = Polygon(1e3 * points.T)
+    off = [drawn.exterior.distance(Point(*point)) for point in wanted.T]
+    assert max(off) <= 2e-3  # 1 µm of chord, and the rounding of what is shown
+    assert drawn.area == pytest.approx(Polygon(wanted.T).area, rel=1e-3)
+
+
+def test_the_dxf_of_a_cam_that_cannot_be_made_is_refused(board: Board) -> None:
+    """With what is wrong."""
+    with pytest.raises(ProfileError, match="cannot be made: convex radius of curvature"):
+        board.dxf(with_one_moved(board, 0.5))
+
+
+def test_without_the_library_the_dxf_names_its_extra(
+    board: Board, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In one line, as every command does."""
+    monkeypatch.setattr("cam_rig.extras.find_spec", lambda _: None)
+    with pytest.raises(MissingLibraryError, match=r"ezdxf is not installed: .*cam_rig\[cad\]"):
+        board.dxf(board.ordinates.tolist())
+
+
+def test_the_command_that_designs_on_is_one_that_can_be_typed(tmp_path: Path) -> None:
+    """Words for a shell, also in a folder with a space; the start and the rig are the board's."""
+    rig = "config/rigs/paper_table2.yaml"
+    out = tmp_path / "my cams"
+    board = Board(cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2"), out, rig)
+    found = board.saved("mine", board.ordinates.tolist())
+    words = shlex.split(found["command"])
+    assert words[:3] == ["cam-rig", "design", found["path"]]
+    assert words[words.index("--rig") + 1] == rig
+    assert words[words.index("--out") + 1] == str(out / "mine_designed.yaml")
+    fewer = [*words[1:], "--pieces", "4", "--joints", "C2"]
+    result = CliRunner().invoke(app, fewer)
+    assert result.exit_code == 0, result.output
+    designed = cam_rig.load_cam(out / "mine_designed.yaml")
+    start = cam_rig.jump_speed(board.law(), board.rig).rpm
+    assert cam_rig.jump_speed(cam_rig.build_law(designed), board.rig).rpm > start
+
+
+def test_a_stand_in_is_told_with_the_files_own_jump_speed() -> None:
+    """That of the law in the file, not of what is drawn for it."""
+    rig = cam_rig.load_rig("paper_table2")
+    cam = cam_rig.load_cam("trigonometric")
+    wanted = cam_rig.jump_speed(cam_rig.build_law(cam), rig).rpm
+    assert file_jump(cam, rig)["value"] == pytest.approx(wanted)
 
 
 @pytest.mark.parametrize("name", ["", "../x", "A", "a/b", "a.yaml", "a" * 101, None, 3, "cam"])
