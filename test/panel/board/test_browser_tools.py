@@ -19,7 +19,7 @@ from tools.docs.browser import new_page
 from ..conftest import Panel, Shared
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser
+    from playwright.sync_api import Browser, WebSocketRoute
 
 pytestmark = pytest.mark.slow
 
@@ -210,4 +210,43 @@ def test_only_a_stand_in_shows_the_jump_speed_of_the_files_law(
         own = cam_rig.jump_speed(cam_rig.build_law(cam), rig).rpm
         assert shown.number("file_jump") == pytest.approx(own, rel=1e-4)
         assert "the nearest" in shown.text("class")
+        shown.page.context.close()
+
+
+def test_a_connection_that_breaks_in_the_middle_of_a_drag_loses_nothing(
+    chromium: Browser, tmp_path: Path
+) -> None:
+    """What is drawn without a connection is sent when it is back, not the server's older state."""
+    cam, rig = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
+    board, shown = Board(cam, rig, tmp_path), Panel(new_page(chromium))
+    sockets: list[tuple[WebSocketRoute, WebSocketRoute]] = []
+    shown.page.route_web_socket(
+        "**/changes", lambda socket: sockets.append((socket, socket.connect_to_server()))
+    )
+    with serve(BoardPages(board)) as served:
+        shown.open(served.address)
+        handle = shown.page.locator(".handle").nth(7)
+        box = handle.bounding_box()
+        assert box is not None
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        shown.page.mouse.move(x, y)
+        shown.page.mouse.down()
+        shown.page.mouse.move(x, y + 5.0, steps=5)
+        for side in sockets.pop():
+            side.close()
+        shown.until(lambda: "No connection" in shown.text("status"))
+        before = board.version
+        shown.page.mouse.move(x, y - 15.0, steps=5)
+        index, unit = board.drawn.handles[7].index, 1e3 * board.cam.lift.si
+
+        def arrived() -> bool:
+            value = float(handle.get_attribute("aria-valuenow") or "nan")
+            return abs(board.ordinates[index] * unit - value) <= 1e-4
+
+        shown.until(lambda: sockets)
+        shown.until(arrived)
+        assert board.version > before
+        assert board.ordinates[index] > board.drawn.ordinates[index]
+        shown.page.mouse.up()
+        shown.settled()
         shown.page.context.close()
