@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import math
 from dataclasses import asdict
 from pathlib import Path
@@ -14,7 +13,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.errors import RefusedError
 from cam_rig.laws import Law, build_law
-from cam_rig.panel.board.drawn_law import ORDERS, POINTS, DrawnLaw, table_angles
+from cam_rig.panel.board.drawn_law import ORDERS, POINTS, DrawnLaw, in_base64, motion_in_base64
 from cam_rig.panel.board.exact import at_once
 from cam_rig.panel.board.files import (
     cam_text,
@@ -134,9 +133,9 @@ class Board:
             "cams": sorted(path.stem for path in (config_root() / "cams").glob("*.yaml")),
             "points": POINTS,
             "orders": ORDERS,
-            "first": _base64(table.first),
-            "table": _base64(table.table),
-            "constant": _base64(table.constant),
+            "first": in_base64(table.first),
+            "table": in_base64(table.table),
+            "constant": in_base64(table.constant),
         }
 
     def _drawn_as(self) -> dict[str, Any] | None:
@@ -153,8 +152,7 @@ class Board:
         ConfigError : no such cam
         """
         law = build_law(load_cam(Library((config_root(),)).path("cams", name)))
-        motion = np.stack([law(table_angles(), order) for order in range(ORDERS)])
-        return {"name": name, "motion": _base64(motion)}
+        return {"name": name, "motion": motion_in_base64(law)}
 
     def save(self, name: Any, ordinates: Any) -> Path:
         """Write ordinates as a cam file into the folder; gives its path.
@@ -204,8 +202,3 @@ def _speed(rpm: Any) -> float:
     if not (_is_number(rpm) and MIN_RPM <= rpm <= MAX_RPM):
         raise RefusedError(f"rpm: is {rpm!r:.40}; allowed: {MIN_RPM:g} to {MAX_RPM:g}")
     return float(rpm)
-
-
-def _base64(array: FloatArray) -> str:
-    """As little-endian float64, row by row."""
-    return base64.b64encode(np.ascontiguousarray(array, dtype="<f8").tobytes()).decode("ascii")

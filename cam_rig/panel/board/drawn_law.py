@@ -7,6 +7,7 @@ derivative in which the start joins there.
 
 from __future__ import annotations
 
+import base64
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -184,6 +185,16 @@ class DrawnLaw:
 def table_angles() -> FloatArray:
     """``(n,)`` cam angles (rad) of a `MotionTable`."""
     return np.linspace(0.0, TURN, POINTS, endpoint=False)
+
+
+def in_base64(array: FloatArray) -> str:
+    """As little-endian float64, row by row: what a page decodes."""
+    return base64.b64encode(np.ascontiguousarray(array, dtype="<f8").tobytes()).decode("ascii")
+
+
+def motion_in_base64(law: Law) -> str:
+    """S to s''' of any law at a table's angles, ``(4, n)`` m/rad^order."""
+    return in_base64(np.stack([law(table_angles(), order) for order in range(ORDERS)]))
 
 
 def _abscissae(segment: Drawn) -> FloatArray:

@@ -20,6 +20,8 @@ from cam_rig.studies.design.cam_file import without_empty
 
 #: Largest distance (m) of the DXF's chords from the contour.
 CHORD_ERROR = 1e-6
+#: What a design from the board is to reach, and to keep.
+GOAL, LIMIT = "jump_speed", "peak_acceleration<=start"
 
 
 def require_name(name: Any) -> str:
@@ -119,9 +121,12 @@ def contour_dxf(cam: CamConfig, law: Law) -> str:
     return text.getvalue()
 
 
+def designed_path(start: Path) -> Path:
+    """Where a design from a saved cam is written."""
+    return start.with_name(f"{start.stem}_designed.yaml")
+
+
 def design_command(path: Path, rig: str) -> str:
     """What designs the fastest law from a saved cam, as it is typed."""
-    out = path.with_name(f"{path.stem}_designed.yaml")
-    words = ("cam-rig", "design", str(path), "--maximise", "jump_speed")
-    limit = ("--limit", "peak_acceleration<=start")
-    return shlex.join([*words, *limit, "--rig", rig, "--out", str(out)])
+    words = ("cam-rig", "design", str(path), "--maximise", GOAL, "--limit", LIMIT)
+    return shlex.join([*words, "--rig", rig, "--out", str(designed_path(path))])

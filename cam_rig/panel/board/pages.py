@@ -15,6 +15,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from cam_rig.drawing import colours
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.panel.board.board import Board
+from cam_rig.panel.board.designs import Designs
 from cam_rig.panel.board.worker import WorkerLostError, ask, worker
 from cam_rig.panel.messages import read_body, read_object
 from cam_rig.panel.server import STATIC
@@ -43,12 +44,14 @@ class BoardPages:
         self.board = board
         self._pages: set[WebSocket] = set()
         self._changed = asyncio.Event()
+        self._designs = Designs(board, lambda message: self._send_to(self._pages, message))
         self.routes = (
             Route("/", self._index),
             Route("/board", self._board),
             Route("/other/{cam}", self._other),
             Route("/save", self._save, methods=["POST"]),
             Route("/dxf", self._dxf, methods=["POST"]),
+            *self._designs.routes,
             WebSocketRoute("/changes", self._changes),
         )
 
@@ -57,7 +60,8 @@ class BoardPages:
         """Answer what takes longer, as long as the pages are served."""
         resting = asyncio.create_task(self._answer_at_rest())
         try:
-            yield
+            async with self._designs.alive():
+                yield
         finally:
             resting.cancel()
             with suppress(asyncio.CancelledError):

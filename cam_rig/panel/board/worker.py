@@ -11,7 +11,7 @@ import json
 import os
 import sys
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager, suppress
+from contextlib import AbstractAsyncContextManager, asynccontextmanager, suppress
 from typing import Any
 
 import numpy as np
@@ -29,15 +29,13 @@ class WorkerLostError(CamRigError):
 
 
 @asynccontextmanager
-async def worker(
-    cam: CamConfig, rig: RigConfig, file: CamConfig | None
-) -> AsyncIterator[asyncio.subprocess.Process]:
-    """The process, for as long as the context lasts.
+async def beside(module: str, first: dict[str, Any]) -> AsyncIterator[asyncio.subprocess.Process]:
+    """A module that runs beside the server for as long as the context lasts.
 
-    ``file`` is the cam whose own law is answered for beside each: see `exact.file_jump`.
+    ``first`` is the first line of its input.
     """
     process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "cam_rig.panel.board.worker"),
+        *(sys.executable, "-m", module),
         stdin=asyncio.subprocess.PIPE,
         stdout=asyncio.subprocess.PIPE,
         env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
@@ -45,13 +43,24 @@ async def worker(
         limit=MAX_LINE,
     )
     try:
-        own = None if file is None else file.model_dump()
-        _send(process, {"cam": cam.model_dump(), "rig": rig.model_dump(), "file": own})
+        _send(process, first)
         yield process
     finally:
         with suppress(ProcessLookupError):
             process.kill()
         await process.wait()
+
+
+def worker(
+    cam: CamConfig, rig: RigConfig, file: CamConfig | None
+) -> AbstractAsyncContextManager[asyncio.subprocess.Process]:
+    """The process that answers for the laws of a cam.
+
+    ``file`` is the cam whose own law is answered for beside each: see `exact.file_jump`.
+    """
+    own = None if file is None else file.model_dump()
+    first = {"cam": cam.model_dump(), "rig": rig.model_dump(), "file": own}
+    return beside("cam_rig.panel.board.worker", first)
 
 
 async def ask(process: asyncio.subprocess.Process, law: Law, rpm: float) -> dict[str, Any]:

@@ -197,6 +197,22 @@ def test_the_command_that_designs_on_is_of_the_saved_cam(panel: Panel, board: Bo
     assert panel.page.evaluate("() => String(getSelection())") == panel.text("command")
 
 
+def test_a_design_runs_beside_the_board_and_is_shown_dashed(panel: Panel, board: Board) -> None:
+    """The board answers meanwhile; the designed law stands beside the start."""
+    panel.page.locator("#name").fill("begin")
+    panel.page.locator("#save").click()
+    panel.until(lambda: "Saved" in panel.text("status"))
+    panel.page.locator("#design_run").click()
+    panel.until(lambda: "rpm so far" in panel.text("design_progress"))
+    panel.drag(7, -4.0)
+    panel.settled()
+    assert panel.page.locator("#design_stop").is_visible()
+    panel.until(lambda: panel.text("status").startswith("Designed: "))
+    assert panel.path("chart2", "second") != ""
+    assert (board.out / "begin_designed.yaml").exists()
+    assert panel.page.locator("#design_run").is_visible()
+
+
 def test_only_a_stand_in_shows_the_jump_speed_of_the_files_law(
     chromium: Browser, panel: Panel, tmp_path: Path
 ) -> None:

@@ -8,7 +8,7 @@ import { Pictures } from "./pictures.js";
 import { weights } from "./pull.js";
 import { Readouts } from "./readouts.js";
 import { Stroboscope } from "./stroboscope.js";
-import { listenForFiles } from "./files.js";
+import { heardOfDesign, listenForFiles } from "./files.js";
 import { loadTexts, text } from "../common/texts.js";
 import { Wire } from "../common/wire.js";
 
@@ -162,16 +162,21 @@ $("second").addEventListener("change", async () => {
   const found = answer && (await answer.json());
   if ($("second").value !== name) return; // another was chosen meanwhile
   if (answer && !answer.ok) readouts.status(found.words, true);
-  const flat = answer?.ok ? decode(found.motion) : null;
+  showSecond(answer?.ok ? found.motion : null);
+});
+/** A law beside the board's own, in base64; null shows none. */
+function showSecond(motion) {
+  const flat = motion && decode(motion);
   pictures.second = flat && Array.from({ length: board.orders }, (_, i) => flat.subarray(i * board.points, (i + 1) * board.points));
   draw(true);
-});
+}
 $("spectrum_of").addEventListener("change", () => draw(true));
 
 // -- the server -----------------------------------------------------------------------------------
 function heard(message, pending) {
   if (message.type === "refused") readouts.status(text("refused", message), true);
   if (message.type === "rest") readouts.rest(message);
+  if (message.type === "design") heardOfDesign(message, showSecond, (words, wrong) => readouts.status(words, wrong));
   if (message.type === "moved") { put(message); sent.set("moved", Float64Array.from(message.ordinates)); }
   if (message.type !== "exact" && message.type !== "moved") return;
   const ordinates = sent.get(message.number ?? "moved");
