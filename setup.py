@@ -14,6 +14,7 @@ NODES = [
     "recorder",
     "player",
     "viewer",
+    "panel",
 ]
 
 # What `import cam_rig` and a simulation need. package.xml declares the same dependencies, and those

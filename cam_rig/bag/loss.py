@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from itertools import groupby, pairwise
+from itertools import groupby, pairwise, takewhile
 
 from cam_rig.bag.complete import belonging
 from cam_rig.errors import RefusedError
@@ -48,7 +48,9 @@ class Holdings:
 
     def follows(self, scene: SceneConfig) -> bool:
         """Whether every state is one of the scene's; not where an operator overrode it."""
-        known = {state.time_ns: state for state in cam_states(scene)}
+        newest = max((state.time_ns for _, state in self.states), default=0)
+        planned = takewhile(lambda state: state.time_ns <= newest, cam_states(scene))
+        known = {state.time_ns: state for state in planned}
         return bool(self.states) and all(
             (there := known.get(state.time_ns)) is not None and there.cam == state.cam
             for _, state in self.states

@@ -27,6 +27,7 @@ NODES = {
     "recorder": "Recorder",
     "viewer": "Viewer",
     "player": "Player",
+    "panel": "Panel",
 }
 HELP = ("-h", "--help")
 STOPPING = (signal.SIGINT, signal.SIGTERM)
@@ -94,6 +95,7 @@ microphone = partial(main, "microphone")
 recorder = partial(main, "recorder")
 viewer = partial(main, "viewer")
 player = partial(main, "player")
+panel = partial(main, "panel")
 
 
 if __name__ == "__main__":

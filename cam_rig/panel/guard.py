@@ -12,10 +12,11 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from cam_rig.viewer.server.process import HOST
 
-#: The page takes nothing from another host and is shown in no other's frame.
+#: The page takes nothing from another host, and is shown in no other's frame; Rerun's page in one
+#: of its own is this machine's.
 POLICY = (
     "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; "
-    "form-action 'none'; frame-ancestors 'none'"
+    f"form-action 'none'; frame-ancestors 'none'; frame-src http://{HOST}:*"
 )
 HEADERS = {
     "Content-Security-Policy": POLICY,

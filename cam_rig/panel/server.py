@@ -73,6 +73,10 @@ class ServedPanel:
     def __init__(self, address: str, ended: threading.Event) -> None:
         self.address, self._ended = address, ended
 
+    def alive(self) -> bool:
+        """Whether its server runs."""
+        return not self._ended.is_set()
+
     def wait(self) -> None:
         """Until Ctrl-C.
 

@@ -6,6 +6,7 @@ import json
 import signal
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from queue import Empty, Queue
 from types import FrameType, TracebackType
@@ -26,6 +27,9 @@ from cam_rig.runner.shared_memory import LOCK_GRACE_S, clean, require_room
 #: Signals that end a run; a closed terminal is one of them.
 STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
+#: Wall time (s) that a look waits for the drive's first report.
+LOOK_S = 0.05
+
 
 class Graph:
     """The nodes of one run; a context manager that leaves no process behind.
@@ -34,6 +38,8 @@ class Graph:
     ----------
     nodes : parameters by node, the last one being the drive, whose end is the run's
     respawn : start a node again that was killed, instead of ending the run
+    permit : of a node that is to be started again, and how it ended: whether to do so now; asked
+        again until it is
     network : let the nodes be discovered in the whole subnet, not on this machine alone
     log : called with what happened, a line at a time
     namespace : the rig's, "/rig1"; empty for the root
@@ -48,10 +54,11 @@ class Graph:
         log: Callable[[str], None] = lambda _line: None,
         namespace: str = "",
         server: ForkServer | None = None,
+        permit: Callable[[str, str], bool] = lambda _name, _words: True,
     ) -> None:
         self._server = server or ForkServer()
         self._nodes, self._respawn, self._network = nodes, respawn, network
-        self._namespace = namespace
+        self._namespace, self._permit = namespace, permit
         self._log, self._when = log, "before the first tick"
         self._drive = list(nodes)[-1]
         self.processes: dict[str, NodeProcess] = {}
@@ -64,6 +71,8 @@ class Graph:
         self._bag = Path(str(nodes[RECORDER]["bag"]))
         self._unclosed, self._kept = False, ""
         self._done = False
+        #: Whether the run is over, and its bag closed.
+        self.finished = False
         self._suspended: dict[str, float] = {}
         self._patience = float(str(nodes[self._drive].get("patience", PATIENCE_S)))
 
@@ -122,26 +131,37 @@ class Graph:
         ------
         RunError : a node ended before its time, with the last line of its stderr
         """
-        while True:
-            ended = [name for name, process in self.processes.items() if process.has_ended]
-            ended = [name for name in ended if name not in self._left_out]
-            if self._drive in ended:
-                self.processes[self._drive].settle()
-            yield from self._reports()
-            self._require_moving()
-            if self._drive in ended and self.processes[self._drive].code == 0:
-                if not self._done:
-                    raise RunError(
-                        f"node {self._drive} was stopped {self._when}, before it was done"
-                    )
-                ended.remove(self._drive)
-                if not self._last_ticks_are_lost(ended):
-                    if self._recorder_closes():
-                        return
-                    ended = [RECORDER]
-                self._start_again(self._drive)  # to resend them to the recorder's successor
-            for name in ended:
-                self._handle_exit(name)
+        while not self.finished:
+            yield from self.look()
+
+    def look(self) -> list[dict[str, float | str]]:
+        """What the drive has reported since the last look; deals with nodes that have ended.
+
+        Waits a moment for the first report.
+
+        Raises
+        ------
+        RunError : a node ended before its time, with the last line of its stderr
+        """
+        ended = [name for name, process in self.processes.items() if process.has_ended]
+        ended = [name for name in ended if name not in self._left_out]
+        if self._drive in ended:
+            self.processes[self._drive].settle()
+        reports = self._reports()
+        self._require_moving()
+        if self._drive in ended and self.processes[self._drive].code == 0:
+            if not self._done:
+                raise RunError(f"node {self._drive} was stopped {self._when}, before it was done")
+            ended.remove(self._drive)
+            if not self._last_ticks_are_lost(ended):
+                if self._recorder_closes():
+                    self.finished = True
+                    return reports
+                ended = [RECORDER]
+            self._start_again(self._drive)  # to resend them to the recorder's successor
+        for name in ended:
+            self._handle_exit(name)
+        return reports
 
     def require_closed(self) -> None:
         """To be called when all have ended, since the recorder then has closed the bag.
@@ -198,17 +218,18 @@ class Graph:
             elif ENTRIES[name].essential and now - since > self._patience:
                 raise RunError(f"node {name} is suspended (SIGSTOP) {self._when}")
 
-    def _reports(self) -> Iterator[dict[str, float | str]]:
-        try:
-            while True:
-                report = json.loads(self._progress.get(timeout=0.05))
-                if "done" in report:
-                    self._done = True
-                    continue
-                self._when = f"after tick {report['tick']} ({report['cam']}, {report['rpm']:g} rpm)"
-                yield report
-        except Empty:
-            pass
+    def _reports(self) -> list[dict[str, float | str]]:
+        """All reports there are; where there is none, a moment is waited for the first."""
+        lines = list[str]()
+        with suppress(Empty):
+            lines.append(self._progress.get(timeout=LOOK_S))
+            lines += [self._progress.get_nowait() for _ in range(self._progress.qsize())]
+        reports = [json.loads(line) for line in lines]
+        self._done |= any("done" in report for report in reports)
+        reports = [report for report in reports if "done" not in report]
+        for last in reports[-1:]:
+            self._when = f"after tick {last['tick']} ({last['cam']}, {last['rpm']:g} rpm)"
+        return reports
 
     def _handle_exit(self, name: str) -> None:
         """Start a node again, where that is asked for, or go on without it; else the run is over.
@@ -219,6 +240,8 @@ class Graph:
         """
         words = self._exit_words(name)
         if self._returns(name):
+            if not self._permit(name, words):
+                return
             self._log(f"{words}: started again")
             self._respawned[name] += 1
             self._start_again(name)

@@ -50,7 +50,9 @@ NODES = (
 )
 #: The node in place of drive and law server where a bag is replayed.
 PLAYER = NodeEntry("player", {"bag": str})
-ENTRIES = {entry.name: entry for entry in (*NODES, PLAYER)}
+#: The node that passes the commands of a page in a browser on to the others.
+PANEL = NodeEntry("panel", {"socket": str}, essential=False)
+ENTRIES = {entry.name: entry for entry in (*NODES, PLAYER, PANEL)}
 #: The nodes that make what others consume, in a run and in a replay.
 SOURCES = ("law_server", DRIVE, PLAYER.name)
 #: The nodes that the drive may wait for, beside the law server, and those it can go on without.

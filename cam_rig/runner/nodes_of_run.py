@@ -10,6 +10,7 @@ from cam_rig.runner.node_table import (
     CONSUMERS,
     DRIVE,
     NODES,
+    PANEL,
     PATIENCE_S,
     PLAYER,
     RECORDER,
@@ -49,3 +50,12 @@ def replayed(scene: Path, bag: Path, recorded: Path) -> dict[str, Arguments]:
     nodes = {name: given for name, given in live(scene, bag).items() if name in CONSUMERS}
     player: Arguments = {"bag": str(recorded), "patience": PATIENCE_S, "at_end": WAIT}
     return nodes | {PLAYER.name: player}
+
+
+def steered(
+    scene: Path, bag: Path, socket: Path, screen: str | None, page: str, **drive: str | bool | float
+) -> dict[str, Arguments]:
+    """The nodes of a run that a page steers, through the panel's node at ``socket``."""
+    nodes = live(scene, bag, screen, None, page, **drive)
+    panel: Arguments = {"scene": str(scene), "at_end": WAIT, "socket": str(socket)}
+    return {PANEL.name: panel} | nodes

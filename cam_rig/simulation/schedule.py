@@ -79,11 +79,11 @@ def cam_states(scene: SceneConfig) -> Iterator[CamState]:
         before = 0.0
         for speed in program.speeds.si_list:
             for ticks in (_ramp(scene, before, speed), _hold(scene, speed)):
-                for part in ticks:
-                    at = time_ns + part.start_ns, angle + part.angle
-                    yield CamState(*at, part.speed, cam, turns + part.turns)
-                if ticks:
-                    last = ticks[-1]
+                last = None
+                for last in ticks:
+                    at = time_ns + last.start_ns, angle + last.angle
+                    yield CamState(*at, last.speed, cam, turns + last.turns)
+                if last is not None:
                     time_ns += last.stop_ns
                     turned = angle + last.angle_at(last.duration)
                     turns, angle = wrap(turned, turns + last.turns)
@@ -91,13 +91,39 @@ def cam_states(scene: SceneConfig) -> Iterator[CamState]:
     yield CamState(time_ns, angle, 0.0, scene.cams[-1], turns)
 
 
-def _hold(scene: SceneConfig, speed: float) -> list[Interval]:
-    """The ticks of one speed, from time and angle 0."""
+def run_length(scene: SceneConfig) -> tuple[int, int]:
+    """Rig time (ns) of the whole scene, and of its longest tick.
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> length, longest = run_length(cam_rig.load_scene("quick"))
+    >>> list(cam_states(cam_rig.load_scene("quick")))[-1].time_ns == length
+    True
+    """
+    program, lengths, longest = scene.program, 0, 0
+    for before, speed in pairwise([0.0, *program.speeds.si_list]):
+        ramp = _ramp(scene, before, speed)
+        lengths += (ramp[-1].stop_ns if ramp else 0) + _edge(scene, speed, ticks_a_step(scene))
+        ticks = [part.stop_ns - part.start_ns for part in ramp]
+        longest = max(longest, *ticks, _edge(scene, speed, 1) + 1)  # by rounding, of some
+    return len(scene.cams) * lengths, longest
+
+
+def _hold(scene: SceneConfig, speed: float) -> Iterator[Interval]:
+    """The ticks of one speed, from time and angle 0; there may be a hundred million."""
+    edges = (_edge(scene, speed, i) for i in range(ticks_a_step(scene) + 1))
+    return (_held(a, b, speed) for a, b in pairwise(edges))
+
+
+def _edge(scene: SceneConfig, speed: float, ticks: int) -> int:
+    """The time (ns) at which so many ticks of one speed end.
+
+    In whole numbers, so that a turn ends at the same nanosecond however it is divided.
+    """
     tick = Fraction(TURN) * NS / Fraction(speed) / scene.program.ticks_per_turn
-    # In whole numbers, so that a turn ends at the same nanosecond however it is divided.
     whole, parts = (2 * tick).as_integer_ratio()
-    edges = [(i * whole + parts) // (2 * parts) for i in range(ticks_a_step(scene) + 1)]
-    return [_held(a, b, speed) for a, b in pairwise(edges)]
+    return (ticks * whole + parts) // (2 * parts)
 
 
 def _held(start_ns: int, stop_ns: int, speed: float) -> Interval:

@@ -5,13 +5,11 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 
-import numpy as np
 import rerun as rr
 
-from cam_rig.arrays import FloatArray
 from cam_rig.errors import CamRigError
 from cam_rig.simulation.loaded_scene import LoadedScene
-from cam_rig.simulation.schedule import cam_states
+from cam_rig.simulation.schedule import run_length
 from cam_rig.units import NS
 from cam_rig.viewer.blueprint import blueprint, compared_rpm
 from cam_rig.viewer.charts.quantities import scene_ranges
@@ -45,8 +43,8 @@ class LiveView:
         address: str,
         behind: Callable[[], float | None] | None = None,
     ) -> None:
-        times = np.array([state.time_ns for state in cam_states(loaded.scene)]) / NS
-        duration, window = float(times[-1]), live_window(times)
+        duration, tick = (length / NS for length in run_length(loaded.scene))
+        window = live_window(tick)
         bucket = screen_bucket(window, loaded.scene.sample_rate.si)
         rpm = compared_rpm(loaded, None)
         ranges = scene_ranges(loaded)
@@ -59,7 +57,7 @@ class LiveView:
         name_recording(self._stream, loaded.scene.title)
         self._pace = FramePace(behind)
         # a block and the tick that makes it whole fit into the window: no curve is ever out of it
-        block = window - float(np.diff(times).max())
+        block = window - tick
         self._drawing = RunRecorder(
             self._stream, loaded, bucket, rpm, ranges, pace=self._pace, send_every=block
         )
@@ -98,6 +96,6 @@ def screen_bucket(window: float, rate: float) -> int:
     return max(1, round(window * rate / ACROSS_SCREEN))
 
 
-def live_window(times: FloatArray) -> float:
-    """Rig time (s) that the curves of a live run show: two ticks at least, of states at times."""
-    return max(MIN_WINDOW_S, 2.0 * float(np.diff(times).max()))
+def live_window(longest_tick: float) -> float:
+    """Rig time (s) that the curves of a live run show: two ticks at least, the longest (s)."""
+    return max(MIN_WINDOW_S, 2.0 * longest_tick)

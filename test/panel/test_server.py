@@ -7,7 +7,6 @@ import os
 import re
 import signal
 import socket
-from http.client import HTTPConnection, HTTPResponse
 from pathlib import Path
 from urllib.parse import urljoin, urlsplit
 
@@ -20,30 +19,10 @@ from cam_rig.panel.board.board import Board
 from cam_rig.panel.board.pages import BoardPages
 from cam_rig.panel.server import STATIC, serve
 
-PATHS = [
-    "/",
-    "/board",
-    "/static/board/law.js",
-    "/other/tm21",
-    "/save",
-    "/dxf",
-    "/languages",
-    "/nothing",
-]
+from .asking import ask
 
-
-def ask(address: str, path: str, method: str = "GET", body: str = "", **headers: str) -> tuple:
-    """Status, headers and body; ``Host`` is the address's unless another is given."""
-    url = urlsplit(address)
-    connection = HTTPConnection(url.hostname or "", url.port, timeout=20)
-    connection.putrequest(method, path, skip_host=True)
-    for name, value in ({"Host": url.netloc, "Content-Length": str(len(body))} | headers).items():
-        connection.putheader(name, value)
-    connection.endheaders(body.encode())
-    answer: HTTPResponse = connection.getresponse()
-    found = answer.status, answer.headers, answer.read()
-    connection.close()
-    return found
+PATHS = ["/", "/board", "/static/board/law.js", "/other/tm21", "/languages", "/nothing"]
+PATHS += ["/save", "/dxf"]
 
 
 @pytest.fixture

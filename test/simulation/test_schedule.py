@@ -1,12 +1,12 @@
 """The drive's program: whole turns, ticks that meet, an angle that never jumps."""
 
 from fractions import Fraction
-from itertools import groupby, pairwise
+from itertools import groupby, islice, pairwise
 
 import numpy as np
 import pytest
 
-from cam_rig.simulation.schedule import CamState, cam_states, tick_count
+from cam_rig.simulation.schedule import CamState, cam_states, run_length, tick_count
 from cam_rig.units import NS, TURN
 
 
@@ -20,6 +20,30 @@ def test_tick_count(scene):
     states = list(cam_states(scene))
     assert len(states) == tick_count(scene) + 1
     assert tick_count(scene) == 2 * 4 * 3 * scene.program.ticks_per_turn
+
+
+def test_length_and_longest_tick_are_those_of_the_states(scene):
+    """The last stamp, and to a nanosecond the longest of the gaps."""
+    times = [state.time_ns for state in cam_states(scene)]
+    length, longest = run_length(scene)
+    assert length == times[-1]
+    assert 0 <= longest - max(np.diff(times)) <= 1
+
+
+def test_length_and_longest_tick_with_ramps(ramped):
+    """The same where every speed is reached evenly."""
+    times = [state.time_ns for state in cam_states(ramped)]
+    length, longest = run_length(ramped)
+    assert length == times[-1]
+    assert 0 <= longest - max(np.diff(times)) <= 1
+
+
+def test_a_scene_of_any_length_begins_at_once(make_scene):
+    """Its first states are those of a short one; a list of all of them would hold 1e7."""
+    short = make_scene(ticks_per_turn=64, speeds=[333], turns=5)
+    long = make_scene(ticks_per_turn=64, speeds=[333], turns=100_000)
+    assert list(islice(cam_states(long), 320)) == list(islice(cam_states(short), 320))
+    assert run_length(long)[0] == pytest.approx(2 * 100_000 * 60 / 333 * NS, rel=1e-12)
 
 
 def test_each_step_is_whole_turns(scene):

@@ -6,6 +6,7 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
@@ -13,6 +14,7 @@ import typer
 from cam_rig.cli.common.console import console, user_errors
 from cam_rig.cli.common.names import cam_path, rig_path
 from cam_rig.cli.common.options import Rig
+from cam_rig.errors import CamRigError
 
 
 def panel(
@@ -27,6 +29,9 @@ def panel(
     lang: Annotated[
         str | None, typer.Option(help="Language of the pages, en or es; the browser's by default.")
     ] = None,
+    no_rerun: Annotated[
+        bool, typer.Option("--no-rerun", help="The bench without Rerun's picture of the rig.")
+    ] = False,
     open_browser: Annotated[bool, typer.Option("--open", help="Open the browser.")] = False,
 ) -> None:
     """Draw a motion law in a browser: drag its curve, and see what the follower makes of it.
@@ -50,18 +55,25 @@ def panel(
 
         for library in ("starlette", "uvicorn", "websockets"):
             require(library)
+        from cam_rig.panel.bench.pages import BenchPages
+        from cam_rig.panel.bench.runner import BenchRunner
         from cam_rig.panel.board.pages import BoardPages
         from cam_rig.panel.server import serve
+        from cam_rig.runner.user_folder import user_folder
 
-        board = Board(load_cam(cam_path(cam)), load_rig(rig_path(rig)), out, rig)
-        with serve(BoardPages(board), port=port, language=lang) as served:
-            print(served.address, flush=True)
-            console.print("Ctrl-C ends the panel")
-            if open_browser:
-                import webbrowser
+        first, own = load_cam(cam_path(cam)), load_rig(rig_path(rig))
+        with TemporaryDirectory(prefix="cam_rig-panel-", dir=user_folder()) as folder:
+            runner = BenchRunner(own, Path(folder), out, not no_rerun)
+            pages = BoardPages(Board(first, own, out, rig)), BenchPages(runner, first)
+            with serve(*pages, port=port, language=lang) as served:
+                print(served.address, flush=True)
+                console.print("Ctrl-C ends the panel")
+                if open_browser:
+                    import webbrowser
 
-                webbrowser.open(served.address)
-            served.wait()
+                    webbrowser.open(served.address)
+                runner.run(served.alive)
+        raise CamRigError("the panel's server ended")
 
 
 @contextmanager

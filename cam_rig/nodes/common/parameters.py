@@ -168,6 +168,12 @@ PARAMETERS: dict[str, tuple[Spec, ...]] = {
         Spec("page", "", "address of the page that shows the picture, http://127.0.0.1:PORT/, of "
              "which less is sent while the page is behind; empty: none is asked"),
     ),
+    "panel": (
+        SCENE,
+        CHECKPOINT,
+        replace(AT_END, default=WAIT),
+        Spec("socket", "", "socket of cam-rig panel, which starts this node"),
+    ),
     "player": (
         CHECKPOINT,
         replace(AT_END, choices=(END, WAIT)),

@@ -181,7 +181,7 @@ class RigNode(Node):
 
         return super().create_service(srv_type, srv_name, answer, **named)
 
-    def subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> None:
+    def subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> Any:
         """Subscribe with the topic's type and quality of service."""
         kind = message_class(topic)
 
@@ -190,7 +190,7 @@ class RigNode(Node):
             callback(deserialize_message(cdr, kind))
             self.taken += 1
 
-        self.create_subscription(kind, topic.relative, take, qos(topic), raw=True)
+        return self.create_subscription(kind, topic.relative, take, qos(topic), raw=True)
 
     def refuse(self, error: CamRigError) -> None:
         """Log a refused message as a warning, at most once per second."""

@@ -80,6 +80,19 @@ ABOUT = {
         "-p scene:=quick",
         gives=(topics.SHOWN,),
     ),
+    "panel": About(
+        "passes commands of a page in a browser on to the other nodes, and shows it what they say",
+        (
+            topics.CAM_STATE,
+            topics.LEVEL,
+            topics.PRESSURE,
+            topics.FOLLOWER_SAMPLES,
+            topics.DIAGNOSTICS,
+            topics.PARAMETER_EVENTS,
+            topics.FINISHED,
+        ),
+        "-p scene:=quick -p socket:=/run/user/1000/panel.socket",
+    ),
     "player": About(
         "publishes the cam states and laws of a bag, in place of cam_drive and law_server",
         (*_ACKNOWLEDGEMENTS, topics.CLOSED, topics.READY),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
@@ -12,6 +12,8 @@ from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import MODELS
 from cam_rig.dynamics.samples import NamedRows
 from cam_rig.laws import Law
+from cam_rig.schema import SceneConfig
+from cam_rig.schema.quantity import Quantity
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.simulate import turned_ticks
 from cam_rig.viewer.charts import series
@@ -41,6 +43,8 @@ GAP = Drawn("gap", "Gap [µm]", series.GAP)
 TWIST = Drawn("twist", "Twist of the shaft [°]", series.TWIST)
 
 
+#: Turns at each speed, at most, that the axes of a scene are found from.
+MAX_TURNS = 50
 #: Key of the axis on which the smallest of a scene's gaps can be seen beside its greatest.
 CLOSE_GAP = "close_gap"
 #: A gap (µm) that is worth an axis of its own, that axis over it, and over the axis of all gaps.
@@ -79,8 +83,10 @@ class SceneRanges:
 def scene_ranges(loaded: LoadedScene) -> SceneRanges:
     """Axes from the least and the greatest of each quantity, at all speeds of the scene.
 
-    The scene is solved for it, exactly as it runs: it takes a few tenths of a second.
+    The scene is solved for it, as it runs: it takes a few tenths of a second. Of a long scene, the
+    first turns at each speed, in which what the step of speed set off dies away.
     """
+    loaded = replace(loaded, scene=_shortened(loaded.scene))
     rows = drawn_of(loaded.scene.model)
     shaft = ShaftTwist(loaded) if TWIST in rows else None
     ends: dict[str, FloatArray] = {}
@@ -98,6 +104,17 @@ def scene_ranges(loaded: LoadedScene) -> SceneRanges:
     whole = reduce(_wider, ends.values())
     by_cam = {cam: _ranges(rows, values) for cam, values in ends.items()}
     return SceneRanges({**_ranges(rows, whole), **close_gap([*gaps.values()])}, by_cam)
+
+
+def _shortened(scene: SceneConfig) -> SceneConfig:
+    """A scene with no more turns than are looked at."""
+    program = scene.program
+    if program.turns.si <= MAX_TURNS:
+        return scene
+    turns = Quantity(assumed=float(MAX_TURNS), unit="turns", source="what the axes are drawn for")
+    settle = Quantity(assumed=0.0, unit="turns", source="as turns")
+    short = program.model_copy(update={"turns": turns, "settle_turns": settle})
+    return scene.model_copy(update={"program": short})
 
 
 def close_gap(gaps: Sequence[float]) -> Ranges:

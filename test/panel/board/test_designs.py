@@ -19,7 +19,7 @@ from cam_rig.panel.board.board import Board
 from cam_rig.panel.board.designs import MODULE
 from cam_rig.panel.board.drawn_law import ORDERS, POINTS, table_angles
 
-from ..test_server import ask
+from ..asking import ask
 
 pytestmark = pytest.mark.slow
 

@@ -40,6 +40,7 @@ export class Chart {
     this.clip = element("rect", {}, element("clipPath", { id }, element("defs", {}, this.svg)));
     this.curves = element("g", { "clip-path": `url(#${id})` }, this.svg);
     this.paths = new Map();
+    this.groups = new Map();
     this.drawn = new WeakMap();
     this.range = null;
     this.resized = () => {};
@@ -129,6 +130,15 @@ export class Chart {
     path.setAttribute("d", parts.join(""));
   }
 
+  /** Markers at points, each with its colour and shape; a full one stands out. */
+  points(key, all) {
+    if (!this.groups.has(key)) this.groups.set(key, element("g", {}, this.curves));
+    this.groups.get(key).replaceChildren(...all.map(({ x, y, colour, marker, full }) => {
+      const at = `translate(${this.right(x).toFixed(1)} ${this.down(y).toFixed(1)})`;
+      return element("path", { class: "point", d: MARKERS[marker], transform: at, stroke: colour, fill: full ? colour : "#fff" });
+    }));
+  }
+
   /** A curve of values at equal steps of x; null takes it away. */
   curve(key, values, { colour, kind = "", scale = 1, step }) {
     const path = this.#path(key, values, colour, kind);
@@ -141,6 +151,13 @@ export class Chart {
     path.setAttribute("d", `M${parts.join("L")}`);
   }
 }
+
+export const MARKERS = {
+  circle: "M-5 0a5 5 0 1 0 10 0a5 5 0 1 0 -10 0Z",
+  square: "M-4.5 -4.5H4.5V4.5H-4.5Z",
+  triangle: "M0 -5.5L5 4H-5Z",
+  diamond: "M0 -6L5 0L0 6L-5 0Z",
+};
 
 function decades([low, high]) {
   const found = [];

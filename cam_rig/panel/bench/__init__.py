@@ -1,0 +1,1 @@
+"""The live bench: the node graph, steered from a page."""

@@ -1,0 +1,187 @@
+"""What the bench's pages are shown: what the nodes say, the set-up, the readings noted so far."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from cam_rig.errors import RefusedError
+from cam_rig.messages.topics import HEARTBEAT, PACE
+from cam_rig.panel.bench.readings import MAX_READINGS, Meter, NotedReading
+from cam_rig.panel.bench.setup import Setup
+
+#: What a node's heartbeat says of a drive that was stopped, and its diagnosis after an emergency.
+STOPPED, EMERGENCY, LOST = "stopped", "emergency", "contact lost"
+WAITING = "waiting for "
+#: Lines of the graph's log that are shown.
+MAX_LINES = 6
+
+
+@dataclass
+class LiveState:
+    """The bench as its pages see it; every change makes another ``version``.
+
+    Parameters
+    ----------
+    setup : how the rig is set up
+    """
+
+    setup: Setup
+    #: off, starting, running, ended or failed.
+    graph: str = "off"
+    #: Why it failed.
+    words: str = ""
+    domain: int = 0
+    #: Whether the cam is driven: turning, stopped, or emergency.
+    drive: str = "stopped"
+    #: Nodes that were killed and wait to be started again, and how they ended.
+    #: Nodes that the drive waits for, in its words.
+    waits_for: str = ""
+    ended: dict[str, str] = field(default_factory=dict)
+    values: dict[str, dict[str, Any]] = field(default_factory=dict)
+    state: dict[str, Any] = field(default_factory=dict)
+    contact: str = ""
+    late: str = ""
+    kept: list[str] = field(default_factory=list)
+    log: list[str] = field(default_factory=list)
+    readings: list[NotedReading] = field(default_factory=list)
+    #: Address of the page that shows the rig in Rerun.
+    screen: str = ""
+    version: int = 0
+    #: Ticks in which contact was lost, as far as they were told apart.
+    losses: int = 0
+
+    def __post_init__(self) -> None:
+        self.meter = Meter()
+
+    # -- what happens to the graph ------------------------------------------------------------
+
+    def happened(self, message: dict[str, Any]) -> None:
+        """What the runner tells."""
+        self.version += 1
+        if "graph" in message:
+            self.graph, self.words = message["graph"], message.get("words", "")
+            self.domain = message.get("domain", self.domain)
+            if self.graph == "starting":
+                self.drive, self.state, self.ended, self.values = "stopped", {}, {}, {}
+                self.contact, self.late, self.waits_for, self.meter = "", "", "", Meter()
+        if "ended" in message:
+            self.ended = message["ended"]
+        self.screen = message.get("screen", self.screen)
+        if "kept" in message:
+            self.kept.append(message["kept"])
+        if "log" in message:
+            self.log = [*self.log, message["log"]][-MAX_LINES:]
+
+    # -- what the nodes say -------------------------------------------------------------------
+
+    def heard(self, message: dict[str, Any]) -> None:
+        """A line of the panel's node."""
+        self.version += 1
+        if "state" in message:
+            self._turned(message["state"])
+        elif "level" in message:
+            self.meter.level(message["time_ns"], message["level"])
+        elif "health" in message:
+            self._health(*message["health"])
+        elif "values" in message:
+            self._set(message["node"], message["values"])
+
+    def _turned(self, state: dict[str, Any]) -> None:
+        if state["cam"] != self.state.get("cam"):
+            self.meter.forget()
+        self.state, self.graph, self.waits_for = state, "running", ""
+        self.meter.state(state["time_ns"], state["rpm"])
+        if self.drive != EMERGENCY:
+            self.drive = "turning"
+
+    def _health(self, node: str, _level: int, words: str) -> None:
+        if node == f"cam_drive{HEARTBEAT}":
+            self.graph = "running" if self.graph == "starting" else self.graph
+            self.waits_for = words.removeprefix(WAITING) if words.startswith(WAITING) else ""
+        if node == "follower":
+            self.contact = words
+            self.losses += words == LOST
+        elif node == PACE:
+            self.late = "" if words == "on time" else words
+        elif node.startswith("cam_drive"):
+            if words.startswith(EMERGENCY):
+                self.drive = EMERGENCY
+            elif words.startswith(STOPPED):
+                self.drive = STOPPED
+            elif words == "turning":
+                self.drive = "turning"
+
+    def _set(self, node: str, values: dict[str, Any]) -> None:
+        if node == "microphone" and values != self.values.get(node):
+            self.meter.forget()
+        self.values.setdefault(node, {}).update(values)
+
+    def mounted(self) -> dict[str, Any]:
+        """Cam and speed as they are now, for the next set-up."""
+        rpm = self.values.get("cam_drive", {}).get("rpm", 0.0)
+        cam = self.values.get("law_server", {}).get("cam", "")
+        now = {"cam": self.state.get("cam") or cam, "rpm": rpm or self.state.get("rpm")}
+        return {key: value for key, value in now.items() if value}
+
+    def chosen(self) -> dict[str, dict[str, Any]]:
+        """What else was set on the nodes, for those of the next set-up."""
+        drive, ear = (self.values.get(node, {}) for node in ("cam_drive", "microphone"))
+        pace = {key: drive[key] for key in ("pacing",) if key in drive}
+        return {"cam_drive": pace, "microphone": dict(ear)}
+
+    # -- what is noted ------------------------------------------------------------------------
+
+    def note(self) -> NotedReading:
+        """Note the present reading.
+
+        Raises
+        ------
+        RefusedError : the cam has not turned long enough at one speed; too many are noted
+        """
+        if len(self.readings) >= MAX_READINGS:
+            raise RefusedError(f"reading: {MAX_READINGS} are noted; allowed: no more, clear them")
+        rpm, level = self.meter.steady()
+        ear = self.values.get("microphone", {})
+        reading = NotedReading(
+            self.state["cam"],
+            self.setup.model,
+            round(rpm, 6),
+            round(level, 3),
+            f"L{ear.get('frequency_weighting', '?')}{ear.get('time_weighting', '?')}",
+            self.contact,
+            self.setup.added_mass,
+            self.setup.spring_stiffness,
+            self.setup.preload,
+        )
+        self.readings.append(reading)
+        self.version += 1
+        return reading
+
+    def clear(self) -> None:
+        """Forget all readings."""
+        self.readings.clear()
+        self.version += 1
+
+    def shown(self) -> dict[str, Any]:
+        """All of it, for a page."""
+        tick = self.meter.latest
+        return {
+            "graph": self.graph,
+            "words": self.words,
+            "domain": self.domain,
+            "screen": self.screen,
+            "drive": self.drive,
+            "waits_for": self.waits_for,
+            "ended": self.ended,
+            "values": self.values,
+            "state": self.state,
+            "level": None if tick is None else round(tick.level, 3),
+            "contact": self.contact,
+            "losses": self.losses,
+            "late": self.late,
+            "kept": self.kept,
+            "log": self.log,
+            "setup": asdict(self.setup),
+            "readings": [asdict(reading) for reading in self.readings],
+        }

@@ -1,0 +1,183 @@
+"""The bench's pages: one of them holds the controls, all see the same."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Any
+
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from cam_rig.acoustics.sound_level_meter import FREQUENCY_WEIGHTINGS, TIME_WEIGHTINGS
+from cam_rig.drawing import colours
+from cam_rig.errors import RefusedError
+from cam_rig.panel.bench.bench_page import BenchPage
+from cam_rig.panel.bench.controls import DONE, EMERGENCY_STOP, BenchControls
+from cam_rig.panel.bench.link import NodeLink
+from cam_rig.panel.bench.live_state import LiveState
+from cam_rig.panel.bench.readings import to_csv
+from cam_rig.panel.bench.runner import BenchRunner
+from cam_rig.panel.bench.setup import (
+    MAX_ADDED_MASS,
+    MAX_RPM,
+    MIN_RPM,
+    Setup,
+    add_cam,
+    allowed_models,
+    cam_names,
+)
+from cam_rig.panel.messages import read_object
+from cam_rig.panel.server import STATIC
+from cam_rig.schema import CamConfig
+from cam_rig.units import NS
+
+#: Speeds (rpm) of the knob.
+KNOB = (20.0, 1000.0)
+#: Cams in the chart, whose markers differ too.
+CAM_COLOURS = (colours.BLUE, colours.VERMILION, colours.GREEN, colours.BLACK)
+PACES = ("real_time", "0.1x", "0.25x", "0.5x", "2x", "5x", "free")
+
+
+class BenchPages:
+    """The live bench in a browser.
+
+    Parameters
+    ----------
+    runner : of the node graph
+    cam : mounted first
+    """
+
+    def __init__(self, runner: BenchRunner, cam: CamConfig) -> None:
+        self._runner = runner
+        add_cam(cam, runner.cams)
+        self.live = LiveState(Setup.of(runner.rig, cam.name))
+        self._link = NodeLink(runner.socket, self._heard)
+        self._pages: list[BenchPage] = []  # the first one holds the controls
+        self._controls = BenchControls(runner, self.live, self._link)
+        self.routes = (
+            Route("/bench", self._index),
+            Route("/bench/about", self._about),
+            Route("/bench/readings.csv", self._csv),
+            WebSocketRoute("/bench/live", self._live),
+        )
+
+    @asynccontextmanager
+    async def alive(self) -> AsyncIterator[None]:
+        """Listen to the nodes and tell the pages, as long as they are served."""
+        loop = asyncio.get_running_loop()
+
+        def tell(message: dict[str, Any]) -> None:
+            loop.call_soon_threadsafe(self._happened, message)
+
+        self._runner.tell = tell
+        try:
+            async with self._link.listening():
+                yield
+        finally:
+            self._runner.tell = lambda _message: None
+
+    # -- requests -------------------------------------------------------------------------------
+
+    async def _index(self, _: Request) -> Response:
+        if self.live.graph == "off":
+            self._controls.set_up(self.live.setup)
+        return FileResponse(STATIC / "bench" / "index.html")
+
+    async def _about(self, _: Request) -> Response:
+        rig = self._runner.rig
+        return JSONResponse(
+            {
+                "rig": {"name": rig.name, "title": rig.title, "mass": rig.follower.mass.si},
+                "calibrated_on": rig.radiation.calibrated_on,
+                "models": allowed_models(rig),
+                "cams": cam_names(self._runner.cams),
+                "paces": PACES,
+                "knob": KNOB,
+                "speeds": (MIN_RPM, MAX_RPM),
+                "colours": [colours.web(colour) for colour in CAM_COLOURS],
+                "max_added_mass": MAX_ADDED_MASS,
+                "frequency_weightings": FREQUENCY_WEIGHTINGS,
+                "time_weightings": list(TIME_WEIGHTINGS),
+            }
+        )
+
+    async def _csv(self, _: Request) -> Response:
+        name = {"Content-Disposition": 'attachment; filename="readings.csv"'}
+        return Response(to_csv(self.live.readings), headers=name, media_type="text/csv")
+
+    async def _live(self, socket: WebSocket) -> None:
+        await socket.accept()
+        page = BenchPage(socket, self._shown)
+        self._pages.append(page)
+        self._changed()
+        try:
+            async with page.told():
+                while True:
+                    await self._obey(page, await socket.receive_text())
+        except WebSocketDisconnect:
+            pass
+        finally:
+            self._pages.remove(page)  # the next one holds the controls
+            self._listen()
+            self._changed()
+
+    # -- commands -------------------------------------------------------------------------------
+
+    async def _obey(self, page: BenchPage, text: str) -> None:
+        """Do what a page asks, and answer it by the number of its message."""
+        number = None
+        try:
+            command = read_object(text)
+            number = command.get("number")
+            reply = await self._done(page, command)
+        except RefusedError as error:
+            reply = {"success": False, "words": str(error)}
+        await page.socket.send_json({"type": "answer"} | reply | {"answer": number})
+        self._changed()
+
+    async def _done(self, page: BenchPage, command: dict[str, Any]) -> dict[str, Any]:
+        match command.get("do"):
+            case "listen":
+                page.listens = command.get("value") is True
+                self._listen()
+                return DONE
+            case "take_over":
+                self._pages.remove(page)
+                self._pages.insert(0, page)
+                return DONE
+        # An emergency stop is whoever's who sees the need.
+        if page is not self._pages[0] and command.get("value") != EMERGENCY_STOP:
+            raise RefusedError("another page holds the controls; allowed: after taking over")
+        return await self._controls.obey(command)
+
+    # -- what the pages are told ----------------------------------------------------------------
+
+    def _listen(self) -> None:
+        self._link.listen(any(page.listens for page in self._pages))
+
+    def _heard(self, message: dict[str, Any]) -> None:
+        if "samples" in message:
+            sound = self._controls.sound.render(message, self.live.state.get("rpm", 0.0))
+            for page in self._pages:
+                page.play(sound)
+            return
+        if "state" in message:
+            self._runner.driven(message["state"]["time_ns"] / NS)
+        self.live.heard(message)
+        self._changed()
+
+    def _happened(self, message: dict[str, Any]) -> None:
+        self.live.happened(message)
+        self._changed()
+
+    def _changed(self) -> None:
+        for page in self._pages:
+            page.changed.set()
+
+    def _shown(self, page: BenchPage) -> dict[str, Any]:
+        own = {"type": "live", "holds": page is self._pages[0], "pages": len(self._pages)}
+        return own | {"sound_rate": self._controls.sound.rate} | self.live.shown()

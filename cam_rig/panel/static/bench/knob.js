@@ -1,0 +1,101 @@
+// A knob on a scale of equal ratios: by pointer around its middle, or by keys.
+import { element, shown } from "../common/charts.js";
+
+const SWEEP = 270, FIRST = -135; // degrees, from above
+const STEPS = { ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1, PageUp: 10, PageDown: -10 };
+
+export class Knob {
+  /** `range` in rpm; moved(rpm) is told of every change by a person. */
+  constructor(place, range, label, moved) {
+    Object.assign(this, { place, range, moved, value: range[0], held: false, enabled: true });
+    const svg = element("svg", { viewBox: "-68 -62 136 124", "aria-hidden": "true" });
+    place.append(svg);
+    element("path", { class: "track", d: arc(FIRST, FIRST + SWEEP) }, svg);
+    this.turned = element("path", { class: "turned" }, svg);
+    element("circle", { class: "cap", r: 32 }, svg);
+    this.mark = element("path", { class: "mark", d: "M0 -14V-29" }, svg);
+    for (const rpm of marks(range)) {
+      const [x, y] = point(this.#angle(rpm), 55);
+      element("text", { x, y: y + 3 }, svg).textContent = shown(rpm);
+    }
+    place.setAttribute("aria-label", label);
+    place.setAttribute("aria-valuemin", range[0]);
+    place.setAttribute("aria-valuemax", range[1]);
+    place.addEventListener("pointerdown", (event) => this.#take(event));
+    place.addEventListener("pointermove", (event) => this.held && this.#turn(event));
+    for (const end of ["pointerup", "pointercancel"]) place.addEventListener(end, () => { this.held = false; });
+    place.addEventListener("keydown", (event) => this.#key(event));
+    this.show(range[0]);
+  }
+
+  #angle(rpm) {
+    const [low, high] = this.range.map(Math.log);
+    return FIRST + SWEEP * Math.min(1, Math.max(0, (Math.log(rpm) - low) / (high - low)));
+  }
+
+  enable(on) {
+    this.enabled = on;
+    this.held &&= on;
+    this.place.setAttribute("aria-disabled", String(!on));
+  }
+
+  /** Show a speed (rpm), from wherever it came. */
+  show(rpm) {
+    this.value = rpm;
+    const angle = this.#angle(rpm);
+    this.turned.setAttribute("d", arc(FIRST, angle));
+    this.mark.setAttribute("transform", `rotate(${angle})`);
+    this.place.setAttribute("aria-valuenow", String(rpm));
+    this.place.setAttribute("aria-valuetext", `${shown(rpm, 6)} rpm`);
+  }
+
+  #put(rpm) {
+    const [low, high] = this.range;
+    this.show(Math.round(Math.min(high, Math.max(low, rpm))));
+    this.moved(this.value);
+  }
+
+  #take(event) {
+    if (!this.enabled) return;
+    this.held = true;
+    this.place.setPointerCapture(event.pointerId);
+    this.at = this.#angle(this.value);
+    this.from = this.#pointer(event);
+  }
+
+  #pointer(event) {
+    const box = this.place.getBoundingClientRect();
+    return (Math.atan2(event.clientX - box.left - box.width / 2, box.top + box.height / 2 - event.clientY) * 180) / Math.PI;
+  }
+
+  /** By how far the pointer goes around the middle, the short way. */
+  #turn(event) {
+    const to = this.#pointer(event);
+    const by = ((to - this.from + 540) % 360) - 180;
+    this.from = to;
+    this.at = Math.min(FIRST + SWEEP, Math.max(FIRST, this.at + by));
+    const [low, high] = this.range.map(Math.log);
+    this.#put(Math.exp(low + ((this.at - FIRST) / SWEEP) * (high - low)));
+  }
+
+  #key(event) {
+    const to = { Home: this.range[0], End: this.range[1] }[event.key] ?? Math.round(this.value) + (STEPS[event.key] ?? NaN);
+    if (!this.enabled || Number.isNaN(to)) return;
+    event.preventDefault();
+    this.#put(to);
+  }
+}
+
+function point(angle, radius) {
+  const turn = (angle * Math.PI) / 180;
+  return [radius * Math.sin(turn), -radius * Math.cos(turn)];
+}
+
+function arc(from, to) {
+  const [[x, y], [u, v]] = [point(from, 44), point(to, 44)];
+  return `M${x} ${y}A44 44 0 ${to - from > 180 ? 1 : 0} 1 ${u} ${v}`;
+}
+
+function marks([low, high]) {
+  return [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000].filter((rpm) => rpm >= low && rpm <= high);
+}
