@@ -51,7 +51,11 @@ class BenchPage:
         """What a command is answered with."""
         self.number += 1
         self.socket.send(json.dumps({"number": self.number, "do": do, **more}))
-        while (message := self._next()).get("answer") != self.number:
+        return self.answer(self.number)
+
+    def answer(self, number: int | None) -> dict[str, Any]:
+        """The answer to the command of a number; None of one without."""
+        while (message := self._next()).get("type") != "answer" or message["answer"] != number:
             pass
         return message
 
