@@ -26,6 +26,9 @@ def panel(
     out: Annotated[Path, typer.Option(metavar="FOLDER", help="Where cam files are saved.")] = Path(
         "out"
     ),
+    lang: Annotated[
+        str | None, typer.Option(help="Language of the pages, en or es; the browser's by default.")
+    ] = None,
     no_rerun: Annotated[
         bool, typer.Option("--no-rerun", help="The bench without Rerun's picture of the rig.")
     ] = False,
@@ -35,8 +38,9 @@ def panel(
 
     Prints an address on this machine and serves it until Ctrl-C. The ordinates of the law are
     handles on its curve; s to s''', contour, contact force, spectrum and jump speeds follow. A
-    cam without ordinates of its own is drawn as the nearest B-splines, and the page says so. The
-    address has a token: no other page, user or machine gets anything.
+    cam without ordinates of its own is drawn as B-splines, exactly where its law is of polynomials;
+    else the nearest, and the page says how far off they are. The address has a token: no other
+    page, user or machine gets anything.
 
     Examples
     --------
@@ -60,8 +64,8 @@ def panel(
         first, own = load_cam(cam_path(cam)), load_rig(rig_path(rig))
         with TemporaryDirectory(prefix="cam_rig-panel-", dir=user_folder()) as folder:
             runner = BenchRunner(own, Path(folder), out, not no_rerun)
-            pages = BoardPages(Board(first, own, out)), BenchPages(runner, first)
-            with serve(*pages, port=port) as served:
+            pages = BoardPages(Board(first, own, out, rig)), BenchPages(runner, first)
+            with serve(*pages, port=port, language=lang) as served:
                 print(served.address, flush=True)
                 console.print("Ctrl-C ends the panel")
                 if open_browser:
