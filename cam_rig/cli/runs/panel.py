@@ -1,4 +1,4 @@
-"""cam-rig panel: the drawing board in a browser."""
+"""cam-rig panel: the drawing board and the bench in a browser."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def panel(
     port: Annotated[
         int, typer.Option(min=0, max=65535, help="Port on this machine; 0 takes a free one.")
     ] = 0,
-    out: Annotated[Path, typer.Option(metavar="FOLDER", help="Where cam files are saved.")] = Path(
-        "out"
-    ),
+    out: Annotated[
+        Path, typer.Option(metavar="FOLDER", help="Where cam files and bags go.")
+    ] = Path("out"),
     lang: Annotated[
         str | None, typer.Option(help="Language of the pages, en or es; the browser's by default.")
     ] = None,
@@ -34,13 +34,12 @@ def panel(
     ] = False,
     open_browser: Annotated[bool, typer.Option("--open", help="Open the browser.")] = False,
 ) -> None:
-    """Draw a motion law in a browser: drag its curve, and see what the follower makes of it.
+    """Turn the rig by hand in a browser, and draw the laws of its cams.
 
-    Prints an address on this machine and serves it until Ctrl-C. The ordinates of the law are
-    handles on its curve; s to s''', contour, contact force, spectrum and jump speeds follow. A
-    cam without ordinates of its own is drawn as B-splines, exactly where its law is of polynomials;
-    else the nearest, and the page says how far off they are. The address has a token: no other
-    page, user or machine gets anything.
+    Prints an address on this machine and serves it until Ctrl-C. On the drawing board the
+    ordinates of a law are handles on its curve; s to s''', contact force, spectrum and jump speeds
+    follow. The bench runs the nodes: knob, level meter, sound, readings, the rig in Rerun. The
+    address has a token: no other page, user or machine gets anything.
 
     Examples
     --------
@@ -64,7 +63,8 @@ def panel(
         first, own = load_cam(cam_path(cam)), load_rig(rig_path(rig))
         with TemporaryDirectory(prefix="cam_rig-panel-", dir=user_folder()) as folder:
             runner = BenchRunner(own, Path(folder), out, not no_rerun)
-            pages = BoardPages(Board(first, own, out, rig)), BenchPages(runner, first)
+            board = Board(first, own, out, rig)
+            pages = BoardPages(board), BenchPages(runner, first, board)
             with serve(*pages, port=port, language=lang) as served:
                 print(served.address, flush=True)
                 console.print("Ctrl-C ends the panel")
