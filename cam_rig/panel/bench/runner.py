@@ -115,10 +115,10 @@ class BenchRunner:
         """One run; what is set up next, None where nothing is."""
         self._waiting.clear()
         self._permitted.clear()
-        following = None
+        following: tuple[Setup, NodeValues] | None = None
         try:
             scene = setup.write(self.folder, self.rig)
-            with self._bag() as bag, own_domain():
+            with self._bag(lambda: following is not None) as bag, own_domain():
                 nodes = steered(scene, bag, self.socket, self._stream, self.screen)
                 nodes[DRIVE] |= {"autostart": False, "patience": PATIENCE_S, "pacing": "real_time"}
                 for node, chosen in values.items():
@@ -151,19 +151,28 @@ class BenchRunner:
         self.tell({"log": line})
 
     @contextmanager
-    def _bag(self) -> Iterator[Path]:
-        """Where a run records to; removed afterwards unless it is to be kept."""
+    def _bag(self, replaced: Callable[[], bool]) -> Iterator[Path]:
+        """Where a run records to.
+
+        Removed where a person has ended the run, by a signal or another set-up, and does not keep
+        it; what else ends a run leaves its bag.
+        """
         self._keep = False
         bag = self.out / time.strftime("bench_%Y-%m-%d_%H-%M-%S")
         while bag.exists():
             bag = bag.with_name(f"{bag.name}_again")
+        ended_by_hand = False
         try:
             yield bag
+            ended_by_hand = replaced()
+        except InterruptError:
+            ended_by_hand = True
+            raise
         finally:
-            if self._keep and bag.is_dir():
-                self.tell({"kept": str(bag)})
-            else:
+            if ended_by_hand and not self._keep:
                 shutil.rmtree(bag, ignore_errors=True)
+            elif bag.is_dir():
+                self.tell({"kept": str(bag)})
 
 
 def _domain() -> int:

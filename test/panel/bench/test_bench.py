@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from sensor_msgs.msg import JointState
 
 import cam_rig
 from cam_rig.bag.files import is_unclosed
@@ -233,3 +234,20 @@ def test_what_is_drawn_is_put_on_the_bench(running_panel: RunningPanel) -> None:
     status, _, answer = ask(running_panel.address, "/bench/mount", "POST", wrong, **headers)
     assert status == 409
     assert "ordinates: allowed" in json.loads(answer)["words"]
+
+
+def test_a_run_that_fails_leaves_its_bag(running_panel: RunningPanel, ros_domain: int) -> None:
+    """A second publisher on a topic of the rig ends it; what was recorded is named, and stays."""
+    with running_panel.page() as page:
+        page.running()
+        page.do("call", value="start")
+        page.until(lambda live: live["state"].get("time_ns", 0) > 1e9)
+        with RigClient(ros_domain) as outside:
+            outside.publish("/cam/state", JointState())
+            live = page.until(lambda live: live["graph"] == "failed")
+        assert "/cam/state" in live["words"]
+        (bag,) = map(Path, page.until(lambda live: live["kept"])["kept"])
+        page.do("set_up", value={})
+        page.until(lambda live: live["graph"] == "starting")
+        page.running()
+    assert contiguous(bag) > 0.5
