@@ -76,19 +76,20 @@ class ServedPanel:
 
 
 @contextmanager
-def serve(*pages: PanelPages, port: int = 0) -> Iterator[ServedPanel]:
+def serve(*pages: PanelPages, port: int = 0, home: str = "/") -> Iterator[ServedPanel]:
     """Serve pages on this machine alone, as long as the context lasts.
 
     Parameters
     ----------
     port : 0 takes a free one
+    home : the page that the printed address leads to
 
     Raises
     ------
     ConfigError : the port is in use, or may not be taken
     """
     with _listener(port) as listener:
-        guard = Guard(application(*pages), int(listener.getsockname()[1]))
+        guard = Guard(application(*pages), int(listener.getsockname()[1]), home=home)
         config = uvicorn.Config(
             guard,
             log_config=None,
