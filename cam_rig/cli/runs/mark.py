@@ -39,9 +39,7 @@ def mark_sheets(
 
     check_outputs(json_target, None, csv)
     if not sheets:
-        raise ConfigError(
-            "--mark: no sheet is named; allowed: files that cam-rig panel --lab wrote"
-        )
+        raise ConfigError("--mark: no sheet is named; allowed: .csv files of cam-rig panel --lab")
 
     def cam_of(name: str) -> CamConfig:
         _require_name("cam", name)

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import product
+from pathlib import Path
 
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.errors import ConfigError, did_you_mean
@@ -13,6 +14,7 @@ from cam_rig.files import shown
 from cam_rig.laws import Law, build_law
 from cam_rig.panel.lab.truth import LabSetup, require_seed, true_rig
 from cam_rig.schema import CamConfig, RigConfig
+from cam_rig.simulation.cam_files import require_sprung
 from cam_rig.studies.jump.any_rig import AnyFollower, find_jump, follower_of
 from cam_rig.studies.jump.rigid import rigid_jump
 from cam_rig.units import RPM
@@ -65,7 +67,7 @@ class LabSheet:
 
     Raises
     ------
-    ConfigError : no such lab, or no name for a seed
+    ConfigError : no such lab, no name for a seed, or a cam that its follower cannot leave
     """
 
     name: str
@@ -77,6 +79,7 @@ class LabSheet:
         require_lab(self.name)
         if self.seed is not None:
             require_seed(self.seed)
+        require_sprung(Path(self.cam.name), self.cam)
 
     @cached_property
     def law(self) -> Law:
