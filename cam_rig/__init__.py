@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from cam_rig.api.design import design
     from cam_rig.api.files import load_cam, load_rig, load_scene
     from cam_rig.api.jump import jump_speed
+    from cam_rig.api.largest_waviness import largest_waviness
     from cam_rig.api.motion import simulate
     from cam_rig.api.real_run import compare_run
     from cam_rig.api.scene_run import read_bag, run_scene
@@ -40,6 +41,7 @@ _HOMES = {
     "contour": "cam_rig.api.contour",
     "design": "cam_rig.api.design",
     "jump_speed": "cam_rig.api.jump",
+    "largest_waviness": "cam_rig.api.largest_waviness",
     "load_cam": "cam_rig.api.files",
     "load_rig": "cam_rig.api.files",
     "load_scene": "cam_rig.api.files",
@@ -59,6 +61,7 @@ __all__ = [
     "contour",
     "design",
     "jump_speed",
+    "largest_waviness",
     "load_cam",
     "load_rig",
     "load_scene",

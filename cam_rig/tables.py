@@ -118,6 +118,20 @@ def number(value: float, shown: str = ".6g") -> str:
     return f"{mantissa}e{int(exponent)}" if mark else mantissa
 
 
+def counted(count: int, what: str) -> str:
+    """A count and what is counted, in the singular or the plural.
+
+    Examples
+    --------
+    >>> counted(1, "point"), counted(64, "point")
+    ('1 point', '64 points')
+    >>> counted(2, "process")
+    '2 processes'
+    """
+    plural = "es" if what.endswith("s") else "s"
+    return f"{count} {what}{'' if count == 1 else plural}"
+
+
 @dataclass(frozen=True)
 class DataTable:
     """Caption, columns, rows of cells, and footnotes."""

@@ -11,7 +11,7 @@ from cam_rig.api.arguments import require_type
 from cam_rig.api.notebook import shown
 from cam_rig.extras import libraries_named, require
 from cam_rig.schema.load import Library, config_root, named_path
-from cam_rig.studies.campaign.campaign import campaign_from, open_campaign
+from cam_rig.studies.campaign.campaign import Campaign, campaign_from, open_campaign
 from cam_rig.studies.campaign.dataset import CampaignDataset
 from cam_rig.studies.campaign.results import CampaignResults
 from cam_rig.studies.campaign.run import InThisProcess, run_campaign
@@ -52,6 +52,19 @@ class CampaignRun(CampaignResults):
         return shown(figure(self))
 
 
+def opened(study: str | Path | Mapping[str, Any]) -> Campaign:
+    """A study by its name in ``config/campaigns``, a path, or what such a file holds.
+
+    Raises
+    ------
+    ConfigError, LawError : something wrong in the study
+    """
+    require_type("study", study, (str, Path, Mapping), "a name, a path, or a mapping")
+    if isinstance(study, Mapping):
+        return campaign_from(study, Library((config_root(),)))
+    return open_campaign(named_path("campaigns", study))
+
+
 def campaign(
     study: str | Path | Mapping[str, Any],
     out: str | Path,
@@ -89,15 +102,10 @@ def campaign(
     ...     found.to_pandas().jump_speed_rpm.round(1).tolist()[:3]
     [173.8, 416.3, 274.9]
     """
-    require_type("study", study, (str, Path, Mapping), "a name, a path, or a mapping")
     require_type("out", out, (str, Path), "a folder")
     require_type("workers", workers, int, "a whole number of batches")
     require("pyarrow")
-    if isinstance(study, Mapping):
-        asked = campaign_from(study, Library((config_root(),)))
-    else:
-        asked = open_campaign(named_path("campaigns", study))
-    dataset = CampaignDataset(Path(out), asked.planned(points, seed))
+    dataset = CampaignDataset(Path(out), opened(study).planned(points, seed))
     with dataset.opened(resume):
         run_campaign(dataset, executor or InThisProcess(), max(1, workers))
     return CampaignRun(dataset)

@@ -24,6 +24,7 @@ def to_json(study: WorkPrecisionStudy) -> dict[str, Any]:
         "cases": {name: _case(result) for name, result in study.cases.items()},
         "samples_per_s": min(study.rates.values()),
         "samples_per_s_by_model": study.rates,
+        "campaign": vars(study.campaign) | {"ratio": study.campaign.ratio},
         "quick": study.quick,
         "cores_used": 1,
         "cores": study.cores,

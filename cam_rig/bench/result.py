@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from cam_rig.bench.cases.campaign import CampaignRate
 from cam_rig.bench.cases.case import Case
 from cam_rig.bench.peers.peers import Peer
 
@@ -63,10 +64,11 @@ class CaseResult:
 
 @dataclass(frozen=True)
 class WorkPrecisionStudy:
-    """All cases in order, the sampling rates (1/s) by model, and the conditions."""
+    """All cases in order, the sampling rates (1/s) by model, a campaign, and the conditions."""
 
     cases: dict[str, CaseResult]
     rates: dict[str, float]
     quick: bool
     cores: int
     took_s: float
+    campaign: CampaignRate

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from cam_rig.bench import rig
+from cam_rig.bench.cases.campaign import campaign_rate
 from cam_rig.bench.cases.case import Case, Solution
 from cam_rig.bench.cases.cases import CASES
 from cam_rig.bench.peers.peers import PEERS, Peer
@@ -56,7 +57,7 @@ FULL = Effort(235.0, 25, (1e-4, 1e-6, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 3e
 def run(
     quick: bool, advance: Callable[[str], None], names: tuple[str, ...] = ORDER, cores: int = 1
 ) -> WorkPrecisionStudy:
-    """Run the study; ``advance`` is told what comes next, once for each sweep."""
+    """Run the study; ``advance`` is told what comes next, once for each sweep and the campaign."""
     begun = time.perf_counter()
     effort = QUICK if quick else FULL
     deadline = begun + effort.seconds
@@ -73,8 +74,11 @@ def run(
             left -= peer.weight
             rtols = QUICK_AND_SLOW if quick and peer.slow else effort.rtols
             found[name].sweeps.append(sweep(case, peer, reference, rtols, share))
+    advance("campaign")
+    campaign = campaign_rate(cores, quick)
     ordered = {name: found[name] for name in CASES if name in found}
-    return WorkPrecisionStudy(ordered, rates(), quick, cores, time.perf_counter() - begun)
+    took = time.perf_counter() - begun
+    return WorkPrecisionStudy(ordered, rates(), quick, cores, took, campaign)
 
 
 def _rig(case: Case, reference: Solution, repeats: int) -> CaseResult:

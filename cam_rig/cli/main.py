@@ -11,6 +11,7 @@ from cam_rig.cli.cams.law import law
 from cam_rig.cli.cams.laws import laws
 from cam_rig.cli.cams.new import new
 from cam_rig.cli.cams.profile import profile
+from cam_rig.cli.common.commands import Commands
 from cam_rig.cli.common.version import print_versions
 from cam_rig.cli.runs.analyze import analyze
 from cam_rig.cli.runs.compare import compare
@@ -40,6 +41,7 @@ from cam_rig.cli.studies.timing import timing
 from cam_rig.cli.studies.vibration import vibration
 
 app = typer.Typer(
+    cls=Commands,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

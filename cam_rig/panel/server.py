@@ -17,7 +17,9 @@ from typing import Protocol
 
 import uvicorn
 from starlette.applications import Starlette
-from starlette.routing import BaseRoute, Mount
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from cam_rig.errors import CamRigError, ConfigError
@@ -39,8 +41,16 @@ class PanelPages(Protocol):
         """Entered in the server's loop before the first request, left after the last."""
 
 
-def application(*pages: PanelPages) -> Starlette:
-    """All pages of a panel as one application, with the files that they share."""
+def languages() -> list[str]:
+    """Those that the pages have texts in, by their two letters."""
+    return sorted(path.stem for path in (STATIC / "texts").glob("*.json"))
+
+
+def application(*pages: PanelPages, language: str | None = None) -> Starlette:
+    """All pages of a panel as one application, with the files that they share.
+
+    ``language`` is that of a page whose reader has not chosen one; None takes the browser's.
+    """
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
@@ -49,8 +59,12 @@ def application(*pages: PanelPages) -> Starlette:
                 await stack.enter_async_context(part.alive())
             yield
 
-    files = Mount("/static", StaticFiles(directory=STATIC))
-    return Starlette(routes=[*(r for part in pages for r in part.routes), files], lifespan=lifespan)
+    async def offered(_: Request) -> Response:
+        return JSONResponse({"language": language, "languages": languages()})
+
+    common = Route("/languages", offered), Mount("/static", StaticFiles(directory=STATIC))
+    routes = [*(route for part in pages for route in part.routes), *common]
+    return Starlette(routes=routes, lifespan=lifespan)
 
 
 class ServedPanel:
@@ -76,20 +90,26 @@ class ServedPanel:
 
 
 @contextmanager
-def serve(*pages: PanelPages, port: int = 0, home: str = "/") -> Iterator[ServedPanel]:
+def serve(
+    *pages: PanelPages, port: int = 0, language: str | None = None, home: str = "/"
+) -> Iterator[ServedPanel]:
     """Serve pages on this machine alone, as long as the context lasts.
 
     Parameters
     ----------
     port : 0 takes a free one
+    language : see `application`
     home : the page that the printed address leads to
 
     Raises
     ------
-    ConfigError : the port is in use, or may not be taken
+    ConfigError : no texts in that language; the port is in use, or may not be taken
     """
+    if language is not None and language not in languages():
+        raise ConfigError(f"--lang: is {language!r}; allowed: {', '.join(languages())}")
     with _listener(port) as listener:
-        guard = Guard(application(*pages), int(listener.getsockname()[1]), home=home)
+        served = application(*pages, language=language)
+        guard = Guard(served, int(listener.getsockname()[1]), home=home)
         config = uvicorn.Config(
             guard,
             log_config=None,

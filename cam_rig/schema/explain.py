@@ -11,6 +11,9 @@ from pydantic_core import ErrorDetails
 
 from cam_rig.errors import did_you_mean
 
+#: Other keys that are wrong, named in the same line.
+NAMED = 3
+
 
 def kind_of(value: object) -> str:
     """What a YAML value is, in words."""
@@ -21,14 +24,22 @@ def kind_of(value: object) -> str:
 
 
 def explain(error: ValidationError, kind: type[BaseModel]) -> str:
-    """The problem that tells most, in words, and how many more there are.
+    """The problem that tells most, in words, and the keys of the others.
 
     An unknown key comes first: the key that is missing beside it is often the same, misspelt.
     """
     problems = error.errors()
     first = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
-    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    return _sentence(first, kind) + more
+    others = [_key(p, kind) or str(p["msg"]) for p in problems if p is not first]
+    return _sentence(first, kind) + _more(list(dict.fromkeys(others)))
+
+
+def _more(others: list[str]) -> str:
+    """What else is wrong, `NAMED` by their keys; a key with two errors stands once."""
+    if not others:
+        return ""
+    rest = len(others) - NAMED
+    return f" (also wrong: {', '.join(others[:NAMED])}{f' and {rest} more' if rest > 0 else ''})"
 
 
 def _sentence(problem: ErrorDetails, kind: type[BaseModel]) -> str:

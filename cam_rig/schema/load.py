@@ -47,9 +47,13 @@ def named_path(folder: str, name: str | Path) -> Path:
     folder : of ``config``, where the shipped files of its kind are
     """
     path = Path(name)
-    if path.name != str(name) or path.suffix in (".yaml", ".yml") or _is_file(path):
-        return path
-    return config_root() / folder / f"{name}.yaml"
+    return path if is_path(name) or _is_file(path) else config_root() / folder / f"{name}.yaml"
+
+
+def is_path(name: str | Path) -> bool:
+    """Whether a text can only be a path: it has a folder, or the suffix of a YAML file."""
+    path = Path(name)
+    return path.name != str(name) or path.suffix in (".yaml", ".yml")
 
 
 def _is_file(path: Path) -> bool:
@@ -70,13 +74,18 @@ def read_yaml(path: Path, most: int = MAX_BYTES) -> Any:
     try:
         return parse_yaml(read_bytes(path, most).decode("utf-8-sig"))
     except FileNotFoundError:
-        raise ConfigError(f"{path}: no such file{_neighbours(path)}") from None
+        raise ConfigError(_not_there(path)) from None
     except IsADirectoryError:
         raise ConfigError(f"{path}: is a folder; allowed: a YAML file") from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read ({error})") from None
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
+
+
+def _not_there(*paths: Path) -> str:
+    """That there is no such file in any of these places, and what there is beside the last."""
+    return f"{', '.join(map(str, paths))}: no such file{_neighbours(paths[-1])}"
 
 
 def _neighbours(path: Path) -> str:
@@ -106,15 +115,21 @@ def load(path: Path, kind: type[Config]) -> Config:
 
 @dataclass(frozen=True)
 class Library:
-    """The folders that the names in a scene refer to, the scene's own before the shipped one."""
+    """The folders that the names in a file refer to, the file's own before the shipped one.
+
+    Parameters
+    ----------
+    here : what paths in the file are relative to: its folder
+    """
 
     roots: tuple[Path, ...]
+    here: Path = Path()
 
     @classmethod
     def beside(cls, scene: Path) -> Library:
         """For a scene in ``X/scenes/``: names are looked up in ``X``, then in ``config``."""
         own = scene.absolute().parent.parent
-        return cls(tuple(dict.fromkeys((own, config_root()))))
+        return cls(tuple(dict.fromkeys((own, config_root()))), scene.parent)
 
     def path(self, folder: str, name: str) -> Path:
         """The file ``folder/name.yaml`` of the first root that has it.
@@ -130,6 +145,23 @@ class Library:
             )
         candidates = [root / folder / f"{name}.yaml" for root in self.roots]
         return next((path for path in candidates if path.is_file()), candidates[-1])
+
+    def file(self, folder: str, name: str) -> Path:
+        """The file that a path means, or as `path` the one that a name does.
+
+        Raises
+        ------
+        ConfigError : no file; all places that were looked at are named
+        """
+        if is_path(name):
+            places = [self.here / name]
+        else:
+            self.path(folder, name)  # refuses what is no name
+            places = [root / folder / f"{name}.yaml" for root in self.roots]
+        found = next((path for path in places if path.is_file()), None)
+        if found is None:
+            raise ConfigError(_not_there(*places))
+        return found
 
 
 def load_cam(path: Path) -> CamConfig:

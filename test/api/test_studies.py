@@ -134,3 +134,34 @@ def test_a_name_that_is_not_there_lists_those_that_are(tmp_path):
         cam_rig.read_bag(tmp_path)
     path = Path(__file__).parents[2] / "config" / "cams" / "poly345.yaml"
     assert cam_rig.load_cam(path) == cam_rig.load_cam(str(path)) == cam_rig.load_cam("poly345")
+
+
+def test_the_largest_waviness_is_that_of_the_command(figures):
+    """Longer waves may be larger; a table and a picture of them; wrong wavelengths are refused."""
+    study = {
+        "name": "wavy",
+        "title": "waviness of a rigid follower",
+        "base": {"cam": "poly345", "rig": "paper_table2"},
+        "vary": {
+            "profile.waviness.amplitude": {"values": [2], "unit": "um"},
+            "profile.waviness.wavelength": {"range": [12, 60], "unit": "deg"},
+            "profile.waviness.phase": {"range": [0, 360], "unit": "deg"},
+        },
+        "plan": {"kind": "sobol", "points": 8},
+        "measures": ["jump_speed_rigid"],
+        "limits": ["jump_speed_rigid>=350rpm"],
+    }
+    found = cam_rig.largest_waviness(study, 3)
+    assert [one.outcome for one in found.wavelengths] == ["found"] * 3
+    table = found.to_pandas()
+    assert table.amplitude.is_monotonic_increasing and table.low.isna().all()
+    again = cam_rig.largest_waviness(study, table.wavelength.to_numpy())
+    assert again.to_pandas().equals(table)
+    (axes,) = found.plot().axes
+    assert axes.lines[0].get_ydata() == pytest.approx(table.amplitude * 1e6)
+    with pytest.raises(ConfigError, match=r"is 500 deg; allowed: 0\.1 to 360 deg"):
+        cam_rig.largest_waviness(study, [np.radians(500.0)])
+    with pytest.raises(ConfigError, match="wavelengths: is 0; allowed"):
+        cam_rig.largest_waviness(study, 0)
+    with pytest.raises(ConfigError, match="needed for the largest waviness"):
+        cam_rig.largest_waviness(study | {"limits": []}, 3)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cam_rig.bench import rig
+from cam_rig.bench.cases.campaign import CampaignRate
 from cam_rig.bench.cases.case import Solution
 from cam_rig.bench.peers.peers import PEERS
 from cam_rig.bench.reference import stored
@@ -34,7 +35,9 @@ def study(cases):
     done = CaseResult(cases["resonance"], point(0.01, 2e-12), None, sweeps)
     absent = CaseResult(cases["torsional"], None, "not written yet", [Sweep(dop853)])
     rates = {"kinetostatic": 6e7, "residual": 5e7}
-    return WorkPrecisionStudy({"resonance": done, "torsional": absent}, rates, True, 2, 1.0)
+    campaign = CampaignRate(2, 100, 25.0, 2, 0.25, 0.016)
+    both = {"resonance": done, "torsional": absent}
+    return WorkPrecisionStudy(both, rates, True, 2, 1.0, campaign)
 
 
 def test_error_is_relative_to_the_largest_value():
@@ -70,6 +73,7 @@ def test_json_has_the_promised_keys(study):
     assert case["peers"]["CVODE"]["ratio"] == pytest.approx(10.0)
     assert data["cases"]["torsional"]["rig"]["note"] == "not written yet"
     assert data["samples_per_s"] == 5e7
+    assert data["campaign"]["ratio"] == 100.0
 
 
 def test_rows_mark_a_ratio_that_is_only_a_bound(study):

@@ -101,6 +101,19 @@ def test_ctrl_c_ends_the_search_with_130(study):
     assert (run.returncode, words.strip()) == (130, "cam-rig: interrupted")
 
 
+SPREAD = {"uniform": 1, "unit": "um"}
+
+
+def wavy(wavelength):
+    """A waviness whose wavelength, in degrees, is so."""
+    return {
+        "vary": {
+            "profile.waviness.amplitude": {"values": [2], "unit": "um"},
+            "profile.waviness.wavelength": wavelength | {"unit": "deg"},
+        }
+    }
+
+
 @pytest.mark.parametrize(
     ("parts", "words"),
     [
@@ -112,17 +125,27 @@ def test_ctrl_c_ends_the_search_with_130(study):
         ({"vary": {"rig.follower.preload": {"range": [2, 1], "unit": "N"}}}, "rising"),
         ({"vary": {"profile.waviness.amplitude": {"uniform": 1, "unit": "um"}}}, "no wavelength"),
         ({"vary": {"profile.size": {"uniform": 1, "unit": "%"}}}, "0 in the base"),
+        ({"vary": {"profile.size.amplitude": SPREAD}}, "did you mean 'profile.size'?"),
+        ({"vary": {"profile.eccentricity": SPREAD}}, "one of profile.eccentricity.amplitude, "),
+        (wavy({"values": [0]}), "is 0 deg; allowed: 0.1 to 360 deg"),
+        (wavy({"values": [5, 1e-4]}), "is 0.0001 deg; allowed: 0.1 to 360 deg"),
+        (wavy({"range": [300, 500]}), "is 500 deg; allowed: 0.1 to 360 deg"),
+        (wavy({"normal": 1, "mean": 500}), "is 500 deg; allowed: 0.1 to 360 deg"),
+        ({"measures": ["sound_level@1e9rpm"], "limits": []}, "allowed: 0.01 to 100000 rpm"),
         ({"measures": ["jump_sped"], "limits": []}, "did you mean 'jump_speed'"),
         ({"measures": ["sound_level"], "limits": []}, "not said at what"),
         ({"limits": ["jump_speed>=3kg"]}, "allowed: a number with one of rpm"),
         ({"limits": ["twist@300rpm<=1deg"]}, "is not measured"),
-        ({"plan": {"kind": "sobol", "points": 10**12}}, "plan: has 1e+12 points"),
+        ({"plan": {"kind": "sobol", "points": 10**12}}, "has 1e12 points; allowed: up to 1e8"),
         ({"plan": {"kind": "sobol", "points": 0}}, "plan.points"),
         ({"plan": {"kind": "soboll", "points": 4}}, "did you mean 'sobol'"),
         ({"plan": {"kind": "shares", "points": 9}}, "a power of 2"),
         ({"plan": {"kind": "grid"}}, "allowed on a grid"),
         ({"base": {"cam": "poly345"}}, "needs a scene, or a cam and a rig"),
         ({"base": {"cam": "poly354", "rig": "tm21"}}, "did you mean 'poly345'"),
+        ({"base": {"cam": "My Cam", "rig": "tm21"}}, "or the path of a .yaml file"),
+        ({"base": {"cam": "mine/none.yaml", "rig": "tm21"}}, "mine/none.yaml: no such file"),
+        ({"plan": {"kind": "soboll", "points": 0}}, "(also wrong: plan.points)"),
     ],
 )
 def test_bad_studies_are_refused_in_one_line(study, tmp_path, parts, words):
@@ -134,6 +157,62 @@ def test_bad_studies_are_refused_in_one_line(study, tmp_path, parts, words):
     assert not (tmp_path / "rows").exists()
 
 
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        (["--points", "1e12"], "--points: is '1e12'; allowed: a whole number"),
+        (["--points", "1000000000"], "has 1e9 points; allowed: up to 1e8; remedy: several"),
+        (["--jobs", "0"], "--jobs: is '0'; allowed: greater than or equal to 1"),
+        (["--largest-waviness", "0"], "--largest-waviness: is '0'; allowed: greater"),
+    ],
+)
+def test_a_wrong_option_is_refused_in_one_line(tmp_path, option, words):
+    """With its value and what is allowed, as a wrong file is."""
+    result = call("tolerance_poly345", "--out", tmp_path / "rows", *option)
+    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+    assert words in result.stderr
+    assert not (tmp_path / "rows").exists()
+
+
+def test_where_all_points_fail_the_reason_is_the_error(study, tmp_path):
+    """Code 1 and how many have it; where some fail, the line is a note and the code 0."""
+    mass, out = {"range": [-3, -1], "unit": "kg"}, tmp_path / "rows"
+    parts = {"plan": {"kind": "sobol", "points": 8}, "measures": ["jump_speed_rigid"], "limits": []}
+    path = study(vary={"rig.follower.mass": mass}, **parts)
+    failed = call(path, "--out", out, "--jobs", 1)
+    assert failed.exit_code == 1
+    assert "8 of 8 points could not be made: follower.mass: is -" in failed.stderr
+    assert "allowed: greater than 0 kg (8)" in failed.stderr
+    assert failed.stderr.count("\n") == 1
+    path = study(vary={"rig.follower.mass": mass | {"range": [-1, 3]}}, **parts)
+    some = call(path, "--out", tmp_path / "some", "--jobs", 1, "--json", "-")
+    assert some.exit_code == 0
+    assert "2 of 8 points could not be made: follower.mass: is" in some.stderr
+    (reason,) = json.loads(some.stdout)["reasons"]
+    assert (reason["points"], "greater than 0 kg" in reason["reason"]) == (2, True)
+
+
+def test_a_cam_and_a_rig_by_their_paths(study, tmp_path):
+    """Relative to the study's folder; the same rows as by name."""
+    place = tmp_path / "campaigns" / "mine"
+    place.mkdir(parents=True)
+    for folder, name in (("cams", "poly345"), ("rigs", "paper_table2")):
+        text = (config_root() / folder / f"{name}.yaml").read_text(encoding="utf-8")
+        (place / f"{name}.yaml").write_text(text, encoding="utf-8")
+    parts = {"plan": {"kind": "sobol", "points": 4}, "measures": ["jump_speed_rigid"], "limits": []}
+    own = {"cam": "mine/poly345.yaml", "rig": str(place / "paper_table2.yaml")}
+    found = []
+    for name, base in (("own", own), ("shipped", shipped("tolerance_poly345")["base"])):
+        path = study(base=base, **parts)
+        result = call(path, "--out", tmp_path / name, "--jobs", 1)
+        assert result.exit_code == 0, result.stderr
+        dataset = CampaignDataset(tmp_path / name, open_campaign(path))
+        found.append(dataset.column("jump_speed_rigid_rpm").tolist())
+    assert found[0] == found[1]
+    missing = call(study(base={"cam": "mine", "rig": "tm21"}, **parts))
+    assert f"{tmp_path}/cams/mine.yaml, {config_root()}/cams/mine.yaml: no such" in missing.stderr
+
+
 def test_a_cluster_that_is_none_is_refused_in_one_line(tmp_path):
     """Neither an address nor a file; and both places at once."""
     one = call("jump_map", "--out", tmp_path / "rows", "--dask", "nowhere")
@@ -143,9 +222,9 @@ def test_a_cluster_that_is_none_is_refused_in_one_line(tmp_path):
     assert "allowed: one of them" in both.stderr
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_what_is_finished_stays_and_the_rest_is_made(study, tmp_path, number):
-    """Ctrl-C in the middle, or a kill: the same rows as of a run that nothing ended."""
+    """Ctrl-C in the middle, SIGTERM or a kill: the same rows as of a run that nothing ended."""
     path, out = study(plan={"kind": "sobol", "points": 32, "seed": 2}), tmp_path / "rows"
     command = [sys.executable, "-m", "cam_rig.cli.main", "campaign", str(path), "--jobs", "1"]
     with subprocess.Popen([*command, "--out", str(out)], stderr=subprocess.PIPE, text=True) as run:
@@ -155,11 +234,11 @@ def test_what_is_finished_stays_and_the_rest_is_made(study, tmp_path, number):
         _, words = run.communicate()
     dataset = CampaignDataset(out, open_campaign(path))
     assert 0 < len(dataset.column("point")) < 32
-    if number == signal.SIGINT:
-        assert run.returncode == 130
-        assert "go on with: cam-rig campaign" in words
+    if number != signal.SIGKILL:
+        assert run.returncode == 128 + number
+        assert "leaked" not in words and "Traceback" not in words
+        assert "go on with: cam-rig campaign" in words.strip().splitlines()[-1]
         assert "--resume" in words
-        assert words.strip().count("\n") == 0
     again = call(path, "--out", out, "--resume", "--jobs", 1)
     assert again.exit_code == 0, again.stderr
     whole = tmp_path / "whole"
@@ -219,4 +298,6 @@ def test_a_folder_that_has_rows_is_not_written_over(study, tmp_path):
     assert "--resume to go on" in call(path, "--out", out).stderr
     other = call(path, "--out", out, "--resume", "--seed", 9)
     assert "is of another study" in other.stderr
+    assert "plan.seed is 9, was 1; allowed" in other.stderr
     assert other.exit_code == 2
+    assert "plan.points is 5, was 2;" in call(path, "--out", out, "--resume", "--points", 5).stderr

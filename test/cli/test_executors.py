@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 
 import pytest
 from distributed import LocalCluster
@@ -19,6 +20,14 @@ def test_processes_are_others_than_this(monkeypatch):
     monkeypatch.setattr(os, "cpu_count", lambda: 3)
     with workplace(None, None) as place:
         assert place.count == 3
+
+
+def test_a_killed_worker_ends_a_command_in_a_line():
+    """Whatever it computes, with what to do: no exception of the executor's own."""
+    words = r"a worker .* is gone .*; remedy: "
+    with pytest.raises(RunError, match=words), workplace(1, None) as place:
+        worker = place.executor.submit(os.getpid).result()
+        place.executor.submit(os.kill, worker, signal.SIGKILL).result()
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,6 @@ import os
 import re
 import signal
 import socket
-from http.client import HTTPConnection, HTTPResponse
 from pathlib import Path
 from urllib.parse import urljoin, urlsplit
 
@@ -20,21 +19,10 @@ from cam_rig.panel.board.board import Board
 from cam_rig.panel.board.pages import BoardPages
 from cam_rig.panel.server import STATIC, serve
 
-PATHS = ["/", "/board", "/static/board/law.js", "/other/tm21", "/save", "/nothing"]
+from .asking import ask
 
-
-def ask(address: str, path: str, method: str = "GET", body: str = "", **headers: str) -> tuple:
-    """Status, headers and body; ``Host`` is the address's unless another is given."""
-    url = urlsplit(address)
-    connection = HTTPConnection(url.hostname or "", url.port, timeout=20)
-    connection.putrequest(method, path, skip_host=True)
-    for name, value in ({"Host": url.netloc, "Content-Length": str(len(body))} | headers).items():
-        connection.putheader(name, value)
-    connection.endheaders(body.encode())
-    answer: HTTPResponse = connection.getresponse()
-    found = answer.status, answer.headers, answer.read()
-    connection.close()
-    return found
+PATHS = ["/", "/board", "/static/board/law.js", "/other/tm21", "/languages", "/nothing"]
+PATHS += ["/save", "/dxf"]
 
 
 @pytest.fixture
@@ -208,6 +196,46 @@ def test_a_port_in_use_is_named(board: Board) -> None:
             pass
 
 
+def test_the_contour_is_answered_as_a_file_or_refused_in_words(
+    board: Board, address: str, cookie: str
+) -> None:
+    """DXF for the board's ordinates; for others than a list of them the reason."""
+    own = "http://" + urlsplit(address).netloc
+    body = json.dumps({"ordinates": board.ordinates.tolist()})
+    status, headers, drawn = ask(address, "/dxf", "POST", body, Cookie=cookie, Origin=own)
+    assert (status, headers["Content-Type"]) == (200, "image/vnd.dxf")
+    assert drawn.rstrip().endswith(b"EOF")
+    status, _, words = ask(address, "/dxf", "POST", "{}", Cookie=cookie, Origin=own)
+    assert status == 409
+    assert b"ordinates: allowed" in words
+
+
+def test_pages_are_told_the_language_that_was_asked_for(board: Board) -> None:
+    """Beside all that there are; another is refused by name before anything is served."""
+    with serve(BoardPages(board), language="es") as served:
+        url = urlsplit(served.address)
+        answer = ask(served.address, f"/languages?{url.query}")
+        cookie = str(answer[1]["Set-Cookie"]).split(";")[0]
+        found = json.loads(ask(served.address, "/languages", Cookie=cookie)[2])
+    assert found == {"language": "es", "languages": ["en", "es"]}
+    with (
+        pytest.raises(ConfigError, match="--lang: is 'fr'; allowed: en, es"),
+        serve(BoardPages(board), language="fr"),
+    ):
+        pass
+
+
+def test_every_language_has_the_same_texts() -> None:
+    """The same keys in the same order, each with the same values in its words, none left empty."""
+    texts = [json.loads(p.read_text(encoding="utf-8")) for p in STATIC.glob("texts/*.json")]
+    assert len(texts) == 2
+    one, other = texts
+    assert list(one) == list(other)
+    for key, words in one.items():
+        assert sorted(re.findall(r"{\w+}", words)) == sorted(re.findall(r"{\w+}", other[key]))
+        assert (words == "") == (other[key] == "")
+
+
 def test_every_word_of_the_page_is_in_the_texts() -> None:
     """A language is one file: nothing is asked of it that it has not, or has in vain."""
     words = json.loads((STATIC / "texts" / "en.json").read_text(encoding="utf-8"))
@@ -219,6 +247,8 @@ def test_every_word_of_the_page_is_in_the_texts() -> None:
         if path.suffix == ".js":
             used |= set(re.findall(r'"([a-z_0-9]+)"', text))
             used |= {f"s{i}" for i in range(4)} | {"undercut", "pressure"}
+            begun = re.findall(r"`([a-z_]+_)\$\{", text)  # a key put together, as `drive_${state}`
+            used |= {key for key in words if key.startswith(tuple(begun))}
     assert asked <= set(words) <= used | asked
 
 

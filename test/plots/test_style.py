@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import cam_rig
+from cam_rig.bench.cases.campaign import CampaignRate
 from cam_rig.bench.cases.cases import CASES
 from cam_rig.bench.peers.peers import PEERS
 from cam_rig.bench.result import CaseResult, Sweep, WorkPrecisionPoint, WorkPrecisionStudy
@@ -56,7 +57,7 @@ def _bench() -> WorkPrecisionStudy:
     points = [WorkPrecisionPoint(10.0**-k, 10.0 ** (2 * k - 14), None, 3, None) for k in range(4)]
     sweeps = [Sweep(peer, points) for peer in PEERS]
     results = {key: CaseResult(case(), points[-1], None, sweeps) for key, case in CASES.items()}
-    return WorkPrecisionStudy(results, {}, True, 2, 1.0)
+    return WorkPrecisionStudy(results, {}, True, 2, 1.0, CampaignRate(2, 100, 25.0))
 
 
 def test_no_text_is_cut_or_small_or_on_another(drawn: dict[str, Figure]) -> None:

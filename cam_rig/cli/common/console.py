@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from cam_rig.errors import INTERRUPTED, CamRigError
+from cam_rig.errors import CamRigError, code_of
 from cam_rig.extras import libraries_named, source_date
 
 if TYPE_CHECKING:
@@ -78,9 +78,9 @@ def user_errors() -> Iterator[None]:
     except CamRigError as error:
         print(f"cam-rig: {error}", file=sys.stderr)
         raise typer.Exit(error.exit_code) from None
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interrupt:
         print("cam-rig: interrupted", file=sys.stderr)
-        raise typer.Exit(INTERRUPTED) from None
+        raise typer.Exit(code_of(interrupt)) from None
 
 
 def progress_bar() -> Progress:

@@ -14,6 +14,7 @@ from typing import Any
 from cam_rig.cli.common.workers import workers
 from cam_rig.errors import ConfigError, RunError
 from cam_rig.extras import libraries_named, require
+from cam_rig.studies.campaign.run import broken_named
 
 #: Longest wait for a scheduler, and for its first worker, s.
 WAIT_S = 15.0
@@ -34,16 +35,16 @@ def workplace(jobs: int | None, dask: str | None) -> Iterator[Workplace]:
     Raises
     ------
     ConfigError : both are asked for, or no address
-    RunError : no scheduler answers, or it has no workers
+    RunError : no scheduler answers, it has no workers, or a worker is gone in the middle
     MissingLibraryError : Dask is not installed
     """
     if dask is None:
-        with workers(jobs) as pool:
+        with workers(jobs) as pool, broken_named():
             yield Workplace(pool, jobs or os.cpu_count() or 1)
         return
     if jobs is not None:
         raise ConfigError("--jobs and --dask: the cluster has its own; allowed: one of them")
-    with _cluster(dask) as found:
+    with _cluster(dask) as found, broken_named():
         yield found
 
 

@@ -12,6 +12,8 @@ from multiprocessing.connection import wait
 from multiprocessing.context import SpawnContext, SpawnProcess
 from threading import Thread
 
+from cam_rig.errors import Terminated
+
 
 class _Worker(SpawnProcess):
     """A process that Ctrl-C does not reach, from its first instruction on.
@@ -30,19 +32,23 @@ class _Worker(SpawnProcess):
 def _interrupt_deferred() -> Iterator[None]:
     """What is started here has SIGINT blocked, and is wholly started before an interrupt is raised.
 
-    Blocking alone would leave that to the other threads of this process. In the main thread only,
-    as all handlers of signals.
+    Blocking alone would leave that to the other threads of this process. SIGTERM waits too, and is
+    not blocked: workers are ended by it. In the main thread only, as all handlers of signals.
     """
     received: list[int] = []
-    handler = signal.signal(signal.SIGINT, lambda number, _frame: received.append(number))
+    handlers = {
+        number: signal.signal(number, lambda number, _frame: received.append(number))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        signal.signal(signal.SIGINT, handler)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
         if received:
-            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(received[0])
 
 
 class _Workers(SpawnContext):
@@ -64,13 +70,33 @@ def _end_with_parent() -> None:
 
 
 @contextmanager
+def _termination_raised() -> Iterator[None]:
+    """SIGTERM ends what is done here as Ctrl-C does; by default nothing would be put away."""
+
+    def end(_number: int, _frame: object) -> None:
+        raise Terminated
+
+    handler = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, handler)
+
+
+@contextmanager
 def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
     """A pool of processes, as many as there are cores; work not begun is dropped at an error.
 
-    Each computes on one core: the matrices are too small to share. An interrupt ends them at once.
+    Each computes on one core: the matrices are too small to share. An interrupt, or SIGTERM, ends
+    them at once.
     """
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    with _termination_raised():
+        yield from _pool(count)
+
+
+def _pool(count: int | None) -> Iterator[ProcessPoolExecutor]:
     pool = ProcessPoolExecutor(
         count or os.cpu_count(), mp_context=_Workers(), initializer=_end_with_parent
     )

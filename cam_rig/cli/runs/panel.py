@@ -40,6 +40,9 @@ def panel(
     out: Annotated[
         Path, typer.Option(metavar="FOLDER", help="Where cam files and sheets are saved.")
     ] = Path("out"),
+    lang: Annotated[
+        str | None, typer.Option(help="Language of the pages, en or es; the browser's by default.")
+    ] = None,
     no_rerun: Annotated[
         bool, typer.Option("--no-rerun", help="The bench without Rerun's picture of the rig.")
     ] = False,
@@ -65,8 +68,9 @@ def panel(
 
     Prints an address on this machine and serves it until Ctrl-C. The ordinates of the law are
     handles on its curve; s to s''', contour, contact force, spectrum and jump speeds follow. A
-    cam without ordinates of its own is drawn as the nearest B-splines, and the page says so. The
-    address has a token: no other page, user or machine gets anything.
+    cam without ordinates of its own is drawn as B-splines, exactly where its law is of polynomials;
+    else the nearest, and the page says how far off they are. The address has a token: no other
+    page, user or machine gets anything.
 
     A lab sheet asks a student for jump speeds of springs, masses and preloads, and keeps the
     readings as CSV. A seed hides another rig behind it; the marks say how far a reading is off.
@@ -95,7 +99,15 @@ def panel(
             mark_sheets(sheets, first_cam, rig, tolerance, json_target, csv)
             return
         _serve(
-            cams[0] if cams else CAM, rig or RIG, port, out, not no_rerun, open_browser, lab, seed
+            cams[0] if cams else CAM,
+            rig or RIG,
+            port,
+            out,
+            not no_rerun,
+            open_browser,
+            lab,
+            seed,
+            lang,
         )
 
 
@@ -129,6 +141,7 @@ def _serve(
     open_browser: bool,
     lab: str | None,
     seed: str | None,
+    lang: str | None,
 ) -> None:
     """Serve the pages until Ctrl-C.
 
@@ -154,11 +167,12 @@ def _serve(
         first, own = load_cam(cam_path(cam)), load_rig(rig_path(rig))
         with TemporaryDirectory(prefix="cam_rig-panel-", dir=user_folder()) as folder:
             runner = BenchRunner(own, Path(folder), out, rerun)
-            pages: list[PanelPages] = [BoardPages(Board(first, own, out))]
+            pages: list[PanelPages] = [BoardPages(Board(first, own, out, rig))]
             pages += [BenchPages(runner, first)]
             if lab is not None:
                 pages += [LabPages(LabSheet(lab, first, own, seed), out)]
-            with serve(*pages, port=port, home="/lab" if lab else "/") as served:
+            home = "/lab" if lab else "/"
+            with serve(*pages, port=port, language=lang, home=home) as served:
                 print(served.address, flush=True)
                 console.print("Ctrl-C ends the panel")
                 if open_browser:

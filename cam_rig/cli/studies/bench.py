@@ -15,14 +15,15 @@ if TYPE_CHECKING:
 
 
 def bench(
-    quick: Annotated[bool, typer.Option("--quick", help="Fewer settings, under 50 s.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer settings, about a minute.")] = False,
     json_target: Json = None,
     csv: Csv = None,
     plot: Plot = None,
 ) -> None:
     """Measure error against time for the rig, scipy's solvers and SUNDIALS CVODE.
 
-    One core; set OMP_NUM_THREADS=1 for the same in numpy. CVODE needs the extra 'bench'.
+    One core; set OMP_NUM_THREADS=1 for the same in numpy. Then a campaign's points a second beside
+    the same study with joblib and solve_ivp, on all cores. CVODE and joblib need the extra 'bench'.
 
     Examples
     --------
@@ -31,14 +32,15 @@ def bench(
     cam-rig bench --json out/bench.json --plot out/bench.png
     """
     with user_errors():
+        from cam_rig.bench.cases.campaign import campaign_table
         from cam_rig.bench.report import notes, table, to_json
 
         check_outputs(json_target, plot, csv)
         study = measure(quick)
-        shown = table(study)
-        show(shown)
+        shown = [table(study), campaign_table(study.campaign)]
+        show(*shown)
         say(*notes(study))
-        write_csv([shown], csv)
+        write_csv(shown, csv)
         if plot is not None:
             from cam_rig.plots.work_precision import draw
 
@@ -54,7 +56,7 @@ def measure(quick: bool) -> WorkPrecisionStudy:
     from cam_rig.bench.study import ORDER, run
 
     with progress_bar() as bar:
-        task = bar.add_task("bench", total=len(ORDER) * len(PEERS))
+        task = bar.add_task("bench", total=len(ORDER) * len(PEERS) + 1)
 
         def advance(what: str) -> None:
             bar.update(task, description=what, advance=1)

@@ -9,16 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cam_rig.cli.common.console import console, say, show, user_errors
+from cam_rig.cli.common.console import say, show, user_errors
 from cam_rig.cli.common.names import campaign_path
 from cam_rig.cli.common.options import Csv, Dask, Jobs, Json, Plot
 from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
 from cam_rig.cli.studies.largest_waviness import show_largest
-from cam_rig.errors import INTERRUPTED, ConfigError, OutputError, RunError
+from cam_rig.errors import ConfigError, DynamicsError, OutputError, RunError, code_of
 
 if TYPE_CHECKING:
-    from rich.progress import Progress
-
     from cam_rig.studies.campaign.campaign import Campaign
     from cam_rig.studies.campaign.dataset import CampaignDataset
 
@@ -30,7 +28,7 @@ Wavelengths = Annotated[
         min=1,
         max=1000,
         help="Instead: the largest waviness with which 99 % keep the study's limits, for N "
-        "wavelengths.",
+        "wavelengths. It keeps no rows: refused with --out and with --resume.",
     ),
 ]
 
@@ -95,6 +93,11 @@ def _show_results(
     from cam_rig.studies.campaign.tables import result_tables, to_json
 
     results = CampaignResults(dataset)
+    if results.failed == results.points:
+        raise DynamicsError(
+            f"{dataset.campaign.config.name}: {results.failures}; the rows in {dataset.folder} "
+            "have the reason of each; remedy: other numbers in the study's vary"
+        )
     shown = result_tables(results)
     show(*shown)
     say(f"dataset: {dataset.folder}/*.parquet")
@@ -127,13 +130,14 @@ def _command(
 def _measured(
     folder: Path, asked: Campaign, resume: bool, jobs: int | None, dask: str | None, again: str
 ) -> CampaignDataset:
-    """Make the points that are missing, behind a bar; what ends it says how to go on.
+    """Make the points that are missing, with their progress; what ends it says how to go on.
 
     Raises
     ------
     CamRigError : the folder is another's, the disk is full, or the workers are gone
     """
     from cam_rig.cli.common.executors import workplace
+    from cam_rig.cli.common.progress import CampaignProgress
     from cam_rig.extras import require
     from cam_rig.studies.campaign.dataset import CampaignDataset
     from cam_rig.studies.campaign.run import run_campaign
@@ -141,17 +145,10 @@ def _measured(
     require("pyarrow")
     dataset = CampaignDataset(folder, asked)
     with dataset.opened(resume), _going_on(again):
-        missing = sum(last - first for first, last in dataset.missing())
-        if not missing:
+        if not dataset.missing():
             return dataset
-        total = dataset.campaign.total
-        with workplace(jobs, dask) as place, _bar() as bar:
-            task = bar.add_task(
-                dataset.campaign.config.name, total=total, completed=total - missing
-            )
-            run_campaign(
-                dataset, place.executor, place.count, lambda count: bar.advance(task, count)
-            )
+        with workplace(jobs, dask) as place, CampaignProgress(dataset) as progress:
+            run_campaign(dataset, place.executor, place.count, progress.advance)
     return dataset
 
 
@@ -160,39 +157,8 @@ def _going_on(again: str) -> Iterator[None]:
     """Ends of a run that leave something to go on with: the command that does is named."""
     try:
         yield
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interrupt:
         say(f"cam-rig: interrupted; what is finished stays, go on with: {again}")
-        raise typer.Exit(INTERRUPTED) from None
+        raise typer.Exit(code_of(interrupt)) from None
     except (OutputError, RunError) as error:
         raise type(error)(f"{error}; go on with: {again}") from None
-
-
-def _bar() -> Progress:
-    """A bar with points done, points a second and the time left."""
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        ProgressColumn,
-        Task,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-    from rich.text import Text
-
-    class Rate(ProgressColumn):
-        """Points a second, of the last half minute."""
-
-        def render(self, task: Task) -> Text:
-            speed = task.finished_speed or task.speed
-            return Text("" if speed is None else f"{speed:.3g} points/s")
-
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        Rate(),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-    )

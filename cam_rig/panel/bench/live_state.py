@@ -11,7 +11,7 @@ from cam_rig.panel.bench.readings import MAX_READINGS, Meter, NotedReading
 from cam_rig.panel.bench.setup import Setup
 
 #: What a node's heartbeat says of a drive that was stopped, and its diagnosis after an emergency.
-STOPPED, EMERGENCY, LOST = "stopped", "emergency stop", "contact lost"
+STOPPED, EMERGENCY, LOST = "stopped", "emergency", "contact lost"
 WAITING = "waiting for "
 #: Lines of the graph's log that are shown.
 MAX_LINES = 6
@@ -48,11 +48,13 @@ class LiveState:
     #: Address of the page that shows the rig in Rerun.
     screen: str = ""
     version: int = 0
-    #: Whether contact was lost since the pages were last told.
-    lost_since: bool = False
+    #: Ticks in which contact was lost, as far as they were told apart.
+    losses: int = 0
 
     def __post_init__(self) -> None:
         self.meter = Meter()
+        #: Rig time (ns) at which contact was lost last.
+        self._lost_ns = -1
 
     # -- what happens to the graph ------------------------------------------------------------
 
@@ -65,6 +67,7 @@ class LiveState:
             if self.graph == "starting":
                 self.drive, self.state, self.ended, self.values = "stopped", {}, {}, {}
                 self.contact, self.late, self.waits_for, self.meter = "", "", "", Meter()
+                self._lost_ns = -1
         if "ended" in message:
             self.ended = message["ended"]
         self.screen = message.get("screen", self.screen)
@@ -100,8 +103,11 @@ class LiveState:
             self.graph = "running" if self.graph == "starting" else self.graph
             self.waits_for = words.removeprefix(WAITING) if words.startswith(WAITING) else ""
         if node == "follower":
+            if words == LOST:
+                self.losses += 1
+            if LOST in (words, self.contact):  # it was until now
+                self._lost_ns = int(self.state.get("time_ns", 0))
             self.contact = words
-            self.lost_since |= words == LOST
         elif node == PACE:
             self.late = "" if words == "on time" else words
         elif node.startswith("cam_drive"):
@@ -141,7 +147,8 @@ class LiveState:
         """
         if len(self.readings) >= MAX_READINGS:
             raise RefusedError(f"reading: {MAX_READINGS} are noted; allowed: no more, clear them")
-        rpm, level = self.meter.steady()
+        rpm, level, begin_ns = self.meter.steady()
+        lost = self.contact == LOST or self._lost_ns >= begin_ns
         ear = self.values.get("microphone", {})
         reading = NotedReading(
             self.state["cam"],
@@ -149,7 +156,7 @@ class LiveState:
             round(rpm, 6),
             round(level, 3),
             f"L{ear.get('frequency_weighting', '?')}{ear.get('time_weighting', '?')}",
-            self.contact,
+            LOST if lost else self.contact,
             self.setup.added_mass,
             self.setup.spring_stiffness,
             self.setup.preload,
@@ -164,9 +171,8 @@ class LiveState:
         self.version += 1
 
     def shown(self) -> dict[str, Any]:
-        """All of it, for a page; contact that was lost meanwhile is told once."""
+        """All of it, for a page."""
         tick = self.meter.latest
-        lost, self.lost_since = self.lost_since or self.contact == LOST, False
         return {
             "graph": self.graph,
             "words": self.words,
@@ -178,7 +184,8 @@ class LiveState:
             "values": self.values,
             "state": self.state,
             "level": None if tick is None else round(tick.level, 3),
-            "contact": LOST if lost else self.contact,
+            "contact": self.contact,
+            "losses": self.losses,
             "late": self.late,
             "kept": self.kept,
             "log": self.log,

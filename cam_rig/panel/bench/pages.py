@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager
 from typing import Any
 
 from starlette.requests import Request
@@ -15,6 +15,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from cam_rig.acoustics.sound_level_meter import FREQUENCY_WEIGHTINGS, TIME_WEIGHTINGS
 from cam_rig.drawing import colours
 from cam_rig.errors import RefusedError
+from cam_rig.panel.bench.bench_page import BenchPage
 from cam_rig.panel.bench.controls import DONE, EMERGENCY_STOP, BenchControls
 from cam_rig.panel.bench.link import NodeLink
 from cam_rig.panel.bench.live_state import LiveState
@@ -34,8 +35,6 @@ from cam_rig.panel.server import STATIC
 from cam_rig.schema import CamConfig
 from cam_rig.units import NS
 
-#: Wall time (s) between two messages to the pages, at least.
-TELL_EVERY_S = 0.05
 #: Speeds (rpm) of the knob.
 KNOB = (20.0, 1000.0)
 #: Cams in the chart, whose markers differ too.
@@ -57,11 +56,8 @@ class BenchPages:
         add_cam(cam, runner.cams)
         self.live = LiveState(Setup.of(runner.rig, cam.name))
         self._link = NodeLink(runner.socket, self._heard)
-        self._pages: dict[WebSocket, bool] = {}  # whether it listens to the sound
-        self._holder: WebSocket | None = None
+        self._pages: list[BenchPage] = []  # the first one holds the controls
         self._controls = BenchControls(runner, self.live, self._link)
-        self._sending: set[asyncio.Future[None]] = set()
-        self._told = asyncio.Event()
         self.routes = (
             Route("/bench", self._index),
             Route("/bench/about", self._about),
@@ -78,15 +74,11 @@ class BenchPages:
             loop.call_soon_threadsafe(self._happened, message)
 
         self._runner.tell = tell
-        telling = asyncio.create_task(self._tell())
         try:
             async with self._link.listening():
                 yield
         finally:
             self._runner.tell = lambda _message: None
-            telling.cancel()
-            with suppress(asyncio.CancelledError):
-                await telling
 
     # -- requests -------------------------------------------------------------------------------
 
@@ -117,28 +109,25 @@ class BenchPages:
         name = {"Content-Disposition": 'attachment; filename="readings.csv"'}
         return Response(to_csv(self.live.readings), headers=name, media_type="text/csv")
 
-    async def _live(self, page: WebSocket) -> None:
-        await page.accept()
-        self._pages[page] = False
-        if self._holder is None:
-            self._holder = page
-        self._told.set()
+    async def _live(self, socket: WebSocket) -> None:
+        await socket.accept()
+        page = BenchPage(socket, self._shown)
+        self._pages.append(page)
+        self._changed()
         try:
-            await page.send_json(self._shown(page))
-            while True:
-                await self._obey(page, await page.receive_text())
+            async with page.told():
+                while True:
+                    await self._obey(page, await socket.receive_text())
         except WebSocketDisconnect:
             pass
         finally:
-            self._pages.pop(page, None)
-            if self._holder is page:  # a page that has gone holds nothing
-                self._holder = next(iter(self._pages), None)
+            self._pages.remove(page)  # the next one holds the controls
             self._listen()
-            self._told.set()
+            self._changed()
 
     # -- commands -------------------------------------------------------------------------------
 
-    async def _obey(self, page: WebSocket, text: str) -> None:
+    async def _obey(self, page: BenchPage, text: str) -> None:
         """Do what a page asks, and answer it by the number of its message."""
         number = None
         try:
@@ -147,65 +136,48 @@ class BenchPages:
             reply = await self._done(page, command)
         except RefusedError as error:
             reply = {"success": False, "words": str(error)}
-        await page.send_json({"type": "answer"} | reply | {"answer": number})
-        self._told.set()
+        await page.socket.send_json({"type": "answer"} | reply | {"answer": number})
+        self._changed()
 
-    async def _done(self, page: WebSocket, command: dict[str, Any]) -> dict[str, Any]:
+    async def _done(self, page: BenchPage, command: dict[str, Any]) -> dict[str, Any]:
         match command.get("do"):
             case "listen":
-                self._pages[page] = command.get("value") is True
+                page.listens = command.get("value") is True
                 self._listen()
                 return DONE
             case "take_over":
-                self._holder = page
+                self._pages.remove(page)
+                self._pages.insert(0, page)
                 return DONE
         # An emergency stop is whoever's who sees the need.
-        if page is not self._holder and command.get("value") != EMERGENCY_STOP:
+        if page is not self._pages[0] and command.get("value") != EMERGENCY_STOP:
             raise RefusedError("another page holds the controls; allowed: after taking over")
         return await self._controls.obey(command)
 
     # -- what the pages are told ----------------------------------------------------------------
 
     def _listen(self) -> None:
-        self._link.listen(any(self._pages.values()))
+        self._link.listen(any(page.listens for page in self._pages))
 
     def _heard(self, message: dict[str, Any]) -> None:
         if "samples" in message:
             sound = self._controls.sound.render(message, self.live.state.get("rpm", 0.0))
-            for page in [page for page, listens in self._pages.items() if listens]:
-                self._later(page.send_bytes(sound))
+            for page in self._pages:
+                page.play(sound)
             return
         if "state" in message:
             self._runner.driven(message["state"]["time_ns"] / NS)
         self.live.heard(message)
-        self._told.set()
+        self._changed()
 
     def _happened(self, message: dict[str, Any]) -> None:
         self.live.happened(message)
-        self._told.set()
+        self._changed()
 
-    def _later(self, sending: Any) -> None:
-        async def send() -> None:
-            with suppress(WebSocketDisconnect, RuntimeError):  # closed; its own task sees to it
-                await sending
+    def _changed(self) -> None:
+        for page in self._pages:
+            page.changed.set()
 
-        task = asyncio.ensure_future(send())
-        self._sending.add(task)
-        task.add_done_callback(self._sending.discard)
-
-    async def _tell(self) -> None:
-        """All pages, at most so often; the newest counts."""
-        while True:
-            await self._told.wait()
-            self._told.clear()
-            shown = self.live.shown()
-            for page in list(self._pages):
-                with suppress(WebSocketDisconnect, RuntimeError):
-                    await page.send_json(self._shown(page, shown))
-            await asyncio.sleep(TELL_EVERY_S)
-
-    def _shown(self, page: WebSocket, shown: dict[str, Any] | None = None) -> dict[str, Any]:
-        shown = self.live.shown() if shown is None else shown
-        rate = self._controls.sound.rate
-        own = {"type": "live", "holds": page is self._holder, "pages": len(self._pages)}
-        return own | {"sound_rate": rate} | shown
+    def _shown(self, page: BenchPage) -> dict[str, Any]:
+        own = {"type": "live", "holds": page is self._pages[0], "pages": len(self._pages)}
+        return own | {"sound_rate": self._controls.sound.rate} | self.live.shown()

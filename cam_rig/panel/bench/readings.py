@@ -15,8 +15,8 @@ from cam_rig.acoustics.level import pressure_pa
 from cam_rig.errors import RefusedError
 from cam_rig.units import NS
 
-#: Rig time (s) over which a noted level is the mean, after the cam has turned as fast for as long:
-#: eight times the time weighting F.
+#: Rig time (s) over which a noted level is the mean, or somewhat more, as it is of whole turns,
+#: after the cam has turned as fast for as long: eight times the time weighting F.
 MEAN_S = 1.0
 #: Speeds (rpm) are the same when they differ by no more than this part.
 SAME_SPEED = 1e-6
@@ -76,12 +76,14 @@ class Meter:
         """The newest tick."""
         return self._ticks[-1] if self._ticks else None
 
-    def steady(self) -> tuple[float, float]:
-        """Speed (rpm) and level (dB, mean square) of the last second at one speed.
+    def steady(self) -> tuple[float, float, int]:
+        """Speed (rpm) and level (dB, mean square) of the last turns, a second or more of them.
+
+        And when they began (ns).
 
         Raises
         ------
-        RefusedError : the cam has not turned as fast for two seconds
+        RefusedError : the cam has not turned as fast for twice that time
         """
         last = self.latest
         if last is None or last.rpm == 0.0:
@@ -92,16 +94,16 @@ class Meter:
                 break
             same.append(tick)
         span = (last.time_ns - same[-1].time_ns) / NS
-        # Of slow turns, two.
-        needed = max(MEAN_S, 60.0 / last.rpm)
+        # Whole turns: the level swings within one.
+        needed = math.ceil(MEAN_S * last.rpm / 60.0) * 60.0 / last.rpm
         if span < 2.0 * needed:
             raise RefusedError(
                 f"reading: {last.rpm:.5g} rpm for {span:.1f} s of rig time; allowed: after "
                 f"{2.0 * needed:.1f} s"
             )
-        levels = [t.level for t in same if last.time_ns - t.time_ns < needed * NS]
+        levels = [t.level for t in same if last.time_ns - t.time_ns < (1 - 1e-6) * needed * NS]
         square = float((pressure_pa(np.array(levels)) ** 2).mean())
-        return last.rpm, float(level_db(math.sqrt(square)))
+        return last.rpm, float(level_db(math.sqrt(square))), last.time_ns - round(needed * NS)
 
 
 def to_csv(readings: list[NotedReading]) -> str:

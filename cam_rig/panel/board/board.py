@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import base64
 import math
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +11,21 @@ import numpy as np
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters
-from cam_rig.errors import ConfigError, OutputError, RefusedError
+from cam_rig.errors import RefusedError
 from cam_rig.laws import Law, build_law
-from cam_rig.panel.board.drawable import DRAWN
-from cam_rig.panel.board.drawn_law import ORDERS, POINTS, DrawnLaw, table_angles
+from cam_rig.panel.board.drawn_law import ORDERS, POINTS, DrawnLaw, in_base64, motion_in_base64
 from cam_rig.panel.board.exact import at_once
+from cam_rig.panel.board.files import (
+    cam_text,
+    contour_dxf,
+    design_command,
+    require_name,
+    why_not_made,
+    write_new,
+)
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.schema.load import NAME, Library, config_root, load_cam
-from cam_rig.studies.cam_fit.cam_file import quantity, to_yaml, valid_cam
-from cam_rig.studies.design.cam_file import without_empty
+from cam_rig.schema.load import Library, config_root, load_cam
+from cam_rig.schema.segments import BSpline
 from cam_rig.studies.jump.any_rig import TWO_MASSES, described, follower_of
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 
@@ -37,16 +43,19 @@ class Board:
     cam : the start
     rig : on which it runs
     out : folder that cam files are saved in
+    rig_name : the rig as a command takes it, a name or a file; its own name by default
 
     Raises
     ------
-    ConfigError : a cam that rests all around or does not join itself; a rig that splits its mass
-        only half
+    ConfigError : a cam that rests all around; a rig that splits its mass only half
     LawError : the cam has no law
     """
 
-    def __init__(self, cam: CamConfig, rig: RigConfig, out: Path) -> None:
+    def __init__(
+        self, cam: CamConfig, rig: RigConfig, out: Path, rig_name: str | None = None
+    ) -> None:
         self.rig, self.out, self.file = rig, out, cam
+        self.rig_name = rig.name if rig_name is None else rig_name
         self.drawn = DrawnLaw.of(cam)
         self.ordinates, self.rpm, self.version = self.drawn.ordinates, START_RPM, 0
         self._free = np.array([handle.index for handle in self.drawn.handles], dtype=np.intp)
@@ -88,6 +97,7 @@ class Board:
     def page(self) -> dict[str, Any]:
         """All that a page needs once: names, numbers of the rig, handles, the motion's table."""
         start, table = self.drawn.start, self.drawn.table
+        pivot = getattr(start.cam.follower, "pivot_distance", None)
         own = FollowerParameters.from_rig(self.rig)
         return {
             "cam": {
@@ -96,8 +106,13 @@ class Board:
                 "lift_m": start.cam.lift.si,
                 "sprung": start.cam.follower.sprung,
             },
-            "class": None if start.law_class is None else start.law_class.words,
+            "drawn_as": self._drawn_as(),
             "distance_m": start.distance,
+            "start_made": not at_once(self.cam, start.law, self.rig)["faults"],
+            "follower": {
+                "roller_mm": 1e3 * start.cam.follower.roller,
+                "pivot_mm": None if pivot is None else 1e3 * pivot.si,
+            },
             "rig": {
                 "name": self.rig.name,
                 "title": self.rig.title,
@@ -114,14 +129,20 @@ class Board:
             "version": self.version,
             "ordinates": self.ordinates.tolist(),
             "start": self.drawn.ordinates.tolist(),
-            "handles": [{"index": h.index, "angle": h.angle} for h in self.drawn.handles],
+            "handles": [asdict(handle) for handle in self.drawn.handles],
             "cams": sorted(path.stem for path in (config_root() / "cams").glob("*.yaml")),
             "points": POINTS,
             "orders": ORDERS,
-            "first": _base64(table.first),
-            "table": _base64(table.table),
-            "constant": _base64(table.constant),
+            "first": in_base64(table.first),
+            "table": in_base64(table.table),
+            "constant": in_base64(table.constant),
         }
+
+    def _drawn_as(self) -> dict[str, Any] | None:
+        """The B-splines that stand for the file's law; None where the ordinates are its own."""
+        start = self.drawn.start
+        degrees = [s.degree for s in start.cam.segments if isinstance(s, BSpline)]
+        return None if start.own else {"degree": max(degrees), "exact": start.exact}
 
     def other(self, name: str) -> dict[str, Any]:
         """The law of a shipped cam, to be shown beside: ``(4, n)`` m/rad^order, as base64.
@@ -131,11 +152,12 @@ class Board:
         ConfigError : no such cam
         """
         law = build_law(load_cam(Library((config_root(),)).path("cams", name)))
-        motion = np.stack([law(table_angles(), order) for order in range(ORDERS)])
-        return {"name": name, "motion": _base64(motion)}
+        return {"name": name, "motion": motion_in_base64(law)}
 
     def save(self, name: Any, ordinates: Any) -> Path:
         """Write ordinates as a cam file into the folder; gives its path.
+
+        A law that cannot be made is written too: its file says so, and why.
 
         Raises
         ------
@@ -143,41 +165,27 @@ class Board:
         ConfigError : not a name
         OutputError : there is such a file already, or it cannot be written
         """
-        if not (isinstance(name, str) and NAME.fullmatch(name)):
-            raise ConfigError(
-                "name: allowed: up to 100 small letters, digits and _, a letter first"
-            )
-        text, path = self._text(name, self._allowed(ordinates)), self.out / f"{name}.yaml"
-        try:
-            self.out.mkdir(parents=True, exist_ok=True)
-            with path.open("x", encoding="utf-8") as file:
-                file.write(text)
-        except FileExistsError:
-            raise OutputError(
-                f"{path}: exists already, not overwriting; name another or move it"
-            ) from None
-        except OSError as error:
-            raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
+        path, own = self.out / f"{require_name(name)}.yaml", self._allowed(ordinates)
+        why_not = why_not_made(self.cam, self.law(own))
+        write_new(path, cam_text(path.stem, self.cam, self.file, own, why_not))
         return path
 
-    def _text(self, name: str, ordinates: FloatArray) -> str:
-        data = self.cam.model_dump(exclude_none=True)
-        data |= {"name": name, "title": f"{self.file.title}, drawn"}
-        data.pop("cannot_be_made", None)
-        data.pop("identified_from", None)
-        source, at = f"drawn on the panel, from {self.file.name}", 0
-        for part, segment in zip(data["segments"], self.cam.segments, strict=True):
-            if isinstance(segment, DRAWN):
-                count = len(segment.ordinates.numbers)
-                own = ordinates[at : at + count].tolist()
-                part["ordinates"] = quantity("assumed", own, "1", source)
-                at += count
-        plain = {key: without_empty(x) if isinstance(x, dict) else x for key, x in data.items()}
-        plain["segments"] = [without_empty(part) for part in data["segments"]]
-        valid_cam(plain)
-        return f"# Drawn with cam-rig panel; dwells and spans are those of {self.file.name}.\n" + (
-            to_yaml(plain)
-        )
+    def saved(self, name: Any, ordinates: Any) -> dict[str, Any]:
+        """What a page is told of a file that it saved; raises what `save` does."""
+        path = self.save(name, ordinates)
+        command = design_command(path, self.rig_name)
+        return {"path": str(path), "command": command, "why_not": load_cam(path).cannot_be_made}
+
+    def dxf(self, ordinates: Any) -> str:
+        """The contour of some ordinates for the workshop, as DXF.
+
+        Raises
+        ------
+        RefusedError : wrong ordinates
+        MissingLibraryError : of the extra ``cad``
+        ProfileError : the cam cannot be made
+        """
+        return contour_dxf(self.cam, self.law(self._allowed(ordinates)))
 
 
 def _is_number(given: Any) -> bool:
@@ -194,8 +202,3 @@ def _speed(rpm: Any) -> float:
     if not (_is_number(rpm) and MIN_RPM <= rpm <= MAX_RPM):
         raise RefusedError(f"rpm: is {rpm!r:.40}; allowed: {MIN_RPM:g} to {MAX_RPM:g}")
     return float(rpm)
-
-
-def _base64(array: FloatArray) -> str:
-    """As little-endian float64, row by row."""
-    return base64.b64encode(np.ascontiguousarray(array, dtype="<f8").tobytes()).decode("ascii")

@@ -1,36 +1,43 @@
 """A cam as Bézier curves and B-splines between dwells, whose ordinates can be drawn.
 
-A cam that is made of these alone has its own ordinates. Of any other the nearest law of a class is
-taken, B-splines in each of its events: nearest in s and s'', with the events' ends as they are.
+A cam that is made of these alone has its own ordinates. Any other is written as B-splines in its
+events: exactly where its law is made of polynomials, else as the nearest in s and s''.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
-from scipy import sparse
+from scipy.interpolate import BSpline as Spline
 
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError
-from cam_rig.laws import Law, bernstein, build_law
+from cam_rig.laws import Law, build_law
+from cam_rig.laws.continuity import SMOOTHEST, joints
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segments import Bezier, BSpline
-from cam_rig.studies.cam_fit.cam_file import valid_cam
-from cam_rig.studies.design.cam_file import class_cam_data
-from cam_rig.studies.design.law_class import LawClass, second_derivative, to_bezier
-from cam_rig.studies.design.space import Space
+from cam_rig.schema.segments.curves import MAX_B_SPLINE_DEGREE, MAX_B_SPLINE_ORDINATES
+from cam_rig.studies.cam_fit.cam_file import quantity, valid_cam
+from cam_rig.studies.design.cam_file import spline_cam_data
+from cam_rig.studies.design.events import LawEvent, events
+from cam_rig.units import TURN
 
-#: Pieces of each event of the class that other laws are written in, and how smooth it may be: the
-#: smoothest that the law's own ends of events allow.
-PIECES, JOINTS = 16, (3, 2, 1)
+#: Pieces of each event at least, the longest of them (rad), and their lowest degree: with it s'''
+#: has no step at a knot between the law's own joints, whatever is dragged.
+PIECES, LONGEST, DEGREE = 16, TURN / 30, 5
+#: Joints of a start are kept up to this derivative.
+KEPT = 3
 #: Gauss points of a piece, at which laws are compared, and how much a difference of s (in lifts)
 #: weighs against one of s'' (in its r.m.s.). By s'' alone the law of arcs, whose s'' steps, would
 #: be an eighth of the lift off; by s alone the B-spline would swing between its steps.
-GAUSS, WEIGHT = 8, 10.0
-#: Points of a turn at which the distance is measured.
-COMPARED = 3600
+GAUSS, WEIGHT = 16, 10.0
+#: Points of a turn at which the distance is measured, and the part of the lift up to which it is
+#: rounding.
+COMPARED, SAME = 3600, 1e-12
 #: Segments whose ordinates are drawn.
 DRAWN = (Bezier, BSpline)
 Drawn = Bezier | BSpline
@@ -43,14 +50,19 @@ class DrawableCam:
     Parameters
     ----------
     cam, law : what is drawn, and its law
-    law_class : of the B-splines that stand for the file's own law; None where they are its own
+    own : whether the ordinates are those of the file; else B-splines stand for its law
     distance : m, largest difference of s to the file's own law; 0 where it is that
     """
 
     cam: CamConfig
     law: Law
-    law_class: LawClass | None
+    own: bool
     distance: float
+
+    @property
+    def exact(self) -> bool:
+        """Whether what is drawn is the file's law, rounding aside."""
+        return self.distance <= SAME * self.law.lift
 
 
 def with_own_ordinates(cam: CamConfig) -> DrawableCam | None:
@@ -63,59 +75,101 @@ def with_own_ordinates(cam: CamConfig) -> DrawableCam | None:
     kinds = {type(segment) for segment in cam.segments if segment.law != "dwell"}
     if not kinds or not kinds <= set(DRAWN):
         return None
-    return DrawableCam(cam, build_law(cam), None, 0.0)
+    return DrawableCam(cam, build_law(cam), True, 0.0)
 
 
-def nearest_of_class(cam: CamConfig) -> DrawableCam:
-    """The cam with the nearest law of the class.
+def as_b_splines(cam: CamConfig) -> DrawableCam:
+    """The cam with B-splines in its events: its law where that is of polynomials, else the nearest.
 
     Raises
     ------
-    ConfigError : it rests all around, or does not join itself even in C1
+    ConfigError : it rests all around, or has too many pieces
     LawError : it has no law
     """
     law = build_law(cam)
-    space = _space(law)
-    source = f"nearest in lift and acceleration to the law of {cam.name}"
-    data = class_cam_data(cam, space, _nearest(space), cam.name, cam.title, source)
-    drawn = valid_cam(data)
+    found = events(law, 0)
+    splines = [_in_file(_nearest(law, event), cam.name) for event in found]
+    drawn = valid_cam(spline_cam_data(cam, law, found, splines, cam.name, cam.title))
     drawn_law = build_law(drawn)
-    angles = np.linspace(0.0, 2.0 * math.pi, COMPARED, endpoint=False)
+    angles = np.linspace(0.0, TURN, COMPARED, endpoint=False)
     distance = float(np.abs(drawn_law(angles) - law(angles)).max())
-    return DrawableCam(drawn, drawn_law, space.law_class, distance)
+    return DrawableCam(drawn, drawn_law, False, distance)
 
 
-def _space(law: Law) -> Space:
-    """The laws of the smoothest class that has the law's ends of events."""
-    for joints in JOINTS[:-1]:
-        try:
-            return Space(law, LawClass(PIECES, joints))
-        except ConfigError:  # a turn without a dwell that joins itself less smoothly
-            continue
-    return Space(law, LawClass(PIECES, JOINTS[-1]))
+def _in_file(spline: Spline, name: str) -> dict[str, Any]:
+    """As a cam's file has it: without scipy's outermost knots."""
+    return {
+        "degree": int(spline.k),
+        "knots": quantity(
+            "assumed", spline.t[1:-1].tolist(), "1", f"joints of {name}, and between"
+        ),
+        "ordinates": quantity("identified", (spline.c + 0.0).tolist(), "1", f"the law of {name}"),
+    }
 
 
-def _nearest(space: Space) -> FloatArray:
-    """The unknowns whose s and s'' are nearest to the start's, in the mean square."""
-    own, law = space.law_class, space.start
-    nodes = 0.5 * (np.polynomial.legendre.leggauss(GAUSS)[0] + 1.0)
-    lift = _at(own, nodes, 0) @ to_bezier(own)
-    bend = _at(own, nodes, 2) @ to_bezier(own, 2) @ second_derivative(own)
-    inside = (np.arange(own.pieces)[:, None] + nodes).ravel() / own.pieces
-    free = slice(own.joints + 1, own.count - own.joints - 1)
-    found = []
-    for index, event in enumerate(space.events):
-        angles = event.start + event.span * inside
-        wanted = law(angles, 2) * event.span**2 / law.lift
-        rms = math.sqrt(float(np.mean(wanted**2))) or 1.0
-        wanted = np.concatenate([wanted / rms, WEIGHT * law(angles) / law.lift])
-        table = sparse.vstack([bend / rms, WEIGHT * lift]).toarray()
-        fixed = space.coefficients(index).constant / law.lift
-        found.append(np.linalg.lstsq(table[:, free], wanted - table @ fixed)[0])
-    return space.joined(np.concatenate(found))
+def _nearest(law: Law, event: LawEvent) -> Spline:
+    """Nearest in s and s'' by least squares, with the ends' derivatives; in lifts over [0, 1].
+
+    Raises
+    ------
+    ConfigError : it needs more ordinates than a file takes
+    """
+    degree = law.degree if DEGREE <= law.degree <= MAX_B_SPLINE_DEGREE else DEGREE
+    knots, smooth = _knots(law, event, degree)
+    count = knots.size - degree - 1
+    if count > MAX_B_SPLINE_ORDINATES:
+        raise ConfigError(
+            f"{law.name}: its law has too many pieces from {math.degrees(event.start):.4g}° on, "
+            f"for {count} ordinates; allowed: {MAX_B_SPLINE_ORDINATES}, so fit it with cam-rig fit"
+        )
+    unit = Spline(knots, np.eye(count), degree)
+    ends = [np.arange(smooth[0] + 1), count - 1 - np.arange(smooth[1] + 1)]
+    ordinates = np.zeros(count)
+    for end, fixed in enumerate(ends):
+        rows = [unit(float(end), k)[fixed] for k in range(fixed.size)]
+        ordinates[fixed] = np.linalg.solve(np.array(rows), _at_end(law, event, end, fixed.size))
+    inside, edges = 0.5 * (np.polynomial.legendre.leggauss(GAUSS)[0] + 1.0), np.unique(knots)
+    at = (edges[:-1, None] + np.diff(edges)[:, None] * inside).ravel()
+    lift, bend = (law(event.start + event.span * at, k) / law.lift for k in (0, 2))
+    bend *= event.span**2
+    rms = math.sqrt(float(np.mean(bend**2))) or 1.0
+    wanted = np.concatenate([bend / rms, WEIGHT * lift])
+    table = np.concatenate([unit(at, 2) / rms, WEIGHT * unit(at)])
+    free = np.setdiff1d(np.arange(count), np.concatenate(ends))
+    ordinates[free] = np.linalg.lstsq(table[:, free], wanted - table @ ordinates)[0]
+    return Spline(knots, ordinates, degree)
 
 
-def _at(own: LawClass, nodes: FloatArray, order: int) -> sparse.csr_array:
-    """Values of a derivative at nodes of every piece, from its Bézier ordinates."""
-    table = bernstein.basis(own.power - order, nodes)
-    return sparse.csr_array(sparse.kron(sparse.eye(own.pieces), table, "csr"))
+def _knots(law: Law, event: LawEvent, degree: int) -> tuple[FloatArray, list[int]]:
+    """Knots over [0, 1] with the law's own joints as they are, and how smooth both ends are.
+
+    Long pieces are split: none is longer than `LONGEST`, or than a `PIECES`-th of the event.
+    """
+    found = {joint.angle: joint.continuity for joint in joints(law)}
+    ends = [np.argmin(np.abs(law.breaks - event.start - part * event.span)) for part in (0, 1)]
+    edges = law.breaks[ends[0] : ends[1] + 1].tolist()
+    if law.degree > MAX_B_SPLINE_DEGREE:  # pieces of a fit: smooth seams are none of the law's
+        inner = [angle for angle in edges[1:-1] if found[angle] < SMOOTHEST]
+        edges = [edges[0], *inner, edges[-1]]
+    knots, longest = [0.0] * (degree + 1), min(LONGEST, event.span / PIECES)
+    for left, right in pairwise(edges):
+        parts = max(1, math.ceil((right - left) / longest * (1.0 - SAME)))
+        begin, stop = ((angle - event.start) / event.span for angle in (left, right))
+        steps = begin + (stop - begin) * np.arange(1, parts + 1) / parts
+        own = 1 if right == edges[-1] else max(1, degree - max(0, found[right]))
+        knots += [*steps[:-1].tolist(), *[float(steps[-1])] * own]
+    knots[-1:] = [1.0] * (degree + 1)
+    smooth = [min(KEPT, max(0, found[angle % TURN])) for angle in (edges[0], edges[-1])]
+    return np.array(knots), smooth
+
+
+def _at_end(law: Law, event: LawEvent, end: int, count: int) -> list[float]:
+    """S and its derivatives, in lifts over the event's span, at its start (0) or end (1).
+
+    Those of what lies beyond, so that a dwell is met as it is.
+    """
+    angle = event.start + end * event.span
+    begins = int(np.argmin(np.abs(law.breaks - angle)))
+    piece, side = (begins % law.spans.size, 0) if end else ((begins - 1) % law.spans.size, -1)
+    derivatives = [law.derivative_ordinates(k)[side, piece] for k in range(count)]
+    return [float(d) * event.span**k / law.lift for k, d in enumerate(derivatives)]

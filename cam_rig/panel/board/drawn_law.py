@@ -7,6 +7,7 @@ derivative in which the start joins there.
 
 from __future__ import annotations
 
+import base64
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,9 +21,10 @@ from cam_rig.laws.continuity import joints
 from cam_rig.laws.families.b_spline import bezier_pieces, greville
 from cam_rig.panel.board.drawable import (
     DRAWN,
+    KEPT,
     DrawableCam,
     Drawn,
-    nearest_of_class,
+    as_b_splines,
     with_own_ordinates,
 )
 from cam_rig.schema import CamConfig
@@ -31,8 +33,6 @@ from cam_rig.units import TURN
 
 #: Angles of a turn at which the page has the law, and its derivatives: s to s'''.
 POINTS, ORDERS = 720, 4
-#: Joints of a start are kept up to this derivative.
-KEPT = 3
 
 
 @dataclass(frozen=True)
@@ -43,10 +43,15 @@ class Handle:
     ----------
     index : among all ordinates
     angle : rad, where it pulls the most
+    segment : which of the cam's it is of
+    left, right : rad, how far from there the ordinates next to its segment's ends stay fixed
     """
 
     index: int
     angle: float
+    segment: int
+    left: float
+    right: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,16 +77,16 @@ class DrawnLaw:
 
     @classmethod
     def of(cls, cam: CamConfig) -> DrawnLaw:
-        """Of a cam's own ordinates, where it has some that may be moved; else of its class law's.
+        """Of a cam's own ordinates, where some may be moved; else of B-splines that stand for it.
 
         Raises
         ------
-        ConfigError : it rests all around, or does not join itself even in C1
+        ConfigError : it rests all around
         LawError : it has no law
         """
         own = with_own_ordinates(cam)
         drawn = None if own is None else cls(own)
-        return drawn if drawn is not None and drawn.handles else cls(nearest_of_class(cam))
+        return drawn if drawn is not None and drawn.handles else cls(as_b_splines(cam))
 
     @property
     def drawn(self) -> list[Drawn]:
@@ -99,15 +104,18 @@ class DrawnLaw:
         smooth = {joint.angle: joint.continuity for joint in joints(self.start.law)}
         ends = np.array(sorted(smooth))
         found, index = [], 0
-        for segment, begin in zip(self.start.cam.segments, self._angles, strict=True):
+        segments = zip(self.start.cam.segments, self._angles, strict=True)
+        for number, (segment, begin) in enumerate(segments):
             if not isinstance(segment, DRAWN):
                 continue
             count = len(segment.ordinates.numbers)
             at = begin + segment.span.si * _abscissae(segment)
             edges = (begin, (begin + segment.span.si) % TURN)
             fixed = [1 + min(KEPT, max(0, smooth[_nearest(ends, edge)])) for edge in edges]
-            free = range(fixed[0], count - fixed[1])
-            found += [Handle(index + i, float(at[i]) % TURN) for i in free]
+            first, last = float(at[fixed[0] - 1]), float(at[-fixed[1]])
+            for i in range(fixed[0], count - fixed[1]):
+                here = float(at[i])
+                found.append(Handle(index + i, here % TURN, number, here - first, last - here))
             index += count
         return found
 
@@ -177,6 +185,16 @@ class DrawnLaw:
 def table_angles() -> FloatArray:
     """``(n,)`` cam angles (rad) of a `MotionTable`."""
     return np.linspace(0.0, TURN, POINTS, endpoint=False)
+
+
+def in_base64(array: FloatArray) -> str:
+    """As little-endian float64, row by row: what a page decodes."""
+    return base64.b64encode(np.ascontiguousarray(array, dtype="<f8").tobytes()).decode("ascii")
+
+
+def motion_in_base64(law: Law) -> str:
+    """S to s''' of any law at a table's angles, ``(4, n)`` m/rad^order."""
+    return in_base64(np.stack([law(table_angles(), order) for order in range(ORDERS)]))
 
 
 def _abscissae(segment: Drawn) -> FloatArray:

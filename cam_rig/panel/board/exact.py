@@ -16,7 +16,7 @@ from cam_rig.api.sound import sound_level
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.errors import CamRigError
-from cam_rig.laws import Law
+from cam_rig.laws import Law, build_law
 from cam_rig.profile import Contour, contours
 from cam_rig.profile.checks.all_checks import check_cam
 from cam_rig.profile.checks.pressure_angle import greatest_allowed
@@ -69,22 +69,30 @@ def at_rest(cam: CamConfig, law: Law, rig: RigConfig, rpm: float) -> dict[str, A
     """Jump speed on the rig's own follower, residual vibration, level, and all checks; 0.2 s."""
     follower, speed = FollowerParameters.from_rig(rig), rpm * RPM
 
-    def jump() -> float:
-        return find_jump(law, follower_of(rig), FROM_REST).rpm
-
     def residual() -> float:
         return 1e6 * float(residual_vibration(law, follower, np.array([speed]))[0])
 
     try:
-        failed = [str(check) for check in check_cam(cam, law) if not check.passed]
+        checks = [check for check in check_cam(cam, law) if not check.passed]
+        made, failed = not any(check.vital for check in checks), [str(check) for check in checks]
     except CamRigError as error:
-        failed = [str(error)]
+        made, failed = False, [str(error)]
     return {
-        "jump": _found(jump),
+        "jump": _found(lambda: _jump(law, rig)),
         "residual_um": _found(residual),
         "level_db": _found(lambda: level(law, rig, rpm)),
         "checks": failed,
+        "made": made,
     }
+
+
+def file_jump(cam: CamConfig, rig: RigConfig) -> Found:
+    """Jump speed (rpm) of a file's own law, beside that of the B-splines that stand for it."""
+    return _found(lambda: _jump(build_law(cam), rig))
+
+
+def _jump(law: Law, rig: RigConfig) -> float:
+    return find_jump(law, follower_of(rig), FROM_REST).rpm
 
 
 def level(law: Law, rig: RigConfig, rpm: float) -> float:

@@ -15,6 +15,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from cam_rig.drawing import colours
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.panel.board.board import Board
+from cam_rig.panel.board.designs import Designs
 from cam_rig.panel.board.worker import WorkerLostError, ask, worker
 from cam_rig.panel.messages import read_body, read_object
 from cam_rig.panel.server import STATIC
@@ -43,11 +44,14 @@ class BoardPages:
         self.board = board
         self._pages: set[WebSocket] = set()
         self._changed = asyncio.Event()
+        self._designs = Designs(board, lambda message: self._send_to(self._pages, message))
         self.routes = (
             Route("/", self._index),
             Route("/board", self._board),
             Route("/other/{cam}", self._other),
             Route("/save", self._save, methods=["POST"]),
+            Route("/dxf", self._dxf, methods=["POST"]),
+            *self._designs.routes,
             WebSocketRoute("/changes", self._changes),
         )
 
@@ -56,7 +60,8 @@ class BoardPages:
         """Answer what takes longer, as long as the pages are served."""
         resting = asyncio.create_task(self._answer_at_rest())
         try:
-            yield
+            async with self._designs.alive():
+                yield
         finally:
             resting.cancel()
             with suppress(asyncio.CancelledError):
@@ -78,10 +83,18 @@ class BoardPages:
     async def _save(self, request: Request) -> Response:
         try:
             body = await read_body(request)
-            path = self.board.save(body.get("name"), body.get("ordinates"))
+            found = self.board.saved(body.get("name"), body.get("ordinates"))
         except CamRigError as error:
             return JSONResponse({"words": str(error)}, 409)
-        return JSONResponse({"path": str(path)})
+        return JSONResponse(found)
+
+    async def _dxf(self, request: Request) -> Response:
+        try:
+            body = await read_body(request)
+            text = await asyncio.to_thread(self.board.dxf, body.get("ordinates"))
+        except CamRigError as error:
+            return JSONResponse({"words": str(error)}, 409)
+        return Response(text, media_type="image/vnd.dxf")
 
     async def _changes(self, page: WebSocket) -> None:
         """Changes of one page, each answered at once; other pages follow."""
@@ -123,8 +136,10 @@ class BoardPages:
 
     async def _answer_at_rest(self) -> None:
         """What takes longer, of the last law alone, once it has rested."""
+        start = self.board.drawn.start
+        file = None if start.own or start.exact else self.board.file
         while True:
-            async with worker(self.board.cam, self.board.rig) as process:
+            async with worker(self.board.cam, self.board.rig, file) as process:
                 try:
                     while True:
                         await self._answer_once(process)

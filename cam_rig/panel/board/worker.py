@@ -11,7 +11,7 @@ import json
 import os
 import sys
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager, suppress
+from contextlib import AbstractAsyncContextManager, asynccontextmanager, suppress
 from typing import Any
 
 import numpy as np
@@ -29,10 +29,13 @@ class WorkerLostError(CamRigError):
 
 
 @asynccontextmanager
-async def worker(cam: CamConfig, rig: RigConfig) -> AsyncIterator[asyncio.subprocess.Process]:
-    """The process, for as long as the context lasts."""
+async def beside(module: str, first: dict[str, Any]) -> AsyncIterator[asyncio.subprocess.Process]:
+    """A module that runs beside the server for as long as the context lasts.
+
+    ``first`` is the first line of its input.
+    """
     process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "cam_rig.panel.board.worker"),
+        *(sys.executable, "-m", module),
         stdin=asyncio.subprocess.PIPE,
         stdout=asyncio.subprocess.PIPE,
         env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
@@ -40,12 +43,24 @@ async def worker(cam: CamConfig, rig: RigConfig) -> AsyncIterator[asyncio.subpro
         limit=MAX_LINE,
     )
     try:
-        _send(process, {"cam": cam.model_dump(), "rig": rig.model_dump()})
+        _send(process, first)
         yield process
     finally:
         with suppress(ProcessLookupError):
             process.kill()
         await process.wait()
+
+
+def worker(
+    cam: CamConfig, rig: RigConfig, file: CamConfig | None
+) -> AbstractAsyncContextManager[asyncio.subprocess.Process]:
+    """The process that answers for the laws of a cam.
+
+    ``file`` is the cam whose own law is answered for beside each: see `exact.file_jump`.
+    """
+    own = None if file is None else file.model_dump()
+    first = {"cam": cam.model_dump(), "rig": rig.model_dump(), "file": own}
+    return beside("cam_rig.panel.board.worker", first)
 
 
 async def ask(process: asyncio.subprocess.Process, law: Law, rpm: float) -> dict[str, Any]:
@@ -75,14 +90,17 @@ def _send(process: asyncio.subprocess.Process, data: dict[str, Any]) -> None:
 
 def main() -> None:
     """Answer lines of standard input until it ends."""
-    from cam_rig.panel.board.exact import at_rest
+    from cam_rig.panel.board.exact import at_rest, file_jump
 
     first = json.loads(sys.stdin.readline())
     cam, rig = CamConfig.model_validate(first["cam"]), RigConfig.model_validate(first["rig"])
+    own = {}
+    if first["file"] is not None:
+        own = {"file_jump": file_jump(CamConfig.model_validate(first["file"]), rig)}
     for line in sys.stdin:
         asked = json.loads(line)
         law = Law(cam.name, np.array(asked["breaks"]), np.array(asked["ordinates"]))
-        print(json.dumps(at_rest(cam, law, rig, asked["rpm"])), flush=True)
+        print(json.dumps(at_rest(cam, law, rig, asked["rpm"]) | own), flush=True)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from cam_rig.drawing.colours import BLUE, SKY_BLUE, VERMILION, web
 from cam_rig.plots.campaign.words import input_name, measure_title, measure_unit
 from cam_rig.plots.figures import empty, styled, wrapped
 from cam_rig.studies.campaign.measures import CampaignMeasure
-from cam_rig.studies.campaign.results import CampaignResults
+from cam_rig.studies.campaign.results import FOR_MEDIAN, CampaignResults
 from cam_rig.tables import printed
 
 #: Bars of a histogram, and inputs of a tornado, at most.
@@ -92,10 +92,22 @@ def _tornado(
     for i, (_, low, high) in enumerate(rows):
         for end, look in zip((low, high), LOOKS, strict=True):
             axes.barh(i, end - middle, left=middle, **look)
+    axes.set_title(_doubts(results, finite.size))
     axes.axvline(middle, color="0.2", lw=0.8)
+    axes.xaxis.set_major_locator(MaxNLocator(5))
     axes.set_yticks(range(len(rows)), [row[0] for row in rows])
     axes.set_xlabel(wrapped(f"median {measure_title(measure)}", LETTERS))
     axes.grid(visible=False, axis="y")
+
+
+def _doubts(results: CampaignResults, points: int) -> str:
+    """Why bars do not say what each input does; empty where they do."""
+    needed, words = round(FOR_MEDIAN / TENTH), []
+    if points < needed:
+        words.append(f"too few points ({points}) for tenths: needs {needed}")
+    if results.campaign.config.correlated:
+        words.append("correlated inputs: no bar is of one alone")
+    return "\n".join(wrapped(line, LETTERS) for line in words)
 
 
 def _ends(inputs: FloatArray, values: FloatArray) -> tuple[float, float]:

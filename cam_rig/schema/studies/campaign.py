@@ -5,21 +5,33 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, FiniteFloat, model_validator
+from pydantic import AfterValidator, Field, FiniteFloat, model_validator
 
-from cam_rig.schema.load import load
+from cam_rig.schema.load import NAME, is_path, load
 from cam_rig.schema.quantity import UNITS, Strict
 from cam_rig.schema.scene import Model, Name
 
 #: The unit of a variation that is relative to the base's number.
 PERCENT = "%"
-#: Points of a campaign, at most: what Sobol's sequence has in 30 bits.
-MAX_POINTS = 2**30
+#: Points of a campaign, at most: its results take a column at a time, 0.8 GB of so many.
+MAX_POINTS = 100_000_000
 #: Steps of a range on a grid, at most.
 MAX_COUNT = 100_000
 #: Inputs of a campaign, at most.
 MAX_INPUTS = 100
 
+
+def _file(text: str) -> str:
+    if not (is_path(text) or NAME.fullmatch(text)):
+        raise ValueError(
+            f"is {text!r}; allowed: a name of small letters, digits and _, or the path of a .yaml "
+            "file, relative to the study's folder"
+        )
+    return text
+
+
+#: A file by its name, or by its path.
+FileOrName = Annotated[str, AfterValidator(_file)]
 Finite = Annotated[FiniteFloat, Field(strict=True)]
 Spread = Annotated[FiniteFloat, Field(strict=True, ge=0.0)]
 PlanKind = Literal["grid", "latin_hypercube", "sobol", "shares"]
@@ -81,13 +93,14 @@ def _listed(units: set[str]) -> str:
 class CampaignBase(Strict):
     """What is varied: a scene's cam and rig, or a cam and a rig.
 
-    ``model`` runs the measures that need a motion: by default the scene's, without a scene two
-    masses where the rig splits its mass, else one.
+    Each by its name or by a path, relative to the study's folder. ``model`` runs the measures that
+    need a motion: by default the scene's, without a scene two masses where the rig splits its mass,
+    else one.
     """
 
-    scene: Name | None = None
-    cam: Name | None = None
-    rig: Name | None = None
+    scene: FileOrName | None = None
+    cam: FileOrName | None = None
+    rig: FileOrName | None = None
     model: Model | None = None
 
     @model_validator(mode="after")

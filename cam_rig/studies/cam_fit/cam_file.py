@@ -41,7 +41,7 @@ class CamFiles:
 
 
 def quantity(
-    origin: str, value: float, unit: str, source: str, residual: str = ""
+    origin: str, value: float | list[float], unit: str, source: str, residual: str = ""
 ) -> dict[str, Any]:
     """A number as the rig's files have it."""
     words = {"residual": residual} if residual else {}

@@ -61,7 +61,7 @@ def own_scene(name: str, law: Law, rig: RigConfig) -> tuple[str, tuple[float, ..
         "model": "one_mass",
         "sample_rate": quantity("assumed", rate, "Hz", f"at least {SAMPLES} samples a turn"),
         "program": {
-            "speeds": quantity("assumed", list(speeds), "rpm", above),  # type: ignore[arg-type]
+            "speeds": quantity("assumed", list(speeds), "rpm", above),
             "turns": quantity("assumed", 3, "turns", turns),
             "settle_turns": quantity("assumed", 1, "turns", settle),
         },

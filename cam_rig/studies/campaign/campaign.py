@@ -16,13 +16,20 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, build_law
 from cam_rig.schema import CamConfig, Library, RigConfig, SceneConfig, load_cam, load_rig
 from cam_rig.schema.explain import explain
-from cam_rig.schema.load import load_scene
+from cam_rig.schema.load import is_path, load_scene
 from cam_rig.schema.studies.campaign import MAX_POINTS, CampaignConfig, load_campaign
 from cam_rig.simulation.cam_files import require_sprung
-from cam_rig.studies.campaign.draws import InputDraws
+from cam_rig.studies.campaign.draws import InputDraws, ends_of
 from cam_rig.studies.campaign.inputs import CampaignInput, input_of, paths_of
-from cam_rig.studies.campaign.measures import CampaignMeasure, parse_limits, parse_measures
+from cam_rig.studies.campaign.measures import (
+    CampaignMeasure,
+    parse_limits,
+    parse_measures,
+    require_runs,
+)
+from cam_rig.studies.campaign.profile_errors import require_wavelength
 from cam_rig.studies.design.terms import Limit
+from cam_rig.tables import number
 
 #: Runs of a base without a scene: samples a second, turns and those left out.
 SAMPLE_RATE, TURNS, SETTLE_TURNS = 48_000, 4, 1
@@ -150,7 +157,12 @@ def campaign_of(config: CampaignConfig, library: Library) -> Campaign:
     ConfigError, LawError : a file it names, a path, a unit, a measure or a limit is wrong
     """
     base = config.base
-    scene = None if base.scene is None else load_scene(library.path("scenes", base.scene))
+    scene = None
+    if base.scene is not None:
+        scene_path = library.file("scenes", base.scene)
+        scene = load_scene(scene_path)
+        if is_path(base.scene):  # then the names in it are of its own folders
+            library = Library.beside(scene_path)
     if scene is not None and base.cam is not None and base.cam not in scene.cams:
         raise ConfigError(
             f"base.cam: is {base.cam!r}; allowed: a cam of scene {scene.name}: "
@@ -160,8 +172,8 @@ def campaign_of(config: CampaignConfig, library: Library) -> Campaign:
     if scene is not None:
         name, rig_name = base.cam or scene.cams[0], scene.rig
     assert name is not None and rig_name is not None  # the schema's
-    cam_path = library.path("cams", name)
-    cam, rig = load_cam(cam_path), load_rig(library.path("rigs", rig_name))
+    cam_path = library.file("cams", name)
+    cam, rig = load_cam(cam_path), load_rig(library.file("rigs", rig_name))
     require_sprung(cam_path, cam)
     if scene is None:
         scene = _scene(cam, rig, base.model)
@@ -179,8 +191,17 @@ def checked(campaign: Campaign) -> Campaign:
     _ = campaign.limits, campaign.law
     if WAVE in campaign.config.vary and WAVELENGTH not in campaign.config.vary:
         raise ConfigError(f"vary.{WAVE}: has no wavelength; needed beside it: {WAVELENGTH}")
+    for one in campaign.inputs:
+        if one.path == WAVELENGTH:
+            for wavelength in ends_of(one).tolist():
+                require_wavelength(wavelength)
+    if not any(one.path.startswith("scene.") for one in campaign.inputs):
+        require_runs(campaign.measures, campaign.scene)
     if campaign.total > MAX_POINTS:
-        raise ConfigError(f"plan: has {campaign.total:.3g} points; allowed: {MAX_POINTS:.3g}")
+        raise ConfigError(
+            f"plan: has {number(campaign.total)} points; allowed: up to {number(MAX_POINTS)}; "
+            "remedy: several campaigns, each with a seed and a folder of its own"
+        )
     return campaign
 
 

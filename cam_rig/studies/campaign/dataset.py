@@ -7,9 +7,11 @@ a campaign runs, and after whatever ended it. The one writer holds a lock on the
 from __future__ import annotations
 
 import fcntl
+import json
 import os
 import re
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,11 +26,15 @@ from cam_rig.errors import ConfigError, OutputError
 from cam_rig.extras import libraries_named
 from cam_rig.studies.campaign.campaign import Campaign
 from cam_rig.studies.campaign.point import FAILED, OK, BatchRows
+from cam_rig.tables import counted
 
 LOCK = ".lock"
 _NAME = re.compile(r"points-(\d+)-(\d+)\.parquet")
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 #: Packages whose versions rows may depend on.
 VERSIONS = ("cam_rig", "numpy", "scipy")
+#: Differences between two studies that are named.
+DIFFERENCES = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +134,22 @@ class CampaignDataset:
             gaps.append((at, self.campaign.total))
         return gaps
 
+    def size(self) -> tuple[float, float]:
+        """Bytes of the files there are, and about those of all when every point is made.
+
+        A file has bytes of its own, as many as the smallest, and others for each row; the files
+        to come are as long as the longest.
+        """
+        batches = self.batches()
+        if not batches:
+            return 0.0, 0.0
+        sizes = [path.stat().st_size for _, _, path in batches]
+        counts = [last - first for first, last, _ in batches]
+        own, made = min(sizes), sum(counts)
+        left = max(0, self.campaign.total - made)
+        row = (sum(sizes) - own * len(sizes)) / made
+        return float(sum(sizes)), sum(sizes) + row * left + own * -(-left // max(counts))
+
     def column(self, name: str) -> FloatArray:
         """One column in the order of the points, NaN for null; no other column is read."""
         import pyarrow.parquet as pq
@@ -137,6 +159,24 @@ class CampaignDataset:
             for _, _, path in self.batches()
         ]
         return np.concatenate(parts) if parts else np.zeros(0)
+
+    def reasons(self) -> list[tuple[str, int]]:
+        """Why points failed and how many, the most frequent first.
+
+        Reasons that differ in their numbers alone are one, in the words of the first of them.
+        """
+        import pyarrow.compute as pc
+        import pyarrow.parquet as pq
+
+        counts: Counter[str] = Counter()
+        words: dict[str, str] = {}
+        for _, _, path in self.batches():
+            column = pq.read_table(path, columns=["reason"], partitioning=None).column("reason")
+            for one in pc.value_counts(column.drop_null()).to_pylist():
+                kind = _NUMBER.sub("#", one["values"])
+                words.setdefault(kind, one["values"])
+                counts[kind] += one["counts"]
+        return [(words[kind], count) for kind, count in counts.most_common()]
 
     @contextmanager
     def opened(self, resume: bool) -> Iterator[None]:
@@ -170,8 +210,8 @@ class CampaignDataset:
         batches = self.batches()
         if batches and not resume:
             raise ConfigError(
-                f"{self.folder}: holds {len(batches)} batches already; allowed: --resume to go on "
-                "with them, or another folder"
+                f"{self.folder}: holds {counted(len(batches), 'file')} of points already; "
+                "allowed: --resume to go on with them, or another folder"
             )
         for first, last, path in batches:
             about = _about(path)
@@ -179,13 +219,43 @@ class CampaignDataset:
                 path.unlink()
             elif about[1] != self._own:
                 raise ConfigError(
-                    f"{path}: is of another study, or of another version of cam_rig, numpy or "
-                    "scipy; allowed with --resume: the same"
+                    f"{path}: is of another study, or of another version: "
+                    f"{differences(about[1], self._own)}; allowed with --resume: the same, else "
+                    "another folder"
                 )
 
     @property
     def _own(self) -> dict[str, str]:
-        return {"fingerprint": self.campaign.fingerprint, **versions()}
+        return {"study": self.campaign.text, **versions()}
+
+
+def differences(old: Mapping[str, str], new: Mapping[str, str]) -> str:
+    """What differs between two origins of rows, with the old and the new value of each."""
+    before, after = ({**_leaves(json.loads(one.get("study") or "{}"))} for one in (old, new))
+    for name in VERSIONS:
+        before[name], after[name] = old.get(name), new.get(name)
+    found = [
+        f"{key} is {_shown(after.get(key))}, was {_shown(before.get(key))}"
+        for key in dict.fromkeys([*before, *after])
+        if before.get(key) != after.get(key)
+    ]
+    rest = len(found) - DIFFERENCES
+    return ", ".join(found[:DIFFERENCES]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def _leaves(node: Any, path: str = "") -> dict[str, Any]:
+    """The numbers and words of plain data by their paths; those of the study without a prefix."""
+    if isinstance(node, dict):
+        parts = [(f"{path}.{key}" if path else key, one) for key, one in node.items()]
+    elif isinstance(node, list):
+        parts = [(f"{path}[{i}]", one) for i, one in enumerate(node)]
+    else:
+        return {path.removeprefix("config."): node}
+    return {key: value for name, one in parts for key, value in _leaves(one, name).items()}
+
+
+def _shown(value: object) -> str:
+    return "not there" if value is None else str(value)
 
 
 def _about(path: Path) -> tuple[int, dict[str, str]] | None:
@@ -198,7 +268,7 @@ def _about(path: Path) -> tuple[int, dict[str, str]] | None:
         data = footer.metadata or {}
     except (pa.ArrowInvalid, OSError):
         return None
-    keys = ("fingerprint", *VERSIONS)
+    keys = ("study", *VERSIONS)
     return footer.num_rows, {key: data.get(key.encode(), b"").decode() for key in keys}
 
 

@@ -106,6 +106,16 @@ def steps_of(one: CampaignInput) -> FloatArray:
     return np.asarray(one.origin + one.factor * steps)
 
 
+def ends_of(one: CampaignInput) -> FloatArray:
+    """The least and the largest that an input can be; the middle of what has no ends."""
+    variation = one.variation
+    if variation.values is not None:
+        steps = steps_of(one)
+        return np.array([steps.min(), steps.max()])
+    endless = variation.normal is not None and variation.within is None
+    return drawn(one, np.array([0.5] if endless else [0.0, 1.0]))
+
+
 def drawn(one: CampaignInput, unit: FloatArray) -> FloatArray:
     """What an input is at places of its distribution, each in (0, 1)."""
     variation = one.variation

@@ -31,14 +31,17 @@ class FirstOrder:
     Parameters
     ----------
     speed : rad/s, there
-    predicted, found : standard deviations, rad/s: √Σ(dΩ/dp · σ_p)² of independent inputs, and of
-        the points
+    predicted, found : standard deviations, rad/s: √Σ(dΩ/dp · σ_p)² of independent inputs, with the
+        covariances of ``correlated`` ones; and of the points
+    points : those with a finite jump speed
     """
 
     measure: CampaignMeasure
     inputs: tuple[JumpSensitivity, ...]
     predicted: float
     found: float
+    correlated: bool
+    points: int
 
     @property
     def lies(self) -> bool:
@@ -75,11 +78,23 @@ def first_orders(results: CampaignResults) -> list[FirstOrder]:
 def _compared(
     results: CampaignResults, measure: CampaignMeasure, inputs: tuple[JumpSensitivity, ...]
 ) -> FirstOrder:
-    squares = [
-        (one.derivative * float(np.std(results.input_values(one.path)))) ** 2
+    values = results.values(measure)
+    values = values[np.isfinite(values)]
+    spread = float(np.std(values)) * RPM
+    correlated = bool(results.campaign.config.correlated)
+    predicted = _predicted(results, inputs, correlated)
+    return FirstOrder(measure, inputs, predicted, spread, correlated, values.size)
+
+
+def _predicted(
+    results: CampaignResults, inputs: tuple[JumpSensitivity, ...], correlated: bool
+) -> float:
+    """The standard deviation (rad/s) that the derivatives and the drawn inputs predict."""
+    parts = [
+        one.derivative * results.input_values(one.path)
         for one in inputs
         if one.derivative is not None
     ]
-    values = results.values(measure)
-    spread = float(np.std(values[np.isfinite(values)]))
-    return FirstOrder(measure, inputs, math.sqrt(sum(squares)), spread * RPM)
+    if correlated and parts:
+        return float(np.std(np.sum(parts, axis=0)))
+    return math.sqrt(sum(float(np.var(part)) for part in parts))

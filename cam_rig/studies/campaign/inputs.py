@@ -100,7 +100,7 @@ def input_of(
     """
     if path not in known:
         roots = sorted({key.split(".")[0] for key in known})
-        hint = did_you_mean(path, known)
+        hint = _hint(path, known)
         raise ConfigError(
             f"vary.{path}: the base has no such number{hint}; allowed: a number of "
             f"{', '.join(roots)} by its path, such as rig.follower.preload"
@@ -116,6 +116,15 @@ def input_of(
             f"{', '.join(UNITS[dimension])}"
         )
     return CampaignInput(path, base, dimension, variation)
+
+
+def _hint(path: str, known: Mapping[str, object]) -> str:
+    """The number that a path goes beyond, or those it stops short of; else the likeliest."""
+    beyond = [key for key in known if path.startswith(f"{key}.")]
+    short = [key for key in known if key.startswith(f"{path}.")]
+    if len(found := beyond or short) > 1:
+        return f" (did you mean one of {', '.join(found)}?)"
+    return did_you_mean(found[0] if found else path, known)
 
 
 def with_numbers(config: Config, numbers: Mapping[str, float]) -> Config:

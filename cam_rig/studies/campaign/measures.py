@@ -20,6 +20,7 @@ from cam_rig.laws import Law
 from cam_rig.schema import RigConfig, SceneConfig
 from cam_rig.schema.explain import explain
 from cam_rig.schema.quantity import Quantity
+from cam_rig.schema.scene import MAX_SPEED, MIN_SPEED
 from cam_rig.simulation.by_speed import SpeedRow, SpeedRows
 from cam_rig.simulation.levels import step_levels
 from cam_rig.simulation.loaded_scene import LoadedScene
@@ -31,6 +32,7 @@ from cam_rig.studies.jump.any_rig import AnyFollower, find_jump, follower_of
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 from cam_rig.studies.jump.search import NoJumpSpeedError, sought_speed
 from cam_rig.studies.vibration.steady_state import residual_vibration, steady_twist
+from cam_rig.tables import number
 from cam_rig.units import RPM
 
 #: Speeds of a range over which residual vibration is largest.
@@ -53,16 +55,25 @@ class MeasuredPoint:
         return self._runs[speed]
 
 
-def _settled(point: MeasuredPoint, speed: float) -> SpeedRow:
-    """A run of the scene at one speed (rad/s), as `cam-rig simulate` makes it."""
-    scene, name = point.scene, point.scene.cams[0]
+def scene_at(scene: SceneConfig, speed: float) -> SceneConfig:
+    """A scene whose program holds one speed (rad/s).
+
+    Raises
+    ------
+    ConfigError : it cannot turn at that speed
+    """
     speeds = Quantity(assumed=[speed / RPM], unit="rpm")
     program = scene.program.model_copy(update={"speeds": speeds})
     data = scene.model_copy(update={"program": program}).model_dump(exclude_none=True)
     try:
-        scene = SceneConfig.model_validate(data)
+        return SceneConfig.model_validate(data)
     except ValidationError as error:
         raise ConfigError(explain(error, SceneConfig)) from None
+
+
+def _settled(point: MeasuredPoint, speed: float) -> SpeedRow:
+    """A run of the scene at one speed (rad/s), as `cam-rig simulate` makes it."""
+    scene, name = scene_at(point.scene, speed), point.scene.cams[0]
     nowhere = Path()
     laws = {name: point.law}
     loaded = LoadedScene(scene, point.rig, {}, laws, None, nowhere, nowhere, {}, None)
@@ -145,6 +156,8 @@ MEASURES: dict[str, tuple[DesignQuantity, Callable[[MeasuredPoint, Term], float]
 KNOWN = MappingProxyType({name: quantity for name, (quantity, _) in MEASURES.items()})
 #: What may be taken over a range of speeds.
 OVER_RANGES = ("residual_vibration",)
+#: What is taken of a run of the scene.
+OF_RUNS = ("least_contact_force", "peak_contact_force", "sound_level", "peak_torque", "lift_offs")
 
 
 @dataclass(frozen=True)
@@ -202,7 +215,27 @@ def _single(term: Term) -> Term:
             f"{term.key}: is a range; allowed: one speed, a measure for each (a range for "
             f"{', '.join(OVER_RANGES)})"
         )
+    if term.quantity.where == "rpm" and not MIN_SPEED <= term.low <= term.high <= MAX_SPEED:
+        raise ConfigError(
+            f"{term.key}: no model takes this speed; allowed: {MIN_SPEED / RPM:g} to "
+            f"{number(MAX_SPEED / RPM)} rpm"
+        )
     return term
+
+
+def require_runs(measures: Iterable[CampaignMeasure], scene: SceneConfig) -> None:
+    """Refuse a measure whose speed the scene cannot turn at, whatever the point.
+
+    Raises
+    ------
+    ConfigError : fewer samples a turn than a run takes
+    """
+    for one in measures:
+        if one.term.name in OF_RUNS:
+            try:
+                scene_at(scene, one.term.low)
+            except ConfigError as error:
+                raise ConfigError(f"{one.term.key}: {error}") from None
 
 
 def kept(limit: Limit, values: FloatArray) -> NDArray[np.bool_]:

@@ -30,6 +30,20 @@ DEGREE = 5
 _STEP = np.array([35.0, -84.0, 70.0, -20.0])
 
 
+def require_wavelength(wavelength: float) -> None:
+    """Refuse a wavelength (rad) that cannot be followed.
+
+    Raises
+    ------
+    ConfigError : shorter than `SHORTEST`, or longer than `LONGEST`
+    """
+    if not SHORTEST * (1.0 - 1e-9) <= wavelength <= LONGEST * (1.0 + 1e-9):
+        raise ConfigError(
+            f"profile.waviness.wavelength: is {math.degrees(wavelength):.6g} deg; allowed: "
+            f"{math.degrees(SHORTEST):.6g} to {math.degrees(LONGEST):.6g} deg"
+        )
+
+
 @dataclass(frozen=True)
 class ProfileErrors:
     """Errors of one cam: lengths in m, angles in rad of cam angle; a phase is that at θ = 0.
@@ -53,13 +67,8 @@ class ProfileErrors:
         ConfigError : a wavelength that cannot be followed
         """
         wavelength = numbers.get("waviness.wavelength")
-        if wavelength is not None and not (
-            SHORTEST * (1.0 - 1e-9) <= wavelength <= LONGEST * (1.0 + 1e-9)
-        ):
-            raise ConfigError(
-                f"profile.waviness.wavelength: is {math.degrees(wavelength):.6g} deg; allowed: "
-                "0.1 to 360 deg"
-            )
+        if wavelength is not None:
+            require_wavelength(wavelength)
         return cls(
             size=numbers.get("size", 0.0),
             eccentricity=numbers.get("eccentricity.amplitude", 0.0),

@@ -6,6 +6,8 @@ or Sobol's sequence the true error is smaller, and they are on the safe side.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,21 +21,37 @@ from cam_rig.studies.campaign.campaign import Campaign
 from cam_rig.studies.campaign.dataset import CampaignDataset
 from cam_rig.studies.campaign.measures import CampaignMeasure, kept
 from cam_rig.studies.design.terms import Limit
+from cam_rig.tables import counted
 
 #: Probabilities of the quantiles.
 PROBABILITIES = (0.01, 0.05, 0.5, 0.95, 0.99)
+#: Reasons of failed points that are named.
+REASONS = 3
 #: Probability that an interval does not hold the number.
 MISSED = 0.05
+#: Draws from which on the median of a sample has an interval.
+FOR_MEDIAN = 6
+#: Shares are told whose interval is no wider than ± so much.
+SHARE_ERROR = 0.1
 
 
 @dataclass(frozen=True)
 class Quantile:
-    """A quantile of a measure and its interval, in the measure's unit; NaN beyond the sample."""
+    """A quantile of a measure and its interval, in the measure's unit; NaN beyond the sample.
+
+    The value is NaN too where an end of its interval is, with fewer than ``needed`` draws.
+    """
 
     probability: float
     value: float
     low: float
     high: float
+
+    @property
+    def needed(self) -> int:
+        """Draws from which on the sample has both ends of its interval."""
+        outside = max(self.probability, 1.0 - self.probability)
+        return math.ceil(math.log(0.5 * MISSED) / math.log(outside))
 
 
 @dataclass(frozen=True)
@@ -82,6 +100,21 @@ class CampaignResults:
         """Points that there are rows of."""
         return sum(last - first for first, last, _ in self.dataset.batches())
 
+    @cached_property
+    def failures(self) -> str:
+        """How many points failed and the most frequent reasons, in a line; empty where none did."""
+        if not self.failed:
+            return ""
+        reasons = self.dataset.reasons()
+        named = [f"{reason} ({count})" for reason, count in reasons[:REASONS]]
+        if len(reasons) > REASONS:
+            rest = sum(count for _, count in reasons[REASONS:])
+            named.append(f"{counted(len(reasons) - REASONS, 'other reason')} ({rest})")
+        return (
+            f"{self.failed} of {counted(self.points, 'point')} could not be made: "
+            f"{', '.join(named)}"
+        )
+
     def values(self, measure: CampaignMeasure) -> FloatArray:
         """A measure of every point, in its unit in rows, NaN where a point has none."""
         return self.dataset.column(measure.column)
@@ -122,11 +155,21 @@ class CampaignResults:
         bad = int((~np.isfinite(values)).sum())
         if bad:
             raise ConfigError(
-                f"shares of {measure.term.key}: {bad} points have no finite value; allowed: "
-                "inputs that vary less"
+                f"shares of {measure.term.key}: {counted(bad, 'point')} without a finite value"
+                f"{f' ({self.failures})' if self.failures else ''}; allowed: inputs that vary less"
             )
         paths = [one.path for one in self.campaign.inputs]
         return saltelli_shares(values, paths, self.campaign.seed)
+
+
+def points_needed(shares: Sequence[InputShare], points: int) -> int:
+    """Points of a base sample, a power of 2, with which shares would be within `SHARE_ERROR`.
+
+    From the widest interval that so many points gave: it narrows as their square root.
+    """
+    errors = [error for one in shares for error in (one.first_error, one.total_error)]
+    ratio = (max(errors) / SHARE_ERROR) ** 2
+    return points if ratio <= 1.0 else 1 << math.ceil(math.log2(points * ratio))
 
 
 def quantile(values: FloatArray, probability: float) -> Quantile:
@@ -135,9 +178,10 @@ def quantile(values: FloatArray, probability: float) -> Quantile:
     if count == 0:
         return Quantile(probability, np.nan, np.nan, np.nan)
     low, high = order_interval(count, probability)
+    told = 0 <= low <= high < count
     return Quantile(
         probability,
-        float(np.quantile(values, probability, method="inverted_cdf")),
+        float(np.quantile(values, probability, method="inverted_cdf")) if told else np.nan,
         float(values[low]) if low >= 0 else np.nan,
         float(values[high]) if high < count else np.nan,
     )

@@ -89,7 +89,10 @@ def broken_named(then: str = "") -> Iterator[None]:
         yield
     except (BrokenExecutor, CancelledError) as error:
         name = type(error).__name__
-        raise RunError(f"a worker or the scheduler is gone ({name}){then}") from None
+        raise RunError(
+            f"a worker or the scheduler is gone ({name}){then}; remedy: fewer --jobs where memory "
+            "ran out, else the same again"
+        ) from None
 
 
 class InThisProcess(Executor):

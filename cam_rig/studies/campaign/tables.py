@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,11 +16,18 @@ from cam_rig.studies.campaign.largest_waviness import (
     resonances,
 )
 from cam_rig.studies.campaign.measures import CampaignMeasure
-from cam_rig.studies.campaign.results import CampaignResults, Quantile
+from cam_rig.studies.campaign.results import (
+    SHARE_ERROR,
+    CampaignResults,
+    Quantile,
+    points_needed,
+)
 from cam_rig.studies.campaign.sensitivities import JumpSensitivity
-from cam_rig.tables import Column, DataTable, number, tabulate
+from cam_rig.tables import Column, DataTable, counted, number, tabulate
 from cam_rig.units import RPM
 
+#: Points from which on a standard deviation is known to about 10 % (1/√(2n)).
+FOR_SPREAD = 50
 INTERVALS = (
     "Intervals are of 95 %, for independent draws; of a Latin hypercube or Sobol's sequence they "
     "are on the safe side."
@@ -51,6 +58,10 @@ def derivative_table(found: FirstOrder) -> DataTable:
         f"points have {number(real, '.3g')} rpm"
     )
     words += ": do not rely on it here." if found.lies else "."
+    if found.correlated:
+        words += " Inputs are correlated: the prediction counts their covariances."
+    if found.points < FOR_SPREAD:
+        words += f" Of {counted(found.points, 'point')} a spread is not told: needs {FOR_SPREAD}."
 
     def rpm(one: JumpSensitivity, factor: float) -> float | None:
         return None if one.derivative is None else one.derivative * factor / RPM
@@ -76,7 +87,7 @@ def quantile_table(results: CampaignResults) -> DataTable:
         return lambda row: _known(getattr(row[1], name))
 
     return tabulate(
-        f"{results.campaign.config.title}: {results.points} points",
+        f"{results.campaign.config.title}: {counted(results.points, 'point')}",
         rows,
         (
             (Column("measure"), lambda row: row[0].term.words),
@@ -85,10 +96,25 @@ def quantile_table(results: CampaignResults) -> DataTable:
             (Column("from", "", ".6g"), at("low")),
             (Column("to", "", ".6g"), at("high")),
             (Column("unit"), lambda row: row[0].unit),
+            (Column("outcome"), lambda row: "not found" if np.isnan(row[1].value) else None),
         ),
+        _not_found(rows),
         INTERVALS,
-        failed_note(results),
+        results.failures,
     )
+
+
+def _not_found(rows: Iterable[tuple[CampaignMeasure, Quantile]]) -> str:
+    """How many draws the quantiles need that are not found; empty where all are."""
+    needed: dict[int, list[str]] = {}
+    for _, one in rows:
+        probability = f"{100.0 * one.probability:g} %"
+        if np.isnan(one.value) and probability not in needed.setdefault(one.needed, []):
+            needed[one.needed].append(probability)
+    if not needed:
+        return ""
+    words = [f"{n} draws for {' and '.join(which)}" for n, which in needed.items()]
+    return f"Not found: needs at least {', '.join(words)}."
 
 
 def _known(value: float) -> float | None:
@@ -107,7 +133,7 @@ def extreme_table(results: CampaignResults) -> DataTable:
         return measure, float(values.min()), float(values.max())
 
     return tabulate(
-        f"{results.campaign.config.title}: {results.points} points",
+        f"{results.campaign.config.title}: {counted(results.points, 'point')}",
         [row_of(measure) for measure in results.campaign.measures],
         (
             (Column("measure"), lambda row: row[0].term.words),
@@ -115,16 +141,8 @@ def extreme_table(results: CampaignResults) -> DataTable:
             (Column("largest", "", ".6g"), lambda row: _known(row[2])),
             (Column("unit"), lambda row: row[0].unit),
         ),
-        failed_note(results),
+        results.failures,
     )
-
-
-def failed_note(results: CampaignResults) -> str:
-    """How many points have no measure, in words; nothing where all have."""
-    count = results.failed
-    if not count:
-        return ""
-    return f"{count} points could not be measured whole; the column reason says why."
 
 
 def yield_table(results: CampaignResults) -> DataTable:
@@ -144,9 +162,12 @@ def yield_table(results: CampaignResults) -> DataTable:
 
 def share_table(results: CampaignResults, measure: CampaignMeasure) -> DataTable:
     """A row each input."""
+    shares, points = results.shares(measure), results.campaign.config.plan.points
+    assert points is not None  # the schema's
+    needed = points_needed(shares, points)
     return tabulate(
         f"Shares of the variance of {measure.term.words}",
-        results.shares(measure),
+        shares,
         (
             (Column("input"), lambda row: row.path),
             (Column("alone", "1", ".3f"), lambda row: row.first),
@@ -155,12 +176,17 @@ def share_table(results: CampaignResults, measure: CampaignMeasure) -> DataTable
             (Column("± ", "1", ".3f"), lambda row: row.total_error),
         ),
         "Alone: of the first order. In all: with interactions. ± of 95 %, bootstrapped.",
+        ""
+        if needed == points
+        else f"Too few points to tell shares to ±{SHARE_ERROR:g}: plan.points is {points}, about "
+        f"{needed} are needed.",
     )
 
 
 def _plain(found: Quantile) -> dict[str, float | None]:
     """JSON has neither NaN nor ∞: null for both."""
-    return {key: value if np.isfinite(value) else None for key, value in vars(found).items()}
+    plain = {key: value if np.isfinite(value) else None for key, value in vars(found).items()}
+    return plain | {"needed_draws": found.needed}
 
 
 def to_json(results: CampaignResults) -> dict[str, Any]:
@@ -173,6 +199,7 @@ def to_json(results: CampaignResults) -> dict[str, Any]:
         "points": results.points,
         "seed": campaign.seed,
         "failed": results.failed,
+        "reasons": [{"reason": text, "points": n} for text, n in results.dataset.reasons()],
         "fingerprint": campaign.fingerprint,
         "measures": {
             m.column: {

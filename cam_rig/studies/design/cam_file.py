@@ -13,6 +13,7 @@ from cam_rig.laws import Law
 from cam_rig.schema import CamConfig
 from cam_rig.studies.cam_fit.cam_file import quantity, to_yaml, valid_cam
 from cam_rig.studies.design.constraints import Asked
+from cam_rig.studies.design.events import LawEvent
 from cam_rig.studies.design.local.multistart import Multistart
 from cam_rig.studies.design.problem import DesignProblem
 from cam_rig.studies.design.space import Space
@@ -86,12 +87,47 @@ def class_cam_data(
     source : where the ordinates come from
     free : what of dwells and events the space has elsewhere than the cam
     """
+    own = space.law_class
+    knots = np.rint(own.knots[1:-1] * own.pieces).astype(int).tolist()
+    splines = [
+        {
+            "degree": own.power,
+            "knots": quantity("assumed", knots, "1", f"{own.pieces} equal pieces"),
+            "ordinates": quantity(
+                "identified",
+                (space.coefficients(index)(unknowns) / space.start.lift).tolist(),
+                "1",
+                source,
+            ),
+        }
+        for index in range(len(space.events))
+    ]
+    return spline_cam_data(cam, space.start, space.events, splines, name, title, free)
+
+
+def spline_cam_data(
+    cam: CamConfig,
+    start: Law,
+    events: list[LawEvent],
+    splines: list[dict[str, Any]],
+    name: str,
+    title: str,
+    free: tuple[str, ...] = (),
+) -> dict[str, Any]:
+    """The content of the file of a B-spline in each event, with dwells between them.
+
+    Parameters
+    ----------
+    cam, start : whose follower and lift it has, and the law of that
+    splines : of each event degree, knots and ordinates in lifts of ``start``, as a file has them
+    free : what of dwells and events is elsewhere than in the cam
+    """
     return {
         "name": name,
         "title": title,
-        "lift": _lift(cam, space.start),
+        "lift": _lift(cam, start),
         **_follower(cam),
-        "segments": _segments(cam, space, unknowns, source, free),
+        "segments": _segments(cam, events, splines, free),
     }
 
 
@@ -118,25 +154,14 @@ def without_empty(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _segments(
-    cam: CamConfig, space: Space, unknowns: FloatArray, source: str, free: tuple[str, ...]
+    cam: CamConfig, events: list[LawEvent], splines: list[dict[str, Any]], free: tuple[str, ...]
 ) -> list[dict[str, Any]]:
     found, at = [], 0.0
-    dwells, events = (_origin(cam, what in free) for what in ("dwells", "events"))
-    for index, event in enumerate(space.events):
+    dwells, spans = (_origin(cam, what in free) for what in ("dwells", "events"))
+    for event, spline in zip(events, splines, strict=True):
         found += _dwell(at, event.start, dwells)
         at = event.start + event.span
-        ordinates = space.coefficients(index)(unknowns) / space.start.lift
-        own = space.law_class
-        knots = np.rint(own.knots[1:-1] * own.pieces).astype(int).tolist()
-        found.append(
-            {
-                "law": "b_spline",
-                "span": _span(event.span, events),
-                "degree": own.power,
-                "knots": quantity("assumed", knots, "1", f"{own.pieces} equal pieces"),
-                "ordinates": quantity("identified", ordinates.tolist(), "1", source),
-            }
-        )
+        found.append({"law": "b_spline", "span": _span(event.span, spans), **spline})
     found += _dwell(at, 2.0 * math.pi, dwells)
     return found
 

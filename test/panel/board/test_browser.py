@@ -91,11 +91,11 @@ def test_a_dragged_handle_moves_the_law_and_all_that_follows(panel: Panel, board
     """Its numbers are those of `jump_speed` for the law that the server holds."""
     charts = ("chart0", "chart1", "chart2", "chart3", "force", "spectrum")
     before = [panel.path(chart) for chart in charts]
-    panel.drag(14, -4.0)
+    panel.drag(7, -4.0)
     panel.until(lambda: not np.array_equal(board.ordinates, board.drawn.ordinates))
     panel.settled()
     moved = np.flatnonzero(board.ordinates != board.drawn.ordinates)
-    assert moved.tolist() == [board.drawn.handles[14].index]
+    assert moved.tolist() == [board.drawn.handles[7].index]
     assert board.ordinates[moved[0]] > board.drawn.ordinates[moved[0]]
     law = board.law()
     rigid = find_jump(law, FollowerParameters.from_rig(board.rig), None).rpm
@@ -107,13 +107,13 @@ def test_a_dragged_handle_moves_the_law_and_all_that_follows(panel: Panel, board
 
 def test_the_curve_goes_where_the_pointer_does(panel: Panel, board: Board) -> None:
     """A handle that is dragged stays under the pointer."""
-    handle = panel.page.locator(".handle").nth(20)
+    handle = panel.page.locator(".handle").nth(10)
     y = float(handle.get_attribute("cy") or "nan")
-    panel.drag(20, 5.0)
+    panel.drag(10, 5.0)
     panel.until(lambda: not np.array_equal(board.ordinates, board.drawn.ordinates))
     panel.page.evaluate("() => new Promise(requestAnimationFrame)")
     lift = float((handle.get_attribute("aria-valuetext") or "").split()[1])
-    angle = board.drawn.handles[20].angle
+    angle = board.drawn.handles[10].angle
     assert lift == pytest.approx(1e3 * float(board.law()(angle)), abs=0.3)
     assert float(handle.get_attribute("cy") or "nan") == pytest.approx(y + 5.0, abs=1.5)
 
@@ -139,7 +139,7 @@ def test_the_keyboard_alone_moves_undoes_and_resets(panel: Panel, board: Board) 
     """Tab to a handle, arrows; Ctrl-Z, Ctrl-Y; Home; focus stays where it is."""
     keys, index = panel.page.keyboard, board.drawn.handles[5].index
     panel.page.locator("#save").focus()
-    for _ in range(6):
+    for _ in range(7):
         keys.press("Tab")
     focused = "() => Number(document.activeElement.dataset.index)"
     assert panel.page.evaluate(focused) == index
@@ -180,23 +180,42 @@ def test_a_law_that_cannot_be_made_is_named_and_the_last_good_force_stays(
 ) -> None:
     """Undercut: red, with its angle; undone, all is well again."""
     force = panel.path("force")
-    panel.page.locator(".handle").nth(14).focus()
-    for _ in range(6):
+    panel.page.locator(".handle").nth(7).focus()
+    for _ in range(10):
         panel.page.keyboard.press("PageUp")
-    panel.until(lambda: "cannot be made" in panel.text("contact"))
+    panel.until(lambda: "that of the last one that can" in panel.text("contact"))
     panel.settled()
     assert "curvature" in panel.text("faults")
     assert panel.page.locator("#contour .bad").count() > 0
-    for _ in range(6):
+    assert panel.page.locator("#not_made").is_visible()
+    assert "not_made" in (panel.page.locator("#readouts").get_attribute("class") or "")
+    for _ in range(10):
         panel.page.keyboard.press("Control+z")
     panel.until(lambda: np.array_equal(board.ordinates, board.drawn.ordinates))
     panel.until(lambda: panel.text("faults") == "")
     panel.until(lambda: panel.path("force") == force)
+    assert panel.page.locator("#not_made").is_hidden()
+
+
+def test_a_start_that_cannot_be_made_has_the_force_of_its_motion(
+    chromium: Browser, tmp_path: Path
+) -> None:
+    """There is no last good one, and the page does not speak of one."""
+    good = Board(cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2"), tmp_path)
+    ordinates = good.ordinates.tolist()
+    ordinates[good.drawn.handles[7].index] += 0.5
+    cam = cam_rig.load_cam(good.save("undercut", ordinates))
+    with serve(BoardPages(Board(cam, good.rig, tmp_path))) as served:
+        shown = Panel(new_page(chromium))
+        shown.open(served.address)
+        shown.until(lambda: "force shown is that of its motion" in shown.text("contact"))
+        assert shown.path("force") == shown.path("force", "ghost")
+        shown.page.context.close()
 
 
 def test_a_saved_file_is_the_law_that_is_shown(panel: Panel, board: Board) -> None:
     """The button writes it; a second of that name is refused in words."""
-    panel.drag(30, 3.0)
+    panel.drag(16, 3.0)
     panel.settled()
     panel.page.locator("#name").fill("mine")
     panel.page.locator("#save").click()
@@ -210,7 +229,7 @@ def test_a_saved_file_is_the_law_that_is_shown(panel: Panel, board: Board) -> No
 
 def test_a_reload_in_the_middle_keeps_what_is_drawn(panel: Panel, board: Board) -> None:
     """The server keeps the board, not the page."""
-    panel.drag(14, -4.0)
+    panel.drag(7, -4.0)
     panel.settled()
     shown, ordinates = panel.path("chart0"), board.ordinates
     panel.page.reload()
@@ -223,11 +242,11 @@ def test_a_second_page_follows_the_first(chromium: Browser, panel: Panel, shared
     """Both show the board; the last change wins."""
     other = Panel(new_page(chromium))
     other.open(shared.address)
-    panel.drag(14, -4.0)
+    panel.drag(7, -4.0)
     panel.settled()
     other.until(lambda: other.number("jump_rigid") == panel.number("jump_rigid"))
     assert other.path("chart0") == panel.path("chart0")
-    other.drag(40, 4.0)
+    other.drag(22, 4.0)
     other.settled()
     panel.until(lambda: panel.path("chart0") == other.path("chart0"))
     other.page.context.close()
@@ -253,7 +272,7 @@ def test_nothing_sticks_out_of_the_page(panel: Panel, width: int) -> None:
     assert panel.page.evaluate("() => document.documentElement.scrollWidth") <= width
     chart = panel.page.locator("#chart0").bounding_box()
     assert chart is not None
-    for i in (0, 55):
+    for i in (0, 29):
         box = panel.page.locator(".handle").nth(i).bounding_box()
         assert box is not None
         assert chart["x"] <= box["x"] <= chart["x"] + chart["width"]

@@ -8,14 +8,18 @@ from scipy.stats import norm
 
 from cam_rig.errors import ConfigError
 from cam_rig.studies.campaign.dataset import CampaignDataset
+from cam_rig.studies.campaign.first_order import first_orders
 from cam_rig.studies.campaign.plan import rows_of, unit_points
 from cam_rig.studies.campaign.results import (
     CampaignResults,
+    InputShare,
+    points_needed,
     proportion,
     quantile,
     saltelli_shares,
 )
 from cam_rig.studies.campaign.run import InThisProcess, run_campaign
+from cam_rig.studies.campaign.tables import derivative_table, quantile_table
 
 
 def test_shares_of_ishigamis_function():
@@ -49,9 +53,44 @@ def test_an_interval_holds_its_quantile(probability):
 
 
 def test_a_small_sample_says_what_it_cannot_tell():
-    """Ten points have no upper bound of their 99 % quantile; none have nothing."""
-    assert math.isnan(quantile(np.arange(10.0), 0.99).high)
+    """Ten points have no upper bound of their 99 % quantile, and so not itself; none nothing."""
+    few = quantile(np.arange(10.0), 0.99)
+    assert math.isnan(few.high) and math.isnan(few.value)
     assert math.isnan(quantile(np.zeros(0), 0.5).value)
+
+
+@pytest.mark.parametrize(("probability", "needed"), [(0.01, 368), (0.05, 72), (0.5, 6)])
+def test_a_quantile_is_told_from_so_many_draws_on(probability, needed):
+    """The textbook's numbers: 0.99^368 < 2.5 %, so that a draw lies below it; of both ends."""
+    for p in (probability, 1.0 - probability):
+        assert math.isnan(quantile(np.arange(needed - 1.0), p).value)
+        told = quantile(np.arange(float(needed)), p)
+        assert told.low <= told.value <= told.high
+        assert told.needed == needed
+
+
+def test_wide_shares_say_how_many_points_would_do():
+    """Half a width of 0.4 of 32 points is 0.1 of 16 times as many; narrow ones need no more."""
+    wide = InputShare("a", 0.8, 0.4, 0.8, 0.3)
+    assert points_needed([wide], 32) == 512
+    assert points_needed([InputShare("a", 0.8, 0.09, 0.8, 0.1)], 32) == 32
+
+
+def test_first_order_counts_covariances(study, tmp_path):
+    """Of Ω ~ √(preload/mass): where both rise together it stays nearly where it is."""
+    mass, preload = "rig.follower.mass", "rig.follower.preload"
+    vary = {mass: {"normal": 0.02, "unit": "%"}, preload: {"normal": 0.42, "unit": "%"}}
+    plan = {"kind": "sobol", "points": 64, "seed": 1}
+    pairs = [{"inputs": [mass, preload], "coefficient": 0.95}]
+    found = []
+    for name, more in (("alone", {}), ("together", {"correlated": pairs})):
+        run = results(study, tmp_path / name, vary=vary, plan=plan, measures=["jump_speed"], **more)
+        (one,) = first_orders(run)
+        assert one.predicted == pytest.approx(one.found, rel=0.05)
+        assert derivative_table(one).notes[0].count("covariances") == len(more)
+        found.append(one)
+    alone, together = found
+    assert together.found < 0.7 * alone.found
 
 
 def test_the_interval_of_a_yield_is_clopper_and_pearsons():
@@ -113,3 +152,15 @@ def test_shares_need_their_plan(study, tmp_path):
     found = results(study, tmp_path)
     with pytest.raises(ConfigError, match="whose plan is shares"):
         found.shares(found.campaign.measures[0])
+
+
+def test_tables_say_what_few_points_do_not_tell(study, tmp_path):
+    """Of 8 draws the median, and of no other quantile a number."""
+    found = quantile_table(results(study, tmp_path))
+    texts = [row[-1] for row in found.texts]
+    assert texts[2] == ""
+    assert texts[0] == texts[4] == "not found"
+    assert found.notes[0] == (
+        "Not found: needs at least 368 draws for 1 % and 99 %, 72 draws for 5 % and 95 %."
+    )
+    assert [row[2] != "" for row in found.texts] == [False, False, True, False, False]

@@ -92,7 +92,7 @@ $("toggle").addEventListener("click", () => {
 
 // -- what is shown ------------------------------------------------------------------------------------
 const chart = new NoiseChart($("noise"), $("noise_key"), about.colours);
-let lostAt = -Infinity;
+let [lostAt, losses] = [-Infinity, Infinity];
 
 function live(message) {
   now = message;
@@ -113,7 +113,8 @@ function live(message) {
   $("meter").value = message.level ?? 0;
   const ear = values.microphone;
   $("quantity").textContent = ear ? `dB, L${ear.frequency_weighting}${ear.time_weighting}` : "dB";
-  if (contact === "contact lost") lostAt = performance.now();
+  if (contact === "contact lost" || message.losses > losses) lostAt = performance.now();
+  losses = message.losses;
   lamp(contact);
   $("late").textContent = message.late ? text("late") : "";
   if (!knob.held && !speed.pending && values.cam_drive && document.activeElement !== $("rpm")) {

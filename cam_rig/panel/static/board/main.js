@@ -5,12 +5,16 @@ import { Handles } from "./drag.js";
 import { History } from "./history.js";
 import { decode, motion, pull, readTable } from "./law.js";
 import { Pictures } from "./pictures.js";
+import { weights } from "./pull.js";
 import { Readouts } from "./readouts.js";
+import { Stroboscope } from "./stroboscope.js";
+import { heardOfDesign, listenForFiles } from "./files.js";
 import { loadTexts, text } from "../common/texts.js";
 import { Wire } from "../common/wire.js";
 
 const $ = (id) => document.getElementById(id);
 const degrees = (radians) => (radians * 180) / Math.PI;
+const radians = (degrees) => (degrees * Math.PI) / 180;
 
 await loadTexts();
 const board = await (await fetch("/board")).json();
@@ -23,12 +27,17 @@ const sent = new Map();
 const pictures = new Pictures(board, table, motion(table, start));
 pictures.contour = new ContourChart($("contour"), board.colours, text("contour"));
 const readouts = new Readouts(board);
+const stroboscope = new Stroboscope(board);
+
+/** Half widths (deg) of what a handle pulls; 0 is one ordinate. */
+const WIDTHS_DEG = [0, 10, 20, 40];
 
 // -- what is seen ---------------------------------------------------------------------------------
 let asked = false;
 function draw(anew = false) {
   pictures.draw(state.ordinates, state.rpm, anew);
   handles.place(pictures.motion[0], state.ordinates, lift * 1e3);
+  stroboscope.law(pictures.motion[0], state.rpm);
 }
 /** Draw with the next frame: however many events there are, a frame is drawn once. */
 function drawSoon() {
@@ -57,13 +66,17 @@ function put({ ordinates, rpm }) {
 }
 /** After a gesture the axes may shrink again. */
 function settle() { requestAnimationFrame(() => draw(true)); }
-function moveOrdinate(handle, value) {
-  state.ordinates[handle.index] = Math.min(FARTHEST, Math.max(-FARTHEST, value));
+/** Move what a handle pulls: by(index) gives the way of its own ordinate's whole weight, in lifts. */
+function pullBy(handle, by) {
+  for (const [{ index }, weight] of weights(own, handle, radians($("width").value))) {
+    const value = state.ordinates[index] + weight * by(index);
+    state.ordinates[index] = Math.min(FARTHEST, Math.max(-FARTHEST, value));
+  }
   changed();
 }
-const own = board.handles.map(({ index, angle }) => {
-  const k = Math.round((angle / (2 * Math.PI)) * board.points) % board.points;
-  return { index, k, angle: (2 * Math.PI * k) / board.points };
+const own = board.handles.map((handle) => {
+  const k = Math.round((handle.angle / (2 * Math.PI)) * board.points) % board.points;
+  return { ...handle, k, angle: (2 * Math.PI * k) / board.points };
 });
 const FARTHEST = 100; // lifts, of an ordinate
 const act = {
@@ -72,10 +85,12 @@ const act = {
   begin: () => history.begin(),
   move(handle, height) {
     const now = motion(table, state.ordinates)[0][handle.k];
-    moveOrdinate(handle, state.ordinates[handle.index] + (height - now) / pull(table, handle.k, handle.index));
+    const moved = weights(own, handle, radians($("width").value));
+    const lever = moved.reduce((sum, [{ index }, weight]) => sum + weight * pull(table, handle.k, index), 0);
+    pullBy(handle, () => (height - now) / lever);
   },
-  step: (handle, lifts) => moveOrdinate(handle, state.ordinates[handle.index] + lifts),
-  home: (handle) => moveOrdinate(handle, start[handle.index]),
+  step: (handle, lifts) => pullBy(handle, () => lifts),
+  home: (handle) => pullBy(handle, (index) => start[index] - state.ordinates[index]),
   end() { history.end(); settle(); wire.flush(); },
 };
 const handles = new Handles(pictures.charts[0], own, act, {
@@ -138,13 +153,8 @@ addEventListener("keydown", (event) => {
   else return;
   event.preventDefault();
 });
-$("controls").addEventListener("submit", async (event) => {
-  event.preventDefault();
-  const body = JSON.stringify({ name: $("name").value, ordinates: Array.from(state.ordinates) });
-  const answer = await fetch("/save", { method: "POST", body });
-  const found = await answer.json();
-  readouts.status(answer.ok ? text("saved", found) : text("not_saved", found), !answer.ok);
-});
+listenForFiles(() => Array.from(state.ordinates), (words, wrong) => readouts.status(words, wrong));
+for (const width of WIDTHS_DEG) $("width").append(new Option(width ? text("width_deg", { width }) : text("width_one"), width));
 for (const name of board.cams) $("second").append(new Option(name, name));
 $("second").addEventListener("change", async () => {
   const name = $("second").value;
@@ -152,22 +162,28 @@ $("second").addEventListener("change", async () => {
   const found = answer && (await answer.json());
   if ($("second").value !== name) return; // another was chosen meanwhile
   if (answer && !answer.ok) readouts.status(found.words, true);
-  const flat = answer?.ok ? decode(found.motion) : null;
+  showSecond(answer?.ok ? found.motion : null);
+});
+/** A law beside the board's own, in base64; null shows none. */
+function showSecond(motion) {
+  const flat = motion && decode(motion);
   pictures.second = flat && Array.from({ length: board.orders }, (_, i) => flat.subarray(i * board.points, (i + 1) * board.points));
   draw(true);
-});
+}
 $("spectrum_of").addEventListener("change", () => draw(true));
 
 // -- the server -----------------------------------------------------------------------------------
 function heard(message, pending) {
   if (message.type === "refused") readouts.status(text("refused", message), true);
   if (message.type === "rest") readouts.rest(message);
+  if (message.type === "design") heardOfDesign(message, showSecond, (words, wrong) => readouts.status(words, wrong));
   if (message.type === "moved") { put(message); sent.set("moved", Float64Array.from(message.ordinates)); }
   if (message.type !== "exact" && message.type !== "moved") return;
   const ordinates = sent.get(message.number ?? "moved");
   for (const number of sent.keys()) if (number !== "moved" && number <= message.number) sent.delete(number);
   readouts.exact(message);
   const turned = pictures.judged(ordinates, message);
+  if (message.discs.length) stroboscope.shapes(message.discs);
   // What turned good or bad at rest may have other axes; in the middle of a gesture they stay.
   if (message.type === "moved" || (turned && !history.before)) settle();
   else if (turned) drawSoon();

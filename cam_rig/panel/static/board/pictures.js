@@ -11,7 +11,7 @@ const $ = (id) => document.getElementById(id);
 export class Pictures {
   constructor(board, table, start) {
     Object.assign(this, { board, table, start, motion: start, second: null, faulty: false });
-    this.good = Float64Array.from(board.start);
+    this.good = board.start_made ? Float64Array.from(board.start) : null; // the last that can be made
     this.step = 360 / board.points;
     const turn = { x: [0, 360], xTicks: [0, 60, 120, 180, 240, 300, 360] };
     const last = NAMES.length - 1;
@@ -26,7 +26,7 @@ export class Pictures {
   draw(ordinates, rpm, anew) {
     this.motion = motion(this.table, ordinates);
     this.charts.forEach((chart, i) => this.#law(chart, i, anew));
-    const shownForce = this.faulty ? motion(this.table, this.good) : this.motion;
+    const shownForce = this.faulty && this.good ? motion(this.table, this.good) : this.motion;
     const { rig, colours } = this.board;
     const own = contactForce(shownForce, rig, rpm);
     const [start, second] = this.#others(rpm);
@@ -80,7 +80,7 @@ export class Pictures {
     const words = lost
       ? text("contact_lost", { from: shown(first * this.step), to: shown(last * this.step) })
       : text("contact_kept", { least: shown(least) });
-    const whole = this.faulty ? `${text("force_kept")} ${words}` : words;
+    const whole = this.faulty ? text(this.good ? "force_kept" : "force_not_made", { words }) : words;
     if (place.textContent !== whole) place.textContent = whole;
     place.classList.toggle("fault", lost || this.faulty);
   }

@@ -12,7 +12,9 @@ export class Readouts {
     this.sprung = cam.sprung;
     $("title").textContent = text("title", { title: cam.title, rig: rig.title });
     document.title = `${cam.name} – cam_rig`;
-    $("class").textContent = board.class === null ? text("own") : text("class", { words: board.class, distance: shown(board.distance_m * 1e6, 2) });
+    const { drawn_as: drawn, distance_m: distance } = board;
+    $("class").textContent = drawn === null ? text("own")
+      : text(drawn.exact ? "exact" : "nearest", { degree: drawn.degree, distance: shown(distance * 1e6, 2) });
     $("jump_title").textContent = text(rig.two_masses ? "jump" : "jump_one", { seconds: rig.from_rest_s });
     $("level_title").textContent = rig.calibrated_on ? text("level", { cam: rig.calibrated_on }) : text("level_relative");
     $("name").value = `${cam.name}_drawn`;
@@ -32,6 +34,7 @@ export class Readouts {
     this.version = version;
     for (const id of AT_REST) $(id).classList.add("stale");
     value("jump_rigid", this.sprung ? jump : { words: text("held") }, 5, "rpm");
+    this.#made(faults.length === 0);
     this.faults = [...faults, ...warnings].map(inWords);
     this.checks = [];
     this.#list();
@@ -47,13 +50,22 @@ export class Readouts {
     value("residual", message.residual_um, 4, "µm");
     value("level", message.level_db, 4, "dB");
     this.checks = message.checks;
+    this.#made(message.made);
+    $("file_jump_row").hidden = message.file_jump === undefined;
+    if (message.file_jump) value("file_jump", this.sprung ? message.file_jump : { words: text("held") }, 5, "rpm");
     this.#list();
+  }
+
+  /** Numbers of a law that cannot be made are those of its motion alone, and are marked. */
+  #made(made) {
+    $("not_made").hidden = made;
+    $("readouts").classList.toggle("not_made", !made);
   }
 
   /** At rest the checks say it all; until then what was seen of the contour. */
   #list() {
     const lines = this.checks.length ? this.checks : this.faults;
-    const items = lines.map((words) => Object.assign(document.createElement("li"), { textContent: words }));
+    const items = lines.map((words) => Object.assign(document.createElement("li"), { textContent: words, lang: this.checks.length ? "en" : "" }));
     if ($("faults").textContent !== lines.join("")) $("faults").replaceChildren(...items);
   }
 }

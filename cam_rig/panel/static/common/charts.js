@@ -17,12 +17,12 @@ export function ticks(low, high, count) {
   return found;
 }
 
-/** A number with so many digits, and no exponent where it can be read without. */
+/** A number with so many digits, a decimal point in every language, as in files and fields, and no exponent where it can be read without. */
 export function shown(value, digits = 4) {
   if (value === 0) return "0";
   const size = Math.abs(value);
   if (size >= 1e6 || size < 1e-4) return value.toExponential(digits - 1);
-  formats[digits] ??= new Intl.NumberFormat(document.documentElement.lang, { maximumSignificantDigits: digits, useGrouping: false });
+  formats[digits] ??= new Intl.NumberFormat("en", { maximumSignificantDigits: digits, useGrouping: false });
   return formats[digits].format(value);
 }
 const formats = []; // they are slow to make

@@ -1,9 +1,32 @@
 // The words of the page, from one file a language.
 let words = {};
+/** What was chosen on the page is kept for its tab, over reloads. */
+const CHOSEN = "language";
 
 export async function loadTexts() {
-  words = await (await fetch(`/static/texts/${document.documentElement.lang}.json`)).json();
+  const { language, languages } = await (await fetch("/languages")).json();
+  const wanted = [sessionStorage.getItem(CHOSEN), language, ...navigator.languages.map((name) => name.slice(0, 2))];
+  const own = wanted.find((name) => languages.includes(name)) ?? document.documentElement.lang;
+  document.documentElement.lang = own;
+  words = await (await fetch(`/static/texts/${own}.json`)).json();
   for (const place of document.querySelectorAll("[data-text]")) place.textContent = text(place.dataset.text);
+  offer(languages, own);
+}
+
+/** A button for each language, where the page has a place for them. */
+function offer(languages, own) {
+  const place = document.getElementById("languages");
+  if (!place) return;
+  place.setAttribute("aria-label", text("language"));
+  place.replaceChildren(...languages.map((name) => {
+    const button = Object.assign(document.createElement("button"), { type: "button", lang: name, textContent: name.toUpperCase() });
+    button.setAttribute("aria-pressed", name === own);
+    button.addEventListener("click", () => {
+      sessionStorage.setItem(CHOSEN, name);
+      location.reload();
+    });
+    return button;
+  }));
 }
 
 /** The words of a key, with values in place of {names}. */

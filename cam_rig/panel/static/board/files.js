@@ -1,0 +1,82 @@
+// What is written: the cam's file, the contour as DXF, and the command that designs on from it.
+import { shown } from "../common/charts.js";
+import { text } from "../common/texts.js";
+
+const $ = (id) => document.getElementById(id);
+
+/** The cam that was saved last: a design begins there. */
+let saved = null;
+
+/** ordinates() gives those that are drawn; status(words, wrong) tells what came of it. */
+export function listenForFiles(ordinates, status) {
+  const ask = (path, more = {}) => fetch(path, { method: "POST", body: JSON.stringify({ ...more, ordinates: ordinates() }) });
+
+  $("controls").addEventListener("submit", async (event) => {
+    event.preventDefault();
+    const answer = await ask("/save", { name: $("name").value });
+    const found = await answer.json();
+    if (!answer.ok) return status(text("not_saved", found), true);
+    $("command").textContent = found.command;
+    saved = $("name").value;
+    $("design").hidden = false;
+    if (found.why_not === null) return status(text("saved", found), false);
+    return status(text("saved_not_made", found), true);
+  });
+
+  $("dxf").addEventListener("click", async () => {
+    const answer = await ask("/dxf");
+    if (!answer.ok) return status(text("no_dxf", await answer.json()), true);
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(await answer.blob());
+    link.download = `${$("name").value || "cam"}.dxf`;
+    link.click();
+    URL.revokeObjectURL(link.href);
+    return status(text("dxf_made", { name: link.download }), false);
+  });
+
+  $("design_run").addEventListener("click", async () => {
+    running(true);
+    const answer = await fetch("/design", { method: "POST", body: JSON.stringify({ name: saved }) });
+    if (answer.ok) return;
+    running(false);
+    status(text("not_designed", await answer.json()), true);
+  });
+
+  $("design_stop").addEventListener("click", () => fetch("/design/stop", { method: "POST" }));
+
+  $("copy").addEventListener("click", async () => {
+    const range = document.createRange();
+    range.selectNodeContents($("command"));
+    getSelection().removeAllRanges();
+    getSelection().addRange(range);
+    try {
+      await navigator.clipboard.writeText($("command").textContent);
+      status(text("copied"), false);
+    } catch (refused) { // the browser does not let a page: it is selected, to be copied by hand
+      if (!(refused instanceof DOMException)) throw refused;
+      status(text("copy_by_hand"), false);
+    }
+  });
+}
+
+function running(on) {
+  $("design_run").hidden = on;
+  $("design_stop").hidden = !on;
+  $("design_progress").textContent = on ? text("designing") : "";
+}
+
+/** What a design has come to; put(motion) is given its law, in base64, once there is one. */
+export function heardOfDesign({ so_far_rpm: best, rpm, path, motion, words, stopped }, put, status) {
+  if (best !== undefined) {
+    running(true);
+    $("design_progress").textContent = text("design_so_far", { rpm: shown(best) });
+    return;
+  }
+  running(false);
+  if (stopped) status(text("design_stopped"), false);
+  else if (words !== undefined) status(text("not_designed", { words }), true);
+  else {
+    put(motion);
+    status(text("designed", { rpm: shown(rpm, 5), path }), false);
+  }
+}

@@ -1,0 +1,62 @@
+"""The campaign of the bench: its peer finds the same speeds, and may be missing."""
+
+import sys
+
+import pytest
+
+from cam_rig.bench.cases import campaign
+from cam_rig.bench.cases.campaign import (
+    BATCH,
+    STUDY,
+    CampaignRate,
+    bisected,
+    campaign_rate,
+    campaign_table,
+    least_force,
+)
+from cam_rig.bench.cases.cases import rad_per_s
+from cam_rig.dynamics import TwoMassParameters
+from cam_rig.schema.load import Library, config_root
+from cam_rig.studies.campaign.campaign import campaign_from
+from cam_rig.studies.campaign.point import make_point, measure_batch
+
+
+def test_the_peer_loses_contact_where_the_campaign_says():
+    """solve_ivp's least force of 1.7 s from rest changes its sign within 1e-4 of the jump speed."""
+    found = campaign_from({**STUDY, "plan": {"kind": "sobol", "points": 2}}, library())
+    rows = measure_batch(found, 0, 1)
+    p = TwoMassParameters.from_rig(make_point(found, rows.inputs[0]).rig)
+    speed = rad_per_s(float(rows.measures[0, 0]))
+    assert least_force(p, found.law, speed * (1.0 - 1e-4)) > 0.0
+    assert least_force(p, found.law, speed * (1.0 + 1e-4)) < 0.0
+
+
+def library():
+    return Library((config_root(),))
+
+
+def test_the_peer_halves_down_to_the_speed(monkeypatch):
+    """A force that is zero at 300.1 rpm, from a bracket about 300."""
+
+    def force(_p, _law, speed):
+        return rad_per_s(300.1) - speed
+
+    monkeypatch.setattr(campaign, "least_force", force)
+    assert bisected(None, None, 300.0) == pytest.approx(300.1, abs=0.05)
+
+
+def test_without_joblib_the_campaign_stands_alone(monkeypatch):
+    """With the line that says what is missing, and the remedy."""
+    monkeypatch.setitem(sys.modules, "joblib", None)
+    found = campaign_rate(2, True)
+    assert (found.processes, found.points, found.ratio) == (1, BATCH, None)
+    assert found.points_per_s > 0.0
+    (note,) = campaign_table(found).notes
+    assert "joblib" in note and "pip install" in note
+
+
+def test_the_table_has_the_ratio():
+    """Of 25 points a second to 0.25: a hundred times as long."""
+    table = campaign_table(CampaignRate(2, 100, 25.0, 2, 0.25, 0.016))
+    assert [row[-1] for row in table.texts] == ["1", "100"]
+    assert "0.016 rpm" in table.notes[0]
