@@ -21,46 +21,55 @@ from cam_rig.errors import CamRigError, ConfigError
 CAM, RIG = "poly345", "paper_table2"
 
 
+Names = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="CAM|SHEETS",
+        help=f"Cam file, or a name in config/cams, by default {CAM}; with --mark lab sheets, files "
+        "that end in .csv.",
+    ),
+]
+RigOfPanel = Annotated[
+    str | None, typer.Option(help=f"Rig file, or a name in config/rigs; by default {RIG}.")
+]
+Port = Annotated[
+    int, typer.Option(min=0, max=65535, help="Port on this machine; 0 takes a free one.")
+]
+Out = Annotated[Path, typer.Option(metavar="FOLDER", help="Where cam files and sheets are saved.")]
+Lang = Annotated[
+    str | None, typer.Option(help="Language of the pages, en or es; the browser's by default.")
+]
+NoRerun = Annotated[
+    bool, typer.Option("--no-rerun", help="The bench without Rerun's picture of the rig.")
+]
+Open = Annotated[bool, typer.Option("--open", help="Open the browser.")]
+LabName = Annotated[
+    str | None, typer.Option(metavar="NAME", help="A lab sheet for a student: jump.")
+]
+Seed = Annotated[
+    str | None, typer.Option(metavar="NAME", help="With --lab: measure a rig of hidden numbers.")
+]
+ToMark = Annotated[bool, typer.Option("--mark", help="Mark lab sheets instead.")]
+Tolerance = Annotated[
+    float | None,
+    typer.Option(
+        metavar="PERCENT", min=0.0, max=100.0, help="With --mark: what a reading may be off, 1."
+    ),
+]
+
+
 def panel(
-    names: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="CAM|SHEETS",
-            help=f"Cam file, or a name in config/cams, by default {CAM}; with --mark lab sheets, "
-            "files that end in .csv.",
-        ),
-    ] = None,
-    rig: Annotated[
-        str | None,
-        typer.Option(help=f"Rig file, or a name in config/rigs; by default {RIG}."),
-    ] = None,
-    port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port on this machine; 0 takes a free one.")
-    ] = 0,
-    out: Annotated[
-        Path, typer.Option(metavar="FOLDER", help="Where cam files and sheets are saved.")
-    ] = Path("out"),
-    lang: Annotated[
-        str | None, typer.Option(help="Language of the pages, en or es; the browser's by default.")
-    ] = None,
-    no_rerun: Annotated[
-        bool, typer.Option("--no-rerun", help="The bench without Rerun's picture of the rig.")
-    ] = False,
-    open_browser: Annotated[bool, typer.Option("--open", help="Open the browser.")] = False,
-    lab: Annotated[
-        str | None, typer.Option(metavar="NAME", help="A lab sheet for a student: jump.")
-    ] = None,
-    seed: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="With --lab: measure a rig of other, hidden numbers."),
-    ] = None,
-    mark: Annotated[bool, typer.Option("--mark", help="Mark lab sheets instead.")] = False,
-    tolerance: Annotated[
-        float | None,
-        typer.Option(
-            metavar="PERCENT", min=0.0, max=100.0, help="With --mark: what a reading may be off, 1."
-        ),
-    ] = None,
+    names: Names = None,
+    rig: RigOfPanel = None,
+    port: Port = 0,
+    out: Out = Path("out"),
+    lang: Lang = None,
+    no_rerun: NoRerun = False,
+    open_browser: Open = False,
+    lab: LabName = None,
+    seed: Seed = None,
+    mark: ToMark = False,
+    tolerance: Tolerance = None,
     json_target: Json = None,
     csv: Csv = None,
 ) -> None:

@@ -20,7 +20,7 @@ TOLERANCE_PERCENT = 1.0
 
 
 @dataclass(frozen=True)
-class Mark:
+class ReadingMark:
     """A reading, the true jump speed (rpm) of its set-up, and whether they are near enough."""
 
     reading: LabReading
@@ -49,7 +49,7 @@ class MarkedSheet:
 
     path: Path
     recorded: RecordedSheet
-    marks: tuple[Mark, ...]
+    marks: tuple[ReadingMark, ...]
     tolerance: float
 
     @property
@@ -92,7 +92,7 @@ def mark_sheet(
     return MarkedSheet(path, recorded, marks, tolerance)
 
 
-def _mark(path: Path, sheet: LabSheet, reading: LabReading, tolerance: float) -> Mark:
+def _mark(path: Path, sheet: LabSheet, reading: LabReading, tolerance: float) -> ReadingMark:
     if reading.setup not in sheet.setups:
         s = reading.setup
         allowed = " | ".join(
@@ -108,7 +108,7 @@ def _mark(path: Path, sheet: LabSheet, reading: LabReading, tolerance: float) ->
             f"{s.preload:g} N is no set-up of this sheet; allowed: {allowed}"
         )
     true = sheet.jump_rpm(reading.setup)
-    return Mark(reading, true, abs(reading.rpm - true) <= 0.01 * tolerance * true)
+    return ReadingMark(reading, true, abs(reading.rpm - true) <= 0.01 * tolerance * true)
 
 
 def marks_table(marked: MarkedSheet) -> DataTable:
