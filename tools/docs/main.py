@@ -17,13 +17,17 @@ from cam_rig.messages.topics import FOLLOWER_SAMPLES
 from cam_rig.plots.sound import noise
 from cam_rig.simulation.levels import step_levels
 from cam_rig.simulation.noise_comparison import NoiseResult, compare
-from tools.docs.panel_picture import PICTURE, photograph_panel
+from tools.docs import bench_picture, panel_picture
+from tools.docs.bench_picture import photograph_bench
+from tools.docs.lab_picture import PICTURE as LAB_PICTURE
+from tools.docs.lab_picture import photograph_lab
+from tools.docs.panel_picture import photograph_panel
 from tools.docs.pictures import draw_pictures
 from tools.docs.screenshot import photograph_viewer
 from tools.docs.turn_archive import TurnArchive, read_turns
 
-#: The photographs of the viewer and of the panel.
-VIEWER, PANEL = "viewer.png", PICTURE.name
+#: The photographs of the viewer, the drawing board and the bench.
+VIEWER, PANEL, BENCH = "viewer.png", panel_picture.PICTURE.name, bench_picture.PICTURE.name
 
 
 def pictures(
@@ -35,7 +39,7 @@ def pictures(
     """Draw a run for the documents: an animation, cams side by side, noise against rpm.
 
     Files of the same names are replaced. Where Chromium is installed, the Rerun viewer and
-    the panel are photographed in it too.
+    the pages of the panel are photographed in it too.
 
     Examples
     --------
@@ -56,6 +60,8 @@ def _draw(bag: Path, to: Path) -> None:
         for name, photographed in (
             (VIEWER, lambda path: photograph_viewer(bag, path)),
             (PANEL, photograph_panel),
+            (BENCH, photograph_bench),
+            (LAB_PICTURE.name, photograph_lab),
         ):
             try:
                 photographed(folder / name)

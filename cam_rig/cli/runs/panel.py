@@ -35,7 +35,7 @@ RigOfPanel = Annotated[
 Port = Annotated[
     int, typer.Option(min=0, max=65535, help="Port on this machine; 0 takes a free one.")
 ]
-Out = Annotated[Path, typer.Option(metavar="FOLDER", help="Where cam files and sheets are saved.")]
+Out = Annotated[Path, typer.Option(metavar="FOLDER", help="Where cam files, bags and sheets go.")]
 Lang = Annotated[
     str | None, typer.Option(help="Language of the pages, en or es; the browser's by default.")
 ]
@@ -73,13 +73,12 @@ def panel(
     json_target: Json = None,
     csv: Csv = None,
 ) -> None:
-    """Draw a motion law in a browser: drag its curve, and see what the follower makes of it.
+    """Turn the rig by hand in a browser, and draw the laws of its cams.
 
-    Prints an address on this machine and serves it until Ctrl-C. The ordinates of the law are
-    handles on its curve; s to s''', contour, contact force, spectrum and jump speeds follow. A
-    cam without ordinates of its own is drawn as B-splines, exactly where its law is of polynomials;
-    else the nearest, and the page says how far off they are. The address has a token: no other
-    page, user or machine gets anything.
+    Prints an address on this machine and serves it until Ctrl-C. On the drawing board the
+    ordinates of a law are handles on its curve; s to s''', contact force, spectrum and jump speeds
+    follow. The bench runs the nodes: knob, level meter, sound, readings, the rig in Rerun. The
+    address has a token: no other page, user or machine gets anything.
 
     A lab sheet asks a student for jump speeds of springs, masses and preloads, and keeps the
     readings as CSV. A seed hides another rig behind it; the marks say how far a reading is off.
@@ -176,8 +175,8 @@ def _serve(
         first, own = load_cam(cam_path(cam)), load_rig(rig_path(rig))
         with TemporaryDirectory(prefix="cam_rig-panel-", dir=user_folder()) as folder:
             runner = BenchRunner(own, Path(folder), out, rerun)
-            pages: list[PanelPages] = [BoardPages(Board(first, own, out, rig))]
-            pages += [BenchPages(runner, first)]
+            board = Board(first, own, out, rig)
+            pages: list[PanelPages] = [BoardPages(board), BenchPages(runner, first, board)]
             if lab is not None:
                 pages += [LabPages(LabSheet(lab, first, own, seed), out)]
             home = "/lab" if lab else "/"

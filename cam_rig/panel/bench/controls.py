@@ -11,8 +11,9 @@ from cam_rig.errors import RefusedError
 from cam_rig.panel.bench.link import NodeLink
 from cam_rig.panel.bench.live_state import LiveState
 from cam_rig.panel.bench.runner import BenchRunner
-from cam_rig.panel.bench.setup import SAMPLE_RATE, Setup
+from cam_rig.panel.bench.setup import SAMPLE_RATE, Setup, add_cam
 from cam_rig.panel.bench.sound import PageSound
+from cam_rig.schema import CamConfig
 
 #: What a page may set, its kind, and on which node.
 SETTINGS: dict[str, tuple[type, str]] = {
@@ -74,6 +75,25 @@ class BenchControls:
         self._live.happened({"graph": "starting"})
         self.sound = self._sound(setup)
         self._runner.set_up(setup, chosen, keep)
+
+    def drawn_name(self) -> str:
+        """A cam's name that the bench has not had: no node takes another law of a known one."""
+        return f"drawn_{len(list(self._runner.cams.glob('drawn_*.yaml'))) + 1}"
+
+    async def mount(self, cam: CamConfig) -> None:
+        """Turn a cam of its own from the next tick on, or once the nodes are there.
+
+        Raises
+        ------
+        RefusedError : the law server refuses it
+        """
+        add_cam(cam, self._runner.cams)
+        if self._live.graph != "running":
+            return self.set_up(self._as_it_is({"cam": cam.name}))
+        answer = await self._link.ask({"node": "law_server", "name": "cam", "value": cam.name})
+        if not answer["success"]:
+            raise RefusedError(answer["words"])
+        return None
 
     def _sound(self, setup: Setup) -> PageSound:
         return PageSound(RadiationParameters.from_rig(setup.rig(self._runner.rig)), SAMPLE_RATE)

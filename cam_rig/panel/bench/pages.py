@@ -14,7 +14,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from cam_rig.acoustics.sound_level_meter import FREQUENCY_WEIGHTINGS, TIME_WEIGHTINGS
 from cam_rig.drawing import colours
-from cam_rig.errors import RefusedError
+from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.panel.bench.bench_page import BenchPage
 from cam_rig.panel.bench.controls import DONE, EMERGENCY_STOP, BenchControls
 from cam_rig.panel.bench.link import NodeLink
@@ -30,7 +30,8 @@ from cam_rig.panel.bench.setup import (
     allowed_models,
     cam_names,
 )
-from cam_rig.panel.messages import read_object
+from cam_rig.panel.board.board import Board
+from cam_rig.panel.messages import read_body, read_object
 from cam_rig.panel.server import STATIC
 from cam_rig.schema import CamConfig
 from cam_rig.units import NS
@@ -49,10 +50,11 @@ class BenchPages:
     ----------
     runner : of the node graph
     cam : mounted first
+    board : whose laws can be put on the bench
     """
 
-    def __init__(self, runner: BenchRunner, cam: CamConfig) -> None:
-        self._runner = runner
+    def __init__(self, runner: BenchRunner, cam: CamConfig, board: Board) -> None:
+        self._runner, self._board = runner, board
         add_cam(cam, runner.cams)
         self.live = LiveState(Setup.of(runner.rig, cam.name))
         self._link = NodeLink(runner.socket, self._heard)
@@ -62,6 +64,7 @@ class BenchPages:
             Route("/bench", self._index),
             Route("/bench/about", self._about),
             Route("/bench/readings.csv", self._csv),
+            Route("/bench/mount", self._mount, methods=["POST"]),
             WebSocketRoute("/bench/live", self._live),
         )
 
@@ -104,6 +107,16 @@ class BenchPages:
                 "time_weightings": list(TIME_WEIGHTINGS),
             }
         )
+
+    async def _mount(self, request: Request) -> Response:
+        """Put the law of some ordinates of the board on the bench; its nodes begin if need be."""
+        try:
+            given = (await read_body(request)).get("ordinates")
+            cam = self._board.drawn_cam(self._controls.drawn_name(), given)
+            await self._controls.mount(cam)
+        except CamRigError as error:
+            return JSONResponse({"words": str(error)}, 409)
+        return JSONResponse({"cam": cam.name})
 
     async def _csv(self, _: Request) -> Response:
         name = {"Content-Disposition": 'attachment; filename="readings.csv"'}

@@ -26,6 +26,7 @@ from cam_rig.panel.board.files import (
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import Library, config_root, load_cam
 from cam_rig.schema.segments import BSpline
+from cam_rig.schema.yaml_text import parse_yaml
 from cam_rig.studies.jump.any_rig import TWO_MASSES, described, follower_of
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 
@@ -169,6 +170,18 @@ class Board:
         why_not = why_not_made(self.cam, self.law(own))
         write_new(path, cam_text(path.stem, self.cam, self.file, own, why_not))
         return path
+
+    def drawn_cam(self, name: str, ordinates: Any) -> CamConfig:
+        """The cam of some ordinates, without a file.
+
+        Raises
+        ------
+        RefusedError : wrong ordinates
+        """
+        own = self._allowed(ordinates)
+        why_not = why_not_made(self.cam, self.law(own))
+        text = cam_text(name, self.cam, self.file, own, why_not)
+        return CamConfig.model_validate(parse_yaml(text))
 
     def saved(self, name: Any, ordinates: Any) -> dict[str, Any]:
         """What a page is told of a file that it saved; raises what `save` does."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import time
 from itertools import pairwise
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from cam_rig.bag.reader import read_scene, read_ticks
 from cam_rig.testing.client import RigClient
 from cam_rig.units import NS
 
+from ..asking import ask
 from .conftest import WAIT_S, RunningPanel
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -203,3 +206,30 @@ def test_nonsense_is_refused_and_changes_nothing(running_panel: RunningPanel) ->
             other.socket.send("x" * 70_000)
             page.do("listen", value=False)
         assert page.running()["setup"] == setup
+
+
+def test_what_is_drawn_is_put_on_the_bench(running_panel: RunningPanel) -> None:
+    """The law that turns is the one of the handles; drawn again, it is another cam."""
+    host = urlsplit(running_panel.address).netloc
+    headers = {"Cookie": running_panel.cookie, "Origin": f"http://{host}"}
+    board = json.loads(running_panel.get("/board"))
+    ordinates = list(board["ordinates"])
+    ordinates[board["handles"][10]["index"]] += 0.01
+    body = json.dumps({"ordinates": ordinates})
+    with running_panel.page() as page:
+        page.running()
+        page.do("call", value="start")
+        for name in ("drawn_1", "drawn_2"):
+            status, _, answer = ask(running_panel.address, "/bench/mount", "POST", body, **headers)
+            assert (status, json.loads(answer)) == (200, {"cam": name})
+            page.until(lambda live, name=name: live["state"].get("cam") == name)
+        page.until(lambda live: live["state"]["time_ns"] > 2e9)
+        page.do("keep")
+        bag = Path(page.until(lambda live: live["kept"])["kept"][0])
+    law = read_ticks(bag)
+    lifts = {tick.cam: tick.lift.max() for tick in law}
+    assert set(lifts) == {"poly345", "drawn_1", "drawn_2"}
+    wrong = json.dumps({"ordinates": [0.0]})
+    status, _, answer = ask(running_panel.address, "/bench/mount", "POST", wrong, **headers)
+    assert status == 409
+    assert "ordinates: allowed" in json.loads(answer)["words"]

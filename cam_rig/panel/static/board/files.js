@@ -34,6 +34,12 @@ export function listenForFiles(ordinates, status) {
     return status(text("dxf_made", { name: link.download }), false);
   });
 
+  $("on_bench").addEventListener("click", async () => {
+    const answer = await ask("/bench/mount");
+    if (answer.ok) location.assign("/bench");
+    else status(text("not_on_bench", await answer.json()), true);
+  });
+
   $("design_run").addEventListener("click", async () => {
     running(true);
     const answer = await fetch("/design", { method: "POST", body: JSON.stringify({ name: saved }) });
