@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cam_rig.cli.common.console import console, user_errors
 from cam_rig.cli.common.names import cam_path, rig_path
@@ -22,14 +23,18 @@ from cam_rig.panel.server import serve
 from cam_rig.schema import load_cam, load_rig
 from tools.docs.browser import TIMEOUT_S, new_page, open_browser
 
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
 PICTURE = Path("docs/lab.png")
 LAB, CAM, RIG = "jump", "poly345", "tm21"
 SIZE = {"width": 1600, "height": 860}
 #: By how much (rpm) readings are beside the jump speed, one after the other.
 BESIDE = (1.0, 0.0, 2.0)
-#: Whether the force is that of the speed which is set, and the line is there.
-READY = """(rpm) => JSON.parse(document.body.dataset.shown || "{}").rpm === rpm
-  && document.querySelector("#plot .theory")?.getAttribute("d")"""
+#: Whether the force is that of the speed which is set.
+SHOWN = """() => JSON.parse(document.body.dataset.shown || "{}").rpm
+  === document.getElementById("rpm").valueAsNumber"""
+LINE = "() => document.querySelector('#plot .theory').getAttribute('d')"
 
 
 def photograph_lab(path: Path) -> None:
@@ -49,16 +54,21 @@ def photograph_lab(path: Path) -> None:
             page = new_page(browser)
             page.set_viewport_size(SIZE)  # type: ignore[arg-type]
             page.goto(served.address)
-            last = float(round(sheet.jump_rpm(sheet.setups[0])) + 5)
-            page.locator("#rpm").fill(f"{last:g}")
+            _until(page, SHOWN)
+            page.locator("#rpm").fill(f"{round(sheet.jump_rpm(sheet.setups[0])) + 5}")
             page.locator("#rpm").press("Enter")
             page.locator("#theory").click()
-            deadline = time.monotonic() + TIMEOUT_S
-            while not page.evaluate(READY, last):
-                if time.monotonic() > deadline:
-                    raise CamRigError(f"{path}: the page does not show the force")
-                page.wait_for_timeout(50)
+            _until(page, LINE)
+            _until(page, SHOWN)
             page.screenshot(path=path)
+
+
+def _until(page: Page, condition: str) -> None:
+    deadline = time.monotonic() + TIMEOUT_S
+    while not page.evaluate(condition):
+        if time.monotonic() > deadline:
+            raise CamRigError(f"{PICTURE}: the page does not come to show the sheet")
+        page.wait_for_timeout(50)
 
 
 def main() -> None:
