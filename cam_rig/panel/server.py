@@ -60,10 +60,13 @@ def application(*pages: PanelPages, language: str | None = None) -> Starlette:
             yield
 
     async def offered(_: Request) -> Response:
-        return JSONResponse({"language": language, "languages": languages()})
+        served = [route.path for route in own if isinstance(route, Route)]
+        offers = {"language": language, "languages": languages(), "pages": served}
+        return JSONResponse(offers)
 
+    own = [route for part in pages for route in part.routes]
     common = Route("/languages", offered), Mount("/static", StaticFiles(directory=STATIC))
-    routes = [*(route for part in pages for route in part.routes), *common]
+    routes = [*own, *common]
     return Starlette(routes=routes, lifespan=lifespan)
 
 

@@ -116,5 +116,7 @@ def test_the_theory_is_shown_when_it_is_asked_for(chromium: Browser, tmp_path: P
         page.until(lambda: line.get_attribute("d"))
         page.page.locator("#theory").press("Enter")
         page.until(lambda: not line.get_attribute("d"))
+        links = page.page.locator("nav a:visible")
+        assert [link.get_attribute("href") for link in links.all()] == ["/lab"]  # what is served
         page.page.context.close()
     assert page.errors == []
