@@ -138,8 +138,8 @@ def test_the_last_value_of_a_drag_arrives(panel: Panel, board: Board) -> None:
 def test_the_keyboard_alone_moves_undoes_and_resets(panel: Panel, board: Board) -> None:
     """Tab to a handle, arrows; Ctrl-Z, Ctrl-Y; Home; focus stays where it is."""
     keys, index = panel.page.keyboard, board.drawn.handles[5].index
-    panel.page.locator("#save").focus()
-    for _ in range(7):
+    panel.page.locator("#on_bench").focus()
+    for _ in range(6):
         keys.press("Tab")
     focused = "() => Number(document.activeElement.dataset.index)"
     assert panel.page.evaluate(focused) == index
