@@ -40,11 +40,13 @@ class Guard:
     app : what is guarded
     port : at which it is served
     token : what the printed address has
+    home : the page that it leads to
     """
 
     app: ASGIApp
     port: int
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+    home: str = "/"
 
     @property
     def hosts(self) -> tuple[str, ...]:
@@ -69,7 +71,7 @@ class Guard:
         if words := self._why_not(asked):
             return await self._refuse(words, scope, receive, send)
         if scope["type"] == "http" and "token" in asked.query_params:
-            answer: Response = RedirectResponse("/", 303)
+            answer: Response = RedirectResponse(self.home, 303)
             answer.set_cookie(self.cookie, self.token, httponly=True, samesite="strict")
             return await answer(scope, receive, _with_headers(send))
         await self.app(scope, receive, _with_headers(send))

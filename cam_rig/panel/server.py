@@ -60,10 +60,13 @@ def application(*pages: PanelPages, language: str | None = None) -> Starlette:
             yield
 
     async def offered(_: Request) -> Response:
-        return JSONResponse({"language": language, "languages": languages()})
+        served = [route.path for route in own if isinstance(route, Route)]
+        offers = {"language": language, "languages": languages(), "pages": served}
+        return JSONResponse(offers)
 
+    own = [route for part in pages for route in part.routes]
     common = Route("/languages", offered), Mount("/static", StaticFiles(directory=STATIC))
-    routes = [*(route for part in pages for route in part.routes), *common]
+    routes = [*own, *common]
     return Starlette(routes=routes, lifespan=lifespan)
 
 
@@ -90,13 +93,16 @@ class ServedPanel:
 
 
 @contextmanager
-def serve(*pages: PanelPages, port: int = 0, language: str | None = None) -> Iterator[ServedPanel]:
+def serve(
+    *pages: PanelPages, port: int = 0, language: str | None = None, home: str = "/"
+) -> Iterator[ServedPanel]:
     """Serve pages on this machine alone, as long as the context lasts.
 
     Parameters
     ----------
     port : 0 takes a free one
     language : see `application`
+    home : the page that the printed address leads to
 
     Raises
     ------
@@ -105,7 +111,8 @@ def serve(*pages: PanelPages, port: int = 0, language: str | None = None) -> Ite
     if language is not None and language not in languages():
         raise ConfigError(f"--lang: is {language!r}; allowed: {', '.join(languages())}")
     with _listener(port) as listener:
-        guard = Guard(application(*pages, language=language), int(listener.getsockname()[1]))
+        served = application(*pages, language=language)
+        guard = Guard(served, int(listener.getsockname()[1]), home=home)
         config = uvicorn.Config(
             guard,
             log_config=None,

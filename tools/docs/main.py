@@ -17,8 +17,9 @@ from cam_rig.messages.topics import FOLLOWER_SAMPLES
 from cam_rig.plots.sound import noise
 from cam_rig.simulation.levels import step_levels
 from cam_rig.simulation.noise_comparison import NoiseResult, compare
-from tools.docs import bench_picture, panel_picture
+from tools.docs import bench_picture, lab_picture, panel_picture
 from tools.docs.bench_picture import photograph_bench
+from tools.docs.lab_picture import photograph_lab
 from tools.docs.panel_picture import photograph_panel
 from tools.docs.pictures import draw_pictures
 from tools.docs.screenshot import photograph_viewer
@@ -59,6 +60,7 @@ def _draw(bag: Path, to: Path) -> None:
             (VIEWER, lambda path: photograph_viewer(bag, path)),
             (PANEL, photograph_panel),
             (BENCH, photograph_bench),
+            (lab_picture.PICTURE.name, photograph_lab),
         ):
             try:
                 photographed(folder / name)

@@ -1,4 +1,4 @@
-"""cam-rig panel: the drawing board and the bench in a browser."""
+"""cam-rig panel: drawing board, bench and lab sheet in a browser."""
 
 from __future__ import annotations
 
@@ -13,26 +13,65 @@ import typer
 
 from cam_rig.cli.common.console import console, user_errors
 from cam_rig.cli.common.names import cam_path, rig_path
-from cam_rig.cli.common.options import Rig
-from cam_rig.errors import CamRigError
+from cam_rig.cli.common.options import Csv, Json
+from cam_rig.cli.runs.mark import mark_sheets
+from cam_rig.errors import CamRigError, ConfigError
+
+#: What is drawn and turned if nothing else is named.
+CAM, RIG = "poly345", "paper_table2"
+
+
+Names = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="CAM|SHEETS",
+        help=f"Cam file, or a name in config/cams, by default {CAM}; with --mark lab sheets, files "
+        "that end in .csv.",
+    ),
+]
+RigOfPanel = Annotated[
+    str | None, typer.Option(help=f"Rig file, or a name in config/rigs; by default {RIG}.")
+]
+Port = Annotated[
+    int, typer.Option(min=0, max=65535, help="Port on this machine; 0 takes a free one.")
+]
+Out = Annotated[Path, typer.Option(metavar="FOLDER", help="Where cam files, bags and sheets go.")]
+Lang = Annotated[
+    str | None, typer.Option(help="Language of the pages, en or es; the browser's by default.")
+]
+NoRerun = Annotated[
+    bool, typer.Option("--no-rerun", help="The bench without Rerun's picture of the rig.")
+]
+Open = Annotated[bool, typer.Option("--open", help="Open the browser.")]
+LabName = Annotated[
+    str | None, typer.Option(metavar="NAME", help="A lab sheet for a student: jump.")
+]
+Seed = Annotated[
+    str | None, typer.Option(metavar="NAME", help="With --lab: measure a rig of hidden numbers.")
+]
+ToMark = Annotated[bool, typer.Option("--mark", help="Mark lab sheets instead.")]
+Tolerance = Annotated[
+    float | None,
+    typer.Option(
+        metavar="PERCENT", min=0.0, max=100.0, help="With --mark: what a reading may be off, 1."
+    ),
+]
 
 
 def panel(
-    cam: Annotated[str, typer.Argument(help="Cam file, or a name in config/cams.")] = "poly345",
-    rig: Rig = "paper_table2",
-    port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port on this machine; 0 takes a free one.")
-    ] = 0,
-    out: Annotated[
-        Path, typer.Option(metavar="FOLDER", help="Where cam files and bags go.")
-    ] = Path("out"),
-    lang: Annotated[
-        str | None, typer.Option(help="Language of the pages, en or es; the browser's by default.")
-    ] = None,
-    no_rerun: Annotated[
-        bool, typer.Option("--no-rerun", help="The bench without Rerun's picture of the rig.")
-    ] = False,
-    open_browser: Annotated[bool, typer.Option("--open", help="Open the browser.")] = False,
+    names: Names = None,
+    rig: RigOfPanel = None,
+    port: Port = 0,
+    out: Out = Path("out"),
+    lang: Lang = None,
+    no_rerun: NoRerun = False,
+    open_browser: Open = False,
+    lab: LabName = None,
+    seed: Seed = None,
+    mark: ToMark = False,
+    tolerance: Tolerance = None,
+    json_target: Json = None,
+    csv: Csv = None,
 ) -> None:
     """Turn the rig by hand in a browser, and draw the laws of its cams.
 
@@ -41,13 +80,84 @@ def panel(
     follow. The bench runs the nodes: knob, level meter, sound, readings, the rig in Rerun. The
     address has a token: no other page, user or machine gets anything.
 
+    A lab sheet asks a student for jump speeds of springs, masses and preloads, and keeps the
+    readings as CSV. A seed hides another rig behind it; the marks say how far a reading is off.
+
     Examples
     --------
     cam-rig panel --open
 
     cam-rig panel bezier15 --rig tm21 --out cams
+
+    cam-rig panel --lab jump --rig tm21 --seed group-3 --out sheets
+
+    cam-rig panel --mark sheets/lab_jump_group-3.csv --json -
     """
-    with user_errors(), _ended_alike():
+    with user_errors():
+        cams, sheets = _apart(names or [], mark)
+        _require_together(
+            lab,
+            seed,
+            mark,
+            open_browser,
+            any(given is not None for given in (tolerance, json_target, csv)),
+        )
+        if mark:
+            first_cam = cams[0] if cams else None
+            mark_sheets(sheets, first_cam, rig, tolerance, json_target, csv)
+            return
+        _serve(
+            cams[0] if cams else CAM,
+            rig or RIG,
+            port,
+            out,
+            not no_rerun,
+            open_browser,
+            lab,
+            seed,
+            lang,
+        )
+
+
+def _apart(names: list[str], mark: bool) -> tuple[list[str], list[Path]]:
+    """The cam, if one is named, and the sheets that are to be marked."""
+    sheets = [name for name in names if mark and name.endswith(".csv")]
+    cams = [name for name in names if name not in sheets]
+    if len(cams) > 1:
+        raise ConfigError(f"cam: is {' '.join(cams)}; allowed: one cam")
+    return cams, [Path(name) for name in sheets]
+
+
+def _require_together(
+    lab: str | None, seed: str | None, mark: bool, open_browser: bool, for_marks: bool
+) -> None:
+    """Refuse options that would be passed over."""
+    if seed is not None and lab is None:
+        raise ConfigError("--seed: is of a lab sheet; allowed: with --lab")
+    if mark and (lab is not None or open_browser):
+        raise ConfigError("--mark serves no page; allowed: without --lab, --seed and --open")
+    if for_marks and not mark:
+        raise ConfigError("--tolerance, --json, --csv: are of marks; allowed: with --mark")
+
+
+def _serve(
+    cam: str,
+    rig: str,
+    port: int,
+    out: Path,
+    rerun: bool,
+    open_browser: bool,
+    lab: str | None,
+    seed: str | None,
+    lang: str | None,
+) -> None:
+    """Serve the pages until Ctrl-C.
+
+    Raises
+    ------
+    CamRigError : a file or a name is wrong, a library is missing, or the server ended
+    """
+    with _ended_alike():
         from cam_rig.extras import require
         from cam_rig.panel.board.board import Board
         from cam_rig.schema import load_cam, load_rig
@@ -57,15 +167,20 @@ def panel(
         from cam_rig.panel.bench.pages import BenchPages
         from cam_rig.panel.bench.runner import BenchRunner
         from cam_rig.panel.board.pages import BoardPages
-        from cam_rig.panel.server import serve
+        from cam_rig.panel.lab.pages import LabPages
+        from cam_rig.panel.lab.sheet import LabSheet
+        from cam_rig.panel.server import PanelPages, serve
         from cam_rig.runner.user_folder import user_folder
 
         first, own = load_cam(cam_path(cam)), load_rig(rig_path(rig))
         with TemporaryDirectory(prefix="cam_rig-panel-", dir=user_folder()) as folder:
-            runner = BenchRunner(own, Path(folder), out, not no_rerun)
+            runner = BenchRunner(own, Path(folder), out, rerun)
             board = Board(first, own, out, rig)
-            pages = BoardPages(board), BenchPages(runner, first, board)
-            with serve(*pages, port=port, language=lang) as served:
+            pages: list[PanelPages] = [BoardPages(board), BenchPages(runner, first, board)]
+            if lab is not None:
+                pages += [LabPages(LabSheet(lab, first, own, seed), out)]
+            home = "/lab" if lab else "/"
+            with serve(*pages, port=port, language=lang, home=home) as served:
                 print(served.address, flush=True)
                 console.print("Ctrl-C ends the panel")
                 if open_browser:

@@ -1,7 +1,7 @@
 // The live bench: every control is a node's own parameter or service, and shows what the node says.
 import { shown } from "../common/charts.js";
 import { loadTexts, text } from "../common/texts.js";
-import { Knob } from "./knob.js";
+import { Knob } from "../common/knob.js";
 import { Link, Newest } from "./link.js";
 import { NoiseChart } from "./noise.js";
 import { Sound } from "./sound.js";

@@ -4,12 +4,13 @@ let words = {};
 const CHOSEN = "language";
 
 export async function loadTexts() {
-  const { language, languages } = await (await fetch("/languages")).json();
+  const { language, languages, pages } = await (await fetch("/languages")).json();
   const wanted = [sessionStorage.getItem(CHOSEN), language, ...navigator.languages.map((name) => name.slice(0, 2))];
   const own = wanted.find((name) => languages.includes(name)) ?? document.documentElement.lang;
   document.documentElement.lang = own;
   words = await (await fetch(`/static/texts/${own}.json`)).json();
   for (const place of document.querySelectorAll("[data-text]")) place.textContent = text(place.dataset.text);
+  for (const link of document.querySelectorAll("nav a")) link.hidden = !pages.includes(link.getAttribute("href"));
   offer(languages, own);
 }
 

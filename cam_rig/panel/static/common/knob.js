@@ -1,5 +1,5 @@
 // A knob on a scale of equal ratios: by pointer around its middle, or by keys.
-import { element, shown } from "../common/charts.js";
+import { element, shown } from "./charts.js";
 
 const SWEEP = 270, FIRST = -135; // degrees, from above
 const STEPS = { ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1, PageUp: 10, PageDown: -10 };

@@ -1,0 +1,144 @@
+"""The lab sheet's pages: one sheet a panel, whichever page shows it."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.routing import Route
+
+from cam_rig.drawing import colours
+from cam_rig.errors import CamRigError, RefusedError
+from cam_rig.panel.lab.notebook import Notebook
+from cam_rig.panel.lab.observed import RATE_HZ, observe
+from cam_rig.panel.lab.sheet import LabSheet
+from cam_rig.panel.lab.sheet_file import MAX_NAME, to_text
+from cam_rig.panel.lab.truth import TOLERANCES
+from cam_rig.panel.messages import read_body
+from cam_rig.panel.server import STATIC
+from cam_rig.units import RPM_PER_RAD_S
+
+#: A colour an added mass; the markers differ too.
+MASS_COLOURS = (colours.BLUE, colours.VERMILION, colours.GREEN)
+Answer = Callable[[dict[str, Any]], Awaitable[dict[str, Any]]]
+
+
+class LabPages:
+    """A lab sheet in a browser.
+
+    Parameters
+    ----------
+    sheet : that is worked on
+    out : folder in which the readings are kept
+
+    Raises
+    ------
+    ConfigError, DynamicsError : the cam has no jump speed on the rig
+    """
+
+    def __init__(self, sheet: LabSheet, out: Path) -> None:
+        self.notebook = Notebook(sheet, out)
+        self._sheet, self._busy = sheet, asyncio.Lock()
+        for setup in sheet.setups:  # refused now, and not in the middle of a lab
+            sheet.jump_rpm(setup)
+        self.routes = (
+            Route("/lab", self._index),
+            Route("/lab/sheet", self._about),
+            Route("/lab/theory", self._theory),
+            Route("/lab/readings.csv", self._csv),
+            self._post("/lab/turn", self._turn),
+            self._post("/lab/record", self._record),
+            self._post("/lab/student", self._student),
+        )
+
+    @asynccontextmanager
+    async def alive(self) -> AsyncIterator[None]:
+        """Nothing runs beside the requests."""
+        yield
+
+    async def _index(self, _: Request) -> Response:
+        return FileResponse(STATIC / "lab" / "index.html")
+
+    async def _about(self, _: Request) -> Response:
+        sheet = self._sheet
+        loads = [sheet.load(setup) for setup in sheet.setups]
+        return JSONResponse(
+            {
+                "lab": sheet.name,
+                "cam": {"name": sheet.cam.name, "title": sheet.cam.title},
+                "rig": {"title": sheet.rig.title, "mass": sheet.rig.follower.mass.si},
+                "seed": sheet.seed,
+                "tolerances": TOLERANCES if sheet.seed else None,
+                "springs": sheet.springs,
+                "added_masses": sheet.added_masses,
+                "preloads": sheet.preloads,
+                "lift": sheet.critical[0],
+                "loads": (min(loads), max(loads)),
+                "knob": sheet.knob,
+                "max_name": MAX_NAME,
+                "colours": [colours.web(colour) for colour in MASS_COLOURS],
+                "force_colour": colours.web(colours.FORCE),
+            }
+            | self.notebook.page()
+        )
+
+    async def _theory(self, _: Request) -> Response:
+        """The straight line of one rigid mass: n² in rpm² is ``slope`` times the load in m/s²."""
+        if self._sheet.seed is not None:
+            words = "theory: allowed: on a sheet without a seed"
+            return JSONResponse({"words": words}, 409)
+        return JSONResponse({"slope": RPM_PER_RAD_S**2 / abs(self._sheet.critical[1])})
+
+    async def _csv(self, _: Request) -> Response:
+        path = self.notebook.path
+        name = "lab_readings.csv" if path is None else path.name
+        headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+        text = to_text(self.notebook.recorded)
+        return Response(text, headers=headers, media_type="text/csv")
+
+    def _post(self, path: str, answer: Answer) -> Route:
+        async def answered(request: Request) -> Response:
+            try:
+                body = await read_body(request)
+                async with self._busy:
+                    return JSONResponse(await answer(body))
+            except CamRigError as error:
+                return JSONResponse({"words": str(error)}, 409)
+
+        return Route(path, answered, methods=["POST"])
+
+    async def _turn(self, body: dict[str, Any]) -> dict[str, Any]:
+        """What is seen of a set-up at a speed.
+
+        The lamp stays on above a speed at which contact was lost: between two resonances of the
+        stem the follower may stay on again, but whoever comes from below has seen it leave.
+        """
+        setup, rpm = self.notebook.setup(body), self.notebook.speed(body)
+        sheet, rig = self._sheet, self._sheet.true_rig(setup)
+        turn = await asyncio.to_thread(observe, sheet.law, rig, rpm)
+        was_lost = rpm > await asyncio.to_thread(sheet.jump_rpm, setup)
+        shown = {
+            "contact_lost": turn.contact_lost,
+            "was_lost": was_lost,
+            "force": [round(force, 1) for force in turn.force.tolist()],
+        }
+        if body.get("sound") is True:
+            data = base64.b64encode(turn.sound.astype("<f4").tobytes()).decode()
+            shown |= {"sound": data, "rate": RATE_HZ}
+        return shown
+
+    async def _record(self, body: dict[str, Any]) -> dict[str, Any]:
+        self.notebook.record(body)
+        return self.notebook.page()
+
+    async def _student(self, body: dict[str, Any]) -> dict[str, Any]:
+        if "student" not in body:
+            raise RefusedError("student: is missing; allowed: a name")
+        self.notebook.name(body["student"])
+        return self.notebook.page()

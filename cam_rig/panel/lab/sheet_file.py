@@ -1,0 +1,147 @@
+"""A sheet as a file: CSV with a head of comment lines, which a spreadsheet opens and keeps."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from dataclasses import astuple, dataclass
+from pathlib import Path
+
+from cam_rig.errors import ConfigError
+from cam_rig.files import MIB, read_bytes, shown
+from cam_rig.panel.lab.truth import LabSetup
+
+#: First line of a sheet, before the lab's name.
+TITLE = "cam_rig lab sheet"
+#: What else stands in the head, and what may be left out there.
+HEAD = ("cam", "rig", "title", "seed", "student", "date")
+OPTIONAL = ("seed", "student")
+COLUMNS = ("reading", "spring_N_m", "added_mass_kg", "preload_N", "speed_rpm")
+#: Bytes of a sheet, and readings on it, at most.
+MAX_BYTES, MAX_READINGS = MIB, 1000
+#: Characters of a student's name.
+MAX_NAME = 80
+
+
+@dataclass(frozen=True)
+class LabReading:
+    """A reading: its number from 1 on, the set-up by the sheet's numbers, and the speed (rpm)."""
+
+    number: int
+    setup: LabSetup
+    rpm: float
+
+
+@dataclass(frozen=True)
+class RecordedSheet:
+    """A sheet with its readings.
+
+    Parameters
+    ----------
+    lab, cam, rig, title : names of the lab and of both files, and the rig's title
+    date : when the sheet was begun
+    seed : None for the rig's own numbers
+    """
+
+    lab: str
+    cam: str
+    rig: str
+    title: str
+    date: str
+    student: str
+    seed: str | None
+    readings: tuple[LabReading, ...]
+
+
+def to_text(sheet: RecordedSheet) -> str:
+    """The file's text."""
+    out = io.StringIO()
+    out.write(f"# {TITLE}: {sheet.lab}\n")
+    for key in HEAD:
+        if value := getattr(sheet, key):
+            out.write(f"# {key}: {' '.join(value.split())}\n")
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for reading in sheet.readings:
+        writer.writerow([reading.number, *astuple(reading.setup), reading.rpm])
+    return out.getvalue()
+
+
+def read_sheet(path: Path) -> RecordedSheet:
+    """Read a sheet, as it was written or as a spreadsheet saved it.
+
+    Raises
+    ------
+    ConfigError : it cannot be read, is no sheet, or a row is damaged
+    """
+    try:
+        text = read_bytes(path, MAX_BYTES).decode("utf-8-sig")
+    except (OSError, ConfigError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: {_why(error)}") from None
+    # Line by line: no quotation mark in a name reaches beyond its own.
+    lines = [line for line in text.splitlines() if line.strip(" ,")]
+    found = dict(_entry(line) for line in lines if _is_head(line))
+    body = [next(csv.reader([line])) for line in lines if not _is_head(line)]
+    known = {TITLE, *HEAD}
+    if not {TITLE, *HEAD} - set(OPTIONAL) <= found.keys() & known:
+        raise ConfigError(f"{path}: no lab sheet; allowed: a file that cam-rig panel --lab wrote")
+    if not body or tuple(cell.strip() for cell in body[0]) != COLUMNS:
+        raise ConfigError(f"{path}: the columns are others; allowed: {', '.join(COLUMNS)}")
+    if not 0 < len(body) - 1 <= MAX_READINGS:
+        raise ConfigError(
+            f"{path}: has {len(body) - 1} readings; allowed: 1 to {MAX_READINGS}, so record one"
+        )
+    readings = tuple(_reading(path, row) for row in body[1:])
+    return RecordedSheet(
+        found[TITLE],
+        found["cam"],
+        found["rig"],
+        found["title"],
+        found["date"],
+        found.get("student", ""),
+        found.get("seed") or None,
+        readings,
+    )
+
+
+def _why(error: OSError | ConfigError | UnicodeDecodeError) -> str:
+    if isinstance(error, ConfigError):
+        return str(error)
+    if isinstance(error, UnicodeDecodeError):
+        return "is no text in UTF-8; allowed: a file that cam-rig panel --lab wrote"
+    return f"cannot be read ({error.strerror})"
+
+
+def _is_head(line: str) -> bool:
+    return line.lstrip(' "').startswith("#")
+
+
+def _entry(line: str) -> tuple[str, str]:
+    """Key and value; a spreadsheet puts the line into quotation marks, and commas after it."""
+    words = ",".join(next(csv.reader([line]))).strip("#, ")
+    key, _, value = words.partition(":")
+    return key.strip(), value.strip()
+
+
+def _reading(path: Path, row: list[str]) -> LabReading:
+    """A reading of a row.
+
+    Raises
+    ------
+    ConfigError : a cell is missing, or is no number
+    """
+    cells = [cell.strip() for cell in row[: len(COLUMNS)]]
+    where = f"{path}, reading {shown(row[0], quoted=False)}"
+    if len(cells) < len(COLUMNS) or any(cell.strip() for cell in row[len(COLUMNS) :]):
+        raise ConfigError(f"{where}: has {len(row)} cells; allowed: {len(COLUMNS)}")
+    numbers = []
+    for name, cell in zip(COLUMNS, cells, strict=True):
+        try:
+            number = float(cell)
+        except ValueError:
+            number = math.nan
+        if not math.isfinite(number) or (name in COLUMNS[::4] and number <= 0.0):
+            raise ConfigError(f"{where}: {name} is {shown(cell)}; allowed: a number above 0")
+        numbers.append(number)
+    return LabReading(int(numbers[0]), LabSetup(*numbers[1:4]), numbers[4])

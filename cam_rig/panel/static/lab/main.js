@@ -1,0 +1,134 @@
+// A lab sheet: a set-up, a knob, a lamp, the force over the turn, and what the student reads.
+import { Newest } from "../bench/link.js";
+import { Chart, extent, shown } from "../common/charts.js";
+import { Knob } from "../common/knob.js";
+import { loadTexts, text } from "../common/texts.js";
+import { JumpPlot } from "./plot.js";
+import { TurnSound } from "./turn_sound.js";
+
+const $ = (id) => document.getElementById(id);
+const CHOICES = { spring_stiffness: ["springs", "N/m"], added_mass: ["added_masses", "kg"], preload: ["preloads", "N"] };
+
+await loadTexts();
+const sheet = await (await fetch("/lab/sheet")).json();
+const chosen = { rpm: sheet.knob[0] };
+
+// -- what is there once -----------------------------------------------------------------------------
+document.title = `${text("nav_lab")} – cam_rig`;
+$("title").textContent = text("lab_title", { rig: sheet.rig.title, cam: sheet.cam.name });
+$("task_words").textContent = text(`lab_${sheet.lab}_task`, { mass: shown(sheet.rig.mass) });
+const steps = text(`lab_${sheet.lab}_steps`).split("\n");
+$("steps").replaceChildren(...steps.map((step) => Object.assign(document.createElement("li"), { textContent: step })));
+if (sheet.seed) {
+  const percent = Object.fromEntries(Object.entries(sheet.tolerances).map(([key, part]) => [key, shown(100 * part)]));
+  $("hidden_words").textContent = text("lab_hidden", { seed: sheet.seed, ...percent });
+}
+$("student").value = sheet.student;
+$("student").maxLength = sheet.max_name;
+for (const [name, [list, unit]] of Object.entries(CHOICES)) {
+  chosen[name] = sheet[list][0];
+  for (const [i, value] of sheet[list].entries()) {
+    const input = Object.assign(document.createElement("input"), { type: "radio", name, value, checked: i === 0 });
+    const label = document.createElement("label");
+    label.append(input, `${shown(value)} ${unit}`);
+    $(name).append(label);
+    input.addEventListener("change", () => { chosen[name] = value; turn.put(); });
+  }
+}
+[$("rpm").min, $("rpm").max] = sheet.knob;
+$("theory").hidden = Boolean(sheet.seed);
+$("theory_words").textContent = text("lab_load_words", { lift: shown(1000 * sheet.lift) });
+
+const force = new Chart($("force"), { title: text("newton"), x: [0, 360], xTicks: [0, 60, 120, 180, 240, 300, 360], xTitle: text("angle") });
+const plot = new JumpPlot($("plot"), $("plot_key"), sheet);
+let drawn = null;
+force.resized = () => drawn && force.curve("force", drawn, { colour: sheet.force_colour, step: 360 / drawn.length });
+
+// -- the drive -----------------------------------------------------------------------------------------
+const sound = new TurnSound(() => turn.put());
+const turn = new Newest(observe);
+const knob = new Knob($("knob"), sheet.knob, text("speed"), (rpm) => speed(rpm));
+function speed(rpm) {
+  chosen.rpm = rpm;
+  $("rpm").value = rpm;
+  turn.put();
+}
+$("rpm").addEventListener("change", () => {
+  if (!$("rpm").reportValidity() || !Number.isFinite($("rpm").valueAsNumber)) return;
+  knob.show($("rpm").valueAsNumber);
+  speed($("rpm").valueAsNumber);
+});
+$("volume").addEventListener("input", () => sound.volume($("volume").valueAsNumber));
+
+/** What the server answers; null where it refused, and the page says why. */
+async function post(path, value) {
+  try {
+    const answer = await fetch(path, { method: "POST", body: JSON.stringify(value) });
+    const found = await answer.json();
+    status(answer.ok ? "" : text("refused", { words: found.words }));
+    return answer.ok ? found : null;
+  } catch (error) {
+    if (!(error instanceof TypeError || error instanceof SyntaxError)) throw error;
+    status(text("disconnected_bench"));
+    return null;
+  }
+}
+function status(sentence) {
+  $("status").textContent = sentence;
+  $("status").classList.toggle("fault", Boolean(sentence));
+}
+
+async function observe() {
+  const asked = { ...chosen };
+  const seen = await post("/lab/turn", { ...asked, sound: sound.on });
+  document.body.dataset.shown = seen ? JSON.stringify(asked) : "";
+  if (!seen) return;
+  const lost = seen.contact_lost || seen.was_lost;
+  $("lamp").classList.toggle("lost", lost);
+  say("contact", text(lost ? "contact_is_lost" : "contact_is_kept"));
+  say("on_the_way", seen.contact_lost || !seen.was_lost ? "" : text("lab_on_the_way"));
+  drawn = seen.force;
+  force.fit(Math.min(0, ...extent([drawn])), extent([drawn])[1], true);
+  force.curve("force", drawn, { colour: sheet.force_colour, step: 360 / drawn.length });
+  sound.play(seen.sound, seen.rate);
+}
+function say(id, sentence) {
+  if ($(id).textContent !== sentence) $(id).textContent = sentence;
+}
+
+// -- the readings ----------------------------------------------------------------------------------------
+$("record").addEventListener("click", async () => {
+  const found = await post("/lab/record", chosen);
+  if (!found) return;
+  show(found);
+  const { number, rpm } = found.readings.at(-1);
+  $("recorded").textContent = text("lab_recorded", { number, rpm: shown(rpm, 6) });
+});
+$("student").addEventListener("change", async () => {
+  const found = await post("/lab/student", { student: $("student").value });
+  if (found) show(found);
+});
+$("theory").addEventListener("click", async () => {
+  const on = plot.slope === null;
+  plot.slope = on ? (await (await fetch("/lab/theory")).json()).slope : null;
+  $("theory").setAttribute("aria-pressed", String(on));
+  $("theory").textContent = text(on ? "lab_theory_off" : "lab_theory");
+  plot.draw(plot.readings);
+});
+
+function show({ readings, file }) {
+  plot.draw(readings);
+  $("csv").hidden = !readings.length;
+  $("file").textContent = file ? text("kept", { path: file }) : "";
+  $("rows").replaceChildren(...readings.map((reading) => {
+    const row = document.createElement("tr");
+    for (const value of [reading.number, reading.spring_stiffness, reading.added_mass, reading.preload, reading.rpm]) {
+      row.append(Object.assign(document.createElement("td"), { textContent: shown(value, 6) }));
+    }
+    return row;
+  }).reverse());
+}
+
+knob.show(chosen.rpm);
+show(sheet);
+speed(chosen.rpm);
