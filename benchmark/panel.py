@@ -1,6 +1,6 @@
 """The drawing board under two pages that drag at once: paints, delays and memory.
 
-    .venv/bin/python benchmark/panel.py [MINUTES]
+    .venv/bin/python -m benchmark.panel [MINUTES]
 
 Each page drags an ordinate of its own up and down by the pointer, in a browser without a screen.
 A delay is from a pointer's event to the end of the first frame with the changed curve. Memory is

@@ -243,7 +243,7 @@ def test_a_run_that_fails_leaves_its_bag(running_panel: RunningPanel, ros_domain
         page.do("call", value="start")
         page.until(lambda live: live["state"].get("time_ns", 0) > 1e9)
         with RigClient(ros_domain) as outside:
-            outside.publish("/cam/state", JointState())
+            outside.node.create_publisher(JointState, "/cam/state", 1)
             live = page.until(lambda live: live["graph"] == "failed")
         assert "/cam/state" in live["words"]
         (bag,) = map(Path, page.until(lambda live: live["kept"])["kept"])
