@@ -26,6 +26,8 @@ from cam_rig.units import to_rpm
 
 #: Wall time (s) between two looks for commands.
 LOOK_EVERY_S = 0.02
+#: Looks until a node whose parameters are not known is asked for them again.
+LOOKS_A_QUESTION = 25
 #: The services of the drive.
 SERVICES = ("start", "stop", "reset", "emergency_stop")
 #: What a page sets, by node.
@@ -46,7 +48,7 @@ class Panel(RigNode):
         self._drive: dict[str, Any] = {
             s: self.create_client(Trigger, f"cam_drive/{s}") for s in SERVICES
         }
-        self._unread = set(STEERED)
+        self._unread, self._looks = set(STEERED), 0
         self._sound: Any = None
         self.subscribe(topics.CAM_STATE, self._on_state)
         self._stamps, self._levels = deque[int](), deque[float]()
@@ -57,8 +59,10 @@ class Panel(RigNode):
         self.every(LOOK_EVERY_S, self._exchange)
 
     def _exchange(self) -> None:
-        for name in [n for n in self._unread if self._nodes[n].services_are_ready()]:
-            self._unread.discard(name)
+        self._looks += 1
+        # An answer may be lost with the node that gave it, so it is asked again.
+        ask = self._unread if self._looks % LOOKS_A_QUESTION == 1 else ()
+        for name in [n for n in ask if self._nodes[n].services_are_ready()]:
             asked = self._nodes[name].get_parameters(list(STEERED[name]))
             asked.add_done_callback(partial(self._on_values, name))
         for command in self._line.receive():
@@ -94,6 +98,7 @@ class Panel(RigNode):
         self._answer(number, reply.successful, reply.reason)
 
     def _on_values(self, node: str, done: Any) -> None:
+        self._unread.discard(node)
         values = map(parameter_value_to_python, done.result().values)
         self._line.send({"node": node, "values": dict(zip(STEERED[node], values, strict=True))})
 

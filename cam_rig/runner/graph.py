@@ -71,6 +71,8 @@ class Graph:
         self._bag = Path(str(nodes[RECORDER]["bag"]))
         self._unclosed, self._kept = False, ""
         self._done = False
+        #: The signal to stop that came while the nodes were being ended.
+        self.interrupted: int | None = None
         #: Whether the run is over, and its bag closed.
         self.finished = False
         self._suspended: dict[str, float] = {}
@@ -107,7 +109,7 @@ class Graph:
         from cam_rig.bag.recording.recover import state_words
 
         for number in STOPPING:  # a second Ctrl-C must not leave nodes behind
-            signal.signal(number, signal.SIG_IGN)
+            signal.signal(number, self._note_signal)
         started = [self.processes[n] for n in reversed(self._nodes) if n in self.processes]
         recorder = [process for process in started if process.name == RECORDER]
         self._server.close()
@@ -123,6 +125,9 @@ class Graph:
             clean(self._begun)
         for stopping, handler in self._handlers.items():
             signal.signal(stopping, handler)
+
+    def _note_signal(self, number: int, _frame: FrameType | None) -> None:
+        self.interrupted = number
 
     def progress(self) -> Iterator[dict[str, float | str]]:
         """What the drive reports, until it has finished.

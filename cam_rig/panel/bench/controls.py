@@ -25,7 +25,8 @@ SETTINGS: dict[str, tuple[type, str]] = {
 }
 KINDS = {float: "number", str: "text"}
 EMERGENCY_STOP = "emergency_stop"
-SERVICES = ("start", "stop", "reset", EMERGENCY_STOP)
+START, STOP = "start", "stop"
+SERVICES = (START, STOP, "reset", EMERGENCY_STOP)
 
 Reply = dict[str, Any]
 DONE: Reply = {"success": True, "words": ""}
@@ -105,7 +106,10 @@ class BenchControls:
     async def _call(self, command: dict[str, Any]) -> Reply:
         if command.get("value") not in SERVICES:
             raise RefusedError(f"call: allowed: {', '.join(SERVICES)}")
-        return await self._link.ask({"call": command["value"]})
+        reply = await self._link.ask({"call": command["value"]})
+        if reply["success"] and command["value"] in (STOP, START):
+            (self._live.stopped if command["value"] == STOP else self._live.started)()
+        return reply
 
     async def _set(self, command: dict[str, Any]) -> Reply:
         name, value = str(command.get("name")), command.get("value")
@@ -115,7 +119,11 @@ class BenchControls:
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         if not (is_number if kind is float else isinstance(value, str)):
             raise RefusedError(f"{name}: is {str(value)[:40]!r}; allowed: a {KINDS[kind]}")
-        return await self._link.ask({"node": node, "name": name, "value": kind(value)})
+        try:
+            wanted = {"node": node, "name": name, "value": kind(value)}
+        except OverflowError:
+            raise RefusedError(f"{name}: allowed: a number of fewer digits") from None
+        return await self._link.ask(wanted)
 
     async def _change_setup(self, command: dict[str, Any]) -> Reply:
         given = command.get("value")

@@ -5,14 +5,16 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from cam_rig.acoustics.sound_level_meter import TIME_WEIGHTINGS
 from cam_rig.errors import RefusedError
+from cam_rig.live.flow_control import MAX_TICKS_IN_FLIGHT
 from cam_rig.messages.topics import HEARTBEAT, PACE
 from cam_rig.panel.bench.readings import MAX_READINGS, Meter, NotedReading
 from cam_rig.panel.bench.setup import Setup
 
 #: What a node's heartbeat says of a drive that was stopped, and its diagnosis after an emergency.
 STOPPED, EMERGENCY, LOST = "stopped", "emergency", "contact lost"
-WAITING = "waiting for "
+WAITING, BEHIND = "waiting for ", ", and behind it "
 #: Lines of the graph's log that are shown.
 MAX_LINES = 6
 
@@ -55,6 +57,7 @@ class LiveState:
         self.meter = Meter()
         #: Rig time (ns) at which contact was lost last.
         self._lost_ns = -1
+        self._ticks_to_come = 0
 
     # -- what happens to the graph ------------------------------------------------------------
 
@@ -67,7 +70,7 @@ class LiveState:
             if self.graph == "starting":
                 self.drive, self.state, self.ended, self.values = "stopped", {}, {}, {}
                 self.contact, self.late, self.waits_for, self.meter = "", "", "", Meter()
-                self._lost_ns = -1
+                self._lost_ns, self._ticks_to_come = -1, 0
         if "ended" in message:
             self.ended = message["ended"]
         self.screen = message.get("screen", self.screen)
@@ -95,13 +98,23 @@ class LiveState:
             self.meter.forget()
         self.state, self.graph, self.waits_for = state, "running", ""
         self.meter.state(state["time_ns"], state["rpm"])
-        if self.drive != EMERGENCY:
+        self._ticks_to_come -= 1
+        if self.drive != EMERGENCY and self._ticks_to_come < 0:
             self.drive = "turning"
+
+    def stopped(self) -> None:
+        """The drive was told to stop: only what is in flight may still come."""
+        self.drive, self._ticks_to_come = STOPPED, MAX_TICKS_IN_FLIGHT + 1
+
+    def started(self) -> None:
+        """The drive was told to turn."""
+        self.drive, self._ticks_to_come = "turning", 0
 
     def _health(self, node: str, _level: int, words: str) -> None:
         if node == f"cam_drive{HEARTBEAT}":
             self.graph = "running" if self.graph == "starting" else self.graph
-            self.waits_for = words.removeprefix(WAITING) if words.startswith(WAITING) else ""
+            waits = words.removeprefix(WAITING) if words.startswith(WAITING) else ""
+            self.waits_for = waits.replace(BEHIND, ", ")
         if node == "follower":
             if words == LOST:
                 self.losses += 1
@@ -127,7 +140,7 @@ class LiveState:
         """Cam and speed as they are now, for the next set-up."""
         rpm = self.values.get("cam_drive", {}).get("rpm", 0.0)
         cam = self.values.get("law_server", {}).get("cam", "")
-        now = {"cam": self.state.get("cam") or cam, "rpm": rpm or self.state.get("rpm")}
+        now = {"cam": cam or self.state.get("cam"), "rpm": rpm or self.state.get("rpm")}
         return {key: value for key, value in now.items() if value}
 
     def chosen(self) -> dict[str, dict[str, Any]]:
@@ -147,9 +160,11 @@ class LiveState:
         """
         if len(self.readings) >= MAX_READINGS:
             raise RefusedError(f"reading: {MAX_READINGS} are noted; allowed: no more, clear them")
-        rpm, level, begin_ns = self.meter.steady()
-        lost = self.contact == LOST or self._lost_ns >= begin_ns
         ear = self.values.get("microphone", {})
+        if self.drive != "turning":
+            raise RefusedError("reading: the cam stands; allowed: while it turns")
+        rpm, level, begin_ns = self.meter.steady(TIME_WEIGHTINGS[ear.get("time_weighting", "F")])
+        lost = self.contact == LOST or self._lost_ns >= begin_ns
         reading = NotedReading(
             self.state["cam"],
             self.setup.model,
@@ -183,7 +198,7 @@ class LiveState:
             "ended": self.ended,
             "values": self.values,
             "state": self.state,
-            "level": None if tick is None else round(tick.level, 3),
+            "level": round(tick.level, 3) if tick and self.drive == "turning" else None,
             "contact": self.contact,
             "losses": self.losses,
             "late": self.late,

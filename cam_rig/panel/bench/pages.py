@@ -34,6 +34,7 @@ from cam_rig.panel.board.board import Board
 from cam_rig.panel.messages import read_body, read_object
 from cam_rig.panel.server import STATIC
 from cam_rig.schema import CamConfig
+from cam_rig.simulation.calibrated import is_calibrated
 from cam_rig.units import NS
 
 #: Speeds (rpm) of the knob.
@@ -95,7 +96,7 @@ class BenchPages:
         return JSONResponse(
             {
                 "rig": {"name": rig.name, "title": rig.title, "mass": rig.follower.mass.si},
-                "calibrated_on": rig.radiation.calibrated_on,
+                "has_screen": self._runner.has_screen,
                 "models": allowed_models(rig),
                 "cams": cam_names(self._runner.cams),
                 "paces": PACES,
@@ -163,7 +164,8 @@ class BenchPages:
                 self._pages.insert(0, page)
                 return DONE
         # An emergency stop is whoever's who sees the need.
-        if page is not self._pages[0] and command.get("value") != EMERGENCY_STOP:
+        emergency = (command.get("do"), command.get("value")) == ("call", EMERGENCY_STOP)
+        if page is not self._pages[0] and not emergency:
             raise RefusedError("another page holds the controls; allowed: after taking over")
         return await self._controls.obey(command)
 
@@ -193,4 +195,12 @@ class BenchPages:
 
     def _shown(self, page: BenchPage) -> dict[str, Any]:
         own = {"type": "live", "holds": page is self._pages[0], "pages": len(self._pages)}
-        return own | {"sound_rate": self._controls.sound.rate} | self.live.shown()
+        own |= {"sound_rate": self._controls.sound.rate, "calibrated_on": self._calibrated_on()}
+        return own | self.live.shown()
+
+    def _calibrated_on(self) -> str:
+        """The cam that the levels are calibrated on; empty where they are relative."""
+        setup = self.live.setup
+        rig = setup.rig(self._runner.rig)
+        fitted = is_calibrated(rig, setup.model)
+        return (rig.radiation.calibrated_on or "measured levels") if fitted else ""

@@ -15,9 +15,11 @@ from cam_rig.acoustics.level import pressure_pa
 from cam_rig.errors import RefusedError
 from cam_rig.units import NS
 
-#: Rig time (s) over which a noted level is the mean, or somewhat more, as it is of whole turns,
-#: after the cam has turned as fast for as long: eight times the time weighting F.
+#: Rig time (s) over which a noted level is the mean, or somewhat more, as it is of whole turns.
 MEAN_S = 1.0
+#: What must have passed at that speed before: so many times the meter's time constant, by which
+#: what it read before has fallen by 35 dB.
+SETTLED = 8.0
 #: Speeds (rpm) are the same when they differ by no more than this part.
 SAME_SPEED = 1e-6
 #: Ticks that are kept.
@@ -76,18 +78,18 @@ class Meter:
         """The newest tick."""
         return self._ticks[-1] if self._ticks else None
 
-    def steady(self) -> tuple[float, float, int]:
+    def steady(self, time_constant: float) -> tuple[float, float, int]:
         """Speed (rpm) and level (dB, mean square) of the last turns, a second or more of them.
 
-        And when they began (ns).
+        And when they began (ns). ``time_constant`` (s) is that of the meter's time weighting.
 
         Raises
         ------
-        RefusedError : the cam has not turned as fast for twice that time
+        RefusedError : the cam has not turned as fast for long enough
         """
         last = self.latest
         if last is None or last.rpm == 0.0:
-            raise RefusedError("reading: nothing turns; allowed: start, and wait for 2 s")
+            raise RefusedError("reading: nothing turns; allowed: start, and wait some seconds")
         same = [last]
         for tick in list(self._ticks)[-2::-1]:
             if abs(tick.rpm - last.rpm) > SAME_SPEED * last.rpm:
@@ -96,10 +98,11 @@ class Meter:
         span = (last.time_ns - same[-1].time_ns) / NS
         # Whole turns: the level swings within one.
         needed = math.ceil(MEAN_S * last.rpm / 60.0) * 60.0 / last.rpm
-        if span < 2.0 * needed:
+        settled = max(needed, SETTLED * time_constant) + needed
+        if span < settled:
             raise RefusedError(
                 f"reading: {last.rpm:.5g} rpm for {span:.1f} s of rig time; allowed: after "
-                f"{2.0 * needed:.1f} s"
+                f"{settled:.1f} s"
             )
         levels = [t.level for t in same if last.time_ns - t.time_ns < (1 - 1e-6) * needed * NS]
         square = float((pressure_pa(np.array(levels)) ** 2).mean())

@@ -51,7 +51,7 @@ class BenchRunner:
         self.tell: Told = lambda _message: None
         #: Address of the page that shows the rig in Rerun; empty where there is none.
         self.screen = ""
-        self._wants_screen = screen
+        self.has_screen = self._wants_screen = screen
         self._stream: str | None = None
         self._page: PageTime | None = None
         self._setups: Queue[tuple[Setup, NodeValues]] = Queue()
@@ -128,6 +128,8 @@ class BenchRunner:
                     while not graph.finished and following is None:
                         graph.look()
                         following = self._next()
+                if graph.interrupted is not None:
+                    raise InterruptError(graph.interrupted)
                 self.tell({"graph": "ended"})
         except InterruptError:
             raise

@@ -72,7 +72,7 @@ class Setup:
         try:
             values: dict[str, Any] = {k: kinds[k](given.get(k, v)) for k, v in known.items()}
             found = Setup(**values)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             wrong = [key for key in given if key in known]
         if wrong:
             raise RefusedError(f"set-up: {', '.join(wrong)[:80]}: allowed: {', '.join(known)}")

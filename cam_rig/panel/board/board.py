@@ -27,6 +27,7 @@ from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import Library, config_root, load_cam
 from cam_rig.schema.segments import BSpline
 from cam_rig.schema.yaml_text import parse_yaml
+from cam_rig.simulation.calibrated import is_calibrated
 from cam_rig.studies.jump.any_rig import TWO_MASSES, described, follower_of
 from cam_rig.studies.jump.contact_lost_speed import FROM_REST
 
@@ -123,7 +124,7 @@ class Board:
                 "preload": own.preload,
                 "two_masses": self._two_masses,
                 "from_rest_s": FROM_REST,
-                "calibrated_on": self.rig.radiation.calibrated_on,
+                "calibrated_on": self._calibrated_on(),
             },
             "rpm": self.rpm,
             "rpm_range": [MIN_RPM, MAX_RPM],
@@ -154,6 +155,11 @@ class Board:
         """
         law = build_law(load_cam(Library((config_root(),)).path("cams", name)))
         return {"name": name, "motion": motion_in_base64(law)}
+
+    def _calibrated_on(self) -> str:
+        """The cam that the level of one mass is calibrated on; empty where it is relative."""
+        fitted = is_calibrated(self.rig, "one_mass")
+        return self.rig.radiation.calibrated_on if fitted else ""
 
     def save(self, name: Any, ordinates: Any) -> Path:
         """Write ordinates as a cam file into the folder; gives its path.

@@ -148,6 +148,8 @@ def test_one_page_holds_the_controls(running_panel: RunningPanel) -> None:
         assert second.running()["holds"] is False
         refused = second.ask("set", name="rpm", value=100)
         assert refused["words"] == ("another page holds the controls; allowed: after taking over")
+        for wrong in ({"do": "keep"}, {"do": "clear"}, {"do": "set", "name": "rpm"}):
+            assert not second.ask(**wrong, value="emergency_stop")["success"]
         first.do("call", value="start")
         second.until(lambda live: live["level"])
         second.do("call", value="emergency_stop")
@@ -207,6 +209,20 @@ def test_nonsense_is_refused_and_changes_nothing(running_panel: RunningPanel) ->
             other.socket.send("x" * 70_000)
             page.do("listen", value=False)
         assert page.running()["setup"] == setup
+
+
+@pytest.mark.parametrize("wait", [0.1, 0.4, 1.0])
+def test_a_signal_while_the_rig_is_set_up_ends_the_panel(
+    running_panel: RunningPanel, wait: float
+) -> None:
+    """Whether it comes while nodes are ended, or while the next ones begin."""
+    with running_panel.page() as page:
+        page.running()
+        page.do("set_up", value={"preload": 40})
+        time.sleep(wait)  # the promise holds for any; these are where it did not
+        nodes = running_panel.nodes()
+        assert running_panel.end(signal.SIGINT) == 128 + signal.SIGINT
+    wait_until(lambda: not any(map(is_alive, nodes.values())))
 
 
 def test_what_is_drawn_is_put_on_the_bench(running_panel: RunningPanel) -> None:

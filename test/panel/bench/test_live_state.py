@@ -22,7 +22,7 @@ def live() -> LiveState:
     state.happened({"graph": "starting", "domain": 7})
     state.heard({"health": [f"cam_drive{HEARTBEAT}", 0, "stopped, waiting for ~/start"]})
     state.heard({"node": "microphone", "values": {"frequency_weighting": "A"}})
-    state.heard({"node": "microphone", "values": {"time_weighting": "S"}})
+    state.heard({"node": "microphone", "values": {"time_weighting": "F"}})
     return state
 
 
@@ -46,7 +46,7 @@ def test_a_contact_that_was_lost_in_the_mean_is_noted(live: LiveState) -> None:
     assert live.losses == 1
     turn(live, 170, 90)
     assert live.note().contact == "in contact"
-    assert [reading.weighting for reading in live.readings] == ["LAS"] * 3
+    assert [reading.weighting for reading in live.readings] == ["LAF"] * 3
 
 
 def test_the_drive_is_what_it_says(live: LiveState) -> None:
@@ -65,6 +65,18 @@ def test_the_drive_is_what_it_says(live: LiveState) -> None:
     assert live.late == "lagging"
     live.heard({"health": [PACE, 0, "on time"]})
     assert live.late == ""
+
+
+def test_what_is_in_flight_after_a_stop_does_not_turn(live: LiveState) -> None:
+    """Four ticks may still come; more of them, and somebody else has started it."""
+    turn(live, 0, 150)
+    live.stopped()
+    turn(live, 150, 4)
+    assert (live.drive, live.shown()["level"]) == ("stopped", None)
+    with pytest.raises(RefusedError, match="the cam stands"):
+        live.note()
+    turn(live, 154, 2)
+    assert live.drive == "turning"
 
 
 def test_another_weighting_or_cam_begins_a_new_reading(live: LiveState) -> None:

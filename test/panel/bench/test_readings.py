@@ -28,8 +28,17 @@ def test_a_steady_speed_can_be_read(rpm: float) -> None:
     meter = Meter()
     end = turned(meter, 50.0, 3.0, 60.0)
     turned(meter, rpm, 2.0 * (1.0 + 60.0 / rpm), 80.0, end)
-    found = meter.steady()
+    found = meter.steady(0.125)
     assert found[:2] == pytest.approx((rpm, 80.0))
+
+
+def test_a_slow_meter_is_waited_for() -> None:
+    """With time weighting S, eight of its seconds more: it still tells of what was before."""
+    meter = Meter()
+    turned(meter, 300.0, 5.0, 80.0)
+    assert meter.steady(0.125)[1] == pytest.approx(80.0)
+    with pytest.raises(RefusedError, match=r"after 9\.0 s"):
+        meter.steady(1.0)
 
 
 def test_the_mean_is_of_the_square() -> None:
@@ -39,7 +48,7 @@ def test_the_mean_is_of_the_square() -> None:
     for _ in range(30):
         begin = turned(meter, 300.0, 1 / 60, 80.0, begin)
         begin = turned(meter, 300.0, 1 / 60, 90.0, begin)
-    assert meter.steady()[1] == pytest.approx(80.0 + 10 * np.log10(5.5), abs=1e-9)
+    assert meter.steady(0.125)[1] == pytest.approx(80.0 + 10 * np.log10(5.5), abs=1e-9)
 
 
 def test_a_speed_that_has_just_changed_is_refused() -> None:
@@ -50,19 +59,19 @@ def test_a_speed_that_has_just_changed_is_refused() -> None:
     with pytest.raises(
         RefusedError, match=r"310 rpm for 0\.5 s of rig time; allowed: after 2\.3 s"
     ):
-        meter.steady()
+        meter.steady(0.125)
 
 
 def test_nothing_that_turns_is_refused() -> None:
     """Before the first tick, and while the cam stands after an emergency stop."""
     meter = Meter()
     with pytest.raises(RefusedError, match="nothing turns"):
-        meter.steady()
+        meter.steady(0.125)
     end = turned(meter, 300.0, 3.0, 80.0)
     meter.state(round(end * NS), 0.0)
     meter.level(round((end + 1.0) * NS), 40.0)
     with pytest.raises(RefusedError, match="nothing turns"):
-        meter.steady()
+        meter.steady(0.125)
 
 
 def test_a_level_before_any_state_is_passed_over() -> None:

@@ -20,7 +20,7 @@ let now = null;
 // -- what is there once -----------------------------------------------------------------------------
 $("title").textContent = text("bench_title", { rig: about.rig.title });
 document.title = `${text("nav_bench")} – cam_rig`;
-$("relative").textContent = about.calibrated_on ? text("calibrated", { cam: about.calibrated_on }) : text("level_relative");
+if (!about.has_screen) $("picture").remove();
 const words = { real_time: text("pace_real"), free: text("pace_free") };
 fill("pacing", about.paces, (pace) => words[pace] ?? pace.replace("x", "×"));
 fill("cam", about.cams);
@@ -38,8 +38,18 @@ const sound = new Sound((listens) => link.ask({ do: "listen", value: listens }))
 const link = new Link(live, (samples) => sound.play(samples), (on) => {
   status(on ? "" : text("disconnected_bench"), !on);
   if (on && sound.on) link.ask({ do: "listen", value: true });
-  if (!on) { $("start").disabled = true; enable(false); }
+  if (!on) gone();
 });
+/** Nothing is known of the bench any more. */
+function gone() {
+  enable(false);
+  for (const id of ["emergency", "apply"]) $(id).disabled = true;
+  for (const id of ["speed", "level"]) $(id).textContent = "–";
+  $("meter").value = 0;
+  for (const id of ["graph", "ros", "late"]) $(id).textContent = "";
+  lostAt = -Infinity;
+  lamp("");
+}
 function status(sentence, wrong) {
   $("status").textContent = sentence;
   $("status").classList.toggle("fault", Boolean(wrong));
@@ -70,8 +80,7 @@ $("take_over").addEventListener("click", () => ask({ do: "take_over" }));
 $("setup").addEventListener("submit", (event) => {
   event.preventDefault();
   const value = Object.fromEntries(SETUP.map((id) => [id, id === "model" ? $(id).value : $(id).valueAsNumber]));
-  edited = false;
-  ask({ do: "set_up", value });
+  ask({ do: "set_up", value }).then(({ success }) => { edited = !success; });
 });
 let edited = false; // what is typed is not overwritten before it is set up
 $("setup").addEventListener("input", () => { edited = true; });
@@ -82,7 +91,7 @@ $("note").addEventListener("click", async () => {
 });
 $("clear").addEventListener("click", () => ask({ do: "clear" }));
 $("keep").addEventListener("click", () => ask({ do: "keep" }));
-$("toggle").addEventListener("click", () => {
+if (about.has_screen) $("toggle").addEventListener("click", () => {
   const open = $("toggle").getAttribute("aria-expanded") !== "true";
   $("toggle").setAttribute("aria-expanded", String(open));
   $("toggle").textContent = text(open ? "hide" : "show");
@@ -99,6 +108,7 @@ function live(message) {
   const { graph, drive, state, values, contact } = message;
   if (message.sound_rate) sound.rate = message.sound_rate;
   $("holder").hidden = message.holds;
+  $("relative").textContent = message.calibrated_on ? text("calibrated", { cam: message.calibrated_on }) : text("level_relative");
   const runs = graph === "running" && Object.keys(values).length > 0;
   enable(message.holds && runs);
   $("start").disabled ||= drive === "emergency";
@@ -154,7 +164,7 @@ function lamp(contact) {
 }
 
 function choose(id, { values, state, setup }) {
-  const given = id === "cam" ? state.cam ?? (values.law_server?.cam || setup.cam) : values[NODE_OF[id]]?.[id];
+  const given = id === "cam" ? values.law_server?.cam || state.cam || setup.cam : values[NODE_OF[id]]?.[id];
   if (given === undefined || document.activeElement === $(id)) return;
   if (![...$(id).options].some(({ value }) => value === given)) $(id).append(new Option(given, given));
   $(id).value = given;
@@ -177,6 +187,7 @@ function ended([node, why]) {
 }
 
 function picture() {
+  if (!about.has_screen) return;
   const open = $("toggle").getAttribute("aria-expanded") === "true" && Boolean(now?.screen);
   $("rerun").hidden = !open;
   $("no_picture").hidden = open || $("toggle").getAttribute("aria-expanded") !== "true";
