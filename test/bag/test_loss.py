@@ -294,3 +294,19 @@ def test_a_recorder_that_was_killed_at_once_has_recorded_nothing(tmp_path):
     assert state_words(bag) == "nothing was recorded"
     (bag / "bag_0.torn").write_bytes(mcap_file(GOLDEN).read_bytes())
     assert f"{sum(read_counts(GOLDEN).values())} messages to" in state_words(bag)
+
+
+def test_the_rest_of_an_endless_scene_is_not_counted_tick_by_tick():
+    """Of a bench's hundred thousand turns, a recording that ends early only says that it does.
+
+    Closed, it says after which tick; neither makes a list of all that was planned.
+    """
+    program = SCENE.program.model_copy(
+        update={"turns": SCENE.program.turns.model_copy(update={"assumed": 1e5, "given": None})}
+    )
+    endless = SCENE.model_copy(update={"program": program})
+    kept = held(lambda _topic, m: m.log_time <= 300_000_000)
+    loss = loss_of(kept, endless, False, True)
+    assert loss.open_end
+    assert loss.messages < 100
+    assert loss_of(kept, endless, True, True).ends.startswith("it was closed after tick 1 of")
