@@ -22,7 +22,7 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
 
-from cam_rig.errors import CamRigError, ConfigError
+from cam_rig.errors import ConfigError
 from cam_rig.panel.guard import Guard
 from cam_rig.panel.messages import MAX_MESSAGE
 from cam_rig.viewer.server.process import HOST
@@ -79,17 +79,6 @@ class ServedPanel:
     def alive(self) -> bool:
         """Whether its server runs."""
         return not self._ended.is_set()
-
-    def wait(self) -> None:
-        """Until Ctrl-C.
-
-        Raises
-        ------
-        CamRigError : the server ended of itself
-        """
-        # Not the thread's join: one that Ctrl-C interrupts takes the thread for ended (3.11).
-        self._ended.wait()
-        raise CamRigError("the panel's server ended")
 
 
 @contextmanager

@@ -21,7 +21,7 @@ MAX_LINES = 6
 
 @dataclass
 class LiveState:
-    """The bench as its pages see it; every change makes another ``version``.
+    """The bench as its pages see it.
 
     Parameters
     ----------
@@ -36,9 +36,9 @@ class LiveState:
     domain: int = 0
     #: Whether the cam is driven: turning, stopped, or emergency.
     drive: str = "stopped"
-    #: Nodes that were killed and wait to be started again, and how they ended.
     #: Nodes that the drive waits for, in its words.
     waits_for: str = ""
+    #: Nodes that were killed and wait to be started again, and how they ended.
     ended: dict[str, str] = field(default_factory=dict)
     values: dict[str, dict[str, Any]] = field(default_factory=dict)
     state: dict[str, Any] = field(default_factory=dict)
@@ -49,7 +49,6 @@ class LiveState:
     readings: list[NotedReading] = field(default_factory=list)
     #: Address of the page that shows the rig in Rerun.
     screen: str = ""
-    version: int = 0
     #: Ticks in which contact was lost, as far as they were told apart.
     losses: int = 0
 
@@ -63,7 +62,6 @@ class LiveState:
 
     def happened(self, message: dict[str, Any]) -> None:
         """What the runner tells."""
-        self.version += 1
         if "graph" in message:
             self.graph, self.words = message["graph"], message.get("words", "")
             self.domain = message.get("domain", self.domain)
@@ -83,7 +81,6 @@ class LiveState:
 
     def heard(self, message: dict[str, Any]) -> None:
         """A line of the panel's node."""
-        self.version += 1
         if "state" in message:
             self._turned(message["state"])
         elif "level" in message:
@@ -177,13 +174,11 @@ class LiveState:
             self.setup.preload,
         )
         self.readings.append(reading)
-        self.version += 1
         return reading
 
     def clear(self) -> None:
         """Forget all readings."""
         self.readings.clear()
-        self.version += 1
 
     def shown(self) -> dict[str, Any]:
         """All of it, for a page."""

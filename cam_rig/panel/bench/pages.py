@@ -95,7 +95,7 @@ class BenchPages:
         rig = self._runner.rig
         return JSONResponse(
             {
-                "rig": {"name": rig.name, "title": rig.title, "mass": rig.follower.mass.si},
+                "rig": {"title": rig.title},
                 "has_screen": self._runner.has_screen,
                 "models": allowed_models(rig),
                 "cams": cam_names(self._runner.cams),
