@@ -18,8 +18,12 @@ from .pages import blocks
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?")
 
 
-def follow(page: Path) -> int:
-    """Do what a page says, in this folder; every number shown is printed. How many commands ran."""
+def follow(page: Path, within: float = 0.0) -> int:
+    """Do what a page says, in this folder; every number shown is printed. How many commands ran.
+
+    ``within`` is the share of a number that its like may differ by, where a search ends within a
+    bound and the last steps to it depend on the processor's arithmetic.
+    """
     ran = 0
     for kind, name, content in steps(page):
         if kind == "file":
@@ -27,7 +31,12 @@ def follow(page: Path) -> int:
             Path(name).write_text(content, encoding="utf-8")
             continue
         printed = run(name)
-        missing = set(NUMBER.findall(content)) - set(NUMBER.findall(printed))
+        there = [float(number) for number in NUMBER.findall(printed)]
+        missing = {
+            number
+            for number in NUMBER.findall(content)
+            if not any(abs(float(number) - like) <= within * abs(like) for like in there)
+        }
         assert not missing, f"{name}: shown and not printed: {missing}\n{printed}"
         for file in re.findall(r"--(?:out|plot|save|json|bag) (\S+)", name):
             assert Path(file).exists(), name
