@@ -66,8 +66,17 @@ class Law:
     known: Known | None = None
 
     def __post_init__(self) -> None:
-        breaks = np.array(self.breaks, dtype=np.float64)
-        ordinates = np.array(self.ordinates, dtype=np.float64)
+        if not (isinstance(self.name, str) and isinstance(self.known, Known | None)):
+            kinds = f"{type(self.name).__name__} and {type(self.known).__name__}"
+            raise LawError(f"law: name and known are {kinds}; allowed: a text, and None")
+        try:
+            breaks = np.array(self.breaks, dtype=np.float64)
+            ordinates = np.array(self.ordinates, dtype=np.float64)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise LawError(
+                f"law {self.name!r}: breaks and ordinates are not all numbers "
+                f"({str(error)[:80]}); allowed: arrays of rad and of m"
+            ) from None
         if ordinates.ndim != 2 or breaks.shape != (ordinates.shape[1] + 1,):
             raise LawError(
                 f"law {self.name!r}: {breaks.shape} breakpoints do not fit ordinates of shape "
