@@ -19,7 +19,8 @@ import numpy as np
 
 from cam_rig.errors import ConfigError
 
-P, R = ParamSpec("P"), TypeVar("R")
+P = ParamSpec("P")
+R = TypeVar("R")
 
 #: What a parameter of a type takes, in words; of the rig's own with the function that makes one.
 WORDS: dict[Any, str] = {

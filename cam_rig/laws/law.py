@@ -66,9 +66,10 @@ class Law:
     known: Known | None = None
 
     def __post_init__(self) -> None:
-        if not (isinstance(self.name, str) and isinstance(self.known, Known | None)):
-            kinds = f"{type(self.name).__name__} and {type(self.known).__name__}"
-            raise LawError(f"law: name and known are {kinds}; allowed: a text, and None")
+        for field, kind in (("name", str), ("known", Known | None)):
+            if not isinstance(value := getattr(self, field), kind):
+                words = "a text" if kind is str else "None"
+                raise LawError(f"law: {field} is {type(value).__name__}; allowed: {words}")
         try:
             breaks = np.array(self.breaks, dtype=np.float64)
             ordinates = np.array(self.ordinates, dtype=np.float64)
