@@ -74,7 +74,7 @@ def random_runs(laws, seed):
 def test_the_bits_are_the_same(laws, monkeypatch, seed):
     """Events, samples and the state at the end of both models."""
     law, one, two, interval = random_runs(laws, seed)
-    for model, p in (("one_mass", one), ("separation", two)):
+    for model, p in (("one_mass", one), ("two_mass", two)):
         found = []
         for form in (PLAIN, ALWAYS):
             monkeypatch.setenv(VARIABLE, form)
