@@ -25,8 +25,8 @@ def urdf(
     """Print the rig of a scene as URDF: base, guide, motor, microphone, cam and follower.
 
     Lengths in m and axes by REP 103: x forward along the shaft, z up. Every link has a mass, and
-    bodies to look at and to collide with. The mounted cam is a prism of its contour, which is whole on
-    /cam/markers.
+    bodies to look at and to collide with. The mounted cam is a prism of its contour, which is
+    whole on /cam/markers.
 
     Examples
     --------
