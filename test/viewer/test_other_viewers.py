@@ -98,7 +98,9 @@ def test_the_rig_turns_by_itself(imported: Picture) -> None:
     by the bag's transforms: every link that has a body has a frame, the cam and the follower at
     each instant."""
     *_, (_, _, last) = messages(GOLDEN, (topics.ROBOT_DESCRIPTION,))
-    links = [e for e in ElementTree.fromstring(last.data).iter("link") if e.find("visual")]
+    links = [
+        e for e in ElementTree.fromstring(last.data).iter("link") if e.find("visual") is not None
+    ]
     bodies = {f"/cam_rig/visual_geometries/{e.get('name')}/visual_0" for e in links}
     assert bodies
     assert bodies <= imported.entities
