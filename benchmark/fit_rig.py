@@ -69,7 +69,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=200)
     parser.add_argument("--first", type=int, default=0, help="seed of the first")
-    parser.add_argument("--model", choices=("one_mass", "separation"), default="one_mass")
+    parser.add_argument("--model", choices=("one_mass", "two_mass"), default="one_mass")
     parser.add_argument("--cams", default=",".join(CAMS), help="names with commas")
     parser.add_argument("--unasked", action="store_true", help="the fit is not told of the stem")
     asked = parser.parse_args()

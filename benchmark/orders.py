@@ -28,10 +28,10 @@ COUNTS = (10**5, 10**6)
 CASES = (
     ("bezier15", "tm21", "one_mass", 400, "smooth"),
     ("poly345", "tm21", "one_mass", 400, "steps of jerk"),
-    ("poly345", "paper_table2", "residual", 400, "vibration of the stem"),
+    ("poly345", "paper_table2", "elastic_stem", 400, "vibration of the stem"),
     ("tm21", "tm21", "kinetostatic", 300, "steps of force"),
     ("tm21", "tm21", "one_mass", 400, "a flight a turn"),
-    ("poly345", "paper_table2", "separation", 480, "stem and flights"),
+    ("poly345", "paper_table2", "two_mass", 480, "stem and flights"),
 )
 TEXT = """{heading}
 `cam-rig orders` integrates the steady force in closed form. Largest difference over orders 0 to

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from cam_rig.api.campaign import campaign
     from cam_rig.api.contour import contour
     from cam_rig.api.design import design
-    from cam_rig.api.files import load_cam, load_rig, load_scene
+    from cam_rig.api.files import build_law, load_cam, load_rig, load_scene
     from cam_rig.api.jump import jump_speed
     from cam_rig.api.largest_waviness import largest_waviness
     from cam_rig.api.motion import simulate
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from cam_rig.api.scene_run import read_bag, run_scene
     from cam_rig.api.sound import sound_level
     from cam_rig.errors import CamRigError
-    from cam_rig.laws import Law, build_law
+    from cam_rig.laws import Law
 
     __version__: str
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "CamRigError": "cam_rig.errors",
     "Law": "cam_rig.laws",
-    "build_law": "cam_rig.laws",
+    "build_law": "cam_rig.api.files",
     "campaign": "cam_rig.api.campaign",
     "compare_run": "cam_rig.api.real_run",
     "contour": "cam_rig.api.contour",

@@ -48,7 +48,7 @@ import cam_rig
 cam = cam_rig.load_cam("poly345")
 law = cam_rig.build_law(cam)
 rig = cam_rig.load_rig("paper_table2")
-motion = cam_rig.simulate(law, rig, model="separation", rpm=450, turns=3, sample_rate=48_000)
+motion = cam_rig.simulate(law, rig, model="two_mass", rpm=450, turns=3, sample_rate=48_000)
 motion.time, motion.lift, motion.force, motion.events
 cam_rig.sound_level(motion), cam_rig.contour(cam).radius, cam_rig.run_scene("quick").noise
 print(round(cam_rig.jump_speed(law, rig).rpm, 2))

@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cam_rig.api.arguments import require_type
+from cam_rig.api.arguments import checked
 from cam_rig.api.notebook import shown
 from cam_rig.extras import libraries_named, require
 from cam_rig.schema.load import Library, config_root, named_path
@@ -59,12 +59,12 @@ def opened(study: str | Path | Mapping[str, Any]) -> Campaign:
     ------
     ConfigError, LawError : something wrong in the study
     """
-    require_type("study", study, (str, Path, Mapping), "a name, a path, or a mapping")
     if isinstance(study, Mapping):
         return campaign_from(study, Library((config_root(),)))
     return open_campaign(named_path("campaigns", study))
 
 
+@checked
 def campaign(
     study: str | Path | Mapping[str, Any],
     out: str | Path,
@@ -102,8 +102,6 @@ def campaign(
     ...     found.to_pandas().jump_speed_rpm.round(1).tolist()[:3]
     [173.8, 416.3, 274.9]
     """
-    require_type("out", out, (str, Path), "a folder")
-    require_type("workers", workers, int, "a whole number of batches")
     require("pyarrow")
     dataset = CampaignDataset(Path(out), opened(study).planned(points, seed))
     with dataset.opened(resume):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cam_rig.api.arguments import require_type
+from cam_rig.api.arguments import checked
 from cam_rig.api.notebook import shown
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from cam_rig.profile.checks.check import Check
 
-#: Fewest points of a contour.
-FEWEST = 36
+#: Points of a contour: at least, and at most.
+FEWEST, MOST = 36, 1_000_000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -109,6 +109,7 @@ class CamContour:
         ]
         return concat(tables, ignore_index=True)
 
+    @checked
     def plot(self, positions: int = 24) -> Figure:
         """The cam with its follower around it, curvature and pressure angle.
 
@@ -122,25 +123,25 @@ class CamContour:
         MissingLibraryError : matplotlib or shapely is not installed
         """
         with libraries_named():
-            from cam_rig.plots.profile import FEWEST as LEAST
-            from cam_rig.plots.profile import MOST, figure
-        require_type("positions", positions, int, "a whole number")
-        if not LEAST <= positions <= MOST:
-            raise ConfigError(f"positions: is {positions}; allowed: {LEAST} to {MOST}")
-        return shown(figure(self.cam, self.law, self.checks, positions))
+            from cam_rig.plots import profile
+        if not profile.FEWEST <= positions <= profile.MOST:
+            allowed = f"{profile.FEWEST} to {profile.MOST}"
+            raise ConfigError(f"positions: is {positions}; allowed: {allowed}")
+        return shown(profile.figure(self.cam, self.law, self.checks, positions))
 
 
+@checked
 def contour(cam: CamConfig, points: int = 3600) -> CamContour:
     """The contour of a cam at equal steps of the cam angle, by kinematic inversion.
 
     Parameters
     ----------
     cam : of `load_cam`
-    points : of one turn
+    points : of one turn, 36 to 1 000 000
 
     Raises
     ------
-    ConfigError : fewer than 36 points
+    ConfigError : another number of points
     LawError, ReachError : the law does not join, or the follower cannot reach the base circle
 
     Examples
@@ -152,10 +153,8 @@ def contour(cam: CamConfig, points: int = 3600) -> CamContour:
     >>> all(check.passed for check in shape.checks)
     True
     """
-    require_type("cam", cam, CamConfig, "a cam, of load_cam")
-    require_type("points", points, int, "a whole number")
-    if points < FEWEST:
-        raise ConfigError(f"points: is {points}; allowed: {FEWEST} or more")
+    if not FEWEST <= points <= MOST:
+        raise ConfigError(f"points: is {points}; allowed: {FEWEST} to {MOST}")
     law = build_law(cam)
     found = contours(cam.follower, law, points)
     for disc in found:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cam_rig.api.arguments import require_type
+from cam_rig.api.arguments import checked
 from cam_rig.api.notebook import shown
 from cam_rig.extras import libraries_named
 from cam_rig.schema import CamConfig, RigConfig
@@ -61,6 +61,7 @@ class DesignedLaw(LawDesign):
         return shown(figure(self))
 
 
+@checked
 def design(
     cam: CamConfig,
     rig: RigConfig,
@@ -103,8 +104,6 @@ def design(
     >>> print(f"{found.goal.start:.4f} {found.goal.result:.4f} m/rad^2")
     0.0686 0.0476 m/rad^2
     """
-    require_type("cam", cam, CamConfig, "a cam, of load_cam")
-    require_type("rig", rig, RigConfig, "a rig, of load_rig")
     request = DesignRequest.of(
         minimise=minimise,
         maximise=maximise,

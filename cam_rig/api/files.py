@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from cam_rig import laws
+from cam_rig.api.arguments import checked
 from cam_rig.schema import CamConfig, RigConfig, load
 from cam_rig.schema.load import named_path
 from cam_rig.simulation.loaded_scene import LoadedScene, open_scene
 
 
+@checked
 def load_cam(cam: str | Path) -> CamConfig:
     """A cam: its law as segments around the turn, and its follower.
 
@@ -30,6 +33,10 @@ def load_cam(cam: str | Path) -> CamConfig:
     return load.load_cam(named_path("cams", cam))
 
 
+build_law = checked(laws.build_law)
+
+
+@checked
 def load_rig(rig: str | Path) -> RigConfig:
     """A rig: the follower's masses, springs and dampers, its shaft, and how it sounds.
 
@@ -54,6 +61,7 @@ def load_rig(rig: str | Path) -> RigConfig:
     return load.load_rig(named_path("rigs", rig))
 
 
+@checked
 def load_scene(scene: str | Path) -> LoadedScene:
     """A scene (an experiment: cams on a rig, and speeds) with every file that it names.
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from cam_rig.api.arguments import require_type
+from cam_rig.api.arguments import checked
 from cam_rig.api.notebook import shown
 from cam_rig.extras import libraries_named
 from cam_rig.laws import Law
@@ -61,6 +61,7 @@ class JumpSpeed(Jump):
         return shown(one_cam(self.law, follower_of(self.rig), self.duration, self.rpm))
 
 
+@checked
 def jump_speed(law: Law, rig: RigConfig, *, duration: float | None = FROM_REST) -> JumpSpeed:
     """The lowest speed at which the follower loses contact, to 0.01 rpm.
 
@@ -87,9 +88,5 @@ def jump_speed(law: Law, rig: RigConfig, *, duration: float | None = FROM_REST) 
     >>> round(cam_rig.jump_speed(law, rig).rpm, 2)
     413.44
     """
-    require_type("law", law, Law, "a Law, of build_law")
-    require_type("rig", rig, RigConfig, "a rig, of load_rig")
-    if duration is not None:
-        require_type("duration", duration, (int, float), "a number of s, or None")
     found = find_jump(law, follower_of(rig), duration)
     return JumpSpeed(found.speed, found.angle, found.time, law, rig, duration)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cam_rig.api.arguments import require_type
+from cam_rig.api.arguments import checked
 from cam_rig.api.campaign import opened
 from cam_rig.api.notebook import shown
 from cam_rig.arrays import FloatArray
@@ -27,6 +27,9 @@ from cam_rig.studies.campaign.run import InThisProcess
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
+
+#: Wavelengths of one search, at most; each takes seconds.
+MOST = 100_000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -67,6 +70,7 @@ class WavinessRun:
         return shown(figure(self.search, self.wavelengths))
 
 
+@checked
 def largest_waviness(
     study: str | Path | Mapping[str, Any],
     wavelengths: int | Sequence[float] | FloatArray = 24,
@@ -103,13 +107,12 @@ def largest_waviness(
     """
     search = WavinessSearch(opened(study).planned(points, seed))
     if isinstance(wavelengths, int):
-        if wavelengths < 1:
-            raise ConfigError(f"wavelengths: is {wavelengths}; allowed: 1 or more, or angles (rad)")
+        if not 1 <= wavelengths <= MOST:
+            allowed = f"1 to {MOST}, or angles (rad)"
+            raise ConfigError(f"wavelengths: is {wavelengths}; allowed: {allowed}")
         asked = search.wavelengths(wavelengths)
     else:
-        kinds = (Sequence, np.ndarray)
-        require_type("wavelengths", wavelengths, kinds, "a number of them, or angles in rad")
-        asked = np.array(wavelengths, dtype=np.float64)
+        asked = np.ravel(np.array(wavelengths, dtype=np.float64))
         for one in asked.tolist():
             require_wavelength(one)
     return WavinessRun(search, tuple(find_largest(search, asked, executor or InThisProcess())))

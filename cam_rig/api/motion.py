@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import ValidationError
 
-from cam_rig.api.arguments import require_type
+from cam_rig.api.arguments import checked
 from cam_rig.api.notebook import shown
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import MODELS, Block, Event
@@ -109,6 +109,7 @@ class FollowerMotion(NamedRows):
         return shown(figure(self, self.law(self.angle), f"{self.law.name} at {self.rpm:g} rpm"))
 
 
+@checked
 def simulate(
     law: Law,
     rig: RigConfig,
@@ -150,8 +151,6 @@ def simulate(
     >>> [event.kind for event in motion.events][:2]
     ['lift-off', 'landing']
     """
-    require_type("law", law, Law, "a Law, of build_law")
-    require_type("rig", rig, RigConfig, "a rig, of load_rig")
     scene = _scene(rig, model, rpm, turns, sample_rate, ramp)
     _require_room(rpm, turns, sample_rate)
     chosen = MODELS[scene.model]
@@ -180,9 +179,6 @@ def _scene(
     rig: RigConfig, model: str, rpm: float, turns: int, sample_rate: int, ramp: float | None
 ) -> SceneConfig:
     """The arguments as a scene of one cam and one speed, checked like a scene's file."""
-    numbers = {"rpm": rpm, "turns": turns, "sample_rate": sample_rate}
-    for argument, value in numbers.items():
-        require_type(argument, value, (int, float), "a number")
     program: dict[str, Any] = {
         "speeds": _number([rpm], "rpm"),
         "turns": _number(turns, "turns"),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cam_rig.api.arguments import checked
 from cam_rig.api.files import load_scene
 from cam_rig.api.notebook import shown
 from cam_rig.errors import BagError, ConfigError
@@ -88,6 +89,7 @@ class RunComparison:
         return shown(figure(self.speeds, self.loaded.titles))
 
 
+@checked
 def compare_run(
     bag: str | Path,
     scene: str | Path | LoadedScene,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cam_rig.api.arguments import checked
 from cam_rig.api.files import load_scene
 from cam_rig.api.notebook import shown
 from cam_rig.dynamics import Samples
@@ -74,6 +75,7 @@ class SceneRun:
             levels, {cam: self.loaded.role(cam) for cam in levels}, self.loaded.published
         )
 
+    @checked
     def samples(self, cam: str, rpm: float) -> Samples:
         """The follower's samples of a cam at one speed: ``time``, ``lift``, ``force`` and so on.
 
@@ -122,6 +124,7 @@ class SceneRun:
             return self.speeds.rows(levels)
         return rows_by_speed(self.blocks(), self.loaded.laws, rate, settle, levels)
 
+    @checked
     def export(self, path: str | Path, *, cam: str | None = None, rpm: float | None = None) -> None:
         """Write every sample with θ, rpm and cam beside it, as ``cam-rig export`` does.
 
@@ -171,6 +174,7 @@ class SceneRun:
         return shown(figure(self.noise, self.loaded))
 
 
+@checked
 def run_scene(
     scene: str | Path | LoadedScene, *, on_tick: Callable[[], None] = lambda: None
 ) -> SceneRun:
@@ -203,6 +207,7 @@ def run_scene(
     return SceneRun(loaded, tuple(ticks), loaded.scene_file, again, speeds=speeds)
 
 
+@checked
 def read_bag(bag: str | Path, scene: str | Path | None = None) -> SceneRun:
     """Read a recorded run back, with the scene that is attached to it.
 

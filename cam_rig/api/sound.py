@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cam_rig.acoustics import RadiationParameters, level_db
-from cam_rig.api.arguments import require_type
+from cam_rig.api.arguments import checked
 from cam_rig.api.motion import CAM, FollowerMotion
 from cam_rig.api.notebook import shown
 from cam_rig.arrays import FloatArray
@@ -82,6 +82,7 @@ class SoundLevel:
         return shown(turn_by_turn(self.by_turn, self.settle_turns, self.level_db, str(self)))
 
 
+@checked
 def sound_level(motion: FollowerMotion, *, settle_turns: int = 1) -> SoundLevel:
     """The level that the rig's microphone measures of a motion, as in a scene of the same speed.
 
@@ -102,8 +103,6 @@ def sound_level(motion: FollowerMotion, *, settle_turns: int = 1) -> SoundLevel:
     >>> print(cam_rig.sound_level(motion))
     83.7 dB at 300 rpm (calibrated on poly345)
     """
-    require_type("motion", motion, FollowerMotion, "a motion, of simulate")
-    require_type("settle_turns", settle_turns, int, "a whole number of turns")
     ticks = [tick for tick in _measured_ticks(motion) if tick.steady]
     if not 0 <= settle_turns < len(ticks):
         raise ConfigError(

@@ -21,7 +21,7 @@ from cam_rig.dynamics.events.compiled import ALWAYS, PLAIN, VARIABLE
 from cam_rig.tables import Column, DataTable, tabulate
 
 #: Cases with events, and the tolerances of the peer, of which the most accurate run counts.
-NAMES, RTOLS = ("one_mass_arc", "separation_soft", "separation_stem"), (1e-12, 3e-14)
+NAMES, RTOLS = ("one_mass_arc", "two_mass_soft", "two_mass_stem"), (1e-12, 3e-14)
 #: The peer's longest run (s), and the rig's runs, of which the median counts.
 SECONDS, REPEATS = 60.0, 21
 

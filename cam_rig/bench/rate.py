@@ -21,7 +21,7 @@ from cam_rig.tables import Column, DataTable, tabulate
 from cam_rig.units import NS
 
 CAM, SAMPLE_RATE = "bezier15", 48_000
-SAMPLED = ("kinetostatic", "residual")
+SAMPLED = ("kinetostatic", "elastic_stem")
 #: At the first a turn is 7200 samples, at the second no whole number of them.
 SPEEDS_RPM = (400.0, 391.37)
 #: Samples in a block: 6 MB, which a large cache still holds, and 25 MB.

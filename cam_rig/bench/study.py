@@ -26,10 +26,10 @@ from cam_rig.errors import CamRigError
 ORDER = (
     "resonance",
     "torsional",
-    "separation_soft",
+    "two_mass_soft",
     "one_mass_arc",
-    "separation_stem",
-    "residual_stem",
+    "two_mass_stem",
+    "elastic_stem",
 )
 #: A setting takes this many times as long as the one before it, at least and at most.
 MIN_GROWTH, MAX_GROWTH = 1.3, 4.0

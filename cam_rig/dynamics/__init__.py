@@ -44,8 +44,8 @@ class Model:
 MODELS: dict[str, Model] = {
     "kinetostatic": Model(FollowerParameters.from_rig, kinetostatic.advance, require_smooth),
     "one_mass": Model(FollowerParameters.from_rig, one_mass.advance, lifts_off=True),
-    "residual": Model(FollowerParameters.from_rig, elastic_stem.advance),
-    "separation": Model(TwoMassParameters.from_rig, two_mass.advance, lifts_off=True),
+    "elastic_stem": Model(FollowerParameters.from_rig, elastic_stem.advance),
+    "two_mass": Model(TwoMassParameters.from_rig, two_mass.advance, lifts_off=True),
     "torsional": Model(torsional.from_rig, torsional.advance, require_smooth),
 }
 

@@ -115,8 +115,8 @@ def short_of_velocity_jump(law: Law, angle: float) -> float:
 
 #: What else there is for a law whose velocity jumps, where a model can be chosen.
 OTHER_MODELS = (
-    ", or one of the models residual, one_mass and separation, where it is an impact or lifts the "
-    "follower off"
+    ", or one of the models elastic_stem, one_mass and two_mass, where it is an impact or lifts "
+    "the follower off"
 )
 
 

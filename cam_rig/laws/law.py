@@ -66,8 +66,18 @@ class Law:
     known: Known | None = None
 
     def __post_init__(self) -> None:
-        breaks = np.array(self.breaks, dtype=np.float64)
-        ordinates = np.array(self.ordinates, dtype=np.float64)
+        for field, kind in (("name", str), ("known", Known | None)):
+            if not isinstance(value := getattr(self, field), kind):
+                words = "a text" if kind is str else "None"
+                raise LawError(f"law: {field} is {type(value).__name__}; allowed: {words}")
+        try:
+            breaks = np.array(self.breaks, dtype=np.float64)
+            ordinates = np.array(self.ordinates, dtype=np.float64)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise LawError(
+                f"law {self.name!r}: breaks and ordinates are not all numbers "
+                f"({str(error)[:80]}); allowed: arrays of rad and of m"
+            ) from None
         if ordinates.ndim != 2 or breaks.shape != (ordinates.shape[1] + 1,):
             raise LawError(
                 f"law {self.name!r}: {breaks.shape} breakpoints do not fit ordinates of shape "

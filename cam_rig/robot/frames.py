@@ -20,6 +20,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.drawing.follower import FollowerShape, Oscillating, follower_shape
 from cam_rig.drawing.force_scale import max_contact_force
 from cam_rig.laws import Law
+from cam_rig.profile import turn_angles
 from cam_rig.schema import CamConfig
 from cam_rig.schema.cam import FRAMES
 from cam_rig.simulation.loaded_scene import LoadedScene
@@ -31,7 +32,7 @@ BASE, GUIDE, MOTOR, MICROPHONE, CAM, FOLLOWER, ARC = FRAMES
 ARM = "follower_arm"
 #: Roll, pitch and yaw of the guide in base_link, rad: its x is y there, its y is z.
 UPRIGHT = (0.5 * math.pi, 0.0, 0.5 * math.pi)
-#: Room for lift-off over the greatest lift, as a share of it.
+#: Room for lift-off over the scene's greatest lift, as a share of it.
 LIFT_OFF = 1.0
 
 Vector = tuple[float, float, float]
@@ -131,6 +132,18 @@ class Robot:
         return max_contact_force(self.loaded, self.mounted.name, self.top_speed)
 
     @property
+    def max_lift(self) -> float:
+        """The greatest of the scene's cams, m: its follower is one joint for all of them."""
+        return max(float(self.loaded.laws[cam](turn_angles(360)).max()) for cam in self.cams)
+
+    @property
+    def most(self) -> tuple[float, float]:
+        """Greatest contact force (N) and lift's speed (m/s) of the scene's cams at that speed."""
+        forces = [max_contact_force(self.loaded, cam, self.top_speed) for cam in self.cams]
+        slope = max(self.loaded.laws[cam].bounds[1] for cam in self.cams)
+        return max(forces), slope * self.top_speed
+
+    @property
     def law(self) -> Law:
         """The mounted cam's."""
         return self.loaded.laws[self.mounted.name]
@@ -150,7 +163,7 @@ class Robot:
     @property
     def moving(self) -> list[PlaneJoint]:
         """The joints of /tf, in the order of their names."""
-        limits = 0.0, (1.0 + LIFT_OFF) * self.shape.max_lift
+        limits = 0.0, (1.0 + LIFT_OFF) * self.max_lift
         cam = PlaneJoint(CAM, "continuous", GUIDE, CAM)
         if not isinstance(self.shape, Oscillating):
             return [cam, PlaneJoint(FOLLOWER, "prismatic", GUIDE, FOLLOWER, limits=limits)]

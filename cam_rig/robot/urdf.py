@@ -1,7 +1,8 @@
-"""The rig as a URDF: links and joints of `cam_rig.robot.frames`, with bodies to look at.
+"""The rig as a URDF: links and joints of `cam_rig.robot.frames`, with bodies.
 
-Given by the files are the disc of the base circle, roller, face and arm, and all that the joints
-say. Only looks are thicknesses, shaft, stem, bearing, motor, microphone and the wall behind them.
+Given by the files are the contour, roller, face and arm, the follower's mass, and all that the
+joints say. Only looks are thicknesses, shaft, stem, bearing, motor, microphone and the wall behind
+them; masses and inertias that follow from looks are assumed, and a comment says so.
 """
 
 from __future__ import annotations
@@ -9,12 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from xml.etree import ElementTree
-from xml.etree.ElementTree import Element, SubElement
+from xml.etree.ElementTree import Comment, Element, SubElement
 
 import numpy as np
 
 from cam_rig.arrays import FloatArray
-from cam_rig.drawing import colours
+from cam_rig.live.cam_check import contour_of
+from cam_rig.robot.bodies import MATERIALS, Body, inertial, prism, text
 from cam_rig.robot.frames import (
     ARC,
     BASE,
@@ -26,17 +28,14 @@ from cam_rig.robot.frames import (
     FixedJoint,
     PlaneJoint,
     Robot,
-    Vector,
 )
 
 #: Thicknesses along the shaft as shares of the robot's size; only looks.
 DISC, BODY, LINE = 0.24, 0.12, 0.04
-COLOURS = {
-    "steel": colours.GREY,
-    "brass": colours.FOLLOWER,
-    "wall": colours.LIGHT_GREY,
-    "black": colours.BLACK,
-}
+#: What wall, motor and microphone are in proportion to, m: the bench is one for all cams.
+BENCH = 0.125
+#: Digits of joints, of which others compute where the links are; of all else there are six.
+JOINT_DIGITS = 12
 
 
 def urdf(robot: Robot) -> str:
@@ -51,13 +50,13 @@ def urdf(robot: Robot) -> str:
     '<robot name="cam_rig">'
     """
     root = Element("robot", name="cam_rig")
-    for name, rgba in COLOURS.items():
-        channels = ((rgba >> shift & 0xFF) / 255.0 for shift in (24, 16, 8))
-        _child(_child(root, "material", name=name), "color", rgba=_text((*channels, 1.0)))
+    for name, (rgba, _) in MATERIALS.items():
+        channels = [(rgba >> shift & 0xFF) / 255.0 for shift in (24, 16, 8)]
+        SubElement(SubElement(root, "material", name=name), "color", rgba=text([*channels, 1.0]))
     for link in (BASE, GUIDE, MOTOR, MICROPHONE, CAM, FOLLOWER, *robot.cams):
-        _child(root, "link", name=link).extend(_LOOKS.get(link, lambda _: ())(robot))
+        _link(root, robot, link)
     if any(joint.child == ARC for joint in robot.moving):
-        _child(root, "link", name=ARC)
+        _link(root, robot, ARC)
     joints: list[FixedJoint | PlaneJoint] = [*robot.fixed, *robot.moving]
     for joint in joints:
         _joint(root, robot, joint)
@@ -65,57 +64,84 @@ def urdf(robot: Robot) -> str:
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
+def _link(root: Element, robot: Robot, name: str) -> None:
+    """A link with its bodies, its mass and its inertia; a comment says what is assumed."""
+    element = SubElement(root, "link", name=name)
+    looks = _contour if name == robot.mounted.name else _LOOKS.get(name, lambda _: ())
+    bodies, mass = list(looks(robot)), None
+    words = "mass and inertia assumed: of solid bodies" if bodies else "1 g assumed: no body"
+    if name == FOLLOWER:
+        rig = robot.loaded.rig
+        mass, origin = rig.follower.mass.si, rig.follower.mass.origin
+        words = f"mass {origin} in rig {rig.name}; inertia assumed: spread as in solid bodies"
+    element.append(Comment(f" {words} "))
+    element.append(inertial(bodies, mass))
+    for body in bodies:
+        element.extend(body.elements())
+
+
 def _joint(root: Element, robot: Robot, joint: FixedJoint | PlaneJoint) -> None:
     kind = "fixed" if isinstance(joint, FixedJoint) else joint.kind
-    element = _child(root, "joint", name=joint.name, type=kind)
+    element = SubElement(root, "joint", name=joint.name, type=kind)
     if isinstance(joint, FixedJoint):
-        _child(element, "origin", xyz=_text(joint.xyz), rpy=_text(joint.rpy))
+        xyz, rpy = joint.xyz, joint.rpy
     else:
         x, y, yaw = joint.origin
-        _child(element, "origin", xyz=_text((x, y, 0.0)), rpy=_text((0.0, 0.0, yaw)))
-    _child(element, "parent", link=joint.parent)
-    _child(element, "child", link=joint.child)
+        xyz, rpy = (x, y, 0.0), (0.0, 0.0, yaw)
+    SubElement(element, "origin", xyz=text(xyz, JOINT_DIGITS), rpy=text(rpy, JOINT_DIGITS))
+    SubElement(element, "parent", link=joint.parent)
+    SubElement(element, "child", link=joint.child)
     if isinstance(joint, FixedJoint):
         return
-    _child(element, "axis", xyz="0 1 0" if joint.kind == "prismatic" else "0 0 1")
+    SubElement(element, "axis", xyz="0 1 0" if joint.kind == "prismatic" else "0 0 1")
     if joint.limits is not None:
         # What the joint bears at the scene's highest speed; the follower's own unit, N or N m.
-        rate, arm = abs(joint.follows or 1.0), 1.0 / abs(joint.follows or 1.0)
-        speed = rate * robot.law.bounds[1] * robot.top_speed
+        rate = abs(joint.follows or 1.0)
+        effort, speed = robot.most
         names = ("lower", "upper", "effort", "velocity")
-        values = (*joint.limits, robot.top_force * arm, speed)
-        _child(element, "limit", **{n: repr(v) for n, v in zip(names, values, strict=True)})
+        values = (*joint.limits, effort / rate, rate * speed)
+        found = {name: text((value,)) for name, value in zip(names, values, strict=True)}
+        SubElement(element, "limit", found)
     if joint.follows is not None:
-        _child(element, "mimic", joint=FOLLOWER, multiplier=repr(joint.follows), offset="0")
+        follows = text((joint.follows,), JOINT_DIGITS)
+        SubElement(element, "mimic", joint=FOLLOWER, multiplier=follows, offset="0")
 
 
-def _base(robot: Robot) -> Iterator[Element]:
-    size = robot.size
-    box = (LINE * size, 2.4 * size, 3.0 * size)
-    yield _body(_box(*box), "wall", (-0.5 * size, 0.0, 0.4 * size))
+def _base(robot: Robot) -> Iterator[Body]:
+    box = (LINE * BENCH, 2.4 * BENCH, 3.0 * BENCH)
+    yield Body(box, "wall", (-0.5 * BENCH, 0.0, 0.4 * BENCH))
 
 
-def _motor(robot: Robot) -> Iterator[Element]:
-    size, along_shaft = robot.size, (0.0, 0.5 * math.pi, 0.0)
-    yield _body(_cylinder(0.35 * size, 0.4 * size), "black", rpy=along_shaft)
+def _motor(robot: Robot) -> Iterator[Body]:
+    behind = 0.75 * (robot.size - BENCH)  # its link is as far off as the cam is large
+    along_shaft = (0.0, 0.5 * math.pi, 0.0)
+    yield Body((0.35 * BENCH, 0.4 * BENCH), "black", (behind, 0.0, 0.0), along_shaft)
 
 
-def _microphone(robot: Robot) -> Iterator[Element]:
-    yield _body(_cylinder(0.05 * robot.size, 0.4 * robot.size), "black")
+def _microphone(robot: Robot) -> Iterator[Body]:
+    yield Body((0.05 * BENCH, 0.4 * BENCH), "black")
 
 
-def _cam(robot: Robot) -> Iterator[Element]:
+def _cam(robot: Robot) -> Iterator[Body]:
     size, base = robot.size, robot.mounted.follower.base_radius.si
-    yield _body(_cylinder(base, 0.9 * DISC * size), "steel")
-    yield _body(_cylinder(0.25 * base, 0.9 * size), "steel", (0.0, 0.0, -0.3 * size))
+    yield Body((base, 0.9 * DISC * size), "steel")
+    front, back = 0.15 * size, -0.75 * BENCH  # of the shaft
+    middle = (0.0, 0.0, 0.5 * (front + back))
+    yield Body((0.25 * base, front - back), "steel", middle)
 
 
-def _guide(robot: Robot) -> Iterator[Element]:
+def _contour(robot: Robot) -> Iterator[Body]:
+    cam = robot.mounted
+    outline = contour_of(cam, robot.law).T
+    yield from prism(outline, cam.follower.base_radius.si, 0.9 * DISC * robot.size, "steel")
+
+
+def _guide(robot: Robot) -> Iterator[Body]:
     for strip in robot.shape.support():
         yield _strip(strip, DISC * robot.size, LINE * robot.size, "wall")
 
 
-def _follower(robot: Robot) -> Iterator[Element]:
+def _follower(robot: Robot) -> Iterator[Body]:
     for strip in robot.shape.outline():
         yield _strip(robot.body(strip), BODY * robot.size, LINE * robot.size, "brass")
 
@@ -130,42 +156,14 @@ _LOOKS = {
 }
 
 
-def _strip(strip: FloatArray, depth: float, line: float, material: str) -> Element:
+def _strip(strip: FloatArray, depth: float, line: float, material: str) -> Body:
     """A body of an outline: a line, a circle, or else a box as large as the outline."""
     low, high = strip.min(axis=0), strip.max(axis=0)
     (x, y), (wide, tall) = 0.5 * (low + high), high - low
     place = float(x), float(y), 0.0
     if len(strip) == 2:
         turn = float(np.arctan2(*(strip[1] - strip[0])[::-1]))
-        return _body(_box(float(np.hypot(wide, tall)), line, depth), material, place, (0, 0, turn))
+        return Body((float(np.hypot(wide, tall)), line, depth), material, place, (0.0, 0.0, turn))
     if len(strip) > 5:
-        return _body(_cylinder(0.5 * float(wide), depth), material, place)
-    return _body(_box(float(wide), float(tall), depth), material, place)
-
-
-def _body(
-    geometry: Element, material: str, xyz: Vector = (0.0, 0.0, 0.0), rpy: Vector = (0.0, 0.0, 0.0)
-) -> Element:
-    visual = Element("visual")
-    _child(visual, "origin", xyz=_text(xyz), rpy=_text(rpy))
-    SubElement(visual, "geometry").append(geometry)
-    _child(visual, "material", name=material)
-    return visual
-
-
-def _box(x: float, y: float, z: float) -> Element:
-    return Element("box", size=_text((x, y, z)))
-
-
-def _cylinder(radius: float, length: float) -> Element:
-    """Along z, about the origin."""
-    return Element("cylinder", radius=repr(radius), length=repr(length))
-
-
-def _child(parent: Element, tag: str, **attributes: str) -> Element:
-    return SubElement(parent, tag, attributes)
-
-
-def _text(numbers: tuple[float, ...]) -> str:
-    """Numbers to their last digit, so that other programs compute with the same."""
-    return " ".join(repr(float(number)) for number in numbers)
+        return Body((0.5 * float(wide), depth), material, place)
+    return Body((float(wide), float(tall), depth), material, place)

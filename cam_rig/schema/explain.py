@@ -95,7 +95,10 @@ def _tags(kind: type[BaseModel], problem: ErrorDetails) -> str:
 def _shown(value: object) -> str:
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
-    text = kind_of(value) if isinstance(value, dict) else repr(value)
+    try:
+        text = kind_of(value) if isinstance(value, dict) else repr(value)
+    except ValueError:  # a whole number of thousands of digits
+        text = kind_of(value)
     return text if len(text) <= 60 else text[:57] + "..."
 
 

@@ -31,7 +31,7 @@ SI_UNITS = {
 class FollowerMechanics(Strict):
     """The follower on its closing spring.
 
-    As one mass, the stem is the stiffness of a landing. The two-mass model (``separation``) also
+    As one mass, the stem is the stiffness of a landing. The model ``two_mass`` also
     needs ``roller_share``, the part of the mass on the cam's side of the stem, and
     ``stem_damping``.
     """

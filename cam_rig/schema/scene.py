@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from cam_rig.schema.quantity import Quantity, Strict, must_be
 from cam_rig.units import RPM, TURN
@@ -18,19 +18,18 @@ MAX_POINTS_PER_TURN = 3600
 MIN_SAMPLES = 2
 #: A name refers to a file of that name, without the suffix.
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
-#: The field's names of two models, and those that scenes and bags have had from the beginning.
-MODEL_ALIASES = {"two_mass": "separation", "elastic_stem": "residual"}
+#: What two models were called in scenes and bags before: still read, nowhere written.
+OLD_MODELS = {"separation": "two_mass", "residual": "elastic_stem"}
+
+
+def model_named(name: Any) -> Any:
+    """The name that a model has now."""
+    return OLD_MODELS.get(name, name) if isinstance(name, str) else name
+
+
 Model = Annotated[
-    Literal[
-        "kinetostatic",
-        "one_mass",
-        "two_mass",
-        "elastic_stem",
-        "torsional",
-        "residual",
-        "separation",
-    ],
-    AfterValidator(lambda name: MODEL_ALIASES.get(name, name)),
+    Literal["kinetostatic", "one_mass", "two_mass", "elastic_stem", "torsional"],
+    BeforeValidator(model_named),
 ]
 
 

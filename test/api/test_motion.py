@@ -72,20 +72,6 @@ def test_arrays_are_views_that_nobody_writes(law, rig):
 
 
 @pytest.mark.parametrize(
-    ("alias", "model"), [("two_mass", "separation"), ("elastic_stem", "residual")]
-)
-def test_models_have_two_names(law, alias, model):
-    """The field's name and the one in files give one model, which keeps its key."""
-    rig = cam_rig.load_rig("paper_table2")
-    one, two = (
-        cam_rig.simulate(law, rig, model=name, rpm=300, turns=1, sample_rate=1000)
-        for name in (alias, model)
-    )
-    assert one.scene.model == model
-    np.testing.assert_array_equal(one.rows, two.rows)
-
-
-@pytest.mark.parametrize(
     ("arguments", "words"),
     [
         ({"rpm": -5}, r"simulate: rpm: is -5 rpm; allowed: at least 0.01 rpm"),

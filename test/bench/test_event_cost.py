@@ -5,7 +5,7 @@ from cam_rig.bench.event_cost import EventCost, event_costs, event_table
 
 def test_events_are_known_to_a_picosecond():
     """On the soft stem, by both forms of the search, against 50 digits; the errors are the same."""
-    costs = event_costs(("separation_soft",), peer="none", repeats=1)
+    costs = event_costs(("two_mass_soft",), peer="none", repeats=1)
     assert [cost.solver.rpartition(", ")[2] for cost in costs[:4]] == [
         "compiled",
         "compiled",

@@ -34,7 +34,7 @@ def study(cases):
     ]
     done = CaseResult(cases["resonance"], point(0.01, 2e-12), None, sweeps)
     absent = CaseResult(cases["torsional"], None, "not written yet", [Sweep(dop853)])
-    rates = {"kinetostatic": 6e7, "residual": 5e7}
+    rates = {"kinetostatic": 6e7, "elastic_stem": 5e7}
     campaign = CampaignRate(2, 100, 25.0, 2, 0.25, 0.016)
     both = {"resonance": done, "torsional": absent}
     return WorkPrecisionStudy(both, rates, True, 2, 1.0, campaign)
@@ -92,11 +92,11 @@ def test_the_plot_is_a_picture(study, tmp_path):
 
 #: Largest error, and of event times in s: of what is measured, with some room.
 LIMITS = {
-    "residual_stem": (1e-12, None),
+    "elastic_stem": (1e-12, None),
     "resonance": (1e-11, None),
     "torsional": (1e-12, None),
-    "separation_soft": (1e-10, 1e-11),
-    "separation_stem": (1e-6, 1e-8),
+    "two_mass_soft": (1e-10, 1e-11),
+    "two_mass_stem": (1e-6, 1e-8),
     "one_mass_arc": (1e-9, 1e-11),
 }
 
@@ -114,7 +114,7 @@ def test_the_rig_is_near_the_reference(cases, name):
 
 def test_a_short_case_is_the_beginning_of_the_long_one(cases):
     """A quick study uses the same stored references."""
-    case = cases["separation_soft"]
+    case = cases["two_mass_soft"]
     short, whole = rig.solve(case.first_turns(1)), rig.solve(case)
     count = case.first_turns(1).times.size
     np.testing.assert_allclose(short.displacement, whole.displacement[:, :count], atol=1e-15)

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from cam_rig.bag.reader import read_counts
+from cam_rig.cli.main import app
 from cam_rig.messages import topics
 from cam_rig.messages.topics import Topic
 from cam_rig.nodes.common.parameters import PARAMETERS
+from cam_rig.testing.domain import isolated_domain
 
-from .pages import DOCS, rows
+from .pages import DOCS, ROOT, rows
 
 PAGE = DOCS / "nodes.md"
 
@@ -41,3 +49,32 @@ def test_table_of_parameters():
             assert described.pop((node, spec.name)) == spec.live, f"{node} {spec.name}"
     common = {("all but player", "scene"), ("all", "checkpoint"), ("all", "at_end")}
     assert set(described) == common
+
+
+def size_of(bag: Path) -> list[str]:
+    """Ticks, messages and size of a bag, as the page has them."""
+    counts = read_counts(bag)
+    size = sum(file.stat().st_size for file in bag.iterdir())
+    return [str(counts[topics.PRESSURE.name]), str(sum(counts.values())), f"{size / 1e6:.1f} MB"]
+
+
+def test_the_bag_of_quick():
+    """As the golden bag is, which tests hold to be what a run makes."""
+    asked, *figures = rows(PAGE, "`ticks_per_turn`")[0]
+    assert asked == "1"
+    assert figures == size_of(ROOT / "bags" / "golden")
+
+
+@pytest.mark.long
+@pytest.mark.ros
+def test_the_bag_of_quick_with_more_ticks(tmp_path):
+    """As a run makes it."""
+    ticks, *figures = rows(PAGE, "`ticks_per_turn`")[1]
+    scene, bag = tmp_path / "scenes" / "quick.yaml", tmp_path / "bag"
+    scene.parent.mkdir()
+    text = (ROOT / "config" / "scenes" / "quick.yaml").read_text(encoding="utf-8")
+    scene.write_text(text.replace("program:", f"program:\n  ticks_per_turn: {ticks}"))
+    with isolated_domain():
+        done = CliRunner().invoke(app, ["run", str(scene), "--bag", str(bag)])
+    assert done.exit_code == 0, done.output
+    assert figures == size_of(bag)

@@ -75,7 +75,7 @@ def test_law(paper_rig, name, value):
         advance(Law("broken", np.array([0.0, TURN]), ordinates), name, paper_rig)
 
 
-MASSES = {"separation": "roller_mass", "torsional": "cam_inertia"}
+MASSES = {"two_mass": "roller_mass", "torsional": "cam_inertia"}
 DAMPINGS = {"torsional": "shaft_damping"}
 
 
@@ -97,7 +97,7 @@ def test_damping(paper_rig, name, value):
         replace(MODELS[name].parameters(paper_rig), **{key: value})
 
 
-@pytest.mark.parametrize("name", ["one_mass", "separation"])
+@pytest.mark.parametrize("name", ["one_mass", "two_mass"])
 @pytest.mark.parametrize("value", [1.0, 1.5, -0.1, NAN])
 def test_restitution(paper_rig, name, value):
     """At e = 1 bounces never end, above it they grow."""

@@ -53,7 +53,7 @@ def compare(law, model, seed):
     return len(wanted)
 
 
-@pytest.mark.parametrize("model", ["one_mass", "separation"])
+@pytest.mark.parametrize("model", ["one_mass", "two_mass"])
 @pytest.mark.parametrize("cam", ["poly345", "bezier15"])
 @pytest.mark.parametrize("seed", [101, 103, 113])
 def test_the_number_of_hops_is_the_runs_own(laws, model, cam, seed):
@@ -62,7 +62,7 @@ def test_the_number_of_hops_is_the_runs_own(laws, model, cam, seed):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("model", ["one_mass", "separation"])
+@pytest.mark.parametrize("model", ["one_mass", "two_mass"])
 @pytest.mark.parametrize("cam", ["poly345", "tm21", "bezier15"])
 @pytest.mark.parametrize("seed", range(100, 140))
 def test_more_hops(laws, model, cam, seed):

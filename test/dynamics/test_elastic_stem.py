@@ -161,7 +161,7 @@ def test_resonance_has_no_steady_state(laws):
 def test_the_length_of_an_interval_does_not_enter(laws, follower, milliseconds):
     """One call over 0.4 s, or ticks of 1 ms or 200 ms: the same samples to 1e-10."""
     law, total = laws["bezier15"], 400_000_000
-    advance = MODELS["residual"].advance
+    advance = MODELS["elastic_stem"].advance
     whole = advance(law, follower, None, Interval(0, total, 0.0, SPEED), 48_000)[1].rows
     cuts = range(0, total + 1, milliseconds * 1_000_000)
     state, parts = None, []

@@ -92,11 +92,11 @@ def test_state_of_a_course(laws, state, contact):
         Separation(laws["poly345"], TWO, 30.0).run(0.1, np.array(state), contact)
 
 
-@pytest.mark.parametrize("name", ["residual", "separation"])
+@pytest.mark.parametrize("name", ["elastic_stem", "two_mass"])
 def test_a_state_of_another_model(laws, name):
     """What one model remembers is no state of another."""
     model = MODELS[name]
-    parameters = FOLLOWER if name == "residual" else TWO
+    parameters = FOLLOWER if name == "elastic_stem" else TWO
     state = FollowerState(0.0, 0.0, 1.0, True, inner=(0.0, 0.0, 0.0))
     with pytest.raises(DynamicsError, match=r"state: has 3 numbers; allowed: 2"):
         model.advance(laws["poly345"], parameters, state, Interval(0, NS, 0.0, 30.0), 1000)

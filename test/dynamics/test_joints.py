@@ -68,7 +68,7 @@ def test_a_rigid_follower_feels_the_jump(jumping, follower, model):
 def test_the_roller_mass_feels_the_jump(jumping):
     """Of two masses the roller alone follows the law: F jumps by m₁ ω² [s'']."""
     for piece, left, right in joints_of(jumping):
-        before, after, _ = around(jumping, "separation", TWO, piece)
+        before, after, _ = around(jumping, "two_mass", TWO, piece)
         jump = TWO.roller_mass * SPEED**2 * (right - left)
         assert after[0] - before[0] == pytest.approx(SPEED**2 * (right - left), rel=1e-6)
         assert after[1] - before[1] == pytest.approx(jump, rel=1e-5)
@@ -77,7 +77,7 @@ def test_the_roller_mass_feels_the_jump(jumping):
 def test_a_stem_does_not_let_it_through(jumping, follower):
     """On an elastic stem x is smoother than s by two orders: acceleration and force go on."""
     for piece, left, right in joints_of(jumping):
-        before, after, rows = around(jumping, "residual", follower, piece)
+        before, after, rows = around(jumping, "elastic_stem", follower, piece)
         ordinary = np.abs(np.diff(rows[3:5], axis=1)).max(axis=1)
         assert abs(after[0] - before[0]) < 1e-4 * SPEED**2 * abs(right - left)
         assert abs(after[1] - before[1]) < 1e-4 * follower.mass * SPEED**2 * abs(right - left)
@@ -99,7 +99,7 @@ def test_motion_around_joints_against_fifty_digits(jumping, many_digits, kind):
     assert rig.solve(case).error(wanted) < 1e-12
 
 
-@pytest.mark.parametrize(("model", "rpm"), [("one_mass", 600.0), ("separation", 900.0)])
+@pytest.mark.parametrize(("model", "rpm"), [("one_mass", 600.0), ("two_mass", 900.0)])
 def test_thrown_off_by_the_jump_itself(harmonic, follower, model, rpm):
     """Where the fall begins F goes from pushing to pulling at once: off at the joint, not near it.
 
@@ -109,7 +109,7 @@ def test_thrown_off_by_the_jump_itself(harmonic, follower, model, rpm):
     fall = int(np.flatnonzero(harmonic.breaks > np.radians(239.0))[0])
     joint = float(harmonic.breaks[fall])
     p = replace(follower, preload=10.0, damping=0.0)
-    if model == "separation":
+    if model == "two_mass":
         p = replace(TWO, preload=10.0)
     interval = Interval(0, round((joint + 0.2 - start) / speed * NS), start, speed)
     events = MODELS[model].advance(harmonic, p, None, interval, 1000)[1].events

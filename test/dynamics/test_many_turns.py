@@ -118,8 +118,8 @@ def test_separation_of_a_late_turn(laws, paper_rig):
 
     Late angles have a spacing of 1.2e-10 rad, 2e-12 s; an impulse follows with its slope.
     """
-    p = MODELS["separation"].parameters(paper_rig)
-    advance, law = MODELS["separation"].advance, laws["poly345"]
+    p = MODELS["two_mass"].parameters(paper_rig)
+    advance, law = MODELS["two_mass"].advance, laws["poly345"]
     first = advance(law, p, None, Interval(0, TURN_NS, 0.0, SPEED), 1000)[1].events
     late = Interval(TURNS * TURN_NS, (TURNS + 1) * TURN_NS, TURNS * TURN, SPEED)
     found = advance(law, p, None, late, 1000)[1].events

@@ -65,9 +65,9 @@ def test_an_hour_at_48_khz():
         ("kinetostatic", 60),
         ("one_mass", 20),
         ("torsional", 8),
-        pytest.param("residual", 300, marks=pytest.mark.long),
+        pytest.param("elastic_stem", 300, marks=pytest.mark.long),
         pytest.param("one_mass", 60, marks=pytest.mark.long),
-        pytest.param("separation", 60, marks=pytest.mark.long),
+        pytest.param("two_mass", 60, marks=pytest.mark.long),
         pytest.param("torsional", 20, marks=pytest.mark.long),
     ],
 )

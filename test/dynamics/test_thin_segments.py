@@ -36,7 +36,7 @@ def one_turn(law, name, parameters, turns=1):
     return MODELS[name].advance(law, parameters[name], None, interval, 4000)
 
 
-@pytest.mark.parametrize("name", ["one_mass", "separation"])
+@pytest.mark.parametrize("name", ["one_mass", "two_mass"])
 @pytest.mark.parametrize("before", [1e-12, 1e-13, 4e-16, 0.0, -1e-13])
 def test_lift_off_in_the_last_of_a_segment(laws, parameters, name, before):
     """A joint where nothing happens is put ``before`` rad behind the lift-off: nothing changes.
@@ -103,7 +103,7 @@ def test_a_rise_of_a_nanoradian_is_a_step(laws):
     np.testing.assert_allclose(v, rest * rate * np.sin(rate * since), atol=1e-7 * rest * rate)
 
 
-@pytest.mark.parametrize("name", ["separation", "torsional"])
+@pytest.mark.parametrize("name", ["two_mass", "torsional"])
 def test_a_dwell_of_a_whole_turn(make_cam, parameters, name):
     """A disc: nothing lifts, nothing twists, and the force is the preload at any speed."""
     law = build_law(make_cam({"law": "dwell", "span": 360}))
@@ -111,7 +111,7 @@ def test_a_dwell_of_a_whole_turn(make_cam, parameters, name):
         interval = Interval(0, NS // 10, 0.0, speed)
         _, block = MODELS[name].advance(law, parameters[name], None, interval, 4000)
         p = parameters[name]
-        wanted = p.share * p.preload if name == "separation" else p.follower.preload
+        wanted = p.share * p.preload if name == "two_mass" else p.follower.preload
         np.testing.assert_allclose(block.rows[4], wanted, rtol=1e-12)
         np.testing.assert_array_equal(block.rows[1:4], 0.0)
         assert block.events == ()

@@ -44,7 +44,7 @@ def run(model, law, p, cuts, speed=SPEED, rate=8000, nudge=0.0):
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.4])
-@pytest.mark.parametrize(("model", "p"), [("one_mass", ONE), ("separation", TWO)])
+@pytest.mark.parametrize(("model", "p"), [("one_mass", ONE), ("two_mass", TWO)])
 def test_struck_from_rest(edge, model, p, restitution):
     """At the start of the rise: J = m (1 + e) ω Δs', ΔE = m (1 − e²) (ω Δs')²/2, at 60°."""
     p = dataclasses.replace(p, restitution=restitution)
@@ -63,12 +63,12 @@ def test_struck_where_the_run_begins(edge):
     breaks = np.radians([0.0, 90.0, 150.0, 240.0, 300.0, 360.0])
     breaks[-1] = TURN
     turned = Law("turned", breaks, np.roll(edge.ordinates, -1, axis=1))
-    for model, p, mass in (("one_mass", ONE, ONE.mass), ("separation", TWO, TWO.roller_mass)):
+    for model, p, mass in (("one_mass", ONE, ONE.mass), ("two_mass", TWO, TWO.roller_mass)):
         rows, events, _ = run(model, turned, p, [0, MS])
         assert [event.time for event in events[:1]] == [0.0]
         assert events[0].impulse == pytest.approx(mass * SPEED * STEP, rel=1e-14)
         assert rows[5, 0] == events[0].impulse
-    start = run("residual", turned, ONE, [0, MS])[0][:, 0]
+    start = run("elastic_stem", turned, ONE, [0, MS])[0][:, 0]
     np.testing.assert_allclose(start[1:4], [0.0, 0.0, 0.0], atol=1e-12)
 
 
@@ -99,9 +99,9 @@ def test_thrown_off_and_back(edge):
 @pytest.mark.parametrize(
     ("model", "p", "tolerance"),
     [
-        ("residual", ONE, 1e-10),
+        ("elastic_stem", ONE, 1e-10),
         ("one_mass", ONE, 1e-10),
-        ("separation", TWO, 1e-10),
+        ("two_mass", TWO, 1e-10),
         # Bounces to accumulation: the time of a landing is its gap's rounding over its speed.
         ("one_mass", dataclasses.replace(ONE, restitution=0.2), 1e-7),
     ],
@@ -127,7 +127,7 @@ def test_the_length_of_a_tick_does_not_enter(edge, model, p, tolerance, rpm):
 
 
 @pytest.mark.parametrize("nudge", [-1e-13, -1e-15, 0.0, 1e-15, 1e-13])
-@pytest.mark.parametrize(("model", "p"), [("one_mass", ONE), ("separation", TWO)])
+@pytest.mark.parametrize(("model", "p"), [("one_mass", ONE), ("two_mass", TWO)])
 def test_rounding_neither_loses_nor_doubles_a_blow(edge, model, p, nudge):
     """Ticks that end on the joints, with angles that disagree by rounding: the same events."""
     expected = run(model, edge, p, [0, 550 * MS])[1]
@@ -142,9 +142,9 @@ def test_rounding_neither_loses_nor_doubles_a_blow(edge, model, p, nudge):
 @pytest.mark.parametrize("nudge", [-1e-13, 0.0, 1e-13])
 def test_rounding_neither_loses_nor_doubles_a_kick(edge, nudge):
     """The same for the stem of the residual model, which only bends."""
-    expected = run("residual", edge, ONE, [0, 550 * MS])[0]
+    expected = run("elastic_stem", edge, ONE, [0, 550 * MS])[0]
     cuts = [0, 100 * MS, 250 * MS, 350 * MS, 500 * MS, 550 * MS]
-    rows = run("residual", edge, ONE, cuts, nudge=nudge)[0]
+    rows = run("elastic_stem", edge, ONE, cuts, nudge=nudge)[0]
     size = np.abs(expected[1:5]).max(axis=1, keepdims=True)
     # an angle that is off by 1e-13 rad is a time that is off by 1e-14 s, at 16 000 rad/s
     assert (np.abs(rows - expected)[1:5] < 1e-9 * size).all()
@@ -228,7 +228,7 @@ def test_stem_against_fifty_digits(edge, stem):
     got = motion(edge, p, SPEED, 0.0, np.zeros(2), times)
     assert np.abs(got[0] - expected[0]).max() < 1e-13 * LIFT
     assert np.abs(got[1] - expected[1]).max() < 1e-11 * np.abs(expected[1]).max()
-    ticked = run("residual", edge, p, range(0, 1200 * MS + 1, 50 * MS), rate=1000)[0]
+    ticked = run("elastic_stem", edge, p, range(0, 1200 * MS + 1, 50 * MS), rate=1000)[0]
     expected = stem_by_mpmath(edge, p, ticked[0, ::60])
     assert np.abs(ticked[1, ::60] - expected[0]).max() < 1e-13 * LIFT
     assert np.abs(ticked[2, ::60] - expected[1]).max() < 1e-11 * np.abs(expected[1]).max()
@@ -316,8 +316,8 @@ def test_many_turns_in_one_interval(stop):
     """Seven turns at once or in their ticks, a jump at θ = 0 among those met: the same state."""
     saw = Law("saw", np.array([0.0, 2.0, TURN]), LIFT * np.array([[0.0, 1.0], [1.0, 0.0]]))
     total = round(stop * NS)
-    _, _, whole = run("residual", saw, ONE, [0, total])
-    _, _, ticked = run("residual", saw, ONE, [*range(0, total, 60 * MS), total])
+    _, _, whole = run("elastic_stem", saw, ONE, [0, total])
+    _, _, ticked = run("elastic_stem", saw, ONE, [*range(0, total, 60 * MS), total])
     size = SPEED * LIFT / 2.0
     assert ticked.inner == pytest.approx(whole.inner, abs=1e-9 * size)
     assert ticked.velocity == pytest.approx(whole.velocity, abs=1e-10 * size)

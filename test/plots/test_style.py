@@ -38,7 +38,7 @@ def drawn() -> dict[str, Figure]:
     """Figures of the library, one of each kind that no command's test writes, and some more."""
     cam = cam_rig.load_cam("poly345")
     curve, rig = cam_rig.build_law(cam), load_rig(config_root() / "rigs" / "paper_table2.yaml")
-    run = cam_rig.simulate(curve, rig, model="separation", rpm=450, turns=2, sample_rate=4800)
+    run = cam_rig.simulate(curve, rig, model="two_mass", rpm=450, turns=2, sample_rate=4800)
     times = np.linspace(0.0, 360.0, 100)
     forces = [(rpm, times, rpm * np.cos(np.radians(times))) for rpm in (200.0, 300.0)]
     return {

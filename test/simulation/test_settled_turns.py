@@ -67,8 +67,8 @@ def test_elastic_turns_settle(make_loaded_scene):
     turn, state = round(2.0 * np.pi / speed * NS), None
     for i in range(4):
         interval = Interval(i * turn, (i + 1) * turn, speed * i * turn / NS, speed)
-        state, block = MODELS["separation"].advance(law, follower, state, interval, TURN_RATE_HZ)
+        state, block = MODELS["two_mass"].advance(law, follower, state, interval, TURN_RATE_HZ)
     late = Turns(SPEEDS[:1], (block.rows[4],), (block.rows[5],))
-    early = settled_turns(law, "separation", follower, SPEEDS[:1])
+    early = settled_turns(law, "two_mass", follower, SPEEDS[:1])
     levels = [Acoustics(loaded.radiation).levels(turns) for turns in (early, late)]
     np.testing.assert_allclose(levels[0], levels[1], atol=0.05)

@@ -24,7 +24,7 @@ SPEEDS = (300.0, 350.0, 400.0)
 def found() -> tuple[CamOrders, ...]:
     law = cam_rig.build_law(cam_rig.load_cam("poly345"))
     rig = cam_rig.load_rig("paper_table2")
-    return waterfall({"poly345": law}, "residual", rig, [rpm * RPM for rpm in SPEEDS], 40)
+    return waterfall({"poly345": law}, "elastic_stem", rig, [rpm * RPM for rpm in SPEEDS], 40)
 
 
 def test_bars_are_the_levels_of_the_speed(found: tuple[CamOrders, ...], tmp_path: Path) -> None:

@@ -25,10 +25,10 @@ def law_of(cam: str) -> Law:
     return build_law(load_cam(config_root() / "cams" / f"{cam}.yaml"))
 
 
-def residual_stem() -> Case:
+def elastic_stem() -> Case:
     """A stiff oscillator, driven smoothly, hardly damped."""
     model = Oscillator(MASS, DAMPING, SPRING, STEM)
-    return _case("residual_stem", "residual vibration on the stem", "poly345", model, 300, 20, 25)
+    return _case("elastic_stem", "residual vibration on the stem", "poly345", model, 300, 20, 25)
 
 
 def resonance() -> Case:
@@ -47,23 +47,23 @@ def torsional() -> Case:
     return _case("torsional", "torsional vibration", "poly345", model, 400, 4, 50)
 
 
-def _separation(name: str, title: str, stem_stiffness: float, preload: float) -> Case:
+def _two_mass(name: str, title: str, stem_stiffness: float, preload: float) -> Case:
     roller = ROLLER_SHARE * MASS
     model = TwoMasses(roller, MASS - roller, stem_stiffness, SPRING, DAMPING, DAMPING, preload)
     return _case(name, title, "poly345", model, 450, 2, 97)
 
 
-def separation_soft() -> Case:
+def two_mass_soft() -> Case:
     """Two masses that leave the cam, with the stem stiffness identified from the paper."""
-    return _separation("separation_soft", "separation, stem 1.26e6 N/m", SOFT_STEM, PRELOAD)
+    return _two_mass("two_mass_soft", "two masses, stem 1.26e6 N/m", SOFT_STEM, PRELOAD)
 
 
-def separation_stem() -> Case:
+def two_mass_stem() -> Case:
     """Two masses that leave the cam, with the printed stem stiffness: they land and chatter.
 
     The preload is the follower's weight: with the identified 30.6 N nothing lifts off here.
     """
-    return _separation("separation_stem", "separation, stem 3.3e8 N/m", STEM, WEIGHT)
+    return _two_mass("two_mass_stem", "two masses, stem 3.3e8 N/m", STEM, WEIGHT)
 
 
 def one_mass_arc() -> Case:
@@ -76,16 +76,16 @@ def one_mass_arc() -> Case:
 CASES: dict[str, Callable[[], Case]] = {
     make.__name__: make
     for make in (
-        residual_stem,
+        elastic_stem,
         resonance,
         torsional,
-        separation_soft,
-        separation_stem,
+        two_mass_soft,
+        two_mass_stem,
         one_mass_arc,
     )
 }
 #: Turns of the cases that a quick study cuts short.
-QUICK_TURNS = {"residual_stem": 2}
+QUICK_TURNS = {"elastic_stem": 2}
 
 
 def rad_per_s(rpm: float) -> float:

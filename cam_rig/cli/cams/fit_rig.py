@@ -44,7 +44,17 @@ class FollowerModel(Enum):
     """What is fitted."""
 
     one_mass = "one_mass"
-    separation = "separation"
+    two_mass = "two_mass"
+
+
+def _model(name: str) -> FollowerModel:
+    """A model by its name; that of older releases is read too."""
+    from cam_rig.schema.scene import model_named
+
+    known = [model.value for model in FollowerModel]
+    if model_named(name) not in known:
+        raise typer.BadParameter(f"is {name!r}; allowed: {' or '.join(known)}")
+    return FollowerModel(model_named(name))
 
 
 Source = Annotated[
@@ -67,7 +77,11 @@ Namespace = Annotated[
 ]
 Model = Annotated[
     FollowerModel | None,
-    typer.Option(help="One rigid mass, or two and a stem; by default the likelier."),
+    typer.Option(
+        parser=_model,
+        metavar="one_mass or two_mass",
+        help="One rigid mass, or two and a stem; by default the likelier.",
+    ),
 ]
 Given = Annotated[
     list[str] | None,

@@ -24,8 +24,9 @@ def urdf(
 ) -> None:
     """Print the rig of a scene as URDF: base, guide, motor, microphone, cam and follower.
 
-    Lengths in m and axes by REP 103: x forward along the shaft, z up. Every cam of the scene is a
-    link, whose contour is on /cam/markers.
+    Lengths in m and axes by REP 103: x forward along the shaft, z up. Every link has a mass, and
+    bodies to look at and to collide with. The mounted cam is a prism of its contour, which is
+    whole on /cam/markers.
 
     Examples
     --------

@@ -82,6 +82,7 @@ def orders(
     cam-rig orders poly345 --rig paper_table2 --model two_mass --rpm 300:500:5 --save out/orders.rrd
     """
     with user_errors():
+        from cam_rig.schema.scene import model_named
         from cam_rig.studies.orders import tables
         from cam_rig.studies.orders.waterfall import waterfall
         from cam_rig.units import RPM
@@ -93,7 +94,7 @@ def orders(
         speeds = own_speeds if rpm is None else speeds_of(rpm)
         with progress_bar() as bar:
             task = bar.add_task(source, total=len(laws) * len(speeds))
-            chosen, radians = _model(model or own_model), [speed * RPM for speed in speeds]
+            chosen, radians = model_named(model or own_model), [speed * RPM for speed in speeds]
             found = waterfall(laws, chosen, chosen_rig, radians, highest, lambda: bar.advance(task))
         every = tables.order_table(found)
         show(tables.speed_table(found), *([every] if len(every.rows) <= SHOWN else []))
@@ -137,13 +138,6 @@ def _save(found: Sequence[CamOrders], path: Path, titles: dict[str, str]) -> Non
 
     save_orders(found, path, titles)
     say(f"recording: {path}")
-
-
-def _model(name: str) -> str:
-    """A model by the name that scenes and bags have had from the beginning."""
-    from cam_rig.schema.scene import MODEL_ALIASES
-
-    return MODEL_ALIASES.get(name, name)
 
 
 def _is_cam(source: str) -> bool:

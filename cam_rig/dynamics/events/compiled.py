@@ -1,7 +1,8 @@
 """The event search compiled by numba, where that is installed and worth its time.
 
 Compiled it is thirty to forty times as fast, with the same bits. But numba takes half a second to
-import, and the search several to compile; that is done once, and kept in a folder of the user's. So
+import, and the search several to compile; that is done once, and kept in a folder of the user's
+with digests of its files: numba would run a file with one wrong bit, and the process would die. So
 the search begins in plain Python. When that has taken as long as loading the compiled code
 would, it is loaded; when it has taken as long as compiling would, it is compiled.
 """
@@ -18,7 +19,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
@@ -47,8 +48,8 @@ MODULES = (
 LOAD_AFTER, COMPILE_AFTER = 0.5, 10.0
 #: What the environment may say of it: plain Python alone, or compiled code from the first event on.
 VARIABLE, PLAIN, ALWAYS = "CAM_RIG_EVENTS", "plain", "compiled"
-#: What a run's file is called once its code is kept whole.
-KEPT = "{}.kept"
+#: Beside the files of one function's code: what each of them is called, and its SHA-256.
+DIGESTS = "digests"
 
 Run = Callable[..., Any]
 
@@ -95,8 +96,26 @@ def _installed() -> bool:
     return False
 
 
+@cache
 def _is_kept(function: Run) -> bool:
-    return (cache_folder() / KEPT.format(function.__name__)).is_file()
+    """Whether a function's code is kept, and is what was written; what is not is removed."""
+    folder = cache_folder() / function.__name__
+    with suppress(OSError):
+        if (folder / DIGESTS).read_bytes() == _digests(folder):
+            return True
+    if folder.exists():
+        print(f"events: {folder} is damaged: removed, to be compiled anew", file=sys.stderr)
+        shutil.rmtree(folder, ignore_errors=True)
+    return False
+
+
+def _digests(folder: Path) -> bytes:
+    """A line for each file of numba's index and code."""
+    files = sorted(folder.rglob("*.nb[ic]"))
+    return "".join(
+        f"{hashlib.sha256(path.read_bytes()).hexdigest()} {path.relative_to(folder)}\n"
+        for path in files
+    ).encode()
 
 
 def _prepared(function: Run) -> Run | None:
@@ -104,46 +123,57 @@ def _prepared(function: Run) -> Run | None:
 
     Whatever goes wrong there, the same results come without numba: it is said once.
     """
+    folder = cache_folder() / function.__name__
     kept = _is_kept(function)
     if not kept:
         print("events: compiling their search, once for this machine (10 to 20 s)", file=sys.stderr)
-    try:
-        compiled = _compile(function)
-    except Exception as error:
-        _given_up(function, error)
-        return None
 
     def first(*arguments: Any) -> Any:
         try:
-            out = compiled(*arguments)
+            with nullcontext(folder) if kept else _made(folder) as place:
+                compiled = _compile(function, place)
+                out = compiled(*arguments)
         except Exception as error:  # before anything was computed: the search itself raises none
             _given_up(function, error)
             return function(*arguments)
         _ready[function.__name__] = compiled
-        if not kept:
-            with suppress(OSError):  # a full disk
-                (cache_folder() / KEPT.format(function.__name__)).touch()
         return out
 
     return first
+
+
+@contextmanager
+def _made(folder: Path) -> Iterator[Path]:
+    """A place for a function's code, which becomes its folder once it is whole.
+
+    Of processes that compile at once the first one's stays; one that is killed leaves none.
+    """
+    folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    place = Path(tempfile.mkdtemp(prefix=f"{folder.name}.", dir=folder.parent))
+    try:
+        yield place
+        with suppress(OSError):  # another process was first; a full disk
+            (place / DIGESTS).write_bytes(_digests(place))
+            place.rename(folder)
+    finally:
+        shutil.rmtree(place, ignore_errors=True)
 
 
 def _given_up(function: Run, error: Exception) -> None:
     words = f"{type(error).__name__}: {error}".partition("\n")[0]
     print(f"events: plain Python is used, for numba does not work ({words})", file=sys.stderr)
     _ready[function.__name__] = None
-    shutil.rmtree(cache_folder(), ignore_errors=True)  # what is kept may be broken
 
 
-def _compile(function: Run) -> Run:
-    """The function for numba, whose code is kept in `cache_folder`."""
+def _compile(function: Run, folder: Path) -> Run:
+    """The function for numba, whose code is kept in a folder."""
     import numba
 
     _register()
     config: Any = numba.config
     if config.DISABLE_JIT:
         raise RuntimeError("NUMBA_DISABLE_JIT is set")
-    usual, config.CACHE_DIR = config.CACHE_DIR, str(cache_folder())
+    usual, config.CACHE_DIR = config.CACHE_DIR, str(folder)
     try:
         return numba.njit(cache=True, error_model="numpy")(function)
     finally:
@@ -177,10 +207,9 @@ def _register() -> None:
 def cache_folder() -> Path:
     """Where compiled code is kept: of these sources, libraries and CPU, and of this user alone.
 
-    Numba writes each file whole, under another name first: processes that compile at once, or one
-    that is killed, leave nothing broken.
+    And of the place of these sources, by which numba names its own folder in there.
     """
-    stamp = hashlib.sha256()
+    stamp = hashlib.sha256(__file__.encode())
     for name in MODULES:
         stamp.update(Path(__file__).with_name(f"{name}.py").read_bytes())
     for library in ("numba", "llvmlite", "numpy"):

@@ -67,7 +67,7 @@ class TwoMassParameters:
         if follower.roller_share is None or follower.stem_damping is None:
             raise ConfigError(
                 f"rig {rig.name!r}: follower has no roller_share or no stem_damping; required by "
-                "the model separation"
+                "the model two_mass"
             )
         roller = follower.mass.si * follower.roller_share.si
         return cls(

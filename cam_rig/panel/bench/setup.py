@@ -13,7 +13,7 @@ from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import NAME, config_root
 
 #: Models that a bench runs, and what a rig must have for each.
-MODELS = ("one_mass", "separation", "kinetostatic", "residual", "torsional")
+MODELS = ("one_mass", "two_mass", "kinetostatic", "elastic_stem", "torsional")
 #: A scene's last speed (rpm): what the viewer's axes have room for.
 DRAWN_RPM = 600.0
 SPEEDS_ARE = "the knob's first, and what the axes have room for"
@@ -133,7 +133,7 @@ class Setup:
 
 def allowed_models(rig: RigConfig) -> tuple[str, ...]:
     """The models that a rig has the numbers for."""
-    missing = set() if rig.follower.roller_share is not None else {"separation"}
+    missing = set() if rig.follower.roller_share is not None else {"two_mass"}
     missing |= set() if rig.shaft is not None else {"torsional"}
     return tuple(model for model in MODELS if model not in missing)
 

@@ -72,7 +72,7 @@ def observe(law: Law, rig: RigConfig, rpm: float) -> LabTurn:
 def _turns(law: Law, follower: AnyFollower, speed: float) -> list[Block]:
     """One turn that keeps contact, or some in which it is lost."""
     two = isinstance(follower, TwoMassParameters)
-    model = MODELS["separation" if two else "one_mass"]
+    model = MODELS["two_mass" if two else "one_mass"]
     state = _steady_start(law, follower, speed) if isinstance(follower, TwoMassParameters) else None
     turn, blocks = round(TURN / speed * NS), list[Block]()
     for i in range(SETTLED):

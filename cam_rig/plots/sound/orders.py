@@ -15,13 +15,10 @@ from matplotlib.figure import Figure
 from cam_rig.arrays import FloatArray
 from cam_rig.drawing.words import title_of
 from cam_rig.plots.figures import CAM_SPEED, colour, empty, styled, write
-from cam_rig.schema.scene import MODEL_ALIASES
 from cam_rig.studies.orders.waterfall import QUANTITIES, RANGE, CamOrders, loudest
 
 #: Orders that are named at the edge, at most.
 NAMED = 8
-#: The field's names of the models that have another one.
-MODELS = {name: model for model, name in MODEL_ALIASES.items()}
 COLOURS, GROUND = "viridis", "0.12"
 
 
@@ -40,7 +37,7 @@ def figure(found: Sequence[CamOrders], titles: Mapping[str, str] = MappingProxyT
     for column, (quantity, name) in enumerate(QUANTITIES.items()):
         most = loudest(found, quantity)
         for study, axes in zip(found, panels[:, column], strict=True):
-            what, model = name.partition(" [")[0], MODELS.get(study.model, study.model)
+            what, model = name.partition(" [")[0], study.model
             title, model = title_of(titles, study.cam), model.replace("_", " ")
             axes.set_title(f"{title}\n{model}: {what}")
             if len(study.spectra) == 1:

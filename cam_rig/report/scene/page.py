@@ -9,7 +9,6 @@ from cam_rig.report.document import Document, Made, render
 from cam_rig.report.scene.results import SceneFindings, rig_seconds, speeds_of
 from cam_rig.report.scene.tables import files, tables
 from cam_rig.schema.quantity import ORIGINS
-from cam_rig.schema.scene import MODEL_ALIASES
 from cam_rig.schema.segments.base import quantities
 from cam_rig.studies.orders.waterfall import HIGHEST
 
@@ -24,8 +23,6 @@ SECTIONS = {
     "sound": "Sound",
     "numbers": "Given, assumed, identified",
 }
-#: The field's names of the models that have another one.
-MODELS = {name: model for model, name in MODEL_ALIASES.items()}
 
 
 def html(found: SceneFindings, figures: dict[str, list[str]], made: Made) -> str:
@@ -60,7 +57,7 @@ def _values(found: SceneFindings) -> dict[str, Any]:
         "rig": loaded.rig,
         "calibrated": loaded.calibrated,
         "titles": found.cam_set.titles,
-        "model": MODELS.get(loaded.scene.model, loaded.scene.model).replace("_", " "),
+        "model": loaded.scene.model.replace("_", " "),
         "speeds": speeds_of(loaded),
         "failed": [
             (found.cam_set.titles[cam], check)

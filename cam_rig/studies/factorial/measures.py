@@ -98,7 +98,7 @@ class Bench:
         own = [math.log(bend * speed**2) for speed, _ in turns]
         amplitude = residual_vibration(law, self.follower, np.array(config.residual.si_list))
         noise = settled_turns(law, "one_mass", self.rigid, config.noise.si_list)
-        contact = settled_turns(law, "separation", self.two_mass, [config.noise_in_contact.si])
+        contact = settled_turns(law, "two_mass", self.two_mass, [config.noise_in_contact.si])
         return Measures(
             jump=sought_speed(law, self.two_mass, config.run.si),
             rigid_jump=rigid_jump_speed(law, self.follower),

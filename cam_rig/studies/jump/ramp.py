@@ -35,7 +35,7 @@ def jump_along_ramp(law: Law, parameters: AnyFollower, rate: float) -> Jump:
             f"the ramp is {rate / RPM:g} rpm/s; allowed: {SLOWEST:g} to {STEEPEST:g} rpm/s"
         )
     two = isinstance(parameters, TwoMassParameters)
-    advance = MODELS["separation" if two else "one_mass"].advance
+    advance = MODELS["two_mass" if two else "one_mass"].advance
     state: FollowerState | None = None
     start = 0
     if law.lift == 0.0:  # a disc: it would be turned to the fastest speed for nothing

@@ -84,7 +84,7 @@ def with_elastic_stem(
     follower = TwoMassParameters.from_rig(rig)
 
     def turn(law: Law, speeds: FloatArray) -> Turns:
-        return settled_turns(law, "separation", follower, speeds)
+        return settled_turns(law, "two_mass", follower, speeds)
 
     smooth = _smooth(study, turn)
     start = Acoustics(_landing_on_roller(study, follower))

@@ -261,6 +261,6 @@ def _phase_pieces(
 BUILDERS: dict[str, Callable[[Law, Any, float], SteadyForce]] = {
     "kinetostatic": _kinetostatic,
     "one_mass": _one_mass,
-    "residual": _elastic_stem,
-    "separation": _two_mass,
+    "elastic_stem": _elastic_stem,
+    "two_mass": _two_mass,
 }

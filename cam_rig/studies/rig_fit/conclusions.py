@@ -36,7 +36,7 @@ def number_sentences(numbers: Iterable[FoundNumber]) -> Iterator[str]:
 def rig_conclusions(fit: RigFit) -> Iterator[str]:
     """The answer first, then what stands in its way."""
     told = ", ".join(f"{n.name} {n.value:.5g} {n.unit}".removesuffix(" 1") for n in fit.identified)
-    model = "two masses and a stem" if fit.model == "separation" else "one rigid mass"
+    model = "two masses and a stem" if fit.model == "two_mass" else "one rigid mass"
     yield (
         f"Identified as {model}: {told}."
         if told
@@ -54,7 +54,7 @@ def rig_conclusions(fit: RigFit) -> Iterator[str]:
             if fit.solution.bounce is not None
             else "no such follower does so as it was measured, so these speeds are left out."
         )
-    if fit.model == "separation" and any(hold.lift_offs for hold in fit.holds):
+    if fit.model == "two_mass" and any(hold.lift_offs for hold in fit.holds):
         yield (
             "Bounces on an elastic stem depend on every number at once: trust the intervals of a "
             "fit without the speeds that lift off more."

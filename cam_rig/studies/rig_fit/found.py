@@ -26,7 +26,7 @@ SMALL_BOUNCE = 0.02
 #: What the speeds that were left out might have told.
 LEFT_OUT = {
     "restitution": "the speeds that lift off fit no such follower",
-    "stem_stiffness": "a rigid stem explains the speeds on the cam: try --model separation",
+    "stem_stiffness": "a rigid stem explains the speeds on the cam: try --model two_mass",
 }
 
 
@@ -87,7 +87,7 @@ class RigFit:
     """What a run says of its rig.
 
     ``correlation`` ``(n, n)`` is of the numbers that were identified, in their order; ``model`` is
-    one_mass or separation; ``alike`` as in `Uncertainty`; ``left_out`` are speeds (rpm) whose
+    one_mass or two_mass; ``alike`` as in `Uncertainty`; ``left_out`` are speeds (rpm) whose
     motion told nothing but perhaps the restitution.
     """
 
@@ -133,8 +133,8 @@ def found_of(
     errors = uncertainty(solution)
     likelihood, x = solution.likelihood, solution.x
     unfit = misfit(solution, errors.alike)
-    model = "separation" if "roller_share" in likelihood.values(x) else "one_mass"
-    names = TWO_MASSES if model == "separation" else (*ONE_MASS, "stem_stiffness")
+    model = "two_mass" if "roller_share" in likelihood.values(x) else "one_mass"
+    names = TWO_MASSES if model == "two_mass" else (*ONE_MASS, "stem_stiffness")
     landings = landings_of(likelihood, x)
     left_out = tuple(hold.hold.rpm for hold in holds if hold not in likelihood.holds)
     numbers = tuple(_number(name, solution, errors, given, scale, landings) for name in names)

@@ -121,7 +121,7 @@ def fit_jumps(
     Parameters
     ----------
     base : rig at whose numbers the search begins
-    model : one_mass (None too) or separation: two masses, in steady state
+    model : one_mass (None too) or two_mass: two masses, in steady state
     given : numbers that are known, by name, SI
     error : rpm, one standard deviation of a reading; None takes it from what is left
 
@@ -129,7 +129,7 @@ def fit_jumps(
     ------
     ConfigError : fewer readings than numbers sought, or no number comes near the readings
     """
-    given, two = dict(given or {}), model == "separation"
+    given, two = dict(given or {}), model == "two_mass"
     require_in_model(given, model)
     if clash := sorted(set(given) & (set(table.columns) - {"mass"})):
         raise ConfigError(f"{table.file}: has {', '.join(clash)} too; allowed: given once")
@@ -151,7 +151,7 @@ def fit_jumps(
     free = count - len(sought)
     deviation, followed = _deviation(table, law, speeds, left, free, error)
     numbers, correlation = _told(trial, x, deviation, given, names, table)
-    kind, found = "separation" if two else "one_mass", tuple(speeds.tolist())
+    kind, found = "two_mass" if two else "one_mass", tuple(speeds.tolist())
     return JumpFit(law, table, kind, numbers, correlation, found, deviation, followed, free)
 
 

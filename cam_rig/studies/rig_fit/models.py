@@ -241,7 +241,7 @@ def elastic(
                     return sensor
     on_step("two masses and a stem")
     two = _two_masses(one, still, stem, given)
-    if model == "separation" or log_ratio(two, best) > CLEARLY_LIKELIER:
+    if model == "two_mass" or log_ratio(two, best) > CLEARLY_LIKELIER:
         return two
     return best
 

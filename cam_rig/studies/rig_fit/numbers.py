@@ -49,7 +49,7 @@ def require_in_model(given: Mapping[str, float], model: str | None) -> None:
     Raises
     ------
     ConfigError : one of ``given`` is beyond its limits, or of two masses where ``model`` is not
-        separation
+        two_mass
     """
     for name, value in given.items():
         limits = NUMBERS[name]
@@ -58,10 +58,9 @@ def require_in_model(given: Mapping[str, float], model: str | None) -> None:
                 f"{name}: {value:g} {limits.unit} is given; allowed: from {limits.low:g} to "
                 f"{limits.high:g} {limits.unit}"
             )
-    if model != "separation" and (odd := [name for name in given if name in OF_TWO]):
+    if model != "two_mass" and (odd := [name for name in given if name in OF_TWO]):
         raise ConfigError(
-            f"{odd[0]}: is given, a number of two masses and a stem; allowed with "
-            "--model separation"
+            f"{odd[0]}: is given, a number of two masses and a stem; allowed with --model two_mass"
         )
 
 

@@ -35,7 +35,7 @@ def fit_rig(
     Parameters
     ----------
     base : rig whose numbers the search takes for those that nothing tells
-    model : one_mass, separation (two masses and a stem), or None for the likelier
+    model : one_mass, two_mass (two masses and a stem), or None for the likelier
     given : numbers that are known, by name, SI
     on_step : told what is being done
 
@@ -53,7 +53,7 @@ def fit_rig(
     rough, phase, zero = rough_start(law, holds, values)
     values = rough | rigid
     forces = any(hold.force.value.size for hold in holds)
-    if model == "separation" and not forces:
+    if model == "two_mass" and not forces:
         raise ConfigError(
             f"{run.source}: has no contact force, which alone shows a stem; allowed: "
             "--model one_mass"
@@ -68,8 +68,8 @@ def fit_rig(
     aligned = search(start, start.start(values, phase, zero))
     if _is_of_another_cam(aligned):
         return found_of(law, run, aligned, given, tuple(scale), holds)
-    found = one_mass(aligned, rigid | scale, model == "separation")
-    if model == "separation" or (model is None and forces):
+    found = one_mass(aligned, rigid | scale, model == "two_mass")
+    if model == "two_mass" or (model is None and forces):
         found = elastic(found, given, model, on_step)
     on_step("standard errors")
     return found_of(law, run, found, given, tuple(scale), holds)

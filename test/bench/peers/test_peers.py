@@ -15,9 +15,9 @@ BY_TITLE = {peer.title: peer for peer in PEERS}
 SOLVED = [
     ("resonance", 2, 1e-6),
     ("torsional", 1, 1e-6),
-    ("separation_soft", 1, 1e-6),
+    ("two_mass_soft", 1, 1e-6),
     ("one_mass_arc", 2, 1e-5),
-    ("residual_stem", 1, 1e-5),
+    ("elastic_stem", 1, 1e-5),
 ]
 
 

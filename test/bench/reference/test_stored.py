@@ -10,7 +10,7 @@ from cam_rig.bench.reference import exact, exact_twist, stored
 from cam_rig.errors import CamRigError
 
 
-@pytest.mark.parametrize(("name", "turns"), [("residual_stem", 1), ("separation_soft", 1)])
+@pytest.mark.parametrize(("name", "turns"), [("elastic_stem", 1), ("two_mass_soft", 1)])
 def test_a_reference_is_what_50_digits_give(cases, name, turns):
     """Recomputed over the first turn, it agrees to the last digit of a double."""
     case = cases[name].first_turns(turns)
@@ -45,7 +45,7 @@ def test_the_torsional_reference_solves_the_equation(cases):
     assert abs(balance) < 1e-5 * abs(force * s1)
 
 
-@pytest.mark.parametrize("name", ["separation_soft", "separation_stem", "one_mass_arc"])
+@pytest.mark.parametrize("name", ["two_mass_soft", "two_mass_stem", "one_mass_arc"])
 def test_the_follower_flies_in_every_case_of_separation(cases, name):
     """Events begin with a lift-off, come in order, and landings are among them."""
     events = stored.read(cases[name]).events

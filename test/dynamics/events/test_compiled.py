@@ -74,7 +74,7 @@ def random_runs(laws, seed):
 def test_the_bits_are_the_same(laws, monkeypatch, seed):
     """Events, samples and the state at the end of both models."""
     law, one, two, interval = random_runs(laws, seed)
-    for model, p in (("one_mass", one), ("separation", two)):
+    for model, p in (("one_mass", one), ("two_mass", two)):
         found = []
         for form in (PLAIN, ALWAYS):
             monkeypatch.setenv(VARIABLE, form)
@@ -154,21 +154,98 @@ def run(**environment):
     return done.stdout.splitlines(), done.stderr
 
 
-def test_a_few_events_need_no_numba_and_a_broken_cache_no_help(tmp_path):
-    """What is kept may be cut off: it is thrown away, said in one line, and the results come."""
+def test_a_few_events_need_no_numba(tmp_path):
+    """Asked for, what is kept is loaded: the same events, and nothing is said."""
     (events, numba), words = run()
     assert (numba, words) == ("False", "")
-    whole = tmp_path / "cam_rig" / cache_folder().name
-    shutil.copytree(cache_folder(), whole)
+    shutil.copytree(cache_folder(), tmp_path / "cam_rig" / cache_folder().name)
     (kept, loaded), words = run(XDG_CACHE_HOME=str(tmp_path), **{VARIABLE: ALWAYS})
     assert (kept, loaded, words) == (events, "True", "")
-    for path in whole.rglob("*.nbi"):
-        path.write_bytes(path.read_bytes()[:100])
-    (kept, _), words = run(XDG_CACHE_HOME=str(tmp_path), **{VARIABLE: ALWAYS})
-    assert kept == events
-    assert "plain Python is used" in words
-    assert len(words.splitlines()) == 1
-    assert not whole.exists()
+
+
+def triple(value):
+    """What stands for the search where it is compiled often."""
+    return 3.0 * value
+
+
+def loaded(value):
+    """What the compiled `triple` gives, as a new process would come by it."""
+    compiled._ready.clear()
+    compiled._is_kept.cache_clear()
+    return form_of(triple)(value)
+
+
+def damage(path, rng):
+    """One flipped bit of a file, or its end cut off, or all of it gone."""
+    data = bytearray(path.read_bytes())
+    kind = rng.integers(10)
+    if kind == 0:
+        return path.unlink()
+    if kind == 1:
+        return path.write_bytes(data[: rng.integers(len(data))])
+    data[rng.integers(len(data))] ^= 1 << rng.integers(8)
+    return path.write_bytes(data)
+
+
+@pytest.fixture
+def kept(monkeypatch, tmp_path):
+    """The folder of the code of `triple`, compiled in this test."""
+    monkeypatch.setenv(VARIABLE, ALWAYS)
+    monkeypatch.setattr(compiled, "_ready", {})
+    monkeypatch.setattr(compiled, "cache_folder", lambda: tmp_path)
+    assert loaded(2.0) == 6.0
+    yield tmp_path / "triple"
+    compiled._is_kept.cache_clear()
+
+
+def test_damaged_code_is_never_loaded(kept, capsys):
+    """Whatever was done to its files: it is removed and made anew, and said once; seeded."""
+    rng = np.random.default_rng(1)
+    for _ in range(30):
+        files = sorted(path for path in kept.rglob("*") if path.is_file())
+        assert len(files) == 3  # numba's index and code, and the digests
+        damage(files[rng.integers(len(files))], rng)
+        compiled._is_kept.cache_clear()
+        assert not compiled._is_kept(triple)  # before numba would read it in this process
+        assert capsys.readouterr().err.count("is damaged") == 1
+        assert loaded(2.0) == 6.0
+        assert capsys.readouterr().err.count("compiling") == 1
+        assert loaded(2.0) == 6.0
+        assert capsys.readouterr().err == ""
+
+
+def test_two_compile_at_once(kept, capsys):
+    """The first one's code stays; one that is killed, or fails, leaves nothing that is loaded."""
+    before = (kept / compiled.DIGESTS).read_bytes()
+    with compiled._made(kept) as other:
+        (other / "x.nbi").write_bytes(b"another")
+    assert (kept / compiled.DIGESTS).read_bytes() == before
+    shutil.rmtree(kept)
+    with pytest.raises(KeyboardInterrupt), compiled._made(kept) as cut:
+        (cut / "x.nbi").write_bytes(b"half")
+        raise KeyboardInterrupt
+    assert list(kept.parent.iterdir()) == []
+    cut.mkdir()  # as SIGKILL leaves it
+    (cut / "x.nbi").write_bytes(b"half")
+    capsys.readouterr()
+    assert loaded(2.0) == 6.0
+    assert "damaged" not in capsys.readouterr().err
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(20))
+def test_damage_ends_no_process(tmp_path, seed):
+    """A process that meets it finds the events of plain Python, and the next one says nothing."""
+    (events, _), _ = run(**{VARIABLE: PLAIN})
+    whole, rng = tmp_path / "cam_rig" / cache_folder().name, np.random.default_rng(seed)
+    shutil.copytree(cache_folder() / "run_one_mass", whole / "run_one_mass")
+    files = sorted(path for path in whole.rglob("*") if path.is_file())
+    damage(files[rng.integers(len(files))], rng)
+    (found, _), words = run(XDG_CACHE_HOME=str(tmp_path), **{VARIABLE: ALWAYS})
+    assert found == events
+    assert words.count("is damaged") == 1
+    (found, _), words = run(XDG_CACHE_HOME=str(tmp_path), **{VARIABLE: ALWAYS})
+    assert (found, words) == (events, "")
 
 
 def test_a_place_that_cannot_be_written(monkeypatch, tmp_path):

@@ -16,7 +16,7 @@ STEM = TwoMassParameters(0.52, 0.78, 3.3e8, 4030.0, 8.642, 8.642, 12.753)
 SPEED = 450.0 * np.pi / 30.0
 
 
-@pytest.mark.parametrize("name", ["separation_soft", "separation_stem", "one_mass_arc"])
+@pytest.mark.parametrize("name", ["two_mass_soft", "two_mass_stem", "one_mass_arc"])
 def test_events_are_those_of_fifty_digits(name):
     """All of them, in order, each to 1e-13 s; the motion between to 2e-12 of its largest.
 

@@ -20,7 +20,7 @@ PAPER = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6, 0.5)
 MASS = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8, 0.0)
 
 
-def lowest_gap(law, p, speed, acceleration, milliseconds, total=400, model="separation"):
+def lowest_gap(law, p, speed, acceleration, milliseconds, total=400, model="two_mass"):
     """The lowest gap (m) and the number of events of a ramp from ``speed`` (rad/s) on."""
     whole = Interval(0, total * MS, 0.0, speed, acceleration)
     state, gaps, events = None, [], 0

@@ -80,7 +80,7 @@ def test_against_a_tight_integrator(laws):
 def test_the_length_of_an_interval_does_not_enter(laws, milliseconds):
     """Ticks of 1 ms or 200 ms give the events and samples of one call to 1e-10."""
     law, total, speed = laws["poly345"], 400_000_000, 450.0 * np.pi / 30.0
-    advance = MODELS["separation"].advance
+    advance = MODELS["two_mass"].advance
     _, whole = advance(law, SOFT, None, Interval(0, total, 0.0, speed), 48_000)
     state, rows, events = None, [], []
     for a in range(0, total, milliseconds * 1_000_000):

@@ -100,7 +100,7 @@ def test_another_set_up_is_another_run_and_its_bag_is_kept(running_panel: Runnin
     with running_panel.page() as page:
         page.running()
         page.do("set", name="time_weighting", value="S")
-        page.do("set_up", value={"model": "separation", "preload": 55, "added_mass": 0.2})
+        page.do("set_up", value={"model": "two_mass", "preload": 55, "added_mass": 0.2})
         page.until(lambda live: live["graph"] == "starting")
         live = page.running()
         assert live["setup"]["preload"] == 55.0
@@ -115,7 +115,7 @@ def test_another_set_up_is_another_run_and_its_bag_is_kept(running_panel: Runnin
         page.running()
     loaded = read_scene(bag)
     assert loaded.rig.follower.preload.si == 55.0
-    assert loaded.scene.model == "separation"
+    assert loaded.scene.model == "two_mass"
     assert contiguous(bag) > 1.0
     assert running_panel.end(signal.SIGINT) == 128 + signal.SIGINT
     assert list(running_panel.out.iterdir()) == [bag]

@@ -79,4 +79,4 @@ def test_a_wrong_set_up_is_refused(given: dict, words: str) -> None:
 def test_models_are_those_the_rig_has_numbers_for() -> None:
     """Two masses need a split of the mass, an elastic shaft its stiffness."""
     assert set(allowed_models(RIG)) == set(MODELS)
-    assert not {"separation", "torsional"} & set(allowed_models(cam_rig.load_rig("tm21")))
+    assert not {"two_mass", "torsional"} & set(allowed_models(cam_rig.load_rig("tm21")))

@@ -54,7 +54,7 @@ def force_by_transfer(model, rig, lift, p, preload):
     f = FollowerParameters.from_rig(rig)
     if model in ("kinetostatic", "one_mass"):
         force = (f.mass * p**2 + f.damping * p + f.spring_stiffness) * lift
-    elif model == "residual":
+    elif model == "elastic_stem":
         stem, both = f.stem_stiffness, f.spring_stiffness + f.stem_stiffness
         force = stem * lift * (1.0 - stem / (f.mass * p**2 + f.damping * p + both))
     else:
@@ -66,7 +66,7 @@ def force_by_transfer(model, rig, lift, p, preload):
     return force + preload * (p == 0.0)
 
 
-@pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "residual", "separation"])
+@pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "elastic_stem", "two_mass"])
 @pytest.mark.parametrize("seed", range(3))
 def test_in_contact_an_order_is_the_lifts_times_the_stiffness(model, seed):
     """For random laws and rigs: each model is linear, so an order of the force is that of the lift
@@ -105,11 +105,11 @@ def sampled(steady, count):
     ("cam", "model", "rpm", "away"),
     [
         ("bezier15", "one_mass", 400, 1e-14),
-        ("poly345", "residual", 420, 1e-14),
+        ("poly345", "elastic_stem", 420, 1e-14),
         ("poly345", "one_mass", 400, 1e-8),
         ("poly345", "one_mass", 520, 2e-4),
         ("tm21", "one_mass", 380, 2e-4),
-        ("poly345", "separation", 480, 2e-4),
+        ("poly345", "two_mass", 480, 2e-4),
     ],
 )
 def test_an_fft_comes_to_the_same(cam, model, rpm, away):
@@ -117,7 +117,7 @@ def test_an_fft_comes_to_the_same(cam, model, rpm, away):
     as far with twice the samples, so it is the FFT that is off.
     """
     law = cam_rig.build_law(cam_rig.load_cam(cam))
-    rig = PAPER if model in ("residual", "separation") else cam_rig.load_rig("tm21")
+    rig = PAPER if model in ("elastic_stem", "two_mass") else cam_rig.load_rig("tm21")
     steady = steady_force(law, model, rig, rpm * RPM)
     assert steady.settled
     bare = dataclasses.replace(steady, landings=())
@@ -164,7 +164,7 @@ def test_the_orders_are_what_the_microphone_hears(make_loaded_scene):
 def test_a_force_that_comes_back_after_two_turns_has_halves_of_orders():
     """And its even places are the orders of the cam."""
     law = cam_rig.build_law(cam_rig.load_cam("bezier15"))
-    found = order_spectrum(law, "separation", PAPER, 600 * RPM, 20)
+    found = order_spectrum(law, "two_mass", PAPER, 600 * RPM, 20)
     assert found.steady.turns == 2
     assert found.orders[:4].tolist() == [0.0, 0.5, 1.0, 1.5]
     assert found.frequency[2] == pytest.approx(10.0)

@@ -40,7 +40,7 @@ def recorded(loaded):
     return list(turned_ticks(loaded)), list(cam_states(loaded.scene)), pressures
 
 
-@pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "residual", "separation"])
+@pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "elastic_stem", "two_mass"])
 def test_a_run_is_its_own_scene_s(make_loaded_scene, model):
     """Driven with the same states, each sample, event and level is the same number."""
     cams = ["poly345", "cycloidal"]

@@ -158,9 +158,9 @@ def test_a_force_sensor_s_resonance_is_no_stem(law, rig):
 def test_a_stem_shows_in_the_force(law, rig):
     """Two masses are found by themselves, with stem, share and stem damping."""
     two = cam_rig.load_rig("paper_table2")
-    run = measured_run(law, two, "separation", (200.0, 280.0, 340.0, 380.0), seed=2)
+    run = measured_run(law, two, "two_mass", (200.0, 280.0, 340.0, 380.0), seed=2)
     fit = fit_rig(law, run, rig)
-    assert fit.model == "separation"
+    assert fit.model == "two_mass"
     found = scores(fit, two)
     assert {"mass", "stem_stiffness", "roller_share", "stem_damping"} <= set(found)
     assert max(map(abs, found.values())) < 4.0
@@ -175,7 +175,7 @@ def test_a_stem_that_leaves_a_cam_of_arcs():
     rig = cam_rig.load_rig("paper_table2").with_follower(mass=1.0)
     jump = to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
     rpms = 0.4 * jump, 0.7 * jump, 1.1 * jump
-    run = measured_run(law, rig, "separation", rpms, QUICK, 1)
+    run = measured_run(law, rig, "two_mass", rpms, QUICK, 1)
     found = scores(fit_rig(law, run, cam_rig.load_rig("tm21"), None, {"restitution": 0.0}), rig)
     assert {"mass", "spring_stiffness", "preload", "damping"} <= set(found)
     assert max(map(abs, found.values())) < 4.0, found
@@ -186,9 +186,9 @@ def test_a_load_cell_off_zero_gives_no_preload_with_a_stem():
     law = cam_rig.build_law(cam_rig.load_cam("arcs_straight"))
     rig = cam_rig.load_rig("paper_table2").with_follower(mass=1.0)
     jump = to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
-    run = measured_run(law, rig, "separation", (0.4 * jump, 0.6 * jump, 0.9 * jump), QUICK, 1)
+    run = measured_run(law, rig, "two_mass", (0.4 * jump, 0.6 * jump, 0.9 * jump), QUICK, 1)
     off = replace(run, force=replace(run.force, value=run.force.value + 8.0))
-    fit = fit_rig(law, off, cam_rig.load_rig("tm21"), "separation")
+    fit = fit_rig(law, off, cam_rig.load_rig("tm21"), "two_mass")
     assert re.search(r"in flight the force reads [78]\.\d+ N", numbers(fit)["preload"].reason)
     found = scores(fit, rig)
     assert {"mass", "spring_stiffness"} <= set(found)
@@ -266,12 +266,12 @@ def test_a_number_that_no_follower_has_is_refused(law, rig):
 def test_a_stem_s_numbers_need_a_stem(law, rig):
     """Of one mass they are refused; of two they are kept; and a lift alone shows no stem."""
     two = cam_rig.load_rig("paper_table2")
-    run = measured_run(law, two, "separation", (200.0, 300.0), QUICK, 1)
-    with pytest.raises(ConfigError, match=r"roller_share.*separation"):
+    run = measured_run(law, two, "two_mass", (200.0, 300.0), QUICK, 1)
+    with pytest.raises(ConfigError, match=r"roller_share.*two_mass"):
         fit_rig(law, run, rig, None, {"roller_share": 0.4})
     with pytest.raises(ConfigError, match=r"no contact force.*one_mass"):
-        fit_rig(law, replace(run, force=None), rig, "separation")
-    fit = fit_rig(law, run, rig, "separation", {"roller_share": 0.4, "stem_damping": 9.0})
+        fit_rig(law, replace(run, force=None), rig, "two_mass")
+    fit = fit_rig(law, run, rig, "two_mass", {"roller_share": 0.4, "stem_damping": 9.0})
     assert numbers(fit)["roller_share"].origin == "given"
     assert numbers(fit)["stem_stiffness"].value is not None
 
@@ -315,6 +315,6 @@ def test_lifts_of_one_flying_speed_tell_nothing(law, rig):
 def test_a_follower_that_bounces_at_random_is_refused(law, rig):
     """No turn is as the one before: refused in a moment, with the reason."""
     two = cam_rig.load_rig("paper_table2")
-    run = measured_run(law, two, "separation", (600.0, 650.0), seed=2)
+    run = measured_run(law, two, "two_mass", (600.0, 650.0), seed=2)
     with pytest.raises(ConfigError, match="below the jump speed"):
         fit_rig(law, run, rig)

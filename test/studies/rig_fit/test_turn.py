@@ -40,8 +40,8 @@ def test_one_mass(law, rig, rpm, restitution):
 def test_two_masses(law, rpm):
     """In contact and with lift-offs: the fixed point is where many turns from rest end."""
     rig = cam_rig.load_rig("paper_table2")
-    parameters = MODELS["separation"].parameters(rig)
-    angle, block = last_turn(law, "separation", parameters, rpm * RPM)
+    parameters = MODELS["two_mass"].parameters(rig)
+    angle, block = last_turn(law, "two_mass", parameters, rpm * RPM)
     found = two_mass_turn(law, parameters, rpm * RPM)
     assert bool(found.events) == (rpm > 400.0)
     lift, force = found.at(angle)
@@ -52,8 +52,8 @@ def test_two_masses(law, rpm):
 def test_a_turn_is_found_from_its_neighbour(law):
     """From the turn of nearly the same follower, the same as from nothing."""
     rig = cam_rig.load_rig("paper_table2")
-    near = two_mass_turn(law, MODELS["separation"].parameters(rig), 420.0 * RPM)
-    other = MODELS["separation"].parameters(rig.with_follower(preload=30.7))
+    near = two_mass_turn(law, MODELS["two_mass"].parameters(rig), 420.0 * RPM)
+    other = MODELS["two_mass"].parameters(rig.with_follower(preload=30.7))
     angle = np.linspace(0.0, TURN, 500)
     one = two_mass_turn(law, other, 420.0 * RPM, near).at(angle)[1]
     two = two_mass_turn(law, other, 420.0 * RPM).at(angle)[1]
