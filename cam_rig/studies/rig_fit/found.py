@@ -135,7 +135,7 @@ def found_of(
     unfit = misfit(solution, errors.alike)
     model = "separation" if "roller_share" in likelihood.values(x) else "one_mass"
     names = TWO_MASSES if model == "separation" else (*ONE_MASS, "stem_stiffness")
-    landings = landings_of(likelihood, x)
+    landings = landings_of(solution)
     left_out = tuple(hold.hold.rpm for hold in holds if hold not in likelihood.holds)
     numbers = tuple(_number(name, solution, errors, given, scale, landings) for name in names)
     if left_out:

@@ -76,7 +76,7 @@ def misfit(solution: FitSolution, alike: tuple[float, float]) -> str:
     if a single speed flies.
     """
     likelihood = solution.likelihood
-    flying = landings_of(likelihood, solution.x)
+    flying = landings_of(solution)
     if any(flying) and not any(hold.force.value.size for hold in likelihood.holds):
         if alike[0] > MUCH:
             return (
