@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cam_rig.cli.cams.fitting import require_new, say_assumed, write_new
-from cam_rig.cli.common.console import console, say, show, user_errors
+from cam_rig.cli.common.console import console, progress_bar, say, show, user_errors
 from cam_rig.cli.common.options import Csv, Json, Plot, RigOfScene
 from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
 from cam_rig.errors import ConfigError, did_you_mean
@@ -211,8 +211,13 @@ def _from_table(
     if tolerance is not None and not tolerance > 0.0:
         raise ConfigError(f"--tolerance: is {tolerance:g} rpm; allowed: > 0")
     table = read_jump_table(file)
-    with console.status("searching"):
-        found = fit_jumps(law, table, rig, model, given, tolerance)
+    with progress_bar() as bar:
+        task = bar.add_task("set-ups of a step of the search", total=None)
+
+        def on_setup(done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total)
+
+        found = fit_jumps(law, table, rig, model, given, tolerance, on_setup)
     tables = [numbers_table(found.numbers, f"{file.name}: the follower")]
     if len(found.identified) > 1:
         names = tuple(number.name for number in found.identified)

@@ -131,16 +131,18 @@ def _line(time: FloatArray, angle: FloatArray, count: float) -> Hold:
     return Hold(float(time[0]), float(time[-1]), float(begin), float(slope), error, ripple)
 
 
-def correlation_length(residual: FloatArray) -> float:
-    """How many neighbours of a residual ``(n,)`` err alike: 1 where each is on its own.
-
-    1 + 2 Σ ρₖ over the lags k before the first correlation that is none.
-    """
+def autocorrelation(residual: FloatArray) -> FloatArray:
+    """Of a residual ``(n,)``, from lag 0 (1) to before the first lag at which there is none."""
     size = residual.size
     spectrum = np.fft.rfft(residual - residual.mean(), 2 * size)
     product = np.fft.irfft(np.abs(spectrum) ** 2)[:size]
     if product[0] <= 0.0:
-        return 1.0
-    rho = product[1:] / product[0]
+        return np.ones(1)
+    rho = np.asarray(product / product[0])
     none = np.flatnonzero(rho < 2.0 / math.sqrt(size))
-    return 1.0 + 2.0 * float(rho[: none[0] if none.size else rho.size].sum())
+    return rho[: max(1, none[0]) if none.size else size]
+
+
+def correlation_length(residual: FloatArray) -> float:
+    """How many neighbours of a residual ``(n,)`` are as one: 1 + 2 Σ ρₖ, 1 where each is free."""
+    return 1.0 + 2.0 * float(autocorrelation(residual)[1:].sum())
