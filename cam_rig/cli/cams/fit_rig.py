@@ -75,7 +75,7 @@ Given = Annotated[
 ]
 Tolerance = Annotated[
     float | None,
-    typer.Option(metavar="RPM", help="Error of a jump speed; by default from what the fit leaves."),
+    typer.Option(metavar="RPM", help="Error of a jump speed; by default from the residuals."),
 ]
 Out = Annotated[
     Path | None, typer.Option(metavar="RIG.yaml", help="Write a rig file of what was found.")
@@ -102,8 +102,9 @@ def fit_rig(
     From a bag with cam angle, and lift or contact force or both, at some steady speeds: mass,
     spring, preload, damping, restitution, and the stem where it shows. From a table: columns of
     mass put on, spring, preload as far as there are, and of the jump speed. Each number has its
-    standard error and correlations; what nothing tells gets no number, and a reason. The encoder's
-    zero, an error of the sensors' clock, the lift's zero and its backlash are found beside them.
+    standard error and correlations; what is not identifiable gets no number, and a reason. The
+    encoder's zero, an error of the sensors' clock, the lift's zero offset and its backlash are
+    found beside them.
 
     Examples
     --------

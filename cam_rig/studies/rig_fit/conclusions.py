@@ -86,7 +86,8 @@ def jump_conclusions(fit: JumpFit) -> Iterator[str]:
     if not fit.error_given:
         yield (
             f"The error of a reading is taken from the residuals: {fit.error:.3g} rpm, of "
-            f"{fit.free} readings more than free parameters."
+            f"{fit.free} readings more than free parameters; "
+            f"intervals of 95 % reach {fit.numbers[0].within:.3g} standard errors."
         )
     worst = int(np.abs(fit.left).argmax())
     if fit.free > 1 and fit.left[worst] ** 2 > SLIP * float(fit.left @ fit.left):
@@ -166,5 +167,5 @@ def strongest_frequency(fit: RigFit, name: str) -> float | None:
 def gist(number: FoundNumber) -> str:
     """A number in words: 1.2995 ± 0.0008 kg."""
     unit = NUMBERS[number.name].unit
-    words = f"{number.shown} ± {number.error:.2g} {unit}".removesuffix(" 1")
+    words = f"{number.shown} ± {number.shown_error} {unit}".removesuffix(" 1")
     return f"{words} ({number.caution})" if number.caution else words

@@ -33,13 +33,17 @@ LEFT_OUT = {
 
 @dataclass(frozen=True)
 class FoundNumber:
-    """One number, SI: given; identified, with its standard error; or not identified, and why."""
+    """One number, SI: given; identified, with its standard error; or not identified, and why.
+
+    ``within`` is how many standard errors its interval of 95 % reaches to either side.
+    """
 
     name: str
     value: float | None
     error: float | None
     origin: str
     reason: str = ""
+    within: float = WITHIN_95
 
     @classmethod
     def unidentified(cls, name: str, reason: str, error: float | None = None) -> FoundNumber:
@@ -57,18 +61,25 @@ class FoundNumber:
         return "" if self.value is None else rounded_to_error(self.value, self.error or 0.0)
 
     @property
+    def shown_error(self) -> str:
+        """The standard error, to two digits; empty without a value."""
+        if self.value is None or self.error is None:
+            return ""
+        return rounded_to_error(self.error, self.error)
+
+    @property
     def caution(self) -> str:
         """What stands beside a value whose error is a third of it or more, or larger than it."""
         if self.value is None or self.error is None or self.error < CAUTION * self.value:
             return ""
-        words = interval_words(self.value, self.error, self.unit)
-        return f"{'may be 0' if self.value < WITHIN_95 * self.error else 'uncertain'}: {words}"
+        half = self.within * self.error
+        words = interval_words(self.value, half, self.unit)
+        return f"{'may be 0' if self.value < half else 'uncertain'}: {words}"
 
 
-def interval_words(value: float, error: float, unit: str) -> str:
-    """In words, of a number that is not below zero."""
-    low, high = value - WITHIN_95 * error, value + WITHIN_95 * error
-    end = f"{high:.3g} {unit}".removesuffix(" 1")
+def interval_words(value: float, half: float, unit: str) -> str:
+    """An interval of 95 % of a number that is not below zero, in words."""
+    low, end = value - half, f"{value + half:.3g} {unit}".removesuffix(" 1")
     return f"with 95 % it is below {end}" if low <= 0.0 else f"with 95 % it is {low:.3g} to {end}"
 
 
@@ -228,7 +239,7 @@ def _number(
         ratio = f"{value / mass:.5g} ± {error / mass:.2g} in SI"
         reason = f"only its ratio to the mass is identifiable from lifts, {ratio}; give a mass"
     elif error >= (TOLD_RESTITUTION if name == "restitution" else TOLD * value):
-        reason = f"{interval_words(value, error, NUMBERS[name].unit)}: too wide"
+        reason = f"{interval_words(value, WITHIN_95 * error, NUMBERS[name].unit)}: too wide"
     return (
         FoundNumber.unidentified(name, reason, error)
         if reason

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from cam_rig.arrays import FloatArray
+from cam_rig.arrays import FloatArray, correlation_length
 from cam_rig.errors import ConfigError
 from cam_rig.simulation.encoder import encoder_count
 from cam_rig.simulation.measured_run import MeasuredRun
@@ -129,20 +129,3 @@ def _line(time: FloatArray, angle: FloatArray, count: float) -> Hold:
     error = scatter * math.sqrt(alike) / (float(since.std()) * math.sqrt(time.size))
     ripple = max(0.0, float(np.abs(away).max()) - 0.6 * count)
     return Hold(float(time[0]), float(time[-1]), float(begin), float(slope), error, ripple)
-
-
-def autocorrelation(residual: FloatArray) -> FloatArray:
-    """Of a residual ``(n,)``, from lag 0 (1) to before the first lag at which there is none."""
-    size = residual.size
-    spectrum = np.fft.rfft(residual - residual.mean(), 2 * size)
-    product = np.fft.irfft(np.abs(spectrum) ** 2)[:size]
-    if product[0] <= 0.0:
-        return np.ones(1)
-    rho = np.asarray(product / product[0])
-    none = np.flatnonzero(rho < 2.0 / math.sqrt(size))
-    return rho[: max(1, none[0]) if none.size else size]
-
-
-def correlation_length(residual: FloatArray) -> float:
-    """How many neighbours of a residual ``(n,)`` are as one: 1 + 2 Σ ρₖ, 1 where each is free."""
-    return 1.0 + 2.0 * float(autocorrelation(residual)[1:].sum())

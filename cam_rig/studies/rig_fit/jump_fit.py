@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.stats import t as student
 
 from cam_rig.arrays import FloatArray, rms
 from cam_rig.errors import CamRigError, ConfigError
@@ -168,7 +169,9 @@ def fit_jumps(
     left = speeds - to_rpm(np.array([r.speed for r in table.readings]))
     free = count - len(sought)
     deviation, followed = _deviation(table, law, speeds, left, free, error)
-    numbers, correlation = _told(trial, x, deviation, given, names, table)
+    # an error that is estimated of few readings has Student's distribution
+    within = WITHIN_95 if followed else float(student.ppf(0.975, max(free, 1)))
+    numbers, correlation = _told(trial, x, deviation, given, names, table, within)
     kind, found = "separation" if two else "one_mass", tuple(speeds.tolist())
     return JumpFit(law, table, kind, numbers, correlation, found, deviation, followed, free)
 
@@ -268,6 +271,7 @@ def _told(
     given: dict[str, float],
     names: tuple[str, ...],
     table: JumpTable,
+    within: float,
 ) -> tuple[tuple[FoundNumber, ...], FloatArray]:
     """The numbers with standard errors, or why there is none; and their correlation."""
     values = {n: from_search(n, float(v)) for n, v in zip(trial.sought, x, strict=True)}
@@ -300,11 +304,11 @@ def _told(
             for i, other in enumerate(trial.sought)
             if group[i] and i != k
         ]
-        reason = _reason(name, values[name], error, others, table)
+        reason = _reason(name, values[name], error, within, others, table)
         if reason:
             found.append(FoundNumber.unidentified(name, reason, error))
         else:
-            found.append(FoundNumber(name, values[name], error, "identified"))
+            found.append(FoundNumber(name, values[name], error, "identified", within=within))
             kept.append(k)
     part = covariance[np.ix_(kept, kept)]
     scale = np.sqrt(np.diag(part))
@@ -318,14 +322,17 @@ def _told(
     return tuple(found), part / np.outer(scale, scale)
 
 
-def _reason(name: str, value: float, error: float, others: list[str], table: JumpTable) -> str:
-    """Why a number is not told; empty where it is."""
+def _reason(
+    name: str, value: float, error: float, within: float, others: list[str], table: JumpTable
+) -> str:
+    """Why a number is not identified; empty where it is."""
     if others:
         more = "" if "mass" in table.columns else ", or a column of masses put on"
         apart = ", ".join(dict.fromkeys(others))
         return f"not identifiable apart from {apart}: give one of them{more}"
-    if error < TOLD * value:
+    half = within * error
+    if half < TOLD * WITHIN_95 * value:
         return ""
-    if name == "mass" and value < WITHIN_95 * error and "mass" in table.columns:
+    if name == "mass" and value < half and "mass" in table.columns:
         return f"it is 0 ± {error:.2g} kg beside what was put on: is that the total mass?"
-    return f"{interval_words(value, error, NUMBERS[name].unit)}: too wide"
+    return f"{interval_words(value, half, NUMBERS[name].unit)}: too wide"

@@ -17,9 +17,6 @@ from cam_rig.units import rounded_to_error, to_rpm
 def numbers_table(numbers: Iterable[FoundNumber], caption: str) -> DataTable:
     """A row a number: what was found, to the digits that its error leaves, or that nothing was."""
 
-    def error(number: FoundNumber) -> Cell:
-        return number.error if number.value is not None else None
-
     def origin(number: FoundNumber) -> str:
         return "; ".join(filter(None, (number.origin, number.caution)))
 
@@ -29,7 +26,7 @@ def numbers_table(numbers: Iterable[FoundNumber], caption: str) -> DataTable:
         (
             (Column("number"), lambda number: number.name),
             (Column("value", "", ".6g"), lambda number: number.shown),
-            (Column("standard error", "", ".2g"), error),
+            (Column("standard error", "", ".2g"), lambda number: number.shown_error),
             (Column("unit"), lambda number: number.unit),
             (Column(""), origin),
         ),

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import next_fast_len
 
-from cam_rig.arrays import FloatArray, rms
-from cam_rig.studies.rig_fit.holds import autocorrelation
+from cam_rig.arrays import FloatArray, autocorrelation, rms
 from cam_rig.studies.rig_fit.likelihood import Likelihood
 from cam_rig.studies.rig_fit.search import FitSolution, landings_of
 from cam_rig.units import TURN
