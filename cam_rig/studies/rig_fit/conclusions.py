@@ -21,6 +21,9 @@ WRONG_CAM = 0.01
 EXACT = 1e-9
 #: A peak of a spectrum stands out that has this part of all of it in its eight lines.
 STANDS_OUT = 0.3
+#: A sample that is off by so many standard deviations is an outlier; a standard deviation by the
+#: median of what is off, which outliers do not move.
+OUTLIER, TO_DEVIATION = 10.0, 1.4826
 #: One jump speed with more than this part of all that is left, as squares, is a slip.
 SLIP = 0.55
 
@@ -116,6 +119,8 @@ def _odd(fit: RigFit) -> Iterator[str]:
             "does, and not as a stem: it is fitted with."
         )
     exact = noise is not None and noise < EXACT * fit.law.lift
+    if not exact:
+        yield from _outliers(fit)
     for name, length in zip(("lift", "force"), fit.alike, strict=True):
         if length > COLOURED and not exact:
             yield (
@@ -129,6 +134,25 @@ def _odd(fit: RigFit) -> Iterator[str]:
             f"The cam's angle is up to {np.degrees(ripple):.2g} deg from a steady turn: the speed "
             "fluctuates, and the model holds it."
         )
+
+
+def _outliers(fit: RigFit) -> Iterator[str]:
+    """Samples that no noise has; least squares follows them."""
+    likelihood, parts = fit.solution.likelihood, {"lift": [np.empty(0)], "force": [np.empty(0)]}
+    for i in range(len(likelihood.holds)):
+        turn = likelihood.predicted(fit.solution.x, i)
+        if turn is not None:
+            parts["lift"].append(turn.lift_left / likelihood.lift_noise)
+            parts["force"].append(turn.force_left / likelihood.force_deviation(i))
+    for name, found in parts.items():
+        off = np.abs(np.concatenate(found))
+        deviation = TO_DEVIATION * float(np.median(off)) if off.size else 0.0
+        count = int(np.count_nonzero(off > OUTLIER * deviation))
+        if count and deviation > 0.0:
+            yield (
+                f"{count} of {off.size} samples of the {name} are more than {OUTLIER:g} standard "
+                "deviations off, outliers: they move the numbers, so leave them out."
+            )
 
 
 def _frequency_words(fit: RigFit, name: str) -> str:

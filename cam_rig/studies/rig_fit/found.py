@@ -109,6 +109,7 @@ class Gauges:
     clock: float | None
     clock_error: float | None
     zero: float | None
+    zero_error: float | None
     backlash: float | None
     backlash_error: float | None
     lift_noise: float | None
@@ -117,6 +118,7 @@ class Gauges:
     sensor_frequency: float | None
     sensor_damping: float | None
     force_zero: float | None
+    force_zero_error: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -321,7 +323,12 @@ def _gauges(solution: FitSolution, errors: Uncertainty) -> Gauges:
     line = -normal @ design.T @ weights @ np.unwrap(x[where.phases])
     deviation = np.sqrt(np.diag(normal))
     clock, clock_error = (line[1], deviation[1]) if line.size > 1 else (None, None)
-    play, frequency = where.at(BACKLASH), where.at(RESONANCE)
+    frequency = where.at(RESONANCE)
+
+    def error(name: str) -> float | None:
+        at = where.at(name)
+        return None if at is None else float(errors.errors[at])
+
     lift = any(h.lift.value.size for h in holds)
     force = any(h.force.value.size for h in holds)
     return Gauges(
@@ -330,12 +337,14 @@ def _gauges(solution: FitSolution, errors: Uncertainty) -> Gauges:
         None if clock is None else float(clock),
         None if clock_error is None else float(clock_error),
         likelihood.single(x, ZERO) if lift else None,
-        None if play is None else float(x[play]),
-        None if play is None else float(errors.errors[play]),
+        error(ZERO),
+        likelihood.single(x, BACKLASH) if likelihood.play else None,
+        error(BACKLASH),
         likelihood.lift_noise if lift else None,
         likelihood.force_noise if force else None,
         likelihood.force_part if force else None,
         None if frequency is None else math.exp(x[frequency]),
         None if frequency is None else likelihood.single(x, RATIO),
         likelihood.single(x, TARE) if likelihood.tare else None,
+        error(TARE),
     )

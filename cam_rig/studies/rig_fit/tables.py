@@ -79,10 +79,10 @@ def gauges_table(fit: RigFit) -> DataTable:
     rows: list[tuple[str, float | None, float | None, str]] = [
         ("encoder at θ = 0", math.degrees(g.offset), math.degrees(g.offset_error), "deg"),
         ("sensors' clock, fast by", _times(g.clock, 1e6), _times(g.clock_error, 1e6), "ppm"),
-        ("zero offset of the lift", _times(g.zero, 1e6), None, "µm"),
+        ("zero offset of the lift", _times(g.zero, 1e6), _times(g.zero_error, 1e6), "µm"),
         ("backlash of the lift", _times(g.backlash, 1e6), _times(g.backlash_error, 1e6), "µm"),
         ("noise of the lift", _times(g.lift_noise, 1e6), None, "µm"),
-        ("zero offset of the force", g.force_zero, None, "N"),
+        ("zero offset of the force", g.force_zero, g.force_zero_error, "N"),
         ("noise of the force", g.force_noise, None, "N"),
         ("and of the force itself", _times(g.force_part or None, 100.0), None, "%"),
         ("resonance of the force sensor", g.sensor_frequency, None, "Hz"),
@@ -93,11 +93,16 @@ def gauges_table(fit: RigFit) -> DataTable:
         [row for row in rows if row[1] is not None],
         (
             (Column(""), lambda row: row[0]),
-            (Column("value", "", ".5g"), lambda row: rounded_to_error(row[1], row[2] or 0.0)),
+            (Column("value", "", ".4g"), lambda row: _digits(row[1], row[2])),
             (Column("standard error", "", ".2g"), lambda row: row[2]),
             (Column("unit"), lambda row: row[3]),
         ),
     )
+
+
+def _digits(value: float | None, error: float | None) -> Cell:
+    """A value to the digits of its error, if it has one."""
+    return value if value is None or error is None else rounded_to_error(value, error)
 
 
 def _times(value: float | None, factor: float) -> float | None:

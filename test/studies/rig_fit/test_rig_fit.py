@@ -301,3 +301,25 @@ def test_a_follower_that_bounces_at_random_is_refused(law, rig):
     run = measured_run(law, two, "separation", (600.0, 650.0), seed=2)
     with pytest.raises(ConfigError, match="below the jump speed"):
         fit_rig(law, run, rig)
+
+
+def test_outliers_of_the_force_are_named(law, rig):
+    """Spikes of 20 standard deviations in half a per cent: least squares follows them."""
+    run = measured_run(law, rig, "one_mass", IN_CONTACT[:3], QUICK, 1)
+    force = run.force.value.copy()
+    force[::200] += 0.2 * force.max()
+    fit = fit_rig(law, with_force(run, force), rig, "one_mass")
+    count = sum(hold.force.value.size for hold in fit.solution.likelihood.holds)
+    (words,) = [words for words in rig_conclusions(fit) if "outliers" in words]
+    assert f"of {count} samples of the force" in words
+    assert not any("outliers" in words for words in rig_conclusions(fit_rig(law, run, rig)))
+
+
+def test_a_force_that_presses_on_a_dwell_alone_is_fitted(rig):
+    """Hardly any preload on a cam with a dwell: at some phase nothing but the dwell presses."""
+    law = cam_rig.build_law(cam_rig.load_cam("tm21"))
+    other = rig.with_follower(preload=0.2)
+    jump = to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(other)))
+    run = measured_run(law, other, "one_mass", (0.5 * jump, 0.9 * jump), QUICK, 103)
+    found = scores(fit_rig(law, run, rig, "one_mass"), other)
+    assert max(map(abs, found.values())) < 4.0
