@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cam_rig.cli.cams.fitting import require_new, say_assumed, write_new
-from cam_rig.cli.common.console import console, say, show, user_errors
+from cam_rig.cli.common.console import console, progress_bar, say, show, user_errors
 from cam_rig.cli.common.options import Csv, Json, Plot, RigOfScene
 from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
 from cam_rig.errors import ConfigError, did_you_mean
@@ -89,7 +89,7 @@ Given = Annotated[
 ]
 Tolerance = Annotated[
     float | None,
-    typer.Option(metavar="RPM", help="Error of a jump speed; by default from what the fit leaves."),
+    typer.Option(metavar="RPM", help="Error of a jump speed; by default from the residuals."),
 ]
 Out = Annotated[
     Path | None, typer.Option(metavar="RIG.yaml", help="Write a rig file of what was found.")
@@ -116,8 +116,9 @@ def fit_rig(
     From a bag with cam angle, and lift or contact force or both, at some steady speeds: mass,
     spring, preload, damping, restitution, and the stem where it shows. From a table: columns of
     mass put on, spring, preload as far as there are, and of the jump speed. Each number has its
-    standard error and correlations; what nothing tells gets no number, and a reason. The encoder's
-    zero, an error of the sensors' clock, the lift's zero and its backlash are found beside them.
+    standard error and correlations; what is not identifiable gets no number, and a reason. The
+    encoder's zero, an error of the sensors' clock, the lift's zero offset and its backlash are
+    found beside them.
 
     Examples
     --------
@@ -225,8 +226,13 @@ def _from_table(
     if tolerance is not None and not tolerance > 0.0:
         raise ConfigError(f"--tolerance: is {tolerance:g} rpm; allowed: > 0")
     table = read_jump_table(file)
-    with console.status("searching"):
-        found = fit_jumps(law, table, rig, model, given, tolerance)
+    with progress_bar() as bar:
+        task = bar.add_task("set-ups of a step of the search", total=None)
+
+        def on_setup(done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total)
+
+        found = fit_jumps(law, table, rig, model, given, tolerance, on_setup)
     tables = [numbers_table(found.numbers, f"{file.name}: the follower")]
     if len(found.identified) > 1:
         names = tuple(number.name for number in found.identified)

@@ -26,7 +26,7 @@ def draw_rig_fit(fit: RigFit, path: Path) -> None:
 
 @styled
 def rig_figure(fit: RigFit) -> Figure:
-    """Force, or lift where none was measured, of some speeds over one turn; what is left below."""
+    """Force, or lift where none was measured, of some speeds over one turn; residuals below."""
     likelihood = fit.solution.likelihood
     force = any(hold.force.value.size for hold in likelihood.holds)
     order = sorted(range(len(likelihood.holds)), key=lambda i: likelihood.holds[i].speed)
@@ -42,7 +42,7 @@ def rig_figure(fit: RigFit) -> Figure:
         _hold(panels[0, column], panels[1, column], fit, i, force)
         panels[1, column].set_xlabel(CAM_ANGLE)
     panels[0, 0].set_ylabel("contact force [N]" if force else "lift [mm]")
-    panels[1, 0].set_ylabel(f"left [{'N' if force else 'µm'}]")
+    panels[1, 0].set_ylabel(f"residual [{'N' if force else 'µm'}]")
     panels[0, 0].legend(loc="upper right")
     return out
 
@@ -75,7 +75,7 @@ def draw_jump_fit(fit: JumpFit, path: Path) -> None:
 
 @styled
 def jump_figure(fit: JumpFit) -> Figure:
-    """Jump speeds as read over those of the numbers found; what is left below."""
+    """Jump speeds as read over those of the numbers found; residuals below."""
     read = to_rpm(np.array([reading.speed for reading in fit.table.readings]))
     found = np.array(fit.speeds)
     out = empty(5.4)
@@ -89,5 +89,5 @@ def jump_figure(fit: JumpFit) -> Figure:
     above.legend(loc="upper left")
     below.axhline(0.0, color="0.1", lw=0.8)
     below.errorbar(found, read - found, yerr=fit.error, fmt="o", ms=4, color=web(colours.LIMIT))
-    below.set(xlabel="jump speed, fitted [rpm]", ylabel="left [rpm]")
+    below.set(xlabel="jump speed, fitted [rpm]", ylabel="residual [rpm]")
     return out

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cam_rig.arrays import FloatArray
+from cam_rig.arrays import FloatArray, correlation_length
 from cam_rig.simulation.measured_run import Signal
 from cam_rig.studies.real_run.cam_motion import SteadyStretch
 from cam_rig.studies.real_run.model_run import ModelRun
@@ -229,7 +229,8 @@ def _improved(
     if rank < len(chosen):
         return found
     left = rest[near] - matrix[near] / scale @ step
-    variance = float(left @ left) / max(left.size - len(chosen), 1)
+    # correlated residuals count as fewer, else a clock's error would show in any of them
+    variance = correlation_length(left) * float(left @ left) / max(left.size - len(chosen), 1)
     inverse = np.linalg.inv((matrix[near] / scale).T @ (matrix[near] / scale))
     errors = dict(zip(chosen, np.sqrt(variance * np.diag(inverse)) / scale, strict=True))
     change = dict(zip(chosen, (step / scale).tolist(), strict=True))

@@ -11,6 +11,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.studies.rig_fit.instruments import TARE, ZERO
 from cam_rig.studies.rig_fit.likelihood import FAR, Likelihood, Predicted
 from cam_rig.studies.rig_fit.search import (
+    Candidate,
     FitSolution,
     continued,
     search,
@@ -39,7 +40,7 @@ ZERO_ROUNDS = 5
 WITHIN_95 = 1.96
 
 
-def with_bounces(found: FitSolution, given: dict[str, float]) -> FitSolution:
+def with_bounces(found: Candidate, given: dict[str, float]) -> FitSolution:
     """The restitution beside the other numbers.
 
     Where bounces are lower than the noise of the lift, no slope tells it, and a search drifts off:
@@ -48,23 +49,28 @@ def with_bounces(found: FitSolution, given: dict[str, float]) -> FitSolution:
     """
     values = found.likelihood.values(found.x)
     if "restitution" in given:
-        return search(*continued(found, found.likelihood.sought, values))
+        return search(continued(found, found.likelihood.sought, values))
     likely, possible, step = _likely(found)
     names = tuple(name for name in found.likelihood.sought if name != "restitution")
     middle = _tried(found, names, 0.5 * (likely[0] + likely[-1]))
     sought = (*names, "restitution")
-    new, x = continued(found, sought, values | {"restitution": max(middle.bounce, BOUNCES[0])})
-    x[new.instruments.phases] = middle.phases
-    free = search(new, x)
+    bounce = {"restitution": max(middle.bounce, BOUNCES[0])}
+    free = search(_with_phases(continued(found, sought, values | bounce), middle.phases))
     if abs(free.likelihood.values(free.x)["restitution"] - middle.bounce) <= VALLEY:
         return free
     middle = _tried(found, names, 0.5 * (possible[0] + possible[-1]))
-    new, x = continued(found, names, values | {"restitution": middle.bounce})
-    x[new.instruments.phases] = middle.phases
-    return replace(search(new, x), bounce=_half(possible, step))
+    start = continued(found, names, values | {"restitution": middle.bounce})
+    return replace(search(_with_phases(start, middle.phases)), bounce=_half(possible, step))
 
 
-def bounce_beside(found: FitSolution) -> tuple[float, float] | None:
+def _with_phases(start: Candidate, phases: FloatArray) -> Candidate:
+    """The same with other phases (rad) of its holds."""
+    x = start.x.copy()
+    x[start.likelihood.instruments.phases] = phases
+    return Candidate(start.likelihood, x)
+
+
+def bounce_beside(found: Candidate) -> tuple[float, float] | None:
     """The restitution with its standard error, beside other numbers that stay as they are.
 
     None where with none of them the flights are as they were measured, to their noise.
@@ -82,7 +88,7 @@ def _half(possible: list[float], step: float) -> tuple[float, float]:
     return middle, 0.5 * (possible[-1] - possible[0] + step)
 
 
-def _likely(found: FitSolution) -> tuple[list[float], list[float], float]:
+def _likely(found: Candidate) -> tuple[list[float], list[float], float]:
     """Restitutions tried that are likely, that are possible, and the step between two of them."""
     names = tuple(name for name in found.likelihood.sought if name != "restitution")
     coarse = [_tried(found, names, bounce) for bounce in BOUNCES]
@@ -108,10 +114,11 @@ class Tried:
     samples: int
 
 
-def _tried(found: FitSolution, names: tuple[str, ...], bounce: float) -> Tried:
+def _tried(found: Candidate, names: tuple[str, ...], bounce: float) -> Tried:
     """A restitution beside the other numbers as they are."""
     values = found.likelihood.values(found.x) | {"restitution": bounce}
-    new, x = continued(found, names, values)
+    start = continued(found, names, values)
+    new, x = start.likelihood, start.x
     missed, samples = 0.0, 0
     for i, hold in enumerate(new.holds):  # all forces, for bounces hide them else
         predicted = new.predicted(x, i)
@@ -167,10 +174,11 @@ def most_bounce(found: FitSolution) -> float:
     return BOUNCES[-1]
 
 
-def tared(found: FitSolution) -> FitSolution:
+def tared(found: Candidate) -> Candidate:
     """The same with the zero of the force sensor, which shows in flights: where they are low."""
     like = found.likelihood
-    new, x = continued(found, like.sought, like.values(found.x), tare=True)
+    start = continued(found, like.sought, like.values(found.x), tare=True)
+    new, x = start.likelihood, start.x
     low, at = _forces_in_flight(like, found.x), new.instruments.at(TARE)
     if low.size < LEAST_FLYING or at is None:
         return found
@@ -178,10 +186,10 @@ def tared(found: FitSolution) -> FitSolution:
     if "preload" in like.sought:
         k = like.sought.index("preload")
         x[k] = max(0.0, x[k] - x[at])
-    return FitSolution(new, x, found.slopes, found.residuals)
+    return start
 
 
-def zero_in_flight(flying: FitSolution) -> float | None:
+def zero_in_flight(flying: Candidate) -> float | None:
     """By how much (N) the force's zero is off; None where flights do not say that it is."""
     like, x, zero = flying.likelihood, flying.x.copy(), 0.0
     if "preload" not in like.sought:

@@ -21,6 +21,9 @@ WRONG_CAM = 0.01
 EXACT = 1e-9
 #: A peak of a spectrum stands out that has this part of all of it in its eight lines.
 STANDS_OUT = 0.3
+#: A sample that is off by so many standard deviations is an outlier; a standard deviation by the
+#: median of what is off, which outliers do not move.
+OUTLIER, TO_DEVIATION = 10.0, 1.4826
 #: One jump speed with more than this part of all that is left, as squares, is a slip.
 SLIP = 0.55
 
@@ -30,27 +33,36 @@ def number_sentences(numbers: Iterable[FoundNumber]) -> Iterator[str]:
     for number in numbers:
         if number.value is None:
             end = "" if number.reason.endswith("?") else "."
-            yield f"{number.name}: no number, {number.reason}{end}"
+            yield f"{number.name}: not identified, {number.reason}{end}"
+
+
+def _told(numbers: Iterable[FoundNumber]) -> str:
+    """Identified numbers in words, each with its caution."""
+    return ", ".join(
+        f"{number.name} {number.shown} {number.unit}".removesuffix(" 1")
+        + (f" ({number.caution})" if number.caution else "")
+        for number in numbers
+    )
 
 
 def rig_conclusions(fit: RigFit) -> Iterator[str]:
     """The answer first, then what stands in its way."""
-    told = ", ".join(f"{n.name} {n.value:.5g} {n.unit}".removesuffix(" 1") for n in fit.identified)
+    told = _told(fit.identified)
     model = "two masses and a stem" if fit.model == "two_mass" else "one rigid mass"
     yield (
         f"Identified as {model}: {told}."
         if told
-        else f"Nothing of the follower is told, as {model}."
+        else f"Nothing of the follower is identifiable, as {model}."
     )
     reasons = {number.reason for number in fit.numbers if number.value is None}
     if len(reasons) == 1 and not fit.identified:
-        yield f"No number: {reasons.pop()}"
+        yield f"Not identified: {reasons.pop()}"
     else:
         yield from number_sentences(fit.numbers)
     if fit.left_out:
         speeds = ", ".join(f"{rpm:.4g}" for rpm in fit.left_out)
         yield f"At {speeds} rpm the follower lifts off: " + (
-            "these speeds tell of the restitution alone."
+            "these speeds identify the restitution alone."
             if fit.solution.bounce is not None
             else "no such follower does so as it was measured, so these speeds are left out."
         )
@@ -59,7 +71,7 @@ def rig_conclusions(fit: RigFit) -> Iterator[str]:
             "Bounces on an elastic stem depend on every number at once: trust the intervals of a "
             "fit without the speeds that lift off more."
         )
-    tare = "" if fit.gauges.force_zero is not None else ", its zero is in the preload"
+    tare = "" if fit.gauges.force_zero is not None else ", its zero offset is in the preload"
     yield (
         f"The gain of the force sensor is taken as true{tare}; so is the encoder's clock: 100 ppm "
         "of it are 200 ppm of a mass."
@@ -69,20 +81,21 @@ def rig_conclusions(fit: RigFit) -> Iterator[str]:
 
 def jump_conclusions(fit: JumpFit) -> Iterator[str]:
     """The answer first, then how far it may be trusted."""
-    told = ", ".join(f"{n.name} {n.value:.5g} {n.unit}".removesuffix(" 1") for n in fit.identified)
-    yield f"Identified: {told}." if told else "Nothing of the follower is told."
+    told = _told(fit.identified)
+    yield f"Identified: {told}." if told else "Nothing of the follower is identifiable."
     yield from number_sentences(fit.numbers)
     if "mass" in fit.table.columns:
         yield "The mass is the follower's own, beside what was put on."
     if not fit.error_given:
         yield (
-            f"The error of a reading is taken from what is left: {fit.error:.3g} rpm, of "
-            f"{fit.free} readings more than numbers."
+            f"The error of a reading is taken from the residuals: {fit.error:.3g} rpm, of "
+            f"{fit.free} readings more than free parameters; "
+            f"intervals of 95 % reach {fit.numbers[0].within:.3g} standard errors."
         )
     worst = int(np.abs(fit.left).argmax())
     if fit.free > 1 and fit.left[worst] ** 2 > SLIP * float(fit.left @ fit.left):
         reading = fit.table.readings[worst]
-        yield f"Line {reading.line} is {-fit.left[worst]:.3g} rpm off the others: a slip?"
+        yield f"Line {reading.line} is {-fit.left[worst]:.3g} rpm off the others: an outlier?"
 
 
 def _odd(fit: RigFit) -> Iterator[str]:
@@ -106,12 +119,14 @@ def _odd(fit: RigFit) -> Iterator[str]:
             "does, and not as a stem: it is fitted with."
         )
     exact = noise is not None and noise < EXACT * fit.law.lift
+    if not exact:
+        yield from _outliers(fit)
     for name, length in zip(("lift", "force"), fit.alike, strict=True):
         if length > COLOURED and not exact:
             yield (
-                f"What is left of the {name} is no noise: {length:.2g} neighbours err alike"
-                f"{_frequency_words(fit, name)}. The standard errors count them as one, but the "
-                "model lacks something."
+                f"The residuals of the {name} are correlated over {length:.2g} samples"
+                f"{_frequency_words(fit, name)}. The standard errors take account of it, but the "
+                "noise is not white or the model lacks something."
             )
     ripple = max(hold.hold.ripple for hold in fit.solution.likelihood.holds)
     if ripple > np.radians(0.3):
@@ -119,6 +134,25 @@ def _odd(fit: RigFit) -> Iterator[str]:
             f"The cam's angle is up to {np.degrees(ripple):.2g} deg from a steady turn: the speed "
             "fluctuates, and the model holds it."
         )
+
+
+def _outliers(fit: RigFit) -> Iterator[str]:
+    """Samples that no noise has; least squares follows them."""
+    likelihood, parts = fit.solution.likelihood, {"lift": [np.empty(0)], "force": [np.empty(0)]}
+    for i in range(len(likelihood.holds)):
+        turn = likelihood.predicted(fit.solution.x, i)
+        if turn is not None:
+            parts["lift"].append(turn.lift_left / likelihood.lift_noise)
+            parts["force"].append(turn.force_left / likelihood.force_deviation(i))
+    for name, found in parts.items():
+        off = np.abs(np.concatenate(found))
+        deviation = TO_DEVIATION * float(np.median(off)) if off.size else 0.0
+        count = int(np.count_nonzero(off > OUTLIER * deviation))
+        if count and deviation > 0.0:
+            yield (
+                f"{count} of {off.size} samples of the {name} are more than {OUTLIER:g} standard "
+                "deviations off, outliers: they move the numbers, so leave them out."
+            )
 
 
 def _frequency_words(fit: RigFit, name: str) -> str:
@@ -157,4 +191,5 @@ def strongest_frequency(fit: RigFit, name: str) -> float | None:
 def gist(number: FoundNumber) -> str:
     """A number in words: 1.2995 ± 0.0008 kg."""
     unit = NUMBERS[number.name].unit
-    return f"{number.value:.6g} ± {number.error:.2g} {unit}".removesuffix(" 1")
+    words = f"{number.shown} ± {number.shown_error} {unit}".removesuffix(" 1")
+    return f"{words} ({number.caution})" if number.caution else words

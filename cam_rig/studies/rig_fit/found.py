@@ -17,10 +17,11 @@ from cam_rig.studies.rig_fit.measured_turns import MeasuredHold
 from cam_rig.studies.rig_fit.numbers import NUMBERS, ONE_MASS, TWO_MASSES, slope
 from cam_rig.studies.rig_fit.search import FitSolution, landings_of
 from cam_rig.studies.rig_fit.uncertainty import Uncertainty, misfit, uncertainty
-from cam_rig.units import TURN
+from cam_rig.units import TURN, rounded_to_error
 
-#: A number is told where its standard error is below this part of it; a restitution below this.
-TOLD, TOLD_RESTITUTION = 0.5, 0.1
+#: A number is identified where its standard error is below this part of it; a restitution below
+#: this. From a third of the value on, it is identified with a caution.
+TOLD, TOLD_RESTITUTION, CAUTION = 0.5, 0.1, 1.0 / 3.0
 #: A restitution below this is none: it is known by what it is not beyond.
 SMALL_BOUNCE = 0.02
 #: What the speeds that were left out might have told.
@@ -32,18 +33,54 @@ LEFT_OUT = {
 
 @dataclass(frozen=True)
 class FoundNumber:
-    """One number, given or identified: SI, with its standard error, or why there is none."""
+    """One number, SI: given; identified, with its standard error; or not identified, and why.
+
+    ``within`` is how many standard errors its interval of 95 % reaches to either side.
+    """
 
     name: str
     value: float | None
     error: float | None
     origin: str
     reason: str = ""
+    within: float = WITHIN_95
+
+    @classmethod
+    def unidentified(cls, name: str, reason: str, error: float | None = None) -> FoundNumber:
+        """One without a value; ``error`` is what a search would have stated."""
+        return cls(name, None, error, "not identified", reason)
 
     @property
     def unit(self) -> str:
         """Of both."""
         return NUMBERS[self.name].unit
+
+    @property
+    def shown(self) -> str:
+        """The value, to two digits of its standard error where it has one; empty without one."""
+        return "" if self.value is None else rounded_to_error(self.value, self.error or 0.0)
+
+    @property
+    def shown_error(self) -> str:
+        """The standard error, to two digits; empty without a value."""
+        if self.value is None or self.error is None:
+            return ""
+        return rounded_to_error(self.error, self.error)
+
+    @property
+    def caution(self) -> str:
+        """What stands beside a value whose error is a third of it or more, or larger than it."""
+        if self.value is None or self.error is None or self.error < CAUTION * self.value:
+            return ""
+        half = self.within * self.error
+        words = interval_words(self.value, half, self.unit)
+        return f"{'may be 0' if self.value < half else 'uncertain'}: {words}"
+
+
+def interval_words(value: float, half: float, unit: str) -> str:
+    """An interval of 95 % of a number that is not below zero, in words."""
+    low, end = value - half, f"{value + half:.3g} {unit}".removesuffix(" 1")
+    return f"with 95 % it is below {end}" if low <= 0.0 else f"with 95 % it is {low:.3g} to {end}"
 
 
 @dataclass(frozen=True)
@@ -72,6 +109,7 @@ class Gauges:
     clock: float | None
     clock_error: float | None
     zero: float | None
+    zero_error: float | None
     backlash: float | None
     backlash_error: float | None
     lift_noise: float | None
@@ -80,6 +118,7 @@ class Gauges:
     sensor_frequency: float | None
     sensor_damping: float | None
     force_zero: float | None
+    force_zero_error: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +144,7 @@ class RigFit:
     @property
     def identified(self) -> tuple[FoundNumber, ...]:
         """The numbers that the run tells."""
-        return tuple(n for n in self.numbers if n.origin == "identified" and n.value is not None)
+        return tuple(n for n in self.numbers if n.origin == "identified")
 
     @property
     def correlated(self) -> tuple[str, ...]:
@@ -135,15 +174,14 @@ def found_of(
     unfit = misfit(solution, errors.alike)
     model = "two_mass" if "roller_share" in likelihood.values(x) else "one_mass"
     names = TWO_MASSES if model == "two_mass" else (*ONE_MASS, "stem_stiffness")
-    landings = landings_of(likelihood, x)
+    landings = landings_of(solution)
     left_out = tuple(hold.hold.rpm for hold in holds if hold not in likelihood.holds)
     numbers = tuple(_number(name, solution, errors, given, scale, landings) for name in names)
     if left_out:
         numbers = tuple(_without_flights(number) for number in numbers)
     if unfit:
         numbers = tuple(
-            n if n.origin == "given" else FoundNumber(n.name, None, None, "identified", unfit)
-            for n in numbers
+            n if n.origin == "given" else FoundNumber.unidentified(n.name, unfit) for n in numbers
         )
     told = [
         likelihood.sought.index(n.name)
@@ -179,13 +217,13 @@ def _number(
         return FoundNumber(name, given[name], None, "given")
     if name == "preload" and solution.zero is not None:
         words = f"in flight the force reads {solution.zero:.3g} N: set its zero"
-        return FoundNumber(name, None, None, "identified", words)
+        return FoundNumber.unidentified(name, words)
     if name == "restitution" and solution.bounce is not None:
         return _bounce(*solution.bounce, "roller_share" in likelihood.values(solution.x))
     if name not in likelihood.sought:
         forces = any(hold.force.value.size for hold in likelihood.holds)
         reason = _not_sought(name, scale, landings, forces)
-        return FoundNumber(name, None, None, "identified", reason)
+        return FoundNumber.unidentified(name, reason)
     k = likelihood.sought.index(name)
     value = likelihood.values(solution.x)[name]
     error = float(errors.errors[k]) * slope(name, value)
@@ -201,23 +239,26 @@ def _number(
     elif scale and name != "restitution":
         mass = likelihood.given["mass"]
         ratio = f"{value / mass:.5g} ± {error / mass:.2g} in SI"
-        reason = f"lifts tell only its ratio to the mass, {ratio}; give a mass"
+        reason = f"only its ratio to the mass is identifiable from lifts, {ratio}; give a mass"
     elif error >= (TOLD_RESTITUTION if name == "restitution" else TOLD * value):
-        low, high = max(0.0, value - WITHIN_95 * error), value + WITHIN_95 * error
-        reason = f"with 95 % it is between {low:.3g} and {high:.3g} {NUMBERS[name].unit}: too wide"
-    return FoundNumber(name, None if reason else value, error, "identified", reason)
+        reason = f"{interval_words(value, WITHIN_95 * error, NUMBERS[name].unit)}: too wide"
+    return (
+        FoundNumber.unidentified(name, reason, error)
+        if reason
+        else FoundNumber(name, value, error, "identified")
+    )
 
 
 def _bounce(value: float, error: float, stem: bool) -> FoundNumber:
     """A restitution that was found beside the search."""
     likely = f"{max(0.0, value - error):.2g} to {value + error:.2g}"
     if stem:
-        reason = f"bounces on a stem hang on every number: with the others as found, {likely}"
+        reason = f"bounces on a stem depend on every number: with the others as found, {likely}"
     elif error < TOLD_RESTITUTION:
         return FoundNumber("restitution", value, error, "identified")
     else:
-        reason = f"bounces are too low to tell it, likely are {likely}"
-    return FoundNumber("restitution", None, error, "identified", reason)
+        reason = f"not identifiable from bounces as low as these, likely are {likely}"
+    return FoundNumber.unidentified("restitution", reason, error)
 
 
 def _without_flights(number: FoundNumber) -> FoundNumber:
@@ -233,8 +274,11 @@ def _not_sought(name: str, scale: tuple[str, ...], landings: list[int], forces: 
     if name == "stem_stiffness":
         return "a rigid stem explains what was measured" if forces else "only a force shows a stem"
     if name in scale:
-        return "lifts alone tell only ratios to the mass: measure a force too, or give a mass"
-    return "not sought"
+        return (
+            "only ratios to the mass are identifiable from lifts alone: measure a force too, or "
+            "give a mass"
+        )
+    return "not a free parameter here"
 
 
 def _blind(
@@ -243,10 +287,10 @@ def _blind(
     sought = likelihood.sought
     others = [sought[i] for i in group or () if i < len(sought) and i != k]
     if others:
-        return f"told only together with {', '.join(others)}: give one of them"
+        return f"not identifiable apart from {', '.join(others)}: give one of them"
     if not any(landings):
         return "on the cam the lift is the law's whatever it is: measure a force, or faster speeds"
-    return "nothing that was measured changes with it"
+    return "not identifiable: nothing that was measured changes with it"
 
 
 def _hold_fit(solution: FitSolution, i: int) -> HoldFit:
@@ -279,7 +323,12 @@ def _gauges(solution: FitSolution, errors: Uncertainty) -> Gauges:
     line = -normal @ design.T @ weights @ np.unwrap(x[where.phases])
     deviation = np.sqrt(np.diag(normal))
     clock, clock_error = (line[1], deviation[1]) if line.size > 1 else (None, None)
-    play, frequency = where.at(BACKLASH), where.at(RESONANCE)
+    frequency = where.at(RESONANCE)
+
+    def error(name: str) -> float | None:
+        at = where.at(name)
+        return None if at is None else float(errors.errors[at])
+
     lift = any(h.lift.value.size for h in holds)
     force = any(h.force.value.size for h in holds)
     return Gauges(
@@ -288,12 +337,14 @@ def _gauges(solution: FitSolution, errors: Uncertainty) -> Gauges:
         None if clock is None else float(clock),
         None if clock_error is None else float(clock_error),
         likelihood.single(x, ZERO) if lift else None,
-        None if play is None else float(x[play]),
-        None if play is None else float(errors.errors[play]),
+        error(ZERO),
+        likelihood.single(x, BACKLASH) if likelihood.play else None,
+        error(BACKLASH),
         likelihood.lift_noise if lift else None,
         likelihood.force_noise if force else None,
         likelihood.force_part if force else None,
         None if frequency is None else math.exp(x[frequency]),
         None if frequency is None else likelihood.single(x, RATIO),
         likelihood.single(x, TARE) if likelihood.tare else None,
+        error(TARE),
     )

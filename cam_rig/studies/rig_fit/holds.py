@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from cam_rig.arrays import FloatArray
+from cam_rig.arrays import FloatArray, correlation_length
 from cam_rig.errors import ConfigError
 from cam_rig.simulation.encoder import encoder_count
 from cam_rig.simulation.measured_run import MeasuredRun
@@ -129,18 +129,3 @@ def _line(time: FloatArray, angle: FloatArray, count: float) -> Hold:
     error = scatter * math.sqrt(alike) / (float(since.std()) * math.sqrt(time.size))
     ripple = max(0.0, float(np.abs(away).max()) - 0.6 * count)
     return Hold(float(time[0]), float(time[-1]), float(begin), float(slope), error, ripple)
-
-
-def correlation_length(residual: FloatArray) -> float:
-    """How many neighbours of a residual ``(n,)`` err alike: 1 where each is on its own.
-
-    1 + 2 Σ ρₖ over the lags k before the first correlation that is none.
-    """
-    size = residual.size
-    spectrum = np.fft.rfft(residual - residual.mean(), 2 * size)
-    product = np.fft.irfft(np.abs(spectrum) ** 2)[:size]
-    if product[0] <= 0.0:
-        return 1.0
-    rho = product[1:] / product[0]
-    none = np.flatnonzero(rho < 2.0 / math.sqrt(size))
-    return 1.0 + 2.0 * float(rho[: none[0] if none.size else rho.size].sum())

@@ -8,10 +8,13 @@ follower's own is sought beside it.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.stats import t as student
 
 from cam_rig.arrays import FloatArray, rms
 from cam_rig.errors import CamRigError, ConfigError
@@ -19,8 +22,9 @@ from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.schema.bench_tables.jump_table import JumpReading, JumpTable
 from cam_rig.studies.jump.any_rig import find_jump
+from cam_rig.studies.jump.search import FASTEST, SLOWEST
 from cam_rig.studies.rig_fit.bounces import WITHIN_95
-from cam_rig.studies.rig_fit.found import TOLD, FoundNumber
+from cam_rig.studies.rig_fit.found import TOLD, FoundNumber, interval_words
 from cam_rig.studies.rig_fit.numbers import (
     NUMBERS,
     follower_of,
@@ -30,7 +34,7 @@ from cam_rig.studies.rig_fit.numbers import (
     slope,
     to_search,
 )
-from cam_rig.units import to_rpm
+from cam_rig.units import RPM, to_rpm
 
 #: Sought of one rigid mass; a stem's beside them.
 RIGID = ("mass", "spring_stiffness", "preload", "damping")
@@ -44,8 +48,6 @@ SHARE = 0.05
 #: Readings that scatter by more than this part of their speed fit no follower; an error that was
 #: given is not followed where they scatter by more than so many of it.
 NO_FIT, TOO_FAR = 0.04, 2.0
-#: Speed (rpm) of a follower that does not jump.
-FAR = 1e5
 #: Least own mass (kg) with which a search begins.
 LIGHT = 0.05
 
@@ -72,7 +74,7 @@ class JumpFit:
     @property
     def identified(self) -> tuple[FoundNumber, ...]:
         """The numbers that the readings tell."""
-        return tuple(n for n in self.numbers if n.origin == "identified" and n.value is not None)
+        return tuple(n for n in self.numbers if n.origin == "identified")
 
     @property
     def left(self) -> FloatArray:
@@ -80,32 +82,45 @@ class JumpFit:
         return np.array(self.speeds) - to_rpm(np.array([r.speed for r in self.table.readings]))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _JumpModel:
-    """Jump speeds (rpm) of what is sought."""
+    """Jump speeds (rpm) of what is sought; ``on_setup`` is told set-ups done, and all of them."""
 
     law: Law
     readings: tuple[JumpReading, ...]
     sought: tuple[str, ...]
     given: dict[str, float]
+    on_setup: Callable[[int, int], None]
 
-    def values(self, x: FloatArray, reading: JumpReading) -> dict[str, float]:
-        """All numbers of a reading: the own mass and what was put on are one."""
+    @cached_property
+    def _setups(self) -> tuple[list[dict[str, float]], list[int]]:
+        """What was put on, each once, and of each reading which it is."""
+        known = [tuple(sorted(reading.known.items())) for reading in self.readings]
+        index = {setup: i for i, setup in enumerate(dict.fromkeys(known))}
+        return [dict(setup) for setup in index], [index[setup] for setup in known]
+
+    def values(self, x: FloatArray, known: dict[str, float]) -> dict[str, float]:
+        """All numbers of a set-up: the own mass and what was put on are one."""
         found = {n: from_search(n, float(v)) for n, v in zip(self.sought, x, strict=True)}
         values = self.given | found
-        on = reading.known.get("mass", 0.0)
-        return values | reading.known | {"mass": max(values["mass"] + on, 1e-9)}
+        on = known.get("mass", 0.0)
+        return values | known | {"mass": max(values["mass"] + on, 1e-9)}
 
     def speeds(self, x: FloatArray) -> FloatArray:
-        """Of all readings, ``(n,)``."""
-        return np.array([self._speed(self.values(x, reading)) for reading in self.readings])
+        """Of all readings, ``(n,)``; those of one set-up are one speed."""
+        setups, which = self._setups
+        found = np.empty(len(setups))
+        for i, known in enumerate(setups):
+            self.on_setup(i, len(setups))
+            found[i] = self._speed(self.values(x, known))
+        return found[which]
 
     def _speed(self, values: dict[str, float]) -> float:
         follower = follower_of(values, values["stem_stiffness"])
         try:
             return find_jump(self.law, follower, None).rpm
         except CamRigError:
-            return FAR
+            return FASTEST
 
 
 def fit_jumps(
@@ -115,6 +130,7 @@ def fit_jumps(
     model: str | None = None,
     given: dict[str, float] | None = None,
     error: float | None = None,
+    on_setup: Callable[[int, int], None] = lambda done, total: None,
 ) -> JumpFit:
     """Find a follower's numbers from the speeds at which it jumps.
 
@@ -124,10 +140,12 @@ def fit_jumps(
     model : one_mass (None too) or two_mass: two masses, in steady state
     given : numbers that are known, by name, SI
     error : rpm, one standard deviation of a reading; None takes it from what is left
+    on_setup : told in each step of the search how many set-ups it has done, of how many
 
     Raises
     ------
-    ConfigError : fewer readings than numbers sought, or no number comes near the readings
+    ConfigError : fewer readings than numbers sought, a reading that no follower has, or no number
+        comes near the readings
     """
     given, two = dict(given or {}), model == "two_mass"
     require_in_model(given, model)
@@ -143,16 +161,36 @@ def fit_jumps(
             f"needed: {need} or more, so measure more, or give some with --given"
             f"{' and the error of a reading with --tolerance' if error is None else ''}"
         )
+    _require_in_reach(table)
     values = _start(table, base, given, two)
-    trial = _JumpModel(law, table.readings, sought, values)
+    trial = _JumpModel(law, table.readings, sought, values, on_setup)
     x = _searched(trial, values)
     speeds = trial.speeds(x)
     left = speeds - to_rpm(np.array([r.speed for r in table.readings]))
     free = count - len(sought)
     deviation, followed = _deviation(table, law, speeds, left, free, error)
-    numbers, correlation = _told(trial, x, deviation, given, names, table)
+    # an error that is estimated of few readings has Student's distribution
+    within = WITHIN_95 if followed else float(student.ppf(0.975, max(free, 1)))
+    numbers, correlation = _told(trial, x, deviation, given, names, table, within)
     kind, found = "two_mass" if two else "one_mass", tuple(speeds.tolist())
     return JumpFit(law, table, kind, numbers, correlation, found, deviation, followed, free)
+
+
+def _require_in_reach(table: JumpTable) -> None:
+    """Refuse a speed that no jump has, or a number beyond the limits of a follower's."""
+    for reading in table.readings:
+        for name, value in reading.known.items():
+            limits = NUMBERS[name]
+            if value > limits.high:
+                raise ConfigError(
+                    f"{table.file}: line {reading.line}: {name} is {value:g} {limits.unit}; "
+                    f"allowed: up to {limits.high:g} {limits.unit}"
+                )
+        if not SLOWEST <= (rpm := reading.speed / RPM) <= FASTEST:
+            raise ConfigError(
+                f"{table.file}: line {reading.line}: the jump speed is {rpm:g} rpm; allowed: "
+                f"from {SLOWEST:g} to {FASTEST:g} rpm"
+            )
 
 
 def _deviation(
@@ -165,7 +203,7 @@ def _deviation(
 ) -> tuple[float, bool]:
     """Standard deviation (rpm) of a reading, and whether it is the one that was given."""
     scatter = rms(left) * math.sqrt(left.size / free) if free else 0.0
-    if (speeds >= FAR).any() or scatter > NO_FIT * float(speeds.mean()):
+    if (speeds >= FASTEST).any() or scatter > NO_FIT * float(speeds.mean()):
         raise ConfigError(
             f"{table.file}: the readings are {rms(left):.3g} rpm r.m.s. from any follower found on "
             f"cam {law.name}; allowed: {100.0 * NO_FIT:g} % of the speed; was that cam on, "
@@ -233,6 +271,7 @@ def _told(
     given: dict[str, float],
     names: tuple[str, ...],
     table: JumpTable,
+    within: float,
 ) -> tuple[tuple[FoundNumber, ...], FloatArray]:
     """The numbers with standard errors, or why there is none; and their correlation."""
     values = {n: from_search(n, float(v)) for n, v in zip(trial.sought, x, strict=True)}
@@ -265,10 +304,11 @@ def _told(
             for i, other in enumerate(trial.sought)
             if group[i] and i != k
         ]
-        reason = _reason(name, values[name], error, others, table)
-        value = None if reason else values[name]
-        found.append(FoundNumber(name, value, error, "identified", reason))
-        if not reason:
+        reason = _reason(name, values[name], error, within, others, table)
+        if reason:
+            found.append(FoundNumber.unidentified(name, reason, error))
+        else:
+            found.append(FoundNumber(name, values[name], error, "identified", within=within))
             kept.append(k)
     part = covariance[np.ix_(kept, kept)]
     scale = np.sqrt(np.diag(part))
@@ -278,19 +318,21 @@ def _told(
         if name not in names
     ]
     if "restitution" not in given:
-        untold = "no landing is in a jump speed"
-        found.append(FoundNumber("restitution", None, None, "identified", untold))
+        found.append(FoundNumber.unidentified("restitution", "no landing is in a jump speed"))
     return tuple(found), part / np.outer(scale, scale)
 
 
-def _reason(name: str, value: float, error: float, others: list[str], table: JumpTable) -> str:
-    """Why a number is not told; empty where it is."""
+def _reason(
+    name: str, value: float, error: float, within: float, others: list[str], table: JumpTable
+) -> str:
+    """Why a number is not identified; empty where it is."""
     if others:
         more = "" if "mass" in table.columns else ", or a column of masses put on"
-        return f"told only together with {', '.join(dict.fromkeys(others))}: give one of them{more}"
-    if error < TOLD * value:
+        apart = ", ".join(dict.fromkeys(others))
+        return f"not identifiable apart from {apart}: give one of them{more}"
+    half = within * error
+    if half < TOLD * WITHIN_95 * value:
         return ""
-    if name == "mass" and value < WITHIN_95 * error and "mass" in table.columns:
+    if name == "mass" and value < half and "mass" in table.columns:
         return f"it is 0 ± {error:.2g} kg beside what was put on: is that the total mass?"
-    low, high = max(0.0, value - WITHIN_95 * error), value + WITHIN_95 * error
-    return f"with 95 % it is between {low:.3g} and {high:.3g} {NUMBERS[name].unit}: too wide"
+    return f"{interval_words(value, half, NUMBERS[name].unit)}: too wide"

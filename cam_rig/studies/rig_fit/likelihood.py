@@ -106,6 +106,12 @@ class Likelihood:
         if not self.pressing:
             self.pressing = [np.zeros(hold.force.since.size) for hold in self.holds]
 
+    @property
+    def count(self) -> int:
+        """Residuals there are: samples of lift, of force that count, and a speed for each hold."""
+        lifts = sum(hold.lift.value.size for hold in self.holds)
+        return lifts + sum(int(kept.sum()) for kept in self.kept) + len(self.holds)
+
     def force_deviation(self, i: int) -> FloatArray:
         """Standard deviation (N) of the forces of a hold that count."""
         part = self.force_part * self.pressing[i][self.kept[i]]

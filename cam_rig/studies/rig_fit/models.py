@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -20,9 +21,9 @@ from cam_rig.studies.rig_fit.bounces import (
     zero_in_flight,
 )
 from cam_rig.studies.rig_fit.instruments import BACKLASH, RATIO, RESONANCE, ZERO
-from cam_rig.studies.rig_fit.likelihood import Likelihood
-from cam_rig.studies.rig_fit.numbers import ONE_MASS, TWO_MASSES
+from cam_rig.studies.rig_fit.numbers import OF_TWO, ONE_MASS, TWO_MASSES
 from cam_rig.studies.rig_fit.search import (
+    Candidate,
     FitSolution,
     continued,
     contradict,
@@ -35,6 +36,7 @@ from cam_rig.studies.rig_fit.start import leaves_a_pattern, likely_stem
 from cam_rig.studies.rig_fit.uncertainty import uncertainty
 from cam_rig.units import TURN
 
+One = TypeVar("One", bound=Candidate)
 #: What vibrates is sought where the logarithm of its likelihood ratio is above this.
 CLEARLY_LIKELIER = 30.0
 #: A gauge's backlash is sought where it is beyond so many standard errors.
@@ -45,69 +47,86 @@ LEAST_PLAY = 1e-7
 BOUNCES_TRIED = (0.05, 0.25, 0.45, 0.65)
 
 
-def one_mass(
-    aligned: FitSolution, given: dict[str, float], quiet_does: bool = False
-) -> FitSolution:
-    """One rigid mass; the restitution once there are landings to tell it.
-
-    First at the speeds without landings, if there are any: there a wrong restitution does no harm.
-
-    Parameters
-    ----------
-    quiet_does : of several such speeds search no others, as two masses are sought from there on
-    """
-    smooth = tuple(name for name in ONE_MASS if name not in given and name != "restitution")
-    values = aligned.likelihood.values(aligned.x) | {"restitution": 0.0} | given
+def one_mass(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
+    """One rigid mass; the restitution once there are landings to tell it."""
     if not any(hold.force.value.size for hold in aligned.likelihood.holds):
-        return _of_lifts(aligned, smooth, values, given)
-    quiet = _on_the_cam(aligned)
-    still = None
-    if len(quiet) < len(aligned.likelihood.holds) and _forces(aligned, quiet):
-        still = search(*continued(aligned, smooth, values, only=quiet))
-        new, x = continued(aligned, smooth, still.likelihood.values(still.x))
-        found = FitSolution(new, _with_phases_of(still, new, x), aligned.slopes, aligned.residuals)
-        if quiet_does:
-            return found
-    else:
-        found = search(*continued(aligned, smooth, values))
-    if any(landings_of(found.likelihood, found.x)):
-        found = with_bounces(tared(found), given)
+        return _of_lifts(aligned, given)
+    still = _still(aligned, given)
+    found = _everywhere(aligned, still, given)
     if _has_play(found):
-        values = found.likelihood.values(found.x)
-        bounce = found.bounce
-        found = search(*continued(found, found.likelihood.sought, values, play=True))
+        values, bounce = found.likelihood.values(found.x), found.bounce
+        found = search(continued(found, found.likelihood.sought, values, play=True))
         found = replace(found, bounce=bounce)
     return still if still is not None and contradict(still, found) else found
 
 
-def _on_the_cam(found: FitSolution) -> list[int]:
+def _smooth(given: dict[str, float]) -> tuple[str, ...]:
+    """What is sought of a rigid mass on the cam."""
+    return tuple(name for name in ONE_MASS if name not in given and name != "restitution")
+
+
+def _begun(aligned: FitSolution, given: dict[str, float]) -> dict[str, float]:
+    """Numbers to begin with."""
+    return aligned.likelihood.values(aligned.x) | {"restitution": 0.0} | given
+
+
+def _still(aligned: FitSolution, given: dict[str, float]) -> FitSolution | None:
+    """One rigid mass at the speeds without landings, where a wrong restitution does no harm.
+
+    None where these are all speeds, or have no force.
+    """
+    quiet = _on_the_cam(aligned)
+    if len(quiet) == len(aligned.likelihood.holds) or not _forces(aligned, quiet):
+        return None
+    return search(continued(aligned, _smooth(given), _begun(aligned, given), only=quiet))
+
+
+def _everywhere(
+    aligned: FitSolution, still: FitSolution | None, given: dict[str, float]
+) -> FitSolution:
+    """One rigid mass at all speeds, from those without landings where there are any."""
+    start = _of_all(aligned, still) if still is not None else None
+    if start is None or not any(landings_of(start)):
+        found = search(start or continued(aligned, _smooth(given), _begun(aligned, given)))
+        if not any(landings_of(found)):
+            return found
+        start = found
+    return with_bounces(tared(start), given)
+
+
+def _of_all(one: Candidate, still: FitSolution) -> Candidate:
+    """What was found at some speeds, at all of ``one``: a search may begin there."""
+    like = still.likelihood
+    start = continued(
+        one, like.sought, like.values(still.x), resonance=like.resonance, tare=like.tare
+    )
+    return Candidate(start.likelihood, _with_phases_of(still, start))
+
+
+def _on_the_cam(found: Candidate) -> list[int]:
     """The holds at which the follower stays on the cam.
 
     By the forces too: on a stem it leaves a cam with steps of acceleration at slower speeds than
     one rigid mass does.
     """
-    still = [i for i, landings in enumerate(landings_of(found.likelihood, found.x)) if not landings]
+    still = [i for i, landings in enumerate(landings_of(found)) if not landings]
     return [i for i in still if found.likelihood.holds[i].presses] or still
 
 
-def _forces(found: FitSolution, holds: list[int]) -> bool:
+def _forces(found: Candidate, holds: list[int]) -> bool:
     return any(found.likelihood.holds[i].force.value.size for i in holds)
 
 
-def _of_lifts(
-    aligned: FitSolution,
-    smooth: tuple[str, ...],
-    values: dict[str, float],
-    given: dict[str, float],
-) -> FitSolution:
+def _of_lifts(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
     """One rigid mass from lifts alone: flights and bounces are told together or not at all.
 
     So from several restitutions on, and the least that is missed stays.
     """
+    smooth, values = _smooth(given), _begun(aligned, given)
     free = "restitution" not in given
     sought = (*smooth, "restitution") if free else smooth
     starts = [values | {"restitution": bounce} for bounce in BOUNCES_TRIED] if free else [values]
-    found = [search(*continued(aligned, sought, start)) for start in starts]
+    found = [search(continued(aligned, sought, start)) for start in starts]
     steady = [one for one in found if len(steady_holds_of(one)) == len(one.likelihood.holds)]
     if not steady:
         raise ConfigError(
@@ -117,12 +136,13 @@ def _of_lifts(
     return min(steady, key=lambda one: one.likelihood.lift_noise)
 
 
-def _with_phases_of(still: FitSolution, new: Likelihood, x: FloatArray) -> FloatArray:
-    """``x`` with the instruments of some holds, and phases of all on their line ψ = a + b ω t.
+def _with_phases_of(still: FitSolution, start: Candidate) -> FloatArray:
+    """What ``start`` seeks, with the instruments of some holds.
 
-    One hold tells no line: then all phases are moved as its own is.
+    The phases of all holds are on a line through those of some, ψ = a + b ω t. One hold tells no
+    line: then all phases are moved as its own is.
     """
-    found = x.copy()
+    new, found = start.likelihood, start.x.copy()
     phases = np.unwrap(still.x[still.likelihood.instruments.phases])
     if phases.size > 1:
         design = [
@@ -133,7 +153,7 @@ def _with_phases_of(still: FitSolution, new: Likelihood, x: FloatArray) -> Float
         found[new.instruments.phases] = design[1] @ line
     else:
         at = new.instruments.phases.start + new.holds.index(still.likelihood.holds[0])
-        found[new.instruments.phases] += phases[0] - x[at]
+        found[new.instruments.phases] += phases[0] - start.x[at]
     for name in new.instruments.single:
         at = new.instruments.at(name)
         assert at is not None
@@ -142,7 +162,7 @@ def _with_phases_of(still: FitSolution, new: Likelihood, x: FloatArray) -> Float
 
 
 def _two_masses(
-    one: FitSolution, still: FitSolution, stem: dict[str, float], given: dict[str, float]
+    one: Candidate, still: Candidate, stem: dict[str, float], given: dict[str, float]
 ) -> FitSolution:
     """Two masses, from a stem and the numbers of one mass ``still`` at some speeds of ``one``."""
     values = still.likelihood.values(still.x) | {"restitution": given.get("restitution", 0.0)}
@@ -150,30 +170,28 @@ def _two_masses(
     start = values | stem | given
     quiet = _quiet(still, sought, start)
     if quiet is None:
-        found = search(*continued(one, sought, start))
-        if "restitution" not in given and any(landings_of(found.likelihood, found.x)):
+        found = search(continued(one, sought, start))
+        if "restitution" not in given and any(landings_of(found)):
             found = with_bounces(found, given)
         return found
     return quiet if "restitution" in given else _beside_flights(one, quiet)
 
 
-def _beside_flights(one: FitSolution, quiet: FitSolution) -> FitSolution:
+def _beside_flights(one: Candidate, quiet: FitSolution) -> FitSolution:
     """Numbers of the speeds on the cam, with what those that lift off say of the restitution."""
     like = quiet.likelihood
     if len(like.holds) == len(one.likelihood.holds):
         return quiet
-    values, resonance = like.values(quiet.x), like.resonance
-    new, x = continued(one, like.sought, values, resonance=resonance, tare=False)
-    flying = FitSolution(new, _with_phases_of(quiet, new, x), one.slopes, one.residuals)
-    if not any(landings_of(new, flying.x)):
+    flying = _of_all(one, quiet)
+    if not any(landings_of(flying)):
         return quiet
-    rings = any(hold.rings for hold in new.holds)
+    rings = any(hold.rings for hold in flying.likelihood.holds)
     zero = None if rings else zero_in_flight(flying)
     return replace(quiet, bounce=bounce_beside(flying) if zero is None else None, zero=zero)
 
 
 def _quiet(
-    still: FitSolution, sought: tuple[str, ...], start: dict[str, float]
+    still: Candidate, sought: tuple[str, ...], start: dict[str, float]
 ) -> FitSolution | None:
     """Two masses at the speeds without landings; None where there is none with a force.
 
@@ -183,9 +201,9 @@ def _quiet(
     """
     here = _on_the_cam(still)
     while _forces(still, here):
-        found = search(*continued(still, sought, start, tare=False, only=here))
+        found = search(continued(still, sought, start, tare=False, only=here))
         start = found.likelihood.values(found.x)
-        flying = landings_of(found.likelihood, found.x)
+        flying = landings_of(found)
         if any(flying):
             here = [i for i, landings in zip(here, flying, strict=True) if not landings]
         elif len(here) > 1 and leaves_a_pattern(found.likelihood, found.x):
@@ -200,59 +218,71 @@ def _with_resonance(one: FitSolution, stem: dict[str, float]) -> FitSolution:
     values = one.likelihood.values(one.x)
     end = values["mass"] * (1.0 - stem["roller_share"])
     rate = math.sqrt((stem["stem_stiffness"] + values["spring_stiffness"]) / end)
-    new, x = continued(one, one.likelihood.sought, values, resonance=True)
+    start = continued(one, one.likelihood.sought, values, resonance=True)
+    new, x = start.likelihood, start.x
     frequency, ratio = new.instruments.at(RESONANCE), new.instruments.at(RATIO)
     assert frequency is not None
     assert ratio is not None
     x[frequency], x[ratio] = math.log(rate / TURN), 0.5 * stem["stem_damping"] / (end * rate)
-    return replace(search(new, x), bounce=one.bounce)
+    return replace(search(start), bounce=one.bounce)
+
+
+def two_masses(
+    aligned: FitSolution, given: dict[str, float], on_step: Callable[[str], None]
+) -> FitSolution:
+    """Two masses and a stem, asked for: of one mass only as much is searched as they begin from."""
+    rigid = {name: value for name, value in given.items() if name not in OF_TWO}
+    still = _still(aligned, rigid)
+    one = one_mass(aligned, rigid) if still is None else _of_all(aligned, still)
+    begin = _where_it_shows(one)
+    on_step("two masses and a stem")
+    return _two_masses(one, begin, likely_stem(begin.likelihood, begin.x)[0], given)
 
 
 def elastic(
-    one: FitSolution,
-    given: dict[str, float],
-    model: str | None,
-    on_step: Callable[[str], None],
+    one: FitSolution, given: dict[str, float], on_step: Callable[[str], None]
 ) -> FitSolution:
     """What vibrates: the force sensor, where that explains all, else the stem; or nothing.
 
     It is looked for at the speeds on the cam, if it shows there, as bounces of a rigid mass on what
     has a stem tell nothing.
     """
-    if model is None and any(hold.rings for hold in one.likelihood.holds):
+    if any(hold.rings for hold in one.likelihood.holds):
         on_step("a resonance of the force sensor")
         return _ringing(one)
-    if model is None and not leaves_a_pattern(one.likelihood, one.x):
+    if not leaves_a_pattern(one.likelihood, one.x):
         return one
-    still = _calm(one)
-    still = still if leaves_a_pattern(still.likelihood, still.x) else one
+    still = _where_it_shows(one)
     stem, gain = likely_stem(still.likelihood, still.x)
-    if model is None and gain < CLEARLY_LIKELIER:
+    if gain < CLEARLY_LIKELIER:
         return one
     best = one
-    if model is None:
-        on_step("a resonance of the force sensor")
-        sensor = _with_resonance(still, stem)
-        if not leaves_a_pattern(sensor.likelihood, sensor.x):
-            sensor = sensor if still is one else _with_resonance(one, stem)
-            if log_ratio(sensor, one) > CLEARLY_LIKELIER:
-                best = sensor
-                if not leaves_a_pattern(sensor.likelihood, sensor.x):
-                    return sensor
+    on_step("a resonance of the force sensor")
+    sensor = _with_resonance(still, stem)
+    if not leaves_a_pattern(sensor.likelihood, sensor.x):
+        sensor = sensor if still is one else _with_resonance(one, stem)
+        if log_ratio(sensor, one) > CLEARLY_LIKELIER:
+            best = sensor
+            if not leaves_a_pattern(sensor.likelihood, sensor.x):
+                return sensor
     on_step("two masses and a stem")
     two = _two_masses(one, still, stem, given)
-    if model == "two_mass" or log_ratio(two, best) > CLEARLY_LIKELIER:
-        return two
-    return best
+    return two if log_ratio(two, best) > CLEARLY_LIKELIER else best
 
 
-def _calm(one: FitSolution) -> FitSolution:
-    """One mass at the speeds on the cam alone; as it is where these are all, or have no force."""
+def _where_it_shows(one: One) -> One | FitSolution:
+    """One mass at the speeds on the cam alone, if what is left of the force has a pattern there."""
+    calm = _calm(one)
+    return one if calm is None or not leaves_a_pattern(calm.likelihood, calm.x) else calm
+
+
+def _calm(one: Candidate) -> FitSolution | None:
+    """One mass at the speeds on the cam alone; None where these are all, or have no force."""
     here = _on_the_cam(one)
     if len(here) == len(one.likelihood.holds) or not _forces(one, here):
-        return one
+        return None
     sought = tuple(name for name in one.likelihood.sought if name != "restitution")
-    return search(*continued(one, sought, one.likelihood.values(one.x), tare=False, only=here))
+    return search(continued(one, sought, one.likelihood.values(one.x), tare=False, only=here))
 
 
 def _ringing(one: FitSolution) -> FitSolution:
@@ -260,7 +290,7 @@ def _ringing(one: FitSolution) -> FitSolution:
 
     From the speeds on the cam, for a landing rings all that comes after it.
     """
-    calm = _calm(one)
+    calm = _calm(one) or one
     if not leaves_a_pattern(calm.likelihood, calm.x):
         return calm if calm is one else _beside_flights(one, calm)
     sensor = _with_resonance(calm, likely_stem(calm.likelihood, calm.x)[0])
@@ -273,7 +303,8 @@ def _has_play(found: FitSolution) -> bool:
     likelihood = found.likelihood
     if likelihood.instruments.at(ZERO) is None:
         return False
-    new, x = continued(found, likelihood.sought, likelihood.values(found.x), play=True)
+    start = continued(found, likelihood.sought, likelihood.values(found.x), play=True)
+    new, x = start.likelihood, start.x
     slopes, residuals = new.slopes(x), new.residuals(x)
     at = new.instruments.at(BACKLASH)
     assert at is not None

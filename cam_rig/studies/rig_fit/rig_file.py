@@ -22,7 +22,7 @@ def fitted_rig(
     source, residual : of what was identified, for the file
     """
     data: dict[str, Any] = {"name": name, "title": f"{name}: identified from {source}"}
-    borrowed, follower = f"the rig {base.name}'s, not told by {source}", dict[str, Any]()
+    borrowed, follower = f"the rig {base.name}'s, not identified by {source}", dict[str, Any]()
     found = {number.name: number for number in numbers}
     dumped = base.model_dump(exclude_none=True)
     two_masses = "roller_share" in found
@@ -53,5 +53,5 @@ def _quantity(number: FoundNumber, source: str, residual: str) -> dict[str, Any]
     assert number.value is not None
     if number.origin == "given":
         return quantity("given", number.value, number.unit, "given to the fit")
-    value = float(f"{number.value:.8g}")
+    value = float(number.shown)
     return quantity("identified", value, number.unit, source, f"{gist(number)}; {residual}")

@@ -12,9 +12,9 @@ from cam_rig.simulation.measured_run import MeasuredRun
 from cam_rig.studies.rig_fit.found import RigFit, found_of
 from cam_rig.studies.rig_fit.likelihood import Likelihood
 from cam_rig.studies.rig_fit.measured_turns import measured_holds
-from cam_rig.studies.rig_fit.models import elastic, one_mass
+from cam_rig.studies.rig_fit.models import elastic, one_mass, two_masses
 from cam_rig.studies.rig_fit.numbers import OF_TWO, ONE_MASS, require_in_model
-from cam_rig.studies.rig_fit.search import FitSolution, search
+from cam_rig.studies.rig_fit.search import Candidate, FitSolution, search
 from cam_rig.studies.rig_fit.start import rough_start
 
 #: A lift that is further from the law's than this part of it, r.m.s., at the slowest speed is of
@@ -65,12 +65,15 @@ def fit_rig(
         0.01 * max((h.force.value.max(initial=0.0) for h in holds), default=1.0) or 1.0
     )
     on_step("one rigid mass")
-    aligned = search(start, start.start(values, phase, zero))
+    aligned = search(Candidate(start, start.start(values, phase, zero)))
     if _is_of_another_cam(aligned):
         return found_of(law, run, aligned, given, tuple(scale), holds)
-    found = one_mass(aligned, rigid | scale, model == "two_mass")
-    if model == "two_mass" or (model is None and forces):
-        found = elastic(found, given, model, on_step)
+    if model == "two_mass":
+        found = two_masses(aligned, given, on_step)
+    else:
+        found = one_mass(aligned, rigid | scale)
+        if model is None and forces:
+            found = elastic(found, given, on_step)
     on_step("standard errors")
     return found_of(law, run, found, given, tuple(scale), holds)
 

@@ -34,23 +34,46 @@ NOISE_ROUNDS, LEAST_FLOOR = 4, 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class FitSolution:
-    """Where a search ended: what is sought, its slopes and residuals in standard deviations.
+class Candidate:
+    """A likelihood and values of what it seeks, ``(n,)``: a search may begin there.
 
-    ``bounce`` is a restitution with its standard error that was found beside the search; ``zero``
-    (N) what the force sensor shows in flights that were left out, where that is not nothing.
+    Nothing says how sure they are: only a `FitSolution` does.
     """
 
     likelihood: Likelihood
     x: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class FitSolution(Candidate):
+    """Where a search ended: its Jacobian ``(m, n)`` and residuals ``(m,)``, in standard deviations.
+
+    ``bounce`` is a restitution with its standard error that was found beside the search; ``zero``
+    (N) what the force sensor shows in flights that were left out, where that is not nothing.
+
+    Raises
+    ------
+    ValueError : the Jacobian is of other unknowns or other residuals
+    """
+
     slopes: FloatArray
     residuals: FloatArray
     bounce: tuple[float, float] | None = None
     zero: float | None = None
 
+    def __post_init__(self) -> None:
+        unknowns, samples = self.likelihood.instruments.size, self.likelihood.count
+        shapes = self.x.shape, self.residuals.shape, self.slopes.shape
+        if shapes != ((unknowns,), (samples,), (samples, unknowns)):
+            raise ValueError(
+                f"a solution of {samples} residuals and {unknowns} unknowns has x, residuals and "
+                f"Jacobian of shapes {', '.join(map(str, shapes))}"
+            )
 
-def search(likelihood: Likelihood, x: FloatArray) -> FitSolution:
-    """The least squares from ``x`` on, with the noise and the samples beside landings anew."""
+
+def search(start: Candidate) -> FitSolution:
+    """The least squares from ``start`` on, with the noise and the samples beside landings anew."""
+    likelihood, x = start.likelihood, start.x
     bounds = _limits(likelihood, x.size)
     inner = [
         b + 1e-9 * max(1.0, abs(b)) * d if math.isfinite(b) else b
@@ -132,15 +155,15 @@ def noise_of(residual: FloatArray, force: FloatArray) -> tuple[float, float]:
 
 
 def continued(
-    before: FitSolution,
+    before: Candidate,
     sought: tuple[str, ...],
     values: dict[str, float],
     play: bool | None = None,
     resonance: bool | None = None,
     tare: bool | None = None,
     only: list[int] | None = None,
-) -> tuple[Likelihood, FloatArray]:
-    """A likelihood of other numbers, with the instruments as they were.
+) -> Candidate:
+    """A candidate of other numbers, with the instruments as they were.
 
     ``play``, ``resonance`` and ``tare`` are what else they may have, None as they had; ``only``
     are some holds.
@@ -172,18 +195,19 @@ def continued(
         to = here.at(name)
         assert to is not None
         x[to] = old.single(before.x, name)
-    return new, x
+    return Candidate(new, x)
 
 
-def steady_holds_of(found: FitSolution) -> list[int]:
+def steady_holds_of(found: Candidate) -> list[int]:
     """The holds in which each turn is as the one before."""
     like = found.likelihood
     return [i for i in range(len(like.holds)) if like.predicted(found.x, i) is not None]
 
 
-def landings_of(likelihood: Likelihood, x: FloatArray) -> list[int]:
+def landings_of(found: Candidate) -> list[int]:
     """Landings a turn, of each hold; one where no turn is as the one before, for it bounces."""
-    turns = (likelihood.predicted(x, i) for i in range(len(likelihood.holds)))
+    like = found.likelihood
+    turns = (like.predicted(found.x, i) for i in range(len(like.holds)))
     return [
         1 if turn is None else sum(event.kind == "landing" for event in turn.turn.events)
         for turn in turns
@@ -199,14 +223,15 @@ def contradict(some: FitSolution, all_of_it: FitSolution) -> bool:
     order = [there.holds.index(hold) for hold in here.holds if hold in there.holds]
     if len(order) < len(here.holds):
         return False
-    new, x = continued(all_of_it, there.sought, there.values(all_of_it.x), only=order)
+    moved = continued(all_of_it, there.sought, there.values(all_of_it.x), only=order)
+    new = moved.likelihood
     new.kept, new.pressing = here.kept, here.pressing
     new.lift_noise, new.force_noise, new.force_part = (
         here.lift_noise,
         here.force_noise,
         here.force_part,
     )
-    missed, least = (float(off @ off) for off in (new.residuals(x), some.residuals))
+    missed, least = (float(off @ off) for off in (new.residuals(moved.x), some.residuals))
     return missed - least > CONTRARY
 
 

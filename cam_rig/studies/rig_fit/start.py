@@ -59,6 +59,7 @@ def rough_start(
             s, slope, bend = law.motion_at(angles + phase)
             parts = np.stack([bend * speed**2, slope * speed, s, np.ones_like(s)], axis=1)
             sizes = np.linalg.norm(parts, axis=0)
+            sizes[sizes == 0.0] = 1.0  # all that presses is on a dwell, at this phase
             _, triangle = np.linalg.qr(np.column_stack([parts / sizes, force]))
             fitted, off = nnls(triangle[:, :-1], triangle[:, -1])  # none of them is below zero
             fitted /= sizes

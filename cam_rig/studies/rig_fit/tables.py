@@ -11,25 +11,22 @@ from cam_rig.schema.bench_tables.jump_table import JumpReading
 from cam_rig.studies.rig_fit.found import FoundNumber, HoldFit, RigFit
 from cam_rig.studies.rig_fit.jump_fit import JumpFit
 from cam_rig.tables import Cell, Column, DataTable, tabulate
-from cam_rig.units import to_rpm
+from cam_rig.units import rounded_to_error, to_rpm
 
 
 def numbers_table(numbers: Iterable[FoundNumber], caption: str) -> DataTable:
-    """A row a number: what was found, or that nothing tells it."""
-
-    def error(number: FoundNumber) -> Cell:
-        return number.error if number.value is not None else None
+    """A row a number: what was found, to the digits that its error leaves, or that nothing was."""
 
     def origin(number: FoundNumber) -> str:
-        return "not told" if number.value is None else number.origin
+        return "; ".join(filter(None, (number.origin, number.caution)))
 
     return tabulate(
         caption,
         numbers,
         (
             (Column("number"), lambda number: number.name),
-            (Column("value", "", ".6g"), lambda number: number.value),
-            (Column("standard error", "", ".2g"), error),
+            (Column("value", "", ".6g"), lambda number: number.shown),
+            (Column("standard error", "", ".2g"), lambda number: number.shown_error),
             (Column("unit"), lambda number: number.unit),
             (Column(""), origin),
         ),
@@ -57,13 +54,13 @@ def _short(name: str) -> str:
 
 
 def holds_table(fit: RigFit) -> DataTable:
-    """What is left of lift and force at each speed."""
+    """Residuals of lift and force at each speed."""
 
     def micro(hold: HoldFit) -> Cell:
         return None if hold.lift is None else hold.lift * 1e6
 
     return tabulate(
-        "What is left, r.m.s.",
+        "Residuals, r.m.s.",
         fit.holds,
         (
             (Column("speed", "rpm", ".2f"), lambda hold: hold.rpm),
@@ -82,10 +79,10 @@ def gauges_table(fit: RigFit) -> DataTable:
     rows: list[tuple[str, float | None, float | None, str]] = [
         ("encoder at θ = 0", math.degrees(g.offset), math.degrees(g.offset_error), "deg"),
         ("sensors' clock, fast by", _times(g.clock, 1e6), _times(g.clock_error, 1e6), "ppm"),
-        ("zero of the lift", _times(g.zero, 1e6), None, "µm"),
+        ("zero offset of the lift", _times(g.zero, 1e6), _times(g.zero_error, 1e6), "µm"),
         ("backlash of the lift", _times(g.backlash, 1e6), _times(g.backlash_error, 1e6), "µm"),
         ("noise of the lift", _times(g.lift_noise, 1e6), None, "µm"),
-        ("zero of the force", g.force_zero, None, "N"),
+        ("zero offset of the force", g.force_zero, g.force_zero_error, "N"),
         ("noise of the force", g.force_noise, None, "N"),
         ("and of the force itself", _times(g.force_part or None, 100.0), None, "%"),
         ("resonance of the force sensor", g.sensor_frequency, None, "Hz"),
@@ -96,11 +93,16 @@ def gauges_table(fit: RigFit) -> DataTable:
         [row for row in rows if row[1] is not None],
         (
             (Column(""), lambda row: row[0]),
-            (Column("value", "", ".5g"), lambda row: row[1]),
+            (Column("value", "", ".4g"), lambda row: _digits(row[1], row[2])),
             (Column("standard error", "", ".2g"), lambda row: row[2]),
             (Column("unit"), lambda row: row[3]),
         ),
     )
+
+
+def _digits(value: float | None, error: float | None) -> Cell:
+    """A value to the digits of its error, if it has one."""
+    return value if value is None or error is None else rounded_to_error(value, error)
 
 
 def _times(value: float | None, factor: float) -> float | None:
@@ -114,7 +116,8 @@ def numbers_json(numbers: Iterable[FoundNumber]) -> dict[str, Any]:
             "value": n.value,
             "standard_error": n.error if n.value is not None else None,
             "unit": n.unit,
-            "origin": n.origin if n.value is not None else "not told",
+            "origin": n.origin,
+            **({"caution": n.caution} if n.caution else {}),
             **({"reason": n.reason} if n.reason else {}),
         }
         for n in numbers
@@ -173,8 +176,8 @@ def jumps_table(fit: JumpFit) -> DataTable:
             (Column("spring", "N/m", ".6g"), known("spring_stiffness")),
             (Column("preload", "N", ".6g"), known("preload")),
             (Column("read", "rpm", ".2f"), lambda row: float(to_rpm(row[0].speed))),
-            (Column("found", "rpm", ".2f"), lambda row: row[1]),
-            (Column("left", "rpm", ".2f"), lambda row: -row[2]),
+            (Column("fitted", "rpm", ".2f"), lambda row: row[1]),
+            (Column("residual", "rpm", ".2f"), lambda row: -row[2]),
         ),
     )
 

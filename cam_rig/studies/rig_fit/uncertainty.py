@@ -1,7 +1,7 @@
-"""What a search's slopes and residuals say of its numbers: standard errors, and what is not told.
+"""What a search's slopes and residuals say of its numbers: standard errors, null directions.
 
-The covariance is the inverse of the likelihood's curvature, JᵀJ with residuals in standard
-deviations; where neighbours err alike, so many count as one.
+The covariance is that of least squares: the inverse of JᵀJ, with residuals in standard deviations,
+and where these are correlated in time the sandwich of it with their correlation as it is measured.
 """
 
 from __future__ import annotations
@@ -10,9 +10,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.fft import next_fast_len
 
-from cam_rig.arrays import FloatArray, rms
-from cam_rig.studies.rig_fit.holds import correlation_length
+from cam_rig.arrays import FloatArray, autocorrelation, rms
+from cam_rig.studies.rig_fit.likelihood import Likelihood
 from cam_rig.studies.rig_fit.search import FitSolution, landings_of
 from cam_rig.units import TURN
 
@@ -26,10 +27,10 @@ MUCH = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Covariance ``(n, n)`` of what was sought, and groups of numbers not told from each other.
+    """Covariance ``(n, n)`` of what was sought, and groups of numbers with a null direction.
 
-    ``alike`` are the lengths, in samples, over which residuals of lift and of force err alike, the
-    largest of all holds.
+    ``alike`` are the lengths, in samples, over which residuals of lift and of force are
+    correlated, the largest of all holds.
     """
 
     covariance: FloatArray
@@ -43,28 +44,55 @@ class Uncertainty:
 
 
 def uncertainty(solution: FitSolution) -> Uncertainty:
-    """Standard errors of a solution."""
+    """Covariance (JᵀJ)⁻¹ JᵀRJ (JᵀJ)⁻¹ of least squares under noise of correlation R."""
     slopes, residuals = solution.slopes, solution.residuals
-    weights, alike, at = np.ones(residuals.size), [1.0, 1.0], 0
-    likelihood = solution.likelihood
-    for hold, kept in zip(likelihood.holds, likelihood.kept, strict=True):
-        for i, size in enumerate((hold.lift.value.size, int(kept.sum()))):
-            if size:
-                length = correlation_length(residuals[at : at + size])
-                alike[i] = max(alike[i], length)
-                weights[at : at + size] = 1.0 / np.sqrt(length)
-            at += size
-    slopes = slopes * weights[:, None]
     sizes = np.linalg.norm(slopes, axis=0)
-    scaled = slopes / np.where(sizes > 0.0, sizes, 1.0)
+    sizes[sizes == 0.0] = 1.0
+    scaled = slopes / sizes
     values, vectors = np.linalg.eigh(scaled.T @ scaled)
     told = values > BLIND**2 * values[-1]
-    covariance = (vectors[:, told] / values[told]) @ vectors[:, told].T
-    covariance /= np.outer(*[np.where(sizes > 0.0, sizes, 1.0)] * 2)
+    inverse = (vectors[:, told] / values[told]) @ vectors[:, told].T
+    scores, alike = _scores(solution.likelihood, scaled, residuals)
     blind = tuple(
         tuple(np.flatnonzero(np.abs(vector) > SHARE).tolist()) for vector in vectors[:, ~told].T
     )
-    return Uncertainty(covariance, blind, (alike[0], alike[1]))
+    return Uncertainty(inverse @ scores @ inverse / np.outer(sizes, sizes), blind, alike)
+
+
+def _scores(
+    likelihood: Likelihood, slopes: FloatArray, residuals: FloatArray
+) -> tuple[FloatArray, tuple[float, float]]:
+    """JᵀRJ ``(n, n)``, and the lengths over which residuals of lift and force are correlated.
+
+    R is of each hold and quantity by itself, and of one stationary noise there; the speeds, behind
+    them all, are independent.
+    """
+    at = slopes.shape[0] - len(likelihood.holds)
+    total, lengths = slopes[at:].T @ slopes[at:], ([1.0], [1.0])
+    at = 0
+    for hold, kept in zip(likelihood.holds, likelihood.kept, strict=True):
+        for found, size in zip(lengths, (hold.lift.value.size, int(kept.sum())), strict=True):
+            part = slice(at, at + size)
+            at += size
+            if size:
+                correlation = autocorrelation(residuals[part])
+                found.append(1.0 + 2.0 * float(correlation[1:].sum()))
+                total += _correlated(slopes[part], correlation)
+    return total, (max(lengths[0]), max(lengths[1]))
+
+
+def _correlated(slopes: FloatArray, correlation: FloatArray) -> FloatArray:
+    """JᵀRJ of one stationary noise: by Fourier, Σ P |J|² with P the power of ``correlation``."""
+    if correlation.size == 1:
+        return np.asarray(slopes.T @ slopes)
+    size = next_fast_len(slopes.shape[0] + correlation.size, real=True)
+    lags = np.zeros(size)
+    lags[: correlation.size] = correlation
+    lags[size - correlation.size + 1 :] = correlation[:0:-1]
+    power = np.maximum(np.fft.rfft(lags).real, 0.0)  # a cut-off one is below zero here and there
+    power[1 : (size + 1) // 2] *= 2.0  # and at the negative frequency
+    lines = np.fft.rfft(slopes, size, axis=0)
+    return np.asarray(((lines.conj().T * power) @ lines).real / size)
 
 
 def misfit(solution: FitSolution, alike: tuple[float, float]) -> str:
@@ -76,15 +104,15 @@ def misfit(solution: FitSolution, alike: tuple[float, float]) -> str:
     if a single speed flies.
     """
     likelihood = solution.likelihood
-    flying = landings_of(likelihood, solution.x)
+    flying = landings_of(solution)
     if any(flying) and not any(hold.force.value.size for hold in likelihood.holds):
         if alike[0] > MUCH:
             return (
-                f"what is left of the lift is no noise, {alike[0]:.2g} neighbours err alike: "
+                f"the residuals of the lift are correlated over {alike[0]:.2g} samples: "
                 "measure a force too, or speeds at which the follower bounces less"
             )
         if sum(map(bool, flying)) == 1:
-            return "a single speed lifts off, which tells it badly: measure another, or a force"
+            return "a single speed that lifts off identifies nothing: measure another, or a force"
     for name, unit, factor in (("lift", "mm", 1e3), ("force", "N", 1.0)):
         left, noise = list[FloatArray](), list[FloatArray]()
         for i in range(len(likelihood.holds)):

@@ -6,7 +6,7 @@ import pytest
 from cam_rig.errors import ConfigError
 from cam_rig.simulation.instruments import InstrumentErrors, measured_run
 from cam_rig.simulation.measured_run import MeasuredRun, Signal
-from cam_rig.studies.rig_fit.holds import correlation_length, steady_holds
+from cam_rig.studies.rig_fit.holds import steady_holds
 from cam_rig.units import RPM
 
 
@@ -32,10 +32,3 @@ def test_a_cam_that_nowhere_turns_steadily_is_refused():
     run = MeasuredRun("ramp", "cam", Signal(time, 40.0 * time**2, "encoder"))
     with pytest.raises(ConfigError, match=r"nowhere turns steadily.*needed"):
         steady_holds(run)
-
-
-def test_neighbours_that_err_alike_are_counted_as_one():
-    """Noise has length 1; each value eight times has length 8."""
-    noise = np.random.default_rng(1).standard_normal(4000)
-    assert correlation_length(noise) < 1.3
-    assert correlation_length(np.repeat(noise, 8)) == pytest.approx(8.0, rel=0.2)

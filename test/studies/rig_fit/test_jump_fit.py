@@ -1,5 +1,6 @@
 """Numbers of a rig from jump speeds."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.errors import ConfigError
 from cam_rig.schema.bench_tables.jump_table import JumpReading, JumpTable
 from cam_rig.studies.jump.any_rig import find_jump
+from cam_rig.studies.rig_fit import jump_fit
 from cam_rig.studies.rig_fit.conclusions import jump_conclusions
 from cam_rig.studies.rig_fit.jump_fit import fit_jumps
 from cam_rig.units import RPM
@@ -61,7 +63,7 @@ def test_without_masses_only_ratios_are_told(law, rig):
     one = replace(read, columns=(), readings=(same,) * 5)
     fit = fit_jumps(law, one, rig, error=1.0)
     assert all(n.value is None for n in fit.numbers)
-    assert any("together" in words for words in jump_conclusions(fit))
+    assert any("not identifiable apart" in words for words in jump_conclusions(fit))
 
 
 def test_too_few_readings_are_refused(law, rig):
@@ -78,3 +80,46 @@ def test_a_slip_is_named(law, rig):
     wrong[4] = replace(wrong[4], speed=wrong[4].speed + 30.0 * RPM)
     fit = fit_jumps(law, replace(read, readings=tuple(wrong)), rig, error=0.3)
     assert any("Line 6" in words for words in jump_conclusions(fit))
+
+
+@pytest.mark.parametrize("rpm", [1e308, 1.1e5, 0.5])
+def test_a_speed_that_no_jump_has_is_refused(law, rig, rpm):
+    """Its line, the value, what is allowed."""
+    read = table(law)
+    wrong = (*read.readings[:-1], replace(read.readings[-1], speed=rpm * RPM))
+    with pytest.raises(
+        ConfigError, match=rf"line 10.*{re.escape(f'{rpm:g}')} rpm; allowed: from 1"
+    ):
+        fit_jumps(law, replace(read, readings=wrong), rig)
+
+
+def test_a_number_beyond_a_follower_s_is_refused(law, rig):
+    read = table(law)
+    odd = {"mass": 0.0, "spring_stiffness": 1e280}
+    wrong = (*read.readings[:-1], replace(read.readings[-1], known=odd))
+    with pytest.raises(ConfigError, match=r"line 10: spring_stiffness is 1e\+280 N/m; allowed"):
+        fit_jumps(law, replace(read, readings=wrong), rig)
+
+
+def test_equal_set_ups_are_solved_once(law, rig, monkeypatch):
+    """A thousand readings of each of nine set-ups: as many solutions as of one of each.
+
+    The numbers are those of all readings: of a set-up read twice, with the mean of both.
+    """
+    count = 0
+
+    def counted(*arguments):
+        nonlocal count
+        count += 1
+        return find_jump(*arguments)
+
+    monkeypatch.setattr(jump_fit, "find_jump", counted)
+    read = table(law, noise=0.5 * RPM)
+    once = fit_jumps(law, read, rig, given={"damping": DAMPING})
+    alone, count = count, 0
+    both = [replace(r, speed=r.speed + d * RPM) for r in read.readings for d in (0.1, -0.1)]
+    many = replace(read, readings=tuple(both * 500))
+    fit = fit_jumps(law, many, rig, given={"damping": DAMPING})
+    assert count < 1.5 * alone
+    assert values(fit)["mass"] == pytest.approx(values(once)["mass"], rel=1e-5)
+    assert values(fit)["preload"] == pytest.approx(values(once)["preload"], rel=1e-4)
