@@ -30,7 +30,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError, OutputError
 from cam_rig.extras import libraries_named
 from cam_rig.studies.campaign.campaign import Campaign
-from cam_rig.studies.campaign.point import FAILED, OK, BatchRows
+from cam_rig.studies.campaign.point import FAILED, OK, UNSETTLED, BatchRows
 from cam_rig.tables import counted
 
 LOCK = ".lock"
@@ -80,8 +80,10 @@ class CampaignDataset:
         for measure in self.campaign.measures:
             words = measure.term.words
             fields.append(field(measure.column, pa.float64(), measure.unit, words, True))
-        fields.append(field("status", word, "", f"{OK} or {FAILED}"))
-        fields.append(field("reason", pa.string(), "", "what failed and why", True))
+        fields.append(field("status", word, "", f"{OK}, {UNSETTLED} or {FAILED}"))
+        fields.append(
+            field("reason", pa.string(), "", "what failed and why, or did not settle", True)
+        )
         about = {"study": self.campaign.text, "fingerprint": self.campaign.fingerprint}
         return pa.schema(fields, metadata={**about, **versions()})
 
@@ -124,7 +126,7 @@ class CampaignDataset:
             pa.array([own] * count).dictionary_encode(),
             *(pa.array(column) for column in rows.inputs.T),
             *(pa.array(column, mask=np.isnan(column)) for column in rows.measures.T),
-            pa.array([FAILED if text else OK for text in rows.reasons]).dictionary_encode(),
+            pa.array(rows.status).dictionary_encode(),
             pa.array([text or None for text in rows.reasons], pa.string()),
         ]
         return pa.Table.from_arrays(columns, schema=self.schema)
@@ -189,8 +191,8 @@ class CampaignDataset:
         parts = [table.column(name).to_numpy() for table in self.tables([name])]
         return np.concatenate(parts) if parts else np.zeros(0)
 
-    def reasons(self) -> list[tuple[str, int]]:
-        """Why points failed and how many, the most frequent first.
+    def reasons(self, status: str = FAILED) -> list[tuple[str, int]]:
+        """Why points have a status and how many, the most frequent first.
 
         Reasons that differ in their numbers alone are one, in the words of the first of them.
         """
@@ -198,8 +200,9 @@ class CampaignDataset:
 
         counts: Counter[str] = Counter()
         words: dict[str, str] = {}
-        for table in self.tables(["reason"]):
-            for one in pc.value_counts(table.column("reason").drop_null()).to_pylist():
+        for table in self.tables(["status", "reason"]):
+            given = table.filter(pc.equal(table.column("status"), status)).column("reason")
+            for one in pc.value_counts(given).to_pylist():
                 kind = _NUMBER.sub("#", one["values"])
                 words.setdefault(kind, one["values"])
                 counts[kind] += one["counts"]

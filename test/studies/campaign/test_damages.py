@@ -85,7 +85,7 @@ def require_told_and_mended(whole, folder, seed):
     dataset = CampaignDataset(folder, whole.campaign)
     damage = draw.choice(DAMAGES)
     damage([path for _, _, path in dataset.batches()], draw)
-    with pytest.raises(OutputError, match="is not as it was written.*--resume"):
+    with pytest.raises(OutputError, match=r"is not as it was written.*--resume"):
         numbers(dataset)
     with dataset.opened(True) as damaged:
         assert "their points are made again" in damaged, damage
