@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from pathlib import Path
@@ -34,11 +35,11 @@ class CampaignRun(CampaignResults):
         Raises
         ------
         MissingLibraryError : pandas is not installed
+        OutputError : a file is not as it was written
         """
         with libraries_named():
-            from pandas import concat, read_parquet
-        files = [path for _, _, path in self.dataset.batches()]
-        return concat([read_parquet(path) for path in files], ignore_index=True)
+            from pandas import concat
+        return concat([table.to_pandas() for table in self.dataset.tables()], ignore_index=True)
 
     def plot(self) -> Figure:
         """A map of a grid of two inputs or more; else distributions and what each input does.
@@ -82,7 +83,8 @@ def campaign(
     study : a name in ``config/campaigns``, a path, or what such a file holds
     out : folder of the dataset
     points, seed : in place of the study's
-    resume : go on with the points that the folder has not
+    resume : go on with the points that the folder has not; a file that is not as it was written
+        is named in a warning, and its points are made again
     executor : where points are measured: a `ProcessPoolExecutor`, Dask's
         ``client.get_executor()``; None is this process. Rows are the same
     workers : batches the executor takes at a time
@@ -104,6 +106,8 @@ def campaign(
     """
     require("pyarrow")
     dataset = CampaignDataset(Path(out), opened(study).planned(points, seed))
-    with dataset.opened(resume):
+    with dataset.opened(resume) as damaged:
+        if damaged:
+            warnings.warn(damaged, stacklevel=2)
         run_campaign(dataset, executor or InThisProcess(), max(1, workers))
     return CampaignRun(dataset)

@@ -13,6 +13,7 @@ import numpy as np
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.laws import Law, bernstein
+from cam_rig.laws.peaks import extremes
 from cam_rig.units import TURN
 
 #: A force is known to so many rounding errors of its parts.
@@ -35,6 +36,13 @@ def force_ordinates(law: Law, parameters: FollowerParameters, speed: float) -> F
     """``(p + 1, n)`` Bernstein ordinates of the contact force in N, piece by piece."""
     weighted = np.tensordot(force_weights(parameters, speed), law.motion, axes=1)
     return np.asarray(weighted + parameters.preload)
+
+
+def force_extremes(law: Law, parameters: FollowerParameters, speed: float) -> tuple[float, float]:
+    """Least and largest contact force (N) of a turn at ``speed`` (rad/s), on the cam throughout."""
+    force = Law(law.name, law.breaks, force_ordinates(law, parameters, speed))
+    least, largest = extremes(force, 0)
+    return least.value, largest.value
 
 
 def force_rounding(law: Law, parameters: FollowerParameters, speed: float) -> float:

@@ -86,7 +86,7 @@ def advance(
     sample_rate: int,
     step: float,
 ) -> tuple[FollowerState, Block]:
-    """Take the follower through the interval, exactly; None starts it at rest on the cam.
+    """Take the follower through the interval, exactly; None puts it on the cam without vibration.
 
     ``step`` is by how much ṡ is more than where ``state`` ended, m/s: x and ẋ go on.
     """

@@ -84,23 +84,33 @@ class MicrophoneSimulator:
         return pressure
 
 
-def turned_ticks(loaded: LoadedScene) -> Iterator[TickSamples]:
-    """The follower's samples of a scene tick by tick, with the cam that turned under it."""
+def turned_ticks(loaded: LoadedScene, begin: FollowerState | None = None) -> Iterator[TickSamples]:
+    """The follower's samples of a scene tick by tick, with the cam that turned under it.
+
+    ``begin`` is the follower where the scene begins, None for one put down on the cam.
+    """
     follower = FollowerSimulator.of(loaded)
     start: CamState | None = None
     for state in cam_states(loaded.scene):
         turned = follower.turn_to(state)
+        if start is None:
+            follower.checkpoint = FollowerCheckpoint(state, begin)
         if turned is not None and start is not None:
             yield TickSamples(start, turned[1].interval, turned[1].rows)
         start = state
 
 
 def simulate(
-    loaded: LoadedScene, take: Callable[[TickSamples], None] = lambda _: None
+    loaded: LoadedScene,
+    take: Callable[[TickSamples], None] = lambda _: None,
+    begin: FollowerState | None = None,
 ) -> Iterator[MeasuredTick]:
-    """Run the scene tick by tick; ``take`` gets each tick's samples, which are not kept."""
+    """Run the scene tick by tick; ``take`` gets each tick's samples, which are not kept.
+
+    ``begin`` as of `turned_ticks`.
+    """
     microphone = MicrophoneSimulator.of(loaded)
-    for tick in turned_ticks(loaded):
+    for tick in turned_ticks(loaded, begin):
         take(tick)
         pressure = microphone.listen(tick.rows, tick.interval.mean_speed)
         count = tick.rows.shape[1]

@@ -124,7 +124,8 @@ def least_force(p: TwoMassParameters, law: Law, speed: float) -> float:
         return [v, (force - p.spring_stiffness * y - p.damping * v - p.preload) / p.end_mass]
 
     times = np.linspace(0.0, FROM_REST, INSTANTS)
-    start = [-p.preload / p.stiffness, 0.0]
+    cam = law.motion_at(np.zeros(1)) * np.array([[1.0], [speed], [speed**2]])
+    start = p.static_place(cam)[:, 0]  # from rest: without vibration
     run = solve_ivp(rate, (0.0, FROM_REST), start, "DOP853", times, rtol=1e-8, atol=1e-12)
     y, v = run.y
     s, slope, bend = law.motion_at(speed * times)

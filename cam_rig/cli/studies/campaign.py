@@ -144,7 +144,9 @@ def _measured(
 
     require("pyarrow")
     dataset = CampaignDataset(folder, asked)
-    with dataset.opened(resume), _going_on(again):
+    with dataset.opened(resume) as damaged, _going_on(again):
+        if damaged:
+            say(damaged)
         if not dataset.missing():
             return dataset
         with workplace(jobs, dask) as place, CampaignProgress(dataset) as progress:

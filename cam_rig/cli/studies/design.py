@@ -62,12 +62,13 @@ def design(
     """Design the law that is best by a goal, and bound what any law of its class could reach.
 
     The law is a B-spline in each event of the start; dwells, events and lift stay. Goals:
-    jump_speed, jump_speed_steady, jump_speed_rigid, least_contact_force@450rpm (maximise);
-    residual_vibration@200-400rpm, sound_level@200-400rpm, peak_velocity, peak_acceleration,
-    peak_jerk, rms_acceleration, peak_contact_force@450rpm (minimise). Without a bound, as the best
-    of several searches: shaft_torque@300rpm, sound_level_with_jumps@450-550rpm, pressure_angle
-    (minimise), radius_of_curvature (maximise). Limits: any of these, lift@90deg, velocity@90deg,
-    acceleration@80-100deg, event_angle@1, with a unit or as the start's. Ctrl-C keeps the best.
+    jump_speed, jump_speed_steady, jump_speed_rigid, least_contact_force_rigid@450rpm (maximise);
+    residual_vibration@200-400rpm, sound_level_rigid@200-400rpm, peak_velocity, peak_acceleration,
+    peak_jerk, rms_acceleration, peak_contact_force_rigid@450rpm (minimise). Without a bound, as
+    the best of several searches: shaft_torque@300rpm, sound_level_with_jumps@450-550rpm,
+    pressure_angle (minimise), radius_of_curvature (maximise). Limits: any of these, lift@90deg,
+    velocity@90deg, acceleration@80-100deg, event_angle@1, with a unit or as the start's. Ctrl-C
+    keeps the best.
 
     Examples
     --------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from cam_rig.arrays import ComplexArray, FloatArray
 from cam_rig.dynamics.modal.response import ModalResponse
+from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import TURN
 
@@ -20,10 +22,35 @@ MIN_CELLS = 192
 CUT = 8
 #: A least value is found to this part of the output's size.
 EXACT = 1e-13
+#: A value in a cut costs as much as so many in the first cells.
+COSTS = 4
 #: Cuts until rounding decides: 8^17 is 2^51.
 MAX_CUTS = 17
 
 Indices = NDArray[np.intp]
+
+
+class TooManyLooksError(DynamicsError):
+    """A search came to no end within the values of the output that it may look at."""
+
+
+@dataclass
+class Looks:
+    """How many values of the output were looked at, of as many as may be."""
+
+    most: float = math.inf
+    count: int = 0
+
+    def take(self, count: int) -> None:
+        """So many more.
+
+        Raises
+        ------
+        TooManyLooksError : these are too many
+        """
+        self.count += count
+        if self.count > self.most:
+            raise TooManyLooksError(f"more than {self.most:g} values to look at")
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +192,7 @@ class CellTables:
         return np.asarray(angles >= (self.speeds * self.duration)[:, None, None])
 
 
-def closer(tables: CellTables, candidates: Candidates, found: FloatArray) -> None:
+def closer(tables: CellTables, candidates: Candidates, found: FloatArray, looks: Looks) -> None:
     """Lower what was found, ``(m,)``, to the least value in the candidates.
 
     They are cut again and again; what may not hold a lower value is left.
@@ -174,6 +201,7 @@ def closer(tables: CellTables, candidates: Candidates, found: FloatArray) -> Non
     for _ in range(MAX_CUTS):
         if candidates.row.size == 0:
             return
+        looks.take(COSTS * candidates.row.size * cut.size)
         row, piece, low, width, amplitude = candidates
         speed, span = tables.speeds[row], model.law.spans[piece]
         local = low[:, None] + width[:, None] * cut

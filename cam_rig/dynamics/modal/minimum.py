@@ -8,14 +8,15 @@ them. Only cells that may hold the least of all are looked at closer, in smaller
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.arrays import ComplexArray, FloatArray
-from cam_rig.dynamics.modal.cells import CellTables, LawCells, closer
+from cam_rig.dynamics.modal.cells import CellTables, LawCells, Looks, closer
 from cam_rig.dynamics.modal.response import ModalResponse
 from cam_rig.dynamics.modal.sums import carried
 from cam_rig.laws import bernstein
@@ -25,24 +26,36 @@ from cam_rig.units import TURN
 GRID_MISSES = 0.01
 #: For a bound over many speeds a piece is cut into parts no wider than this part of a turn.
 FEW_CELLS = 24
+#: What is left of a start that has faded.
+FADED = 1e-17
 #: Cells of all speeds and turns that are held in memory together.
 TOGETHER = 1 << 20
 
 
 @dataclass(frozen=True, eq=False)
 class ModalRun:
-    """How long a model runs: ``duration`` s from rest at θ = 0, or settled for ever (None)."""
+    """How long a model runs: ``duration`` s from rest at θ = 0, or settled for ever (None).
+
+    ``looks`` counts the values that its least outputs are found by.
+    """
 
     model: ModalResponse
     duration: float | None
+    looks: Looks = field(default_factory=Looks)
 
     def turns(self, speeds: FloatArray, turn: ComplexArray) -> ComplexArray:
-        """Amplitude at the start of each turn, ``(m, turns, 2)``; one turn adds ``turn`` (m, 2)."""
+        """Amplitude at the start of each turn, ``(m, turns, 2)``; one turn adds ``turn`` (m, 2).
+
+        Turns after one that differs from the steady state by rounding alone are left out.
+        """
         model = self.model
         if self.duration is None:
             return model.steady(speeds, turn)[:, None]
         flow = model.fading(speeds, TURN)[:, 0]
         count = int(np.ceil(speeds.max() * self.duration / TURN))
+        fading = math.log(max(float(np.abs(flow).max()), 1e-300))
+        if fading < 0.0:
+            count = min(count, 1 + math.ceil(math.log(FADED) / fading))
         found = np.empty((speeds.size, count, 2), dtype=np.complex128)
         found[:, 0] = model.from_rest(speeds)
         for i in range(1, count):
@@ -101,7 +114,9 @@ class ModalRun:
         found = np.full(speeds.size, np.inf)
         few = max(1, TOGETHER // (speeds.size * tables.cells.piece.size))
         for first in range(0, tables.turns.shape[1], few):
-            closer(tables, tables.candidates(slice(first, first + few), found), found)
+            turns = slice(first, first + few)
+            self.looks.take(tables.turns[:, turns, 0].size * tables.cells.piece.size)
+            closer(tables, tables.candidates(turns, found), found, self.looks)
         return found
 
     def lowest(self, speed: float) -> float:

@@ -187,7 +187,7 @@ class ModalResponse:
         return self._amplitude(speeds, self._edges[0])
 
     def from_rest(self, speeds: FloatArray) -> ComplexArray:
-        """Amplitude at θ = 0 of a mode that was at rest (η = η̇ = 0) there, ``(m, 2)``."""
+        """Amplitude at θ = 0 of a run from rest, without vibration (η = η̇ = 0), ``(m, 2)``."""
         return self._amplitude(speeds, self._edges[1][:, :1])[:, 0]
 
     def fading(self, speeds: FloatArray, angle: FloatArray | float) -> ComplexArray:

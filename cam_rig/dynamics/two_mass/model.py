@@ -56,7 +56,7 @@ def advance(
     sample_rate: int,
     step: float,
 ) -> tuple[FollowerState, Block]:
-    """Take the follower through the interval; None starts it at rest on the cam.
+    """Take the follower through the interval; None puts it on the cam without vibration.
 
     The block's motion is that of the roller mass, which meets the cam. ``step`` is by how much ṡ
     is more than where ``state`` ended, m/s.

@@ -94,6 +94,7 @@ class Separation:
     def run(self, duration: float, state: FloatArray | None = None, contact: bool = True) -> None:
         """Find all phases and events up to ``duration`` s, from rest on the cam by default.
 
+        From rest is without vibration (η = η̇ = 0): the end mass goes with the turning cam.
         ``state`` is (η, η̇) in contact, else (z, ż, y, ẏ).
         """
         if state is None:

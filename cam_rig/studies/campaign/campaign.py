@@ -69,12 +69,12 @@ class Campaign:
     @cached_property
     def measures(self) -> tuple[CampaignMeasure, ...]:
         """What is measured."""
-        return parse_measures(self.config.measures)
+        return parse_measures(self.config.measures, self.scene.model)
 
     @cached_property
     def limits(self) -> tuple[Limit, ...]:
         """What the measures are to keep."""
-        return parse_limits(self.config.limits, self.measures)
+        return parse_limits(self.config.limits, self.measures, self.scene.model)
 
     @cached_property
     def law(self) -> Law:

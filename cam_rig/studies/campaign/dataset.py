@@ -2,11 +2,16 @@
 
 A file has its name only when all of it is on the disk, so readers take ``folder/*.parquet`` while
 a campaign runs, and after whatever ended it. The one writer holds a lock on the folder.
+
+The name ends in a digest of the points' range and the file's bytes: both come onto the disk in one
+step, and a flipped bit, a cut or another file's name is seen wherever rows are read.
 """
 
 from __future__ import annotations
 
 import fcntl
+import hashlib
+import io
 import json
 import os
 import re
@@ -25,11 +30,16 @@ from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError, OutputError
 from cam_rig.extras import libraries_named
 from cam_rig.studies.campaign.campaign import Campaign
-from cam_rig.studies.campaign.point import FAILED, OK, BatchRows
+from cam_rig.studies.campaign.point import FAILED, OK, UNSETTLED, BatchRows
 from cam_rig.tables import counted
 
 LOCK = ".lock"
-_NAME = re.compile(r"points-(\d+)-(\d+)\.parquet")
+FILES = "points-*.parquet"
+_NAME = re.compile(r"points-(\d+)-(\d+)-([0-9a-f]{16})\.parquet")
+#: What is added to the name of a file whose rows are made again.
+DAMAGED = ".damaged"
+#: Of such files so many are named.
+NAMED = 3
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 #: Packages whose versions rows may depend on.
 VERSIONS = ("cam_rig", "numpy", "scipy")
@@ -70,8 +80,10 @@ class CampaignDataset:
         for measure in self.campaign.measures:
             words = measure.term.words
             fields.append(field(measure.column, pa.float64(), measure.unit, words, True))
-        fields.append(field("status", word, "", f"{OK} or {FAILED}"))
-        fields.append(field("reason", pa.string(), "", "what failed and why", True))
+        fields.append(field("status", word, "", f"{OK}, {UNSETTLED} or {FAILED}"))
+        fields.append(
+            field("reason", pa.string(), "", "what failed and why, or did not settle", True)
+        )
         about = {"study": self.campaign.text, "fingerprint": self.campaign.fingerprint}
         return pa.schema(fields, metadata={**about, **versions()})
 
@@ -84,11 +96,15 @@ class CampaignDataset:
         """
         import pyarrow.parquet as pq
 
-        target = self.folder / f"points-{rows.first:010d}-{rows.last:010d}.parquet"
+        sink = io.BytesIO()
+        pq.write_table(self._table(rows), sink, write_page_checksum=True)
+        data = sink.getvalue()
+        digest = _digest(rows.first, rows.last, data)
+        target = self.folder / f"points-{rows.first:010d}-{rows.last:010d}-{digest}.parquet"
         part = target.with_name(f".{target.name}.part")
         try:
             try:
-                pq.write_table(self._table(rows), part)
+                part.write_bytes(data)
                 _to_disk(part)
                 part.replace(target)
                 _to_disk(self.folder)
@@ -110,7 +126,7 @@ class CampaignDataset:
             pa.array([own] * count).dictionary_encode(),
             *(pa.array(column) for column in rows.inputs.T),
             *(pa.array(column, mask=np.isnan(column)) for column in rows.measures.T),
-            pa.array([FAILED if text else OK for text in rows.reasons]).dictionary_encode(),
+            pa.array(rows.status).dictionary_encode(),
             pa.array([text or None for text in rows.reasons], pa.string()),
         ]
         return pa.Table.from_arrays(columns, schema=self.schema)
@@ -118,7 +134,7 @@ class CampaignDataset:
     def batches(self) -> list[tuple[int, int, Path]]:
         """First point, the point after the last, and the file of each batch, in order."""
         found = []
-        for path in self.folder.glob("points-*.parquet"):
+        for path in self.folder.glob(FILES):
             if match := _NAME.fullmatch(path.name):
                 found.append((int(match[1]), int(match[2]), path))
         return sorted(found)
@@ -150,41 +166,59 @@ class CampaignDataset:
         row = (sum(sizes) - own * len(sizes)) / made
         return float(sum(sizes)), sum(sizes) + row * left + own * -(-left // max(counts))
 
-    def column(self, name: str) -> FloatArray:
-        """One column in the order of the points, NaN for null; no other column is read."""
+    def tables(self, columns: list[str] | None = None) -> Iterator[Any]:
+        """The rows of each batch in the order of the points, a `pyarrow.Table`.
+
+        Raises
+        ------
+        OutputError : a file is not as it was written
+        """
+        import pyarrow as pa
         import pyarrow.parquet as pq
 
-        parts = [
-            pq.read_table(path, columns=[name], partitioning=None).column(name).to_numpy()
-            for _, _, path in self.batches()
-        ]
+        for _, _, path in self.batches():
+            yield pq.read_table(
+                pa.BufferReader(_intact(path)), columns=columns, page_checksum_verification=True
+            )
+
+    def column(self, name: str) -> FloatArray:
+        """One column in the order of the points, NaN for null; no other column is kept.
+
+        Raises
+        ------
+        OutputError : a file is not as it was written
+        """
+        parts = [table.column(name).to_numpy() for table in self.tables([name])]
         return np.concatenate(parts) if parts else np.zeros(0)
 
-    def reasons(self) -> list[tuple[str, int]]:
-        """Why points failed and how many, the most frequent first.
+    def reasons(self, status: str = FAILED) -> list[tuple[str, int]]:
+        """Why points have a status and how many, the most frequent first.
 
         Reasons that differ in their numbers alone are one, in the words of the first of them.
         """
         import pyarrow.compute as pc
-        import pyarrow.parquet as pq
 
         counts: Counter[str] = Counter()
         words: dict[str, str] = {}
-        for _, _, path in self.batches():
-            column = pq.read_table(path, columns=["reason"], partitioning=None).column("reason")
-            for one in pc.value_counts(column.drop_null()).to_pylist():
+        for table in self.tables(["status", "reason"]):
+            given = table.filter(pc.equal(table.column("status"), status)).column("reason")
+            for one in pc.value_counts(given).to_pylist():
                 kind = _NUMBER.sub("#", one["values"])
                 words.setdefault(kind, one["values"])
                 counts[kind] += one["counts"]
         return [(words[kind], count) for kind, count in counts.most_common()]
 
     @contextmanager
-    def opened(self, resume: bool) -> Iterator[None]:
+    def opened(self, resume: bool) -> Iterator[str]:
         """Hold the folder for one writer; what a killed one left half written is removed.
+
+        It gives a line that names the files whose points are to be made again, which are kept
+        under another name; empty where all are whole.
 
         Raises
         ------
-        ConfigError : it holds rows and is not to be resumed, or rows of another study
+        ConfigError : it holds rows and is not to be resumed, or rows of another study, or of a
+            file without a digest
         OutputError : it cannot be written, or another process writes into it
         """
         try:
@@ -200,29 +234,44 @@ class CampaignDataset:
                     f"{self.folder}: another campaign writes into it; allowed: to wait for its "
                     "end, or another folder"
                 ) from None
-            self._require_own(resume)
+            damaged = self._require_own(resume)
             for path in self.folder.glob(".points-*.part"):
                 path.unlink()
-            yield
+            for path in damaged:
+                path.rename(path.with_name(path.name + DAMAGED))
+            yield _made_again(damaged)
 
-    def _require_own(self, resume: bool) -> None:
-        """Refuse a folder of other rows; a damaged file's points are made again."""
-        batches = self.batches()
-        if batches and not resume:
+    def _require_own(self, resume: bool) -> list[Path]:
+        """Refuse a folder of other rows; files that are damaged, or have another file's points."""
+        found = sorted(self.folder.glob(FILES))
+        if found and not resume:
             raise ConfigError(
-                f"{self.folder}: holds {counted(len(batches), 'file')} of points already; "
+                f"{self.folder}: holds {counted(len(found), 'file')} of points already; "
                 "allowed: --resume to go on with them, or another folder"
             )
-        for first, last, path in batches:
-            about = _about(path)
-            if about is None or about[0] != last - first:
-                path.unlink()
-            elif about[1] != self._own:
+        for path in found:
+            if not _NAME.fullmatch(path.name):
+                raise ConfigError(
+                    f"{path}: has no digest in its name, so that its rows cannot be checked (it is "
+                    "of an earlier version, or was renamed); allowed: a folder without it"
+                )
+        damaged, at = [], 0
+        for first, last, path in self.batches():
+            try:
+                about = _about(_intact(path))
+            except OutputError:
+                damaged.append(path)
+                continue
+            if about != self._own:
                 raise ConfigError(
                     f"{path}: is of another study, or of another version: "
-                    f"{differences(about[1], self._own)}; allowed with --resume: the same, else "
+                    f"{differences(about, self._own)}; allowed with --resume: the same, else "
                     "another folder"
                 )
+            if first < at:
+                damaged.append(path)
+            at = max(at, last)
+        return damaged
 
     @property
     def _own(self) -> dict[str, str]:
@@ -258,18 +307,51 @@ def _shown(value: object) -> str:
     return "not there" if value is None else str(value)
 
 
-def _about(path: Path) -> tuple[int, dict[str, str]] | None:
-    """Rows of a file and what its schema says of their origin; None where it is damaged."""
+def _made_again(damaged: list[Path]) -> str:
+    """What is said of files that were set aside; empty for none."""
+    if not damaged:
+        return ""
+    named = ", ".join(path.name for path in damaged[:NAMED])
+    more = f" and {len(damaged) - NAMED} more" if len(damaged) > NAMED else ""
+    return (
+        f"{damaged[0].parent}: {counted(len(damaged), 'file')} not as written, or with another "
+        f"file's points: {named}{more}; their points are made again, the files kept as *{DAMAGED}"
+    )
+
+
+def _digest(first: int, last: int, data: bytes) -> str:
+    """Of a batch's range and its file, as the file's name has it."""
+    return hashlib.sha256(b"%d-%d\n" % (first, last) + data).hexdigest()[:16]
+
+
+def _intact(path: Path) -> bytes:
+    """What a batch's file holds.
+
+    Raises
+    ------
+    OutputError : it cannot be read, or is not what was written under this name
+    """
+    match = _NAME.fullmatch(path.name)
+    assert match is not None  # only such are batches
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    if _digest(int(match[1]), int(match[2]), data) != match[3]:
+        raise OutputError(
+            f"{path}: is not as it was written: damaged, cut off or renamed; remedy: --resume "
+            "makes its points again"
+        )
+    return data
+
+
+def _about(data: bytes) -> dict[str, str]:
+    """What an intact file's schema says of its origin."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    try:
-        footer = pq.read_metadata(path)
-        data = footer.metadata or {}
-    except (pa.ArrowInvalid, OSError):
-        return None
-    keys = ("study", *VERSIONS)
-    return footer.num_rows, {key: data.get(key.encode(), b"").decode() for key in keys}
+    found = pq.read_metadata(pa.BufferReader(data)).metadata or {}
+    return {key: found.get(key.encode(), b"").decode() for key in ("study", *VERSIONS)}
 
 
 def versions() -> dict[str, str]:

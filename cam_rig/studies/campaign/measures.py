@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache
 from types import MappingProxyType
 
 import numpy as np
@@ -14,6 +14,7 @@ from pydantic import ValidationError
 
 from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.dynamics.contact_force import force_extremes
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import Law
@@ -21,10 +22,8 @@ from cam_rig.schema import RigConfig, SceneConfig
 from cam_rig.schema.explain import explain
 from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.scene import MAX_SPEED, MIN_SPEED
-from cam_rig.simulation.by_speed import SpeedRow, SpeedRows
-from cam_rig.simulation.levels import step_levels
-from cam_rig.simulation.loaded_scene import LoadedScene
-from cam_rig.simulation.simulate import simulate
+from cam_rig.simulation.by_speed import SpeedRow
+from cam_rig.studies.campaign.steady import MOST_TURNS, SETTLED, steady_row
 from cam_rig.studies.design.quantities import QUANTITIES, DesignQuantity
 from cam_rig.studies.design.terms import Limit, Term, parse_limit
 from cam_rig.studies.design.terms import parse_term as parse
@@ -46,13 +45,23 @@ class MeasuredPoint:
     law: Law
     rig: RigConfig
     scene: SceneConfig
-    _runs: dict[float, SpeedRow] = field(default_factory=dict)
+    _runs: dict[float, tuple[SpeedRow, bool]] = field(default_factory=dict)
 
     def run(self, speed: float) -> SpeedRow:
         """The settled turns at one speed (rad/s), run once for all measures of them."""
         if speed not in self._runs:
-            self._runs[speed] = _settled(self, speed)
-        return self._runs[speed]
+            scene = scene_at(self.scene, speed)
+            self._runs[speed] = steady_row(self.law, self.rig, scene, speed)
+        return self._runs[speed][0]
+
+    def unsettled(self, term: Term) -> str:
+        """Which turns a measure is of whose follower never settles; empty for any other."""
+        if term.name not in OF_RUNS or self._runs[term.low][1]:
+            return ""
+        return (
+            f"{term.key}: not settled to {SETTLED:g} in {MOST_TURNS} turns; of the "
+            f"{self.scene.program.turns.si - self.scene.program.settle_turns.si:g} after them"
+        )
 
 
 def scene_at(scene: SceneConfig, speed: float) -> SceneConfig:
@@ -69,18 +78,6 @@ def scene_at(scene: SceneConfig, speed: float) -> SceneConfig:
         return SceneConfig.model_validate(data)
     except ValidationError as error:
         raise ConfigError(explain(error, SceneConfig)) from None
-
-
-def _settled(point: MeasuredPoint, speed: float) -> SpeedRow:
-    """A run of the scene at one speed (rad/s), as `cam-rig simulate` makes it."""
-    scene, name = scene_at(point.scene, speed), point.scene.cams[0]
-    nowhere = Path()
-    laws = {name: point.law}
-    loaded = LoadedScene(scene, point.rig, {}, laws, None, nowhere, nowhere, {}, None)
-    settle = scene.program.settle_turns.si
-    rows = SpeedRows(laws, int(scene.sample_rate.si), settle)
-    ticks = list(simulate(loaded, rows.take))
-    return rows.rows(step_levels(ticks, settle))[0]
 
 
 def _jump(
@@ -123,11 +120,18 @@ def _level(point: MeasuredPoint, term: Term) -> float:
     return level
 
 
+def _rigid_force(point: MeasuredPoint, term: Term) -> float:
+    follower = FollowerParameters.from_rig(point.rig)
+    least, largest = force_extremes(point.law, follower, term.low)
+    return largest if term.name == "peak_contact_force_rigid" else least
+
+
 def _of_run(name: str) -> Callable[[MeasuredPoint, Term], float]:
     return lambda point, term: float(getattr(point.run(term.low), name))
 
 
-_TORQUE = {"N*m": 1.0}
+_TORQUE, _FORCE = {"N*m": 1.0}, {"N": 1.0, "kN": 1e3}
+_MICROMETRES = {"um": 1e-6, "µm": 1e-6, "mm": 1e-3, "m": 1.0}
 
 
 def _either(name: str) -> DesignQuantity:
@@ -145,19 +149,42 @@ MEASURES: dict[str, tuple[DesignQuantity, Callable[[MeasuredPoint, Term], float]
     "jump_speed": (_either("jump_speed"), _jump(FROM_REST)),
     "jump_speed_steady": (_either("jump_speed_steady"), _jump(None)),
     "jump_speed_rigid": (_either("jump_speed_rigid"), _jump(None, FollowerParameters.from_rig)),
-    "residual_vibration": (_either("residual_vibration"), _residual),
-    "least_contact_force": (_either("least_contact_force"), _of_run("force_least")),
-    "peak_contact_force": (_either("peak_contact_force"), _of_run("force_peak")),
+    "residual_vibration_steady": (
+        _new("residual vibration of a mass on its stem in steady state", "um", _MICROMETRES),
+        _residual,
+    ),
+    "least_contact_force_rigid": (_either("least_contact_force_rigid"), _rigid_force),
+    "peak_contact_force_rigid": (_either("peak_contact_force_rigid"), _rigid_force),
+    "least_contact_force": (_new("least contact force", "N", _FORCE), _of_run("force_least")),
+    "peak_contact_force": (_new("peak contact force", "N", _FORCE), _of_run("force_peak")),
     "sound_level": (_new("sound level", "dB", {"dB": 1.0}), _level),
     "peak_torque": (_new("peak torque", "N*m", _TORQUE), _of_run("torque_peak")),
     "lift_offs": (_new("lift-offs a turn", "", {"": 1.0}), _of_run("lift_offs")),
     "twist": (_new("twist, peak to peak", "rad", {"rad": 1.0, "deg": np.pi / 180.0}), _twist),
 }
-KNOWN = MappingProxyType({name: quantity for name, (quantity, _) in MEASURES.items()})
 #: What may be taken over a range of speeds.
-OVER_RANGES = ("residual_vibration",)
+OVER_RANGES = ("residual_vibration_steady",)
 #: What is taken of a run of the scene.
 OF_RUNS = ("least_contact_force", "peak_contact_force", "sound_level", "peak_torque", "lift_offs")
+#: What moves in each model of a scene, as titles say it.
+MOVES = {
+    "kinetostatic": "one rigid mass held on the cam",
+    "one_mass": "one rigid mass",
+    "residual": "a mass on its stem held on the cam",
+    "separation": "two masses",
+    "torsional": "a rigid mass on a twisting shaft",
+}
+
+
+@cache
+def known_in(model: str) -> Mapping[str, DesignQuantity]:
+    """The quantities of a campaign whose scene has a model; what is of its runs says so."""
+    return MappingProxyType(
+        {
+            name: replace(one, title=f"{one.title} of {MOVES[model]}") if name in OF_RUNS else one
+            for name, (one, _) in MEASURES.items()
+        }
+    )
 
 
 @dataclass(frozen=True)
@@ -195,14 +222,14 @@ class CampaignMeasure:
         return MEASURES[self.term.name][1](point, self.term) / self.factor
 
 
-def parse_measures(texts: Iterable[str]) -> tuple[CampaignMeasure, ...]:
-    """The measures of a study.
+def parse_measures(texts: Iterable[str], model: str) -> tuple[CampaignMeasure, ...]:
+    """The measures of a study whose scene has a model.
 
     Raises
     ------
     ConfigError : an unknown one, one without its speed, or one that stands twice
     """
-    found = tuple(CampaignMeasure(_single(parse(text, KNOWN))) for text in texts)
+    found = tuple(CampaignMeasure(_single(parse(text, known_in(model)))) for text in texts)
     for i, one in enumerate(found):
         if one in found[:i]:
             raise ConfigError(f"measures: {one.term.key} stands twice; allowed: each once")
@@ -245,7 +272,9 @@ def kept(limit: Limit, values: FloatArray) -> NDArray[np.bool_]:
     return values <= bound if limit.sense == "<=" else values >= bound
 
 
-def parse_limits(texts: Iterable[str], measures: tuple[CampaignMeasure, ...]) -> tuple[Limit, ...]:
+def parse_limits(
+    texts: Iterable[str], measures: tuple[CampaignMeasure, ...], model: str
+) -> tuple[Limit, ...]:
     """The limits of a study, on its measures.
 
     Raises
@@ -253,7 +282,7 @@ def parse_limits(texts: Iterable[str], measures: tuple[CampaignMeasure, ...]) ->
     ConfigError : no limit, or one on what is not measured
     """
     terms = {one.term for one in measures}
-    found = tuple(parse_limit(text, KNOWN) for text in texts)
+    found = tuple(parse_limit(text, known_in(model)) for text in texts)
     for limit in found:
         if limit.value is None:
             raise ConfigError(f"limit on {limit.term.key}: start; allowed: a number and its unit")

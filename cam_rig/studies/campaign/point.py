@@ -16,8 +16,8 @@ from cam_rig.studies.campaign.inputs import with_numbers
 from cam_rig.studies.campaign.measures import CampaignMeasure, MeasuredPoint, kept
 from cam_rig.studies.campaign.profile_errors import ProfileErrors
 
-#: Status of a point: all measures are there, or a reason says why not.
-OK, FAILED = "ok", "failed"
+#: Status of a point: all measures are there, or a reason says why not, or of which turns they are.
+OK, FAILED, UNSETTLED = "ok", "failed", "unsettled"
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class BatchRows:
     ----------
     inputs, measures : ``(n, d)`` SI and ``(n, k)`` in their columns' units; NaN for a measure that
         the point has not. A jump speed is 0 where contact is lost at every speed, ∞ where at none
-    reasons : one a row, empty where nothing failed
+    reasons : one a row, empty where nothing failed and all has settled
     seconds : processor time of the batch
     """
 
@@ -37,6 +37,15 @@ class BatchRows:
     measures: FloatArray
     reasons: tuple[str, ...]
     seconds: float
+
+    @property
+    def status(self) -> list[str]:
+        """One a row."""
+        failed = np.isnan(self.measures).any(axis=1).tolist()
+        return [
+            FAILED if bad else UNSETTLED if reason else OK
+            for bad, reason in zip(failed, self.reasons, strict=True)
+        ]
 
     @property
     def last(self) -> int:
@@ -64,6 +73,8 @@ def measure_point(campaign: Campaign, inputs: FloatArray) -> tuple[list[float], 
     for measure in campaign.measures:
         try:
             found.append(measure.of(point))
+            if unsettled := point.unsettled(measure.term):
+                reasons.append(unsettled)
         except CamRigError as error:
             found.append(math.nan)
             reasons.append(f"{measure.term.key}: {error}")

@@ -20,6 +20,7 @@ from cam_rig.extras import libraries_named
 from cam_rig.studies.campaign.campaign import Campaign
 from cam_rig.studies.campaign.dataset import CampaignDataset
 from cam_rig.studies.campaign.measures import CampaignMeasure, kept
+from cam_rig.studies.campaign.point import UNSETTLED
 from cam_rig.studies.design.terms import Limit
 from cam_rig.tables import counted
 
@@ -114,6 +115,15 @@ class CampaignResults:
             f"{self.failed} of {counted(self.points, 'point')} could not be made: "
             f"{', '.join(named)}"
         )
+
+    @cached_property
+    def unsettled(self) -> str:
+        """How many points never settled, and of which turns their measures are; empty for none."""
+        reasons = self.dataset.reasons(UNSETTLED)
+        if not reasons:
+            return ""
+        count = sum(points for _, points in reasons)
+        return f"{count} of {counted(self.points, 'point')}, such as {reasons[0][0]}"
 
     def values(self, measure: CampaignMeasure) -> FloatArray:
         """A measure of every point, in its unit in rows, NaN where a point has none."""

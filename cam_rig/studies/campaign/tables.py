@@ -16,6 +16,7 @@ from cam_rig.studies.campaign.largest_waviness import (
     resonances,
 )
 from cam_rig.studies.campaign.measures import CampaignMeasure
+from cam_rig.studies.campaign.point import UNSETTLED
 from cam_rig.studies.campaign.results import (
     SHARE_ERROR,
     CampaignResults,
@@ -101,6 +102,7 @@ def quantile_table(results: CampaignResults) -> DataTable:
         _not_found(rows),
         INTERVALS,
         results.failures,
+        results.unsettled,
     )
 
 
@@ -142,6 +144,7 @@ def extreme_table(results: CampaignResults) -> DataTable:
             (Column("unit"), lambda row: row[0].unit),
         ),
         results.failures,
+        results.unsettled,
     )
 
 
@@ -199,6 +202,7 @@ def to_json(results: CampaignResults) -> dict[str, Any]:
         "points": results.points,
         "seed": campaign.seed,
         "failed": results.failed,
+        "unsettled": sum(n for _, n in results.dataset.reasons(UNSETTLED)),
         "reasons": [{"reason": text, "points": n} for text, n in results.dataset.reasons()],
         "fingerprint": campaign.fingerprint,
         "measures": {

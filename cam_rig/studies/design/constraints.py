@@ -96,7 +96,7 @@ def _rows(problem: DesignProblem, asked: Asked, hull: bool) -> list[Affine]:
         return [quantity, quantity * -1.0]
     if term.name in ORDERS:
         return [_at_angles(problem, term, hull)]
-    if term.name.endswith("contact_force"):
+    if term.name.endswith("contact_force_rigid"):
         return [force(problem, speed, hull) for speed in sorted({term.low, term.high})]
     if term.name == "pressure_angle":
         assert asked.value is not None
@@ -227,4 +227,4 @@ def fourier(problem: DesignProblem, order: FloatArray) -> Affine:
     return values.mapped(sparse.csr_array(matrix))
 
 
-MEAN_SQUARES = {"rms_acceleration": _rms_acceleration, "sound_level": _sound}
+MEAN_SQUARES = {"rms_acceleration": _rms_acceleration, "sound_level_rigid": _sound}

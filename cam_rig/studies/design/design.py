@@ -238,7 +238,7 @@ def _value(problem: DesignProblem, limit: Limit) -> float:
 
 def _asked(problem: DesignProblem, term: Term, sense: Sense, value: float | None) -> Asked:
     """A goal or a limit in the units of its rows, and what they are measured by."""
-    if value is not None and term.name == "sound_level":
+    if value is not None and term.name == "sound_level_rigid":
         value = rate_of(problem, term, value)
         if value <= 0.0:
             raise ConfigError(f"limit {term.key}: the background alone is as loud")
@@ -257,17 +257,17 @@ def _scale(problem: DesignProblem, term: Term, sense: Sense) -> float:
         return start.lift if order == 0 else abs(peak(start, order).value)
     if term.name in ("pressure_angle", "radius_of_curvature"):
         return start.lift
-    if term.name.endswith("contact_force"):
+    if term.name.endswith("contact_force_rigid"):
         return problem.force_scale
     if term.name.startswith("jump_speed"):
         return 1.0
     found = measured(problem, start, term, sense)
-    return rate_of(problem, term, found) if term.name == "sound_level" else found
+    return rate_of(problem, term, found) if term.name == "sound_level_rigid" else found
 
 
 def _shown(problem: DesignProblem, term: Term, value: float) -> float:
     """A goal's value as it is shown: rows have the root of a mean square for a level."""
-    return level_of(problem, term, value) if term.name == "sound_level" else value
+    return level_of(problem, term, value) if term.name == "sound_level_rigid" else value
 
 
 def _goal(

@@ -13,10 +13,10 @@ from cam_rig.acoustics import RadiationParameters
 from cam_rig.acoustics.level import level_db, pressure_pa
 from cam_rig.acoustics.steady import mean_square_rate
 from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.contact_force import force_ordinates
+from cam_rig.dynamics.contact_force import force_extremes
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, bernstein
-from cam_rig.laws.peaks import extremes, peak
+from cam_rig.laws.peaks import peak
 from cam_rig.profile.checks.curvature import sharpest_convex
 from cam_rig.profile.disc import discs
 from cam_rig.profile.extremes import Scan
@@ -103,13 +103,10 @@ def left_by(
 
 
 def _force(problem: DesignProblem, law: Law, term: Term) -> float:
-    most = term.name == "peak_contact_force"
-    found = []
-    for speed in {term.low, term.high}:
-        force = Law(law.name, law.breaks, force_ordinates(law, problem.rigid, speed))
-        low, high = extremes(force, 0)
-        found.append(high.value if most else low.value)
-    return max(found) if most else min(found)
+    ends = [force_extremes(law, problem.rigid, speed) for speed in {term.low, term.high}]
+    if term.name == "peak_contact_force_rigid":
+        return max(largest for _, largest in ends)
+    return min(least for least, _ in ends)
 
 
 def _jump(problem: DesignProblem, law: Law, term: Term) -> float:
@@ -172,12 +169,12 @@ def _span(problem: DesignProblem, _: Law, term: Term) -> float:
 MEASURES: dict[str, Callable[[DesignProblem, Law, Term], float]] = {
     "rms_acceleration": _rms_acceleration,
     "residual_vibration": _residual,
-    "peak_contact_force": _force,
-    "least_contact_force": _force,
+    "peak_contact_force_rigid": _force,
+    "least_contact_force_rigid": _force,
     "jump_speed": _jump,
     "jump_speed_steady": _jump,
     "jump_speed_rigid": lambda problem, law, _: rigid_jump_speed(law, problem.rigid),
-    "sound_level": _level,
+    "sound_level_rigid": _level,
     "pressure_angle": _pressure,
     "radius_of_curvature": _radius,
     "shaft_torque": _torque,

@@ -58,15 +58,23 @@ QUANTITIES = {
     "jump_speed_rigid": DesignQuantity(
         "jump speed of one rigid mass", "rpm", SPEED_UNITS, senses=(">=",)
     ),
-    "residual_vibration": DesignQuantity("residual vibration", "um", _LENGTH, "rpm"),
+    "residual_vibration": DesignQuantity(
+        "residual vibration after one event", "um", _LENGTH, "rpm"
+    ),
     "peak_velocity": DesignQuantity("peak |s′|", "mm/rad", _per_rad(1)),
     "peak_acceleration": DesignQuantity("peak |s″|", "mm/rad^2", _per_rad(2)),
     "peak_jerk": DesignQuantity("peak |s‴|", "mm/rad^3", _per_rad(3)),
     "rms_acceleration": DesignQuantity("r.m.s. of s″", "mm/rad^2", _per_rad(2)),
-    "peak_contact_force": DesignQuantity("peak contact force", "N", _FORCE, "rpm"),
-    "least_contact_force": DesignQuantity("least contact force", "N", _FORCE, "rpm", (">=",)),
+    "peak_contact_force_rigid": DesignQuantity(
+        "peak contact force of one rigid mass", "N", _FORCE, "rpm"
+    ),
+    "least_contact_force_rigid": DesignQuantity(
+        "least contact force of one rigid mass", "N", _FORCE, "rpm", (">=",)
+    ),
     "shaft_torque": DesignQuantity("peak |shaft torque|", "N*m", _TORQUE, "rpm"),
-    "sound_level": DesignQuantity("sound level, mean power over speeds", "dB", {"dB": 1.0}, "rpm"),
+    "sound_level_rigid": DesignQuantity(
+        "sound level of one rigid mass, mean power over speeds", "dB", {"dB": 1.0}, "rpm"
+    ),
     "sound_level_with_jumps": DesignQuantity(
         "sound level with landings, mean power over speeds", "dB", {"dB": 1.0}, "rpm"
     ),
@@ -87,7 +95,9 @@ SIGNED = (
     "velocity",
     "acceleration",
     "least_contact_force",
+    "least_contact_force_rigid",
     "sound_level",
+    "sound_level_rigid",
     "sound_level_with_jumps",
     "lift_offs",
 )

@@ -3,7 +3,8 @@
 That force is not monotone in speed: the stem is in resonance with the cam at each harmonic, where
 the follower may lose contact and keep it again a little faster. So the search takes all speeds
 from the slowest on, in steps in which the phase of the free vibration turns by no more than half
-a radian over its decay time: half of a resonance's half-width in steady state.
+a radian over its decay time: half of a resonance's half-width in steady state. A cheap bound comes
+first, over as wide a range of speeds as it holds for.
 """
 
 from __future__ import annotations
@@ -16,12 +17,13 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
 from cam_rig.arrays import FloatArray
+from cam_rig.dynamics.modal.cells import TooManyLooksError
 from cam_rig.dynamics.modal.minimum import ModalRun
 from cam_rig.dynamics.modal.response import ModalResponse
 from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
-from cam_rig.units import RPM, to_rpm
+from cam_rig.units import RPM, TURN, to_rpm
 
 #: Where the search begins and ends, rpm.
 SLOWEST, FASTEST = 1.0, 1e5
@@ -35,6 +37,8 @@ FEW = 12
 UNDAMPED = 1e-7
 #: A zero is polished to this part of the speed, and of the bracket it was found in.
 POLISHED, POLISHED_IN = 5e-7, 1e-3
+#: A search looks at so many values of the force at most: half a minute's work.
+MAX_LOOKS = 5e7
 #: Finer than this rounding decides.
 MAX_POLISHED = 1e-13
 
@@ -83,6 +87,17 @@ def force_run(law: Law, parameters: TwoMassParameters, duration: float | None) -
     return ModalRun(model, duration)
 
 
+def _too_many(law: Law, run: ModalRun, first: float) -> DynamicsError:
+    """What is raised where a search up from a speed (rpm) takes too many looks."""
+    hertz = float(np.abs(run.model.rates).max()) / TURN
+    return DynamicsError(
+        f"cam {law.name!r}: contact holds up to {first:.4g} rpm, but the follower vibrates at "
+        f"{hertz:.3g} Hz and a search above takes more than {MAX_LOOKS:g} looks at its force; "
+        "allowed for a jump speed: a softer stem or spring, more damping, a shorter run from rest, "
+        "or the steady state"
+    )
+
+
 def sought_speed(
     law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = SLOWEST
 ) -> float:
@@ -100,12 +115,14 @@ def sought(
     DynamicsError : contact is lost at ``slowest`` already or at no speed; or no steady state
     """
     run = force_run(law, parameters, duration)
+    run.looks.most = MAX_LOOKS
     if duration is None and run.model.rates.real.max() > -UNDAMPED * np.abs(run.model.rates).max():
         raise DynamicsError(
             "no steady state: a stem without damping vibrates without end, at each harmonic of the "
             "speed louder turn after turn; allowed: damping, or a run from rest"
         )
     low, high = _bracket(run, law, slowest)
+    run.looks.most = math.inf  # polishing takes few
     fine = max(MAX_POLISHED, min(POLISHED, POLISHED_IN * (high / low - 1.0)))
     return Sought(low, float(brentq(run.lowest, low, high, rtol=fine)), high)
 
@@ -122,19 +139,29 @@ def step(run: ModalRun) -> float:
 def _bracket(run: ModalRun, law: Law, slowest: float) -> tuple[float, float]:
     """Two speeds (rad/s): the least force is above zero at the lower and below at the upper."""
     ratio = 1.0 + step(run)
-    first = slowest
+    block = ratio**TOGETHER
+    first, stride = slowest, block
     while first < FASTEST:
+        if _clear(run, first, first * stride):
+            first, stride = first * stride, stride**2
+            continue
+        if stride > block:
+            stride = max(block, math.sqrt(stride))
+            continue
         speeds = RPM * first * ratio ** np.arange(TOGETHER + 1.0)
         clear = run.model.resolved(speeds)
         speeds = speeds[: speeds.size if clear.all() else int(np.argmin(clear))]
-        found = _first_touch(run, speeds, RPM * slowest)
+        try:
+            found = _first_below(run, speeds, RPM * slowest) if speeds.size else None
+        except TooManyLooksError:
+            raise _too_many(law, run, first) from None
         if found is not None:
             if found[0] <= RPM * slowest:
                 raise loses_contact(law, slowest)
             return found
         if not clear.all():
             raise _unresolved(law, float(speeds[-1]) if speeds.size else 0.0)
-        first *= ratio**TOGETHER
+        first *= block
     raise keeps_contact(law)
 
 
@@ -148,14 +175,10 @@ def _unresolved(law: Law, speed: float) -> DynamicsError:
     )
 
 
-def _first_touch(run: ModalRun, speeds: FloatArray, slowest: float) -> tuple[float, float] | None:
-    """The first bracket of a zero among neighbouring speeds, None where none is.
-
-    A cheap bound comes first, one for all the speeds.
-    """
-    if speeds.size == 0 or run.above(float(speeds[0]), float(speeds[-1])):
-        return None
-    return _first_below(run, speeds, slowest)
+def _clear(run: ModalRun, low: float, high: float) -> bool:
+    """Whether contact is proved to hold from one speed to another (rpm), without a look at each."""
+    high = min(high, FASTEST)
+    return bool(run.model.resolved(RPM * np.array([high]))[0]) and run.above(RPM * low, RPM * high)
 
 
 def _least_to_zero(run: ModalRun, speeds: FloatArray) -> FloatArray:

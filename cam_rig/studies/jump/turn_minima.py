@@ -178,8 +178,9 @@ def _amplitudes(
         return np.asarray(y - 1j * (v + half * y) / pulse)
 
     jumps = amplitude(np.roll(place[1], 1, 1) - place[0], np.roll(rate[1], 1, 1) - rate[0])
-    static = (rigs.stem_stiffness / rigs.stiffness)[:, None] * shape.ends[0, 0]
-    return jumps, amplitude(static - place[0], -rate[0])[:, 0]
+    share = (rigs.stem_stiffness / rigs.stiffness)[:, None]  # without vibration the end mass has it
+    static, along = share * shape.ends[0, 0], share * scale * shape.ends[0, 1]
+    return jumps, amplitude(static - place[0], along - rate[0])[:, 0]
 
 
 def _least(

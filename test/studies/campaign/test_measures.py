@@ -168,7 +168,8 @@ def least_forces(masses, inputs, jumps):
         return np.concatenate([v, (force - load) / p.end_mass])
 
     whole = p.stem_stiffness + p.spring_stiffness
-    start = np.concatenate([(p.stem_stiffness * cam(0.0)[0] - p.preload) / whole, 0.0 * speed])
+    share, (lift, rate_of_lift, _) = p.stem_stiffness / whole, cam(0.0)
+    start = np.concatenate([share * lift - p.preload / whole, share * rate_of_lift])
     times = np.linspace(0.0, 1.7, 30_001)
     tight = {"rtol": 1e-8, "atol": 1e-13, "max_step": 2e-3}
     run = solve_ivp(rate, (0.0, 1.7), start, "DOP853", times, **tight)

@@ -17,10 +17,10 @@ CURVE, SPLINE, FINE = LawClass(1, 3, 15), LawClass(8, 3), LawClass(16, 3)
 #: What is designed: the cam, the class, the goal.
 ASKED = (
     ("bezier15", CURVE, "jump_speed"),
-    ("bezier15", CURVE, "sound_level@200-400rpm"),
+    ("bezier15", CURVE, "sound_level_rigid@200-400rpm"),
     ("poly345", SPLINE, "jump_speed"),
     ("poly345", FINE, "residual_vibration@200-400rpm"),
-    ("poly345", FINE, "sound_level@200-400rpm"),
+    ("poly345", FINE, "sound_level_rigid@200-400rpm"),
 )
 #: None has a higher peak acceleration than its start.
 LIMIT = "peak_acceleration<=start"

@@ -70,7 +70,7 @@ class LawDesign:
         """
         if self.goal.bound is None:
             return math.inf
-        if self.goal.term.name == "sound_level":
+        if self.goal.term.name == "sound_level_rigid":
             return float(10.0 ** (abs(self.goal.result - self.goal.bound) / 20.0) - 1.0)
         size = max(abs(self.goal.bound), 1e-300)
         return abs(self.goal.result - self.goal.bound) / size

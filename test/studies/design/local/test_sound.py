@@ -56,7 +56,7 @@ def test_a_search_is_quieter_than_the_best_law_that_no_landing_counts_for() -> N
     words = {"limits": limits, "law_class": LawClass(8, 3), "multistart": Multistart(2)}
     found, convex = (
         design(CAM, RIG, DesignRequest.of(minimise=one, **words))  # type: ignore[arg-type]
-        for one in (goal, "sound_level@500rpm")
+        for one in (goal, "sound_level_rigid@500rpm")
     )
     own = level_with_jumps(problem(), found.law, parse_term(goal))
     assert found.goal.result == own
