@@ -4,17 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-#: Exit codes of a command that Ctrl-C ended, and SIGTERM, as shells have it.
-INTERRUPTED, TERMINATED = 130, 143
-
-
-class Terminated(KeyboardInterrupt):
-    """SIGTERM ended a command: as Ctrl-C does, but for the exit code."""
-
-
-def code_of(interrupt: KeyboardInterrupt) -> int:
-    """The exit code of a command that was interrupted, as shells have it: 128 and the signal."""
-    return TERMINATED if isinstance(interrupt, Terminated) else INTERRUPTED
+#: Exit code of a command that Ctrl-C ended, as shells have it.
+INTERRUPTED = 130
 
 
 class CamRigError(Exception):

@@ -28,6 +28,8 @@ from cam_rig.panel.messages import MAX_MESSAGE
 from cam_rig.viewer.server.process import HOST
 
 STATIC = Path(__file__).parent / "static"
+#: Wall time (s) that the server has to end, once asked.
+END_S = 3.0
 
 
 class PanelPages(Protocol):
@@ -127,7 +129,7 @@ def serve(
             yield ServedPanel(guard.address, ended)
         finally:
             server.should_exit = True
-            thread.join()
+            thread.join(END_S)  # a request that computes does not keep the command
 
 
 def _listener(port: int) -> socket.socket:
