@@ -13,8 +13,10 @@ from types import TracebackType
 from cam_rig.errors import RunError
 from cam_rig.extras import require
 from cam_rig.interrupts import interruptible
+from cam_rig.live.loopback import require_loopback
 from cam_rig.runner.checkpoint_folder import CheckpointFolder
 from cam_rig.runner.fork_server import ForkServer
+from cam_rig.runner.log_folder import log_folder
 from cam_rig.runner.node_process import Arguments, NodeProcess, stop_all
 from cam_rig.runner.node_table import (
     ENTRIES,
@@ -74,6 +76,9 @@ class Graph:
     def __enter__(self) -> Graph:
         require("rclpy")
         require_room()
+        require_loopback()
+        if words := log_folder()[1]:
+            self._log(words)
         self._checkpoints = CheckpointFolder() if self._respawn else None
         try:
             self._start_all()

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from cam_rig.errors import CamRigError
 from cam_rig.interrupts import interruptible
+from cam_rig.live.loopback import require_loopback
 
 ADVICE = (
     "use --web for a browser, or --save FILE.rrd and open the file where there is a screen, "
@@ -108,8 +109,9 @@ def listening(*arguments: str, ports: tuple[int, ...]) -> Iterator[subprocess.Po
 
     Raises
     ------
-    CamRigError : it ended, or does not listen
+    CamRigError : it ended, or does not listen; there is no loopback
     """
+    require_loopback()
     with child(*arguments) as process:
         _await(process, ports)
         yield process
