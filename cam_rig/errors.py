@@ -6,15 +6,23 @@ from collections.abc import Iterable
 
 #: Exit code of a command that Ctrl-C ended, as shells have it.
 INTERRUPTED = 130
+#: Characters of a message that is too long, at its begin and at its end, which has the remedy.
+BEGIN, END = 700, 300
 
 
 class CamRigError(Exception):
     """Root of every error the rig raises on purpose.
 
-    The message names the thing, its value, the limit and what to do about it.
+    The message names the thing, its value, the limit and what to do about it. Of a value that makes
+    it longer than a screen, such as a list of thousands of numbers, the middle is left out.
     """
 
     exit_code = 1
+
+    def __init__(self, message: str) -> None:
+        if len(message) > BEGIN + END:
+            message = f"{message[:BEGIN]} […] {message[-END:]}"
+        super().__init__(message)
 
 
 class ConfigError(CamRigError):

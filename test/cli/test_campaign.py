@@ -98,7 +98,7 @@ def test_ctrl_c_ends_the_search_with_130(study):
         until(lambda: len(children.read_text(encoding="utf-8").split()) > 1, run)
         run.send_signal(signal.SIGINT)
         _, words = run.communicate()
-    assert (run.returncode, words.strip()) == (130, "cam-rig: interrupted")
+    assert (run.returncode, words.strip()) == (130, "cam-rig: interrupted by SIGINT")
 
 
 SPREAD = {"uniform": 1, "unit": "um"}

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cam_rig.cli.common.screen import LINE_EVERY_S, DelayReport, open_screen, stay_until_interrupted
+from cam_rig.cli.common.screen import LINE_EVERY_S, DelayReport, open_screen
 from cam_rig.errors import CamRigError
 from cam_rig.viewer.server.page_time import PageTime
 
@@ -22,20 +22,6 @@ def test_a_server_that_was_killed_is_told_of(capsys):
         subprocess.run(["kill", "-9", *found.stdout.split()], check=True)
         with pytest.raises(CamRigError, match="the viewer's server ended with code -9"):
             screen.stay()
-
-
-def test_ctrl_c_ends_it_as_it_is_meant_to(monkeypatch):
-    """No error, for that is what one is told to press."""
-    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
-
-        def interrupted():
-            raise KeyboardInterrupt
-
-        monkeypatch.setattr(process, "wait", interrupted)
-        stay_until_interrupted(process)
-        monkeypatch.undo()
-        process.stdin.close()
-        process.wait()
 
 
 def test_waiting_needs_somebody_to_wait_for(tmp_path):
