@@ -17,9 +17,9 @@ def test_a_server_that_was_killed_is_told_of(capsys):
         assert capsys.readouterr().out.startswith("http://127.0.0.1:")
         found = subprocess.run(
             ["pgrep", "-f", f"web.*{screen.address.split(':')[2].split('/')[0]}"],
-            capture_output=True, text=True, check=True,
+            capture_output=True, text=True, check=True, timeout=100,
         )  # fmt: skip
-        subprocess.run(["kill", "-9", *found.stdout.split()], check=True)
+        subprocess.run(["kill", "-9", *found.stdout.split()], check=True, timeout=100)
         with pytest.raises(CamRigError, match="the viewer's server ended with code -9"):
             screen.stay()
 
@@ -27,7 +27,9 @@ def test_a_server_that_was_killed_is_told_of(capsys):
 def test_waiting_needs_somebody_to_wait_for(tmp_path):
     """The error names what to add, before anything is started."""
     command = [Path(sys.executable).with_name("cam-rig"), "run", "quick", "--wait"]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
+    done = subprocess.run(
+        command, capture_output=True, text=True, cwd=tmp_path, check=False, timeout=100
+    )
     assert done.returncode == 2
     assert "--wait: waits for a viewer" in done.stderr
     assert not list(tmp_path.iterdir())

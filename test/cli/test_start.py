@@ -64,7 +64,7 @@ def test_an_interrupt_while_modules_are_imported():
         "start()"
     )
     command = [sys.executable, "-c", code, "simulate"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
     assert (done.returncode, done.stderr) == (INTERRUPTED, "cam-rig: interrupted by SIGINT\n")
 
 
@@ -75,7 +75,13 @@ def test_a_date_that_is_none_is_one_line(program, tmp_path):
     command = [BIN / name, *words]
     environment = os.environ | {"SOURCE_DATE_EPOCH": "abc"}
     done = subprocess.run(
-        command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False
+        command,
+        env=environment,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=100,
     )
     assert done.returncode == ConfigError.exit_code
     (line,) = done.stderr.splitlines()

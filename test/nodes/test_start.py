@@ -28,7 +28,7 @@ def test_a_signal_that_comes_early_ends_a_node_in_order(
         node = NodeProcess(name, {"scene": str(short_scene), **more}, False, lambda _line: None)
         time.sleep(chance.choice([0.0, 2.0]) * chance.random())  # any moment at all is right
         node.process.send_signal(number)
-        assert node.process.wait() == 0, (name, node.stderr_lines)
+        assert node.process.wait(timeout=100) == 0, (name, node.stderr_lines)
         assert "Traceback" not in "".join(node.stderr_lines)
 
 

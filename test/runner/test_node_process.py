@@ -77,6 +77,7 @@ def test_a_run_with_little_memory(tmp_path, mebibytes):
         text=True,
         check=False,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
+        timeout=100,
     )
     if done.returncode:
         assert "Traceback" not in done.stderr
