@@ -13,8 +13,10 @@ import atexit
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from threading import Thread
 from types import CodeType, FrameType
 from typing import Any, TypeVar
 
@@ -29,6 +31,9 @@ WHOLE = {
     "_BaseExitStack.enter_context",
 }
 IMPORTS = "<frozen importlib"
+#: Wall time (s) that a library may take to come back to Python, which alone can unwind; and that a
+#: command has to end in order. A recording that closes on a busy machine takes seconds.
+STUCK_S, LAST_S = 4.0, 60.0
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -89,6 +94,14 @@ class _Interrupt:
             self.raised = False
             self.deliver(sys._getframe(1), sys._getframe())
 
+    def watch(self, signals: int) -> None:
+        """End the process, whatever hangs; the interpreter writes a signal's number to the pipe."""
+        number = os.read(signals, 1)[0]
+        time.sleep(STUCK_S)
+        if self.number is not None:
+            time.sleep(LAST_S)
+        os._exit(128 + number)
+
     def end(self) -> None:
         """The exit code of a command that a signal came to, whatever its own end was."""
         if self.number is not None:
@@ -110,6 +123,10 @@ def handle_signals() -> None:
     for number in STOPPING:
         if number == signal.SIGINT or signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _interrupt.receive)
+    signals, told = os.pipe()
+    os.set_blocking(told, False)
+    signal.set_wakeup_fd(told, warn_on_full_buffer=False)
+    Thread(target=_interrupt.watch, args=(signals,), daemon=True).start()
     sys.unraisablehook = _interrupt.retry
     atexit.register(_interrupt.end)
 

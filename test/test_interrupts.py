@@ -200,6 +200,20 @@ def test_where_an_interrupt_is_raised(name: str, tmp_path: Path) -> None:
     assert code == 128 + signal.SIGTERM
 
 
+def test_a_library_that_never_comes_back_is_left(tmp_path: Path) -> None:
+    """Its call holds the main thread, in which alone an interrupt can be raised."""
+    script = """
+import ctypes, os
+lock, held = ctypes.CDLL(None).pthread_mutex_lock, ctypes.byref((ctypes.c_char * 64)())
+lock(held)
+with raised():
+    threading.Timer(0.2, lambda: os.kill(os.getpid(), signal.SIGTERM)).start()
+    lock(held)
+"""
+    code, _, errors = run(script, tmp_path)
+    assert (code, errors) == (128 + signal.SIGTERM, "")
+
+
 @pytest.mark.parametrize("number", STOPPING)
 def test_the_code_is_that_of_the_first_signal(number: signal.Signals, tmp_path: Path) -> None:
     """As a shell has it; the others change nothing."""

@@ -34,7 +34,6 @@ from cam_rig.drawing.colours import (
     web,
 )
 from cam_rig.drawing.words import log_tick
-from cam_rig.errors import OutputError
 
 CAM_ANGLE, CAM_SPEED = "cam angle θ [°]", "cam speed [rpm]"
 LEVEL = "sound pressure level [dB re 20 µPa]"
@@ -68,15 +67,8 @@ def write(figure: Figure, path: Path, dpi: float | None = None, part: Bbox | Non
     ----------
     dpi : of what is made of pixels; None for the style's
     part : of the figure, inches from its lower left; None for all of it
-
-    Raises
-    ------
-    OutputError : the place cannot be written, or holds no file of this size
     """
-    try:
-        figure.savefig(path, dpi=STYLE["savefig.dpi"] if dpi is None else dpi, bbox_inches=part)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from None
+    figure.savefig(path, dpi=STYLE["savefig.dpi"] if dpi is None else dpi, bbox_inches=part)
 
 
 def logarithmic(*axes: Axis) -> None:

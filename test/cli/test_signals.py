@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import random
 import subprocess
 import sys
 import time
@@ -10,11 +11,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import pytest
+
 from cam_rig.interrupts import STOPPING
 
+LONG = pytest.mark.long
 BIN = Path(sys.executable).parent
 #: Wall time (s) that a command may take to end; on a busy machine many times what it takes.
 PATIENCE_S = 60.0
+#: Wall time (s) that its children may take to go, who see that it has gone.
+GRACE_S = 10.0
 #: What a command is told by, in its environment and in that of all that it starts.
 MARK = "CAM_RIG_TEST_SIGNALS"
 #: Commands, and the wall time (s) within which they are signalled.
@@ -102,24 +108,37 @@ class Moment:
 
 
 def _left(mark: str) -> list[str]:
-    """The command lines of processes that still run, a moment later; they are ended."""
-    deadline = time.monotonic() + PATIENCE_S
-    found = dict(_marked(mark))
-    while found and time.monotonic() < deadline and not all(map(_is_tracker, found.values())):
+    """The command lines of processes that still run after a while."""
+    deadline = time.monotonic() + GRACE_S
+    while (found := list(_marked(mark))) and time.monotonic() < deadline:
         time.sleep(0.05)
-        found = dict(_marked(mark))
-    return list(found.values())
+    return found
 
 
-def _is_tracker(words: str) -> bool:
-    return False
-
-
-def _marked(mark: str) -> Iterator[tuple[int, str]]:
+def _marked(mark: str) -> Iterator[str]:
     wanted = f"{MARK}={mark}".encode()
     for entry in Path("/proc").iterdir():
         try:
             if entry.name.isdigit() and wanted in (entry / "environ").read_bytes().split(b"\0"):
-                yield int(entry.name), (entry / "cmdline").read_bytes().decode()
+                yield (entry / "cmdline").read_bytes().decode()
         except OSError:  # it has ended meanwhile, or is another user's
             continue
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("count", [1, pytest.param(200, marks=LONG)])
+def test_a_signal_at_any_moment(ros_domain: int, tmp_path: Path, command: str, count: int) -> None:
+    """To the command or to its group as a terminal's, also twice; from its first line on."""
+    draw = random.Random(f"{command} {count}")
+    for number in range(count):
+        moment = Moment(
+            command,
+            after=draw.uniform(0.0, COMMANDS[command] if count > 1 else 3.0),
+            number=draw.choice(STOPPING),
+            group=draw.random() < 0.5,
+            again=draw.choice([None, draw.uniform(0.0, 0.5)]),
+            folder=tmp_path / str(number),
+        )
+        moment.run()
+        assert not moment.faults(), moment
