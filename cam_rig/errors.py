@@ -4,26 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-#: Exit codes of a command that Ctrl-C ended, and SIGTERM, as shells have it.
-INTERRUPTED, TERMINATED = 130, 143
-
-
-class Terminated(KeyboardInterrupt):
-    """SIGTERM ended a command: as Ctrl-C does, but for the exit code."""
-
-
-def code_of(interrupt: KeyboardInterrupt) -> int:
-    """The exit code of a command that was interrupted, as shells have it: 128 and the signal."""
-    return TERMINATED if isinstance(interrupt, Terminated) else INTERRUPTED
+#: Exit code of a command that Ctrl-C ended, as shells have it.
+INTERRUPTED = 130
+#: Characters of a message that is too long, at its begin and at its end, which has the remedy.
+BEGIN, END = 700, 300
 
 
 class CamRigError(Exception):
     """Root of every error the rig raises on purpose.
 
-    The message names the thing, its value, the limit and what to do about it.
+    The message names the thing, its value, the limit and what to do about it. Of a value that makes
+    it longer than a screen, such as a list of thousands of numbers, the middle is left out.
     """
 
     exit_code = 1
+
+    def __init__(self, message: str) -> None:
+        if len(message) > BEGIN + END:
+            message = f"{message[:BEGIN]} […] {message[-END:]}"
+        super().__init__(message)
 
 
 class ConfigError(CamRigError):

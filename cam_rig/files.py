@@ -68,14 +68,14 @@ def writing(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def temporary_folder(prefix: str = "cam_rig_") -> Iterator[Path]:
-    """A folder for as long as the context lasts.
+def temporary_folder(prefix: str = "cam_rig_", place: Path | None = None) -> Iterator[Path]:
+    """A folder for as long as the context lasts, in a place or where temporary files are.
 
     Raises
     ------
     OutputError : there is nowhere to make one
     """
-    place = temporary_place()
+    place = place or temporary_place()
     try:
         folder = tempfile.TemporaryDirectory(prefix=prefix, dir=place, ignore_cleanup_errors=True)
     except OSError as error:

@@ -39,6 +39,8 @@ GROUPS = {
     "test/nodes/test_motion.py::test_what_a_subscriber_gets_is_what_the_bag_holds": SHORT,
     "test/nodes/test_security.py::test_messages_on_open_topics_change_nothing": SHORT,
 }
+#: Wall time (s) after which a test of a kind hangs, on a busy machine; others: pyproject.toml.
+TIMEOUTS = {"slow": 600, "ros": 300, "long": 3600}
 #: More workers than this only take memory.
 MAX_WORKERS = 8
 
@@ -69,7 +71,12 @@ class ByGroup(LoadFileScheduling):
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Begin with what takes longest."""
+    """Begin with what takes longest, and give it the time that it may take."""
+    for item in items:
+        if item.get_closest_marker("timeout") is None:
+            allowed = [s for name, s in TIMEOUTS.items() if item.get_closest_marker(name)]
+            for longest in sorted(allowed)[-1:]:
+                item.add_marker(pytest.mark.timeout(longest))
     if config.getoption("references") == "write":
         items[:] = [item for item in items if "many_digits" in getattr(item, "fixturenames", ())]
     items.sort(key=lambda item: (item.get_closest_marker("ros") is None, _is_quick(item)))

@@ -119,7 +119,7 @@ def test_the_image_starts_a_launch_file_that_there_is():
     assert package == "cam_rig" and (ROOT / "launch" / launch).is_file()
     entry = DOCKER / "entrypoint.sh"
     assert os.access(entry, os.X_OK)
-    subprocess.run(["bash", "-n", str(entry)], check=True)
+    subprocess.run(["bash", "-n", str(entry)], check=True, timeout=100)
 
 
 def test_compose_builds_that_image():

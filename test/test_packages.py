@@ -143,7 +143,9 @@ def test_the_core_alone_runs_the_ten_lines():
     """numpy, scipy, pydantic and a YAML reader are enough for all that needs no file of a run."""
     barred = {*EXTRAS, *OPTIONAL}
     code = TEN_LINES.format(barred=barred)
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=100
+    )
     assert done.stderr == ""
     assert done.stdout == "413.44\n"
 
@@ -184,7 +186,12 @@ def test_a_command_names_the_extra_that_it_lacks(barred, command, remedy):
         "from cam_rig.cli import start; start()"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=ROOT
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=ROOT,
+        timeout=100,
     )
     assert done.returncode == 1
     assert done.stderr.strip() == f"cam-rig: {remedy}"

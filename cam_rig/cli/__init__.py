@@ -9,11 +9,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def start() -> None:
-    """Entry point of ``cam-rig``, which says in one line why it cannot begin.
+    """Entry point of ``cam-rig``, which says in one line that the extra ``cli`` is missing."""
+    from cam_rig.interrupts import handle_signals
 
-    The extra ``cli`` is missing, or it is interrupted meanwhile.
-    """
-    from cam_rig.errors import INTERRUPTED, MissingLibraryError
+    handle_signals()
+    from cam_rig.errors import MissingLibraryError
     from cam_rig.extras import libraries_named
 
     try:
@@ -23,6 +23,3 @@ def start() -> None:
     except MissingLibraryError as error:
         print(f"cam-rig: {error}", file=sys.stderr)
         sys.exit(error.exit_code)
-    except KeyboardInterrupt:  # while the modules were imported
-        print("cam-rig: interrupted", file=sys.stderr)
-        sys.exit(INTERRUPTED)

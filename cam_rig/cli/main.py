@@ -39,6 +39,7 @@ from cam_rig.cli.studies.readings import readings
 from cam_rig.cli.studies.report import report
 from cam_rig.cli.studies.timing import timing
 from cam_rig.cli.studies.vibration import vibration
+from cam_rig.interrupts import handle_signals
 
 app = typer.Typer(
     cls=Commands,
@@ -106,4 +107,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    handle_signals()
     main()

@@ -23,11 +23,14 @@ from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from cam_rig.errors import ConfigError
+from cam_rig.live.loopback import require_loopback
 from cam_rig.panel.guard import Guard
 from cam_rig.panel.messages import MAX_MESSAGE
 from cam_rig.viewer.server.process import HOST
 
 STATIC = Path(__file__).parent / "static"
+#: Wall time (s) that the server has to end, once asked.
+END_S = 3.0
 
 
 class PanelPages(Protocol):
@@ -96,6 +99,7 @@ def serve(
     Raises
     ------
     ConfigError : no texts in that language; the port is in use, or may not be taken
+    RunError : this machine has no loopback
     """
     if language is not None and language not in languages():
         raise ConfigError(f"--lang: is {language!r}; allowed: {', '.join(languages())}")
@@ -127,10 +131,11 @@ def serve(
             yield ServedPanel(guard.address, ended)
         finally:
             server.should_exit = True
-            thread.join()
+            thread.join(END_S)  # a request that computes does not keep the command
 
 
 def _listener(port: int) -> socket.socket:
+    require_loopback()
     listener = socket.socket()
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:

@@ -7,7 +7,7 @@ import base64
 from matplotlib.figure import Figure
 
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.files import temporary_folder
+from cam_rig.files import no_room, temporary_folder
 from cam_rig.laws.catalogue import families
 from cam_rig.plots import as_cut as as_cut_plot
 from cam_rig.plots import contact as contact_plot
@@ -46,12 +46,19 @@ def uris(figure: Figure, dpi: float | None = None) -> list[str]:
     """A figure's strips as SVG, from the top, each a data URI that repeats bit for bit.
 
     ``dpi`` is of what is made of pixels.
+
+    Raises
+    ------
+    OutputError : there is no room for it, or no file may have its size
     """
     found = []
     for low, high in strips(figure):
         with temporary_folder() as folder:
             path = folder / "figure.svg"
-            write_strip(figure, low, high, path, dpi)
+            try:
+                write_strip(figure, low, high, path, dpi)
+            except OSError as error:
+                raise no_room(folder, error) from None
             text = path.read_text(encoding="utf-8")
         kept = [line for line in text.splitlines() if "<dc:date>" not in line]
         data = base64.b64encode("\n".join(kept).encode()).decode()

@@ -22,6 +22,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from threading import Lock
 
+from cam_rig.interrupts import interruptible
+
 #: prctl's numbers for: orphans below this process become its children; whether they do.
 ADOPT, ADOPTS = 36, 37
 #: Wall time (s) that the server has to answer; a suspended one never does.
@@ -173,6 +175,7 @@ class ForkServer:
                 os.close(end)
         return started
 
+    @interruptible
     def _fork(self, request: dict[str, object], streams: list[int]) -> int | None:
         """The pid of a forked node, a child of this process; None from a server that is lost."""
         assert self._requests is not None

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import json
-import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from queue import Empty, Queue
-from types import FrameType, TracebackType
-from typing import Any
+from types import TracebackType
 
 from cam_rig.errors import RunError
 from cam_rig.extras import require
+from cam_rig.interrupts import interruptible
+from cam_rig.live.loopback import require_loopback
 from cam_rig.runner.checkpoint_folder import CheckpointFolder
 from cam_rig.runner.fork_server import ForkServer
+from cam_rig.runner.log_folder import log_folder
 from cam_rig.runner.node_process import Arguments, NodeProcess, stop_all
 from cam_rig.runner.node_table import (
     ENTRIES,
@@ -23,9 +24,6 @@ from cam_rig.runner.node_table import (
     RECORDER,
 )
 from cam_rig.runner.shared_memory import LOCK_GRACE_S, clean, require_room
-
-#: Signals that end a run; a closed terminal is one of them.
-STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 #: Wall time (s) that a look waits for the drive's first report.
 LOOK_S = 0.05
@@ -65,14 +63,11 @@ class Graph:
         self._respawned = dict.fromkeys(nodes, 0)
         self._left_out: set[str] = set()
         self._progress: Queue[str] = Queue()
-        self._handlers: dict[int, Any] = {}
-        self._checkpoints = CheckpointFolder() if respawn else None
+        self._checkpoints: CheckpointFolder | None = None
         self._begun = time.time()
         self._bag = Path(str(nodes[RECORDER]["bag"]))
         self._unclosed, self._kept = False, ""
         self._done = False
-        #: The signal to stop that came while the nodes were being ended.
-        self.interrupted: int | None = None
         #: Whether the run is over, and its bag closed.
         self.finished = False
         self._suspended: dict[str, float] = {}
@@ -81,11 +76,12 @@ class Graph:
     def __enter__(self) -> Graph:
         require("rclpy")
         require_room()
-        for number in STOPPING:
-            self._handlers[int(number)] = signal.signal(number, _interrupt)
+        require_loopback()
+        if words := log_folder()[1]:
+            self._log(words)
+        self._checkpoints = CheckpointFolder() if self._respawn else None
         try:
-            for name in self._nodes:
-                self._start(name)
+            self._start_all()
         except BaseException:  # interrupted or out of memory: leave no node behind
             self._end()
             raise
@@ -108,8 +104,6 @@ class Graph:
         from cam_rig.bag.files import is_unclosed
         from cam_rig.bag.recording.recover import state_words
 
-        for number in STOPPING:  # a second Ctrl-C must not leave nodes behind
-            signal.signal(number, self._note_signal)
         started = [self.processes[n] for n in reversed(self._nodes) if n in self.processes]
         recorder = [process for process in started if process.name == RECORDER]
         self._server.close()
@@ -123,11 +117,6 @@ class Graph:
         if any(process.leaves_pieces for process in started) or any(self._respawned.values()):
             time.sleep(LOCK_GRACE_S)  # by then, a port without a lock is not one of a new run
             clean(self._begun)
-        for stopping, handler in self._handlers.items():
-            signal.signal(stopping, handler)
-
-    def _note_signal(self, number: int, _frame: FrameType | None) -> None:
-        self.interrupted = number
 
     def progress(self) -> Iterator[dict[str, float | str]]:
         """What the drive reports, until it has finished.
@@ -274,6 +263,11 @@ class Graph:
         clean(self._begun)
         self._start(name)
 
+    @interruptible
+    def _start_all(self) -> None:
+        for name in self._nodes:
+            self._start(name)
+
     def _start(self, name: str) -> None:
         arguments = self._nodes[name]
         if self._checkpoints is not None:
@@ -282,15 +276,3 @@ class Graph:
         self.processes[name] = NodeProcess(
             name, arguments, self._network, self._log, report, self._namespace, self._server
         )
-
-
-class InterruptError(RunError):
-    """The run was told to stop; the exit code is the shell's convention, 128 + signal."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(f"interrupted by {signal.Signals(number).name}")
-        self.exit_code = 128 + number
-
-
-def _interrupt(number: int, _frame: FrameType | None) -> None:
-    raise InterruptError(number)

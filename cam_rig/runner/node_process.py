@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterable
 
 from cam_rig.errors import RunError
 from cam_rig.runner.fork_server import ONE_THREAD, ForkedProcess, ForkServer, signals_blocked
+from cam_rig.runner.log_folder import log_folder
 from cam_rig.runner.shared_memory import why_killed
-from cam_rig.runner.user_folder import user_folder
 
 #: Wall time (s) a node has to end when asked to, before it is killed.
 SHUTDOWN_GRACE_S = 10.0
@@ -222,8 +222,7 @@ def environment(network: bool = False) -> dict[str, str]:
 
     # The nodes' matrices are small: threads inside one node only take the cores of the others.
     own = ONE_THREAD | os.environ
-    if not own.get("HOME"):  # a service or a cron job: ROS would have no place for its log files
-        own.setdefault("ROS_LOG_DIR", str(user_folder() / "cam_rig-ros-log"))
+    own["ROS_LOG_DIR"] = str(log_folder()[0])
     own["CAM_RIG_RUNNER"] = str(os.getpid())
     if network:
         own.setdefault(PROFILES, str(config_root() / "fastdds_subnet.xml"))

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import os
-import signal
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from threading import Thread
 from typing import Any
 
 from cam_rig.api.scene_run import SceneRun, read_bag
 from cam_rig.errors import RunError
-from cam_rig.runner.graph import STOPPING, Graph
+from cam_rig.runner.graph import Graph
 from cam_rig.runner.nodes_of_run import live
 from cam_rig.schema.load import named_path
 from cam_rig.testing.client import PATIENCE_S, RigClient
@@ -73,7 +72,8 @@ class RunningRig(RigClient):
             with in_domain(self.domain):
                 #: What programs need to be in the rig's domain.
                 self.environment = dict(os.environ)
-                self._graph = stack.enter_context(self._start())
+                nodes = live(self.scene, self.bag, **self._drive)
+                self._graph = stack.enter_context(Graph(nodes, log=self.log.append))
                 super().__init__(self.domain, self._given_patience)
             stack.callback(RigClient.__exit__, self)
             stack.callback(self._end_programs)
@@ -154,16 +154,6 @@ class RunningRig(RigClient):
         program = StartedProgram(command, self.environment)
         self._programs.append(program)
         return program
-
-    @contextmanager
-    def _start(self) -> Iterator[Graph]:
-        """The nodes; a signal meanwhile is the test runner's, as it was before."""
-        before = {number: signal.getsignal(number) for number in STOPPING}
-        nodes = live(self.scene, self.bag, **self._drive)
-        with Graph(nodes, log=self.log.append) as graph:
-            for number, handler in before.items():
-                signal.signal(number, handler)
-            yield graph
 
     def _watch(self) -> None:
         try:

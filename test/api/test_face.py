@@ -53,7 +53,9 @@ def test_every_public_function_has_an_example():
 def test_importing_it_imports_no_library():
     """NumPy and all else come with the first name that needs them."""
     code = "import sys, cam_rig; print(sorted({'numpy', 'scipy', 'pydantic'} & set(sys.modules)))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=100
+    )
     assert done.stdout.strip() == "[]"
 
 

@@ -97,8 +97,8 @@ def test_ctrl_c_ends_the_search_with_130(study):
         children = Path(f"/proc/{run.pid}/task/{run.pid}/children")
         until(lambda: len(children.read_text(encoding="utf-8").split()) > 1, run)
         run.send_signal(signal.SIGINT)
-        _, words = run.communicate()
-    assert (run.returncode, words.strip()) == (130, "cam-rig: interrupted")
+        _, words = run.communicate(timeout=100)
+    assert (run.returncode, words.strip()) == (130, "cam-rig: interrupted by SIGINT")
 
 
 SPREAD = {"uniform": 1, "unit": "um"}
@@ -231,7 +231,7 @@ def test_what_is_finished_stays_and_the_rest_is_made(study, tmp_path, number):
         while not list(out.glob("*.parquet")) and run.poll() is None:
             time.sleep(0.01)
         run.send_signal(number)
-        _, words = run.communicate()
+        _, words = run.communicate(timeout=100)
     dataset = CampaignDataset(out, open_campaign(path))
     assert 0 < len(dataset.column("point")) < 32
     if number != signal.SIGKILL:
@@ -266,7 +266,7 @@ def test_a_scheduler_that_is_gone_ends_it_in_one_line(study, tmp_path):
             with started([*command, "--dask", str(file)], stderr=subprocess.PIPE, text=True) as run:
                 until(lambda: list(out.glob("*.parquet")), run)
                 scheduler.kill()
-                _, words = run.communicate()
+                _, words = run.communicate(timeout=100)
     assert run.returncode == 1
     assert "the scheduler is gone" in words
     assert "go on with: cam-rig campaign" in words

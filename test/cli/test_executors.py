@@ -16,7 +16,7 @@ def test_processes_are_others_than_this(monkeypatch):
     """As many as are asked for; by default one a core."""
     with workplace(1, None) as place:
         assert place.count == 1
-        assert place.executor.submit(os.getpid).result() != os.getpid()
+        assert place.executor.submit(os.getpid).result(timeout=100) != os.getpid()
     monkeypatch.setattr(os, "cpu_count", lambda: 3)
     with workplace(None, None) as place:
         assert place.count == 3
@@ -26,8 +26,8 @@ def test_a_killed_worker_ends_a_command_in_a_line():
     """Whatever it computes, with what to do: no exception of the executor's own."""
     words = r"a worker .* is gone .*; remedy: "
     with pytest.raises(RunError, match=words), workplace(1, None) as place:
-        worker = place.executor.submit(os.getpid).result()
-        place.executor.submit(os.kill, worker, signal.SIGKILL).result()
+        worker = place.executor.submit(os.getpid).result(timeout=100)
+        place.executor.submit(os.kill, worker, signal.SIGKILL).result(timeout=100)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def test_a_cluster_is_found_by_its_address_and_by_its_file(cluster, tmp_path):
         with workplace(None, dask) as place:
             assert place.count == 1
             assert list(place.executor.map(pow, [2, 3], [5, 2])) == [32, 9]
-            assert place.executor.submit(os.getpid).result() != os.getpid()
+            assert place.executor.submit(os.getpid).result(timeout=100) != os.getpid()
 
 
 def test_where_nobody_answers_is_said_in_a_line(monkeypatch):

@@ -29,5 +29,5 @@ FIGURES = {"matplotlib", "rerun", "jinja2", "shapely", "ezdxf"}
 def test_a_command_imports_what_it_needs(words, without):
     """Not the libraries of the others."""
     code = [sys.executable, "-c", CODE, *words]
-    done = subprocess.run(code, capture_output=True, text=True, check=True)
+    done = subprocess.run(code, capture_output=True, text=True, check=True, timeout=100)
     assert set(done.stdout.rpartition("modules:")[2].split()) & without == set()

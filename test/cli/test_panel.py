@@ -15,14 +15,13 @@ import pytest
 from typer.testing import CliRunner
 
 from cam_rig.cli.main import app
-from cam_rig.errors import INTERRUPTED
 
 COMMAND = (Path(sys.executable).parent / "cam-rig", "panel")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_it_serves_until_it_is_ended_and_leaves_no_process(number: int) -> None:
-    """One line and 130, however it is asked; its address answers no more."""
+def test_it_serves_until_it_is_ended_and_leaves_no_process(number: signal.Signals) -> None:
+    """One line and 128 + signal, however it is asked; its address answers no more."""
     process = subprocess.Popen(
         COMMAND, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
@@ -38,8 +37,11 @@ def test_it_serves_until_it_is_ended_and_leaves_no_process(number: int) -> None:
     assert children
     os.kill(process.pid, number)
     _, printed = process.communicate(timeout=60)
-    assert process.returncode == INTERRUPTED
-    assert printed.splitlines() == ["Ctrl-C ends the panel", "cam-rig: interrupted"]
+    assert process.returncode == 128 + number
+    assert printed.splitlines() == [
+        "Ctrl-C ends the panel",
+        f"cam-rig: interrupted by {number.name}",
+    ]
     assert not [child for child in children if Path(f"/proc/{child}").exists()]
     with socket.socket() as caller:
         assert caller.connect_ex(("127.0.0.1", url.port or 0)) != 0

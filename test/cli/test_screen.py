@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cam_rig.cli.common.screen import LINE_EVERY_S, DelayReport, open_screen, stay_until_interrupted
+from cam_rig.cli.common.screen import LINE_EVERY_S, DelayReport, open_screen
 from cam_rig.errors import CamRigError
 from cam_rig.viewer.server.page_time import PageTime
 
@@ -17,31 +17,19 @@ def test_a_server_that_was_killed_is_told_of(capsys):
         assert capsys.readouterr().out.startswith("http://127.0.0.1:")
         found = subprocess.run(
             ["pgrep", "-f", f"web.*{screen.address.split(':')[2].split('/')[0]}"],
-            capture_output=True, text=True, check=True,
+            capture_output=True, text=True, check=True, timeout=100,
         )  # fmt: skip
-        subprocess.run(["kill", "-9", *found.stdout.split()], check=True)
+        subprocess.run(["kill", "-9", *found.stdout.split()], check=True, timeout=100)
         with pytest.raises(CamRigError, match="the viewer's server ended with code -9"):
             screen.stay()
-
-
-def test_ctrl_c_ends_it_as_it_is_meant_to(monkeypatch):
-    """No error, for that is what one is told to press."""
-    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
-
-        def interrupted():
-            raise KeyboardInterrupt
-
-        monkeypatch.setattr(process, "wait", interrupted)
-        stay_until_interrupted(process)
-        monkeypatch.undo()
-        process.stdin.close()
-        process.wait()
 
 
 def test_waiting_needs_somebody_to_wait_for(tmp_path):
     """The error names what to add, before anything is started."""
     command = [Path(sys.executable).with_name("cam-rig"), "run", "quick", "--wait"]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
+    done = subprocess.run(
+        command, capture_output=True, text=True, cwd=tmp_path, check=False, timeout=100
+    )
     assert done.returncode == 2
     assert "--wait: waits for a viewer" in done.stderr
     assert not list(tmp_path.iterdir())

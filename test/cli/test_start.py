@@ -47,7 +47,7 @@ def test_an_interrupt_while_workers_begin(tmp_path):
     while not any(b"spawn_main" in line for line in children(process)):
         assert process.poll() is None, process.stderr.read()
         time.sleep(0.01)
-    assert interrupted(process) == ["cam-rig: interrupted"]
+    assert interrupted(process) == ["cam-rig: interrupted by SIGINT"]
     assert list(tmp_path.iterdir()) == []
 
 
@@ -63,8 +63,9 @@ def test_an_interrupt_while_modules_are_imported():
         "from cam_rig.cli import start\n"
         "start()"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (INTERRUPTED, "cam-rig: interrupted\n")
+    command = [sys.executable, "-c", code, "simulate"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
+    assert (done.returncode, done.stderr) == (INTERRUPTED, "cam-rig: interrupted by SIGINT\n")
 
 
 @pytest.mark.parametrize("program", ["cam-rig jump poly345", "cam-rig report quick", "law_server"])
@@ -74,7 +75,13 @@ def test_a_date_that_is_none_is_one_line(program, tmp_path):
     command = [BIN / name, *words]
     environment = os.environ | {"SOURCE_DATE_EPOCH": "abc"}
     done = subprocess.run(
-        command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False
+        command,
+        env=environment,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=100,
     )
     assert done.returncode == ConfigError.exit_code
     (line,) = done.stderr.splitlines()

@@ -35,7 +35,7 @@ def test_a_line_for_each_part():
 def test_nothing_heavy_is_imported():
     """Asking what is installed works where it does not, and at once."""
     command = [sys.executable, "-c", SCRIPT]
-    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=100)
     assert done.stdout.splitlines()[-1] == "[]", done.stderr
 
 

@@ -62,7 +62,7 @@ def run(command: str) -> str:
     assert program == "cam-rig"
     if arguments[0] == "run":
         call = [sys.executable, "-m", "cam_rig.cli.main", *arguments]
-        done = subprocess.run(call, capture_output=True, text=True, check=False)
+        done = subprocess.run(call, capture_output=True, text=True, check=False, timeout=500)
         code, printed = done.returncode, done.stdout + done.stderr
     else:
         result = CliRunner().invoke(app, arguments)

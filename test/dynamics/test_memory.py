@@ -46,6 +46,7 @@ def peaks(name, seconds):
         capture_output=True,
         text=True,
         check=True,
+        timeout=100,
     )
     half, end = (float(line) for line in done.stdout.split())
     return half, end

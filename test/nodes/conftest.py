@@ -59,7 +59,9 @@ def mapped(*pids):
 
 def node_processes(path):
     """Processes of a run, found by a path that they were started with."""
-    found = subprocess.run(["pgrep", "-f", str(path)], capture_output=True, text=True, check=False)
+    found = subprocess.run(
+        ["pgrep", "-f", str(path)], capture_output=True, text=True, check=False, timeout=100
+    )
     return found.stdout.split()
 
 

@@ -59,6 +59,6 @@ def test_a_node_reports_why_it_ends(ros_domain, run_here, node, parameter, code,
 def test_the_code_is_the_processs(ros_domain):
     """As any shell sees it."""
     command = [sys.executable, "-m", "cam_rig.nodes", "microphone", *arguments("time_weighting:=X")]
-    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
     assert ended.returncode == 2
     assert ended.stderr == "cam_rig: time_weighting: has X; allowed: F, S\n"

@@ -27,11 +27,11 @@ def test_a_killed_node_ends_the_run(ros_domain, wait_for, rig, short_scene, tmp_
     wait_for(lambda: rig.size(bag) > 200_000)
     found = subprocess.run(
         ["pgrep", "-f", f"cam_rig.nodes.{victim} .*{short_scene}"],
-        capture_output=True, text=True, check=True,
+        capture_output=True, text=True, check=True, timeout=100,
     )  # fmt: skip
     names = rig.mapped(*rig.processes(short_scene))
-    subprocess.run(["kill", "-9", *found.stdout.split()], check=True)
-    _, words = run.communicate()
+    subprocess.run(["kill", "-9", *found.stdout.split()], check=True, timeout=100)
+    _, words = run.communicate(timeout=100)
     assert run.returncode == 1
     line = words.strip().splitlines()[-1]
     assert f"cam-rig: node {victim} was ended by signal 9 after tick " in line
@@ -52,7 +52,7 @@ def test_a_recorder_killed_while_all_are_ended_is_named(
         for node in nodes:
             if node.name == "recorder":
                 node.process.kill()
-                node.process.wait()
+                node.process.wait(timeout=100)
         stop_all(nodes)
 
     monkeypatch.setattr("cam_rig.runner.graph.stop_all", kill_recorder)
@@ -73,7 +73,9 @@ def test_a_full_disk_ends_the_run_with_its_name(ros_domain, rig, short_scene, tm
     code = (
         f"{start}; import sys; sys.argv = {arguments!r}; from cam_rig.cli.main import main; main()"
     )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    run = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=100
+    )
     assert run.returncode == 1
     assert "cannot be written (File too large) after" in run.stderr
     assert "Traceback" not in run.stderr

@@ -104,7 +104,7 @@ def test_a_signal_ends_all_and_closes_the_bag(ros_domain, rig, wait_for, tmp_pat
     process, scene, bag = start_run(rig, wait_for, tmp_path)
     number = getattr(signal, name)
     process.send_signal(number)
-    _, words = process.communicate()
+    _, words = process.communicate(timeout=100)
     assert process.returncode == 128 + number
     assert f"interrupted by {name}" in words
     assert read_recording(bag).ticks
@@ -115,7 +115,7 @@ def test_a_killed_runner_leaves_no_node(ros_domain, wait_for, rig, tmp_path):
     """kill -9 of the runner: the nodes end by themselves."""
     process, scene, _ = start_run(rig, wait_for, tmp_path)
     process.kill()
-    process.communicate()
+    process.communicate(timeout=100)
     wait_for(lambda: not rig.processes(scene))
 
 

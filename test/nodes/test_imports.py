@@ -28,5 +28,5 @@ print(json.dumps(sorted(set(module.partition(".")[0] for module in sys.modules))
 def test_a_node_imports_what_it_needs(name):
     """Started by `ros2 run`, a launch file or the runner."""
     code = [sys.executable, "-c", CODE.format(name=name)]
-    done = subprocess.run(code, capture_output=True, text=True, check=True)
+    done = subprocess.run(code, capture_output=True, text=True, check=True, timeout=100)
     assert set(json.loads(done.stdout)) & NODES[name] == set()

@@ -83,7 +83,11 @@ def test_a_namespace_that_is_too_long_ends_a_node_in_words(ros_domain, length):
     """One line with the limit and the code of a wrong setting, whether ROS would take it or not."""
     command = [sys.executable, "-m", "cam_rig.nodes", "law_server", "--ros-args", "-r"]
     ended = subprocess.run(
-        [*command, f"__ns:=/{'a' * (length - 1)}"], capture_output=True, text=True, check=False
+        [*command, f"__ns:=/{'a' * (length - 1)}"],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=100,
     )
     assert ended.returncode == 2
     assert "Traceback" not in ended.stderr

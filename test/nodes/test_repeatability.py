@@ -37,7 +37,7 @@ def test_killed_nodes_are_started_again_and_leave_no_trace(
             names.update(rig.mapped(*(node.process.pid for node in graph.processes.values())))
             killed.append(victims.pop(0))
             graph.processes[killed[-1]].process.kill()
-            graph.processes[killed[-1]].process.wait()
+            graph.processes[killed[-1]].process.wait(timeout=100)
 
     rig.run(short_scene, tmp_path / "bag", kill, respawn=True, logged=logged)
     assert [line.split()[1] for line in logged] == killed
@@ -57,9 +57,9 @@ def test_a_recorder_killed_after_the_drives_end_changes_no_message(
     def kill(graph, tick):
         if tick in once:
             once.clear()
-            assert graph.processes["cam_drive"].process.wait() == 0
+            assert graph.processes["cam_drive"].process.wait(timeout=100) == 0
             graph.processes["recorder"].process.kill()
-            graph.processes["recorder"].process.wait()
+            graph.processes["recorder"].process.wait(timeout=100)
 
     rig.run(short_scene, tmp_path / "bag", kill, respawn=True, logged=logged)
     assert [line.split()[1] for line in logged] == ["recorder"]

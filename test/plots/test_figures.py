@@ -188,4 +188,4 @@ def test_no_screen_and_no_global_state_of_matplotlib() -> None:
         "    __import__(found.name)\n"
         "assert 'matplotlib.pyplot' not in sys.modules"
     )
-    subprocess.run([sys.executable, "-c", code], check=True)
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=100)

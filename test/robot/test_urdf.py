@@ -54,7 +54,9 @@ def test_the_parser_of_ros_takes_it(robot: Robot, tmp_path: Path) -> None:
     folders = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
     parser = shutil.which("check_urdf", path=folders)
     assert parser is not None, "neither cmeel-urdfdom nor liburdfdom-tools is installed"
-    answer = subprocess.run([parser, file], capture_output=True, text=True, check=False)
+    answer = subprocess.run(
+        [parser, file], capture_output=True, text=True, check=False, timeout=100
+    )
     assert answer.returncode == 0, answer.stderr
     assert f"root Link: {BASE}" in answer.stdout
     assert "rror" not in answer.stderr

@@ -32,7 +32,7 @@ def test_what_a_killed_run_left_goes_with_the_next(tmp_path):
         mine = CheckpointFolder(tmp_path)
         assert os.path.isdir(name)
         other.kill()
-        other.wait()
+        other.wait(timeout=100)
     CheckpointFolder(tmp_path).remove()
     assert not os.path.exists(name)
     assert mine.path.is_dir()

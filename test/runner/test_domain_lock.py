@@ -90,7 +90,9 @@ def test_ros_itself_reads_them_so():
     for text in ("030", "0x10"):
         command = [sys.executable, "-c", ask]
         environment = os.environ | {"ROS_DOMAIN_ID": text}
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        done = subprocess.run(
+            command, env=environment, capture_output=True, text=True, check=True, timeout=100
+        )
         assert int(done.stdout) == domain_number(text)
 
 

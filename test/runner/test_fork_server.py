@@ -51,7 +51,7 @@ def wait_until(condition):
 def test_a_forked_node_is_a_child_like_any(start, tmp_path):
     """Its code is told, and so is what it writes; the file that is missing is its own finding."""
     node = start("-p", f"scene:={tmp_path}/none.yaml")
-    assert node.wait() == 2
+    assert node.wait(timeout=100) == 2
     assert "none.yaml: no such file" in node.stderr.read()
     assert node.stdout.read() == ""
 
@@ -66,7 +66,7 @@ def test_each_is_a_process_of_its_own(start):
     assert Path(f"/proc/{one.pid}/comm").read_text(encoding="utf-8") == "follower\n"
     for node in (one, other):
         node.kill()
-        assert node.wait() == -signal.SIGKILL
+        assert node.wait(timeout=100) == -signal.SIGKILL
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -76,7 +76,7 @@ def test_a_signal_ends_it_in_order_from_its_first_moment(start, number):
         node = start()
         time.sleep(pause)  # any moment at all is right
         node.send_signal(number)
-        assert node.wait() == 0
+        assert node.wait(timeout=100) == 0
         assert "Traceback" not in node.stderr.read()
 
 
@@ -102,7 +102,7 @@ def test_its_end_can_be_waited_for_in_vain(start):
 def test_an_import_that_fails_is_the_nodes_own_failure(ros_domain, fork_server):
     """Beside its name, in its own words; the server goes on."""
     node = fork_server.start([*COMMAND[:3], "nowhere"], environment(), None)
-    assert node.wait() == 1
+    assert node.wait(timeout=100) == 1
     assert "No module named 'cam_rig.nodes.nowhere'" in node.stderr.read()
     assert is_running(fork_server.pid)
 
@@ -132,7 +132,7 @@ def test_a_killed_server_is_done_without(ros_domain):
         assert isinstance(other.process, subprocess.Popen)
         for process in (node, other.process):
             process.kill()
-            process.wait()
+            process.wait(timeout=100)
 
 
 def test_where_it_cannot_be_a_node_is_started_by_itself(ros_domain, monkeypatch):
@@ -142,7 +142,7 @@ def test_where_it_cannot_be_a_node_is_started_by_itself(ros_domain, monkeypatch)
     node = NodeProcess("follower", {}, False, print, server=server)
     node.process.kill()
     assert isinstance(node.process, subprocess.Popen)
-    assert (node.process.wait(), server.pid) == (-signal.SIGKILL, None)
+    assert (node.process.wait(timeout=100), server.pid) == (-signal.SIGKILL, None)
 
 
 RUNNER = """
@@ -186,7 +186,7 @@ def test_it_has_one_thread_and_all_that_nodes_share():
     """
     code = [sys.executable, "-c", PRELOAD]
     given = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-    done = subprocess.run(code, env=given, capture_output=True, text=True, check=True)
+    done = subprocess.run(code, env=given, capture_output=True, text=True, check=True, timeout=100)
     threads, loaded, left = json.loads(done.stdout)
     assert threads == 1
     assert not [name for name in loaded if name.partition(".")[0] in ("rclpy", "scipy", "rerun")]

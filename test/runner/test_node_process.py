@@ -12,6 +12,7 @@ import pytest
 
 from cam_rig.errors import RunError
 from cam_rig.runner import node_process as process
+from cam_rig.runner.log_folder import log_folder
 from cam_rig.runner.node_process import NodeProcess, environment
 
 FULL = "node follower cannot be started \\({}\\); end other programs, or raise what .*ulimit -v"
@@ -76,6 +77,7 @@ def test_a_run_with_little_memory(tmp_path, mebibytes):
         text=True,
         check=False,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
+        timeout=100,
     )
     if done.returncode:
         assert "Traceback" not in done.stderr
@@ -97,8 +99,25 @@ def test_a_node_has_a_place_for_its_log_files(monkeypatch, tmp_path):
     tmp_path.chmod(0o700)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     assert environment()["ROS_LOG_DIR"].startswith(str(tmp_path))
-    monkeypatch.setenv("ROS_LOG_DIR", "/elsewhere")
-    assert environment()["ROS_LOG_DIR"] == "/elsewhere"
+    assert log_folder()[1] == ""
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "elsewhere"))
+    assert environment()["ROS_LOG_DIR"] == str(tmp_path / "elsewhere")
+
+
+@pytest.mark.parametrize("name", ["HOME", "ROS_HOME", "ROS_LOG_DIR"])
+def test_log_files_go_elsewhere_where_they_cannot_be_written(monkeypatch, tmp_path, name):
+    """Each node would end at once; why and where is said."""
+    for other in ("ROS_HOME", "ROS_LOG_DIR"):
+        monkeypatch.delenv(other, raising=False)
+    (tmp_path / "file").touch()
+    own = tmp_path / "own"
+    own.mkdir(mode=0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(own))
+    monkeypatch.setenv(name, str(tmp_path / "file"))
+    place, words = log_folder()
+    assert place.parent == own
+    assert words.startswith(str(tmp_path / "file")) and words.endswith(str(place))
+    assert environment()["ROS_LOG_DIR"] == str(place)
 
 
 @pytest.mark.parametrize("reports", [False, True])

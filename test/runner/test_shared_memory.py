@@ -86,11 +86,14 @@ FULL = "mount -t tmpfs -o size=4k tmpfs /dev/shm && head -c 4096 /dev/zero > /de
 def in_a_full_one(*command):
     """What the command gives in a mount namespace of its own."""
     unshare = shutil.which("unshare")
-    if unshare is None or subprocess.run([unshare, "-m", "true"], check=False).returncode:
+    if (
+        unshare is None
+        or subprocess.run([unshare, "-m", "true"], check=False, timeout=100).returncode
+    ):
         pytest.skip("no mount namespace can be made here")
     line = FULL + shlex.join(command)
     done = subprocess.run(
-        [unshare, "-m", "sh", "-c", line], capture_output=True, text=True, check=False
+        [unshare, "-m", "sh", "-c", line], capture_output=True, text=True, check=False, timeout=100
     )
     if "mount:" in done.stderr:
         pytest.skip("no file system can be mounted here")

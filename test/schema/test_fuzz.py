@@ -101,7 +101,7 @@ def require_bounded(kind, cases, seed):
     """Each case is read or refused by one line, in 10 s of CPU, and all of them in 1 GB."""
     script = Path(__file__).with_name("fuzz_files.py")
     command = [sys.executable, str(script), kind, str(cases), str(seed)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=500)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert found["wrong"] == []

@@ -120,6 +120,10 @@ def test_nothing_is_left_whatever_a_test_does(pytester):
     assert "node follower was ended by signal 9" in text
     assert "[cam_drive]" in text
     left = subprocess.run(
-        ["pgrep", "-f", str(pytester.path)], capture_output=True, text=True, check=False
+        ["pgrep", "-f", str(pytester.path)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=100,
     )
     assert left.stdout == ""

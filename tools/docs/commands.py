@@ -39,7 +39,7 @@ A scene is an argument. Where cams are arguments, one scene stands for its cams 
 | 0 | done |
 | 1 | a run failed, a bag cannot be read or made, a cam fails a check |
 | 2 | a file or an argument is wrong; nothing has run |
-| 128 + n | ended by signal n; 130 after Ctrl-C |
+| 128 + n | signal n came: 130 after Ctrl-C, 143 after `kill`, 129 where the terminal was closed |
 
 An error is one line: the file or option, its value, what is allowed. A bag is never overwritten.
 """

@@ -36,4 +36,4 @@ def require_new_bag(directory: Path, number: int = 0) -> None:
                 f"bytes with {file.name.removeprefix(directory.name)} at its end"
             )
     if not file.name.isprintable():
-        raise BagError(f"{directory!r}: allowed: a name of letters that can be written")
+        raise BagError(f"{str(directory)!r}: allowed: a name of letters that can be written")

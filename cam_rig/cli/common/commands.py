@@ -1,14 +1,17 @@
-"""The group of all commands: an option or argument that is wrong ends them in one line too."""
+"""The group of all commands: a wrong option, and what cannot be written, end them in one line."""
 
 from __future__ import annotations
 
+import errno
+import os
 import sys
+from contextlib import suppress
 from typing import Any
 
 import typer
 from typer.core import TyperGroup
 
-from cam_rig.errors import ConfigError
+from cam_rig.errors import ConfigError, OutputError
 
 #: What pydantic, which typer asks, says of a text that is no number.
 KINDS = {"int_parsing": "a whole number", "float_parsing": "a number"}
@@ -16,6 +19,22 @@ KINDS = {"int_parsing": "a whole number", "float_parsing": "a number"}
 
 class Commands(TyperGroup):
     """As typer's, but for a value it refuses: the project's one line instead of a box."""
+
+    def main(self, *arguments: Any, **options: Any) -> Any:
+        """Run the command line, to the last byte of its output."""
+        try:
+            try:
+                return super().main(*arguments, **options)
+            finally:
+                sys.stdout.flush()
+        except OSError as error:
+            sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  # for the rest
+            what = error.filename or "stdout or a temporary file"
+            why = f"{what}: cannot be read or written ({error.strerror or error})"
+            if error.errno != errno.EPIPE:  # else a reader has seen enough
+                with suppress(OSError):  # stderr itself
+                    print(f"cam-rig: {why}; make room, or name another place", file=sys.stderr)
+            sys.exit(OutputError.exit_code)
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command that the arguments name."""

@@ -11,8 +11,9 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from cam_rig.errors import CamRigError, code_of
+from cam_rig.errors import INTERRUPTED, CamRigError
 from cam_rig.extras import libraries_named, source_date
+from cam_rig.interrupts import raised
 
 if TYPE_CHECKING:
     from cam_rig.tables import DataTable
@@ -73,14 +74,14 @@ def user_errors() -> Iterator[None]:
     """End the command with one line and the error's code, or an interrupt's; no more is caught."""
     try:
         source_date()  # libraries that a command imports end at what is none
-        with libraries_named():
+        with libraries_named(), raised():
             yield
     except CamRigError as error:
         print(f"cam-rig: {error}", file=sys.stderr)
         raise typer.Exit(error.exit_code) from None
     except KeyboardInterrupt as interrupt:
-        print("cam-rig: interrupted", file=sys.stderr)
-        raise typer.Exit(code_of(interrupt)) from None
+        print(f"cam-rig: {str(interrupt) or 'interrupted'}", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
 
 
 def progress_bar() -> Progress:

@@ -14,6 +14,7 @@ from typing import Any
 from cam_rig.cli.common.workers import workers
 from cam_rig.errors import ConfigError, RunError
 from cam_rig.extras import libraries_named, require
+from cam_rig.interrupts import interruptible
 from cam_rig.studies.campaign.run import broken_named
 
 #: Longest wait for a scheduler, and for its first worker, s.
@@ -74,22 +75,31 @@ def _where(dask: str) -> dict[str, str]:
 
 @contextmanager
 def _cluster(dask: str) -> Iterator[Workplace]:
+    with _client(dask) as client:
+        yield Workplace(client.get_executor(pure=False), _count(client, dask))
+
+
+@interruptible
+def _client(dask: str) -> Any:  # Dask's functions are untyped
     with libraries_named():
         from distributed import Client
-    connect: Any = Client  # its functions are untyped
+    connect: Any = Client
     for name in list(logging.root.manager.loggerDict):  # its errors are ours to tell
         if name.startswith("distributed"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
-        client = connect(**_where(dask), timeout=WAIT_S, set_as_default=False)
+        return connect(**_where(dask), timeout=WAIT_S, set_as_default=False)
     except (OSError, ValueError) as error:  # of no connection, and of what is no address
         raise RunError(f"--dask {dask}: no scheduler answers ({type(error).__name__})") from None
-    with client:
-        try:
-            client.wait_for_workers(1, timeout=WAIT_S)
-        except TimeoutError:
-            raise RunError(
-                f"--dask {dask}: the scheduler has no workers; start some with: dask worker"
-            ) from None
-        count = sum(client.nthreads().values())
-        yield Workplace(client.get_executor(pure=False), count)
+
+
+@interruptible
+def _count(client: Any, dask: str) -> int:
+    """How many pieces of work a cluster takes at a time."""
+    try:
+        client.wait_for_workers(1, timeout=WAIT_S)
+    except TimeoutError:
+        raise RunError(
+            f"--dask {dask}: the scheduler has no workers; start some with: dask worker"
+        ) from None
+    return sum(client.nthreads().values())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from subprocess import Popen
 from types import TracebackType
@@ -117,8 +117,7 @@ def stay_until_interrupted(viewer: Popen[bytes]) -> None:
     CamRigError : the viewer that serves ended before, or while the run was on
     """
     console.print("Ctrl-C ends the viewer")
-    with suppress(KeyboardInterrupt):
-        raise CamRigError(
-            f"the viewer's server ended with code {viewer.wait()}; show the bag again with: "
-            "cam-rig view BAG --web"
-        )
+    raise CamRigError(
+        f"the viewer's server ended with code {viewer.wait()}; show the bag again with: "
+        "cam-rig view BAG --web"
+    )

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
@@ -157,47 +153,35 @@ def _serve(
     ------
     CamRigError : a file or a name is wrong, a library is missing, or the server ended
     """
-    with _ended_alike():
-        from cam_rig.extras import require
-        from cam_rig.panel.board.board import Board
-        from cam_rig.schema import load_cam, load_rig
+    from cam_rig.extras import require
+    from cam_rig.files import temporary_folder
+    from cam_rig.panel.board.board import Board
+    from cam_rig.schema import load_cam, load_rig
 
-        for library in ("starlette", "uvicorn", "websockets"):
-            require(library)
-        from cam_rig.panel.bench.pages import BenchPages
-        from cam_rig.panel.bench.runner import BenchRunner
-        from cam_rig.panel.board.pages import BoardPages
-        from cam_rig.panel.lab.pages import LabPages
-        from cam_rig.panel.lab.sheet import LabSheet
-        from cam_rig.panel.server import PanelPages, serve
-        from cam_rig.runner.user_folder import user_folder
+    for library in ("starlette", "uvicorn", "websockets"):
+        require(library)
+    from cam_rig.panel.bench.pages import BenchPages
+    from cam_rig.panel.bench.runner import BenchRunner
+    from cam_rig.panel.board.pages import BoardPages
+    from cam_rig.panel.lab.pages import LabPages
+    from cam_rig.panel.lab.sheet import LabSheet
+    from cam_rig.panel.server import PanelPages, serve
+    from cam_rig.runner.user_folder import user_folder
 
-        first, own = load_cam(cam_path(cam)), load_rig(rig_path(rig))
-        with TemporaryDirectory(prefix="cam_rig-panel-", dir=user_folder()) as folder:
-            runner = BenchRunner(own, Path(folder), out, rerun)
-            board = Board(first, own, out, rig)
-            pages: list[PanelPages] = [BoardPages(board), BenchPages(runner, first, board)]
-            if lab is not None:
-                pages += [LabPages(LabSheet(lab, first, own, seed), out)]
-            home = "/lab" if lab else "/"
-            with serve(*pages, port=port, language=lang, home=home) as served:
-                print(served.address, flush=True)
-                console.print("Ctrl-C ends the panel")
-                if open_browser:
-                    import webbrowser
+    first, own = load_cam(cam_path(cam)), load_rig(rig_path(rig))
+    with temporary_folder("cam_rig-panel-", user_folder()) as folder:
+        runner = BenchRunner(own, folder, out, rerun)
+        board = Board(first, own, out, rig)
+        pages: list[PanelPages] = [BoardPages(board), BenchPages(runner, first, board)]
+        if lab is not None:
+            pages += [LabPages(LabSheet(lab, first, own, seed), out)]
+        home = "/lab" if lab else "/"
+        with serve(*pages, port=port, language=lang, home=home) as served:
+            print(served.address, flush=True)
+            console.print("Ctrl-C ends the panel")
+            if open_browser:
+                import webbrowser
 
-                    webbrowser.open(served.address)
-                runner.run(served.alive)
-        raise CamRigError("the panel's server ended")
-
-
-@contextmanager
-def _ended_alike() -> Iterator[None]:
-    """Any signal to end unwinds as Ctrl-C does, so that no process stays."""
-    numbers = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
-    before = [signal.signal(number, signal.default_int_handler) for number in numbers]
-    try:
-        yield
-    finally:
-        for number, handler in zip(numbers, before, strict=True):
-            signal.signal(number, handler)
+                webbrowser.open(served.address)
+            runner.run(served.alive)
+    raise CamRigError("the panel's server ended")

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -78,33 +75,22 @@ def _view(
     force: bool,
 ) -> None:
     from cam_rig.cli.runs.analyze import newest_bag
+    from cam_rig.files import temporary_folder
     from cam_rig.viewer.server.process import require_display, show
 
-    with _tidy_end():
-        if save is not None:
-            convert(bag or newest_bag(), scene, save, view_options, force)
-            return
-        if not web:
-            require_display()
-        with _converted(bag or newest_bag(), scene, view_options) as (path, begin):
-            if web:
-                _serve(path, begin)
-            else:
-                show(path)
-
-
-@contextmanager
-def _tidy_end() -> Iterator[None]:
-    """Any signal to end unwinds as Ctrl-C does, so that no half file and no folder stays."""
-    numbers = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
-    before = [signal.signal(number, signal.default_int_handler) for number in numbers]
-    try:
-        yield
-    except KeyboardInterrupt:
-        raise typer.Exit(130) from None
-    finally:
-        for number, handler in zip(numbers, before, strict=True):
-            signal.signal(number, handler)
+    if save is not None:
+        convert(bag or newest_bag(), scene, save, view_options, force)
+        return
+    if not web:
+        require_display()
+    found = bag or newest_bag()
+    with temporary_folder() as folder:
+        path = folder / f"{found.resolve().name}.rrd"
+        begin = convert(found, scene, path, view_options, force=False)
+        if web:
+            _serve(path, begin)
+        else:
+            show(path)
 
 
 def convert(
@@ -132,17 +118,6 @@ def convert(
         )
     console.print(f"{path}: {path.stat().st_size / 1e6:.1f} MB", soft_wrap=True)
     return begin
-
-
-@contextmanager
-def _converted(
-    bag: Path, scene: Path | None, view_options: ViewOptions
-) -> Iterator[tuple[Path, float]]:
-    from cam_rig.files import temporary_folder
-
-    with temporary_folder() as folder:
-        path = folder / f"{bag.resolve().name}.rrd"
-        yield path, convert(bag, scene, path, view_options, force=False)
 
 
 def _serve(path: Path, begin: float) -> None:

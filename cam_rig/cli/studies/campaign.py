@@ -14,7 +14,7 @@ from cam_rig.cli.common.names import campaign_path
 from cam_rig.cli.common.options import Csv, Dask, Jobs, Json, Plot
 from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
 from cam_rig.cli.studies.largest_waviness import show_largest
-from cam_rig.errors import ConfigError, DynamicsError, OutputError, RunError, code_of
+from cam_rig.errors import ConfigError, DynamicsError, OutputError, RunError
 
 if TYPE_CHECKING:
     from cam_rig.studies.campaign.campaign import Campaign
@@ -160,7 +160,7 @@ def _going_on(again: str) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt as interrupt:
-        say(f"cam-rig: interrupted; what is finished stays, go on with: {again}")
-        raise typer.Exit(code_of(interrupt)) from None
+        interrupt.args = (f"{interrupt}; what is finished stays, go on with: {again}",)
+        raise
     except (OutputError, RunError) as error:
         raise type(error)(f"{error}; go on with: {again}") from None

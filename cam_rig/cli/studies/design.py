@@ -12,6 +12,7 @@ from cam_rig.cli.common.console import console, progress_bar, say, show, user_er
 from cam_rig.cli.common.names import cam_path, rig_path
 from cam_rig.cli.common.options import Csv, Json, Plot
 from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot, writing
+from cam_rig.errors import INTERRUPTED, ConfigError
 
 if TYPE_CHECKING:
     from cam_rig.schema.studies.design import DesignConfig
@@ -94,8 +95,6 @@ def design(
 
 def _require_no_file(out: Path | None, json: str | None) -> None:
     """Refuse one cam's outputs beside a front."""
-    from cam_rig.errors import ConfigError
-
     if out is not None or json is not None:
         raise ConfigError(
             "--pareto: is of many cams; allowed beside it: --csv and --plot, no --out or --json"
@@ -130,7 +129,7 @@ def _front(
         write_plot(plot, lambda part: draw_front(found, part))
     if not found.ended:
         say(f"interrupted: {len(found.designs)} of {points} points")
-        raise typer.Exit(130)
+        raise typer.Exit(INTERRUPTED)
 
 
 def _config(
@@ -146,7 +145,6 @@ def _config(
     ------
     ConfigError : a design file beside a goal, or something wrong in it
     """
-    from cam_rig.errors import ConfigError
     from cam_rig.schema.studies.design import ClassConfig, DesignConfig, is_design, load_design
 
     path = cam_path(start)
@@ -170,7 +168,6 @@ def _config(
 def _check(out: Path | None) -> None:
     """Refuse what could not be written."""
     from cam_rig.cli.cams.fitting import require_new
-    from cam_rig.errors import ConfigError
 
     if out is not None:
         if out.suffix != ".yaml":
@@ -181,7 +178,7 @@ def _check(out: Path | None) -> None:
 def _write(
     design: LawDesign, out: Path | None, plot: Path | None, csv: Path | None, json: str | None
 ) -> None:
-    """Show and write a design; end with 130 where its search was interrupted.
+    """Show and write a design, also one whose search was interrupted.
 
     Raises
     ------
@@ -202,7 +199,7 @@ def _write(
 
         write_plot(plot, lambda part: draw(design, part))
     if not design.ended:
-        raise typer.Exit(130)
+        raise typer.Exit(INTERRUPTED)
 
 
 def _solve(config: DesignConfig, out: Path | None) -> LawDesign:

@@ -34,7 +34,7 @@ except ImportError:
 SIGNAL_POLL_S = 0.1
 #: Wall time (s) that DDS may take to be taken down, of less than one in general; before the runner
 #: kills what has not ended.
-MAX_TEARDOWN_S = 6
+MAX_TEARDOWN_S = 3
 
 
 class StopRequest:

@@ -15,7 +15,7 @@ from cam_rig.errors import CamRigError
 from cam_rig.extras import require
 from cam_rig.panel.bench.setup import Setup
 from cam_rig.runner.domain_lock import domain_number, own_domain
-from cam_rig.runner.graph import Graph, InterruptError
+from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_table import DRIVE, OPTIONAL, PANEL
 from cam_rig.runner.nodes_of_run import steered
 from cam_rig.schema import RigConfig
@@ -128,11 +128,7 @@ class BenchRunner:
                     while not graph.finished and following is None:
                         graph.look()
                         following = self._next()
-                if graph.interrupted is not None:
-                    raise InterruptError(graph.interrupted)
                 self.tell({"graph": "ended"})
-        except InterruptError:
-            raise
         except CamRigError as error:
             self.tell({"graph": "failed", "words": str(error)})
         return following
@@ -167,7 +163,7 @@ class BenchRunner:
         try:
             yield bag
             ended_by_hand = replaced()
-        except InterruptError:
+        except KeyboardInterrupt:
             ended_by_hand = True
             raise
         finally:

@@ -9,6 +9,7 @@ from threading import Event
 from urllib.parse import parse_qs
 
 from cam_rig.errors import CamRigError
+from cam_rig.interrupts import interruptible
 from cam_rig.units import NS
 from cam_rig.viewer.server.scripts import REPORT_EVERY_S
 
@@ -45,6 +46,7 @@ class PageTime:
         late = 0.0 if at == len(self._driven) else now - self._when[at]
         self._reported, self.longest = (now, late), max(late, self.longest or 0.0)
 
+    @interruptible
     def wait(self, alive: Callable[[], bool]) -> None:
         """Wait until a page shows the viewer.
 

@@ -13,6 +13,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from cam_rig.errors import CamRigError
+from cam_rig.interrupts import interruptible
+from cam_rig.live.loopback import require_loopback
 
 ADVICE = (
     "use --web for a browser, or --save FILE.rrd and open the file where there is a screen, "
@@ -35,7 +37,7 @@ OPTIONS = ("--bind", HOST, "--hide-welcome-screen")
 #: Wall time (s) that the viewer has to listen.
 TIMEOUT_S = 30.0
 #: Wall time (s) that it has to end, once asked.
-END_S = 10.0
+END_S = 3.0
 #: The viewer reports no usage where CI is set. Its own switch would change the user's settings.
 SILENT = {"RUST_LOG": "error", "CI": "1"}
 
@@ -107,17 +109,23 @@ def listening(*arguments: str, ports: tuple[int, ...]) -> Iterator[subprocess.Po
 
     Raises
     ------
-    CamRigError : it ended, or does not listen
+    CamRigError : it ended, or does not listen; there is no loopback
     """
+    require_loopback()
     with child(*arguments) as process:
-        deadline = time.monotonic() + TIMEOUT_S
-        while not all(_open(port) for port in ports):
-            if process.poll() is not None:
-                raise CamRigError(f"the viewer ended with code {process.returncode}; {ADVICE}")
-            if time.monotonic() > deadline:
-                raise CamRigError(f"the viewer does not listen after {TIMEOUT_S:g} s; {ADVICE}")
-            time.sleep(0.05)
+        _await(process, ports)
         yield process
+
+
+@interruptible
+def _await(process: subprocess.Popen[bytes], ports: tuple[int, ...]) -> None:
+    deadline = time.monotonic() + TIMEOUT_S
+    while not all(_open(port) for port in ports):
+        if process.poll() is not None:
+            raise CamRigError(f"the viewer ended with code {process.returncode}; {ADVICE}")
+        if time.monotonic() > deadline:
+            raise CamRigError(f"the viewer does not listen after {TIMEOUT_S:g} s; {ADVICE}")
+        time.sleep(0.05)
 
 
 @contextmanager

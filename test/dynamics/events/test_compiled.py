@@ -150,6 +150,7 @@ def run(**environment):
         check=True,
         env=own | environment,
         cwd=Path(__file__).parents[3],
+        timeout=100,
     )
     return done.stdout.splitlines(), done.stderr
 

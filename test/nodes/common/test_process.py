@@ -18,7 +18,7 @@ def test_a_middleware_that_never_returns_is_left(failed, code):
         "process.MAX_TEARDOWN_S = 1",
         f"with process.bounded(failed={failed}): ctypes.PyDLL(None).sleep(600)",
     )
-    ended = subprocess.run([sys.executable, "-c", "\n".join(lines)], check=False)
+    ended = subprocess.run([sys.executable, "-c", "\n".join(lines)], check=False, timeout=100)
     assert ended.returncode == code
 
 
@@ -32,5 +32,5 @@ def test_a_bound_ends_with_what_it_is_for():
         "    with process.bounded(failed): pass",
         "time.sleep(1.5)",
     )
-    ended = subprocess.run([sys.executable, "-c", "\n".join(lines)], check=False)
+    ended = subprocess.run([sys.executable, "-c", "\n".join(lines)], check=False, timeout=100)
     assert ended.returncode == 0

@@ -46,9 +46,18 @@ def test_help_starts_nothing():
         "import sys; sys.modules['rclpy'] = None; sys.argv[1:] = ['--help'];"
         "from cam_rig.nodes.__main__ import follower; follower()"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=100
+    )
     assert done.stdout == usage("follower") + "\n"
     command = [sys.executable, "-m", "cam_rig.nodes"]
-    named = subprocess.run([*command, "--help"], capture_output=True, text=True, check=True)
+    named = subprocess.run(
+        [*command, "--help"], capture_output=True, text=True, check=True, timeout=100
+    )
     assert all(name in named.stdout for name in NODES)
-    assert subprocess.run([*command, "folower"], capture_output=True, check=False).returncode == 1
+    assert (
+        subprocess.run(
+            [*command, "folower"], capture_output=True, check=False, timeout=100
+        ).returncode
+        == 1
+    )

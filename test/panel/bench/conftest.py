@@ -114,6 +114,7 @@ class RunningPanel:
             capture_output=True,
             text=True,
             check=False,
+            timeout=100,
         )
         lines = [line.split() for line in found.stdout.splitlines() if "-m cam_rig.nodes " in line]
         return {words[words.index("cam_rig.nodes") + 1]: int(words[0]) for words in lines}

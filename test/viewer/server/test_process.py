@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import signal
 import subprocess
@@ -15,7 +14,7 @@ from typer.testing import CliRunner
 
 from cam_rig.cli.runs.view import view
 from cam_rig.errors import CamRigError
-from cam_rig.viewer.run_recorder import RunRecorder
+from cam_rig.interrupts import STOPPING
 from cam_rig.viewer.server import process as viewer
 
 from ..conftest import SmallBag
@@ -117,45 +116,21 @@ def test_options_that_do_not_go_together_are_refused(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("before", [signal.SIG_IGN, signal.default_int_handler])
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+@pytest.mark.parametrize("number", STOPPING)
 def test_nothing_is_left_of_a_file_that_was_interrupted(
-    bag: SmallBag,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    number: signal.Signals,
-    before: signal.Handlers,
+    bag: SmallBag, tmp_path: Path, number: signal.Signals
 ) -> None:
-    """The signal comes in the middle of the drawing: code 130, and no part of the file.
-
-    Also where it was ignored before, as behind `nohup` or in the background of a script.
-    """
-    seen: list[list[str]] = []
-
-    def interrupt(*_: object) -> None:
-        seen.append(os.listdir(tmp_path))
-        os.kill(os.getpid(), number)
-
-    monkeypatch.setattr(RunRecorder, "tick", interrupt)
-    own = signal.signal(number, before)
-    try:
-        result = CliRunner().invoke(app, [str(bag.path), "--save", str(tmp_path / "a.rrd")])
-        assert signal.getsignal(number) is before
-    finally:
-        signal.signal(number, own)
-    assert seen == [["a.rrd.drawn.part"]]
-    assert result.exit_code == 130
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_an_interrupted_process_ends_with_130(bag: SmallBag, tmp_path: Path) -> None:
-    """As a shell sees it."""
+    """The signal comes in the middle of the drawing: 128 + signal, and no part of the file."""
     stop = (
-        "import os, signal; from cam_rig.viewer.run_recorder import RunRecorder as R\n"
-        "R.tick = lambda *a: os.kill(os.getpid(), signal.SIGTERM)\n"
-        "from cam_rig.cli.main import main; main()"
+        "import os; from cam_rig.viewer.run_recorder import RunRecorder as R\n"
+        f"seen = lambda: print(os.listdir({str(tmp_path)!r}))\n"
+        f"R.tick = lambda *a: (seen(), os.kill(os.getpid(), {number}))\n"
+        "from cam_rig.cli import start; start()"
     )
     arguments = ["view", str(bag.path), "--save", str(tmp_path / "a.rrd")]
-    ended = subprocess.run([sys.executable, "-c", stop, *arguments], check=False)
-    assert ended.returncode == 130
+    command = [sys.executable, "-c", stop, *arguments]
+    ended = subprocess.run(command, check=False, capture_output=True, text=True, timeout=100)
+    assert ended.stdout == "['a.rrd.drawn.part']\n"
+    assert ended.returncode == 128 + number
+    assert ended.stderr.rstrip().endswith(f"cam-rig: interrupted by {number.name}")
     assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,87 @@
+"""What cannot be written ends a command in one line, wherever it writes."""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
+COMMAND = Path(sys.executable).with_name("cam-rig")
+#: Commands by what they write to stdout.
+PRINTED = {
+    "version": "--version",
+    "help": "--help",
+    "json": "simulate quick --json -",
+    "csv": "laws --csv -",
+    "model": "urdf quick",
+    "address": "panel",
+}
+#: Commands that write a file, for each part of the package that does.
+WRITTEN = {
+    "json": "simulate quick --json a.json",
+    "csv": "simulate quick --csv a.csv",
+    "png": "simulate quick --plot a.png",
+    "law": "law poly345 --out a.svg",
+    "page": "report quick --out a.html",
+    "markdown": "report quick --out a.md",
+    "dxf": "profile poly345 --out a.dxf",
+    "contour": "profile poly345 --out a.csv",
+    "parquet": "export {golden} --to a.parquet",
+    "samples": "export {golden} --to a.csv",
+    "numpy": "export {golden} --to a.npz",
+    "sound": "listen quick --out a.wav",
+    "recording": "view {golden} --save a.rrd",
+    "rows": "campaign tolerance_poly345 --points 2 --jobs 1 --out rows",
+    "cam": "design poly345 --minimise peak_acceleration --out a.yaml",
+}
+#: Bytes that a file may have, fewer than any of these has.
+MOST = 512
+#: Those of an ordinary run.
+QUICK_ONES = ("json", "markdown", "numpy")
+
+
+def lines(command: str, folder: Path, **how: object) -> tuple[int, list[str]]:
+    """The exit code, and what it says of itself."""
+    done = subprocess.run(
+        [COMMAND, *command.format(golden=GOLDEN).split()],
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=folder,
+        check=False,
+        timeout=100,
+        **how,
+    )
+    assert "Traceback" not in done.stderr and "Exception ignored" not in done.stderr, done.stderr
+    return done.returncode, [x for x in done.stderr.splitlines() if x.startswith("cam-rig: ")]
+
+
+@pytest.mark.parametrize("what", PRINTED)
+def test_a_stdout_that_is_full(what: str, tmp_path: Path) -> None:
+    """Its reader would take half a result for a whole one; the code says that it is none."""
+    with open("/dev/full", "wb") as full:
+        code, told = lines(PRINTED[what], tmp_path, stdout=full)
+    assert code == 1
+    (line,) = told
+    assert "stdout" in line and "No space left on device" in line
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "what", [x if x in QUICK_ONES else pytest.param(x, marks=pytest.mark.long) for x in WRITTEN]
+)
+def test_a_file_that_may_not_have_its_size(what: str, tmp_path: Path) -> None:
+    """As on a full disk: nothing of it is left."""
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (MOST, MOST))
+
+    code, told = lines(WRITTEN[what], tmp_path, stdout=subprocess.DEVNULL, preexec_fn=limit)
+    assert code == 1
+    (line,) = told
+    assert "cannot be" in line or "can be written" in line
+    assert "raceback" not in line and ".part" not in line
+    assert not [path for path in tmp_path.rglob("*") if path.is_file() and path.name != ".lock"]
