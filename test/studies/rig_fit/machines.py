@@ -24,16 +24,16 @@ SPEEDS = {
     ("one_mass", "in contact"): (0.3, 0.5, 0.7, 0.85, 0.95),
     ("one_mass", "mixed"): (0.35, 0.55, 0.75, 0.95, 1.08),
     ("one_mass", "landings"): (0.6, 1.04, 1.08, 1.15),
-    ("separation", "in contact"): (0.25, 0.35, 0.45, 0.55, 0.65),
-    ("separation", "mixed"): (0.35, 0.5, 0.65, 1.05),
+    ("two_mass", "in contact"): (0.25, 0.35, 0.45, 0.55, 0.65),
+    ("two_mass", "mixed"): (0.35, 0.5, 0.65, 1.05),
 }
 NOISES = ("normal", "Laplace", "correlated")
 #: Of ten machines in their turn, model and speeds; those that take least time come most often.
 TURNS = (
     *(("one_mass", "in contact"), ("one_mass", "mixed"), ("one_mass", "in contact")),
-    *(("one_mass", "landings"), ("one_mass", "in contact"), ("separation", "in contact")),
+    *(("one_mass", "landings"), ("one_mass", "in contact"), ("two_mass", "in contact")),
     *(("one_mass", "mixed"), ("one_mass", "landings"), ("one_mass", "in contact")),
-    ("separation", "mixed"),
+    ("two_mass", "mixed"),
 )
 #: How far each speed scatters, and the correlation of neighbours where noise has one.
 SCATTER, ALIKE = 0.02, (0.5, 0.95)
