@@ -25,6 +25,7 @@ from starlette.staticfiles import StaticFiles
 from cam_rig.errors import ConfigError
 from cam_rig.panel.guard import Guard
 from cam_rig.panel.messages import MAX_MESSAGE
+from cam_rig.viewer.server.access import Access
 from cam_rig.viewer.server.process import HOST
 
 STATIC = Path(__file__).parent / "static"
@@ -101,7 +102,7 @@ def serve(
         raise ConfigError(f"--lang: is {language!r}; allowed: {', '.join(languages())}")
     with _listener(port) as listener:
         served = application(*pages, language=language)
-        guard = Guard(served, int(listener.getsockname()[1]), home=home)
+        guard = Guard(served, Access(int(listener.getsockname()[1])), home)
         config = uvicorn.Config(
             guard,
             log_config=None,
@@ -124,7 +125,7 @@ def serve(
         thread = threading.Thread(target=run, daemon=True)
         thread.start()
         try:
-            yield ServedPanel(guard.address, ended)
+            yield ServedPanel(guard.access.address, ended)
         finally:
             server.should_exit = True
             thread.join()
