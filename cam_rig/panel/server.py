@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import logging
 import socket
 import threading
 from collections.abc import AsyncIterator, Iterator, Sequence
@@ -113,6 +114,7 @@ def serve(
             timeout_graceful_shutdown=1,
             server_header=False,
         )
+        logging.getLogger("uvicorn.error").addFilter(_in_one_line)
         server = uvicorn.Server(config)
         ended = threading.Event()
 
@@ -129,6 +131,13 @@ def serve(
         finally:
             server.should_exit = True
             thread.join()
+
+
+def _in_one_line(record: logging.LogRecord) -> bool:
+    """A page's message that is no UTF-8 is not worth a traceback."""
+    if record.exc_info and isinstance(record.exc_info[1], UnicodeDecodeError):
+        record.exc_info = None
+    return True
 
 
 def _listener(port: int) -> socket.socket:
