@@ -21,7 +21,7 @@ let now = null;
 // -- what is there once -----------------------------------------------------------------------------
 function heading(model) {
   const said = text("bench_title", { rig: about.rig.title, model: text(`model_${model}`) });
-  for (const id of ["title", "poster_title"]) if ($(id) && $(id).textContent !== said) $(id).textContent = said;
+  if ($("title").textContent !== said) $("title").textContent = said;
 }
 heading(about.model);
 document.title = `${text("nav_bench")} – cam_rig`;
@@ -228,5 +228,8 @@ async function post({ state, setup, drive }) {
   if (cam === posted) return;
   posted = cam;
   const answer = await fetch(`/bench/cam/${encodeURIComponent(cam)}`);
-  if (answer.ok && cam === posted) poster.draw((await answer.json()).discs, true);
+  if (!answer.ok || cam !== posted) return;
+  const { title, discs } = await answer.json();
+  $("poster_title").textContent = title;
+  poster.draw(discs, true);
 }
