@@ -31,12 +31,13 @@ from cam_rig.viewer.server.viewer_files import ViewerFile, viewer_files
 
 #: A viewer that keeps nothing from one visit to the next.
 QUERY = "?hide_welcome_screen&persist=0&notebook=0&renderer=webgl"
+#: Rerun's code asks without cookies, and this server answers nobody without.
 GUARD = """<script>
 const ask = window.fetch;
 window.fetch = (what, how) => {
-  const url = new URL(what instanceof Request ? what.url : what, location.href);
-  const here = url.host === location.host;
-  return here ? ask(what, how) : Promise.resolve(new Response(null, { status: 204 }));
+  const asked = new Request(new Request(what, how), { credentials: "same-origin" });
+  const here = new URL(asked.url).host === location.host;
+  return here ? ask(asked) : Promise.resolve(new Response(null, { status: 204 }));
 };
 </script>"""
 #: The panel shows the page in a frame of its own.
