@@ -19,7 +19,6 @@ from cam_rig.nodes.common.rig_node import RigNode
 from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.viewer.live_view import LiveView
 from cam_rig.viewer.recording import polygon
-from cam_rig.viewer.server.page_delay import PageDelay
 from cam_rig.viewer.server.process import require_display, window
 
 #: Messages that may wait per topic: a drive need not wait for the viewer.
@@ -33,10 +32,7 @@ SEND_EVERY_S = 0.25
 
 
 class Viewer(RigNode):
-    """Draws into the viewer at ``address``, or a window of its own; publishes how far it has.
-
-    It sends less while the page at ``page``, which shows the picture, is behind.
-    """
+    """Draws to ``address``, a viewer or a page's folder, or a window; publishes how far it has."""
 
     def __init__(self) -> None:
         super().__init__("viewer")
@@ -45,9 +41,7 @@ class Viewer(RigNode):
         if not address:
             require_display()
             _, address = self._windows.enter_context(window())
-        self._page = PageDelay(self.given["page"]) if self.given["page"] else None
-        behind = None if self._page is None else self._page.behind
-        self._view, self._received = LiveView(self._loaded, address, behind), 0
+        self._view, self._received = LiveView(self._loaded, address), 0
         self._shown, feed = self.publisher(topics.SHOWN), self._view.feed
         handlers: dict[topics.Topic, Callable[[Any], None]] = {
             topics.PROFILE: self._on_profile,
@@ -91,7 +85,5 @@ class Viewer(RigNode):
 
     def close(self) -> None:
         """Send the rest; a window of our own closes."""
-        if self._page is not None:
-            self._page.close()
         self._view.close()
         self._windows.close()

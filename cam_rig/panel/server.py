@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import logging
 import socket
 import threading
 from collections.abc import AsyncIterator, Iterator, Sequence
@@ -26,6 +27,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.live.loopback import require_loopback
 from cam_rig.panel.guard import Guard
 from cam_rig.panel.messages import MAX_MESSAGE
+from cam_rig.viewer.server.access import Access
 from cam_rig.viewer.server.process import HOST
 
 STATIC = Path(__file__).parent / "static"
@@ -105,7 +107,7 @@ def serve(
         raise ConfigError(f"--lang: is {language!r}; allowed: {', '.join(languages())}")
     with _listener(port) as listener:
         served = application(*pages, language=language)
-        guard = Guard(served, int(listener.getsockname()[1]), home=home)
+        guard = Guard(served, Access(int(listener.getsockname()[1])), home)
         config = uvicorn.Config(
             guard,
             log_config=None,
@@ -116,6 +118,7 @@ def serve(
             timeout_graceful_shutdown=1,
             server_header=False,
         )
+        logging.getLogger("uvicorn.error").addFilter(_in_one_line)
         server = uvicorn.Server(config)
         ended = threading.Event()
 
@@ -128,10 +131,17 @@ def serve(
         thread = threading.Thread(target=run, daemon=True)
         thread.start()
         try:
-            yield ServedPanel(guard.address, ended)
+            yield ServedPanel(guard.access.address, ended)
         finally:
             server.should_exit = True
             thread.join(END_S)  # a request that computes does not keep the command
+
+
+def _in_one_line(record: logging.LogRecord) -> bool:
+    """A page's message that is no UTF-8 is not worth a traceback."""
+    if record.exc_info and isinstance(record.exc_info[1], UnicodeDecodeError):
+        record.exc_info = None
+    return True
 
 
 def _listener(port: int) -> socket.socket:

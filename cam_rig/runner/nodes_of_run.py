@@ -24,19 +24,18 @@ def live(
     bag: Path,
     screen: str | None = None,
     split: Split | None = None,
-    page: str = "",
     **drive: str | bool | float,
 ) -> dict[str, Arguments]:
     """The nodes of a run in the order of the table, with their parameters.
 
-    ``screen`` is the address that a viewer draws the run to; None starts no viewer. ``split`` has
-    the limits of each file of the bag. ``page`` is the address of the page that shows the picture.
+    ``screen`` is where a viewer draws the run to; None starts no viewer. ``split`` has the limits
+    of each file of the bag.
     """
     names = [entry.name for entry in NODES if screen is not None or entry.name != VIEWER]
     consumers = [name for name in names if name in CONSUMERS]
     given: dict[str, Arguments] = {
         RECORDER: {"bag": str(bag), **(split or Split()).parameters},
-        VIEWER: {"address": screen or "", **({"page": page} if page else {})},
+        VIEWER: {"address": screen or ""},
         # a node that has ended is noticed here at once, so a busy machine may answer late
         DRIVE: {"consumers": consumers, "patience": PATIENCE_S, **drive},
     }
@@ -53,9 +52,9 @@ def replayed(scene: Path, bag: Path, recorded: Path) -> dict[str, Arguments]:
 
 
 def steered(
-    scene: Path, bag: Path, socket: Path, screen: str | None, page: str, **drive: str | bool | float
+    scene: Path, bag: Path, socket: Path, screen: str | None, **drive: str | bool | float
 ) -> dict[str, Arguments]:
     """The nodes of a run that a page steers, through the panel's node at ``socket``."""
-    nodes = live(scene, bag, screen, None, page, **drive)
+    nodes = live(scene, bag, screen, None, **drive)
     panel: Arguments = {"scene": str(scene), "at_end": WAIT, "socket": str(socket)}
     return {PANEL.name: panel} | nodes

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from functools import partial
+from pathlib import Path
 
 import rerun as rr
 
@@ -18,6 +19,7 @@ from cam_rig.viewer.options import Layout
 from cam_rig.viewer.pace import FramePace
 from cam_rig.viewer.recording import APPLICATION, name_recording
 from cam_rig.viewer.run_recorder import RunRecorder
+from cam_rig.viewer.server.live_folder import new_recording, page_delay
 
 #: Two points of a curve are all that a screen shows at one place along it: so many places.
 ACROSS_SCREEN = 1000
@@ -33,16 +35,11 @@ class LiveView:
 
     Parameters
     ----------
-    address : the viewer's, ``rerun+http://127.0.0.1:9876/proxy`` for one
-    behind : how far (s) the page that shows it is behind, None while that is not known
+    address : the viewer's, ``rerun+http://127.0.0.1:9876/proxy`` for one, or the folder that a
+        page reads
     """
 
-    def __init__(
-        self,
-        loaded: LoadedScene,
-        address: str,
-        behind: Callable[[], float | None] | None = None,
-    ) -> None:
+    def __init__(self, loaded: LoadedScene, address: str) -> None:
         duration, tick = (length / NS for length in run_length(loaded.scene))
         window = live_window(tick)
         bucket = screen_bucket(window, loaded.scene.sample_rate.si)
@@ -50,12 +47,16 @@ class LiveView:
         ranges = scene_ranges(loaded)
         plan = blueprint(Layout.RUN, loaded, duration, bucket, rpm, ranges.whole, window)
         self._address, self._stream = address, rr.RecordingStream(APPLICATION)
+        self._read = "://" not in address  # by a page, as a file
         try:
-            self._stream.connect_grpc(address, default_blueprint=plan)
-        except (RuntimeError, ValueError) as error:
+            if self._read:
+                self._stream.save(new_recording(Path(address)), default_blueprint=plan)
+            else:
+                self._stream.connect_grpc(address, default_blueprint=plan)
+        except (RuntimeError, ValueError, OSError) as error:
             raise CamRigError(f"{address}: no viewer can be reached there ({error})") from None
         name_recording(self._stream, loaded.scene.title)
-        self._pace = FramePace(behind)
+        self._pace = FramePace(partial(page_delay, Path(address)) if self._read else None)
         # a block and the tick that makes it whole fit into the window: no curve is ever out of it
         block = window - tick
         self._drawing = RunRecorder(

@@ -7,9 +7,11 @@ import signal
 import socket
 import subprocess
 import sys
+import time
+from contextlib import suppress
 from http.client import HTTPConnection
 from pathlib import Path
-from urllib.parse import urlsplit
+from urllib.parse import unquote, urlsplit
 
 import pytest
 from typer.testing import CliRunner
@@ -45,6 +47,61 @@ def test_it_serves_until_it_is_ended_and_leaves_no_process(number: signal.Signal
     assert not [child for child in children if Path(f"/proc/{child}").exists()]
     with socket.socket() as caller:
         assert caller.connect_ex(("127.0.0.1", url.port or 0)) != 0
+
+
+#: Stands for a browser: says with what it was called, and stays.
+BROWSER = """#!{python}
+import pathlib, sys, time
+pathlib.Path({said!r}).write_text(chr(10).join(sys.argv[1:]))
+time.sleep(600)
+"""
+
+
+def test_the_token_is_in_no_process_that_another_user_sees(tmp_path: Path) -> None:
+    """Nobody else's list of processes has it while the browser runs; the file with it is ours."""
+    said, browser = tmp_path / "said", tmp_path / "browser"
+    browser.write_text(BROWSER.format(python=sys.executable, said=str(said)))
+    browser.chmod(0o700)
+    with subprocess.Popen(
+        [*COMMAND, "--open"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env=os.environ | {"BROWSER": f"{browser} %s &"},
+    ) as process:
+        try:
+            assert process.stdout is not None
+            address = process.stdout.readline().strip()
+            token = address.partition("token=")[2].encode()
+            assert token
+            end = time.monotonic() + 60.0
+            while not (said.exists() and said.read_text()):
+                assert time.monotonic() < end, "no browser was opened"
+                time.sleep(0.02)
+            for arguments in Path("/proc").glob("[0-9]*/cmdline"):
+                with suppress(OSError):  # it has ended meanwhile
+                    assert token not in arguments.read_bytes()
+            assert len(browsers(browser)) == 1
+            page = Path(unquote(urlsplit(said.read_text()).path))
+            assert address in page.read_text(encoding="utf-8")
+            assert page.stat().st_mode & 0o777 == 0o600
+            assert page.parent.stat().st_mode & 0o777 == 0o700
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.wait(60)
+            for child in browsers(browser):
+                os.kill(child, signal.SIGKILL)
+    assert not page.exists()
+
+
+def browsers(script: Path) -> list[int]:
+    """The processes that run a script."""
+    found = []
+    for arguments in Path("/proc").glob("[0-9]*/cmdline"):
+        with suppress(OSError):
+            if str(script).encode() in arguments.read_bytes().split(b"\0"):
+                found.append(int(arguments.parts[2]))
+    return found
 
 
 def test_a_port_in_use_is_one_line() -> None:

@@ -9,7 +9,8 @@ from cam_rig.runner.graph import Graph
 from cam_rig.schema import load_scene
 from cam_rig.schema.load import config_root
 from cam_rig.viewer.recording import save_recording
-from cam_rig.viewer.server.process import free_port, listening, stream_address
+from cam_rig.viewer.server.live_folder import newest_recording
+from cam_rig.viewer.server.process import free_port, stream_address
 
 pytestmark = [pytest.mark.ros, pytest.mark.filterwarnings("ignore:RRD file has no footer")]
 QUICK = config_root() / "scenes" / "quick.yaml"
@@ -54,15 +55,14 @@ def test_the_live_picture_is_the_bags(ros_domain, wait_for, rig, tmp_path):
 
     Of every two samples of this scene a live curve has the least and the greatest.
     """
-    bag, seen_file, port = tmp_path / "bag", tmp_path / "live.rrd", free_port()
-    arguments = ("--serve-grpc", "--port", str(port), "--save", str(seen_file))
-    with listening(*arguments, ports=(port,)):
-        with Graph(rig.live(QUICK, bag, stream_address(port))) as graph:
-            for _ in graph.progress():
-                pass
-        assert graph.processes["viewer"].code == 0
-        recorded = as_recorded(bag, tmp_path)
-        seen = wait_for(lambda: arrived(seen_file, recorded))
+    bag, folder = tmp_path / "bag", tmp_path / "page"
+    folder.mkdir()
+    with Graph(rig.live(QUICK, bag, str(folder))) as graph:
+        for _ in graph.progress():
+            pass
+    assert graph.processes["viewer"].code == 0
+    recorded = as_recorded(bag, tmp_path)
+    seen = wait_for(lambda: arrived(newest_recording(folder), recorded))
     for name in CURVES:
         times, values = seen[name].T
         there = np.isin(recorded[name][:, 0], times)
@@ -77,25 +77,25 @@ def test_the_live_picture_is_the_bags(ros_domain, wait_for, rig, tmp_path):
 @pytest.mark.long
 def test_a_killed_viewer_is_started_again(ros_domain, wait_for, rig, tmp_path):
     """A spectator does not cost the measurement: the bag is whole, and the new one sees the end."""
-    bag, seen_file, port = tmp_path / "bag", tmp_path / "live.rrd", free_port()
-    logged, address = [], stream_address(port)
-    with listening("--serve-grpc", "--port", str(port), "--save", str(seen_file), ports=(port,)):
-        with Graph(rig.live(QUICK, bag, address, pacing="1x"), log=logged.append) as graph:
-            for report in graph.progress():
-                if report["tick"] == 2:
-                    graph.processes["viewer"].process.kill()
-        recorded = as_recorded(bag, tmp_path)
-        seen = wait_for(lambda: arrived(seen_file, recorded))
+    bag, folder, logged = tmp_path / "bag", tmp_path / "page", []
+    folder.mkdir()
+    with Graph(rig.live(QUICK, bag, str(folder), pacing="1x"), log=logged.append) as graph:
+        for report in graph.progress():
+            if report["tick"] == 2:
+                graph.processes["viewer"].process.kill()
+    recorded = as_recorded(bag, tmp_path)
+    seen = wait_for(lambda: curves(newest_recording(folder)))
     assert ["viewer" in line and "started again" in line for line in logged] == [True]
     for name in CURVES:
         np.testing.assert_array_equal(seen[name][-1], recorded[name][-1], err_msg=name)
 
 
 @pytest.mark.long
-def test_without_a_viewer_the_run_goes_on(ros_domain, rig, tmp_path):
+@pytest.mark.parametrize("address", [stream_address(free_port()), "/no/such/folder"])
+def test_without_a_viewer_the_run_goes_on(ros_domain, rig, tmp_path, address):
     """Nobody listens at the address: the bag is whole all the same."""
     bag = tmp_path / "bag"
-    with Graph(rig.live(QUICK, bag, stream_address(free_port()))) as graph:
+    with Graph(rig.live(QUICK, bag, address)) as graph:
         for _ in graph.progress():
             pass
     require_complete(bag, load_scene(QUICK))

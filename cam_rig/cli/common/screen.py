@@ -6,14 +6,14 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from subprocess import Popen
+from threading import Event
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from rich.markup import escape
 
 from cam_rig.cli.common.console import console
-from cam_rig.errors import CamRigError, ConfigError
+from cam_rig.errors import ConfigError
 
 if TYPE_CHECKING:
     from cam_rig.viewer.server.page_time import PageTime
@@ -27,13 +27,12 @@ LINE_EVERY_S = 10.0
 class Screen:
     """``address`` is where the picture is sent, None for nowhere; ``stay`` waits for its end.
 
-    ``page`` is what a browser shows of it, at ``page_address``.
+    ``page`` is what a browser shows of it.
     """
 
     address: str | None = None
     stay: Callable[[], None] = lambda: None
     page: PageTime | None = None
-    page_address: str = ""
 
 
 class DelayReport:
@@ -92,13 +91,8 @@ def open_screen(view: bool, web: bool, wait_for_it: bool = False) -> Iterator[Sc
             print(pages.address, flush=True)
             console.print("open this address in a browser, now or after the run")
             if wait_for_it:
-                pages.page.wait(lambda: pages.viewer.poll() is None)
-            yield Screen(
-                pages.stream,
-                lambda: stay_until_interrupted(pages.viewer),
-                pages.page,
-                pages.address,
-            )
+                pages.page.wait()
+            yield Screen(str(pages.folder), stay_until_interrupted, pages.page)
     elif view:
         from cam_rig.viewer.server.process import require_display, wait, window
 
@@ -109,15 +103,7 @@ def open_screen(view: bool, web: bool, wait_for_it: bool = False) -> Iterator[Sc
         yield Screen()
 
 
-def stay_until_interrupted(viewer: Popen[bytes]) -> None:
-    """Serve until Ctrl-C, which is how it is meant to end.
-
-    Raises
-    ------
-    CamRigError : the viewer that serves ended before, or while the run was on
-    """
+def stay_until_interrupted() -> None:
+    """Serve until Ctrl-C, which is how it is meant to end."""
     console.print("Ctrl-C ends the viewer")
-    raise CamRigError(
-        f"the viewer's server ended with code {viewer.wait()}; show the bag again with: "
-        "cam-rig view BAG --web"
-    )
+    Event().wait()

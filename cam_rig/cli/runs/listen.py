@@ -20,6 +20,8 @@ if TYPE_CHECKING:  # a second of imports, which `--help` should not pay
 RATE = 48_000
 #: s, how long one speed is held by default.
 SECONDS = 5.0
+#: The frequency weightings of the levels, in words.
+WEIGHTED = {"A": "A-weighted", "C": "C-weighted", "Z": "unweighted (Z), as in tables"}
 
 
 def listen(
@@ -97,11 +99,14 @@ def _write(path: Path, samples: bytes) -> None:
 def _show(measured: Measurement, out: Path, scale: float, seconds: float, calibrated: bool) -> None:
     from cam_rig.simulation.calibrated import RELATIVE_NOTE
 
-    levels = ", ".join(f"{name} {level:.1f}" for name, level in measured.levels.items())
     console.print(
         f"{out}: {seconds:.1f} s; full scale is {scale:g} Pa, peak {measured.peak_pa:.3g} Pa"
     )
-    console.print(f"{levels} dB, class 1 up to {measured.class_1_up_to_hz / 1000.0:g} kHz")
+    for weighting, words in WEIGHTED.items():
+        own = {name: x for name, x in measured.levels.items() if name.startswith(f"L{weighting}")}
+        levels = ", ".join(f"{name} {level:.1f}" for name, level in own.items())
+        console.print(f"{words}: {levels} dB")
+    console.print(f"class 1 up to {measured.class_1_up_to_hz / 1000.0:g} kHz")
     if measured.overload:
         console.print("[bold]overload:[/] beyond the meter's 130 dB")
     if measured.under_range:

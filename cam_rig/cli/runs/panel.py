@@ -15,6 +15,14 @@ from cam_rig.errors import CamRigError, ConfigError
 
 #: What is drawn and turned if nothing else is named.
 CAM, RIG = "poly345", "paper_table2"
+#: A page that leads to an address.
+REDIRECT = """<!doctype html>
+<meta charset="utf-8">
+<meta name="referrer" content="no-referrer">
+<meta http-equiv="refresh" content="0; url={address}">
+<title>cam_rig</title>
+<a href="{address}">cam-rig panel</a>
+"""
 
 
 Names = Annotated[
@@ -74,7 +82,8 @@ def panel(
     Prints an address on this machine and serves it until Ctrl-C. On the drawing board the
     ordinates of a law are handles on its curve; s to s''', contact force, spectrum and jump speeds
     follow. The bench runs the nodes: knob, level meter, sound, readings, the rig in Rerun. The
-    address has a token: no other page, user or machine gets anything.
+    address has a token: without it no page, user or machine gets anything of the pages, Rerun's
+    among them. The bench's nodes are open to ROS on this machine, as those of every run.
 
     A lab sheet asks a student for jump speeds of springs, masses and preloads, and keeps the
     readings as CSV. A seed hides another rig behind it; the marks say how far a reading is off.
@@ -180,8 +189,16 @@ def _serve(
             print(served.address, flush=True)
             console.print("Ctrl-C ends the panel")
             if open_browser:
-                import webbrowser
-
-                webbrowser.open(served.address)
+                _open(served.address, folder)
             runner.run(served.alive)
     raise CamRigError("the panel's server ended")
+
+
+def _open(address: str, folder: Path) -> None:
+    """Open the browser by a file of this user's alone: every user sees a process's arguments."""
+    import webbrowser
+
+    page = folder / "panel.html"
+    page.touch(mode=0o600)
+    page.write_text(REDIRECT.format(address=address), encoding="utf-8")
+    webbrowser.open(page.as_uri())

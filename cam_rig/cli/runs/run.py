@@ -99,7 +99,7 @@ def run(
         target = bag or Path(time.strftime(f"bags/{path.stem}_%Y-%m-%d_%H-%M-%S"))
         require_new_bag(target, limits.last_number)
         with open_screen(view, web, wait) as screen:
-            nodes = live(path, target, screen.address, limits, screen.page_address, pacing=pacing)
+            nodes = live(path, target, screen.address, limits, pacing=pacing)
             _run(path, target, nodes, respawn, network, place, server, screen.page)
             if analyze:
                 from cam_rig.cli.runs.analyze import analyze_bag

@@ -122,8 +122,8 @@ def convert(
 
 def _serve(path: Path, begin: float) -> None:
     from cam_rig.cli.common.screen import stay_until_interrupted
-    from cam_rig.viewer.server.web import serve
+    from cam_rig.viewer.server.web import serve_file
 
-    with serve(path, begin) as pages:
-        print(pages.address, flush=True)
-        stay_until_interrupted(pages.viewer)
+    with serve_file(path, begin) as address:
+        print(address, flush=True)
+        stay_until_interrupted()

@@ -164,9 +164,8 @@ PARAMETERS: dict[str, tuple[Spec, ...]] = {
         SCENE,
         CHECKPOINT,
         replace(AT_END, default=WAIT),
-        Spec("address", "", "Rerun's address that the picture goes to; empty opens a window"),
-        Spec("page", "", "address of the page that shows the picture, http://127.0.0.1:PORT/, of "
-             "which less is sent while the page is behind; empty: none is asked"),
+        Spec("address", "", "Rerun's address that the picture goes to, or the folder that a page "
+             "of cam-rig reads it from; empty opens a window"),
     ),
     "panel": (
         SCENE,

@@ -5,16 +5,18 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from functools import partial
 from typing import Any
 
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from starlette.websockets import WebSocket
 
 from cam_rig.acoustics.sound_level_meter import FREQUENCY_WEIGHTINGS, TIME_WEIGHTINGS
 from cam_rig.drawing import colours
 from cam_rig.errors import CamRigError, RefusedError
+from cam_rig.laws import build_law
 from cam_rig.panel.bench.bench_page import BenchPage
 from cam_rig.panel.bench.controls import DONE, EMERGENCY_STOP, BenchControls
 from cam_rig.panel.bench.link import NodeLink
@@ -31,9 +33,11 @@ from cam_rig.panel.bench.setup import (
     cam_names,
 )
 from cam_rig.panel.board.board import Board
-from cam_rig.panel.messages import read_body, read_object
+from cam_rig.panel.board.exact import at_once
+from cam_rig.panel.messages import post
 from cam_rig.panel.server import STATIC
 from cam_rig.schema import CamConfig
+from cam_rig.schema.load import Library, config_root, load_cam
 from cam_rig.simulation.calibrated import is_calibrated
 from cam_rig.units import NS
 
@@ -64,8 +68,9 @@ class BenchPages:
         self.routes = (
             Route("/bench", self._index),
             Route("/bench/about", self._about),
+            Route("/bench/cam/{cam}", self._cam),
             Route("/bench/readings.csv", self._csv),
-            Route("/bench/mount", self._mount, methods=["POST"]),
+            post("/bench/mount", self._mount),
             WebSocketRoute("/bench/live", self._live),
         )
 
@@ -98,10 +103,15 @@ class BenchPages:
                 "rig": {"title": rig.title},
                 "has_screen": self._runner.has_screen,
                 "models": allowed_models(rig),
+                "model": self.live.setup.model,
                 "cams": cam_names(self._runner.cams),
                 "paces": PACES,
                 "knob": KNOB,
                 "speeds": (MIN_RPM, MAX_RPM),
+                "contour_colours": {
+                    "contour": colours.web(colours.BLUE),
+                    "pitch": colours.web(colours.GREEN),
+                },
                 "colours": [colours.web(colour) for colour in CAM_COLOURS],
                 "max_added_mass": MAX_ADDED_MASS,
                 "frequency_weightings": FREQUENCY_WEIGHTINGS,
@@ -109,15 +119,21 @@ class BenchPages:
             }
         )
 
-    async def _mount(self, request: Request) -> Response:
-        """Put the law of some ordinates of the board on the bench; its nodes begin if need be."""
+    async def _cam(self, request: Request) -> Response:
+        """The contour of a cam that can be mounted, as the board draws it."""
+        library = Library((self._runner.folder, config_root()))
         try:
-            given = (await read_body(request)).get("ordinates")
-            cam = self._board.drawn_cam(self._controls.drawn_name(), given)
-            await self._controls.mount(cam)
+            cam = load_cam(library.path("cams", request.path_params["cam"]))
+            found = at_once(cam, build_law(cam), self._runner.rig)
         except CamRigError as error:
-            return JSONResponse({"words": str(error)}, 409)
-        return JSONResponse({"cam": cam.name})
+            return JSONResponse({"words": str(error)}, 404)
+        return JSONResponse({"title": cam.title, "discs": found["discs"]})
+
+    async def _mount(self, body: dict[str, Any]) -> dict[str, Any]:
+        """Put the law of some ordinates of the board on the bench; its nodes begin if need be."""
+        cam = self._board.drawn_cam(self._controls.drawn_name(), body.get("ordinates"))
+        await self._controls.mount(cam)
+        return {"cam": cam.name}
 
     async def _csv(self, _: Request) -> Response:
         name = {"Content-Disposition": 'attachment; filename="readings.csv"'}
@@ -125,15 +141,11 @@ class BenchPages:
 
     async def _live(self, socket: WebSocket) -> None:
         await socket.accept()
-        page = BenchPage(socket, self._shown)
+        page = BenchPage(socket)
         self._pages.append(page)
         self._changed()
         try:
-            async with page.told():
-                while True:
-                    await self._obey(page, await socket.receive_text())
-        except WebSocketDisconnect:
-            pass
+            await page.serve(partial(self._obey, page), _refused)
         finally:
             self._pages.remove(page)  # the next one holds the controls
             self._listen()
@@ -141,17 +153,16 @@ class BenchPages:
 
     # -- commands -------------------------------------------------------------------------------
 
-    async def _obey(self, page: BenchPage, text: str) -> None:
-        """Do what a page asks, and answer it by the number of its message."""
-        number = None
+    async def _obey(self, page: BenchPage, command: dict[str, Any]) -> dict[str, Any]:
+        """Do what a page asks; the answer, with the number of its message."""
         try:
-            command = read_object(text)
-            number = command.get("number")
-            reply = await self._done(page, command)
-        except RefusedError as error:
-            reply = {"success": False, "words": str(error)}
-        await page.socket.send_json({"type": "answer"} | reply | {"answer": number})
-        self._changed()
+            return (
+                {"type": "answer"}
+                | await self._done(page, command)
+                | {"answer": command.get("number")}
+            )
+        finally:
+            self._changed()
 
     async def _done(self, page: BenchPage, command: dict[str, Any]) -> dict[str, Any]:
         match command.get("do"):
@@ -191,7 +202,7 @@ class BenchPages:
 
     def _changed(self) -> None:
         for page in self._pages:
-            page.changed.set()
+            page.tell("live", partial(self._shown, page))
 
     def _shown(self, page: BenchPage) -> dict[str, Any]:
         own = {"type": "live", "holds": page is self._pages[0], "pages": len(self._pages)}
@@ -204,3 +215,7 @@ class BenchPages:
         rig = setup.rig(self._runner.rig)
         fitted = is_calibrated(rig, setup.model)
         return (rig.radiation.calibrated_on or "measured levels") if fitted else ""
+
+
+def _refused(number: Any, words: str) -> dict[str, Any]:
+    return {"type": "answer", "success": False, "words": words, "answer": number}

@@ -94,7 +94,7 @@ class BenchRunner:
         except CamRigError as error:
             self._log(f"no picture of the rig: {error}")
         else:
-            self.screen, self._stream, self._page = pages.address, pages.stream, pages.page
+            self.screen, self._stream, self._page = pages.address, str(pages.folder), pages.page
         self.tell({"screen": self.screen})
 
     def driven(self, rig_time: float) -> None:
@@ -119,7 +119,7 @@ class BenchRunner:
         try:
             scene = setup.write(self.folder, self.rig)
             with self._bag(lambda: following is not None) as bag, own_domain():
-                nodes = steered(scene, bag, self.socket, self._stream, self.screen)
+                nodes = steered(scene, bag, self.socket, self._stream)
                 nodes[DRIVE] |= {"autostart": False, "patience": PATIENCE_S, "pacing": "real_time"}
                 for node, chosen in values.items():
                     nodes[node] |= chosen

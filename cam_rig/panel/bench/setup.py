@@ -8,12 +8,15 @@ from typing import Any
 
 import yaml
 
+from cam_rig.dynamics import TwoMassParameters
 from cam_rig.errors import ConfigError, RefusedError
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import NAME, config_root
+from cam_rig.studies.jump.any_rig import follower_of
 
 #: Models that a bench runs, and what a rig must have for each.
-MODELS = ("one_mass", "two_mass", "kinetostatic", "elastic_stem", "torsional")
+TWO_MASS = "two_mass"
+MODELS = ("one_mass", TWO_MASS, "kinetostatic", "elastic_stem", "torsional")
 #: A scene's last speed (rpm): what the viewer's axes have room for.
 DRAWN_RPM = 600.0
 SPEEDS_ARE = "the knob's first, and what the axes have room for"
@@ -54,9 +57,15 @@ class Setup:
 
     @classmethod
     def of(cls, rig: RigConfig, cam: str) -> Setup:
-        """The rig as its file has it, as one mass."""
-        own = rig.follower
-        return cls(cam, MODELS[0], 0.0, own.spring_stiffness.si, own.preload.si)
+        """The rig as its file has it: two masses where it says how its mass is split, else one.
+
+        Raises
+        ------
+        ConfigError : it splits its mass only half
+        """
+        own, two = rig.follower, isinstance(follower_of(rig), TwoMassParameters)
+        model = TWO_MASS if two else MODELS[0]
+        return cls(cam, model, 0.0, own.spring_stiffness.si, own.preload.si)
 
     def changed(self, given: dict[str, Any], rig: RigConfig) -> Setup:
         """The set-up with what a page has chosen.
@@ -133,7 +142,7 @@ class Setup:
 
 def allowed_models(rig: RigConfig) -> tuple[str, ...]:
     """The models that a rig has the numbers for."""
-    missing = set() if rig.follower.roller_share is not None else {"two_mass"}
+    missing = set() if rig.follower.roller_share is not None else {TWO_MASS}
     missing |= set() if rig.shaft is not None else {"torsional"}
     return tuple(model for model in MODELS if model not in missing)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -13,11 +13,11 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from cam_rig.errors import CamRigError, OutputError, RefusedError
+from cam_rig.errors import OutputError, RefusedError
 from cam_rig.panel.board.board import Board
 from cam_rig.panel.board.files import designed_path, require_name, write_new
 from cam_rig.panel.board.worker import beside
-from cam_rig.panel.messages import read_body
+from cam_rig.panel.messages import post
 from cam_rig.schema import CamConfig, load_cam
 
 MODULE = "cam_rig.panel.board.designer"
@@ -31,11 +31,11 @@ class Designs:
     tell : sends a message to every page
     """
 
-    def __init__(self, board: Board, tell: Callable[[dict[str, Any]], Awaitable[None]]) -> None:
+    def __init__(self, board: Board, tell: Callable[[dict[str, Any]], None]) -> None:
         self._board, self._tell = board, tell
         self._running: asyncio.Task[None] | None = None
         self.routes = (
-            Route("/design", self._begin, methods=["POST"]),
+            post("/design", self._begin),
             Route("/design/stop", self._stop, methods=["POST"]),
         )
 
@@ -47,24 +47,20 @@ class Designs:
         finally:
             await self._end()
 
-    async def _begin(self, request: Request) -> Response:
-        try:
-            name = require_name((await read_body(request)).get("name"))
-            if self._running is not None and not self._running.done():
-                raise RefusedError("design: one is running; allowed: one at a time, so stop it")
-            start = self._board.out / f"{name}.yaml"
-            out = designed_path(start)
-            if out.exists():
-                raise OutputError(f"{out}: exists already, not overwriting; move it")
-            cam = load_cam(start)
-        except CamRigError as error:
-            return JSONResponse({"words": str(error)}, 409)
-        self._running = asyncio.create_task(self._run(cam, out))
+    async def _begin(self, body: dict[str, Any]) -> Response:
+        name = require_name(body.get("name"))
+        if self._running is not None and not self._running.done():
+            raise RefusedError("design: one is running; allowed: one at a time, so stop it")
+        start = self._board.out / f"{name}.yaml"
+        out = designed_path(start)
+        if out.exists():
+            raise OutputError(f"{out}: exists already, not overwriting; move it")
+        self._running = asyncio.create_task(self._run(load_cam(start), out))
         return JSONResponse({"path": str(out)}, 202)
 
     async def _stop(self, _: Request) -> Response:
         await self._end()
-        await self._tell({"type": "design", "stopped": True})
+        self._tell({"type": "design", "stopped": True})
         return JSONResponse({})
 
     async def _end(self) -> None:
@@ -87,8 +83,8 @@ class Designs:
             while line := await process.stdout.readline():
                 found = json.loads(line)
                 if "so_far_rpm" in found:
-                    await self._tell({"type": "design"} | found)
-        await self._tell({"type": "design"} | _written(found, out))
+                    self._tell({"type": "design"} | found)
+        self._tell({"type": "design"} | _written(found, out))
 
 
 def _written(found: dict[str, Any], out: Path) -> dict[str, Any]:

@@ -5,19 +5,21 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
+from functools import partial
 from typing import Any
 
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from starlette.websockets import WebSocket
 
 from cam_rig.drawing import colours
-from cam_rig.errors import CamRigError, RefusedError
+from cam_rig.errors import CamRigError
 from cam_rig.panel.board.board import Board
 from cam_rig.panel.board.designs import Designs
 from cam_rig.panel.board.worker import WorkerLostError, ask, worker
-from cam_rig.panel.messages import read_body, read_object
+from cam_rig.panel.live_page import LivePage
+from cam_rig.panel.messages import post
 from cam_rig.panel.server import STATIC
 
 #: A law rests when it has not changed for so long, s.
@@ -42,15 +44,15 @@ class BoardPages:
 
     def __init__(self, board: Board) -> None:
         self.board = board
-        self._pages: set[WebSocket] = set()
+        self._pages: set[LivePage] = set()
         self._changed = asyncio.Event()
-        self._designs = Designs(board, lambda message: self._send_to(self._pages, message))
+        self._designs = Designs(board, self._tell)
         self.routes = (
             Route("/", self._index),
             Route("/board", self._board),
             Route("/other/{cam}", self._other),
-            Route("/save", self._save, methods=["POST"]),
-            Route("/dxf", self._dxf, methods=["POST"]),
+            post("/save", self._save),
+            post("/dxf", self._dxf),
             *self._designs.routes,
             WebSocketRoute("/changes", self._changes),
         )
@@ -80,59 +82,41 @@ class BoardPages:
         except CamRigError as error:
             return JSONResponse({"words": str(error)}, 404)
 
-    async def _save(self, request: Request) -> Response:
-        try:
-            body = await read_body(request)
-            found = self.board.saved(body.get("name"), body.get("ordinates"))
-        except CamRigError as error:
-            return JSONResponse({"words": str(error)}, 409)
-        return JSONResponse(found)
+    async def _save(self, body: dict[str, Any]) -> dict[str, Any]:
+        return self.board.saved(body.get("name"), body.get("ordinates"))
 
-    async def _dxf(self, request: Request) -> Response:
-        try:
-            body = await read_body(request)
-            text = await asyncio.to_thread(self.board.dxf, body.get("ordinates"))
-        except CamRigError as error:
-            return JSONResponse({"words": str(error)}, 409)
+    async def _dxf(self, body: dict[str, Any]) -> Response:
+        text = await asyncio.to_thread(self.board.dxf, body.get("ordinates"))
         return Response(text, media_type="image/vnd.dxf")
 
-    async def _changes(self, page: WebSocket) -> None:
+    async def _changes(self, socket: WebSocket) -> None:
         """Changes of one page, each answered at once; other pages follow."""
-        await page.accept()
+        await socket.accept()
+        page = LivePage(socket)
+        page.tell("moved", lambda: self._state() | self.board.at_once())
+        self._pages.add(page)
+        self._changed.set()
         try:
-            await page.send_json(self._state() | self.board.at_once())
-            self._pages.add(page)
-            self._changed.set()
-            while True:
-                await self._take(page, await page.receive_text())
-        except WebSocketDisconnect:
-            pass
+            await page.serve(partial(self._take, page), _refused)
         finally:
             self._pages.discard(page)
 
-    async def _take(self, page: WebSocket, text: str) -> None:
-        number: Any = None
-        try:
-            change = read_object(text)
-            number = change.get("number")
-            self.board.take(change.get("ordinates"), change.get("rpm"))
-        except RefusedError as error:
-            await page.send_json({"type": "refused", "number": number, "words": str(error)})
-            return
-        answer = {"type": "exact", "number": number} | self.board.at_once()
-        await page.send_json(answer)
-        await self._send_to(self._pages - {page}, answer | self._state())
+    async def _take(self, page: LivePage, change: dict[str, Any]) -> dict[str, Any]:
+        self.board.take(change.get("ordinates"), change.get("rpm"))
+        answer = {"type": "exact", "number": change.get("number")} | self.board.at_once()
+        self._tell(answer | self._state(), self._pages - {page})
         self._changed.set()
+        return answer
 
     def _state(self) -> dict[str, Any]:
         """For a page that did not make the last change."""
         ordinates = self.board.ordinates.tolist()
         return {"type": "moved", "number": None, "ordinates": ordinates, "rpm": self.board.rpm}
 
-    async def _send_to(self, pages: set[WebSocket], message: dict[str, Any]) -> None:
-        for page in list(pages):
-            with suppress(WebSocketDisconnect, RuntimeError):  # closed; its own task sees to it
-                await page.send_json(message)
+    def _tell(self, message: dict[str, Any], pages: set[LivePage] | None = None) -> None:
+        """Tell pages, all unless some are named."""
+        for page in self._pages if pages is None else pages:
+            page.tell(message["type"], lambda: message)
 
     async def _answer_at_rest(self) -> None:
         """What takes longer, of the last law alone, once it has rested."""
@@ -145,13 +129,13 @@ class BoardPages:
                         await self._answer_once(process)
                 except WorkerLostError as error:  # the next one answers the next change
                     message = {"type": "rest", "version": self.board.version, "words": str(error)}
-                    await self._send_to(self._pages, message)
+                    self._tell(message)
 
     async def _answer_once(self, process: asyncio.subprocess.Process) -> None:
         await self._rest()
         asked = {"type": "rest", "version": self.board.version, "rpm": self.board.rpm}
         found = await ask(process, self.board.law(), self.board.rpm)
-        await self._send_to(self._pages, asked | found)
+        self._tell(asked | found)
 
     async def _rest(self) -> None:
         """Wait for a change, and then for none."""
@@ -160,3 +144,7 @@ class BoardPages:
             self._changed.clear()
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._changed.wait(), REST_S)
+
+
+def _refused(number: Any, words: str) -> dict[str, Any]:
+    return {"type": "refused", "number": number, "words": words}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import base64
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -14,19 +14,18 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route
 
 from cam_rig.drawing import colours
-from cam_rig.errors import CamRigError, RefusedError
+from cam_rig.errors import RefusedError
 from cam_rig.panel.lab.notebook import Notebook
 from cam_rig.panel.lab.observed import RATE_HZ, observe
 from cam_rig.panel.lab.sheet import LabSheet
 from cam_rig.panel.lab.sheet_file import MAX_NAME, to_text
 from cam_rig.panel.lab.truth import TOLERANCES
-from cam_rig.panel.messages import read_body
+from cam_rig.panel.messages import Answer, post
 from cam_rig.panel.server import STATIC
 from cam_rig.units import RPM_PER_RAD_S
 
 #: A colour an added mass; the markers differ too.
 MASS_COLOURS = (colours.BLUE, colours.VERMILION, colours.GREEN)
-Answer = Callable[[dict[str, Any]], Awaitable[dict[str, Any]]]
 
 
 class LabPages:
@@ -52,9 +51,9 @@ class LabPages:
             Route("/lab/sheet", self._about),
             Route("/lab/theory", self._theory),
             Route("/lab/readings.csv", self._csv),
-            self._post("/lab/turn", self._turn),
-            self._post("/lab/record", self._record),
-            self._post("/lab/student", self._student),
+            self._alone("/lab/turn", self._turn),
+            self._alone("/lab/record", self._record),
+            self._alone("/lab/student", self._student),
         )
 
     @asynccontextmanager
@@ -102,16 +101,14 @@ class LabPages:
         text = to_text(self.notebook.recorded)
         return Response(text, headers=headers, media_type="text/csv")
 
-    def _post(self, path: str, answer: Answer) -> Route:
-        async def answered(request: Request) -> Response:
-            try:
-                body = await read_body(request)
-                async with self._busy:
-                    return JSONResponse(await answer(body))
-            except CamRigError as error:
-                return JSONResponse({"words": str(error)}, 409)
+    def _alone(self, path: str, answer: Answer) -> Route:
+        """A request that is answered when the one before has been."""
 
-        return Route(path, answered, methods=["POST"])
+        async def answered(body: dict[str, Any]) -> dict[str, Any] | Response:
+            async with self._busy:
+                return await answer(body)
+
+        return post(path, answered)
 
     async def _turn(self, body: dict[str, Any]) -> dict[str, Any]:
         """What is seen of a set-up at a speed.

@@ -8,13 +8,9 @@ from collections.abc import Callable
 from threading import Event
 from urllib.parse import parse_qs
 
-from cam_rig.errors import CamRigError
 from cam_rig.interrupts import interruptible
 from cam_rig.units import NS
 from cam_rig.viewer.server.scripts import REPORT_EVERY_S
-
-#: Wall time (s) between two looks at whether the viewer still lives.
-LOOK_S = 0.2
 
 
 class PageTime:
@@ -47,16 +43,9 @@ class PageTime:
         self._reported, self.longest = (now, late), max(late, self.longest or 0.0)
 
     @interruptible
-    def wait(self, alive: Callable[[], bool]) -> None:
-        """Wait until a page shows the viewer.
-
-        Raises
-        ------
-        CamRigError : the viewer that serves it ended
-        """
-        while not self._open.wait(LOOK_S):
-            if not alive():
-                raise CamRigError("the viewer's server ended before a page was open")
+    def wait(self) -> None:
+        """Wait until a page shows the viewer."""
+        self._open.wait()
 
     def driven(self, rig_time: float) -> None:
         """The drive has come to a rig time (s) now."""

@@ -9,10 +9,9 @@ from cam_rig.units import NS
 
 #: The timeline of the cursor, as `cam_rig.viewer.timeline` has it, which imports Rerun.
 TIMELINE = "rig_time"
-#: What a page asks for to say which rig time (ns) it shows; -1 while it shows none.
+#: What a page asks for to say which rig time (ns) it shows, -1 while it shows none; the answer is
+#: the name of what it is to show.
 SHOWN_PATH = "/shown"
-#: What the viewer node asks for: the page's delay in s, nothing while it is not known.
-BEHIND_PATH = "/behind"
 #: Wall time (s) between two reports of a page, and two looks at whether it has data yet.
 REPORT_EVERY_S, LOOK_EVERY_S = 1.0, 0.1
 #: Field 3 of the state are the recordings, in each 3 the time cursor, with its timeline's name in
@@ -48,9 +47,17 @@ function shownTime() {
   return shown;
 }""".replace("TIMELINE", TIMELINE)
 _REPORT = """
-setInterval(() => {
+let followed = "";
+setInterval(async () => {
   const shown = shownTime();
-  if (shown !== undefined) fetch(`PATH?ns=${shown}`).catch(() => {});
+  if (shown === undefined) return;
+  if (shown >= 0n) parent.postMessage("shown", "*");
+  try {
+    const name = await (await fetch(`PATH?ns=${shown}`)).text();
+    if (!name || name === followed) return;
+    followed = name;
+    window._handle.add_receiver(`${location.origin}/${name}`);
+  } catch { /* the server has gone */ }
 }, PERIOD);""".replace("PATH", SHOWN_PATH).replace("PERIOD", f"{1e3 * REPORT_EVERY_S:.0f}")
 #: Asked again until it is there: a file that is still loading puts the cursor back to its start.
 _BEGIN = """

@@ -1,60 +1,66 @@
-"""Rerun's web viewer on this machine alone: no request goes to any other.
+"""Rerun's web viewer on this machine alone: no request goes to any other, no other user gets it.
 
 The viewer's own page loads a font, looks for a newer version and reports its use. This server
 serves the same page with a guard before all of its code: a request to another host is answered at
-once with an empty response, and a content security policy keeps the browser from sending any. A
-request under another host name than this machine's is refused, and its path is never looked up as
-a name.
+once with an empty response, and a content security policy keeps the browser from sending any.
+
+Rerun's own ports ask nobody for anything, so none is open: the page reads its recording from this
+server, behind its token. A live run's is read while the viewer's node writes it.
 """
 
 from __future__ import annotations
 
 import re
+import select
 import shutil
-import subprocess
 import threading
 from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
-from http.client import HTTPConnection, HTTPException
+from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import NamedTuple
-from urllib.parse import quote, urlsplit
+from typing import BinaryIO, NamedTuple
+from urllib.parse import parse_qs, quote, unquote, urlsplit
 
+from cam_rig.files import temporary_folder
+from cam_rig.viewer.server.access import HEADERS, Access
+from cam_rig.viewer.server.live_folder import newest_recording, write_delay
 from cam_rig.viewer.server.page_time import PageTime
-from cam_rig.viewer.server.process import HOST, free_port, listening, stream_address
-from cam_rig.viewer.server.scripts import BEHIND_PATH, SHOWN_PATH, page_script
+from cam_rig.viewer.server.process import HOST
+from cam_rig.viewer.server.scripts import SHOWN_PATH, page_script
+from cam_rig.viewer.server.viewer_files import ViewerFile, viewer_files
 
 #: A viewer that keeps nothing from one visit to the next.
-QUERY = "?hide_welcome_screen&persist=0&notebook=0&renderer=webgl&url="
+QUERY = "?hide_welcome_screen&persist=0&notebook=0&renderer=webgl"
+#: Rerun's code asks without cookies, and this server answers nobody without.
 GUARD = """<script>
 const ask = window.fetch;
 window.fetch = (what, how) => {
-  const url = new URL(what instanceof Request ? what.url : what, location.href);
-  const here = url.hostname === location.hostname;
-  return here ? ask(what, how) : Promise.resolve(new Response(null, { status: 204 }));
+  const asked = new Request(new Request(what, how), { credentials: "same-origin" });
+  const here = new URL(asked.url).host === location.host;
+  return here ? ask(asked) : Promise.resolve(new Response(null, { status: 204 }));
 };
 </script>"""
+#: The panel shows the page in a frame of its own.
 POLICY = (
     "default-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
-    f"connect-src 'self' blob: data: http://{HOST}:*"
+    f"frame-ancestors http://{HOST}:* http://localhost:*"
 )
 #: What may be asked for: a path of plain characters.
 PATH = re.compile(r"/[!-~]*")
-#: How long the viewer's own server may take to answer, s.
-TIMEOUT_S = 20.0
+#: Wall time (s) between two looks at whether a live run has more.
+LOOK_S = 0.1
+CHUNK = 1 << 20
 OUTSIDE = re.compile(rb'<link[^>]*"https://[^>]*>')
 
 
 class Pages(NamedTuple):
-    """The address for a browser, the one to which a live run is sent, the viewer's process.
+    """The address for a browser, the folder that a live run is written into.
 
     And what the pages show.
     """
 
     address: str
-    stream: str
-    viewer: subprocess.Popen[bytes]
+    folder: Path
     page: PageTime
 
 
@@ -63,69 +69,92 @@ def serve_file(path: Path, begin: float = 0.0) -> Iterator[str]:
     """The address at which a browser shows a recording, as long as the context lasts.
 
     ``begin`` is the rig time (s) that it shows first.
+
+    Raises
+    ------
+    CamRigError : Rerun's viewer does not start
     """
-    with serve(path, begin) as pages:
-        yield pages.address
+    with _serving(path, None, begin) as server:
+        yield server.access.address
 
 
 @contextmanager
-def serve(path: Path | None = None, begin: float = 0.0) -> Iterator[Pages]:
-    """Serve a recording to a browser, or what a live run sends, as long as the context lasts.
+def serve() -> Iterator[Pages]:
+    """Serve what a live run writes to a browser, as long as the context lasts.
 
-    ``begin`` is the rig time (s) that a page shows first.
+    Raises
+    ------
+    CamRigError : Rerun's viewer does not start, or there is no room for the run's picture
     """
-    port, assets = free_port(), free_port()
-    arguments = ("--serve-web", "--port", str(port), "--web-viewer-port", str(assets))
-    with listening(*arguments, ports=(port, assets)) as viewer:
-        server = _Server(assets, port, path, begin)
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        try:
-            yield Pages(f"{server.origin}/", stream_address(port), viewer, server.page)
-        finally:
-            server.shutdown()
-            server.server_close()
+    with temporary_folder() as folder, _serving(None, folder) as server:
+        yield Pages(server.access.address, folder, server.page)
+
+
+@contextmanager
+def _serving(path: Path | None, folder: Path | None, begin: float = 0.0) -> Iterator[_Server]:
+    server = _Server(viewer_files(), path, folder, begin)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        yield server
+    finally:
+        server.ended.set()
+        server.shutdown()
+        server.server_close()
 
 
 class _Server(ThreadingHTTPServer):
     daemon_threads = True
 
-    def __init__(self, assets: int, port: int, path: Path | None, begin: float) -> None:
+    def __init__(
+        self, files: dict[str, ViewerFile], path: Path | None, folder: Path | None, begin: float
+    ) -> None:
         super().__init__((HOST, 0), _Handler)
-        self.assets, self.path, self.page = assets, path, PageTime()
-        self.script = (GUARD + page_script(begin)).encode()
-        # Another name that a page made the browser resolve to this machine gets nothing.
-        self.hosts = tuple(f"{name}:{self.server_address[1]}" for name in (HOST, "localhost"))
-        self.origin = f"http://{self.hosts[0]}"
-        self.data = stream_address(port) if path is None else f"{self.origin}/{quote(path.name)}"
+        self.path, self.folder, self.page = path, folder, PageTime()
+        self.access, self.ended = Access(self.server_address[1]), threading.Event()
+        script = (GUARD + page_script(begin)).encode()
+        page = OUTSIDE.sub(b"", files["/"].body).replace(b"<head>", b"<head>" + script, 1)
+        self.files = files | {"/": ViewerFile(files["/"].kind, page)}
+
+    def recording(self) -> Path | None:
+        """What is to be shown; None before a live run has begun."""
+        return self.path if self.folder is None else newest_recording(self.folder)
 
 
 class _Handler(BaseHTTPRequestHandler):
     server: _Server
 
     def do_GET(self) -> None:
-        """The recording, or the viewer; without a question, the way to what is shown."""
-        if self.headers.get("Host") not in self.server.hosts:
-            return self.send_error(403, f"allowed hosts: {', '.join(self.server.hosts)}")
+        """A recording, or the viewer; without a question, the way to what is shown."""
         if not PATH.fullmatch(self.path):
             return self.send_error(400, "allowed: a path that begins with /")
-        asked, recording = urlsplit(self.path), self.server.path
-        if asked.path == "/" and not asked.query:
+        asked = urlsplit(self.path)
+        token = parse_qs(asked.query).get("token", [None])[0]
+        headers = {name.lower(): value for name, value in self.headers.items()}
+        if words := self.server.access.why_not(headers, token):
+            return self.send_error(403, words)
+        recording, name = self.server.recording(), unquote(asked.path[1:])
+        if token is not None or (asked.path == "/" and not asked.query):
             self.send_response(302)
-            self.send_header("Location", f"/{QUERY}{quote(self.server.data, safe='')}")
+            self.send_header("Location", f"/{QUERY}")
+            if token is not None:
+                self.send_header("Set-Cookie", self.server.access.cookie)
             self.end_headers()
         elif asked.path == SHOWN_PATH:
-            self.server.page.take(asked.query)
-            self.send_response(204)
-            self.end_headers()
-        elif asked.path == BEHIND_PATH:
-            late = self.server.page.behind()
-            body = b"" if late is None else f"{late:.3f}".encode()
-            self._head("text/plain", len(body))
-            self.wfile.write(body)
-        elif recording is not None and asked.path == f"/{quote(recording.name)}":
+            self._shown(asked.query, recording)
+        elif recording is not None and name == recording.name:
             self._recording(recording)
+        elif asked.path in self.server.files:
+            self._body(self.server.files[asked.path])
         else:
-            self._viewer(asked.path)
+            self.send_error(404)
+
+    def _shown(self, query: str, recording: Path | None) -> None:
+        """Take what a page shows; it is told what to show."""
+        self.server.page.take(query)
+        if self.server.folder is not None:
+            write_delay(self.server.folder, self.server.page.behind())
+        name = "" if recording is None else quote(recording.name)
+        self._body(ViewerFile("text/plain", name.encode()))
 
     def _recording(self, path: Path) -> None:
         try:
@@ -133,33 +162,39 @@ class _Handler(BaseHTTPRequestHandler):
         except OSError:
             return self.send_error(404)
         with stream, suppress(ConnectionError):  # a page may be closed while it loads
-            self._head("application/octet-stream", path.stat().st_size)
-            shutil.copyfileobj(stream, self.wfile)
+            if self.server.folder is None:
+                self._head("application/octet-stream", path.stat().st_size)
+                shutil.copyfileobj(stream, self.wfile)
+            else:
+                self._head("application/octet-stream")
+                self._follow(path, stream)
 
-    def _viewer(self, path: str) -> None:
-        """A part of Rerun's own viewer."""
-        try:
-            with closing(HTTPConnection(HOST, self.server.assets, timeout=TIMEOUT_S)) as viewer:
-                viewer.request("GET", path)
-                answer = viewer.getresponse()
-                kind, body = answer.headers.get_content_type(), answer.read()
-        except (OSError, HTTPException) as error:
-            return self.send_error(502, f"the viewer does not answer ({type(error).__name__})")
-        if answer.status != 200:
-            return self.send_error(answer.status)
-        if kind == "text/html":
-            inserted = b"<head>" + self.server.script
-            body = OUTSIDE.sub(b"", body).replace(b"<head>", inserted, 1)
+    def _follow(self, path: Path, stream: BinaryIO) -> None:
+        """Send what is written, until another run begins, the page is closed or the server ends."""
+        while not self.server.ended.is_set():
+            last = self.server.recording() != path
+            while data := stream.read(CHUNK):
+                self.wfile.write(data)
+            if last or select.select([self.connection], [], [], LOOK_S)[0]:
+                return
+
+    def _body(self, file: ViewerFile) -> None:
         with suppress(ConnectionError):  # a page may be closed while it loads
-            self._head(kind, len(body))
-            self.wfile.write(body)
+            self._head(file.kind, len(file.body))
+            self.wfile.write(file.body)
 
-    def _head(self, kind: str, size: int) -> None:
+    def _head(self, kind: str, size: int | None = None) -> None:
         self.send_response(200)
         self.send_header("Content-Type", kind)
-        self.send_header("Content-Length", str(size))
-        self.send_header("Content-Security-Policy", POLICY)
+        if size is not None:
+            self.send_header("Content-Length", str(size))
         self.end_headers()
+
+    def end_headers(self) -> None:
+        """With what every answer is sent."""
+        for name, value in (HEADERS | {"Content-Security-Policy": POLICY}).items():
+            self.send_header(name, value)
+        super().end_headers()
 
     def log_message(self, *_words: object) -> None:
         """Say nothing: a terminal shows the run, not the browser's questions."""

@@ -86,13 +86,14 @@ def test_a_noted_level_is_the_exact_one(running_panel: RunningPanel) -> None:
             time.sleep(0.2)
         page.until(lambda _: len(page.sound) > 4 * 8000)
     noted = answer["noted"]
-    motion = cam_rig.simulate(cam_rig.build_law(cam), rig, rpm=350.0, turns=6)
+    law = cam_rig.build_law(cam)
+    motion = cam_rig.simulate(law, rig, model="two_mass", rpm=350.0, turns=12)
     assert noted["level_db"] == pytest.approx(cam_rig.sound_level(motion).level_db, abs=0.2)
     sound = np.frombuffer(page.sound[: len(page.sound) // 4 * 4], "<f4")
     assert np.isfinite(sound).all()
     assert 0.0 < np.abs(sound).max() < 1.0
     (row,) = running_panel.get("/bench/readings.csv").decode().splitlines()[1:]
-    assert row.startswith("poly345,one_mass,350.0,")
+    assert row.startswith("poly345,separation,350.0,")
 
 
 def test_another_set_up_is_another_run_and_its_bag_is_kept(running_panel: RunningPanel) -> None:
@@ -100,7 +101,7 @@ def test_another_set_up_is_another_run_and_its_bag_is_kept(running_panel: Runnin
     with running_panel.page() as page:
         page.running()
         page.do("set", name="time_weighting", value="S")
-        page.do("set_up", value={"model": "two_mass", "preload": 55, "added_mass": 0.2})
+        page.do("set_up", value={"model": "one_mass", "preload": 55, "added_mass": 0.2})
         page.until(lambda live: live["graph"] == "starting")
         live = page.running()
         assert live["setup"]["preload"] == 55.0
@@ -115,7 +116,7 @@ def test_another_set_up_is_another_run_and_its_bag_is_kept(running_panel: Runnin
         page.running()
     loaded = read_scene(bag)
     assert loaded.rig.follower.preload.si == 55.0
-    assert loaded.scene.model == "two_mass"
+    assert loaded.scene.model == "one_mass"
     assert contiguous(bag) > 1.0
     assert running_panel.end(signal.SIGINT) == 128 + signal.SIGINT
     assert list(running_panel.out.iterdir()) == [bag]

@@ -12,8 +12,7 @@ from urllib.parse import urlsplit
 import pytest
 
 import cam_rig
-from cam_rig.dynamics import FollowerParameters
-from cam_rig.studies.jump.any_rig import find_jump
+from cam_rig.studies.jump.any_rig import find_jump, follower_of
 from cam_rig.testing.client import RigClient
 from tools.docs.browser import new_page
 
@@ -99,7 +98,7 @@ def test_the_knob_turns_the_cam_and_is_turned(bench: BenchInBrowser, ros_domain:
 def test_levels_are_noted_and_drawn(bench: BenchInBrowser, running_panel: RunningPanel) -> None:
     """A marker a reading; above the jump speed it is full, and the lamp was lit."""
     law, rig = cam_rig.build_law(cam_rig.load_cam("poly345")), cam_rig.load_rig("paper_table2")
-    jump = find_jump(law, FollowerParameters.from_rig(rig), None).rpm
+    jump = find_jump(law, follower_of(rig), None).rpm  # the model that the bench begins with
     bench.page.locator("#start").click()
     for rpm in (round(0.8 * jump), round(1.3 * jump)):
         bench.page.locator("#rpm").fill(str(rpm))

@@ -18,10 +18,13 @@ from cam_rig.panel.bench.setup import (
     allowed_models,
     cam_names,
 )
+from cam_rig.schema.load import config_root
 from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.studies.jump.any_rig import TWO_MASSES, described, follower_of
 
 from ...conftest import CAM_NAMES
 
+RIG_NAMES = sorted(path.stem for path in (config_root() / "rigs").glob("*.yaml"))
 RIG = cam_rig.load_rig("paper_table2")
 OWN = Setup.of(RIG, "poly345")
 
@@ -40,6 +43,15 @@ def test_a_set_up_is_a_scene(model: str, tmp_path: Path) -> None:
     assert loaded.scene.model == model
     rpm = np.array(loaded.scene.program.speeds.si_list) * 30 / np.pi
     np.testing.assert_allclose(rpm, [321.0, DRAWN_RPM])
+
+
+@pytest.mark.parametrize("name", RIG_NAMES)
+def test_the_bench_begins_with_the_follower_of_the_board(name: str) -> None:
+    """Two masses where the rig splits its mass, else one: the same that the jump speed is of."""
+    rig = cam_rig.load_rig(name)
+    model = Setup.of(rig, "poly345").model
+    assert model in allowed_models(rig)
+    assert (model == "separation") == (described(follower_of(rig)) == TWO_MASSES)
 
 
 @pytest.mark.parametrize("name", CAM_NAMES)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import cam_rig
+from cam_rig.cli.runs.panel import REDIRECT
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.panel.board.board import Board
 from cam_rig.panel.board.drawn_law import ORDERS, POINTS, table_angles
@@ -290,3 +291,16 @@ def test_any_cam_and_rig_can_be_drawn(chromium: Browser, tmp_path: Path, name: s
         assert shown.page.locator(".handle").count() == len(board.drawn.handles)
         shown.page.context.close()
     assert shown.errors == []
+
+
+def test_the_file_of_a_browser_leads_to_the_page(
+    chromium: Browser, address: str, tmp_path: Path
+) -> None:
+    """From a file, which is of no site: the cookie is sent all the same, and the token goes."""
+    opened = tmp_path / "panel.html"
+    opened.write_text(REDIRECT.format(address=address), encoding="utf-8")
+    page = new_page(chromium)
+    page.goto(opened.as_uri())
+    page.wait_for_url(address.partition("?")[0])
+    page.locator(".handle").first.wait_for()
+    page.context.close()

@@ -18,7 +18,7 @@ from ..conftest import Panel
 from .conftest import sheet_of
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser
+    from playwright.sync_api import Browser, Dialog
 
 pytestmark = pytest.mark.slow
 #: Whether what is shown is of the speed that is set.
@@ -95,6 +95,34 @@ def test_a_reading_taken_by_keys_is_within_1_rpm_of_the_truth(
     (mark,) = mark_sheet(path, 1.0, lambda _: sheet.cam, lambda _: sheet.rig).marks
     assert mark.reading.setup.spring_stiffness == sheet.springs[1]
     assert 0.0 < mark.difference_rpm < 1.0
+
+
+def test_a_reading_in_contact_is_asked_about(lab: tuple[LabPage, LabPages]) -> None:
+    """It is taken where the student says so, and only there; with the lamp lit nobody is asked."""
+    page, pages = lab
+    asked: list[str] = []
+    answers = [False, True]
+
+    def answer(dialog: Dialog) -> None:
+        asked.append(dialog.message)
+        (dialog.accept if answers.pop(0) else dialog.dismiss)()
+
+    page.page.on("dialog", answer)
+    record, readings = page.page.locator("#record"), len(pages.notebook.recorded.readings)
+    assert not page.lost()
+    record.click()
+    page.until(lambda: asked)
+    record.click()
+    page.until(lambda: len(pages.notebook.recorded.readings) == readings + 1)
+    low, high = pages.notebook.sheet.knob
+    assert all(f" {low:g} rpm" in words for words in asked)
+    # At once: what is asked about is the speed that is recorded, not the one the lamp was of.
+    page.page.locator("#rpm").fill(str(high))
+    page.page.locator("#rpm").press("Enter")
+    record.click()
+    page.until(lambda: len(pages.notebook.recorded.readings) == readings + 2)
+    assert len(asked) == 2
+    assert [r.rpm for r in pages.notebook.recorded.readings[readings:]] == [low, high]
 
 
 @pytest.mark.parametrize("width", [400, 1000, 1600])

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import threading
-import urllib.request
-
 import pytest
 
-from cam_rig.errors import CamRigError
 from cam_rig.viewer.server import page_time
 from cam_rig.viewer.server.page_time import PageTime
-from cam_rig.viewer.server.web import serve
 
 
 class Wall:
@@ -41,7 +36,7 @@ def test_a_page_that_shows_nothing_is_not_late() -> None:
     page = PageTime()
     page.driven(1.0)
     page.take("ns=-1")
-    page.wait(lambda: False)
+    page.wait()
     for words in ("", "ns=", "ns=x", "other=3"):
         page.take(words)
     assert page.behind() is None
@@ -66,25 +61,3 @@ def test_an_overdue_report_counts() -> None:
     assert page.behind() == pytest.approx(0.5)
     wall.now += 7.0
     assert page.behind() == pytest.approx(7.5)
-
-
-def test_nobody_waits_for_a_viewer_that_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It says so instead."""
-    monkeypatch.setattr(page_time, "LOOK_S", 0.001)
-    with pytest.raises(CamRigError, match="ended before a page was open"):
-        PageTime().wait(lambda: False)
-
-
-def test_the_page_says_what_it_shows() -> None:
-    """The served page carries the script; what it asks for ends the waiting."""
-    with serve() as pages:
-        with urllib.request.urlopen(pages.address, timeout=20) as answer:
-            assert b"/shown?ns=" in answer.read()
-        waiting = threading.Thread(target=pages.page.wait, args=(lambda: True,), daemon=True)
-        waiting.start()
-        pages.page.driven(0.5)
-        with urllib.request.urlopen(f"{pages.address}shown?ns=500000000", timeout=20) as answer:
-            assert answer.status == 204
-        waiting.join(timeout=5.0)
-        assert not waiting.is_alive()
-        assert pages.page.behind() is not None

@@ -2,68 +2,225 @@
 
 from __future__ import annotations
 
-import re
+import os
 import socket
 import subprocess
 import sys
-import time
-import urllib.error
-import urllib.request
+import threading
 from collections.abc import Iterator
+from http.client import HTTPConnection
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 
+from cam_rig.viewer.server.live_folder import new_recording, page_delay
 from cam_rig.viewer.server.process import HOST
-from cam_rig.viewer.server.web import serve, serve_file
+from cam_rig.viewer.server.web import Pages, serve, serve_file
+
+RECORDED = b"RRF2 of a kind"
+
+
+class Reader:
+    """Asks a server for its paths, with the cookie that its address is answered with."""
+
+    def __init__(self, address: str) -> None:
+        self.url = urlsplit(address)
+        status, headers, _ = self.get(f"/?{self.url.query}")
+        assert (status, headers["Location"][:2]) == (302, "/?")
+        assert "HttpOnly" in headers["Set-Cookie"]
+        self.cookie = headers["Set-Cookie"].split(";")[0]
+        self.home = headers["Location"]
+
+    def open(self, path: str, **headers: str) -> HTTPConnection:
+        """A connection on which a path has been asked for."""
+        connection = HTTPConnection(HOST, self.url.port, timeout=20)
+        connection.putrequest("GET", path, skip_host=True)
+        for name, value in ({"Host": self.url.netloc} | headers).items():
+            connection.putheader(name, value)
+        connection.endheaders()
+        return connection
+
+    def get(self, path: str, **headers: str) -> tuple:
+        """Status, headers and body."""
+        connection = self.open(path, **headers)
+        answer = connection.getresponse()
+        found = answer.status, answer.headers, answer.read()
+        connection.close()
+        return found
+
+    def own(self, path: str) -> bytes:
+        """The body of a path, as a page of its own asks for it."""
+        status, _, body = self.get(path, Cookie=self.cookie)
+        assert status == 200
+        return body
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reader]:
     path = tmp_path_factory.mktemp("web") / "a run.rrd"
-    path.write_bytes(b"RRF2 of a kind")
+    path.write_bytes(RECORDED)
     with serve_file(path) as address:
-        yield address
+        yield Reader(address)
 
 
-def get(address: str) -> tuple[str, bytes, str]:
-    with urllib.request.urlopen(address, timeout=20) as answer:
-        policy = answer.headers["Content-Security-Policy"]
-        return answer.url, answer.read(), policy
-
-
-def test_the_short_address_leads_to_the_recording(page: str) -> None:
-    """It is on this machine alone, and so is the recording it names."""
-    assert page.startswith(f"http://{HOST}:")
-    url, body, policy = get(page)
-    found = re.search("url=(.*)", url)
-    assert found is not None
-    recording = urllib.request.unquote(found[1])  # type: ignore[attr-defined]
-    assert recording.startswith(page)
-    assert get(recording)[1] == b"RRF2 of a kind"
+def test_the_address_leads_to_the_viewer_and_the_viewer_to_the_recording(page: Reader) -> None:
+    """The token leaves the address; the page is told by name what to show, and asks nobody else."""
+    status, headers, body = page.get(page.home, Cookie=page.cookie)
+    assert (status, "token" in page.home) == (200, False)
     assert b'"https://fonts' not in body
     assert body.index(b"window.fetch = ") < body.index(b"re_viewer.js")
-    assert f"connect-src 'self' blob: data: http://{HOST}:*" in policy
+    policy = headers["Content-Security-Policy"]
+    assert policy.startswith("default-src 'self' ")
+    assert "http://127.0.0.1:*" not in policy.split("frame-ancestors")[0]
+    name = page.own("/shown?ns=-1")
+    assert name == b"a%20run.rrd"
+    assert page.own(f"/{name.decode()}") == RECORDED
 
 
-def test_the_viewers_own_files_are_handed_on(page: str) -> None:
+def test_the_viewers_own_files_are_handed_on(page: Reader) -> None:
     """Code and WebAssembly come through; what there is not is not found."""
-    assert b"wasm" in get(f"{page}re_viewer.js")[1]
-    assert get(f"{page}re_viewer_bg.wasm")[1].startswith(b"\0asm")
-    with pytest.raises(urllib.error.HTTPError, match="404"):
-        get(f"{page}../../etc/passwd")
+    assert b"wasm" in page.own("/re_viewer.js")
+    assert page.own("/re_viewer_bg.wasm").startswith(b"\0asm")
+    assert page.get("/../../etc/passwd", Cookie=page.cookie)[0] == 404
 
 
-@pytest.mark.parametrize("host", ["evil.example", "evil.example:{port}", "127.0.0.1", ""])
-@pytest.mark.parametrize("path", ["", "a%20run.rrd", "re_viewer.js"])
-def test_a_page_of_another_name_gets_nothing(page: str, host: str, path: str) -> None:
-    """A site whose name is made to point to this machine cannot read the run."""
-    port = urllib.request.urlparse(page).port  # type: ignore[attr-defined]
-    asked = urllib.request.Request(f"{page}{path}", headers={"Host": host.format(port=port)})
-    with pytest.raises(urllib.error.HTTPError, match="403"):
-        urllib.request.urlopen(asked, timeout=20)
-    named = urllib.request.Request(f"{page}{path}", headers={"Host": f"localhost:{port}"})
-    assert urllib.request.urlopen(named, timeout=20).status == 200
+PATHS = ["/", "/a%20run.rrd", "/re_viewer.js", "/shown?ns=1", "/nothing"]
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_without_the_token_there_is_nothing(page: Reader, path: str) -> None:
+    """Neither recording nor viewer: to another user, to a site of another name, to its pages."""
+    assert page.get(path, Cookie=page.cookie)[0] != 403
+    wrong: list[dict[str, str]] = [{}, {"Cookie": page.cookie[:-1]}, {"Cookie": "x=y"}]
+    hosts = ("evil.example", f"evil.example:{page.url.port}", HOST, "")
+    wrong += [{"Cookie": page.cookie, "Host": host} for host in hosts]
+    wrong += [{"Cookie": page.cookie, "Origin": "http://evil.example"}]
+    for headers in wrong:
+        status, answered, body = page.get(path, **headers)
+        assert (status, answered["Set-Cookie"]) == (403, None)
+        assert RECORDED not in body
+    assert page.get(f"{path.partition('?')[0]}?token=wrong", Cookie=page.cookie)[0] == 403
+
+
+def listening_ports(pids: list[int]) -> set[int]:
+    """The TCP ports at which processes listen."""
+    inodes = set()
+    for pid in pids:
+        for link in Path(f"/proc/{pid}/fd").iterdir():
+            try:
+                inodes.add(os.readlink(link).removeprefix("socket:[").rstrip("]"))
+            except OSError:  # closed meanwhile
+                continue
+    rows = [
+        row.split()
+        for name in ("tcp", "tcp6")
+        for row in Path(f"/proc/net/{name}").read_text().splitlines()[1:]
+    ]
+    return {int(row[1].split(":")[1], 16) for row in rows if row[3] == "0A" and row[9] in inodes}
+
+
+def children(pid: int) -> list[int]:
+    """A process and all that it has begun."""
+    found = [pid]
+    for task in Path(f"/proc/{pid}/task").glob("*/children"):
+        for child in task.read_text().split():
+            found += children(int(child))
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="reads Linux's own tables")
+@pytest.mark.parametrize("live", [False, True], ids=["file", "live"])
+def test_no_port_is_open_that_asks_for_no_token(tmp_path: Path, live: bool) -> None:
+    """Of the server's process and of what it has begun: each port refuses who has no token."""
+    (tmp_path / "a.rrd").write_bytes(RECORDED)
+    script = (
+        "import sys, time; from pathlib import Path\n"
+        "from cam_rig.viewer.server.web import serve, serve_file\n"
+        f"with serve{'()' if live else '_file(Path(sys.argv[1]))'} as pages:\n"
+        "  print(getattr(pages, 'address', pages), flush=True); time.sleep(60)"
+    )
+    command = [sys.executable, "-c", script, str(tmp_path / "a.rrd")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+        try:
+            assert server.stdout is not None
+            address = server.stdout.readline().strip()
+            ports = listening_ports(children(server.pid))
+            assert ports == {urlsplit(address).port}
+            assert Reader(address).get("/")[0] == 403
+        finally:
+            server.kill()
+
+
+@pytest.fixture
+def live() -> Iterator[tuple[Pages, Reader]]:
+    with serve() as pages:
+        yield pages, Reader(pages.address)
+
+
+def test_a_live_run_is_sent_while_it_is_written(live: tuple[Pages, Reader]) -> None:
+    """What is written comes at once; the next run is named, and ends what was sent of this one."""
+    pages, reader = live
+    assert reader.own("/shown?ns=-1") == b""
+    recording = new_recording(pages.folder)
+    with recording.open("wb", buffering=0) as node:
+        node.write(b"begin")
+        name = reader.own("/shown?ns=-1").decode()
+        assert name == recording.name
+        connection = reader.open(f"/{name}", Cookie=reader.cookie)
+        answer = connection.getresponse()
+        assert answer.read(5) == b"begin"
+        node.write(b"more")
+        assert answer.read(4) == b"more"
+        node.write(b"last")
+        new_recording(pages.folder).write_bytes(b"another")
+        assert answer.read() == b"last"
+        assert reader.own("/shown?ns=1").decode() != name
+        connection.close()
+
+
+def test_a_page_that_reads_nothing_holds_no_other_up(live: tuple[Pages, Reader]) -> None:
+    """Its own thread waits for it; the run is written, and another page has it whole."""
+    pages, reader = live
+    recording = new_recording(pages.folder)
+    with recording.open("wb", buffering=0) as node:
+        node.write(b"begin")
+        asleep = reader.open(f"/{recording.name}", Cookie=reader.cookie)
+        for _ in range(64):
+            node.write(bytes(1 << 20))
+        awake = reader.open(f"/{recording.name}", Cookie=reader.cookie)
+        assert len(awake.getresponse().read(5 + (64 << 20))) == 5 + (64 << 20)
+        for connection in (asleep, awake):
+            connection.close()
+
+
+def test_a_closed_page_is_followed_no_more(live: tuple[Pages, Reader]) -> None:
+    """Also where nothing more is written, which alone would tell."""
+    pages, reader = live
+    new_recording(pages.folder).write_bytes(b"begin")
+    name, before = reader.own("/shown?ns=-1").decode(), set(threading.enumerate())
+    connection = reader.open(f"/{name}", Cookie=reader.cookie)
+    answer = connection.getresponse()
+    assert answer.read(5) == b"begin"
+    (follows,) = set(threading.enumerate()) - before
+    answer.close()
+    connection.close()
+    follows.join(timeout=20.0)
+    assert not follows.is_alive()
+
+
+def test_the_page_says_what_it_shows(live: tuple[Pages, Reader]) -> None:
+    """The served page carries the script; what it says ends the waiting, and the node reads it."""
+    pages, reader = live
+    assert b"/shown?ns=" in reader.own(reader.home)
+    waiting = threading.Thread(target=pages.page.wait, daemon=True)
+    waiting.start()
+    pages.page.driven(0.5)
+    reader.own("/shown?ns=500000000")
+    waiting.join(timeout=20.0)
+    assert not waiting.is_alive()
+    assert pages.page.behind() is not None
+    assert page_delay(pages.folder) is not None
 
 
 @pytest.mark.parametrize(
@@ -79,7 +236,7 @@ def test_a_page_of_another_name_gets_nothing(page: str, host: str, path: str) ->
     ],
 )
 def test_what_is_no_path_is_refused(
-    page: str, asked: bytes, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    page: Reader, asked: bytes, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nothing asked for is taken for a host, so that no name is looked up; no traceback."""
     looked_up: list[object] = []
@@ -89,7 +246,7 @@ def test_what_is_no_path_is_refused(
         looked_up.append(host)
         return original(host, *rest, **more)  # type: ignore[arg-type]
 
-    port = urllib.request.urlparse(page).port  # type: ignore[attr-defined]
+    port = page.url.port
     with socket.create_connection((HOST, port), timeout=20) as asker:
         monkeypatch.setattr(socket, "getaddrinfo", spied)
         asker.sendall(b"GET " + asked + b" HTTP/1.1\r\nHost: %s:%d\r\n\r\n" % (HOST.encode(), port))
@@ -97,42 +254,3 @@ def test_what_is_no_path_is_refused(
     assert answer.startswith(b"HTTP/1.0 400 ")
     assert set(looked_up) <= {HOST}
     assert "Traceback" not in capfd.readouterr().err
-
-
-def test_no_proxy_is_asked(page: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The viewer is on this machine: whatever the environment says, nobody else is asked for it."""
-    monkeypatch.setenv("http_proxy", "http://127.0.0.1:9")
-    monkeypatch.delenv("no_proxy", raising=False)
-    monkeypatch.setattr(urllib.request, "_opener", None)  # made once, with the proxies of then
-    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
-    assert b"wasm" in opener.open(f"{page}re_viewer.js", timeout=20).read()
-
-
-def test_a_live_page_names_the_stream() -> None:
-    """The page asks the viewer's own server on this machine for the run."""
-    with serve() as pages:
-        assert pages.stream.startswith(f"rerun+http://{HOST}:")
-        assert urllib.request.quote(pages.stream, safe="") in get(pages.address)[0]  # type: ignore[attr-defined]
-
-
-def test_the_viewer_ends_with_a_killed_server(tmp_path: Path) -> None:
-    """kill -9 of the command: the kernel ends the viewer behind it."""
-    path = tmp_path / "a.rrd"
-    path.write_bytes(b"")
-    serve = (
-        "import sys, time; from pathlib import Path\n"
-        "from cam_rig.viewer.server.web import serve_file\n"
-        "with serve_file(Path(sys.argv[1])) as address: print(address, flush=True); time.sleep(60)"
-    )
-    command = [sys.executable, "-c", serve, str(path)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
-        assert server.stdout is not None
-        assert server.stdout.readline().startswith("http")
-        viewers = Path(f"/proc/{server.pid}/task/{server.pid}/children").read_text().split()
-        assert len(viewers) == 1
-        server.kill()
-    for _ in range(100):
-        if not Path(f"/proc/{viewers[0]}").exists():
-            break
-        time.sleep(0.05)
-    assert not Path(f"/proc/{viewers[0]}").exists()

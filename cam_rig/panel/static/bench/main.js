@@ -1,4 +1,5 @@
 // The live bench: every control is a node's own parameter or service, and shows what the node says.
+import { ContourChart } from "../common/contour.js";
 import { shown } from "../common/charts.js";
 import { loadTexts, text } from "../common/texts.js";
 import { Knob } from "../common/knob.js";
@@ -18,7 +19,11 @@ const about = await (await fetch("/bench/about")).json();
 let now = null;
 
 // -- what is there once -----------------------------------------------------------------------------
-$("title").textContent = text("bench_title", { rig: about.rig.title });
+function heading(model) {
+  const said = text("bench_title", { rig: about.rig.title, model: text(`model_${model}`) });
+  if ($("title").textContent !== said) $("title").textContent = said;
+}
+heading(about.model);
 document.title = `${text("nav_bench")} – cam_rig`;
 if (!about.has_screen) $("picture").remove();
 const words = { real_time: text("pace_real"), free: text("pace_free") };
@@ -69,6 +74,7 @@ $("rpm").addEventListener("change", () => {
   knob.show($("rpm").valueAsNumber);
   speed.put($("rpm").valueAsNumber);
 });
+$("poster_start")?.addEventListener("click", () => ask({ do: "call", value: "start" }));
 for (const service of ["start", "stop", "reset"]) $(service).addEventListener("click", () => ask({ do: "call", value: service }));
 $("emergency").addEventListener("click", () => ask({ do: "call", value: "emergency_stop" }));
 for (const id of SELECTS) $(id).addEventListener("change", async () => {
@@ -105,6 +111,7 @@ let [lostAt, losses] = [-Infinity, Infinity];
 
 function live(message) {
   now = message;
+  heading(message.setup.model);
   const { graph, drive, state, values, contact } = message;
   if (message.sound_rate) sound.rate = message.sound_rate;
   $("holder").hidden = message.holds;
@@ -112,6 +119,7 @@ function live(message) {
   const runs = graph === "running" && Object.keys(values).length > 0;
   enable(message.holds && runs);
   $("start").disabled ||= drive === "emergency";
+  if ($("poster_start")) $("poster_start").disabled = $("start").disabled || drive === "turning";
   $("emergency").disabled = !runs;
   $("apply").disabled = !message.holds || graph === "starting";
   $("keep").disabled ||= !("cam" in state);
@@ -186,11 +194,42 @@ function ended([node, why]) {
   return item;
 }
 
+// -- the picture of the rig: Rerun's page, behind a poster until it shows the rig --------------------
+let pictured = false;
+addEventListener("message", ({ source, data }) => {
+  if (data !== "shown" || source !== $("rerun")?.contentWindow || pictured) return;
+  pictured = true;
+  picture();
+});
+const poster = about.has_screen ? new ContourChart($("poster_cam"), about.contour_colours, text("contour")) : null;
+let posted = null;
+
 function picture() {
   if (!about.has_screen) return;
-  const open = $("toggle").getAttribute("aria-expanded") === "true" && Boolean(now?.screen);
-  $("rerun").hidden = !open;
-  $("no_picture").hidden = open || $("toggle").getAttribute("aria-expanded") !== "true";
-  if (open && !$("rerun").src) $("rerun").src = now.screen;
-  if (!open && $("rerun").src) $("rerun").removeAttribute("src");
+  const open = $("toggle").getAttribute("aria-expanded") === "true";
+  const address = open && now?.screen;
+  $("stage").hidden = !open;
+  $("rerun").hidden = !address;
+  // Under the name by which this page was opened: another one has none of its cookies.
+  if (address && !$("rerun").src) $("rerun").src = Object.assign(new URL(address), { hostname: location.hostname }).href;
+  if (!address && $("rerun").src) {
+    $("rerun").removeAttribute("src");
+    pictured = false;
+  }
+  $("poster").hidden = pictured;
+  if (now && open && !pictured) post(now);
+}
+
+/** The cam that is mounted, until Rerun shows it turn. */
+async function post({ state, setup, drive }) {
+  const said = drive === "turning" ? text("picture_waits") : "";
+  if ($("no_picture").textContent !== said) $("no_picture").textContent = said;
+  const cam = now.values.law_server?.cam || state.cam || setup.cam;
+  if (cam === posted) return;
+  posted = cam;
+  const answer = await fetch(`/bench/cam/${encodeURIComponent(cam)}`);
+  if (!answer.ok || cam !== posted) return;
+  const { title, discs } = await answer.json();
+  $("poster_title").textContent = title;
+  poster.draw(discs, true);
 }

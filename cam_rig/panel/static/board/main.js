@@ -1,6 +1,6 @@
 // The drawing board: what is dragged changes the law here at once; the server says what is exact.
 import { Chart, shown } from "../common/charts.js";
-import { ContourChart } from "./contour.js";
+import { ContourChart } from "../common/contour.js";
 import { Handles } from "./drag.js";
 import { History } from "./history.js";
 import { decode, motion, pull, readTable } from "./law.js";

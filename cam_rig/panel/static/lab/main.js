@@ -78,11 +78,12 @@ function status(sentence) {
   $("status").classList.toggle("fault", Boolean(sentence));
 }
 
+/** Shows what is seen of the set-up and speed; whether contact is lost, null where it is not known. */
 async function observe() {
   const asked = { ...chosen };
   const seen = await post("/lab/turn", { ...asked, sound: sound.on });
   document.body.dataset.shown = seen ? JSON.stringify(asked) : "";
-  if (!seen) return;
+  if (!seen) return null;
   const lost = seen.contact_lost || seen.was_lost;
   $("lamp").classList.toggle("lost", lost);
   say("contact", text(lost ? "contact_is_lost" : "contact_is_kept"));
@@ -91,6 +92,7 @@ async function observe() {
   force.fit(Math.min(0, ...extent([drawn])), extent([drawn])[1], true);
   force.curve("force", drawn, { colour: sheet.force_colour, step: 360 / drawn.length });
   sound.play(seen.sound, seen.rate);
+  return lost;
 }
 function say(id, sentence) {
   if ($(id).textContent !== sentence) $(id).textContent = sentence;
@@ -98,7 +100,10 @@ function say(id, sentence) {
 
 // -- the readings ----------------------------------------------------------------------------------------
 $("record").addEventListener("click", async () => {
-  const found = await post("/lab/record", chosen);
+  const reading = { ...chosen };
+  const lost = await observe(); // of this set-up and speed, and not of the one before
+  if (lost === null || (!lost && !confirm(text("lab_record_anyway", { rpm: shown(reading.rpm, 6) })))) return;
+  const found = await post("/lab/record", reading);
   if (!found) return;
   show(found);
   const { number, rpm } = found.readings.at(-1);

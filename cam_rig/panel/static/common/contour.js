@@ -1,5 +1,5 @@
 // The contour of the cam with the path of its roller; what cannot be is red, and said in words.
-import { element, shown } from "../common/charts.js";
+import { element, shown } from "./charts.js";
 
 export class ContourChart {
   constructor(place, colours, label) {
