@@ -23,3 +23,20 @@ Speed = TypeVar("Speed", float, NDArray[np.float64])
 def to_rpm(speed: Speed) -> Speed:
     """A speed in rad/s as revolutions per minute; 200 rpm come back as 200, to rounding."""
     return speed * 30.0 / math.pi
+
+
+def rounded_to_error(value: float, error: float) -> str:
+    """A value to the second significant digit of its standard error; to six digits without one.
+
+    Examples
+    --------
+    >>> rounded_to_error(14.947876, 0.0323), rounded_to_error(4042.31, 123.0)
+    ('14.948', '4040')
+    """
+    if not 0.0 < error < math.inf:
+        return f"{value:.6g}"
+    place = int(f"{error:.1e}".partition("e")[2]) - 1
+    if place > -8 and abs(value) < 1e7:
+        return f"{round(value, -place) + 0.0:.{max(0, -place)}f}"
+    leading = int(f"{value:e}".partition("e")[2])
+    return f"{value:.{max(0, leading - place)}e}"
