@@ -211,7 +211,7 @@ def _straight_if_as_near(best: Profile) -> Profile:
     """The best contour of straight flanks if the readings do not rule it out, else the best."""
     search = best.search.holding(FLANK, 0.0)
     straight = Profile(search, search.best())
-    return straight if best.away(straight.squares) <= best.limit else best
+    return straight if best.away(straight.squares) <= best.line(FLANK).limit else best
 
 
 def _profiles(searches: list[ArcSearch]) -> Iterator[Profile]:

@@ -6,6 +6,10 @@ nothing of it. So each number is held at values farther and farther off, all oth
 again, and the interval ends where the sum of squares S has risen so far that (S − S_min)/s² is the
 square of Student's t (Bates and Watts, *Nonlinear Regression Analysis and Its Applications*, 1988,
 section 6.1), with s² = S_min/(n − p).
+
+The gauge's zero of each column was found in its resting readings, and its error is one of all its
+lifts: a number that rises by a when all lifts of a column rise by 1 has the variance a² s²/n₀ more,
+with n₀ readings at rest. The limit is widened by as much.
 """
 
 from __future__ import annotations
@@ -14,7 +18,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -77,6 +81,21 @@ class Told:
         return not known and not self.held
 
 
+class Line(NamedTuple):
+    """A coordinate by the slopes at the best contour.
+
+    Parameters
+    ----------
+    error : its standard error, without that of the gauge's zero
+    limit : how far, in errors of a reading, the contours of its interval are from the best
+    ahead : ``(p,)`` slopes of the search's numbers along the best contours
+    """
+
+    error: float
+    limit: float
+    ahead: FloatArray
+
+
 @dataclass(frozen=True, eq=False)
 class Profile:
     """The sum of squares about the best contour of a search, as numbers are held elsewhere."""
@@ -96,8 +115,8 @@ class Profile:
 
     @property
     def spare(self) -> int:
-        """How many more readings there are than numbers, one at least."""
-        return max(1, self.search.count - self.x.size)
+        """How many more readings there are than numbers and zeros, one at least."""
+        return max(1, self.search.count - self.x.size - len(self.search.columns))
 
     @cached_property
     def variance(self) -> float:
@@ -115,6 +134,28 @@ class Profile:
     def away(self, squares: float) -> float:
         """How far a contour of other numbers is from the best, in errors of a reading."""
         return math.sqrt(max(0.0, squares - self.squares) / self.variance)
+
+    def line(self, index: int) -> Line:
+        """A coordinate of contours near the best, as if lifts were linear in all numbers."""
+        x, search = self.x, self.search
+        steps = SLOPE_STEP * np.eye(x.size)
+
+        def slopes(function: Callable[[FloatArray], Any]) -> FloatArray:
+            rises = [function(x + h) - function(x - h) for h in steps]
+            return np.array(rises) / (2.0 * SLOPE_STEP)
+
+        turn = slopes(lambda y: search.form.coordinates(search.arcs(y))[index])
+        bent = slopes(search.away)
+        spread = np.linalg.pinv(bent @ bent.T) @ turn
+        variance = float(turn @ spread)
+        if not variance > 0.0:  # a concave flank under a flat face, where nothing changes
+            return Line(FIRST_STEP * max(1.0, float(np.abs(x).max())), self.limit, 0.0 * x)
+        zeros = sum(
+            float(np.sum(weights)) ** 2 / column.resting
+            for weights, column in zip(search.by_column(spread @ bent), search.columns, strict=True)
+        )
+        limit = self.limit * math.sqrt(1.0 + zeros / variance)
+        return Line(math.sqrt(self.variance * variance), limit, spread / variance)
 
     def interval(self, index: int) -> tuple[float, float]:
         """Least and greatest of a number (m, rad) within the limit, as `Told` has them."""
@@ -134,7 +175,7 @@ class Profile:
         elif index == FLANK and all(flat for flat, _ in self.search.roles):
             least = 0.0  # a flat face does not reach a concave flank
         path = _Path(self, index, least)
-        inside, step = path.start, sign * self.limit * path.error
+        inside, step = path.start, sign * path.limit * path.error
         for _ in range(DOUBLINGS):
             outside = max(path.start + step, least)
             if path.above(outside) > 0.0:
@@ -152,11 +193,11 @@ class _Path:
     def __init__(self, profile: Profile, index: int, least: float) -> None:
         self._profile, self._index = profile, index
         self._place = profile.search.free.index(index)
-        self.start = max(self._coordinate(profile.x), least)
-        self.error, ahead = self._line()
-        rest = np.delete(profile.x, self._place)
-        self._found = {self.start: (rest, -profile.limit)}
-        self._ahead = ahead
+        form, arcs = profile.search.form, profile.search.arcs(profile.x)
+        self.start = max(float(form.coordinates(arcs)[index]), least)
+        self.error, self.limit, ahead = profile.line(index)
+        self._ahead = np.delete(ahead, self._place)
+        self._found = {self.start: (np.delete(profile.x, self._place), -self.limit)}
 
     def above(self, coordinate: float) -> float:
         """How far beyond the limit the best contour is that has this coordinate."""
@@ -167,36 +208,15 @@ class _Path:
         starts = [x for x in self._guesses(coordinate) if search.rms(x) < NO_CONTOUR]
         ends = [search.nearest(x, ftol=NEAR, xtol=NEAR) for x in starts[:1]] or [search.best()]
         squares = float(np.sum(search.away(ends[0]) ** 2))
-        above = profile.away(squares) - profile.limit
+        above = profile.away(squares) - self.limit
         self._found[coordinate] = ends[0], above
         return above
 
     def _guesses(self, coordinate: float) -> Iterator[FloatArray]:
         """On the line through the two nearest contours, but none far beyond the limit; the nearest."""
-        good = [c for c, (_, above) in self._found.items() if above < self._profile.limit]
+        good = [c for c, (_, above) in self._found.items() if above < self.limit]
         near, *more = sorted(good, key=lambda one: abs(one - coordinate))[:2]
         x = self._found[near][0]
         slope = (self._found[more[0]][0] - x) / (more[0] - near) if more else self._ahead
         yield x + (coordinate - near) * slope
         yield x
-
-    def _coordinate(self, x: FloatArray) -> float:
-        search = self._profile.search
-        return float(search.form.coordinates(search.arcs(x))[self._index])
-
-    def _line(self) -> tuple[float, FloatArray]:
-        """Standard error of the coordinate by the slopes at the best, and the others' slopes."""
-        x, search = self._profile.x, self._profile.search
-        steps = SLOPE_STEP * np.eye(x.size)
-
-        def slopes(function: Callable[[FloatArray], Any]) -> FloatArray:
-            rises = [function(x + h) - function(x - h) for h in steps]
-            return np.array(rises) / (2.0 * SLOPE_STEP)
-
-        turn, bent = slopes(self._coordinate), slopes(search.away)
-        spread = np.linalg.pinv(bent @ bent.T) @ turn
-        variance = float(turn @ spread)
-        if not variance > 0.0:  # a concave flank under a flat face, where nothing changes
-            return FIRST_STEP * max(1.0, abs(self.start)), np.zeros(x.size - 1)
-        error = math.sqrt(self._profile.variance * variance)
-        return error, np.delete(spread, self._place) / variance

@@ -108,6 +108,11 @@ class ArcSearch:
             return np.full(self.count, NO_CONTOUR)
         return np.concatenate(found)
 
+    def by_column(self, values: FloatArray) -> list[FloatArray]:
+        """What all readings have, cut into the columns."""
+        ends = np.cumsum([column.angles.size for column in self.columns])
+        return np.split(values, ends[:-1])
+
     def column(self, x: FloatArray, i: int) -> ArcColumn:
         """A column beside the contour.
 

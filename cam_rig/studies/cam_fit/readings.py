@@ -52,6 +52,7 @@ class Readings:
     gap : start and span (rad) of the longest stretch without readings
     notes : what was done to them, a sentence each
     outliers : readings that were left out
+    resting : how many readings the zero is the mean of
     """
 
     name: str
@@ -62,6 +63,7 @@ class Readings:
     gap: tuple[float, float]
     notes: tuple[str, ...]
     outliers: tuple[Outlier, ...] = ()
+    resting: int = 1
 
     @property
     def rounding(self) -> float:
@@ -88,8 +90,11 @@ def put_in_order(table: GaugeTable, column: GaugeColumn, reverse: bool = False) 
     ------
     ConfigError : too few or too many readings, or two of one angle that contradict each other
     """
-    angles, lifts = np.array(table.angles), np.array(column.lifts)
+    read = np.isfinite(column.lifts)
+    angles, lifts = np.array(table.angles)[read], np.array(column.lifts)[read]
     notes = []
+    if not read.any():
+        raise ConfigError(f"{table.file}: {column.name} has no number; allowed: readings")
     if np.all(np.diff(angles) < 0.0):
         notes.append("angles fall in the file: put in rising order, lift over angle is the same")
     if reverse:
@@ -101,7 +106,7 @@ def put_in_order(table: GaugeTable, column: GaugeColumn, reverse: bool = False) 
     inside = angles - TURN * np.floor((angles + SAME_ANGLE) / TURN)
     inside = np.maximum(inside, 0.0)
     order = np.argsort(inside, kind="stable")
-    found = _averaged(table, column, (inside[order], lifts[order], np.array(table.lines)[order]))
+    found = _averaged(table, column, (inside[order], lifts[order], np.array(table.lines)[read][order]))
     if found.angles.size < inside.size:
         notes.append(f"{inside.size - found.angles.size} repeated angles averaged")
     return replace(found, notes=tuple(notes))
