@@ -2,7 +2,7 @@
 
     .venv/bin/python benchmark/fit_cam.py
 
-Readings of shipped laws with noise, an unknown zero and one slip; takes half a minute.
+Readings of shipped laws with noise, an unknown zero and one outlier; takes half a minute.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from cam_rig.units import TURN
 
 CAMS = ("poly345", "cycloidal", "flat", "bezier15", "b_spline")
 COUNTS, SEEDS = (360, 72, 36), range(5000, 5040)
-LIFT, NOISE, ZERO, SLIP = 0.01, 2e-6, 3e-3, 4e-4  # m
+LIFT, NOISE, ZERO, OUTLIER = 0.01, 2e-6, 3e-3, 4e-4  # m
 FINE = np.linspace(0.0, TURN, 2000, endpoint=False)
 
 
@@ -28,7 +28,7 @@ def errors(name: str, count: int, seed: int) -> tuple[float, float, float]:
     scale = LIFT / law.lift
     angles = np.linspace(0.0, TURN, count, endpoint=False)
     lifts = scale * law(angles) + NOISE * rng.normal(size=count) + ZERO
-    lifts[rng.integers(count)] += SLIP
+    lifts[rng.integers(count)] += OUTLIER
     column = GaugeColumn("lift", tuple(lifts), 1e-9)
     table = GaugeTable(name, tuple(angles), (column,), tuple(range(count)), ())
     fit = fit_spline(put_in_order(table, column))

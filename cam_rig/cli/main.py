@@ -11,7 +11,7 @@ from cam_rig.cli.cams.law import law
 from cam_rig.cli.cams.laws import laws
 from cam_rig.cli.cams.new import new
 from cam_rig.cli.cams.profile import profile
-from cam_rig.cli.common.commands import Commands
+from cam_rig.cli.common.commands import Command, Commands
 from cam_rig.cli.common.version import print_versions
 from cam_rig.cli.runs.analyze import analyze
 from cam_rig.cli.runs.compare import compare
@@ -97,7 +97,7 @@ for verb in (
     identify,
     bench,
 ):
-    app.command()(verb)
+    app.command(cls=Command)(verb)
 app.add_typer(fit, name="fit")
 
 

@@ -19,7 +19,7 @@ def call(*arguments):
 
 @pytest.fixture
 def table(tmp_path):
-    """A table of 360 lifts as a spreadsheet in German writes it, with 2 µm and one slip."""
+    """A table of 360 lifts as a spreadsheet in German writes it, with 2 µm and one outlier."""
     angles = np.arange(0, 360)
     u = np.clip((angles - 60.0) / 100.0, 0.0, 1.0), np.clip((angles - 220.0) / 100.0, 0.0, 1.0)
     up, down = (10 * x**3 - 15 * x**4 + 6 * x**5 for x in u)
@@ -38,7 +38,7 @@ def test_a_table_becomes_a_scene_that_runs(table, tmp_path, monkeypatch):
     assert made.exit_code == 0, made.output
     for words in ("separator semicolon, decimal comma", "assumed: follower roller", "mine.csv"):
         assert words in made.output
-    assert "slips: line 102 by " in made.output
+    assert "outliers: line 102 by " in made.output
     run = call("simulate", "mine/scenes/mine.yaml", "--json", "-")
     assert run.exit_code == 0
     assert all(map(math.isfinite, json.loads(run.stdout)["cams"]["mine"]["level_db"]))
@@ -60,7 +60,7 @@ def test_new_asks_nothing(tmp_path, monkeypatch):
 
 
 def test_fit_prints_the_answer_and_writes_it(table, tmp_path):
-    """Distance, knots, slip and what was not followed; JSON, CSV, picture and cam."""
+    """Distance, knots, outlier and what was not followed; JSON, CSV, picture and cam."""
     out, plot, csv = tmp_path / "own.yaml", tmp_path / "fit.png", tmp_path / "fit.csv"
     result = call("fit", "cam", table, "--tolerance", 0.0005, "--out", out, "--plot", plot,
                   "--csv", csv, "--json", tmp_path / "fit.json")  # fmt: skip
@@ -69,7 +69,7 @@ def test_fit_prints_the_answer_and_writes_it(table, tmp_path):
     data = json.loads((tmp_path / "fit.json").read_text())
     assert data["scatter_m"] == pytest.approx(2e-6, rel=0.3)
     assert data["zero_m"] == pytest.approx(3.2e-3, abs=2e-6)
-    assert [slip["line"] for slip in data["slips"]] == [102]
+    assert [outlier["line"] for outlier in data["outliers"]] == [102]
     assert [round(dwell["span_deg"]) for dwell in data["dwells"]] == pytest.approx([60, 100], abs=2)
     assert data["peak_acceleration_m_per_rad2"] == pytest.approx(
         0.0057735 * 10 / math.radians(100) ** 2, rel=0.02

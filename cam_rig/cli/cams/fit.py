@@ -21,6 +21,7 @@ from cam_rig.cli.cams.fitting import (
     say_assumed,
     write_new,
 )
+from cam_rig.cli.common.commands import Command
 from cam_rig.cli.common.console import say, user_errors
 from cam_rig.cli.common.options import Csv, Json, Plot
 from cam_rig.cli.common.outputs import check_outputs, write_csv, write_json, write_plot
@@ -41,10 +42,10 @@ def _group() -> None:
     """Find the numbers of a cam, or of a rig, from what was measured."""
 
 
-fit.command("rig")(fit_rig)
+fit.command("rig", cls=Command)(fit_rig)
 
 
-@fit.command("cam")
+@fit.command("cam", cls=Command)
 def fit_cam(
     tables: Tables,
     shape: ShapeOption = Shape.spline,
@@ -62,7 +63,7 @@ def fit_cam(
     """Fit a cam to gauge readings: a spline with exact dwells, or tangent arcs.
 
     Any separator, decimal comma, unit and language of headings. Says how near the law is, which
-    readings look like slips, and what was assumed. A --tolerance below the readings' scatter is not
+    readings look like outliers, and what was assumed. A --tolerance below the readings' scatter is not
     followed. Arcs take all columns and files at once, and say which was read with a flat follower.
 
     Examples

@@ -1,15 +1,16 @@
-"""The group of all commands: a wrong option, and what cannot be written, end them in one line."""
+"""All commands: a wrong option, and what cannot be written, end them in one line."""
 
 from __future__ import annotations
 
 import errno
 import os
 import sys
+from collections import Counter
 from contextlib import suppress
 from typing import Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from cam_rig.errors import ConfigError, OutputError
 
@@ -45,6 +46,20 @@ class Commands(TyperGroup):
                 raise
             print(f"cam-rig: {one_line(error)}", file=sys.stderr)
             raise typer.Exit(ConfigError.exit_code) from None
+
+
+class Command(TyperCommand):
+    """As typer's, but that it refuses an option that stands twice where the last would be taken."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Values of the options and arguments; ``--help`` comes first."""
+        stand = Counter(self.make_parser(ctx).parse_args(list(args))[2])
+        twice = [one for one, count in stand.items() if count > 1 and not one.multiple]
+        if twice and not any(one.is_eager for one in stand):
+            name = max(twice[0].opts, key=len)
+            print(f"cam-rig: {name}: stands {stand[twice[0]]} times; allowed: once", file=sys.stderr)
+            raise typer.Exit(ConfigError.exit_code)
+        return super().parse_args(ctx, args)
 
 
 def one_line(error: typer.BadParameter) -> str:

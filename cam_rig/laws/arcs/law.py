@@ -106,7 +106,7 @@ def _pitch_angles(chain: Chain, roller: float) -> list[float]:
         with np.errstate(invalid="ignore"):
             reached = _polar_radius(part, roller)(np.array([angles[i], angles[i + 1]]), 0)
         expected = np.abs([points[i - 1], points[i]])
-        if not np.allclose(reached, expected, rtol=AGREE, atol=0.0):
+        if not (np.abs(reached - expected) <= AGREE * expected).all():
             raise _folds(i)
     return angles
 

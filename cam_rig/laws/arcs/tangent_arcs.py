@@ -35,7 +35,7 @@ class Arc:
         sine, cosine = np.sin(delta), np.cos(delta)
         root = np.sqrt(self.radius**2 - (self.distance * sine) ** 2)
         side = -1.0 if self.concave else 1.0
-        shift = self.distance * np.stack([cosine, -sine, -cosine, sine])[order]
+        shift = self.distance * (cosine, -sine, -cosine, sine)[order]
         return np.asarray(shift + side * _root_derivative(self.distance, sine, cosine, root, order))
 
 

@@ -183,8 +183,8 @@ def _spline_fit(fit: SplineFit) -> Figure:
     degrees, readings = np.degrees(angles), fit.readings
     lift.plot(degrees, fit.law(angles) * 1e3, color=colour)
     lift.plot(np.degrees(readings.angles), readings.lifts * 1e3, ".", color="k", ms=3)
-    for slip in readings.slips:
-        lift.plot(np.degrees(slip.angle), (slip.lift - fit.zero) * 1e3, "x", color="r")
+    for outlier in readings.outliers:
+        lift.plot(np.degrees(outlier.angle), (outlier.lift - fit.zero) * 1e3, "x", color="r")
     distance = (readings.lifts - fit.law(readings.angles)) * 1e3
     away.plot(np.degrees(readings.angles), distance, ".", color="k", ms=3)
     away.axhspan(-fit.tolerance * 1e3, fit.tolerance * 1e3, color=SHADE, lw=0)

@@ -17,6 +17,8 @@ from cam_rig.schema.points import MAX_BYTES
 
 SEPARATORS = {";": "semicolon", "\t": "tab", ",": "comma", " ": "space"}
 NUMBER = re.compile(r"[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?")
+#: The number of an empty cell.
+NOTHING = "nan"
 #: Two lines above the numbers may be one heading: names, and units under them.
 HEADING_LINES = 2
 #: Lines of a file, at most.
@@ -70,9 +72,18 @@ class CellTable:
         self.separator = declared[1] if declared else _separator([line for _, line in lines])
         self.seen = SEPARATORS.get(self.separator, repr(self.separator))
         self.rows = [(i, self._cells(i, line)) for i, line in lines]
-        self.first = next(
-            (k for k, (_, cells) in enumerate(self.rows) if count_numbers(cells) > 1), None
-        )
+        self.first = self._first()
+
+    def _first(self) -> int | None:
+        """The first row of numbers: two at least, or one among empty cells right above of such."""
+        rows = [cells for _, cells in self.rows]
+        first = next((k for k, cells in enumerate(rows) if count_numbers(cells) > 1), None)
+        while first and len(rows[first - 1]) == len(rows[first]):
+            said = [cell for cell in rows[first - 1] if cell]
+            if not said or count_numbers(said) < len(said):
+                break
+            first -= 1
+        return first
 
     def decimal_mark(self, body: list[tuple[int, list[str]]], used: list[int]) -> str:
         """Comma or point; a file has one of them."""
@@ -109,19 +120,24 @@ class CellTable:
             return [Heading(f"column {i + 1}", "other", None) for i in range(width)]
         return [heading(text) for text in joined]
 
-    def numbers(self, line: int, cells: list[str], headings: list[Heading]) -> list[str]:
-        """The cells of a line as texts of numbers with a decimal point; others stay empty."""
+    def numbers(
+        self, line: int, cells: list[str], headings: list[Heading], used: list[int]
+    ) -> list[str]:
+        """The cells of a line as texts of numbers with a decimal point, `NOTHING` of an empty one.
+
+        Cells of columns that are not ``used`` may hold anything.
+        """
         if len(cells) != len(headings):
             raise self._uneven(line, len(cells), len(headings))
         found = []
-        for cell, one in zip(cells, headings, strict=True):
+        for i, (cell, one) in enumerate(zip(cells, headings, strict=True)):
             text = plain_number(cell)
-            if text is None and one.kind != "other":
+            if text is None and cell and i in used:
                 raise ConfigError(
                     f"{self.file}: line {line}: {one.text} is {shown(cell)}; allowed: a number, so "
                     f"correct the line or put # before it (separator seen: {self.seen})"
                 )
-            found.append(text or "nan")
+            found.append(text or NOTHING)
         return found
 
     def _uneven(self, line: int, cells: int, columns: int) -> ConfigError:

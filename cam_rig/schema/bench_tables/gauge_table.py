@@ -11,8 +11,9 @@ from pathlib import Path
 
 from cam_rig.errors import ConfigError
 from cam_rig.files import shown
-from cam_rig.schema.bench_tables.cells import CellTable, count_numbers, read_lines
+from cam_rig.schema.bench_tables.cells import NOTHING, CellTable, count_numbers, read_lines
 from cam_rig.schema.bench_tables.headings import Heading
+from cam_rig.tables import counted
 from cam_rig.units import TURN
 
 #: Angles without a unit are rad where they go round in so much at most, else deg.
@@ -21,7 +22,10 @@ MOST_RAD = 1.02 * TURN
 
 @dataclass(frozen=True)
 class GaugeColumn:
-    """Readings of one follower: ``lifts`` in m, and the step (m) in which they are written."""
+    """Readings of one follower: ``lifts`` in m, NaN where a cell is empty, and their written step.
+
+    The step is in m.
+    """
 
     name: str
     lifts: tuple[float, ...]
@@ -47,40 +51,41 @@ class GaugeTable:
     lines: tuple[int, ...]
     notes: tuple[str, ...]
 
-    def column(self, name: str | None) -> GaugeColumn:
-        """The column of a name, or the only one.
+    def only_column(self) -> GaugeColumn:
+        """The column of lifts, where there is one.
 
         Raises
         ------
-        ConfigError : there is none of that name, or there are several and none is named
+        ConfigError : there are several
         """
-        names = ", ".join(repr(column.name) for column in self.columns)
-        found = [column for column in self.columns if name in (None, column.name)]
-        if not found:
-            raise ConfigError(f"{self.file}: has no column {name!r}; allowed: {names}")
-        if len(found) > 1:
+        if len(self.columns) > 1:
+            names = ", ".join(repr(column.name) for column in self.columns)
             raise ConfigError(
-                f"{self.file}: has {len(found)} columns of lifts; allowed: one, so name it with "
-                f"--column ({names}), or take all with --shape arcs"
+                f"{self.file}: has {len(self.columns)} columns of lifts; allowed: one, so name it "
+                f"with --column ({names}), or take all with --shape arcs"
             )
-        return found[0]
+        return self.columns[0]
 
 
-def read_gauge_table(path: Path) -> GaugeTable:
+def read_gauge_table(path: Path, column: str | None = None) -> GaugeTable:
     """Read a table of readings as it was written by a gauge, a spreadsheet or by hand.
+
+    Parameters
+    ----------
+    column : heading of the one column of lifts that is read, whatever the others hold; all if None
 
     Raises
     ------
     ConfigError : one line with the file, the line, the value, what is allowed, and which
         separator was seen
     """
-    return _GaugeReader(path.name, read_lines(path, "cam angle and lift")).table()
+    return _GaugeReader(path.name, read_lines(path, "cam angle and lift")).table(column)
 
 
 class _GaugeReader(CellTable):
     """A file of readings; `table` makes numbers of its cells."""
 
-    def table(self) -> GaugeTable:
+    def table(self, column: str | None) -> GaugeTable:
         """Headings to columns, cells to numbers."""
         if self.first is None:
             line, cells = self.rows[-1]
@@ -90,16 +95,27 @@ class _GaugeReader(CellTable):
             )
         width = len(self.rows[self.first][1])
         headings = self.headings(width)
-        angle, lifts, notes = self._assigned(headings)
-        body = self.rows[self.first :]
-        texts = [self.numbers(line, cells, headings) for line, cells in body]
+        angle, lifts, notes = self._assigned(headings, column)
+        used = [angle, *lifts]
+        body = [(line, cells) for line, cells in self.rows[self.first :] if self._says(cells, used)]
+        texts = [self.numbers(line, cells, headings, used) for line, cells in body]
+        for (line, _), row in zip(body, texts, strict=True):
+            if row[angle] == NOTHING:
+                raise ConfigError(
+                    f"{self.file}: line {line}: {headings[angle].text} is empty beside a lift; "
+                    f"allowed: an angle, or # before the line (separator seen: {self.seen})"
+                )
         angles = [float(row[angle]) for row in texts]
         factor, words = _angle_factor(headings[angle], angles)
         columns = [self._column(headings[i], [row[i] for row in texts]) for i in lifts]
         unnamed = [headings[i].text for i in lifts if headings[i].factor is None]
         if unnamed:
             words += [f"no unit of length in {', '.join(map(repr, unnamed))}: mm assumed"]
-        mark = self.decimal_mark(body, [angle, *lifts])
+        for i in lifts:
+            empty = sum(row[i] == NOTHING for row in texts)
+            if empty:
+                words.append(f"{counted(empty, 'empty cell')} in {headings[i].text!r}: no reading")
+        mark = self.decimal_mark(body, used)
         read = f"{len(body)} lines read, separator {self.seen}, decimal {mark}"
         return GaugeTable(
             self.file,
@@ -109,7 +125,13 @@ class _GaugeReader(CellTable):
             (read, *notes, *words),
         )
 
-    def _assigned(self, headings: list[Heading]) -> tuple[int, list[int], list[str]]:
+    def _says(self, cells: list[str], used: list[int]) -> bool:
+        """Whether a line has a reading: of another width, which is an error, or not all empty."""
+        return max(used) >= len(cells) or any(cells[i] for i in used)
+
+    def _assigned(
+        self, headings: list[Heading], column: str | None
+    ) -> tuple[int, list[int], list[str]]:
         """Index of the angles' column, those of lifts, and what had to be assumed."""
         angles = [i for i, one in enumerate(headings) if one.kind == "angle"]
         lifts = [i for i, one in enumerate(headings) if one.kind == "lift"]
@@ -120,6 +142,12 @@ class _GaugeReader(CellTable):
         if not angles and others[:1] == [0]:
             angles, others = [0], others[1:]
             notes.append(f"no heading of an angle: {headings[0].text!r} assumed to be it")
+        if column is not None:
+            allowed = [i for i in (*lifts, *others) if i not in angles]
+            lifts = [i for i in allowed if headings[i].text == column]
+            if not lifts:
+                names = ", ".join(repr(headings[i].text) for i in allowed)
+                raise ConfigError(f"{self.file}: has no column {column!r}; allowed: {names}")
         if not lifts and angles:
             lifts = [i for i in others if count_numbers([self.rows[self.first or 0][1][i]])]
             names = ", ".join(repr(headings[i].text) for i in lifts)

@@ -95,10 +95,11 @@ class _JumpReader(CellTable):
         headings = self.headings(len(self.rows[self.first][1]))
         found, notes = self._assigned([one.text for one in headings])
         body = self.rows[self.first :]
-        mark = self.decimal_mark(body, [index for index, _ in found.values()])
+        used = [index for index, _ in found.values()]
+        mark = self.decimal_mark(body, used)
         readings = []
         for line, cells in body:
-            texts = self.numbers(line, cells, headings)
+            texts = self.numbers(line, cells, headings, used)
             values = {
                 name: self._value(line, name, cells[index], texts[index], factor)
                 for name, (index, factor) in found.items()

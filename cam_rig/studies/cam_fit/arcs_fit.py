@@ -1,11 +1,8 @@
 """One contour of tangent arcs through the readings of one or several followers at once.
 
-Base circle, two equal flanks and a nose, each tangent to the next: the law ``arcs_by_radii``. Its
-numbers are those that lifts can tell. Under a roller the centre follows a contour of the radii
-R_b + R_r, R_f + R_r, R_n + R_r, so the lifts hold these sums. Under a flat face the lift is the
-contour's support function less R_b, so the lifts hold the differences R_f − R_b and R_n − R_b.
-The least squares are over R_b + R_r, the lift, the curvature of the flank, the nose's radius, and
-the angle of the nose.
+The least squares of `arcs_search` for every way in which the columns may have been read, and of
+the likeliest once more with straight flanks: these are taken where the readings do not rule them
+out.
 """
 
 from __future__ import annotations
@@ -13,86 +10,39 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property
 from itertools import product
+from typing import Literal
 
 import numpy as np
 
-from cam_rig.arrays import FloatArray, rms
+from cam_rig.arrays import rms
 from cam_rig.errors import LawError
-from cam_rig.laws.arcs.chain import Blend, Circle, close
-from cam_rig.laws.arcs.law import ArcFollower, arc_lift
+from cam_rig.studies.cam_fit.arcs import COORDINATES, FLANK, PRIME, ArcColumn, Arcs, Form
+from cam_rig.studies.cam_fit.arcs import number_of
+from cam_rig.studies.cam_fit.arcs_intervals import Profile, Told
+from cam_rig.studies.cam_fit.arcs_search import ArcSearch
 from cam_rig.studies.cam_fit.readings import Readings
 
-#: What lifts tell of such a contour, m and rad.
-NUMBERS = (
-    "base radius + roller radius",
-    "lift",
-    "flank radius - base radius",
-    "nose radius - base radius",
-    "nose angle",
-)
-#: Starts of the search: prime radius in lifts, nose radius in parts of it, flank curvature in parts
-#: of the greatest.
-STARTS = tuple(product((3.0,), (0.3,), (0.3, 0.7, -0.3)))
-#: Lifts (m) for numbers of which no contour can be made: far from any reading.
-NO_CONTOUR = 1.0
+#: Which radius is known beside the readings.
+Known = Literal["base", "roller", "both"] | None
+#: What is known of the flanks.
+Flank = Literal["straight", "curved"] | None
 #: A contour whose lifts are off the readings by this part of the lift, r.m.s., is another one.
 FAR = 0.05
-#: A flank flatter than this (in parts of the prime radius's curvature) is a straight line.
-STRAIGHT = 1e-6
-#: A column's own kind and sense.
-Role = tuple[bool, bool]
+#: A reading of the columns that leaves so many times the least residual is not refined.
+FAR_OFF = 2.0
+#: Of two readings of the columns this much nearer (in parts) one is told from the other.
+CLEARLY_NEARER = 1.1
 
 
 @dataclass(frozen=True)
-class Arcs:
-    """Radii and lift (m) on the contour, the flank's None where straight, and the nose's angle.
+class Other:
+    """Another reading of the columns: in words, its r.m.s. residual (m), the followers' kinds."""
 
-    Positive where convex.
-    """
-
-    base_radius: float
-    lift: float
-    flank_radius: float | None
-    nose_radius: float
-    nose_angle: float
-
-    def lifts(self, follower: ArcFollower, angles: FloatArray) -> FloatArray:
-        """The lift (m) of a follower at cam angles in rad.
-
-        Raises
-        ------
-        LawError : there is no such contour, or the follower cannot stay on it
-        """
-        flank = Blend(self.flank_radius)
-        top = Circle(
-            complex(-(self.base_radius + self.lift - self.nose_radius), 0.0), self.nose_radius
-        )
-        chain = close([Circle(0j, self.base_radius), flank, top, flank])
-        turned = angles - self.nose_angle + math.pi  # the nose's top is at 180° of the contour
-        return arc_lift(chain, self.base_radius, follower, turned)
-
-
-@dataclass(frozen=True, eq=False)
-class ArcColumn:
-    """Readings of one follower on the contour: its kind, the sense they were read in, the fit."""
-
-    readings: Readings
-    follower: ArcFollower
-    reverse: bool
-    away: FloatArray
-
-    @property
-    def kind(self) -> str:
-        """What follows the contour."""
-        roller = "roller" if self.follower.roller_radius else "point"
-        return "flat" if self.follower.flat else roller
-
-    @property
-    def rms(self) -> float:
-        """r.m.s. distance of the readings from the contour's lifts, m."""
-        return rms(self.away)
+    name: str
+    rms: float
+    flats: tuple[bool, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,26 +51,80 @@ class ArcsFit:
 
     Parameters
     ----------
-    roller_radius : assumed (m); base, flank and nose radius go with it
-    errors : standard errors of `NUMBERS`, NaN for one that is not told
-    others : r.m.s. distance (m) of every other reading of the columns, likeliest first
+    best : the contour that is taken
+    curved : the best of any flank, which may be ``best``
+    others : every other reading of the columns, likeliest first
     """
 
-    arcs: Arcs
-    columns: tuple[ArcColumn, ...]
-    roller_radius: float
-    errors: tuple[float, ...]
-    others: tuple[tuple[str, float], ...]
+    best: Profile
+    curved: Profile
+    known: Known
+    flank: Flank
+    others: tuple[Other, ...]
+
+    @property
+    def arcs(self) -> Arcs:
+        """The contour."""
+        return self.best.search.arcs(self.best.x)
+
+    @cached_property
+    def columns(self) -> tuple[ArcColumn, ...]:
+        """The readings beside the contour."""
+        search = self.best.search
+        return tuple(search.column(self.best.x, i) for i in range(len(search.columns)))
+
+    @property
+    def roller_radius(self) -> float:
+        """Assumed or given (m), 0 for a point."""
+        return self.best.search.form.roller
 
     @property
     def rms(self) -> float:
-        """r.m.s. distance of all readings from the contour's lifts, m."""
+        """r.m.s. residual of all readings, m."""
         return rms(np.concatenate([column.away for column in self.columns]))
 
     @property
-    def numbers(self) -> tuple[float, ...]:
-        """`NUMBERS` of the contour; the flank's is infinite where straight."""
-        return _numbers(self.arcs, self.roller_radius)
+    def only_flat(self) -> bool:
+        """Whether every follower is a flat one, so that no base radius is told."""
+        return all(column.kind == "flat" for column in self.columns)
+
+    @property
+    def told_of(self) -> Profile:
+        """What the intervals are of: of any flank, unless it is known to be straight."""
+        return self.best if self.flank == "straight" else self.curved
+
+    @cached_property
+    def told(self) -> tuple[Told, ...]:
+        """What the readings tell of each number, a straight flank or not."""
+        return tuple(self._told(i, self.told_of) for i in COORDINATES)
+
+    @cached_property
+    def prime_if_straight(self) -> Told | None:
+        """Base and roller radius if the flank that is straight within the readings is so."""
+        straight = self.best is not self.curved and PRIME not in self.best.search.held
+        return self._told(PRIME, self.best) if straight else None
+
+    def _told(self, index: int, profile: Profile) -> Told:
+        search = self.best.search
+        value = number_of(index, float(search.form.coordinates(self.arcs)[index]))
+        name = search.form.names[index]
+        if index in profile.search.held:
+            given = index == FLANK or self.known in (("base", "both") if self.only_flat else ("both",))
+            return Told(name, value, value, value, "given" if given else "assumed")
+        return Told(name, value, *profile.interval(index))
+
+    @property
+    def unclear_kinds(self) -> Other | None:
+        """Other kinds of follower with which the readings are as near."""
+        flats = tuple(flat for flat, _ in self.best.search.roles)
+        return next(
+            (one for one in self.others if one.flats != flats and self.as_near(one)),
+            None,
+        )
+
+    def as_near(self, other: Other) -> bool:
+        """Whether another reading of the columns is not told from this one."""
+        return other.rms < CLEARLY_NEARER * self.rms
 
     @property
     def cannot_tell(self) -> tuple[str, ...]:
@@ -129,70 +133,15 @@ class ArcsFit:
         if kinds == {"flat"}:
             return (
                 "A flat follower tells flank and nose radius only less the base radius: that is "
-                "assumed.",
+                f"{'given' if self.known in ('base', 'both') else 'assumed'}.",
             )
-        if "point" in kinds:
+        if "point" in kinds or self.known == "both":
             return ()
+        whose = "base" if self.known == "base" else "roller"
+        state = "assumed" if self.known is None else "given"
         return (
-            "Base and roller radius are told only as a sum: the roller radius is assumed.",
-            "Flank and nose radius go with the base radius: their differences from it are told.",
-        )
-
-
-def _numbers(arcs: Arcs, roller_radius: float) -> tuple[float, ...]:
-    base = arcs.base_radius
-    flank = math.inf if arcs.flank_radius is None else arcs.flank_radius - base
-    return (base + roller_radius, arcs.lift, flank, arcs.nose_radius - base, arcs.nose_angle)
-
-
-@dataclass(frozen=True, eq=False)
-class _Search:
-    """The least squares of one reading of the columns."""
-
-    columns: tuple[Readings, ...]
-    roles: tuple[Role, ...]
-    roller: float
-    base: float | None
-
-    def arcs(self, x: FloatArray) -> Arcs:
-        """The contour of unbounded numbers ``(5,)``, or ``(4,)`` where the base is assumed.
-
-        Logarithms of prime radius and lift, logit of the nose's radius within its limits, and the
-        flank's curvature over the greatest that still joins, as 1 − e^x: 0 is a straight flank.
-        """
-        prime = math.exp(x[-1]) if self.base is None else self.base + self.roller
-        lift, base = math.exp(x[0]), prime - self.roller
-        nose = (base + 0.5 * lift) / (1.0 + math.exp(-x[2]))
-        greatest = 2.0 / (2.0 * base + lift)  # 1 over the mean of the base's and the top's radius
-        curvature = greatest * -math.expm1(x[1])
-        straight = abs(curvature) < STRAIGHT / prime
-        flank = None if straight else 1.0 / curvature
-        return Arcs(base, lift, flank, nose, float(x[3]))
-
-    def away(self, x: FloatArray) -> FloatArray:
-        """Distances (m) of all readings."""
-        try:
-            found = [self.column(x, i).away for i in range(len(self.columns))]
-        except (LawError, OverflowError, ZeroDivisionError):
-            found = [np.full(column.angles.size, NO_CONTOUR) for column in self.columns]
-        return np.concatenate(found)
-
-    def column(self, x: FloatArray, i: int) -> ArcColumn:
-        readings, (flat, reverse) = self.columns[i], self.roles[i]
-        angles = -readings.angles if reverse else readings.angles
-        follower = ArcFollower(flat, 0.0 if flat else self.roller)
-        with np.errstate(all="ignore"):
-            away = self.arcs(x).lifts(follower, angles) - readings.lifts
-        if not np.isfinite(away).all():
-            raise LawError("the follower does not reach the contour")
-        return ArcColumn(readings, follower, reverse, away)
-
-    def named(self) -> str:
-        """The roles in words."""
-        words = ("roller" if self.roller else "point", "flat")
-        return ", ".join(
-            f"{column.name.rpartition(', ')[2]} {words[flat]}{' reversed' if reverse else ''}"
-            for column, (flat, reverse) in zip(self.columns, self.roles, strict=True)
+            f"Base and roller radius are told only as a sum: the {whose} radius is {state}.",
+            f"Flank and nose radius go with the {whose} radius.",
         )
 
 
@@ -201,38 +150,51 @@ def fit_arcs(
     kinds: tuple[bool | None, ...],
     roller_radius: float,
     base_radius: float,
+    known: Known = None,
+    flank: Flank = None,
 ) -> ArcsFit:
     """Fit one contour to all columns, above their zero; of unnamed ones the kind is found too.
 
     Parameters
     ----------
     kinds : for each column whether its follower is flat; None tries both
-    roller_radius : m, 0 for a point; assumed, for only its sum with the base radius is told
-    base_radius : m, taken where all followers are flat, for nothing is told of it then
+    roller_radius : m, 0 for a point; only its sum with the base radius is told
+    base_radius : m, taken where all followers are flat, for nothing is told of it then, and where
+        both radii are known
+    known : which of them is given, not assumed
+    flank : what is known of it; None takes a straight one unless the readings rule it out
 
     Raises
     ------
     LawError : no contour of arcs comes near the readings
     """
-    tried = sorted(_tried(columns, kinds, roller_radius, base_radius), key=_unlikely)
-    if tried[0][0] >= FAR * max(float(column.lifts.max()) for column in columns):
+    searches = list(_searches(columns, kinds, roller_radius, base_radius, known))
+    if flank == "straight":
+        searches = [search.holding(FLANK, 0.0) for search in searches]
+    tried = sorted(_profiles(searches), key=_unlikely)
+    highest = max(float(column.lifts.max()) for column in columns)
+    if tried[0].rms >= FAR * highest:
         raise LawError(
             f"{columns[0].name}: no base circle, two equal flanks and a nose come near the "
             "readings; allowed: a symmetric cam, else --shape spline"
         )
-    best, x, search = tried[0]
-    others = tuple((other.named(), distance) for distance, _, other in tried[1:])
-    found = tuple(search.column(x, i) for i in range(len(columns)))
-    return ArcsFit(search.arcs(x), found, roller_radius, _errors(search, x, best), others)
+    best, *rest = tried
+    others = tuple(
+        Other(one.search.named(), one.rms, tuple(flat for flat, _ in one.search.roles))
+        for one in rest
+    )
+    taken = best if flank else _straight_if_as_near(best)
+    return ArcsFit(taken, best, known, flank, others)
 
 
-def _tried(
+def _searches(
     columns: tuple[Readings, ...],
     kinds: tuple[bool | None, ...],
     roller: float,
     base: float,
-) -> Iterator[tuple[float, FloatArray, _Search]]:
-    """r.m.s. distance, numbers and search of each possible reading of the columns.
+    known: Known,
+) -> Iterator[ArcSearch]:
+    """The search of each possible reading of the columns.
 
     A contour and its mirror image differ in the nose's angle alone, so the first column is read
     as it is and the others also backwards.
@@ -240,53 +202,28 @@ def _tried(
     flats = product(*((True, False) if kind is None else (kind,) for kind in kinds))
     senses = list(product(*([(False,)] + [(False, True)] * (len(columns) - 1))))
     for flat, sense in product(flats, senses):
-        roles = tuple(zip(flat, sense, strict=True))
-        search = _Search(columns, roles, roller, base if all(flat) else None)
-        x = _best(search)
-        yield rms(search.away(x)), x, search
+        form = Form(roller, sums=not all(flat) and known != "base")
+        held = {PRIME: 1.0 / (base + roller)} if all(flat) or known == "both" else {}
+        yield ArcSearch(columns, tuple(zip(flat, sense, strict=True)), form, held)
 
 
-def _unlikely(tried: tuple[float, FloatArray, _Search]) -> float:
+def _straight_if_as_near(best: Profile) -> Profile:
+    """The best contour of straight flanks if the readings do not rule it out, else the best."""
+    search = best.search.holding(FLANK, 0.0)
+    straight = Profile(search, search.best())
+    return straight if best.away(straight.squares) <= best.line(FLANK).limit else best
+
+
+def _profiles(searches: list[ArcSearch]) -> Iterator[Profile]:
+    """The best contour of each; of one that is far off already, only roughly."""
+    rough = [search.rough() for search in searches]
+    least = min(search.rms(ends[0]) for search, ends in zip(searches, rough, strict=True))
+    for search, ends in zip(searches, rough, strict=True):
+        far = search.rms(ends[0]) > FAR_OFF * least
+        yield Profile(search, ends[0] if far else search.refined(ends))
+
+
+def _unlikely(tried: Profile) -> float:
     """Schwarz's criterion (BIC): of two that are as near the one with fewer numbers is likelier."""
-    distance, x, search = tried
-    count = sum(column.angles.size for column in search.columns)
-    return 2.0 * count * math.log(max(distance, 1e-12)) + x.size * math.log(count)
-
-
-def _best(search: _Search) -> FloatArray:
-    """The best of least squares from all starts."""
-    from scipy.optimize import least_squares
-
-    first = search.columns[0]
-    height = max(float(column.lifts.max()) for column in search.columns)
-    weights = np.maximum(first.lifts, 0.0) ** 2  # the nose is where the lift is greatest
-    angle = float(np.angle(np.sum(weights * np.exp(1j * first.angles))))
-    starts = []
-    for prime, nose, flank in STARTS:
-        known = [math.log(height), math.log1p(-flank), math.log(nose / (1.0 - nose)), angle]
-        free = [math.log(search.roller + prime * height)] if search.base is None else []
-        starts.append(np.array(known + free))
-    solve = partial(least_squares, search.away, x_scale="jac", method="lm")
-    rough = sorted(
-        (solve(start, max_nfev=60).x for start in starts), key=lambda x: rms(search.away(x))
-    )
-    found = min((solve(x, xtol=1e-12, ftol=1e-12) for x in rough[:2]), key=lambda f: float(f.cost))
-    return np.asarray(found.x)
-
-
-def _errors(search: _Search, x: FloatArray, distance: float) -> tuple[float, ...]:
-    """Standard errors of `NUMBERS` from the Jacobian, for independent errors of the distance."""
-    steps = 1e-6 * np.eye(x.size)
-    slopes = np.stack([(search.away(x + h) - search.away(x - h)) / 2e-6 for h in steps], axis=1)
-
-    def numbers(y: FloatArray) -> FloatArray:
-        return np.array(_numbers(search.arcs(y), search.roller))
-
-    count = slopes.shape[0]
-    variance = distance**2 * count / (count - x.size) * np.linalg.pinv(slopes.T @ slopes)
-    with np.errstate(invalid="ignore"):  # a straight flank has no radius
-        turn = np.stack([(numbers(x + h) - numbers(x - h)) / 2e-6 for h in steps], axis=1)
-        found = np.sqrt(np.diag(turn @ variance @ turn.T))
-    if search.base is not None:
-        found[0] = math.nan
-    return tuple(float(error) for error in found)
+    count = tried.search.count
+    return 2.0 * count * math.log(max(tried.rms, 1e-12)) + tried.x.size * math.log(count)

@@ -274,9 +274,9 @@ def _csv(fit: SplineFit) -> str:
     lines = [f"# {kept.name}, {_mm(fit.zero):.6g} mm subtracted"]
     lines += [f"# {note}" for note in kept.notes]
     lines += [
-        f"# left out, a slip: line {slip.line}, {math.degrees(slip.angle):.6g} deg, "
-        f"{_mm(slip.lift):.6g} mm"
-        for slip in kept.slips
+        f"# left out, an outlier: line {outlier.line}, {math.degrees(outlier.angle):.6g} deg, "
+        f"{_mm(outlier.lift):.6g} mm"
+        for outlier in kept.outliers
     ]
     lines.append("angle_deg,lift_mm")
     degrees = np.degrees(kept.angles)

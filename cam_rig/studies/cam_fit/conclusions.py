@@ -47,11 +47,11 @@ def spline_conclusions(fit: SplineFit) -> Iterator[str]:
     )
     if not fit.dwells:
         yield "No dwell is found: nowhere do enough readings rest within their scatter."
-    slips = ", ".join(f"line {slip.line} by {slip.beside * 1e3:.3g} mm" for slip in readings.slips)
+    outliers = ", ".join(f"line {outlier.line} by {outlier.beside * 1e3:.3g} mm" for outlier in readings.outliers)
     yield (
-        f"Left out, for they look like slips: {slips}."
-        if slips
-        else "No reading looks like a slip."
+        f"Left out, for they look like outliers: {outliers}."
+        if outliers
+        else "No reading looks like an outlier."
     )
 
 

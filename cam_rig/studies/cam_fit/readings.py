@@ -1,4 +1,4 @@
-"""Readings put in order for a fit: one turn, rising angles, slips told apart."""
+"""Readings put in order for a fit: one turn, rising angles, outliers told apart."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ SAME_ANGLE = 1e-6
 LEAST_RESOLUTION = 1e-9
 #: They differ by no more than so many scatters and steps of the gauge.
 REPEATED = 6.0
-#: A slip is so many scatters from what its neighbours say, and so many times farther than any
+#: An outlier is so many scatters from what its neighbours say, and so many times farther than any
 #: reading that is none: the few places where the law itself is not smooth come in numbers.
-SLIP, SLIP_ALONE = 6.0, 2.0
+OUTLIER, OUTLIER_ALONE = 6.0, 2.0
 #: Slips, at most: of all readings, and in parts of them. More is another kind of error.
-MOST_SLIPS, MOST_SLIPS_PART = 10, 0.05
+MOST_OUTLIERS, MOST_OUTLIERS_PART = 10, 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Slip:
+class Outlier:
     """A reading that its neighbours contradict: ``beside`` (m) is how far it is off them."""
 
     line: int
@@ -51,7 +51,8 @@ class Readings:
     resolution : the step in which lifts are written, m
     gap : start and span (rad) of the longest stretch without readings
     notes : what was done to them, a sentence each
-    slips : readings that were left out
+    outliers : readings that were left out
+    resting : how many readings the zero is the mean of
     """
 
     name: str
@@ -61,7 +62,8 @@ class Readings:
     resolution: float
     gap: tuple[float, float]
     notes: tuple[str, ...]
-    slips: tuple[Slip, ...] = ()
+    outliers: tuple[Outlier, ...] = ()
+    resting: int = 1
 
     @property
     def rounding(self) -> float:
@@ -88,8 +90,11 @@ def put_in_order(table: GaugeTable, column: GaugeColumn, reverse: bool = False) 
     ------
     ConfigError : too few or too many readings, or two of one angle that contradict each other
     """
-    angles, lifts = np.array(table.angles), np.array(column.lifts)
+    read = np.isfinite(column.lifts)
+    angles, lifts = np.array(table.angles)[read], np.array(column.lifts)[read]
     notes = []
+    if not read.any():
+        raise ConfigError(f"{table.file}: {column.name} has no number; allowed: readings")
     if np.all(np.diff(angles) < 0.0):
         notes.append("angles fall in the file: put in rising order, lift over angle is the same")
     if reverse:
@@ -101,7 +106,7 @@ def put_in_order(table: GaugeTable, column: GaugeColumn, reverse: bool = False) 
     inside = angles - TURN * np.floor((angles + SAME_ANGLE) / TURN)
     inside = np.maximum(inside, 0.0)
     order = np.argsort(inside, kind="stable")
-    found = _averaged(table, column, (inside[order], lifts[order], np.array(table.lines)[order]))
+    found = _averaged(table, column, (inside[order], lifts[order], np.array(table.lines)[read][order]))
     if found.angles.size < inside.size:
         notes.append(f"{inside.size - found.angles.size} repeated angles averaged")
     return replace(found, notes=tuple(notes))
@@ -147,9 +152,9 @@ def _widest_gap(angles: FloatArray) -> tuple[float, float]:
     return float(angles[widest]), float(ahead[widest])
 
 
-def without_slips(readings: Readings) -> Readings:
-    """The readings without those that look like slips of the gauge or of the pen."""
-    most = min(MOST_SLIPS, math.ceil(MOST_SLIPS_PART * readings.angles.size))
+def without_outliers(readings: Readings) -> Readings:
+    """The readings without those that look like outliers of the gauge or of the pen."""
+    most = min(MOST_OUTLIERS, math.ceil(MOST_OUTLIERS_PART * readings.angles.size))
     kept = np.arange(readings.angles.size)
     sizes, taken = [], []
     for _ in range(most + 1):
@@ -159,22 +164,22 @@ def without_slips(readings: Readings) -> Readings:
         sizes.append(float(away[worst]))
         taken.append(int(kept[worst]))
         kept = np.delete(kept, worst)
-    slips = 0
+    outliers = 0
     for k in range(most):
         rest = np.setdiff1d(np.arange(readings.angles.size), taken[: k + 1])
         normal = max(scatter(readings.angles[rest], readings.lifts[rest]), readings.rounding)
-        clear = sizes[k] > SLIP * normal and sizes[k] > SLIP_ALONE * sizes[k + 1]
+        clear = sizes[k] > OUTLIER * normal and sizes[k] > OUTLIER_ALONE * sizes[k + 1]
         if clear and _scattered(taken[: k + 1], readings.angles.size):
-            slips = k + 1
-    left = np.setdiff1d(np.arange(readings.angles.size), taken[:slips])
-    named = tuple(_slip(readings, left, i) for i in sorted(taken[:slips]))
+            outliers = k + 1
+    left = np.setdiff1d(np.arange(readings.angles.size), taken[:outliers])
+    named = tuple(_outlier(readings, left, i) for i in sorted(taken[:outliers]))
     return replace(
         readings,
         angles=readings.angles[left],
         lifts=readings.lifts[left],
         lines=readings.lines[left],
         gap=_widest_gap(readings.angles[left]),
-        slips=named,
+        outliers=named,
     )
 
 
@@ -185,7 +190,7 @@ def _scattered(indices: list[int], count: int) -> bool:
     return bool(apart.min() >= WINDOW // 2)
 
 
-def _slip(readings: Readings, left: NDArray[np.int64], index: int) -> Slip:
+def _outlier(readings: Readings, left: NDArray[np.int64], index: int) -> Outlier:
     """How far a reading is from the polynomial through three good neighbours on either side."""
     ahead = (readings.angles[left] - readings.angles[index] + 0.5 * TURN) % TURN - 0.5 * TURN
     half = WINDOW // 2
@@ -195,7 +200,7 @@ def _slip(readings: Readings, left: NDArray[np.int64], index: int) -> Slip:
     x, y = ahead[near], readings.lifts[left][near]
     lagrange = [np.prod(np.delete(x, i) / (np.delete(x, i) - x[i])) for i in range(x.size)]
     lift = float(readings.lifts[index])
-    return Slip(
+    return Outlier(
         int(readings.lines[index]),
         float(readings.angles[index]),
         lift,

@@ -16,7 +16,7 @@ from cam_rig.laws.pieces import joined
 from cam_rig.laws.segments import SAME_LIFT, SAME_LIFT_TOLERANCES
 from cam_rig.schema.segments.table import MAX_TOLERANCE, WIDEST_GAP_DEG
 from cam_rig.studies.cam_fit.dwells import FoundDwell, find_dwells, likely_range
-from cam_rig.studies.cam_fit.readings import Readings, bridges, without_slips
+from cam_rig.studies.cam_fit.readings import Readings, bridges, without_outliers
 
 #: Without a gauge's error the scatter is allowed, and so many of its standard errors: one that was
 #: found too small makes a spline of many knots, one found too large hardly another one.
@@ -76,7 +76,7 @@ def fit_spline(readings: Readings, asked: float | None = None) -> SplineFit:
         and is no dwell
     LawError : no spline comes so near
     """
-    kept = without_slips(readings)
+    kept = without_outliers(readings)
     scatter = kept.scatter
     tolerance = _tolerance(kept, scatter, asked)
     dwells = find_dwells(kept, scatter)

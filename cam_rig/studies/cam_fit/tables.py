@@ -7,7 +7,7 @@ from typing import Any
 
 from cam_rig.studies.cam_fit.arcs_fit import NUMBERS, ArcColumn, ArcsFit
 from cam_rig.studies.cam_fit.dwells import FoundDwell
-from cam_rig.studies.cam_fit.readings import Slip
+from cam_rig.studies.cam_fit.readings import Outlier
 from cam_rig.studies.cam_fit.spline_fit import SplineFit
 from cam_rig.tables import Cell, Column, DataTable, tabulate
 
@@ -29,8 +29,8 @@ def spline_tables(fit: SplineFit) -> list[DataTable]:
     ]
     if fit.dwells:
         tables.append(_dwell_table(fit.dwells))
-    if fit.readings.slips:
-        tables.append(_slip_table(fit.readings.slips))
+    if fit.readings.outliers:
+        tables.append(_outlier_table(fit.readings.outliers))
     return tables
 
 
@@ -39,7 +39,7 @@ def _spline_rows(fit: SplineFit) -> list[Row]:
     velocity, acceleration = fit.peaks
     return [
         ("readings used", readings.angles.size, ""),
-        ("readings left out", len(readings.slips), ""),
+        ("readings left out", len(readings.outliers), ""),
         ("scatter of the readings", fit.scatter * 1e3, "mm"),
         ("its standard error", fit.scatter * readings.scatter_error * 1e3, "mm"),
         ("distance allowed, r.m.s.", fit.tolerance * 1e3, "mm"),
@@ -70,15 +70,15 @@ def _dwell_table(dwells: tuple[FoundDwell, ...]) -> DataTable:
     )
 
 
-def _slip_table(slips: tuple[Slip, ...]) -> DataTable:
+def _outlier_table(outliers: tuple[Outlier, ...]) -> DataTable:
     return tabulate(
-        "Readings that look like slips",
-        slips,
+        "Readings that look like outliers",
+        outliers,
         (
-            (Column("line", "", "d"), lambda slip: slip.line),
-            (Column("at", "deg", ".6g"), lambda slip: math.degrees(slip.angle)),
-            (Column("reading", "mm", ".6g"), lambda slip: slip.lift * 1e3),
-            (Column("off its neighbours", "mm", ".3g"), lambda slip: slip.beside * 1e3),
+            (Column("line", "", "d"), lambda outlier: outlier.line),
+            (Column("at", "deg", ".6g"), lambda outlier: math.degrees(outlier.angle)),
+            (Column("reading", "mm", ".6g"), lambda outlier: outlier.lift * 1e3),
+            (Column("off its neighbours", "mm", ".3g"), lambda outlier: outlier.beside * 1e3),
         ),
     )
 
@@ -124,7 +124,7 @@ def _column_table(fit: ArcsFit) -> DataTable:
                 Column("at", "deg", ".6g"),
                 lambda column: math.degrees(column.readings.angles[at(column)]),
             ),
-            (Column("slips", "", "d"), lambda column: len(column.readings.slips)),
+            (Column("outliers", "", "d"), lambda column: len(column.readings.outliers)),
         ),
     )
 
@@ -156,9 +156,9 @@ def spline_json(fit: SplineFit) -> dict[str, Any]:
             }
             for dwell in fit.dwells
         ],
-        "slips": [
-            {"line": slip.line, "angle_deg": math.degrees(slip.angle), "off_m": slip.beside}
-            for slip in fit.readings.slips
+        "outliers": [
+            {"line": outlier.line, "angle_deg": math.degrees(outlier.angle), "off_m": outlier.beside}
+            for outlier in fit.readings.outliers
         ],
     }
 

@@ -32,12 +32,12 @@ def scaled(laws):
 def measured(scaled):
     """Readings in order of a shipped law, 10 mm of lift, with noise and a zero (m)."""
 
-    def read(name, count=360, noise=2e-6, zero=0.0, seed=0, slips=None, **kwargs):
+    def read(name, count=360, noise=2e-6, zero=0.0, seed=0, outliers=None, **kwargs):
         angles = np.linspace(0.0, TURN, count, endpoint=False)
         scatter = np.random.default_rng(seed).normal(scale=noise, size=count)
         lifts = scaled(name)(angles) + scatter + zero
-        for place, slip in (slips or {}).items():
-            lifts[place] += slip
+        for place, outlier in (outliers or {}).items():
+            lifts[place] += outlier
         table = table_of(angles, lifts)
         return put_in_order(table, table.columns[0], **kwargs)
 

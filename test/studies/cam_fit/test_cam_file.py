@@ -31,7 +31,7 @@ def written(files, folder):
 @pytest.mark.parametrize("name", ["poly345", "bezier15", "arcs_convex"])
 def test_the_file_of_a_spline_is_the_spline(measured, tmp_path, kind, name):
     """Read back: the law to a nanometre, dwells exact, and a contour that passes its checks."""
-    fit = fit_spline(measured(name, 180, zero=0.002, slips={50: 4e-4}))
+    fit = fit_spline(measured(name, 180, zero=0.002, outliers={50: 4e-4}))
     files = spline_cam("mine", fit, kind)
     cam = written(files, tmp_path)
     law = build_law(cam)
@@ -39,7 +39,7 @@ def test_the_file_of_a_spline_is_the_spline(measured, tmp_path, kind, name):
     assert law(FINE) == pytest.approx(files.law(FINE), abs=1e-12)
     assert len(cam.segments[0].dwells) == len(fit.dwells)
     assert all(check.passed for check in check_cam(cam, law))
-    assert "left out, a slip: line 52" in files.texts["mine.csv"]
+    assert "left out, an outlier: line 52" in files.texts["mine.csv"]
     assert any(f"follower {kind}" in words for words in files.assumed)
 
 

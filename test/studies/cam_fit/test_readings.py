@@ -1,10 +1,10 @@
-"""Readings put in order: one turn, rising angles, slips found and good readings kept."""
+"""Readings put in order: one turn, rising angles, outliers found and good readings kept."""
 
 import numpy as np
 import pytest
 
 from cam_rig.errors import ConfigError
-from cam_rig.studies.cam_fit.readings import bridges, put_in_order, without_slips
+from cam_rig.studies.cam_fit.readings import bridges, put_in_order, without_outliers
 from cam_rig.units import TURN
 
 from .conftest import table_of
@@ -99,33 +99,33 @@ LAWS = ["poly345", "cycloidal", "arcs_convex", "bezier15", "tm21", "modified_tra
 def test_one_slip_of_0_4_mm_is_found(measured, name, count, seed):
     """That reading alone, and how far it is off, within what the law bends between neighbours."""
     place = int(np.random.default_rng(seed).integers(count))
-    found = without_slips(measured(name, count, seed=seed, slips={place: 4e-4}))
-    assert [slip.line for slip in found.slips] == [place + 2]
-    assert found.slips[0].beside == pytest.approx(4e-4, abs=1e-4)
+    found = without_outliers(measured(name, count, seed=seed, outliers={place: 4e-4}))
+    assert [outlier.line for outlier in found.outliers] == [place + 2]
+    assert found.outliers[0].beside == pytest.approx(4e-4, abs=1e-4)
     assert found.angles.size == count - 1
 
 
 @pytest.mark.parametrize("name", ["poly345", "cycloidal", "bezier15"])
 def test_a_slip_among_readings_every_10_deg(measured, name):
     """36 readings are enough where the law has no jump of acceleration."""
-    found = without_slips(measured(name, 36, slips={7: -4e-4}))
-    assert [slip.line for slip in found.slips] == [9]
+    found = without_outliers(measured(name, 36, outliers={7: -4e-4}))
+    assert [outlier.line for outlier in found.outliers] == [9]
 
 
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("count", [36, 72, 120, 360])
 def test_good_readings_are_kept(measured, name, count):
-    """Jumps of acceleration are no slips: they come in numbers, and in rows."""
+    """Jumps of acceleration are no outliers: they come in numbers, and in rows."""
     for seed in range(4):
-        assert without_slips(measured(name, count, seed=seed)).slips == ()
+        assert without_outliers(measured(name, count, seed=seed)).outliers == ()
 
 
 def test_three_slips_among_360(measured):
     """Of either sign, apart from each other."""
-    slips = {20: 4e-4, 150: -3e-4, 301: 5e-4}
-    found = without_slips(measured("poly345", slips=slips))
-    assert [slip.line for slip in found.slips] == [22, 152, 303]
-    assert [slip.beside for slip in found.slips] == pytest.approx([4e-4, -3e-4, 5e-4], abs=1e-5)
+    outliers = {20: 4e-4, 150: -3e-4, 301: 5e-4}
+    found = without_outliers(measured("poly345", outliers=outliers))
+    assert [outlier.line for outlier in found.outliers] == [22, 152, 303]
+    assert [outlier.beside for outlier in found.outliers] == pytest.approx([4e-4, -3e-4, 5e-4], abs=1e-5)
 
 
 def test_the_scatter_is_at_least_the_rounding(measured):

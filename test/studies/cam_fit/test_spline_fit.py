@@ -26,14 +26,14 @@ def error_of_acceleration(fit, law):
 @pytest.mark.parametrize("name", ["poly345", "cycloidal", "flat", "bezier15", "b_spline"])
 @pytest.mark.parametrize(("count", "most"), [(36, 0.05), (72, 0.02), (360, 0.015)])
 def test_the_law_comes_back(measured, scaled, name, count, most):
-    """2 µm on 10 mm, unknown zero, one slip of 0.4 mm: s'' within 1.5 % of 360 readings."""
-    fit = fit_spline(measured(name, count, zero=0.0034, slips={count // 5: 4e-4}))
+    """2 µm on 10 mm, unknown zero, one outlier of 0.4 mm: s'' within 1.5 % of 360 readings."""
+    fit = fit_spline(measured(name, count, zero=0.0034, outliers={count // 5: 4e-4}))
     rms, peak = error_of_acceleration(fit, scaled(name))
     assert rms < most
     assert peak < most
     assert fit.law(FINE) == pytest.approx(scaled(name)(FINE), abs=1.2e-5 if count > 36 else 4e-5)
     assert fit.zero == pytest.approx(0.0034, abs=1e-5)
-    assert len(fit.readings.slips) == 1
+    assert len(fit.readings.outliers) == 1
 
 
 def test_a_tolerance_below_the_scatter_is_not_followed(measured, scaled):
@@ -94,7 +94,7 @@ def test_every_10_deg_is_said(measured):
     """36 readings: what the law does between them counts as scatter."""
     words = " ".join(spline_conclusions(fit_spline(measured("poly345", 36))))
     assert "Readings stand 10 deg apart" in words
-    assert "No reading looks like a slip." in words
+    assert "No reading looks like an outlier." in words
 
 
 def test_a_gap_that_no_dwell_fills(scaled):
