@@ -53,7 +53,7 @@ ABOUT = {
     ),
     "follower": About(
         "computes the follower's motion and contact force between the states of the cam",
-        (topics.LAW_COEFFICIENTS, topics.CAM_STATE, topics.FINISHED),
+        (topics.LAW_COEFFICIENTS, topics.CAM_STATE, topics.REAL_TIME_FACTOR, topics.FINISHED),
         "-p scene:=quick -p points_per_turn:=360",
         gives=(topics.JOINT_STATES,),
     ),

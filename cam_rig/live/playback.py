@@ -1,0 +1,119 @@
+"""The ticks of a paced run as people see them: each while the next one turns, evenly in wall time.
+
+A tick's motion is known when the tick is over. So what is shown is a tick behind the drive, and a
+margin: at each moment where the cam was a tick ago, by its samples and their own rig time.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+from cam_rig.arrays import FloatArray
+from cam_rig.simulation.schedule import CamState
+from cam_rig.units import NS
+
+#: Wall time (s) that a tick may come late without a pause: drive, network and follower at work.
+MARGIN_S = 0.03
+#: Wall time (s) in which what is shown returns to its place: ticks never come quite evenly.
+SETTLE_S = 0.5
+#: Wall time (s), beside half a tick, that is caught up; of what is farther behind a part is left
+#: out. A successor's ticks come so, all at once.
+CAUGHT_UP_S = 0.1
+
+
+class Tick(NamedTuple):
+    """A tick between two states of the cam, with its samples ``(6, n)``."""
+
+    start: CamState
+    end: CamState
+    rows: FloatArray
+
+
+class Shown(NamedTuple):
+    """A sample of a tick, by its index from 0."""
+
+    tick: Tick
+    index: int
+
+
+class Playback:
+    """What to show of the finished ticks at a wall time.
+
+    The position, a rig time, moves at the rate at which it comes to the newest tick's end when the
+    next tick is due, and a margin later. The cam so seems to turn as fast as the drive turns it
+    now, also where ticks become longer or shorter. It never goes back.
+
+    Parameters
+    ----------
+    sample_rate : of the ticks, Hz
+    """
+
+    def __init__(self, sample_rate: int) -> None:
+        self._sample_rate = sample_rate
+        self._ticks: deque[Tick] = deque()
+        #: Position (ns) at a wall time (s), and its rate (ns of rig time a wall second).
+        self._position, self._since, self._rate = 0.0, 0.0, 0.0
+        self._factor, self._came = 1.0, 0.0
+        self._last_shown = -1
+        #: Rig time (ns) that was shown last, and how far it was behind the drive, at its pace, in
+        #: wall time (s).
+        self.shown_ns, self.lag = -1, 0.0
+
+    def clear(self) -> None:
+        """Forget all ticks: what follows is not shown evenly, or begins anew."""
+        self._ticks.clear()
+
+    def add(self, tick: Tick, factor: float, came: float, now: float) -> None:
+        """Take the next finished tick.
+
+        Parameters
+        ----------
+        factor : rig seconds a wall second
+        came : wall time (s) at which the state came that ends it
+        now : wall time (s)
+        """
+        start, end = tick.start, tick.end
+        interval = start.until(end)
+        length = interval.duration
+        if interval.acceleration == 0.0 and end.speed > 0.0:  # each tick turns by the same angle
+            length *= start.speed / end.speed
+        due = length / factor + MARGIN_S
+        natural = (end.time_ns - start.time_ns) / (due - MARGIN_S)
+        wanted = max(0.0, due - (now - came))
+        position = self.position(now)
+        follows = bool(self._ticks) and self._ticks[-1].end == start
+        error = (end.time_ns - position) / natural - wanted
+        if not follows or error > CAUGHT_UP_S + 0.5 * due:
+            position, error = end.time_ns - wanted * natural, 0.0
+        if not follows:
+            self._ticks.clear()
+        self._ticks.append(tick)
+        self._position, self._since = position, now
+        self._rate = natural * max(0.0, 1.0 + error / max(SETTLE_S, due))
+        self._factor, self._came = factor, came
+        while len(self._ticks) > 1 and self._ticks[0].end.time_ns <= self._position:
+            self._ticks.popleft()
+
+    def position(self, now: float) -> float:
+        """Rig time (ns) that is shown at a wall time (s): the newest tick's end at most."""
+        position = self._position + self._rate * (now - self._since)
+        return min(position, self._ticks[-1].end.time_ns) if self._ticks else position
+
+    def at(self, now: float) -> Shown | None:
+        """The sample to show at a wall time (s); None where it is none that was not shown."""
+        position = int(self.position(now))
+        while len(self._ticks) > 1 and self._ticks[0].end.time_ns <= position:
+            self._ticks.popleft()
+        if not self._ticks:
+            return None
+        tick = self._ticks[0]
+        grid = tick.start.until(tick.end).grid(self._sample_rate)
+        sample = position * self._sample_rate // NS
+        sample = min(sample, grid.first + grid.count - 1)
+        if sample < grid.first or sample <= self._last_shown:
+            return None
+        self._last_shown, self.shown_ns = sample, position
+        behind = (self._ticks[-1].end.time_ns - position) / NS / self._factor
+        self.lag = behind + now - self._came
+        return Shown(tick, sample - grid.first)

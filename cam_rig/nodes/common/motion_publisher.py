@@ -1,0 +1,128 @@
+"""The motion for people: evenly in wall time at a run's own pace, else a tick at once."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from threading import Event, Lock, Thread
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from std_msgs.msg import Float64
+
+from cam_rig.errors import RefusedError
+from cam_rig.live.pacing import FACTORS
+from cam_rig.live.playback import Playback, Tick
+from cam_rig.messages import topics
+from cam_rig.messages.instants import Indices
+from cam_rig.messages.motion import MotionMessages
+from cam_rig.messages.topics import Topic, motion_depth
+from cam_rig.nodes.common.convert import to_header
+from cam_rig.nodes.common.diagnostics import OK
+from cam_rig.nodes.common.rig_node import RigNode
+
+#: Wall time (s) for which a topic is left out that a subscriber holds up: each try takes 0.1 s.
+LEFT_OUT_S = 1.0
+#: Wall time (s) between two reports of how far the motion is behind the drive.
+REPORT_S = 1.0
+
+
+class MotionPublisher:
+    """Publishes a tick's instants while somebody subscribes; who joins later sees the next tick.
+
+    Of a paced run a thread publishes them one by one, so that the work on the next tick holds none
+    up; of a free one they go out with the tick.
+
+    Parameters
+    ----------
+    node : which publishes
+    motion : what there is to publish
+    points : instants a turn, of a free run
+    rate : of a paced run, messages a wall second on each topic
+    """
+
+    def __init__(self, node: RigNode, motion: MotionMessages, points: int, rate: float) -> None:
+        self._node, self._motion, self._period = node, motion, 1.0 / rate
+        depth = motion_depth(points)
+        self._out = {t: node.publisher(replace(t, depth=depth)) for t in motion.topics}
+        self._left_out = dict.fromkeys(motion.topics, 0.0)
+        self._playback = Playback(motion.sample_rate)
+        self._factor = 0.0
+        self._lock, self._ended = Lock(), Event()
+        self._thread = Thread(target=self._show, daemon=True)
+        self._reports = node.publisher(replace(topics.DIAGNOSTICS, depth=1))
+        self._reported_ns = -1
+        node.subscribe(topics.REAL_TIME_FACTOR, self._on_factor)
+        node.every(REPORT_S, self._report)
+
+    def publish(self, tick: Tick, came: float) -> None:
+        """Publish a finished tick, whose last state came at a wall time (s)."""
+        if not (wanted := self._wanted()):
+            return
+        if not self._factor:
+            self._send(tick, wanted)
+            return
+        with self._lock:
+            self._playback.add(tick, self._factor, came, time.monotonic())
+        if not self._thread.is_alive():
+            self._thread.start()
+
+    def close(self) -> None:
+        """Publish nothing more."""
+        self._ended.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _on_factor(self, message: Float64) -> None:
+        if message.data != 0.0 and not FACTORS[0] <= message.data <= FACTORS[1]:
+            raise RefusedError(
+                f"{topics.REAL_TIME_FACTOR.name}: is {message.data:g}; allowed: 0, or "
+                f"{FACTORS[0]:g} to {FACTORS[1]:g}"
+            )
+        self._factor = message.data
+        if not self._factor:
+            with self._lock:
+                self._playback.clear()
+
+    def _show(self) -> None:
+        """Publish what is to be seen at each period's end, until closed."""
+        due = time.monotonic()
+        while not self._ended.wait(max(0.0, due - time.monotonic())):
+            with self._lock:
+                shown = self._playback.at(due)
+            if shown is not None:
+                self._send(shown.tick, self._wanted(), np.array([shown.index]))
+            missed = (time.monotonic() - due) // self._period
+            due += self._period * (1.0 + missed)
+
+    def _wanted(self) -> set[Topic]:
+        now, out = time.monotonic(), self._out.items()
+        return {t for t, p in out if self._left_out[t] <= now and p.get_subscription_count() > 0}
+
+    def _send(self, tick: Tick, wanted: set[Topic], shown: Indices | None = None) -> None:
+        for topic, _, cdr in self._motion.moved(*tick, wanted, shown):
+            if topic in wanted and not self._out[topic].offer(cdr):
+                wanted.discard(topic)  # the rest of this tick would be held up as well
+                if shown is not None:
+                    self._left_out[topic] = time.monotonic() + LEFT_OUT_S
+                self._say_who_holds(topic, "a tick" if shown is None else f"{LEFT_OUT_S:g} s")
+
+    def _report(self) -> None:
+        """Say how far what is shown is behind the drive, while it moves."""
+        with self._lock:
+            lag, time_ns = self._playback.lag, self._playback.shown_ns
+        if time_ns == self._reported_ns:
+            return
+        self._reported_ns = time_ns
+        values = {"lag_s": f"{lag:.3g}", "rate_hz": f"{1.0 / self._period:g}"}
+        status = DiagnosticStatus(level=OK, name=topics.SHOWN_MOTION, hardware_id="rig")
+        status.message = f"shown {lag:.3f} s behind the drive"
+        status.values = [KeyValue(key=k, value=v) for k, v in values.items()]
+        self._reports.publish(DiagnosticArray(header=to_header(time_ns), status=[status]))
+
+    def _say_who_holds(self, topic: Topic, how_long: str) -> None:
+        infos = self._node.get_subscriptions_info_by_topic(topic.relative)
+        nodes = {f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in infos}
+        words = f"{topic.name}: left out for {how_long}, as one of its subscribers does not keep up"
+        words += f": {', '.join(sorted(nodes))}"
+        self._node.get_logger().warning(words, throttle_duration_sec=10.0)
