@@ -13,7 +13,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS
 
-#: Wall time (s) that a tick may come late without a pause: drive, network and follower at work.
+#: Of /joint_states and the like: drive, network and follower at work.
 MARGIN_S = 0.03
 #: Wall time (s) in which what is shown returns to its place: ticks never come quite evenly.
 SETTLE_S = 0.5
@@ -31,10 +31,10 @@ class Tick(NamedTuple):
 
 
 class Shown(NamedTuple):
-    """A sample of a tick, by its index from 0."""
+    """A sample of a tick, counted from 0."""
 
     tick: Tick
-    index: int
+    sample: int
 
 
 class Playback:
@@ -47,10 +47,11 @@ class Playback:
     Parameters
     ----------
     sample_rate : of the ticks, Hz
+    margin : wall time (s) that a tick may come late without a pause
     """
 
-    def __init__(self, sample_rate: int) -> None:
-        self._sample_rate = sample_rate
+    def __init__(self, sample_rate: int, margin: float = MARGIN_S) -> None:
+        self._sample_rate, self._margin = sample_rate, margin
         self._ticks: deque[Tick] = deque()
         #: Position (ns) at a wall time (s), and its rate (ns of rig time a wall second).
         self._position, self._since, self._rate = 0.0, 0.0, 0.0
@@ -78,8 +79,8 @@ class Playback:
         length = interval.duration
         if interval.acceleration == 0.0 and end.speed > 0.0:  # each tick turns by the same angle
             length *= start.speed / end.speed
-        due = length / factor + MARGIN_S
-        natural = (end.time_ns - start.time_ns) / (due - MARGIN_S)
+        due = length / factor + self._margin
+        natural = (end.time_ns - start.time_ns) / (length / factor)
         wanted = max(0.0, due - (now - came))
         position = self.position(now)
         follows = bool(self._ticks) and self._ticks[-1].end == start
@@ -92,8 +93,7 @@ class Playback:
         self._position, self._since = position, now
         self._rate = natural * max(0.0, 1.0 + error / max(SETTLE_S, due))
         self._factor, self._came = factor, came
-        while len(self._ticks) > 1 and self._ticks[0].end.time_ns <= self._position:
-            self._ticks.popleft()
+        self._drop_shown(int(position))
 
     def position(self, now: float) -> float:
         """Rig time (ns) that is shown at a wall time (s): the newest tick's end at most."""
@@ -102,18 +102,27 @@ class Playback:
 
     def at(self, now: float) -> Shown | None:
         """The sample to show at a wall time (s); None where it is none that was not shown."""
-        position = int(self.position(now))
-        while len(self._ticks) > 1 and self._ticks[0].end.time_ns <= position:
-            self._ticks.popleft()
         if not self._ticks:
             return None
+        position = int(self.position(now))
+        sample = self._drop_shown(position)
         tick = self._ticks[0]
-        grid = tick.start.until(tick.end).grid(self._sample_rate)
-        sample = position * self._sample_rate // NS
-        sample = min(sample, grid.first + grid.count - 1)
-        if sample < grid.first or sample <= self._last_shown:
+        index = min(sample - self._first_sample(tick), tick.rows.shape[1] - 1)
+        sample = self._first_sample(tick) + index
+        if index < 0 or sample <= self._last_shown:
             return None
         self._last_shown, self.shown_ns = sample, position
         behind = (self._ticks[-1].end.time_ns - position) / NS / self._factor
         self.lag = behind + now - self._came
-        return Shown(tick, sample - grid.first)
+        return Shown(tick, index)
+
+    def _drop_shown(self, position: int) -> int:
+        """Drop the ticks before the one that has the sample of a position, which is the result."""
+        sample = position * self._sample_rate // NS
+        while len(self._ticks) > 1 and self._first_sample(self._ticks[1]) <= sample:
+            self._ticks.popleft()
+        return sample
+
+    def _first_sample(self, tick: Tick) -> int:
+        """By its number in the run's one grid of samples."""
+        return -(-tick.start.time_ns * self._sample_rate // NS)

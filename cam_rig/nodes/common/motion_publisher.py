@@ -10,10 +10,9 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Float64
 
-from cam_rig.errors import RefusedError
-from cam_rig.live.pacing import FACTORS
 from cam_rig.live.playback import Playback, Tick
 from cam_rig.messages import topics
+from cam_rig.messages.codec import real_time_factor
 from cam_rig.messages.instants import Indices
 from cam_rig.messages.motion import MotionMessages
 from cam_rig.messages.topics import Topic, motion_depth
@@ -74,12 +73,7 @@ class MotionPublisher:
             self._thread.join()
 
     def _on_factor(self, message: Float64) -> None:
-        if message.data != 0.0 and not FACTORS[0] <= message.data <= FACTORS[1]:
-            raise RefusedError(
-                f"{topics.REAL_TIME_FACTOR.name}: is {message.data:g}; allowed: 0, or "
-                f"{FACTORS[0]:g} to {FACTORS[1]:g}"
-            )
-        self._factor = message.data
+        self._factor = real_time_factor(message.data)
         if not self._factor:
             with self._lock:
                 self._playback.clear()
@@ -91,7 +85,7 @@ class MotionPublisher:
             with self._lock:
                 shown = self._playback.at(due)
             if shown is not None:
-                self._send(shown.tick, self._wanted(), np.array([shown.index]))
+                self._send(shown.tick, self._wanted(), np.array([shown.sample]))
             missed = (time.monotonic() - due) // self._period
             due += self._period * (1.0 + missed)
 

@@ -75,6 +75,7 @@ ABOUT = {
             topics.FOLLOWER_SAMPLES,
             topics.LEVEL,
             topics.PRESSURE,
+            topics.REAL_TIME_FACTOR,
             topics.FINISHED,
         ),
         "-p scene:=quick",
