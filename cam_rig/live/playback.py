@@ -9,6 +9,9 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cam_rig.arrays import FloatArray
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS
@@ -31,10 +34,11 @@ class Tick(NamedTuple):
 
 
 class Shown(NamedTuple):
-    """A sample of a tick, counted from 0."""
+    """Samples of a tick ``(n,)``, counted from 0, and the wall times (s) at which to show them."""
 
     tick: Tick
-    sample: int
+    samples: NDArray[np.int64]
+    walls: FloatArray
 
 
 class Playback:
@@ -55,8 +59,11 @@ class Playback:
         self._ticks: deque[Tick] = deque()
         #: Position (ns) at a wall time (s), and its rate (ns of rig time a wall second).
         self._position, self._since, self._rate = 0.0, 0.0, 0.0
-        self._factor, self._came = 1.0, 0.0
-        self._last_shown = -1
+        #: Of the newest tick: its end (ns), and the wall time (s) at which that came.
+        self._end_ns, self._came, self._factor = 0, 0.0, 1.0
+        self._shown = -1
+        #: Counts the ticks that were added: what was looked up ahead holds until the next.
+        self.version = 0
         #: Rig time (ns) that was shown last, and how far it was behind the drive, at its pace, in
         #: wall time (s).
         self.shown_ns, self.lag = -1, 0.0
@@ -64,6 +71,7 @@ class Playback:
     def clear(self) -> None:
         """Forget all ticks: what follows is not shown evenly, or begins anew."""
         self._ticks.clear()
+        self.version += 1
 
     def add(self, tick: Tick, factor: float, came: float, now: float) -> None:
         """Take the next finished tick.
@@ -90,38 +98,52 @@ class Playback:
         if not follows:
             self._ticks.clear()
         self._ticks.append(tick)
-        self._position, self._since = position, now
+        self._position, self._since, self._end_ns = position, now, end.time_ns
         self._rate = natural * max(0.0, 1.0 + error / max(SETTLE_S, due))
         self._factor, self._came = factor, came
+        self.version += 1
         self._drop_shown(int(position))
 
     def position(self, now: float) -> float:
         """Rig time (ns) that is shown at a wall time (s): the newest tick's end at most."""
-        position = self._position + self._rate * (now - self._since)
-        return min(position, self._ticks[-1].end.time_ns) if self._ticks else position
+        return min(self._position + self._rate * (now - self._since), self._end_ns)
 
-    def at(self, now: float) -> Shown | None:
-        """The sample to show at a wall time (s); None where it is none that was not shown."""
+    def ahead(self, walls: FloatArray) -> Shown | None:
+        """What to show at some wall times (s), rising, as far as it is of one tick.
+
+        A time whose sample was shown before, or at one of the others, is left out. None: nothing.
+        """
         if not self._ticks:
             return None
-        position = int(self.position(now))
-        sample = self._drop_shown(position)
+        positions = self._position + self._rate * (walls - self._since)
+        positions = np.minimum(positions, self._end_ns).astype(np.int64)
+        self._drop_shown(int(positions[0]))
         tick = self._ticks[0]
-        index = min(sample - self._first_sample(tick), tick.rows.shape[1] - 1)
-        sample = self._first_sample(tick) + index
-        if index < 0 or sample <= self._last_shown:
+        first = self._first_sample(tick)
+        seconds, rest = np.divmod(positions, NS)
+        numbers = seconds * self._sample_rate + rest * self._sample_rate // NS
+        if len(self._ticks) == 1:
+            numbers = np.minimum(numbers, first + tick.rows.shape[1] - 1)
+        is_new = np.diff(numbers, prepend=-1) > 0
+        is_new &= (numbers >= first) & (numbers > self._shown)
+        is_new &= numbers < first + tick.rows.shape[1]
+        if not is_new.any():
             return None
-        self._last_shown, self.shown_ns = sample, position
-        behind = (self._ticks[-1].end.time_ns - position) / NS / self._factor
-        self.lag = behind + now - self._came
-        return Shown(tick, index)
+        return Shown(tick, numbers[is_new] - first, walls[is_new])
 
-    def _drop_shown(self, position: int) -> int:
-        """Drop the ticks before the one that has the sample of a position, which is the result."""
+    def note_shown(self, shown: Shown, place: int) -> None:
+        """Note that what stands at a place is shown now."""
+        wall = float(shown.walls[place])
+        self._shown = self._first_sample(shown.tick) + int(shown.samples[place])
+        self.shown_ns = self._shown * NS // self._sample_rate
+        behind = (self._end_ns - self.shown_ns) / NS / self._factor
+        self.lag = behind + wall - self._came
+
+    def _drop_shown(self, position: int) -> None:
+        """Drop the ticks before the one that has the sample of a position (ns)."""
         sample = position * self._sample_rate // NS
         while len(self._ticks) > 1 and self._first_sample(self._ticks[1]) <= sample:
             self._ticks.popleft()
-        return sample
 
     def _first_sample(self, tick: Tick) -> int:
         """By its number in the run's one grid of samples."""

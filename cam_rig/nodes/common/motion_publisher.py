@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import time
+from collections import deque
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import groupby
+from operator import attrgetter
 from threading import Event, Lock, Thread
+from typing import NamedTuple
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Float64
 
-from cam_rig.live.playback import Playback, Tick
+from cam_rig.live.playback import Playback, Shown, Tick
 from cam_rig.messages import topics
 from cam_rig.messages.codec import real_time_factor
-from cam_rig.messages.instants import Indices
-from cam_rig.messages.motion import MotionMessages
+from cam_rig.messages.motion import DerivedMessage, MotionMessages
 from cam_rig.messages.topics import Topic, motion_depth
 from cam_rig.nodes.common.convert import to_header
 from cam_rig.nodes.common.diagnostics import OK
@@ -24,6 +28,16 @@ from cam_rig.nodes.common.rig_node import RigNode
 LEFT_OUT_S = 1.0
 #: Wall time (s) between two reports of how far the motion is behind the drive.
 REPORT_S = 1.0
+#: Instants of a tick, at most, whose messages are made at once, in little more time than one.
+AT_ONCE = 16
+
+
+class _Instant(NamedTuple):
+    """What is to be published at one time, and its place in what was looked up ahead."""
+
+    shown: Shown
+    place: int
+    messages: list[DerivedMessage]
 
 
 class MotionPublisher:
@@ -59,7 +73,7 @@ class MotionPublisher:
         if not (wanted := self._wanted()):
             return
         if not self._factor:
-            self._send(tick, wanted)
+            self._send(self._motion.moved(*tick, wanted), wanted)
             return
         with self._lock:
             self._playback.add(tick, self._factor, came, time.monotonic())
@@ -80,26 +94,47 @@ class MotionPublisher:
 
     def _show(self) -> None:
         """Publish what is to be seen at each period's end, until closed."""
-        due = time.monotonic()
+        due, batch, version = time.monotonic(), deque[_Instant](), -1
         while not self._ended.wait(max(0.0, due - time.monotonic())):
             with self._lock:
-                shown = self._playback.at(due)
-            if shown is not None:
-                self._send(shown.tick, self._wanted(), np.array([shown.sample]))
+                is_over = not batch or version != self._playback.version
+                version = self._playback.version
+                walls = due + self._period * np.arange(AT_ONCE)
+                ahead = self._playback.ahead(walls) if is_over else None
+            if is_over:
+                batch = deque(self._made(ahead) if ahead is not None else ())
+            instant = None
+            while batch and batch[0].shown.walls[batch[0].place] <= due:
+                instant = batch.popleft()
+            if instant is not None:
+                with self._lock:
+                    self._playback.note_shown(instant.shown, instant.place)
+                self._send(instant.messages, self._free(), is_alone=True)
             missed = (time.monotonic() - due) // self._period
             due += self._period * (1.0 + missed)
 
-    def _wanted(self) -> set[Topic]:
-        now, out = time.monotonic(), self._out.items()
-        return {t for t, p in out if self._left_out[t] <= now and p.get_subscription_count() > 0}
+    def _made(self, shown: Shown) -> Iterator[_Instant]:
+        messages = self._motion.moved(*shown.tick, self._wanted(), shown.samples)
+        for place, (_, found) in enumerate(groupby(messages, attrgetter("time_ns"))):
+            yield _Instant(shown, place, list(found))
 
-    def _send(self, tick: Tick, wanted: set[Topic], shown: Indices | None = None) -> None:
-        for topic, _, cdr in self._motion.moved(*tick, wanted, shown):
+    def _wanted(self) -> set[Topic]:
+        return {topic for topic in self._free() if self._out[topic].get_subscription_count() > 0}
+
+    def _free(self) -> set[Topic]:
+        now = time.monotonic()
+        return {topic for topic, until in self._left_out.items() if until <= now}
+
+    def _send(
+        self, messages: list[DerivedMessage], wanted: set[Topic], is_alone: bool = False
+    ) -> None:
+        """Publish the messages of a tick, or those of one instant that ``is_alone``."""
+        for topic, _, cdr in messages:
             if topic in wanted and not self._out[topic].offer(cdr):
                 wanted.discard(topic)  # the rest of this tick would be held up as well
-                if shown is not None:
+                if is_alone:
                     self._left_out[topic] = time.monotonic() + LEFT_OUT_S
-                self._say_who_holds(topic, "a tick" if shown is None else f"{LEFT_OUT_S:g} s")
+                self._say_who_holds(topic, f"{LEFT_OUT_S:g} s" if is_alone else "a tick")
 
     def _report(self) -> None:
         """Say how far what is shown is behind the drive, while it moves."""
