@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from rclpy.parameter import Parameter
-from std_msgs.msg import Float64
 
 from cam_rig.dynamics.kinetostatic import shaft_torque
 from cam_rig.errors import RefusedError
@@ -38,7 +37,6 @@ class CamDrive(ClockSource):
         self._loaded = open_scene(Path(self.given["scene"]))
         self._mechanics, self._repeats = self._loaded.follower, RepeatBudget()
         self._pace = Diagnostics(self.publisher(topics.DIAGNOSTICS), topics.PACE)
-        self._factor_out = self.publisher(topics.REAL_TIME_FACTOR)
         self._between = self.every(1.0 / CLOCK_HZ, self._tell_time)
         checkpoints = self.restore()
         consumers = [*self.given["consumers"], LAW_SERVER]
@@ -64,7 +62,7 @@ class CamDrive(ClockSource):
     def _set_pacing(self, pacing: str) -> None:
         self._program.pacing.set(pacing)
         factor = self._program.pacing.factor
-        self._factor_out.publish(Float64(data=factor or 0.0))
+        self.publish_factor(factor)
         if factor is None:
             self._between.cancel()
         else:

@@ -134,7 +134,7 @@ def test_a_paced_run_is_seen_evenly_and_recorded_as_any(
     assert (np.diff(clock) > 0.0).all()
     states = [cam_state_of(m).time_ns for _, _, m in messages(bag, (topics.CAM_STATE,))]
     assert set(states) <= {stamp_of(cdr) for _, cdr in seen.heard[topics.CLOCK]}
-    assert len(clock) > 3 * len(states)
+    assert len(clock) > 1.5 * len(states)  # it goes on between them
     raw = RawMessages()
     for _, cdr in seen.heard[topics.JOINT_STATES]:
         message, stamp = raw.read(topics.JOINT_STATES, cdr)[0], stamp_of(cdr) * 1e-9

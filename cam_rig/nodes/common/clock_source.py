@@ -10,6 +10,7 @@ from contextlib import suppress
 from typing import Any
 
 from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Float64
 
 from cam_rig.errors import RunError
 from cam_rig.live.flow_control import FlowControl
@@ -71,6 +72,8 @@ class ClockSource(RigNode):
         #: Rig time (ns) that /clock has come to, and that of the newest state.
         self.clock_ns = self.newest_ns = -1
         self._awaited: set[str] = set()
+        # before the states' publisher, so that whoever is discovered by them knows it
+        self._factor_out = self.publisher(topics.REAL_TIME_FACTOR)
         self._clock_out, self._state_out = map(self.publisher, (topics.CLOCK, topics.CAM_STATE))
 
     def listen_for_end(self) -> None:
@@ -169,6 +172,10 @@ class ClockSource(RigNode):
         self.newest_ns = max(self.newest_ns, state.time_ns)
         self.publish_time(state.time_ns)
         self._state_out.publish(to_cam_state(header, state, torque))
+
+    def publish_factor(self, factor: float | None) -> None:
+        """Publish rig seconds a wall second; None of a free run."""
+        self._factor_out.publish(Float64(data=factor or 0.0))
 
     def publish_time(self, time_ns: int) -> None:
         """Publish a rig time, unless /clock has come to it."""

@@ -60,7 +60,7 @@ class MotionPublisher:
         self._out = {t: node.publisher(replace(t, depth=depth)) for t in motion.topics}
         self._left_out = dict.fromkeys(motion.topics, 0.0)
         self._playback = Playback(motion.sample_rate)
-        self._factor = 0.0
+        self._factor: float | None = None
         self._lock, self._ended = Lock(), Event()
         self._thread = Thread(target=self._show, daemon=True)
         self._reports = node.publisher(replace(topics.DIAGNOSTICS, depth=1))
@@ -70,7 +70,7 @@ class MotionPublisher:
 
     def publish(self, tick: Tick, came: float) -> None:
         """Publish a finished tick, whose last state came at a wall time (s)."""
-        if not (wanted := self._wanted()):
+        if not (wanted := self._wanted()) or not self._is_pace_known():
             return
         if not self._factor:
             self._send(self._motion.moved(*tick, wanted), wanted)
@@ -79,6 +79,11 @@ class MotionPublisher:
             self._playback.add(tick, self._factor, came, time.monotonic())
         if not self._thread.is_alive():
             self._thread.start()
+
+    def _is_pace_known(self) -> bool:
+        """Whether the drive has told its pace, or is none that does, as where a bag is played."""
+        topic = topics.REAL_TIME_FACTOR.relative
+        return self._factor is not None or not self._node.count_publishers(topic)
 
     def close(self) -> None:
         """Publish nothing more."""

@@ -98,7 +98,7 @@ ABOUT = {
         "publishes the cam states and laws of a bag, in place of cam_drive and law_server",
         (*_ACKNOWLEDGEMENTS, topics.CLOSED, topics.READY),
         "-p bag:=bags/golden",
-        gives=(*_PLAYED, topics.FINISHED),
+        gives=(*_PLAYED, topics.REAL_TIME_FACTOR, topics.FINISHED),
     ),
 }
 
