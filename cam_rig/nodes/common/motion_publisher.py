@@ -15,6 +15,7 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Float64
 
+from cam_rig.arrays import FloatArray
 from cam_rig.live.playback import Playback, Shown, Tick
 from cam_rig.messages import topics
 from cam_rig.messages.codec import real_time_factor
@@ -100,16 +101,16 @@ class MotionPublisher:
     def _show(self) -> None:
         """Publish what is to be seen at each period's end, until closed."""
         due, batch, version = time.monotonic(), deque[_Instant](), -1
+        periods: FloatArray = self._period * np.arange(AT_ONCE, dtype=np.float64)
         while not self._ended.wait(max(0.0, due - time.monotonic())):
             with self._lock:
                 is_over = not batch or version != self._playback.version
                 version = self._playback.version
-                walls = due + self._period * np.arange(AT_ONCE)
-                ahead = self._playback.ahead(walls) if is_over else None
+                ahead = self._playback.ahead(due + periods) if is_over else None
             if is_over:
                 batch = deque(self._made(ahead) if ahead is not None else ())
             instant = None
-            while batch and batch[0].shown.walls[batch[0].place] <= due:
+            while batch and batch[0].shown.walls[batch[0].place] < due + 0.5 * self._period:
                 instant = batch.popleft()
             if instant is not None:
                 with self._lock:
