@@ -42,6 +42,7 @@ ARGUMENTS = {
     "pacing": ("", "rig time beside wall time: free, real_time, or a factor such as 20 or 20x"),
     "autostart": ("", "false: wait for the service cam_drive/start"),
     "points_per_turn": ("", "instants a turn of /joint_states and the like; 0: as the scene says"),
+    "motion_rate": ("", "with a pacing, how often a second of wall time they come, Hz"),
     "patience": ("", "wall time without an answer after which the drive gives up, s; "
                  f"{PATIENCE_S:g} without a parameter file"),
     "at_end": ("", f"what the nodes do when the run is over: {END}, or {STAY} for another run, "

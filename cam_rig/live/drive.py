@@ -157,6 +157,17 @@ class DriveProgram:
         state = self.schedule.next_state
         return 0.0 if state is None else self.pacing.wait(state.time_ns, now)
 
+    def time_ns(self, now: float) -> int | None:
+        """Rig time (ns) of a paced run at wall time ``now`` (s), before the next state's.
+
+        None where no tick turns, or in a free run, whose rig time goes from state to state.
+        """
+        last, following = self.schedule.state.last, self.schedule.next_state
+        reached = self.pacing.reached(now)
+        if reached is None or last is None or following is None or self._resending:
+            return None
+        return min(reached, following.time_ns - 1) if last.turns_until(following) else None
+
     def command(self, speed: float) -> None:
         """Turn at a speed (rad/s) from the next state on; zero as the scene says.
 

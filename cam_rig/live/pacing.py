@@ -62,28 +62,39 @@ class Pacing:
     #: Wall time (s) given up at the last state; zero while the run is on time.
     late: float = 0.0
     _begin: tuple[int, float] | None = field(default=None, repr=False)
+    _stands: bool = field(default=False, repr=False)
 
     def set(self, pacing: str) -> None:
         """Change the real-time factor from the next state on."""
         self.factor, self._begin, self.late = factor_of(pacing), None, 0.0
 
     def stand(self) -> None:
-        """Rig time stands still until the next state."""
-        self._begin = None
+        """Hold the next state back no longer: its rig time comes when it is sent."""
+        self._stands = True
 
     def wait(self, rig_ns: int, now: float) -> float:
         """Wall time (s) until the state at a rig time is due, seen from wall time ``now``."""
-        if self.factor is None or self._begin is None:
+        if self.factor is None or self._begin is None or self._stands:
             return 0.0
         return max(0.0, self._due(rig_ns) - now)
+
+    def reached(self, now: float) -> int | None:
+        """Rig time (ns) that has come by wall time ``now``; None of a free run, or before a state.
+
+        The tick that turns while the run is stopped is finished all the same.
+        """
+        if self.factor is None or self._begin is None:
+            return None
+        from_ns, wall = self._begin
+        return from_ns + round((now - wall) * self.factor * NS)
 
     def sent(self, rig_ns: int, now: float) -> None:
         """Note that a state went out."""
         self.late = 0.0
         if self.factor is None:
             return
-        if self._begin is None:
-            self._begin = (rig_ns, now)
+        if self._begin is None or self._stands:
+            self._begin, self._stands = (rig_ns, now), False
         late = now - self._due(rig_ns)
         if late > MAX_LATENESS_S:
             self.late, self._begin = late, (rig_ns, now)

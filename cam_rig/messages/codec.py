@@ -17,6 +17,7 @@ from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import ANGLE_TOLERANCE, COLUMNS
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.laws import Law
+from cam_rig.live.pacing import FACTORS
 from cam_rig.live.state_validation import MAX_SAMPLES, require_possible
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN
@@ -113,6 +114,20 @@ def stamp_ns(stamp: Any) -> int:
     if seconds < 0 or nanoseconds >= NS:
         raise RefusedError(f"a stamp of {seconds} s and {nanoseconds} ns; allowed: from zero on")
     return seconds * NS + nanoseconds
+
+
+def real_time_factor(value: float) -> float:
+    """Rig seconds a wall second, as /rig/real_time_factor has it; 0 of a free run.
+
+    Raises
+    ------
+    RefusedError : it is neither
+    """
+    if value != 0.0 and not FACTORS[0] <= value <= FACTORS[1]:
+        raise RefusedError(
+            f"real-time factor: is {value:g}; allowed: 0, or {FACTORS[0]:g} to {FACTORS[1]:g}"
+        )
+    return value
 
 
 def cam_positions(state: CamState) -> tuple[float, float]:

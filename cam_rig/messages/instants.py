@@ -41,7 +41,12 @@ class Instants:
 
 
 def instants_of(
-    law: Law, start: CamState, end: CamState, rows: FloatArray, sample_rate: int, count: int
+    law: Law,
+    start: CamState,
+    end: CamState,
+    rows: FloatArray,
+    sample_rate: int,
+    shown: int | Indices,
 ) -> Instants:
     """The instants of the tick between two states of the cam.
 
@@ -49,7 +54,7 @@ def instants_of(
     ----------
     law : of the cam that is mounted at the start
     rows : the tick's samples, ``(6, n)`` as in `COLUMNS`, at ``sample_rate`` (Hz)
-    count : how many instants; see `choose`
+    shown : how many instants, see `choose`; or the indices of their samples
 
     Raises
     ------
@@ -62,8 +67,8 @@ def instants_of(
             f"follower samples: {rows.shape[1]}; allowed: the {grid.count} of the tick that begins "
             f"at {start.time_ns / NS:.6f} s"
         )
-    index = choose(samples.lift, samples.force, count)
-    since, force = grid.since_start()[index], samples.force[index]
+    index = choose(samples.lift, samples.force, shown) if isinstance(shown, int) else shown
+    since, force = grid.offset + index / sample_rate, samples.force[index]
     in_turn = interval.angle + since * (interval.speed + 0.5 * interval.acceleration * since)
     seconds, rest = np.divmod(grid.first + index, sample_rate)
     return Instants(

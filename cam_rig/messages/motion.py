@@ -16,7 +16,7 @@ import numpy as np
 from cam_rig.arrays import FloatArray
 from cam_rig.messages import topics
 from cam_rig.messages.cdr_template import TYPES, CdrTemplate, example_header
-from cam_rig.messages.instants import Instants, instants_of
+from cam_rig.messages.instants import Indices, Instants, instants_of
 from cam_rig.messages.topics import Topic
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
@@ -111,6 +111,11 @@ class MotionMessages:
         """What is made."""
         return tuple(topic for part in self._parts for topic in part.topics)
 
+    @property
+    def sample_rate(self) -> int:
+        """Of the ticks' samples, Hz."""
+        return self._rate
+
     def mounted(self, state: CamState) -> list[DerivedMessage]:
         """The messages of a cam that is mounted from a state on."""
         if state.cam not in self._loaded.laws:
@@ -118,7 +123,12 @@ class MotionMessages:
         return [message for part in self._parts for message in part.mounted(state)]
 
     def moved(
-        self, start: CamState, end: CamState, rows: FloatArray, wanted: Set[Topic] | None = None
+        self,
+        start: CamState,
+        end: CamState,
+        rows: FloatArray,
+        wanted: Set[Topic] | None = None,
+        shown: Indices | None = None,
     ) -> list[DerivedMessage]:
         """The messages of the tick between two states in the order of time.
 
@@ -126,6 +136,7 @@ class MotionMessages:
         ----------
         rows : the tick's samples, ``(6, n)``
         wanted : the topics to make; None makes all
+        shown : indices of the samples; None: as many as the run has points a turn
 
         Raises
         ------
@@ -135,7 +146,9 @@ class MotionMessages:
         if not parts or start.cam not in self._loaded.laws:
             return []
         law = self._loaded.laws[start.cam]
-        instants = instants_of(law, start, end, rows, self._rate, self._points)
+        instants = instants_of(
+            law, start, end, rows, self._rate, self._points if shown is None else shown
+        )
         found = [message for part in parts for message in part.moved(instants)]
         if wanted is not None:
             found = [message for message in found if message.topic in wanted]

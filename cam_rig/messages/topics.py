@@ -35,8 +35,8 @@ class Topic:
     ``owner`` is the node that publishes it, and no other may; empty where several do. A message of
     more than ``most_bytes`` is refused before it is read.
 
-    A ``derived`` topic follows from others: it is published while somebody subscribes, and the
-    recorder makes its messages by itself.
+    A ``derived`` topic follows from others, and the recorder makes its messages by itself: of what
+    is published when somebody can see it, a bag holds the same in every run.
     """
 
     name: str
@@ -70,7 +70,10 @@ class Topic:
         return self.type.split("/")[2]
 
 
-CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", "state", stamped=False, owner="cam_drive")
+#: A bag holds the time of each state; a paced run's rig time goes on between them.
+CLOCK = Topic(
+    "/clock", "rosgraph_msgs/msg/Clock", "state", stamped=False, owner="cam_drive", derived=True
+)
 LAW = Topic("/cam/law", "trajectory_msgs/msg/JointTrajectory", "speed", owner="law_server")
 LAW_COEFFICIENTS = Topic(
     "/cam/law_coefficients",
@@ -158,6 +161,8 @@ PRESSURE = Topic(
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "any")
 #: The nodes that report on /diagnostics, in the order of a bag.
 DIAGNOSED_NODES = ("cam_drive", "law_server", "follower", "microphone", "recorder")
+#: The name there of what the follower shows at a run's own pace; of wall time too.
+SHOWN_MOTION = "follower: motion"
 #: The name there of the drive's pacing. It depends on the wall clock, so bags do not hold it.
 PACE = "cam_drive: pace"
 #: The end of a node's name there, for what it says on wall time while nothing turns.
@@ -187,6 +192,16 @@ CLOSED = Topic(
 )
 #: The node of this name takes messages; the recorder once its file is open.
 READY = Topic("/rig/ready", "std_msgs/msg/String", "any", stamped=False)
+
+#: Rig seconds a wall second of a run that is paced; 0: as fast as its nodes answer.
+REAL_TIME_FACTOR = Topic(
+    "/rig/real_time_factor",
+    "std_msgs/msg/Float64",
+    "any",
+    depth=1,
+    stamped=False,
+    owner="cam_drive",
+)
 
 #: A command to the drive: the cam's speed in rpm from the next tick on, 0 as the scene says.
 CAM_RPM = Topic("/cam/rpm", "std_msgs/msg/Float64", "any", latched=False, stamped=False)

@@ -25,6 +25,9 @@ from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import RPM
 
+#: /clock of a paced run, Hz: so that a busy machine's has 100.
+CLOCK_HZ = 125.0
+
 
 class CamDrive(ClockSource):
     """Publishes /cam/state and /clock, and requests each cam from the law server in turn."""
@@ -34,8 +37,8 @@ class CamDrive(ClockSource):
         self._loaded = open_scene(Path(self.given["scene"]))
         self._mechanics, self._repeats = self._loaded.follower, RepeatBudget()
         self._pace = Diagnostics(self.publisher(topics.DIAGNOSTICS), topics.PACE)
+        self._between = self.every(1.0 / CLOCK_HZ, self._tell_time)
         checkpoints = self.restore()
-        self.clock_ns = checkpoints[-1].state.time_ns if checkpoints else -1
         consumers = [*self.given["consumers"], LAW_SERVER]
         server = LawServerClient(self, self._on_refused)
         kept = Checkpoint(self.given["checkpoint"], "commands")
@@ -45,14 +48,38 @@ class CamDrive(ClockSource):
         )
         if commands is not None:
             self.set_parameters([Parameter("pacing", value=commands.pacing)])
-        self._program.pacing.set(self.get_parameter("pacing").value)
+        self._set_pacing(self.get_parameter("pacing").value)
+        if checkpoints:
+            self._take_over(checkpoints[-1].state)
         if not checkpoints and commands is None:
             self._program.running = self.given["autostart"] and self.runs_before == 0
             self._program.command(self.given["rpm"] * RPM)
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
-        controls = DriveControls(self, self._program, self._send, kept)
+        controls = DriveControls(self, self._program, self._send, self._set_pacing, kept)
         server.on_mounted(self._program.expects, controls.mounted)
         self.begin(consumers, self._program.flow)
+
+    def _set_pacing(self, pacing: str) -> None:
+        self._program.pacing.set(pacing)
+        factor = self._program.pacing.factor
+        self.publish_factor(factor)
+        if factor is None:
+            self._between.cancel()
+        else:
+            self._between.reset()
+
+    def _take_over(self, last: CamState) -> None:
+        """Go on from a predecessor's last state; /clock may have come close to the next one's."""
+        self.newest_ns, self.clock_ns = last.time_ns, last.time_ns - 1
+        following = self._program.schedule.next_state
+        if self._program.pacing.factor is not None and following is not None:
+            self.clock_ns = following.time_ns - 1
+
+    def _tell_time(self) -> None:
+        """Let rig time go on between two states."""
+        time_ns = self._program.time_ns(time.monotonic())
+        if time_ns is not None and not self.done.done():
+            self.publish_time(time_ns)
 
     def _on_refused(self, cam: str, reason: str) -> None:
         self._program.refused(cam)

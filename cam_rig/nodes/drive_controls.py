@@ -24,6 +24,7 @@ class DriveControls:
     ----------
     node : the drive's, which offers the services and has the parameters
     send : sends a state that cannot wait
+    set_pacing : takes the parameter of that name
     kept : where the commands are saved
     """
 
@@ -32,9 +33,11 @@ class DriveControls:
         node: ClockSource,
         program: DriveProgram,
         send: Callable[[CamState], None],
+        set_pacing: Callable[[str], None],
         kept: Checkpoint,
     ) -> None:
         self._node, self._program, self._send, self._kept = node, program, send, kept
+        self._set_pacing = set_pacing
         node.add_on_set_parameters_callback(self._refuse)
         node.subscribe(topics.CAM_RPM, self._on_rpm)
         node.add_post_set_parameters_callback(self._on_parameters)
@@ -74,7 +77,7 @@ class DriveControls:
             if parameter.name == "rpm":
                 self._program.command(parameter.value * RPM)
             elif parameter.name == "pacing":
-                self._program.pacing.set(parameter.value)
+                self._set_pacing(parameter.value)
         self.save()
 
     def mounted(self, cam: str) -> None:

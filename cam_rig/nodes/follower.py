@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import time
 from pathlib import Path
 
 from sensor_msgs.msg import JointState
@@ -12,12 +12,13 @@ from cam_rig.dynamics import Block, FollowerState
 from cam_rig.errors import DynamicsError
 from cam_rig.live.cam_check import require_own_law
 from cam_rig.live.follower_queue import FollowerQueue
+from cam_rig.live.playback import Tick
 from cam_rig.live.state_validation import Admission
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_law, encode_block
-from cam_rig.messages.topics import motion_depth
 from cam_rig.nodes.common.convert import to_array, to_header, to_joint_state
 from cam_rig.nodes.common.diagnostics import OK, WARN
+from cam_rig.nodes.common.motion_publisher import MotionPublisher
 from cam_rig.nodes.common.resend import ResendBuffer
 from cam_rig.nodes.common.rig_node import RigNode
 from cam_rig.robot.derived import motion_of_follower
@@ -43,10 +44,8 @@ class Follower(RigNode):
         out = (topics.FOLLOWER_SAMPLES, topics.FOLLOWER_STATE)
         self._out, self._sent = [self.publisher(topic) for topic in out], ResendBuffer()
         points = self.given["points_per_turn"] or self._loaded.scene.points_per_turn
-        self._motion, depth = motion_of_follower(self._loaded, points), motion_depth(points)
-        self._motion_out = {
-            topic: self.publisher(replace(topic, depth=depth)) for topic in self._motion.topics
-        }
+        motion, rate = motion_of_follower(self._loaded, points), self.given["motion_rate"]
+        self._motion, self._came = MotionPublisher(self, motion, points, rate), 0.0
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
         self.subscribe(topics.CAM_STATE, self._on_state)
         self.get_logger().info(self.activity())
@@ -58,7 +57,7 @@ class Follower(RigNode):
         self._turn()
 
     def _on_state(self, message: JointState) -> None:
-        state = cam_state_of(message)
+        state, self._came = cam_state_of(message), time.monotonic()
         if self._ticks.add_state(state) is Admission.SEEN:
             self._sent.resend(state.time_ns)
         self._turn()
@@ -67,7 +66,7 @@ class Follower(RigNode):
         try:
             for start, end, state, block in self._ticks.complete():
                 self.ticks += 1
-                self._publish_motion(start, end, block)
+                self._motion.publish(Tick(start, end, block.rows), self._came)
                 self._publish(end, state, block)
                 self.save(self._ticks.checkpoint, end.time_ns)
         except DynamicsError as error:
@@ -86,18 +85,6 @@ class Follower(RigNode):
         )
         self._sent.publish(end.time_ns, list(zip(self._out, messages, strict=True)))
 
-    def _say_who_holds(self, topic: topics.Topic) -> None:
-        infos = self.get_subscriptions_info_by_topic(topic.relative)
-        nodes = {f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in infos}
-        words = f"{topic.name}: left out for a tick, as one of its subscribers does not keep up: "
-        words += ", ".join(sorted(nodes))
-        self.get_logger().warning(words, throttle_duration_sec=10.0)
-
-    def _publish_motion(self, start: CamState, end: CamState, block: Block) -> None:
-        """Publish the motion for those who subscribe; who joins later sees the next tick."""
-        out = self._motion_out
-        wanted = {topic for topic in out if out[topic].get_subscription_count() > 0}
-        for topic, _, cdr in self._motion.moved(start, end, block.rows, wanted) if wanted else ():
-            if topic in wanted and not out[topic].offer(cdr):
-                wanted.discard(topic)  # the rest of this tick would be held up as well
-                self._say_who_holds(topic)
+    def close(self) -> None:
+        """End with what is shown."""
+        self._motion.close()

@@ -30,6 +30,7 @@ PRELOADED = (
     "cam_rig.live.drive",
     "cam_rig.live.follower_queue",
     "cam_rig.live.law_server",
+    "cam_rig.live.playback",
     "cam_rig.live.repeats",
     "cam_rig.live.tick_matching",
     "cam_rig.robot.derived",

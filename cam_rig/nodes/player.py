@@ -26,6 +26,7 @@ class Player(ClockSource):
         self._microphone = AsyncParameterClient(self, "microphone")
         known = {topics.CLOCK: self._clock_out, topics.CAM_STATE: self._state_out}
         self._out = {t: known.get(t) or self.publisher(t) for t in PLAYED}
+        self.publish_factor(None)
         consumers = list(ESSENTIAL)
         self._flow = FlowControl(consumers)
         self.begin(consumers, self._flow)

@@ -10,14 +10,21 @@ from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import PolygonStamped
+from std_msgs.msg import Float64
 
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.messages import topics
-from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
+from cam_rig.messages.codec import (
+    array_of,
+    cam_state_of,
+    decode_block,
+    real_time_factor,
+    stamp_ns,
+)
 from cam_rig.nodes.common.convert import to_header
 from cam_rig.nodes.common.rig_node import RigNode
 from cam_rig.simulation.loaded_scene import open_scene
-from cam_rig.viewer.live_view import LiveView
+from cam_rig.viewer.live_view import SEND_EVERY_S, LiveView
 from cam_rig.viewer.recording import polygon
 from cam_rig.viewer.server.process import require_display, window
 
@@ -27,8 +34,9 @@ QUEUE_DEPTH = 256
 SPINS_PER_DRAIN = 10
 #: Wall time (s) to wait for the level of the last tick: no drive waits until it is drawn.
 LEVEL_TIMEOUT_S = 2.0
-#: Wall time (s) between blocks of columns, at least.
-SEND_EVERY_S = 0.25
+#: Wall time (s) between two looks at whether there is something to send; of a run whose pictures
+#: are sent when their time has come.
+LOOK_EVERY_S, FRAME_S = SEND_EVERY_S, 1.0 / 60.0
 
 
 class Viewer(RigNode):
@@ -52,7 +60,10 @@ class Viewer(RigNode):
         }
         for topic, handle in handlers.items():
             self.subscribe(replace(topic, depth=QUEUE_DEPTH), self._on(handle))
-        self.every(SEND_EVERY_S, self._view.flush)
+        self.every(LOOK_EVERY_S, self._view.flush)
+        self._frames = self.every(FRAME_S, self._view.flush)
+        self._frames.cancel()
+        self.subscribe(topics.REAL_TIME_FACTOR, self._on_factor)
         self.get_logger().info(self.activity())
 
     def _on_profile(self, message: PolygonStamped) -> None:
@@ -60,12 +71,19 @@ class Viewer(RigNode):
         self._loaded.mount(cam)
         self._view.feed.profile(cam, polygon(message))
 
+    def _on_factor(self, message: Float64) -> None:
+        self._view.set_pace(real_time_factor(message.data))
+        if message.data:
+            self._frames.reset()
+        else:
+            self._frames.cancel()
+
     def _on(self, handle: Callable[[Any], None]) -> Callable[[Any], None]:
         def draw(message: Any) -> None:
             self._received += 1
             try:
                 handle(message)
-                for _, end, _ in self._view.feed.draw():
+                for _, end, _ in self._view.draw():
                     self.ticks += 1
                     self._shown.publish(to_header(end.time_ns))
             except CamRigError as error:

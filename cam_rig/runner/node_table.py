@@ -44,7 +44,7 @@ NODES = (
     ),
     NodeEntry(VIEWER, {"address": str}, essential=False, max_respawns=3),
     NodeEntry("microphone", {}),
-    NodeEntry("follower", {"points_per_turn": int}),
+    NodeEntry("follower", {"points_per_turn": int, "motion_rate": float}),
     NodeEntry("law_server", {}),
     NodeEntry(DRIVE, {"pacing": str, "autostart": bool, "patience": float}),
 )

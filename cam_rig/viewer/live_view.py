@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
+import time
 import warnings
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
 import rerun as rr
 
 from cam_rig.errors import CamRigError
+from cam_rig.live.playback import MARGIN_S, Playback, Tick
 from cam_rig.simulation.loaded_scene import LoadedScene
 from cam_rig.simulation.schedule import run_length
 from cam_rig.units import NS
@@ -26,6 +30,8 @@ ACROSS_SCREEN = 1000
 #: Rig time (s) before the newest sample that the curves show at least: some turns, and what is
 #: sent at once to the slowest page.
 MIN_WINDOW_S = 2.0
+#: Wall time (s) between blocks of columns, at least.
+SEND_EVERY_S = 0.25
 #: Wall time (s) to send the rest at the end.
 TIMEOUT_S = 8.0
 
@@ -57,6 +63,10 @@ class LiveView:
             raise CamRigError(f"{address}: no viewer can be reached there ({error})") from None
         name_recording(self._stream, loaded.scene.title)
         self._pace = FramePace(partial(page_delay, Path(address)) if self._read else None)
+        self._sent, self._factor = time.monotonic(), 0.0
+        # a picture waits for its tick's curves
+        rate = int(loaded.scene.sample_rate.si)
+        self._playback = Playback(rate, MARGIN_S + SEND_EVERY_S)
         # a block and the tick that makes it whole fit into the window: no curve is ever out of it
         block = window - tick
         self._drawing = RunRecorder(
@@ -64,10 +74,34 @@ class LiveView:
         )
         self.feed = RunFeed(self._drawing)
 
+    def set_pace(self, factor: float) -> None:
+        """Show each tick while the next one turns, at rig seconds a wall second; 0: at once."""
+        self._factor = factor
+        self._playback.clear()
+
+    def draw(self) -> Iterator[Tick]:
+        """Draw all ticks that are complete; gives each."""
+        for tick in map(Tick._make, self.feed.draw()):
+            if self._factor:
+                now = time.monotonic()
+                self._playback.add(tick, self._factor, now, now)
+            yield tick
+
     def flush(self) -> None:
-        """Send what was drawn, as often as who looks at it can show it."""
-        if self._pace.is_due():
-            self._drawing.flush()
+        """Send what was drawn, as often as who looks at it can show it.
+
+        Of a paced run cam and follower are shown when their time has come, and go out alone where
+        a block of curves has just gone.
+        """
+        if not self._pace.is_due():
+            return
+        now = time.monotonic()
+        until = self._playback.position(now) / NS if self._factor else math.inf
+        if now - self._sent >= SEND_EVERY_S:
+            self._sent = now
+            self._drawing.flush(until)
+        else:
+            self._drawing.show(until)
 
     def close(self) -> None:
         """Send the rest.

@@ -107,10 +107,18 @@ class RunRecorder:
             self._results.level(start.cam, start.speed, measured)
         self._newest_sound = end
 
-    def flush(self) -> None:
-        """Send what was collected so far; the run itself comes first, for nothing may lead it."""
+    def show(self, until: float) -> None:
+        """Send pictures up to a rig time (s), as far as the curves are sent; nothing else."""
         if self._run_view is not None:
-            self._run_view.flush()
+            self._run_view.show(min(until, self._sent / NS))
+
+    def flush(self, until: float = math.inf) -> None:
+        """Send what was collected so far, pictures up to a rig time (s).
+
+        The run itself comes first, for nothing may lead it.
+        """
+        if self._run_view is not None:
+            self._run_view.flush(until)
         if self._last is not None:
             self._sent = self._last[1].time_ns
         if self._grows:

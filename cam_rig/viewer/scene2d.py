@@ -150,12 +150,16 @@ class Scene2D:
         """
         self._waiting.append(np.stack([time, angle, lift, force]))
 
-    def flush(self) -> None:
-        """Send what was taken."""
+    def flush(self, until: float = math.inf) -> None:
+        """Send what was taken, up to a rig time (s); the rest waits."""
         if not self._waiting:
             return
         frames = np.concatenate(self._waiting, axis=1)
-        self._waiting = []
+        due = frames[0] <= until
+        self._waiting = [] if due.all() else [frames[:, ~due]]
+        if not due.any():
+            return
+        frames = frames[:, due]
         if self._pace is not None:
             frames = frames[:, self._pace.chosen(frames.shape[1])]
         time, angle, lift, force = frames

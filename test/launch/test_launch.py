@@ -86,6 +86,7 @@ GIVEN = {
     "pacing": "20",
     "autostart": "false",
     "points_per_turn": "360",
+    "motion_rate": "50",
     "max_bagfile_size": "100000000",
     "max_bagfile_duration": "60",
     "patience": "60",

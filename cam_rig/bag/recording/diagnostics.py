@@ -10,6 +10,9 @@ from cam_rig.bag.recording.pending import MAX_WAITING, make_room
 from cam_rig.errors import RefusedError
 from cam_rig.messages import topics
 
+#: What is said on wall time.
+OF_WALL_TIME = (topics.PACE, topics.SHOWN_MOTION)
+
 
 class Diagnostic(NamedTuple):
     """Rig time (ns), the node it is of, and the serialized message."""
@@ -36,7 +39,7 @@ class PendingDiagnostics:
         ------
         RefusedError : it is of no node of the rig, or there are too many of no known time
         """
-        if node == topics.PACE or node.endswith(topics.HEARTBEAT):  # of wall time
+        if node in OF_WALL_TIME or node.endswith(topics.HEARTBEAT):
             return
         if node not in topics.DIAGNOSED_NODES:
             raise RefusedError(

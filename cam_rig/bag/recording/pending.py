@@ -56,10 +56,6 @@ class Waiting:
         """Whether a topic's message of a stamp is here."""
         return stamp in self._held[topic]
 
-    def is_past(self, topic: Topic, stamp: int) -> bool:
-        """Whether a topic's message of a stamp, or of a later one, is here."""
-        return any(held >= stamp for held in self._held[topic])
-
     def get(self, topic: Topic, stamp: int) -> bytes | None:
         """A topic's message of a stamp; None where there is none."""
         return self._held[topic].get(stamp)

@@ -161,13 +161,10 @@ class RecordingSession:
 
     def _complete(self) -> bool:
         state = self._states[0][0]
-        return (
-            self._waiting.is_past(topics.CLOCK, state.time_ns)
-            and all(self._waiting.has(topic, state.time_ns) for topic in self._belonging(state))
-            and (
-                not self._is_new_cam(state)
-                or all(state.cam in known for known in self._cams.values())
-            )
+        return all(
+            self._waiting.has(topic, state.time_ns) for topic in self._belonging(state)
+        ) and (
+            not self._is_new_cam(state) or all(state.cam in known for known in self._cams.values())
         )
 
     def _belonging(self, state: CamState) -> list[Topic]:
@@ -192,8 +189,7 @@ class RecordingSession:
             for topic, known in self._cams.items():
                 if state.cam in known:
                     put(topic, stamp, known[state.cam])
-        if self._waiting.is_past(topics.CLOCK, stamp):  # which never goes back: a lost one is lost
-            put(topics.CLOCK, stamp, self._waiting.pop(topics.CLOCK, stamp) or cdr[:CLOCK_BYTES])
+        put(topics.CLOCK, stamp, cdr[:CLOCK_BYTES])
         put(topics.CAM_STATE, stamp, cdr)
         for topic in self._belonging(state):
             if message := self._waiting.pop(topic, stamp):

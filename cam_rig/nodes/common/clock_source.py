@@ -10,6 +10,7 @@ from contextlib import suppress
 from typing import Any
 
 from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Float64
 
 from cam_rig.errors import RunError
 from cam_rig.live.flow_control import FlowControl
@@ -68,9 +69,11 @@ class ClockSource(RigNode):
         self.speed = SpeedReport()
         super().__init__(name)
         self._moved = self._repeated = time.monotonic()
-        #: Rig time (ns) that /clock has come to.
-        self.clock_ns = -1
+        #: Rig time (ns) that /clock has come to, and that of the newest state.
+        self.clock_ns = self.newest_ns = -1
         self._awaited: set[str] = set()
+        # before the states' publisher, so that whoever is discovered by them knows it
+        self._factor_out = self.publisher(topics.REAL_TIME_FACTOR)
         self._clock_out, self._state_out = map(self.publisher, (topics.CLOCK, topics.CAM_STATE))
 
     def listen_for_end(self) -> None:
@@ -153,7 +156,7 @@ class ClockSource(RigNode):
             level, words = ERROR, str(self.failure)
         elif self.is_done():
             level, words = OK, "done"
-        run = FinishedRun(level, words, self.ticks, max(0, self.clock_ns))
+        run = FinishedRun(level, words, self.ticks, max(0, self.newest_ns))
         self._finished.publish(run, spin_once)
 
     def _stuck_error(self) -> RunError:
@@ -166,10 +169,19 @@ class ClockSource(RigNode):
     def publish_state(self, state: CamState, torque: float) -> None:
         """Send a state of the cam, and its time unless /clock would go back: it is sent again."""
         header = to_header(state.time_ns, state.cam)
-        if state.time_ns >= self.clock_ns:
-            self.clock_ns = state.time_ns
-            self._clock_out.publish(Clock(clock=to_time(state.time_ns)))
+        self.newest_ns = max(self.newest_ns, state.time_ns)
+        self.publish_time(state.time_ns)
         self._state_out.publish(to_cam_state(header, state, torque))
+
+    def publish_factor(self, factor: float | None) -> None:
+        """Publish rig seconds a wall second; None of a free run."""
+        self._factor_out.publish(Float64(data=factor or 0.0))
+
+    def publish_time(self, time_ns: int) -> None:
+        """Publish a rig time, unless /clock has come to it."""
+        if time_ns > self.clock_ns:
+            self.clock_ns = time_ns
+            self._clock_out.publish(Clock(clock=to_time(time_ns)))
 
     def note_sent(self, state: CamState, tick: int) -> None:
         """Note that a state went out, and report it to the runner."""

@@ -138,7 +138,14 @@ PARAMETERS: dict[str, tuple[Spec, ...]] = {
         Spec("patience", 20.0, "wall time without progress before giving up, s", 0.1, 86400.0),
         PROGRESS,
     ),
-    "follower": (SCENE, CHECKPOINT, AT_END, POINTS),
+    "follower": (
+        SCENE,
+        CHECKPOINT,
+        AT_END,
+        POINTS,
+        Spec("motion_rate", 100.0, "how often /joint_states and the like show the motion of a run "
+             "at real time or a factor, Hz of wall time", 1.0, 1000.0),
+    ),
     "microphone": (
         SCENE,
         CHECKPOINT,

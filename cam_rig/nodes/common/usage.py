@@ -53,7 +53,7 @@ ABOUT = {
     ),
     "follower": About(
         "computes the follower's motion and contact force between the states of the cam",
-        (topics.LAW_COEFFICIENTS, topics.CAM_STATE, topics.FINISHED),
+        (topics.LAW_COEFFICIENTS, topics.CAM_STATE, topics.REAL_TIME_FACTOR, topics.FINISHED),
         "-p scene:=quick -p points_per_turn:=360",
         gives=(topics.JOINT_STATES,),
     ),
@@ -75,6 +75,7 @@ ABOUT = {
             topics.FOLLOWER_SAMPLES,
             topics.LEVEL,
             topics.PRESSURE,
+            topics.REAL_TIME_FACTOR,
             topics.FINISHED,
         ),
         "-p scene:=quick",
@@ -97,7 +98,7 @@ ABOUT = {
         "publishes the cam states and laws of a bag, in place of cam_drive and law_server",
         (*_ACKNOWLEDGEMENTS, topics.CLOSED, topics.READY),
         "-p bag:=bags/golden",
-        gives=(*_PLAYED, topics.FINISHED),
+        gives=(*_PLAYED, topics.REAL_TIME_FACTOR, topics.FINISHED),
     ),
 }
 

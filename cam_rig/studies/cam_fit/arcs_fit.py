@@ -18,8 +18,7 @@ import numpy as np
 
 from cam_rig.arrays import rms
 from cam_rig.errors import LawError
-from cam_rig.studies.cam_fit.arcs import COORDINATES, FLANK, PRIME, ArcColumn, Arcs, Form
-from cam_rig.studies.cam_fit.arcs import number_of
+from cam_rig.studies.cam_fit.arcs import COORDINATES, FLANK, PRIME, ArcColumn, Arcs, Form, number_of
 from cam_rig.studies.cam_fit.arcs_intervals import Profile, Told
 from cam_rig.studies.cam_fit.arcs_search import ArcSearch
 from cam_rig.studies.cam_fit.readings import Readings
@@ -109,7 +108,9 @@ class ArcsFit:
         value = number_of(index, float(search.form.coordinates(self.arcs)[index]))
         name = search.form.names[index]
         if index in profile.search.held:
-            given = index == FLANK or self.known in (("base", "both") if self.only_flat else ("both",))
+            given = index == FLANK or self.known in (
+                ("base", "both") if self.only_flat else ("both",)
+            )
             return Told(name, value, value, value, "given" if given else "assumed")
         return Told(name, value, *profile.interval(index))
 

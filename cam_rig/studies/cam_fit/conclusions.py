@@ -47,7 +47,9 @@ def spline_conclusions(fit: SplineFit) -> Iterator[str]:
     )
     if not fit.dwells:
         yield "No dwell is found: nowhere do enough readings rest within their scatter."
-    outliers = ", ".join(f"line {outlier.line} by {outlier.beside * 1e3:.3g} mm" for outlier in readings.outliers)
+    outliers = ", ".join(
+        f"line {outlier.line} by {outlier.beside * 1e3:.3g} mm" for outlier in readings.outliers
+    )
     yield (
         f"Left out, for they look like outliers: {outliers}."
         if outliers

@@ -106,7 +106,9 @@ def put_in_order(table: GaugeTable, column: GaugeColumn, reverse: bool = False) 
     inside = angles - TURN * np.floor((angles + SAME_ANGLE) / TURN)
     inside = np.maximum(inside, 0.0)
     order = np.argsort(inside, kind="stable")
-    found = _averaged(table, column, (inside[order], lifts[order], np.array(table.lines)[read][order]))
+    found = _averaged(
+        table, column, (inside[order], lifts[order], np.array(table.lines)[read][order])
+    )
     if found.angles.size < inside.size:
         notes.append(f"{inside.size - found.angles.size} repeated angles averaged")
     return replace(found, notes=tuple(notes))

@@ -157,7 +157,11 @@ def spline_json(fit: SplineFit) -> dict[str, Any]:
             for dwell in fit.dwells
         ],
         "outliers": [
-            {"line": outlier.line, "angle_deg": math.degrees(outlier.angle), "off_m": outlier.beside}
+            {
+                "line": outlier.line,
+                "angle_deg": math.degrees(outlier.angle),
+                "off_m": outlier.beside,
+            }
             for outlier in fit.readings.outliers
         ],
     }

@@ -107,10 +107,14 @@ class RunView:
         if self._last is not None:
             self._time_series.stop(end, self._last.speed)
 
-    def flush(self) -> None:
-        """Send what was collected so far, the curves first."""
+    def show(self, until: float) -> None:
+        """Send pictures of cam and follower up to a rig time (s), of which the curves are sent."""
+        self._scene.flush(until)
+
+    def flush(self, until: float = math.inf) -> None:
+        """Send what was collected so far, the curves first; pictures up to a rig time (s)."""
         self._time_series.flush()
-        self._scene.flush()
+        self._scene.flush(until)
         # of a live run only the newest bars are seen
         for end, turn in self._heard if self._whole else self._heard[-1:]:
             bands = third_octaves(self._loaded.radiation, turn.force, turn.impulse, self._rate)

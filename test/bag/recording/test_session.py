@@ -56,7 +56,7 @@ def test_every_message_is_written_once_with_its_states_time(golden, kept, states
     """Levels and samples carry no stamp: their twins tell it."""
     written = record(golden, kept)
     assert written == states
-    assert len(kept.messages) == len(golden)
+    assert len(kept.messages) == len(golden) + len(states)
     found = by_topic(kept)
     for topic in topics.RECEIVED:
         if topic.per == "tick":
@@ -72,15 +72,12 @@ def test_any_order_of_topics_gives_one_bag(golden, kept, seed):
     assert by_topic(kept) == straight
 
 
-def test_a_clock_that_was_lost_is_known_from_the_next(golden, kept, states):
-    """/clock never goes back, so it is not resent; a state's stamp holds the same bytes."""
+def test_the_clock_is_that_of_the_states(golden, kept, states):
+    """However often /clock comes between two states: a bag has the time of each."""
     record(golden, kept)
-    whole, kept.messages = by_topic(kept), []
-    lost = {n for topic, n, _ in golden if topic is topics.CLOCK}
-    lost -= {max(lost)}
-    written = record([m for m in golden if m[0] is not topics.CLOCK or m[1] not in lost], kept)
-    assert written == states
-    assert by_topic(kept) == whole
+    clock = by_topic(kept)[topics.CLOCK.name]
+    assert [time for time, _ in clock] == states
+    assert [(len(cdr), stamp_of(cdr)) for _, cdr in clock] == [(12, stamp) for stamp in states]
 
 
 @pytest.mark.parametrize("missing", [t for t in topics.RECEIVED if t.per in ("tick", "state")])
@@ -92,7 +89,7 @@ def test_a_state_waits_for_every_message_of_its_tick(golden, kept, states, missi
     assert len(by_topic(kept)[missing.name]) == last - 1
     if missing is not topics.CAM_STATE:  # a message without its stamped twin belongs to no tick
         twins = sum(topic.twin == missing.name for topic in topics.RECEIVED)
-        assert len(kept.messages) == len(golden) - 1 - twins
+        assert len(kept.messages) == len(golden) + len(states) - 1 - twins
 
 
 def test_a_step_waits_for_its_law(golden, kept, states):
@@ -112,8 +109,6 @@ def test_a_clock_that_jumps_back_is_refused_in_words(golden, kept, states):
     again = first[:4] + struct.pack("<iI", 0, 1) + first[12:]
     with pytest.raises(RefusedError, match=rf"rig time went back from {states[-1]} ns; allowed"):
         session.take(topics.CAM_STATE, again, LIVE, len(states) + 1)
-    clock = first[:4] + struct.pack("<iI", 0, 1)
-    session.take(topics.CLOCK, clock, LIVE, len(states) + 1)
     session.close()
     assert by_topic(kept) == whole
 
@@ -140,9 +135,10 @@ def test_a_node_that_was_started_again_changes_nothing(golden, kept, back):
 def test_what_is_known_is_not_contradicted(golden, kept):
     """A node that was started again differs about a tick: what was here first stays."""
     session = RecordingSession(kept, StateValidator(RATE), Publishers(lambda _node: 2))
-    clock, state, *_ = (m for m in golden if m[0] in (topics.CLOCK, topics.CAM_STATE))
-    pressure = next(m for m in golden if m[0] is topics.PRESSURE)
-    for topic, number, cdr in (clock, state, pressure):
+    state, pressure = (
+        next(m for m in golden if m[0] is topic) for topic in (topics.CAM_STATE, topics.PRESSURE)
+    )
+    for topic, number, cdr in (state, pressure):
         session.take(topic, cdr, LIVE, number)
     other = bytearray(pressure[2])
     other[-10] ^= 1

@@ -1,0 +1,173 @@
+"""A run at its own pace, as people see it: the motion and the clock come evenly in wall time."""
+
+import threading
+import time
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from cam_rig.bag.reader import messages, read_ticks
+from cam_rig.messages import topics
+from cam_rig.messages.codec import cam_state_of
+from cam_rig.messages.serialization import RawMessages, stamp_of
+from cam_rig.nodes.common.convert import message_class
+from cam_rig.runner.graph import Graph
+
+pytestmark = pytest.mark.ros
+MOTION = (topics.JOINT_STATES, topics.FOLLOWER_CONTACT, topics.FOLLOWER_MARKERS)
+SCENE = """
+name: one_speed
+title: One speed
+cams: [tm21]
+rig: tm21
+model: one_mass
+sample_rate: {{assumed: 12, unit: kHz, source: "a test"}}
+program:
+  speeds: {{assumed: [{rpm}], unit: rpm, source: "a test"}}
+  turns: {{assumed: {turns}, unit: turns, source: "a test"}}
+  settle_turns: {{assumed: 1, unit: turns, source: "a test"}}
+  ticks_per_turn: {ticks}
+published: tm21_noise
+"""
+
+
+class Watcher:
+    """Somebody who notes the wall time of each message's arrival, as a thread beside the test.
+
+    ``control`` are the wall times at which another thread woke that wants to at the same rate: how
+    even anything can be on this machine now.
+    """
+
+    def __init__(self, user, rate):
+        self.user, self.rate, self.ended = user, rate, threading.Event()
+        self.heard = {topic: [] for topic in (*MOTION, topics.CLOCK, topics.CAM_STATE)}
+        self.lags, self.control = [], []
+        for topic, heard in self.heard.items():
+            user.node.create_subscription(
+                message_class(topic), topic.name, self._noting(heard), 10_000, raw=True
+            )
+        about = message_class(topics.DIAGNOSTICS)
+        user.node.create_subscription(about, topics.DIAGNOSTICS.name, self._on_diagnostics, 1000)
+
+    def _noting(self, heard):
+        return lambda cdr: heard.append((time.monotonic(), bytes(cdr)))
+
+    def _on_diagnostics(self, message):
+        for status in message.status:
+            if status.name == topics.SHOWN_MOTION:
+                self.lags.append(float(next(v.value for v in status.values if v.key == "lag_s")))
+
+    def sees(self, topic):
+        self.user.spin(0.02)
+        return self.user.node.count_publishers(topic.name) > 0
+
+    @contextmanager
+    def watching(self):
+        threads = [threading.Thread(target=act) for act in (self._spin, self._wake)]
+        for thread in threads:
+            thread.start()
+        try:
+            yield
+        finally:
+            self.ended.set()
+            for thread in threads:
+                thread.join()
+
+    def _spin(self):
+        while not self.ended.is_set():
+            self.user.spin(0.05)
+
+    def _wake(self):
+        due = time.monotonic()
+        while not self.ended.wait(max(0.0, due - time.monotonic())):
+            self.control.append(time.monotonic())
+            due += (1.0 + (self.control[-1] - due) * self.rate // 1.0) / self.rate
+
+    def times(self, topic):
+        """Wall time of arrival and rig time (s) of a topic's messages."""
+        found = [(wall, stamp_of(cdr)) for wall, cdr in self.heard[topic]]
+        wall, stamps = np.array(found).T
+        return wall, stamps * 1e-9
+
+    def assert_even(self, topic, rate):
+        """99 % of the gaps are no longer than 1.5 periods, and what this machine makes of one."""
+        gaps, period = np.diff(self.times(topic)[0]), 1.0 / rate
+        busy = np.diff(self.control).max() - 1.0 / self.rate
+        assert np.quantile(gaps, 0.99) <= 1.5 * period + busy, topic.name
+        assert np.median(gaps) >= 0.5 * period, topic.name
+
+
+@pytest.fixture
+def watch(user, rig, wait_for):
+    """Run a scene at a pace to its end, or for a wall time (s), and watch."""
+
+    def run(scene, bag, pacing, rate=100.0, seconds=None):
+        watcher, nodes = Watcher(user, rate), rig.live(scene, bag, autostart=False, pacing=pacing)
+        nodes["follower"]["motion_rate"] = rate
+        with Graph(nodes) as graph:
+            for topic in watcher.heard:
+                wait_for(lambda topic=topic: watcher.sees(topic))
+            user.call("/cam_drive/start")
+            begin = time.monotonic()
+            with watcher.watching():
+                for _ in graph.progress():
+                    if seconds is not None and time.monotonic() - begin > seconds:
+                        break
+        return watcher
+
+    return run
+
+
+def test_a_paced_run_is_seen_evenly_and_recorded_as_any(
+    watch, rig, short_scene, undisturbed, tmp_path
+):
+    """At 5x the motion comes 50 times a second, samples of the bag; this is the free run's."""
+    bag = tmp_path / "bag"
+    seen = watch(short_scene, bag, "5x", rate=50.0)
+    assert rig.payloads(bag) == undisturbed
+    rows = np.concatenate([tick.rows for tick in read_ticks(bag)], axis=1)
+    for topic in MOTION[:2]:  # markers bear their stamp within
+        seen.assert_even(topic, 50.0)
+        assert (np.diff(seen.times(topic)[1]) > 0.0).all()
+    clock = seen.times(topics.CLOCK)[1]
+    assert (np.diff(clock) > 0.0).all()
+    states = [cam_state_of(m).time_ns for _, _, m in messages(bag, (topics.CAM_STATE,))]
+    assert set(states) <= {stamp_of(cdr) for _, cdr in seen.heard[topics.CLOCK]}
+    assert len(clock) > 1.5 * len(states)  # it goes on between them
+    raw = RawMessages()
+    for _, cdr in seen.heard[topics.JOINT_STATES]:
+        message, stamp = raw.read(topics.JOINT_STATES, cdr)[0], stamp_of(cdr) * 1e-9
+        sample = np.abs(rows[0] - stamp).argmin()
+        assert abs(rows[0, sample] - stamp) < 2e-9
+        assert (message.position[1], message.velocity[1], message.effort[1]) == tuple(
+            rows[[1, 2, 4], sample]
+        )
+    assert seen.lags and all(lag > 0.0 for lag in seen.lags)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("factor", [0.25, 1.0, 4.0])
+@pytest.mark.parametrize(("rpm", "ticks"), [(20, 1), (220, 1), (220, 12), (2000, 1), (2000, 72)])
+def test_any_speed_is_seen_evenly(watch, tmp_path, rpm, ticks, factor):
+    """A message a period, at most a turn and 50 ms behind the drive, and what the machine adds;
+    twenty times a second the newest angle has advanced by what the speed says."""
+    (tmp_path / "scenes").mkdir()
+    scene, seconds = tmp_path / "scenes" / "one_speed.yaml", 10.0 + 2.0 * 60.0 / rpm / factor
+    turns = int(seconds * factor * rpm / 60.0) + 3
+    scene.write_text(SCENE.format(rpm=rpm, turns=turns, ticks=ticks), encoding="utf-8")
+    seen = watch(scene, tmp_path / "bag", f"{factor}x", seconds=seconds)
+    busy = np.diff(seen.control).max()
+    for topic in MOTION[:2]:
+        seen.assert_even(topic, 100.0)
+    seen.assert_even(topics.CLOCK, 125.0)
+    wall, stamps = seen.times(topics.JOINT_STATES)
+    drive_wall, drive = seen.times(topics.CAM_STATE)
+    inside = (wall > drive_wall[0]) & (wall < drive_wall[-1])
+    lag = (np.interp(wall[inside], drive_wall, drive) - stamps[inside]) / factor
+    assert np.quantile(lag, 0.99) <= 60.0 / rpm / factor + 0.05 + busy
+    frames = np.arange(wall[0] + 1.0, wall[-1], 0.05)
+    newest = stamps[np.searchsorted(wall, frames) - 1]
+    advance = np.diff(newest) / 0.05 / factor
+    assert np.median(np.abs(advance - 1.0)) <= 0.05
+    assert np.mean(np.abs(advance - 1.0) * 0.05 <= 0.0025 + busy) > 0.95
