@@ -62,7 +62,8 @@ class Recorder(RigNode):
         self._deadline, self._drives = 0.0, Identities()
         self._closed = self.publisher(topics.CLOSED)
         self._acknowledge(self._bag.resumed)
-        for topic in topics.RECEIVED:
+        # diagnoses first: DDS discovers in this order, and the last state ends the drive
+        for topic in reversed(topics.RECEIVED):
             kind, take = message_class(topic), self._on(topic)
             depth = qos(topic, MAX_NODES if topic is topics.DIAGNOSTICS else 1)
             self.create_subscription(kind, topic.relative, take, depth, raw=True)

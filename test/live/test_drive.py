@@ -1,6 +1,7 @@
 """The drive's program: nothing goes out before every consumer is ready for it."""
 
 import itertools
+import random
 
 import pytest
 
@@ -187,6 +188,54 @@ def test_a_state_waits_for_its_time(program):
     assert program.take(50.1) is None
     assert program.wait(50.1) == pytest.approx(0.2)
     assert program.take(50.3).time_ns == 300_000_000
+
+
+def test_rig_time_goes_on_between_two_states(program):
+    """At half real time 5 ms of it in 10 ms, up to the next state and never past it, stopped or
+    not; a free run has none, nor has a cam that stands."""
+    assert program.time_ns(50.0) is None
+    program.pacing.set("0.5x")
+    first = program.take(50.0)
+    program.flow.acknowledge("all", first.time_ns)
+    assert [program.time_ns(50.0 + t) for t in (0.0, 0.01, 0.3)] == [0, 5_000_000, 150_000_000]
+    assert program.time_ns(60.0) == 299_999_999
+    program.run(False)  # the tick that turns is finished
+    assert program.time_ns(60.0) == 299_999_999
+    program.run(True)
+    assert program.take(70.0).time_ns == 300_000_000
+    assert program.time_ns(70.2) == 400_000_000
+    assert program.halt() is not None
+    assert program.time_ns(70.3) is None
+    program.reset()
+    assert program.time_ns(70.4) is None
+    program.pacing.set("free")
+    assert program.time_ns(70.5) is None
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_rig_time_is_never_past_the_next_state(program, seed):
+    """Under any commands, at any time: what is told between two states comes before the second."""
+    chance, told, states = random.Random(seed), -1, []
+    program.pacing.set("real_time")
+    commands = (
+        lambda: program.command(chance.choice([0.0, 5.0, 20.0, 40.0])),
+        lambda: program.run(chance.random() < 0.7),
+        lambda: program.pacing.set(chance.choice(["real_time", "0.3x", "7x"])),
+        lambda: (program.halt(), program.reset(), program.run(True)),
+    )
+    now = 0.0
+    for _ in range(3000):
+        now += chance.uniform(0.0, 0.02)
+        if chance.random() < 0.01:
+            chance.choice(commands)()
+        if (state := program.take(now)) is not None:
+            states.append(state)
+            program.flow.acknowledge("all", state.time_ns)
+            assert told < state.time_ns
+        if (between := program.time_ns(now)) is not None:
+            assert states[-1].time_ns <= between < program.schedule.next_state.time_ns
+            told = max(told, between)
+    assert len(states) > 5
 
 
 def test_a_late_report_of_the_law_server_is_not_an_override(loaded):

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+import rerun as rr
 from rerun.chunk import Chunk, RrdReader
 
 from cam_rig.errors import CamRigError
 from cam_rig.simulation.schedule import cam_states
+from cam_rig.units import NS
 from cam_rig.viewer import live_view as live
 from cam_rig.viewer.charts.series import ACCELERATION, FORCE, LAW, LIFT, VELOCITY, ZERO
 from cam_rig.viewer.live_view import LiveView, live_window, screen_bucket
+from cam_rig.viewer.pace import FramePace
 from cam_rig.viewer.server.process import free_port, listening, stream_address
 
 from .conftest import SmallBag
@@ -178,3 +183,47 @@ def test_a_curve_has_two_points_a_place_of_the_screen() -> None:
     for rate in (500.0, 12_000.0, 48_000.0):
         bucket = screen_bucket(2.0, rate)
         assert 2.0 * rate / bucket <= 1000.0 + 1e-9 or bucket == 1
+
+
+def test_pictures_of_a_paced_run_come_evenly_between_its_ticks(
+    bag: SmallBag, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At half real time twenty a second or more, a tick and a third of a second behind the
+    drive, whether a tick lasts a fifth or a tenth of a second; the curves are there before."""
+    now, factor = [100.0], 0.5
+    sent: dict[str, list[tuple[float, float]]] = {}
+
+    def clock() -> float:
+        return now[0]
+
+    def note(_: Any, entity: str, indexes: Any, columns: Any) -> None:
+        times = [rr.TimeColumn.as_arrow_array(index).cast("int64").to_numpy() for index in indexes]
+        sent.setdefault(entity, []).append((now[0], float(np.max(times[0])) / NS))
+
+    monkeypatch.setattr(live, "time", SimpleNamespace(monotonic=clock))
+    monkeypatch.setattr(live, "FramePace", partial(FramePace, clock=clock))
+    monkeypatch.setattr(live, "TIMEOUT_S", 0.1)
+    monkeypatch.setattr(rr.RecordingStream, "send_columns", note)
+    view, states = LiveView(bag.loaded, stream_address(free_port())), cam_states(bag.loaded.scene)
+    view.set_pace(factor)
+    for cam, points in bag.profiles.items():
+        view.feed.profile(cam, points)
+    view.feed.state(next(states))
+    for state, rows in zip(states, bag.rows, strict=True):
+        while now[0] < 100.0 + state.time_ns / NS / factor:
+            now[0] += 1.0 / 60.0
+            view.flush()
+        view.feed.state(state)
+        view.feed.block(rows)
+        for _ in view.draw():
+            pass
+    wall, picture = np.array(sent["scene/rig/cam"]).T
+    assert len(wall) > 20
+    assert np.quantile(np.diff(wall), 0.9) <= 1.0 / 20.0 + 1e-6
+    behind = wall - 100.0 - picture / factor
+    assert behind.min() > 0.0 and behind.max() <= 0.2 + 0.35
+    curve_wall, curve = np.array(sent[f"{LIFT.entity}"]).T
+    reached = np.maximum.accumulate(curve)[np.searchsorted(curve_wall, wall, "right") - 1]
+    assert (picture <= reached + 1e-3).all()
+    with pytest.raises(CamRigError, match="the viewer has gone"):
+        view.close()
