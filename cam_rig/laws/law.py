@@ -7,6 +7,7 @@ from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
@@ -110,13 +111,36 @@ class Law:
 
         Raises
         ------
-        LawError : an order that is not a whole number from 0 on
+        LawError : an order that is not a whole number from 0 on; an angle that is no finite number
         """
-        if order < 0 or int(order) != order:
+        if not (isinstance(order, Real) and 0 <= order < math.inf and int(order) == order):
             raise LawError(f"law {self.name!r}: order is {order!r}; allowed: 0, 1, 2, …")
-        at = np.asarray(angle, dtype=np.float64)
+        at = self._angles(angle)
+        order = min(int(order), self.degree + 1)  # all further ones are zero too
         ordinates = self.motion[order] if order < 3 else self.derivative_ordinates(order)
         return np.asarray(self._evaluate(ordinates[None], at.ravel())[0].reshape(at.shape))
+
+    def _angles(self, angle: FloatArray | float) -> FloatArray:
+        """Cam angles (rad) as finite numbers.
+
+        Raises
+        ------
+        LawError : with the first that is none, and its place
+        """
+        try:
+            at = np.asarray(angle, dtype=np.float64)
+        except (TypeError, ValueError, OverflowError):
+            raise LawError(
+                f"law {self.name!r}: the angle is no number a float holds, nor an array of them "
+                f"({type(angle).__name__}); allowed: finite angles in rad"
+            ) from None
+        if not np.isfinite(at).all():
+            place = tuple(np.argwhere(~np.isfinite(at))[0].tolist())
+            where = f"[{', '.join(map(str, place))}]" if place else ""
+            raise LawError(
+                f"law {self.name!r}: angle{where} is {at[place]}; allowed: finite angles in rad"
+            )
+        return at
 
     def motion_at(self, angle: FloatArray) -> FloatArray:
         """Rows s, s' and s'' at cam angles ``(n,)`` in rad, ``(3, n)``; right limits at joints."""

@@ -11,6 +11,7 @@ import os
 from collections import deque
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 from cam_rig.errors import RunError
 from cam_rig.files import MIB, read_bytes
@@ -19,6 +20,8 @@ from cam_rig.live.record_json import UNREADABLE, from_plain, to_plain
 
 #: Bytes of a file, at most; those of the shipped scenes have less than a thousandth of it.
 MAX_BYTES = 64 * MIB
+#: Bytes of the CRC-32 before them, and its end of line.
+HEAD = 9
 
 
 class Checkpoint:
@@ -61,7 +64,7 @@ class Checkpoint:
         if len(text) > MAX_BYTES:  # JSON here is ASCII
             size = len(text) / MIB
             raise RunError(f"{file}: has {size:.3g} MiB; allowed: {MAX_BYTES / MIB:g} MiB")
-        _replace(file, text)
+        _replace(file, f"{crc32(text.encode()):08x}\n{text}")
 
     def oldest(self) -> Any:
         """The oldest state that the predecessor kept, to go on from; None without a predecessor.
@@ -82,7 +85,10 @@ class Checkpoint:
             return []
         file = self._file("json")
         try:
-            found = json.loads(read_bytes(file, MAX_BYTES, follow=False))
+            data = read_bytes(file, HEAD + MAX_BYTES, follow=False)
+            if data[:HEAD] != b"%08x\n" % crc32(data[HEAD:]):
+                raise ValueError("its checksum is another's")
+            found = json.loads(data[HEAD:])
             states = [from_plain(state) for _, state in found]
             self._newest_ns = int(found[-1][0])
         except UNREADABLE as error:

@@ -1,5 +1,7 @@
 """The Law type: periodic, smooth as its family promises, symmetric, and strict about its arrays."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -125,3 +127,35 @@ def test_bad_arrays_are_refused(breaks, ordinates, words):
     with pytest.raises(LawError, match=words) as caught:
         Law("crooked", breaks, ordinates)
     assert "'crooked'" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("angle", "words"),
+    [
+        (math.nan, "angle is nan"),
+        (-math.inf, "angle is -inf"),
+        ([0.0, 1.0, math.nan], r"angle\[2\] is nan"),
+        ([[0.0, math.inf], [0.0, 0.0]], r"angle\[0, 1\] is inf"),
+        (None, "angle is nan"),
+        (10**400, r"no number a float holds.*\(int\)"),
+        ("a turn", r"no number a float holds.*\(str\)"),
+        ([0.0, "a"], r"no number a float holds.*\(list\)"),
+    ],
+)
+def test_an_angle_that_is_no_number_is_refused(laws, angle, words):
+    """In a line with its place: no NaN goes through, and no warning of numpy's."""
+    with pytest.raises(LawError, match=f"{words}.*allowed: finite angles in rad"):
+        laws["poly345"](angle)
+
+
+@pytest.mark.parametrize("order", [-1, 0.5, math.nan, math.inf, None, "1"])
+def test_an_order_that_is_none_is_refused(laws, order):
+    """In a line."""
+    with pytest.raises(LawError, match="allowed: 0, 1, 2"):
+        laws["poly345"](0.0, order)
+
+
+def test_beyond_the_degree_all_derivatives_are_zero(laws):
+    """Of any order, however large."""
+    for order in (laws["poly345"].degree + 1, 50, 10**9):
+        assert not laws["poly345"](np.linspace(0.0, 6.0, 9), order).any()

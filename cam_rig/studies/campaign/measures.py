@@ -59,8 +59,8 @@ class MeasuredPoint:
         if term.name not in OF_RUNS or self._runs[term.low][1]:
             return ""
         return (
-            f"{term.key}: not settled to {SETTLED:g} in {MOST_TURNS} turns; of the "
-            f"{self.scene.program.turns.si - self.scene.program.settle_turns.si:g} after them"
+            f"at {term.low / RPM:.6g} rpm not settled to {SETTLED:g} in {MOST_TURNS} turns, so of "
+            f"the {self.scene.program.turns.si - self.scene.program.settle_turns.si:g} after them"
         )
 
 

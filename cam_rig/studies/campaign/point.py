@@ -78,7 +78,7 @@ def measure_point(campaign: Campaign, inputs: FloatArray) -> tuple[list[float], 
         except CamRigError as error:
             found.append(math.nan)
             reasons.append(f"{measure.term.key}: {error}")
-    return found, "; ".join(reasons)
+    return found, "; ".join(dict.fromkeys(reasons))
 
 
 def keeps_limits(campaign: Campaign, inputs: FloatArray) -> bool:

@@ -42,7 +42,7 @@ from cam_rig.units import NS, TURN
 #: A follower has settled when its turns to come change the force by no more than this part of it.
 SETTLED = 1e-6
 #: Turns from rest after which one that has not settled is measured as it is.
-MOST_TURNS = 200
+MOST_TURNS = 40
 #: The contact force's row in the outputs of a mass on its stem.
 FORCE = 3
 
@@ -140,8 +140,8 @@ def _turned(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> Stead
         state = replace(end, cam_angle=None, cam_speed=None, pending_impulse=0.0)
         here = _numbers(state, scale)
         last, change = change, _away(here, before)
-        if change == 0.0 or (change < last and change * change / (last - change) < SETTLED):
-            return SteadyStart(state)
+        if change == 0.0 or (change < last < math.inf and change**2 / (last - change) < SETTLED):
+            return SteadyStart(state)  # what is left of a geometric series
         before = here
     return SteadyStart(state, settled=False)
 

@@ -33,7 +33,7 @@ def risen(law, away):
 
 @pytest.fixture(scope="module")
 def steep(laws):
-    """Laws with s′(0) ≠ 0, rising and falling: the segments' straight part, a curve in its middle."""
+    """Laws with s′(0) ≠ 0, rising and falling: a straight part first, or half of a curve."""
     found = []
     for name in ("bezier_segments", "poly345", "cycloidal"):
         law = laws[name]
