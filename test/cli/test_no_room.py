@@ -6,6 +6,7 @@ import resource
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -44,7 +45,7 @@ MOST = 512
 QUICK_ONES = ("json", "markdown", "numpy")
 
 
-def lines(command: str, folder: Path, **how: object) -> tuple[int, list[str]]:
+def lines(command: str, folder: Path, **how: Any) -> tuple[int, list[str]]:
     """The exit code, and what it says of itself."""
     done = subprocess.run(
         [COMMAND, *command.format(golden=GOLDEN).split()],
