@@ -19,7 +19,7 @@ from cam_rig.viewer.options import Layout
 from cam_rig.viewer.pace import FramePace
 from cam_rig.viewer.recording import APPLICATION, name_recording
 from cam_rig.viewer.run_recorder import RunRecorder
-from cam_rig.viewer.server.live_folder import new_recording, page_delay
+from cam_rig.viewer.server.live_folder import new_recording, next_part, page_delay
 
 #: Two points of a curve are all that a screen shows at one place along it: so many places.
 ACROSS_SCREEN = 1000
@@ -47,16 +47,17 @@ class LiveView:
         ranges = scene_ranges(loaded)
         plan = blueprint(Layout.RUN, loaded, duration, bucket, rpm, ranges.whole, window)
         self._address, self._stream = address, rr.RecordingStream(APPLICATION)
-        self._read = "://" not in address  # by a page, as a file
+        #: What a page reads; None for a viewer.
+        self._part = new_recording(Path(address)) if "://" not in address else None
         try:
-            if self._read:
-                self._stream.save(new_recording(Path(address)), default_blueprint=plan)
+            if self._part is not None:
+                self._stream.save(self._part, default_blueprint=plan)
             else:
                 self._stream.connect_grpc(address, default_blueprint=plan)
         except (RuntimeError, ValueError, OSError) as error:
             raise CamRigError(f"{address}: no viewer can be reached there ({error})") from None
         name_recording(self._stream, loaded.scene.title)
-        self._pace = FramePace(partial(page_delay, Path(address)) if self._read else None)
+        self._pace = FramePace(None if self._part is None else partial(page_delay, Path(address)))
         # a block and the tick that makes it whole fit into the window: no curve is ever out of it
         block = window - tick
         self._drawing = RunRecorder(
@@ -68,6 +69,10 @@ class LiveView:
         """Send what was drawn, as often as who looks at it can show it."""
         if self._pace.is_due():
             self._drawing.flush()
+        part = None if self._part is None else next_part(self._part)
+        if part is not None:
+            self._stream.save(part)  # the same recording goes on
+            self._part = part
 
     def close(self) -> None:
         """Send the rest.
