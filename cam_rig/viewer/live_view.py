@@ -23,7 +23,7 @@ from cam_rig.viewer.options import Layout
 from cam_rig.viewer.pace import FramePace
 from cam_rig.viewer.recording import APPLICATION, name_recording
 from cam_rig.viewer.run_recorder import RunRecorder
-from cam_rig.viewer.server.live_folder import new_recording, page_delay
+from cam_rig.viewer.server.live_folder import new_recording, next_part, page_delay
 
 #: Two points of a curve are all that a screen shows at one place along it: so many places.
 ACROSS_SCREEN = 1000
@@ -53,16 +53,17 @@ class LiveView:
         ranges = scene_ranges(loaded)
         plan = blueprint(Layout.RUN, loaded, duration, bucket, rpm, ranges.whole, window)
         self._address, self._stream = address, rr.RecordingStream(APPLICATION)
-        self._read = "://" not in address  # by a page, as a file
+        #: What a page reads; None for a viewer.
+        self._part = new_recording(Path(address)) if "://" not in address else None
         try:
-            if self._read:
-                self._stream.save(new_recording(Path(address)), default_blueprint=plan)
+            if self._part is not None:
+                self._stream.save(self._part, default_blueprint=plan)
             else:
                 self._stream.connect_grpc(address, default_blueprint=plan)
         except (RuntimeError, ValueError, OSError) as error:
             raise CamRigError(f"{address}: no viewer can be reached there ({error})") from None
         name_recording(self._stream, loaded.scene.title)
-        self._pace = FramePace(partial(page_delay, Path(address)) if self._read else None)
+        self._pace = FramePace(None if self._part is None else partial(page_delay, Path(address)))
         self._sent, self._factor = time.monotonic(), 0.0
         # a picture waits for its tick's curves
         rate = int(loaded.scene.sample_rate.si)
@@ -93,15 +94,18 @@ class LiveView:
         Of a paced run cam and follower are shown when their time has come, and go out alone where
         a block of curves has just gone.
         """
-        if not self._pace.is_due():
-            return
-        now = time.monotonic()
-        until = self._playback.position(now) / NS if self._factor else math.inf
-        if now - self._sent >= SEND_EVERY_S:
-            self._sent = now
-            self._drawing.flush(until)
-        else:
-            self._drawing.show(until)
+        if self._pace.is_due():
+            now = time.monotonic()
+            until = self._playback.position(now) / NS if self._factor else math.inf
+            if now - self._sent >= SEND_EVERY_S:
+                self._sent = now
+                self._drawing.flush(until)
+            else:
+                self._drawing.show(until)
+        part = None if self._part is None else next_part(self._part)
+        if part is not None:
+            self._stream.save(part)  # the same recording goes on
+            self._part = part
 
     def close(self) -> None:
         """Send the rest.

@@ -18,7 +18,8 @@ from cam_rig.units import NS
 from cam_rig.viewer.charts import series
 from cam_rig.viewer.charts.turn_chart import TurnChart
 from cam_rig.viewer.recording import save_recording
-from cam_rig.viewer.server.web import serve_file
+from cam_rig.viewer.server.live_folder import new_recording
+from cam_rig.viewer.server.web import serve, serve_file
 from tools.docs.browser import count, new_page, open_browser, photograph, why_no_browser
 
 from .browser import Visit, look
@@ -123,6 +124,24 @@ def test_the_cursor_begins_where_the_run_is_played_from(
             shown.append(int(found[1]) / NS)
     page.context.close()
     assert np.diff(shown).max() > 0.5 * end
+
+
+def test_a_page_at_rest_takes_up_one_run_after_the_other(chromium: Browser, bag: SmallBag) -> None:
+    """Opened before there is any; it draws nothing meanwhile, and is told of each by name."""
+    page, shown = new_page(chromium), re.compile(r"/shown\?ns=\d")
+    with serve() as pages:
+        page.goto(pages.address)
+        for _ in range(5):  # its first second is full of pictures
+            with page.expect_request(re.compile(r"/shown\?ns=-1")):
+                pass
+        for _ in range(2):
+            recording = new_recording(pages.folder)
+            with page.expect_response(re.compile(recording.name)) as answer:
+                save_recording(bag.path, recording)
+            assert answer.value.status == 200
+            with page.expect_request(shown):
+                pass
+    page.context.close()
 
 
 @pytest.mark.long

@@ -20,6 +20,7 @@ from cam_rig.viewer import live_view as live
 from cam_rig.viewer.charts.series import ACCELERATION, FORCE, LAW, LIFT, VELOCITY, ZERO
 from cam_rig.viewer.live_view import LiveView, live_window, screen_bucket
 from cam_rig.viewer.pace import FramePace
+from cam_rig.viewer.server import live_folder
 from cam_rig.viewer.server.process import free_port, listening, stream_address
 
 from .conftest import SmallBag
@@ -30,7 +31,7 @@ CURVES = [f"/{line.entity}" for line in (LIFT, LAW, VELOCITY, ACCELERATION, FORC
 MIN_WINDOW_S = 0.2
 
 
-def show(bag: SmallBag, address: str) -> None:
+def show(bag: SmallBag, address: str, flush: bool = False) -> None:
     """The small run as its nodes would tell it, as fast as it can be drawn."""
     picture = LiveView(bag.loaded, address)
     feed, states = picture.feed, list(cam_states(bag.loaded.scene))
@@ -45,6 +46,8 @@ def show(bag: SmallBag, address: str) -> None:
         feed.pressure(end, pressure)
         for _ in feed.draw():
             pass
+        if flush:
+            picture.flush()
     picture.close()
 
 
@@ -60,6 +63,38 @@ def arrived(bag: SmallBag, tmp_path_factory: pytest.TempPathFactory) -> list[Chu
             while not (chunks := written(path, bag.samples[0, -1])):
                 time.sleep(0.05)
     return chunks
+
+
+def times_of(parts: list[Path]) -> dict[str, list[int]]:
+    """Rig times (ns) of everything in the parts of one recording."""
+    readers, found = [RrdReader(part) for part in parts], dict[str, list[int]]()
+    assert len({str(recording) for reader in readers for recording in reader.recordings()}) == 1
+    for chunk in (chunk for reader in readers for chunk in reader.stream().to_chunks()):
+        batch, times = chunk.to_record_batch(), found.setdefault(chunk.entity_path, [])
+        if "rig_time" in batch.schema.names:
+            times += batch.column("rig_time").cast("int64").to_pylist()
+    return {path: sorted(times) for path, times in found.items()}
+
+
+def test_a_long_picture_goes_on_in_parts(
+    bag: SmallBag, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Put together they are the same recording as in one: nothing is lost where a part ends."""
+    monkeypatch.setattr(live, "MIN_WINDOW_S", MIN_WINDOW_S)
+    monkeypatch.setattr(live_folder, "KEPT_PARTS", 10_000)
+    folders = []
+    for most in (1 << 30, 1 << 12):
+        monkeypatch.setattr(live_folder, "MAX_PART", most)
+        folders.append(tmp_path / str(most))
+        folders[-1].mkdir()
+        show(bag, str(folders[-1]), flush=True)
+    one, many = (sorted(folder.glob("*.rrd")) for folder in folders)
+    assert (len(one), len(many) > 3) == (1, True)
+    whole, parts = (times_of(paths) for paths in (one, many))
+    assert set(parts) == set(whole)
+    for curve in CURVES:
+        assert parts[curve] == whole[curve]
+        assert whole[curve]
 
 
 def written(path: Path, end: float) -> list[Chunk]:

@@ -10,31 +10,52 @@ from contextlib import suppress
 from pathlib import Path
 
 from cam_rig.errors import CamRigError
+from cam_rig.files import MIB
 from cam_rig.viewer.server.scripts import REPORT_EVERY_S
 
 #: The file in which the server writes the page's delay, s.
 BEHIND = "behind"
+#: Bytes of a part of a recording, and parts that are kept beside the first: 0.4 GB in all.
+MAX_PART, KEPT_PARTS = 64 * MIB, 5
 
 
 def new_recording(folder: Path) -> Path:
-    """The path of a run's recording, in the place of those before.
+    """The first part of a run's recording, in the place of those before.
 
     Raises
     ------
     CamRigError : there is no such folder
     """
     if not folder.is_dir():
-        raise CamRigError(
-            f"{folder}: no page reads it; allowed: a folder that a page is served from"
-        )
+        raise CamRigError(f"{folder}: no page reads it; allowed: a folder that one is served from")
     for old in folder.glob("*.rrd"):  # who reads it still has it open
         old.unlink(missing_ok=True)
-    return folder / f"{time.time_ns()}.rrd"
+    return folder / f"{time.time_ns()}_{0:06}.rrd"
+
+
+def next_part(part: Path) -> Path | None:
+    """The part in which a recording goes on when one is full; None while it is not.
+
+    The first, which has what does not change, stays; of the others the newest.
+    """
+    if not part.exists() or part.stat().st_size < MAX_PART:
+        return None
+    run, number = part.stem.split("_")
+    following = int(number) + 1
+    if following > KEPT_PARTS:
+        part.with_name(f"{run}_{following - KEPT_PARTS:06}.rrd").unlink(missing_ok=True)
+    return part.with_name(f"{run}_{following:06}.rrd")
 
 
 def newest_recording(folder: Path) -> Path | None:
-    """The recording of the present run, or of the last; None before the first."""
-    return max(folder.glob("*.rrd"), default=None)
+    """The first part of the present run's recording, or of the last's; None before the first."""
+    return max(folder.glob("*_000000.rrd"), default=None)
+
+
+def part_after(part: Path) -> Path | None:
+    """The part that is there after one, None where that is the newest; between may be a gap."""
+    run = part.stem.split("_")[0]
+    return min((p for p in part.parent.glob(f"{run}_*.rrd") if p > part), default=None)
 
 
 def write_delay(folder: Path, behind: float | None) -> None:

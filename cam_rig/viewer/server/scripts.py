@@ -57,6 +57,7 @@ setInterval(async () => {
     if (!name || name === followed) return;
     followed = name;
     window._handle.add_receiver(`${location.origin}/${name}`);
+    dispatchEvent(new Event("hashchange")); // a page at rest draws when something happens
   } catch { /* the server has gone */ }
 }, PERIOD);""".replace("PATH", SHOWN_PATH).replace("PERIOD", f"{1e3 * REPORT_EVERY_S:.0f}")
 #: Asked again until it is there: a file that is still loading puts the cursor back to its start.

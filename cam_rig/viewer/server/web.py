@@ -23,7 +23,7 @@ from urllib.parse import parse_qs, quote, unquote, urlsplit
 
 from cam_rig.files import temporary_folder
 from cam_rig.viewer.server.access import HEADERS, Access
-from cam_rig.viewer.server.live_folder import newest_recording, write_delay
+from cam_rig.viewer.server.live_folder import newest_recording, part_after, write_delay
 from cam_rig.viewer.server.page_time import PageTime
 from cam_rig.viewer.server.process import HOST
 from cam_rig.viewer.server.scripts import SHOWN_PATH, page_script
@@ -49,7 +49,6 @@ POLICY = (
 PATH = re.compile(r"/[!-~]*")
 #: Wall time (s) between two looks at whether a live run has more.
 LOOK_S = 0.1
-CHUNK = 1 << 20
 OUTSIDE = re.compile(rb'<link[^>]*"https://[^>]*>')
 
 
@@ -157,26 +156,36 @@ class _Handler(BaseHTTPRequestHandler):
         self._body(ViewerFile("text/plain", name.encode()))
 
     def _recording(self, path: Path) -> None:
-        try:
-            stream = path.open("rb")
-        except OSError:
-            return self.send_error(404)
-        with stream, suppress(ConnectionError):  # a page may be closed while it loads
-            if self.server.folder is None:
+        with suppress(ConnectionError):  # a page may be closed while it loads
+            if self.server.folder is not None:
+                self._head("application/octet-stream")
+                return self._follow(path)
+            try:
+                stream = path.open("rb")
+            except OSError:
+                return self.send_error(404)
+            with stream:
                 self._head("application/octet-stream", path.stat().st_size)
                 shutil.copyfileobj(stream, self.wfile)
-            else:
-                self._head("application/octet-stream")
-                self._follow(path, stream)
 
-    def _follow(self, path: Path, stream: BinaryIO) -> None:
+    def _follow(self, first: Path) -> None:
         """Send what is written, until another run begins, the page is closed or the server ends."""
+        part: Path | None = first
+        while part is not None:
+            # Of a part that has been removed meanwhile the page goes on to the next.
+            with suppress(FileNotFoundError), part.open("rb") as stream:
+                if not self._send_part(first, part, stream):
+                    return
+            part = part_after(part)
+
+    def _send_part(self, first: Path, part: Path, stream: BinaryIO) -> bool:
+        """Send a part as it is written; whether it is whole, for there is another."""
         while not self.server.ended.is_set():
-            last = self.server.recording() != path
-            while data := stream.read(CHUNK):
-                self.wfile.write(data)
-            if last or select.select([self.connection], [], [], LOOK_S)[0]:
-                return
+            whole, over = part_after(part) is not None, self.server.recording() != first
+            shutil.copyfileobj(stream, self.wfile)
+            if whole or over or select.select([self.connection], [], [], LOOK_S)[0]:
+                return whole
+        return False
 
     def _body(self, file: ViewerFile) -> None:
         with suppress(ConnectionError):  # a page may be closed while it loads

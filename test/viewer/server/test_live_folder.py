@@ -13,7 +13,9 @@ from cam_rig.viewer.server import live_folder
 from cam_rig.viewer.server.live_folder import (
     new_recording,
     newest_recording,
+    next_part,
     page_delay,
+    part_after,
     write_delay,
 )
 
@@ -30,6 +32,34 @@ def test_a_run_takes_the_place_of_the_one_before(tmp_path: Path) -> None:
     assert second > first
     assert newest_recording(tmp_path) == second
     assert not first.exists()
+
+
+def test_a_long_run_keeps_its_beginning_and_its_newest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However long: the first part, of which the others are the going on, and some of the last."""
+    monkeypatch.setattr(live_folder, "MAX_PART", 10)
+    first = part = new_recording(tmp_path)
+    assert next_part(part) is None
+    for i in range(40):
+        part.write_bytes(bytes(9))
+        assert next_part(part) is None
+        part.write_bytes(bytes([i]) * 10)
+        following = next_part(part)
+        assert following is not None
+        following.touch()
+        part = following
+        there = sorted(tmp_path.glob("*.rrd"))
+        assert there[0] == first == newest_recording(tmp_path)
+        assert there[-1] == part
+        assert len(there) <= live_folder.KEPT_PARTS + 1
+    assert part_after(first) == there[1]
+    assert part_after(there[1]) == there[2]
+    assert part_after(part) is None
+    (other,) = (new_recording(tmp_path),)
+    assert part_after(first) is None
+    assert not first.exists()
+    assert other > first
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:

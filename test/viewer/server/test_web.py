@@ -14,7 +14,8 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from cam_rig.viewer.server.live_folder import new_recording, page_delay
+from cam_rig.viewer.server import live_folder
+from cam_rig.viewer.server.live_folder import new_recording, next_part, page_delay
 from cam_rig.viewer.server.process import HOST
 from cam_rig.viewer.server.web import Pages, serve, serve_file
 
@@ -192,6 +193,28 @@ def test_a_page_that_reads_nothing_holds_no_other_up(live: tuple[Pages, Reader])
         assert len(awake.getresponse().read(5 + (64 << 20))) == 5 + (64 << 20)
         for connection in (asleep, awake):
             connection.close()
+
+
+def test_a_long_run_goes_on_from_part_to_part(
+    live: tuple[Pages, Reader], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One answer has them one after the other; a page that comes late has first part and newest."""
+    pages, reader = live
+    monkeypatch.setattr(live_folder, "MAX_PART", 1)
+    first = part = new_recording(pages.folder)
+    part.write_bytes(b"0")
+    connection = reader.open(f"/{first.name}", Cookie=reader.cookie)
+    answer = connection.getresponse()
+    assert answer.read(1) == b"0"
+    for i in range(1, 10):
+        part = next_part(part) or part
+        part.write_bytes(b"%d" % i)
+        assert answer.read(1) == b"%d" % i
+    kept = b"0" + b"".join(b"%d" % i for i in range(10 - live_folder.KEPT_PARTS, 10))
+    late = reader.open(f"/{first.name}", Cookie=reader.cookie)
+    assert late.getresponse().read(len(kept)) == kept
+    for each in (answer, connection, late):
+        each.close()
 
 
 def test_a_closed_page_is_followed_no_more(live: tuple[Pages, Reader]) -> None:
