@@ -4,6 +4,7 @@ import pytest
 from matplotlib.figure import Figure
 from ruamel.yaml import YAML
 
+from cam_rig.cli.common import console
 from cam_rig.schema.load import config_root
 from cam_rig.studies.noise.run import study_noise
 
@@ -20,6 +21,21 @@ def no_faulty_figure(monkeypatch):
         assert faults(figure) == []
 
     monkeypatch.setattr(Figure, "savefig", checked)
+
+
+@pytest.fixture(autouse=True)
+def no_broken_heading(monkeypatch):
+    """Whatever table a command prints at 80 columns has headings that break between words."""
+    given = console._widths
+
+    def checked(table, room):
+        gap, widths = given(table, room)
+        for column, width in zip(table.columns, widths, strict=True):
+            words = [*column.heading.split(), *column.unit.split()]
+            assert room < 80 or (width is not None and width >= max(map(len, words), default=0))
+        return gap, widths
+
+    monkeypatch.setattr(console, "_widths", checked)
 
 
 def load(folder, name):

@@ -1,5 +1,9 @@
 """Tables on a terminal: as wide as it is at most, words whole as long as they fit."""
 
+import re
+from collections import Counter
+
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -47,6 +51,45 @@ def test_too_narrow_a_terminal_still_shows_all(printed):
     lines = printed(12, TABLE)
     assert "…" not in "".join(lines)
     assert max(map(len, lines)) <= 12
+
+
+WORDS = ["contact", "force", "displacement", "peak-to-peak", "at", "m/rad²", "poly345", "12.345"]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_heads_stay_whole_in_a_table_that_is_too_wide(printed, seed):
+    """Random tables of up to thirty columns at 80: they come in parts, and no word is broken.
+
+    Every part has the columns that tell its rows apart, and nothing is lost.
+    """
+    rng = np.random.default_rng(seed)
+    count, height = int(rng.integers(5, 31)), int(rng.integers(1, 6))
+
+    def words(most):
+        return " ".join(rng.choice(WORDS, int(rng.integers(1, most))))
+
+    columns = [Column(f"{words(4)} c{i}", "mm" * (i % 2)) for i in range(1, count)]
+    rows = [(f"r{k}", *(f"{words(3)} {k}:{i}" for i in range(1, count))) for k in range(height)]
+    lines = printed(80, DataTable("A", (Column("key"), *columns), tuple(rows), ("N.",)))
+    assert max(map(len, lines)) <= 80
+    found = Counter(word for line in lines for word in line.split())
+    parts = found["key"]
+    assert parts > 1 or count < 12
+    assert [found[f"r{k}"] for k in range(height)] == [parts] * height
+    assert all(found[f"c{i}"] == 1 for i in range(1, count))
+    assert all(found[f"{k}:{i}"] == 1 for k in range(height) for i in range(1, count))
+    assert set(found) - {*WORDS, "A", "N.", "key", "mm"} == {
+        word for word in found if re.fullmatch(r"─+|[cr]\d+|\d+:\d+", word)
+    }
+    assert (found["A"], found["N."]) == (1, 1)
+
+
+def test_a_cell_too_long_for_the_terminal_breaks_no_heading(printed):
+    """A path is folded; the heads beside it are whole."""
+    columns = (Column("file"), Column("displacement", "mm", ".1f"))
+    lines = printed(40, DataTable("", columns, (("/a" * 60, 1.0),)))
+    assert max(map(len, lines)) <= 40
+    assert {"file", "displacement", "mm"} <= {word for line in lines for word in line.split()}
 
 
 def test_lines_are_said_as_they_are(capsys, monkeypatch):

@@ -5,12 +5,14 @@ import math
 import re
 from concurrent.futures import Future
 from contextlib import nullcontext
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from cam_rig import build_law, load_cam, load_scene, run_scene
 from cam_rig.cli.main import app
+from cam_rig.cli.studies.scene_report import page_made
 from cam_rig.schema.load import config_root
 from cam_rig.studies.jump.any_rig import find_jump, follower_of
 
@@ -234,7 +236,9 @@ def test_a_scene_of_ones_own(own_scene, tmp_path, monkeypatch):
     assert "A harsh cam: law" in page  # its velocity jumps: no jump speed
     assert "Levels are relative" in page
     assert "<dd>2023-11-14</dd>" in page
-    assert f"<code>cam-rig report {own_scene} --out {out}</code>" in page
+    assert "<code>cam-rig report own.yaml --out own.html</code>" in page
+    assert str(tmp_path) not in page
+    assert str(own_scene.parents[1]) not in page
     assert "nothing is drawn at random" in page
     assert "predicted" not in page
     for outward in ("<script", "http://", "https://", "<link"):
@@ -290,3 +294,15 @@ def test_two_masses_and_a_shaft(tmp_path):
     assert "(two masses, 1.7 s from rest)" in text
     assert "| twist [°] |" in text
     assert "no closed form" in text
+
+
+def test_paths_in_the_command_of_a_page(tmp_path, monkeypatch):
+    """From the working folder on, or the name alone; what was given so stands as it was."""
+    monkeypatch.chdir(tmp_path)
+    elsewhere = Path("/somebody/secret")
+    options = {"--bag": tmp_path / "bags" / "a", "--out": elsewhere / "page.html", "--rig": "tm21"}
+    made = page_made(str(elsewhere / "own.yaml"), options)
+    assert made.command == "cam-rig report own.yaml --bag bags/a --out page.html --rig tm21"
+    assert page_made("../own.yaml", {"--out": "a.html"}).command == (
+        "cam-rig report ../own.yaml --out a.html"
+    )

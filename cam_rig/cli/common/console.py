@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 import typer
@@ -34,7 +35,7 @@ def show(*tables: DataTable) -> None:
     from rich.table import Table as RichTable
     from rich.text import Text
 
-    for table in tables:
+    for table in (part for whole in tables for part in _parts(whole, console.width)):
         gap, widths = _widths(table, console.width)
         out = RichTable(title=Text(table.caption, "italic"), box=SIMPLE, padding=(0, gap, 0, 0))
         out.pad_edge = False
@@ -48,19 +49,53 @@ def show(*tables: DataTable) -> None:
         console.print(out)
 
 
+def _parts(table: DataTable, room: int) -> list[DataTable]:
+    """A table whose words fit side by side; of another several, with some of its columns each.
+
+    Every one has those columns, from the first on, that tell the rows apart.
+    """
+    least, rows = [_longest(table, i, table.texts) for i in range(len(table.columns))], table.rows
+    keys = next((k for k in range(1, 4) if len({row[:k] for row in rows}) == len(rows)), 1)
+    parts: list[list[int]] = [[]]
+    for i in range(keys, len(least)):
+        together = [*range(keys), *parts[-1], i]
+        if parts[-1] and sum(least[j] + 1 for j in together) + 1 > room:
+            parts.append([])
+        parts[-1].append(i)
+    if len(parts) == 1:
+        return [table]
+    found = []
+    for part in parts:
+        kept = [*range(keys), *part]
+        caption, notes = table.caption * (part is parts[0]), table.notes * (part is parts[-1])
+        columns = tuple(table.columns[i] for i in kept)
+        shorter = tuple(tuple(row[i] for i in kept) for row in rows)
+        found.append(replace(table, caption=caption, columns=columns, rows=shorter, notes=notes))
+    return found
+
+
+def _longest(table: DataTable, i: int, rows: Sequence[Sequence[str]]) -> int:
+    """Characters of the longest word of a column: its heading, its unit, its cells in ``rows``."""
+    texts = (table.columns[i].heading, table.columns[i].unit, *(row[i] for row in rows))
+    return max((len(word) for text in texts for word in text.split()), default=1)
+
+
 def _widths(table: DataTable, room: int) -> tuple[int, list[int | None]]:
-    """Gap and characters of each column, so that no word is broken; None where none does so."""
-    least, wanted = [], []
-    for i, column in enumerate(table.columns):
-        cells = [row[i] for row in table.texts]
-        words = [w for text in (column.heading, column.unit, *cells) for w in text.split()]
-        least.append(max(map(len, words), default=1))
-        wanted.append(max(least[-1], *map(len, cells), 0))
-    room -= sum(least) + len(least) + 1  # a space at either end, and between columns
-    gap = int(room >= len(least))
-    spare = room - gap * len(least)
+    """Gap and characters of each column, so that no word is broken; None where none does so.
+
+    Where a cell's word is too long for that, a path, cells are broken, but no heading.
+    """
+    rows, count = table.texts, len(table.columns)
+    least = [_longest(table, i, rows) for i in range(count)]
+    room -= count + 1  # a space at either end, and between columns
+    if sum(least) > room:
+        least = [_longest(table, i, ()) for i in range(count)]
+    wanted = [max(least[i], *(len(row[i]) for row in rows), 0) for i in range(count)]
+    room -= sum(least)
+    gap = int(room >= count)
+    spare = room - gap * count
     if spare < 0:
-        return gap, [None] * len(least)
+        return gap, [None] * count
     widths: list[int | None] = []
     for narrow, wide in zip(least, wanted, strict=True):
         given = min(wide - narrow, spare)

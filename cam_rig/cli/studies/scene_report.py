@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cam_rig.cli.common.console import console
@@ -12,7 +13,6 @@ from cam_rig.extras import source_date
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from pathlib import Path
 
     from cam_rig.report.document import Made
     from cam_rig.report.scene.results import SceneFindings
@@ -33,12 +33,24 @@ def page_made(scene: str, options: Mapping[str, object]) -> Made:
 
     epoch, words = source_date(), ["cam-rig", "report"]
     if scene != DEFAULT_SCENE:
-        words.append(scene)
+        words.append(_from_here(scene))
     for option, given in options.items():
-        words += [] if given is None else [option, str(given)]
+        words += [] if given is None else [option, _from_here(str(given))]
     dated = epoch is not None or str(options["--out"]).lower().endswith(".html")
     seconds = time.time() if epoch is None else epoch
     return Made(shlex.join(words), written_on(seconds) if dated else "")
+
+
+def _from_here(given: str) -> str:
+    """A path as a page may show it: from the working folder on, or the file's name alone.
+
+    Whose folders are around it is nobody's business who reads the page.
+    """
+    path = Path(given)
+    if not path.is_absolute():
+        return given
+    here = Path.cwd()
+    return str(path.relative_to(here)) if path.is_relative_to(here) else path.name
 
 
 def scene_page(
