@@ -85,7 +85,7 @@ def _start(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> Steady
     if isinstance(parameters, TwoMassParameters):
         response, output = contact_response(law, parameters, speed), force_output(parameters)
         return _in_contact(response, output, 0) or _turned(law, rig, scene, speed)
-    if model == "residual":
+    if model == "elastic_stem":
         response = elastic_stem.response(law, parameters, speed)
         found = _in_contact(response, elastic_stem.outputs(parameters), FORCE, holds=True)
         return found or SteadyStart(_vibrating(response.periodic()))
