@@ -170,8 +170,8 @@ OF_RUNS = ("least_contact_force", "peak_contact_force", "sound_level", "peak_tor
 MOVES = {
     "kinetostatic": "one rigid mass held on the cam",
     "one_mass": "one rigid mass",
-    "residual": "a mass on its stem held on the cam",
-    "separation": "two masses",
+    "elastic_stem": "a mass on its stem held on the cam",
+    "two_mass": "two masses",
     "torsional": "a rigid mass on a twisting shaft",
 }
 

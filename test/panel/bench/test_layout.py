@@ -102,10 +102,10 @@ def test_nothing_lies_over_anything_and_the_stop_is_in_sight(
 def test_the_heading_names_the_rigs_own_model(bench: Bench, served: tuple[str, BenchPages]) -> None:
     """Two masses where the rig says how its mass is split, as on the board; then what is set up."""
     model = "#model option:checked"
-    assert bench.page.locator("#model").input_value() == "separation"
+    assert bench.page.locator("#model").input_value() == "two_mass"
     words = bench.page.locator(model).text_content()
     assert words and bench.text("title").endswith(f", {words}")
-    assert served[1].live.setup.model == "separation"
+    assert served[1].live.setup.model == "two_mass"
 
 
 class _Rerun(BaseHTTPRequestHandler):

@@ -51,7 +51,7 @@ def test_the_bench_begins_with_the_follower_of_the_board(name: str) -> None:
     rig = cam_rig.load_rig(name)
     model = Setup.of(rig, "poly345").model
     assert model in allowed_models(rig)
-    assert (model == "separation") == (described(follower_of(rig)) == TWO_MASSES)
+    assert (model == "two_mass") == (described(follower_of(rig)) == TWO_MASSES)
 
 
 @pytest.mark.parametrize("name", CAM_NAMES)
