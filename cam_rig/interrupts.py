@@ -71,7 +71,8 @@ class _Interrupt:
         elif whole.f_back is not None:
             whole.f_back.f_trace = self.later
             # with any, or no frame is traced; a Python function would double the time of an import
-            sys.settrace(Exception().__init__)
+            anything: Any = Exception()
+            sys.settrace(anything.__init__)
 
     def later(self, *_event: object) -> None:
         sys.settrace(None)
@@ -154,8 +155,9 @@ def interruptible(function: Function) -> Function:
             _interrupt.later()
         return function(*arguments, **options)
 
-    _interruptible.update((function.__code__, begun.__code__))
-    return cast("Function", begun)
+    whole = cast("Function", begun)
+    _interruptible.update((function.__code__, whole.__code__))
+    return whole
 
 
 def _is_whole(code: CodeType) -> bool:
