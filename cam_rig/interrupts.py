@@ -16,9 +16,10 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import wraps
 from threading import Thread
 from types import CodeType, FrameType
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 #: Ctrl-C, what ends a service, a terminal that is closed.
 STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -69,12 +70,9 @@ class _Interrupt:
             self.throw()
         elif whole.f_back is not None:
             whole.f_back.f_trace = self.later
-            sys.settrace(self.called)
-
-    def called(self, frame: FrameType, _event: str, _argument: object) -> None:
-        """A function that begins meanwhile may be one to be cut short."""
-        if frame.f_code in _interruptible:
-            self.later()
+            # with any, or no frame is traced; a Python function would double the time of an import
+            anything: Any = Exception()
+            sys.settrace(anything.__init__)
 
     def later(self, *_event: object) -> None:
         sys.settrace(None)
@@ -150,8 +148,16 @@ def raised() -> Iterator[None]:
 
 def interruptible(function: Function) -> Function:
     """A function that may be cut short although it waits within the begin of a `with`."""
-    _interruptible.add(function.__code__)
-    return function
+
+    @wraps(function)
+    def begun(*arguments: Any, **options: Any) -> Any:
+        if _interrupt.number is not None:
+            _interrupt.later()
+        return function(*arguments, **options)
+
+    whole = cast("Function", begun)
+    _interruptible.update((function.__code__, whole.__code__))
+    return whole
 
 
 def _is_whole(code: CodeType) -> bool:
