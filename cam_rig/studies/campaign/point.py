@@ -41,7 +41,7 @@ class BatchRows:
     @property
     def status(self) -> list[str]:
         """One a row."""
-        failed = np.isnan(self.measures).any(axis=1).tolist()
+        failed = np.asarray(np.isnan(self.measures).any(axis=1))
         return [
             FAILED if bad else UNSETTLED if reason else OK
             for bad, reason in zip(failed, self.reasons, strict=True)
