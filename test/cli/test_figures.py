@@ -66,7 +66,7 @@ CAMPAIGNS = {
           profile.waviness.amplitude: {range: [0, 1], unit: um}
           profile.waviness.wavelength: {range: [20, 200], unit: deg}
         plan: {kind: latin_hypercube, points: 24}
-        measures: [jump_speed, least_contact_force@12000rpm, residual_vibration@200-210rpm]
+        measures: [jump_speed, least_contact_force@12000rpm, residual_vibration_steady@200-210rpm]
         limits: [jump_speed>=99999rpm, least_contact_force@12000rpm>=-1e-9N]
         """,
     "waves": """

@@ -41,7 +41,7 @@ class BatchRows:
     @property
     def status(self) -> list[str]:
         """One a row."""
-        failed = [bool(np.isnan(row).any()) for row in self.measures]
+        failed = np.asarray(np.isnan(self.measures).any(axis=1))
         return [
             FAILED if bad else UNSETTLED if reason else OK
             for bad, reason in zip(failed, self.reasons, strict=True)

@@ -58,9 +58,7 @@ QUANTITIES = {
     "jump_speed_rigid": DesignQuantity(
         "jump speed of one rigid mass", "rpm", SPEED_UNITS, senses=(">=",)
     ),
-    "residual_vibration": DesignQuantity(
-        "residual vibration after one event", "um", _LENGTH, "rpm"
-    ),
+    "residual_vibration": DesignQuantity("residual vibration of one event", "um", _LENGTH, "rpm"),
     "peak_velocity": DesignQuantity("peak |s′|", "mm/rad", _per_rad(1)),
     "peak_acceleration": DesignQuantity("peak |s″|", "mm/rad^2", _per_rad(2)),
     "peak_jerk": DesignQuantity("peak |s‴|", "mm/rad^3", _per_rad(3)),
@@ -72,9 +70,7 @@ QUANTITIES = {
         "least contact force of one rigid mass", "N", _FORCE, "rpm", (">=",)
     ),
     "shaft_torque": DesignQuantity("peak |shaft torque|", "N*m", _TORQUE, "rpm"),
-    "sound_level_rigid": DesignQuantity(
-        "sound level of one rigid mass, mean power over speeds", "dB", {"dB": 1.0}, "rpm"
-    ),
+    "sound_level_rigid": DesignQuantity("sound level of one rigid mass", "dB", {"dB": 1.0}, "rpm"),
     "sound_level_with_jumps": DesignQuantity(
         "sound level with landings, mean power over speeds", "dB", {"dB": 1.0}, "rpm"
     ),

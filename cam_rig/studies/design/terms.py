@@ -112,7 +112,7 @@ def parse_term(text: str, known: Mapping[str, DesignQuantity] = QUANTITIES) -> T
     Examples
     --------
     >>> parse_term("residual_vibration@200-400rpm").words
-    'residual vibration at 200 to 400 rpm'
+    'residual vibration of one event at 200 to 400 rpm'
     """
     match = _TERM.fullmatch(text.strip())
     name = match["name"] if match else text.strip()

@@ -6,6 +6,7 @@ import shutil
 import numpy as np
 import pytest
 
+import cam_rig
 from cam_rig.errors import ConfigError, OutputError
 from cam_rig.studies.campaign.dataset import CampaignDataset
 from cam_rig.studies.campaign.point import measure_batch
@@ -158,3 +159,15 @@ def test_a_damaged_file_of_another_study_is_left_alone(whole, study, tmp_path):
     with pytest.raises(ConfigError, match="is of another study"), other.opened(True):
         pass
     assert sorted(path.name for path in theirs.iterdir()) == before
+
+
+def test_python_warns_of_what_is_made_again(whole, tmp_path):
+    """In the line of the command; the rows are then as they were."""
+    shutil.copytree(whole.folder, tmp_path / "rows")
+    dataset = CampaignDataset(tmp_path / "rows", whole.campaign)
+    cut([dataset.batches()[1][2]], random.Random(2))
+    study = whole.campaign.config.model_dump(exclude_none=True)
+    with pytest.warns(UserWarning, match="1 file not as written.*points are made again"):
+        found = cam_rig.campaign(study, tmp_path / "rows", resume=True)
+    assert numbers(found.dataset) == numbers(whole)
+    assert found.to_pandas().point.tolist() == list(range(BATCHES[-1]))

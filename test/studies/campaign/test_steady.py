@@ -111,7 +111,7 @@ def test_titles_say_the_model(study):
 @pytest.mark.parametrize(
     ("goal", "limit"),
     [
-        ("peak_acceleration", "peak_contact_force_rigid@300rpm<=231.5N"),
+        ("peak_acceleration", "peak_contact_force_rigid@450rpm<=252N"),
         ("peak_contact_force_rigid@300rpm", "least_contact_force_rigid@400rpm>=14N"),
         ("peak_acceleration", "jump_speed_rigid>=455rpm"),
     ],
