@@ -70,6 +70,10 @@ class ArcSearch:
         """The search that holds one number more."""
         return replace(self, held={**self.held, index: coordinate})
 
+    def of(self, form: Form, held: Mapping[int, float]) -> ArcSearch:
+        """The search of the same readings that holds other numbers."""
+        return replace(self, form=form, held=held)
+
     def arcs(self, x: FloatArray) -> Arcs:
         """The contour of unbounded numbers, one for each that is free.
 

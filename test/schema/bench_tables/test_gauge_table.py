@@ -115,9 +115,9 @@ def test_all_columns_of_lifts_are_read(read):
     """Two followers in one table; which is meant is asked for, or all are taken."""
     table = read("angle_deg,lift_a_mm,lift_b_mm\n0,0,0.0\n10,1,2\n")
     assert [column.name for column in table.columns] == ["lift_a_mm", "lift_b_mm"]
-    assert table.column("lift_b_mm").lifts == pytest.approx([0.0, 0.002])
+    assert table.columns[1].lifts == pytest.approx([0.0, 0.002])
     with pytest.raises(ConfigError, match=r"has 2 columns of lifts; allowed: one, so name it with"):
-        table.column(None)
+        table.only_column()
     with pytest.raises(ConfigError, match=r"has no column 'c'; allowed: 'lift_a_mm', 'lift_b_mm'"):
         table.column("c")
 
