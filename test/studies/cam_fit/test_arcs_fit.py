@@ -224,12 +224,12 @@ def test_a_tangent_cam_under_both_followers():
 
 def test_straight_is_taken_where_it_is_as_near_and_what_is_known_is_kept():
     """A roller alone with 0.1 mm does not tell straight from curved; the interval says so."""
-    arcs = Arcs(0.03, 0.01, 0.2, 0.012, 0.5)
+    arcs = Arcs(0.03, 0.01, 1.0, 0.012, 0.5)
     columns = readings_of(arcs, ROLLER, noise=1e-4)
     fit = fit_arcs(columns, (False,), 0.01, 0.03)
     assert fit.arcs.flank == "straight"
     assert fit.told[2].over_straight
-    assert fit.told[2].low < 0.21
+    assert fit.told[2].low < 1.01
     curved = fit_arcs(columns, (False,), 0.01, 0.03, None, "curved")
     assert curved.arcs.flank != "straight"
     asked = fit_arcs(columns, (False,), 0.01, 0.03, None, "straight")
@@ -250,8 +250,8 @@ def test_lifts_under_a_roller_alone_do_not_tell_the_base_radius():
 
 
 def test_a_column_that_any_follower_may_have_made():
-    """A roller's lifts are a flat follower's of another cam: the kind is asked for, not chosen."""
-    columns = readings_of(Arcs(0.03, 0.01, 0.2, 0.012, 0.5), ROLLER, noise=1e-4)
+    """A flat follower's lifts are a roller's on a huge cam: the kind is asked for, not chosen."""
+    columns = readings_of(Arcs(0.03, 0.01, 0.2, 0.012, 0.5), FLAT, noise=1e-4)
     fit = fit_arcs(columns, (None,), 0.01, 0.03)
     assert fit.unclear_kinds is not None
     with pytest.raises(ConfigError, match=r"do not tell the follower: .* allowed: --follower"):
