@@ -208,7 +208,7 @@ class _Path:
         profile = self._profile
         search = profile.search.holding(self._index, coordinate)
         starts = [x for x in self._guesses(coordinate) if search.rms(x) < NO_CONTOUR]
-        ends = [search.nearest(x, ftol=NEAR, xtol=NEAR) for x in starts[:1]] or [search.best()]
+        ends = [search.nearest(x, NEAR) for x in starts[:1]] or [search.best()]
         squares = float(np.sum(search.away(ends[0]) ** 2))
         above = profile.away(squares) - self.limit
         self._found[coordinate] = ends[0], above

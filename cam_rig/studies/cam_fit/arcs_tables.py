@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cam_rig.studies.cam_fit.arcs import ANGLE, COORDINATES
-from cam_rig.studies.cam_fit.arcs_fit import ArcColumn, ArcsFit
+from cam_rig.studies.cam_fit.arcs import ANGLE, COORDINATES, ArcColumn
+from cam_rig.studies.cam_fit.arcs_fit import ArcsFit
 from cam_rig.studies.cam_fit.arcs_intervals import Told
 from cam_rig.tables import Column, DataTable, tabulate
 from cam_rig.units import rounded_to_error
