@@ -12,7 +12,7 @@ from cam_rig.cli.common.console import say, show
 
 if TYPE_CHECKING:
     from cam_rig.schema.bench_tables.gauge_table import GaugeColumn, GaugeTable
-    from cam_rig.studies.cam_fit.arcs_fit import ArcsFit, Known
+    from cam_rig.studies.cam_fit.arcs_fit import ArcsFit, Flank, Known
     from cam_rig.studies.cam_fit.cam_file import CamFiles, FollowerKind
     from cam_rig.studies.cam_fit.readings import Readings
     from cam_rig.studies.cam_fit.spline_fit import SplineFit
@@ -100,7 +100,7 @@ class FitRequest:
         if OwnFollower.point in self.followers:
             roller = 0.0
         base = 3.0 * lift if self.base_radius is None else 1e-3 * self.base_radius
-        known, flank = self._known(roller), None if self.flank is None else self.flank.value
+        known, flank = self._known(roller), self._flank()
         found = fit_arcs(columns, self._kinds(len(columns)), roller, base, known, flank)
         if known != "base" or found.only_flat:
             return found
@@ -112,6 +112,9 @@ class FitRequest:
             )
         kinds = tuple(column.kind == "flat" for column in found.columns)
         return fit_arcs(columns, kinds, prime - base, base, known, flank)
+
+    def _flank(self) -> Flank:
+        return None if self.flank is None else self.flank.value
 
     def _known(self, roller: float) -> Known:
         """Which radii are given; without a roller the base's is all."""

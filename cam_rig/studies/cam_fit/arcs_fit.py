@@ -53,6 +53,7 @@ class ArcsFit:
     best : the contour that is taken
     curved : the best of any flank, which may be ``best``
     others : every other reading of the columns, likeliest first
+    without_radii : the best contour of other radii than those that were both given
     """
 
     best: Profile
@@ -60,6 +61,7 @@ class ArcsFit:
     known: Known
     flank: Flank
     others: tuple[Other, ...]
+    without_radii: Profile | None = None
 
     @property
     def arcs(self) -> Arcs:
@@ -192,7 +194,12 @@ def fit_arcs(
         for one in rest
     )
     taken = best if flank else _straight_if_as_near(best)
-    return ArcsFit(taken, best, known, flank, others)
+    without = None
+    if known == "both" and not all(flat for flat, _ in best.search.roles):
+        held = {index: value for index, value in taken.search.held.items() if index != PRIME}
+        search = taken.search.of(taken.search.form, held)
+        without = Profile(search, search.best())
+    return ArcsFit(taken, best, known, flank, others, without)
 
 
 def _searches(

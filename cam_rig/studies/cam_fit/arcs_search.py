@@ -170,7 +170,7 @@ class ArcSearch:
         return rms(self.away(x))
 
     def nearest(self, start: FloatArray, to: float, steps: int | None = None) -> FloatArray:
-        """The numbers of a minimum near others: to this part of sum and numbers, or in few steps."""
+        """The numbers of a minimum near others, to this part of sum and numbers."""
         from scipy.optimize import least_squares
 
         found = least_squares(

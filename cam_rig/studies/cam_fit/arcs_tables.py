@@ -56,7 +56,7 @@ def shown_interval(told: Told, factor: float = 1e3, unit: str = "mm") -> str:
 
 
 def _rounded(value: float, error: float) -> str:
-    return rounded_to_error(value, error) if math.isfinite(error) else f"{value:.3g}"
+    return rounded_to_error(value, error) if math.isfinite(error) else f"{float(f'{value:.3g}'):g}"
 
 
 def _how_well(told: Told) -> str:
@@ -67,7 +67,7 @@ def _how_well(told: Told) -> str:
         return "straight within the readings"
     if not math.isfinite(told.error):
         return "not told"
-    return "poorly" if told.poorly else "well"
+    return "poorly" if told.poorly else ""
 
 
 def _column_table(fit: ArcsFit) -> DataTable:
@@ -116,7 +116,7 @@ def arcs_json(fit: ArcsFit) -> dict[str, Any]:
                 "low_95": None if told.held else finite(told.low),
                 "high_95": None if told.held else finite(told.high),
                 "standard_error": finite(told.error),
-                "told": _how_well(told),
+                "told": _how_well(told) or "well",
             }
             for told in fit.told
         },

@@ -82,7 +82,7 @@ def _farthest(readings: Readings, residuals: FloatArray) -> Iterator[str]:
 
 def arcs_conclusions(fit: ArcsFit) -> Iterator[str]:
     """Which column is which, in which sense it was read, and what cannot be told."""
-    free = sum(not told.held for told in fit.told)
+    free = fit.best.x.size
     readings = sum(column.away.size for column in fit.columns)
     yield f"{free} numbers of tangent arcs: {fit.rms * 1e3:.3g} mm r.m.s. from {readings} readings."
     yield from _flanks(fit)
@@ -132,6 +132,14 @@ def _flanks(fit: ArcsFit) -> Iterator[str]:
 
 def _poorly(fit: ArcsFit) -> Iterator[str]:
     """Which numbers hardly mean anything."""
+    free = fit.without_radii
+    if free is not None and free.away(fit.best.squares) > free.line(PRIME).limit:
+        low, high = free.interval(PRIME)
+        yield (
+            f"Warning: the readings contradict the radii given: {free.rms * 1e3:.3g} mm r.m.s. are "
+            f"left without them, and base and roller radius together are then {low * 1e3:.3g} to "
+            f"{high * 1e3:.3g} mm with 95 %."
+        )
     poor = [told for i, told in enumerate(fit.told) if told.poorly and i != FLANK]
     if poor:
         named = ", ".join(f"{told.name} {shown_interval(told)}" for told in poor)

@@ -268,3 +268,13 @@ def test_the_farthest_reading_is_named_with_its_line():
     named = [words for words in arcs_conclusions(fit) if "farthest from the law" in words]
     assert len(named) == 1
     assert f"line {column.lines[10]} (" in named[0]
+
+
+def test_radii_that_the_readings_contradict_are_taken_with_a_warning():
+    """60 and 10 mm in place of 30 and 10: more is left, and the sum that readings tell is named."""
+    columns = readings_of(Arcs(0.03, 0.01, 0.09, 0.012, 0.5), ROLLER, FLAT, noise=2e-5)
+    wrong = fit_arcs(columns, (False, True), 0.01, 0.06, "both")
+    assert wrong.arcs.base_radius == pytest.approx(0.06)
+    assert any("contradict the radii given" in words for words in arcs_conclusions(wrong))
+    right = fit_arcs(columns, (False, True), 0.01, 0.03, "both")
+    assert not any("contradict" in words for words in arcs_conclusions(right))
