@@ -1,7 +1,8 @@
 """One convention: a scene is an argument and brings its rig; --rig is a name or a file."""
 
 import json
-from shutil import copy
+from pathlib import Path
+from shutil import copy, copytree
 
 import pytest
 from ruamel.yaml import YAML
@@ -96,3 +97,19 @@ def test_a_noise_study_of_another_scene_says_what_to_take(own):
     result = call("noise", own)
     assert result.exit_code == 2
     assert "take cam-rig simulate or report" in result.stderr
+
+
+def test_the_only_rig_beside_a_cam_is_taken_and_named(own, tmp_path):
+    """Two rigs beside it: the paper's, and that is said; one: that one. Without a word, neither."""
+    folder = next(parent for parent in Path(str(own)).parents if (parent / "cams").is_dir())
+    copytree(folder, tmp_path / "mine")
+    cam = tmp_path / "mine" / "cams" / "lug.yaml"
+    two = call("jump", cam)
+    assert two.exit_code == 0, two.stderr
+    assert two.stderr.startswith("rig paper_table2, the paper's: beside the cam there is ")
+    (tmp_path / "mine" / "rigs" / "other.yaml").unlink()
+    one = call("jump", cam)
+    assert one.exit_code == 0, one.stderr
+    assert one.stderr.startswith(f"rig {tmp_path / 'mine' / 'rigs' / 'mine.yaml'}, the only one")
+    assert "Jump speed on rig mine" in one.stderr
+    assert not call("jump", "poly345").stderr.startswith("rig ")

@@ -99,7 +99,7 @@ def test_one_column_under_a_named_follower():
     result = call("fit", "cam", GL110, "--shape", "arcs", "--column", "lift_b_mm", "--follower",
                   "flat", "--json", "-")  # fmt: skip
     data = json.loads(result.stdout)
-    assert data["told"]["base radius + roller radius"]["standard_error"] is None
+    assert data["told"]["base radius + roller radius"]["told"] == "assumed"
     assert data["rms_m"] < 0.05e-3
     assert data["columns"][0]["follower"] == "flat"
 
@@ -109,8 +109,34 @@ def test_a_known_base_radius_gives_the_rollers(tmp_path):
     result = call("fit", "cam", GL110, "--shape", "arcs", "--base-radius", "32", "--json", "-")
     data = json.loads(result.stdout)
     assert data["base_radius_m"] == pytest.approx(0.032, abs=1e-6)
-    assert data["roller_radius_assumed_m"] == pytest.approx(0.012523, abs=2e-6)
+    assert data["roller_radius_m"] == pytest.approx(0.012523, abs=2e-6)
     assert data["rms_m"] == pytest.approx(5.322e-5, rel=1e-3)
+
+
+def test_new_reads_every_file(tmp_path, monkeypatch):
+    """Two files of one column each are the cam of both columns, as fit cam has it."""
+    monkeypatch.chdir(tmp_path)
+    rows = [line.split(",") for line in GL110.read_text().splitlines() if line[0] != "#"]
+    for name, column in (("a", 1), ("b", 2)):
+        (tmp_path / f"{name}.csv").write_text("\n".join(f"{r[0]},{r[column]}" for r in rows))
+    made = call("new", "both", "--from-csv", "a.csv", "--from-csv", "b.csv", "--shape", "arcs")
+    assert made.exit_code == 0, made.output
+    assert "5 numbers of tangent arcs: 0.0532 mm r.m.s. from 66 readings." in made.output
+    title = (tmp_path / "both" / "scenes" / "both.yaml").read_text().splitlines()[1]
+    assert title == 'title: "both, from readings"'
+
+
+def test_an_open_table_says_what_is_assumed(tmp_path):
+    """A table that ends before the fall: arcs mirror the rise, a spline refuses it."""
+    lines = [line for line in GL110.read_text().splitlines() if line[0] != "#"]
+    open_end = tmp_path / "open.csv"
+    open_end.write_text("\n".join(lines[: lines.index("25,7.65,11.65") + 1]))
+    result = call("fit", "cam", open_end, "--shape", "arcs")
+    assert result.exit_code == 0, result.output
+    assert "the fall is not in the table; assumed is the mirror image of the rise" in result.output
+    refused = call("fit", "cam", open_end, "--column", "lift_a_mm")
+    assert refused.exit_code == 2
+    assert "no reading for" in refused.stderr
 
 
 @pytest.mark.parametrize(

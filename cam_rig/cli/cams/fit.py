@@ -7,20 +7,19 @@ from typing import Annotated
 
 import typer
 
-from cam_rig.cli.cams.fit_rig import fit_rig
-from cam_rig.cli.cams.fitting import (
+from cam_rig.cli.cams.fit_options import (
     BaseOption,
     ColumnOption,
-    FitRequest,
+    FlankOption,
     FollowerOption,
     ReverseOption,
     RollerOption,
     Shape,
     ShapeOption,
     ToleranceOption,
-    say_assumed,
-    write_new,
 )
+from cam_rig.cli.cams.fit_rig import fit_rig
+from cam_rig.cli.cams.fitting import FitRequest, say_assumed, write_new
 from cam_rig.cli.common.commands import Command
 from cam_rig.cli.common.console import say, user_errors
 from cam_rig.cli.common.options import Csv, Json, Plot
@@ -55,6 +54,7 @@ def fit_cam(
     reverse: ReverseOption = False,
     roller_radius: RollerOption = None,
     base_radius: BaseOption = None,
+    flank: FlankOption = None,
     out: Out = None,
     plot: Plot = None,
     csv: Csv = None,
@@ -63,8 +63,9 @@ def fit_cam(
     """Fit a cam to gauge readings: a spline with exact dwells, or tangent arcs.
 
     Any separator, decimal comma, unit and language of headings. Says how near the law is, which
-    readings look like outliers, and what was assumed. A --tolerance below the readings' scatter is not
-    followed. Arcs take all columns and files at once, and say which was read with a flat follower.
+    readings look like outliers, and what was assumed. A --tolerance below the readings' scatter is
+    not followed. Arcs take all columns and files at once, and say which was read with a flat
+    follower.
 
     Examples
     --------
@@ -79,7 +80,14 @@ def fit_cam(
         if out is not None and out.suffix != ".yaml":
             raise ConfigError(f"--out: is {out}; allowed: a name that ends in .yaml")
         request = FitRequest(
-            shape, follower, column, tolerance, reverse, roller_radius, base_radius
+            shape,
+            tuple(follower or ()),
+            column,
+            tolerance,
+            reverse,
+            roller_radius,
+            base_radius,
+            flank,
         )
         found = request.run(tables)
         found.tell()

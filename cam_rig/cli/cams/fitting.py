@@ -4,65 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
+from cam_rig.cli.cams.fit_options import OwnFlank, OwnFollower, Shape
 from cam_rig.cli.common.console import say, show
 
 if TYPE_CHECKING:
     from cam_rig.schema.bench_tables.gauge_table import GaugeColumn, GaugeTable
-    from cam_rig.studies.cam_fit.arcs_fit import ArcsFit
-    from cam_rig.studies.cam_fit.cam_file import CamFiles, FollowerKind, Known
+    from cam_rig.studies.cam_fit.arcs_fit import ArcsFit, Flank, Known
+    from cam_rig.studies.cam_fit.cam_file import CamFiles, FollowerKind
     from cam_rig.studies.cam_fit.readings import Readings
     from cam_rig.studies.cam_fit.spline_fit import SplineFit
     from cam_rig.tables import DataTable
-
-
-class Shape(Enum):
-    """What is laid through the readings."""
-
-    spline = "spline"
-    arcs = "arcs"
-
-
-class OwnFollower(Enum):
-    """Kind of follower that was read."""
-
-    roller = "roller"
-    flat = "flat"
-    point = "point"
-
-
-ShapeOption = Annotated[
-    Shape,
-    typer.Option(help="A smooth spline with exact dwells, or one contour of tangent arcs."),
-]
-FollowerOption = Annotated[
-    OwnFollower | None,
-    typer.Option(
-        help="Follower of the readings and of the cam's file; by default a roller, and with arcs "
-        "the kind of each column is found."
-    ),
-]
-ColumnOption = Annotated[
-    str | None, typer.Option(help="Heading of the column of lifts, where there are several.")
-]
-ToleranceOption = Annotated[
-    float | None,
-    typer.Option(metavar="MM", help="Error of the gauge; by default the scatter of the readings."),
-]
-ReverseOption = Annotated[
-    bool, typer.Option("--reverse", help="The cam was turned the other way: take -angle.")
-]
-RollerOption = Annotated[
-    float | None, typer.Option(metavar="MM", min=0.0, help="Roller radius; by default assumed.")
-]
-BaseOption = Annotated[
-    float | None, typer.Option(metavar="MM", min=0.0, help="Base radius; by default assumed.")
-]
 
 
 @dataclass(frozen=True)
@@ -73,12 +27,13 @@ class FitRequest:
     """
 
     shape: Shape = Shape.spline
-    follower: OwnFollower | None = None
+    followers: tuple[OwnFollower, ...] = ()
     column: str | None = None
     tolerance: float | None = None
     reverse: bool = False
     roller_radius: float | None = None
     base_radius: float | None = None
+    flank: OwnFlank | None = None
     ask_nothing: bool = False
 
     def run(self, files: list[Path]) -> FitResult:
@@ -89,78 +44,96 @@ class FitRequest:
         ConfigError : a file cannot be read, or its readings are none of a cam
         LawError : nothing of the shape comes near them
         """
-        from cam_rig.errors import ConfigError
         from cam_rig.schema.bench_tables.gauge_table import read_gauge_table
         from cam_rig.studies.cam_fit.readings import gap_note, put_in_order
         from cam_rig.studies.cam_fit.spline_fit import fit_spline
 
-        tables = [read_gauge_table(path) for path in files]
-        if self.shape is Shape.spline:
-            if len(tables) > 1:
-                raise ConfigError(
-                    f"{len(tables)} files; allowed: one for a spline, several with --shape arcs"
-                )
-            readings = [put_in_order(tables[0], self._column(tables[0]), self.reverse)]
-        else:
-            readings = [
-                put_in_order(table, column, self.reverse)
-                for table in tables
-                for column in ([table.column(self.column)] if self.column else table.columns)
-            ]
+        arcs = self.shape is Shape.arcs
+        self._require_apart(len(files))
+        tables = [read_gauge_table(path, self.column) for path in files]
+        taken = [(table, one) for table in tables for one in self._columns(table)]
+        readings = [put_in_order(table, column, self.reverse) for table, column in taken]
         notes = [f"{table.file}: {note}" for table in tables for note in table.notes]
-        if self.shape is Shape.spline and self.column is None and len(tables[0].columns) > 1:
+        if len(readings) < len(tables[0].columns):
             others = ", ".join(repr(column.name) for column in tables[0].columns[1:])
             notes.append(f"{tables[0].file}: first column of lifts taken, not {others}: --column")
-        notes += [
-            f"{one.name}: {note}" for one in readings for note in (*one.notes, *gap_note(one))
-        ]
-        if self.shape is Shape.spline:
-            asked = None if self.tolerance is None else 1e-3 * self.tolerance
-            return FitResult(self, tuple(notes), fit_spline(readings[0], asked))
-        return FitResult(self, tuple(notes), self._arcs(readings))
+        for one in readings:
+            notes += [f"{one.name}: {note}" for note in (*one.notes, *gap_note(one, arcs))]
+        if arcs:
+            return FitResult(self, tuple(notes), self._arcs(readings))
+        asked = None if self.tolerance is None else 1e-3 * self.tolerance
+        return FitResult(self, tuple(notes), fit_spline(readings[0], asked))
 
-    def _column(self, table: GaugeTable) -> GaugeColumn:
-        first = self.ask_nothing and self.column is None
-        return table.columns[0] if first else table.column(self.column)
+    def _require_apart(self, files: int) -> None:
+        """Refuse options that are of the other shape, rather than pass one over."""
+        from cam_rig.errors import ConfigError
+
+        if self.shape is Shape.arcs:
+            if self.tolerance is not None:
+                raise ConfigError("--tolerance: is for --shape spline; allowed with arcs: none")
+            return
+        if files > 1:
+            raise ConfigError(
+                f"{files} files; allowed: one for a spline, several with --shape arcs"
+            )
+        if self.flank is not None:
+            raise ConfigError("--flank: is for --shape arcs; allowed with a spline: none")
+        if len(self.followers) > 1:
+            raise ConfigError(
+                f"--follower: stands {len(self.followers)} times; allowed: once, for a spline "
+                "is of one column"
+            )
+
+    def _columns(self, table: GaugeTable) -> tuple[GaugeColumn, ...]:
+        if self.shape is Shape.arcs:
+            return table.columns
+        return table.columns[:1] if self.ask_nothing else (table.only_column(),)
 
     def _arcs(self, readings: list[Readings]) -> ArcsFit:
         from cam_rig.errors import ConfigError
         from cam_rig.studies.cam_fit.arcs_fit import fit_arcs
         from cam_rig.studies.cam_fit.zero import above_zero
 
-        if self.tolerance is not None:
-            raise ConfigError("--tolerance: is for --shape spline; allowed with arcs: none")
         columns = tuple(above_zero(one) for one in readings)
         lift = max(float(one.lifts.max()) for one in columns)
         roller = 0.5 * lift if self.roller_radius is None else 1e-3 * self.roller_radius
-        if self.follower is OwnFollower.point:
+        if OwnFollower.point in self.followers:
             roller = 0.0
         base = 3.0 * lift if self.base_radius is None else 1e-3 * self.base_radius
-        named = self.follower is not None and len(columns) == 1
-        kinds = (self.follower is OwnFollower.flat if named else None,) * len(columns)
-        found = fit_arcs(columns, kinds, roller, base)
-        if self.base_radius is None or all(column.kind == "flat" for column in found.columns):
+        known, flank = self._known(roller), self._flank()
+        found = fit_arcs(columns, self._kinds(len(columns)), roller, base, known, flank)
+        if known != "base" or found.only_flat:
             return found
-        return self._with_base(found, columns)
-
-    def _with_base(self, found: ArcsFit, columns: tuple[Readings, ...]) -> ArcsFit:
-        """The fit again with the roller that leaves the base radius asked for."""
-        from cam_rig.errors import ConfigError
-        from cam_rig.studies.cam_fit.arcs_fit import fit_arcs
-
-        base, prime = 1e-3 * (self.base_radius or 0.0), found.numbers[0]
-        if self.roller_radius is not None or not found.roller_radius:
-            raise ConfigError(
-                f"--base-radius: is {base * 1e3:g} mm; allowed without --roller-radius and under a "
-                f"roller, for the readings tell their sum, {prime * 1e3:.4g} mm"
-            )
-        if not 0.0 < base < prime:
+        prime = found.numbers[0]
+        if base >= prime:
             raise ConfigError(
                 f"--base-radius: is {base * 1e3:g} mm; allowed: below base and roller radius "
-                f"together, {prime * 1e3:.4g} mm"
+                f"together, {prime * 1e3:.4g} mm, or with --roller-radius"
             )
         kinds = tuple(column.kind == "flat" for column in found.columns)
-        return fit_arcs(columns, kinds, prime - base, base)
+        return fit_arcs(columns, kinds, prime - base, base, known, flank)
+
+    def _flank(self) -> Flank:
+        return None if self.flank is None else self.flank.value
+
+    def _known(self, roller: float) -> Known:
+        """Which radii are given; without a roller the base's is all."""
+        if self.base_radius is None:
+            return None if self.roller_radius is None else "roller"
+        return "base" if self.roller_radius is None and roller else "both"
+
+    def _kinds(self, columns: int) -> tuple[bool | None, ...]:
+        """Of each column whether its follower is flat, None where that is to be found."""
+        from cam_rig.errors import ConfigError
+
+        if len(self.followers) == columns:
+            return tuple(one is OwnFollower.flat for one in self.followers)
+        if len(self.followers) > 1:
+            raise ConfigError(
+                f"--follower: stands {len(self.followers)} times; allowed: once, or once for each "
+                f"of {columns} columns of lifts"
+            )
+        return (None,) * columns
 
 
 @dataclass(frozen=True)
@@ -176,29 +149,30 @@ class FitResult:
         """Follower of the cam's file: as asked, else the roller if there is one among them."""
         from cam_rig.studies.cam_fit.arcs_fit import ArcsFit
 
-        if self.request.follower is not None:
-            return self.request.follower
-        if isinstance(self.fit, ArcsFit) and all(one.kind == "flat" for one in self.fit.columns):
-            return OwnFollower.flat
+        if len(self.request.followers) == 1:
+            return self.request.followers[0]
+        if isinstance(self.fit, ArcsFit):
+            kinds = {column.kind for column in self.fit.columns}
+            return OwnFollower(min(kinds, key=("roller", "point", "flat").index))
         return OwnFollower.roller
 
     def tables(self) -> list[DataTable]:
         """What was found."""
-        from cam_rig.studies.cam_fit import tables
         from cam_rig.studies.cam_fit.arcs_fit import ArcsFit
+        from cam_rig.studies.cam_fit.arcs_tables import arcs_tables
+        from cam_rig.studies.cam_fit.tables import spline_tables
 
         found = self.fit
-        return (
-            tables.arcs_tables(found) if isinstance(found, ArcsFit) else tables.spline_tables(found)
-        )
+        return arcs_tables(found) if isinstance(found, ArcsFit) else spline_tables(found)
 
     def to_json(self) -> dict[str, Any]:
         """What was found, as plain data."""
-        from cam_rig.studies.cam_fit import tables
         from cam_rig.studies.cam_fit.arcs_fit import ArcsFit
+        from cam_rig.studies.cam_fit.arcs_tables import arcs_json
+        from cam_rig.studies.cam_fit.tables import spline_json
 
         found = self.fit
-        data = tables.arcs_json(found) if isinstance(found, ArcsFit) else tables.spline_json(found)
+        data = arcs_json(found) if isinstance(found, ArcsFit) else spline_json(found)
         return {**data, "notes": list(self.notes), "conclusions": list(self._conclusions())}
 
     def tell(self) -> None:
@@ -215,14 +189,15 @@ class FitResult:
         ConfigError : the name is not one of a cam
         LawError : the follower asked for cannot stay on the contour
         """
+        from cam_rig.studies.cam_fit.arcs_file import arcs_cam
         from cam_rig.studies.cam_fit.arcs_fit import ArcsFit
-        from cam_rig.studies.cam_fit.cam_file import arcs_cam, spline_cam
+        from cam_rig.studies.cam_fit.cam_file import spline_cam
+        from cam_rig.studies.cam_fit.conclusions import require_told
 
         kind: FollowerKind = self.kind.value
         if isinstance(self.fit, ArcsFit):
-            known: Known = None if self.request.roller_radius is None else "roller"
-            known = known if self.request.base_radius is None else "base"
-            return arcs_cam(name, self.fit, kind, known, self.notes)
+            require_told(self.fit, named=bool(self.request.followers))
+            return arcs_cam(name, self.fit, kind, self.notes)
         base = self.request.base_radius
         base, roller = (
             None if one is None else 1e-3 * one for one in (base, self.request.roller_radius)

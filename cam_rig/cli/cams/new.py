@@ -7,19 +7,18 @@ from typing import Annotated
 
 import typer
 
-from cam_rig.cli.cams.fitting import (
+from cam_rig.cli.cams.fit_options import (
     BaseOption,
     ColumnOption,
-    FitRequest,
+    FlankOption,
     FollowerOption,
     ReverseOption,
     RollerOption,
     Shape,
     ShapeOption,
     ToleranceOption,
-    say_assumed,
-    write_new,
 )
+from cam_rig.cli.cams.fitting import FitRequest, say_assumed, write_new
 from cam_rig.cli.common.console import say, user_errors
 from cam_rig.cli.common.names import rig_path
 from cam_rig.cli.common.options import Rig
@@ -28,7 +27,8 @@ from cam_rig.cli.common.options import Rig
 def new(
     name: Annotated[str, typer.Argument(help="Name of the cam, its rig and its scene.")],
     from_csv: Annotated[
-        Path, typer.Option("--from-csv", help="Table of cam angles and gauge readings.")
+        list[Path],
+        typer.Option("--from-csv", help="Table of cam angles and readings; several for arcs."),
     ],
     folder: Annotated[
         Path | None, typer.Option(help="Where cams/, rigs/ and scenes/ go; by default NAME.")
@@ -40,6 +40,7 @@ def new(
     reverse: ReverseOption = False,
     roller_radius: RollerOption = None,
     base_radius: BaseOption = None,
+    flank: FlankOption = None,
     rig: Rig = "tm21",
 ) -> None:
     """Write cam, rig and scene files from a table of lifts; they run as they are.
@@ -58,10 +59,18 @@ def new(
         from cam_rig.studies.cam_fit.scene_file import own_rig, own_scene
 
         request = FitRequest(
-            shape, follower, column, tolerance, reverse, roller_radius, base_radius, True
+            shape,
+            tuple(follower or ()),
+            column,
+            tolerance,
+            reverse,
+            roller_radius,
+            base_radius,
+            flank,
+            ask_nothing=True,
         )
         like = load_rig(rig_path(rig))
-        found = request.run([from_csv])
+        found = request.run(from_csv)
         files = found.files(name)
         scene, speeds = own_scene(name, files.law, like)
         texts = {f"cams/{file}": text for file, text in files.texts.items()}

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cam_rig.cli.common.console import say
 from cam_rig.cli.common.names import (
     cam_path,
     is_scene,
@@ -18,6 +20,8 @@ if TYPE_CHECKING:
     from cam_rig.simulation.loaded_scene import LoadedScene
     from cam_rig.studies.cam_set import CamSet
 
+#: Rigs that are named, at most.
+MOST_NAMED = 5
 #: The rig of cams that are named without one.
 RIG = "paper_table2"
 
@@ -28,7 +32,7 @@ def asked_cams(names: list[str] | None, rig: str | None) -> CamSet:
     Parameters
     ----------
     names : of cams, or of one scene; None for the cams of Table 2
-    rig : file or name; None for the scene's, or `RIG`
+    rig : file or name; None for the scene's, the only one beside the cams, or `RIG`
 
     Raises
     ------
@@ -41,7 +45,25 @@ def asked_cams(names: list[str] | None, rig: str | None) -> CamSet:
         loaded = asked_scene(scene, rig)
         return CamSet(loaded.cams, loaded.laws, loaded.rig)
     cams = names or list(load_tables(tables_path()).table_2_jump)
-    return open_cam_set(map(cam_path, cams), rig_path(rig or RIG))
+    file = rig_path(rig) if rig else _rig_beside([cam_path(cam) for cam in cams])
+    return open_cam_set(map(cam_path, cams), file)
+
+
+def _rig_beside(cams: list[Path]) -> Path:
+    """The only rig beside cams of one's own, else `RIG`; which one it is, and why, is said."""
+    from cam_rig.schema.load import config_root
+
+    own = [cam for cam in cams if not cam.resolve().is_relative_to(config_root().resolve())]
+    if not own:
+        return rig_path(RIG)
+    folders = sorted({cam.parent.parent / "rigs" for cam in own})
+    found = [file for folder in folders for file in sorted(folder.glob("*.yaml"))]
+    if len(found) == 1:
+        say(f"rig {found[0]}, the only one beside the cam; --rig takes another")
+        return found[0]
+    there = ", ".join(map(str, found[:MOST_NAMED])) or "no rig"
+    say(f"rig {RIG}, the paper's: beside the cam there is {there}; --rig takes another")
+    return rig_path(RIG)
 
 
 def one_scene(names: list[str] | None) -> str | None:

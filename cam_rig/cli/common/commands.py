@@ -38,7 +38,9 @@ class Command(TyperCommand):
         twice = [one for one, count in stand.items() if count > 1 and not one.multiple]
         if twice and not any(one.is_eager for one in stand):
             name = max(twice[0].opts, key=len)
-            print(f"cam-rig: {name}: stands {stand[twice[0]]} times; allowed: once", file=sys.stderr)
+            print(
+                f"cam-rig: {name}: stands {stand[twice[0]]} times; allowed: once", file=sys.stderr
+            )
             raise typer.Exit(ConfigError.exit_code)
         return super().parse_args(ctx, args)
 

@@ -22,7 +22,8 @@ Rig = Annotated[str, typer.Option(help="Rig file, or a name in config/rigs.")]
 RigOfScene = Annotated[
     str | None,
     typer.Option(
-        help="Rig file, or a name in config/rigs; by default the scene's, paper_table2 for cams."
+        help="Rig file, or a name in config/rigs; by default the scene's, for cams the only one in "
+        "the folder rigs beside theirs, else paper_table2."
     ),
 ]
 OtherRig = Annotated[

@@ -18,8 +18,7 @@ import numpy as np
 
 from cam_rig.arrays import rms
 from cam_rig.errors import LawError
-from cam_rig.studies.cam_fit.arcs import COORDINATES, FLANK, PRIME, ArcColumn, Arcs, Form
-from cam_rig.studies.cam_fit.arcs import number_of
+from cam_rig.studies.cam_fit.arcs import COORDINATES, FLANK, PRIME, ArcColumn, Arcs, Form, number_of
 from cam_rig.studies.cam_fit.arcs_intervals import Profile, Told
 from cam_rig.studies.cam_fit.arcs_search import ArcSearch
 from cam_rig.studies.cam_fit.readings import Readings
@@ -54,6 +53,7 @@ class ArcsFit:
     best : the contour that is taken
     curved : the best of any flank, which may be ``best``
     others : every other reading of the columns, likeliest first
+    without_radii : the best contour of other radii than those that were both given
     """
 
     best: Profile
@@ -61,6 +61,7 @@ class ArcsFit:
     known: Known
     flank: Flank
     others: tuple[Other, ...]
+    without_radii: Profile | None = None
 
     @property
     def arcs(self) -> Arcs:
@@ -72,6 +73,12 @@ class ArcsFit:
         """The readings beside the contour."""
         search = self.best.search
         return tuple(search.column(self.best.x, i) for i in range(len(search.columns)))
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """The contour's numbers as they are told, m and rad; a straight flank's is infinite."""
+        found = self.best.search.form.coordinates(self.arcs)
+        return tuple(number_of(i, float(found[i])) for i in COORDINATES)
 
     @property
     def roller_radius(self) -> float:
@@ -105,11 +112,10 @@ class ArcsFit:
         return self._told(PRIME, self.best) if straight else None
 
     def _told(self, index: int, profile: Profile) -> Told:
-        search = self.best.search
-        value = number_of(index, float(search.form.coordinates(self.arcs)[index]))
-        name = search.form.names[index]
+        value, name = self.numbers[index], self.best.search.form.names[index]
         if index in profile.search.held:
-            given = index == FLANK or self.known in (("base", "both") if self.only_flat else ("both",))
+            base_given = self.known == "both" or (self.only_flat and self.known == "base")
+            given = index == FLANK or base_given
             return Told(name, value, value, value, "given" if given else "assumed")
         return Told(name, value, *profile.interval(index))
 
@@ -129,20 +135,24 @@ class ArcsFit:
     @property
     def cannot_tell(self) -> tuple[str, ...]:
         """What no readings of these followers can tell, a sentence each."""
-        kinds = {column.kind for column in self.columns}
-        if kinds == {"flat"}:
+        if self.only_flat:
             return (
                 "A flat follower tells flank and nose radius only less the base radius: that is "
                 f"{'given' if self.known in ('base', 'both') else 'assumed'}.",
             )
-        if "point" in kinds or self.known == "both":
+        if not self.roller_radius or self.known == "both":
             return ()
         whose = "base" if self.known == "base" else "roller"
-        state = "assumed" if self.known is None else "given"
         return (
-            f"Base and roller radius are told only as a sum: the {whose} radius is {state}.",
-            f"Flank and nose radius go with the {whose} radius.",
+            f"Base and roller radius are told only as a sum: the {whose} radius is "
+            f"{'given' if self.known else 'assumed'}, and flank and nose radius go with it.",
         )
+
+    @property
+    def base_is_told(self) -> bool:
+        """Whether the readings bound base and roller radius, or flanks are taken as straight."""
+        prime = self.told[PRIME]
+        return bool(prime.held) or self.arcs.flank_radius is None or math.isfinite(prime.high)
 
 
 def fit_arcs(
@@ -184,7 +194,12 @@ def fit_arcs(
         for one in rest
     )
     taken = best if flank else _straight_if_as_near(best)
-    return ArcsFit(taken, best, known, flank, others)
+    without = None
+    if known == "both" and not all(flat for flat, _ in best.search.roles):
+        held = {index: value for index, value in taken.search.held.items() if index != PRIME}
+        search = taken.search.of(taken.search.form, held)
+        without = Profile(search, search.best())
+    return ArcsFit(taken, best, known, flank, others, without)
 
 
 def _searches(

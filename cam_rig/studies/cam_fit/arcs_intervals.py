@@ -8,8 +8,8 @@ square of Student's t (Bates and Watts, *Nonlinear Regression Analysis and Its A
 section 6.1), with s² = S_min/(n − p).
 
 The gauge's zero of each column was found in its resting readings, and its error is one of all its
-lifts: a number that rises by a when all lifts of a column rise by 1 has the variance a² s²/n₀ more,
-with n₀ readings at rest. The limit is widened by as much.
+lifts: a number that rises by a when all lifts of a column rise by 1 has the variance a² e² more,
+with the standard error e of the zero. The limit is widened by as much.
 """
 
 from __future__ import annotations
@@ -151,11 +151,13 @@ class Profile:
         if not variance > 0.0:  # a concave flank under a flat face, where nothing changes
             return Line(FIRST_STEP * max(1.0, float(np.abs(x).max())), self.limit, 0.0 * x)
         zeros = sum(
-            float(np.sum(weights)) ** 2 / column.resting
+            (float(np.sum(weights)) * column.zero_error) ** 2
             for weights, column in zip(search.by_column(spread @ bent), search.columns, strict=True)
         )
-        limit = self.limit * math.sqrt(1.0 + zeros / variance)
-        return Line(math.sqrt(self.variance * variance), limit, spread / variance)
+        error = math.sqrt(self.variance * variance)
+        return Line(
+            error, self.limit * math.hypot(1.0, math.sqrt(zeros) / error), spread / variance
+        )
 
     def interval(self, index: int) -> tuple[float, float]:
         """Least and greatest of a number (m, rad) within the limit, as `Told` has them."""
@@ -206,14 +208,14 @@ class _Path:
         profile = self._profile
         search = profile.search.holding(self._index, coordinate)
         starts = [x for x in self._guesses(coordinate) if search.rms(x) < NO_CONTOUR]
-        ends = [search.nearest(x, ftol=NEAR, xtol=NEAR) for x in starts[:1]] or [search.best()]
+        ends = [search.nearest(x, NEAR) for x in starts[:1]] or [search.best()]
         squares = float(np.sum(search.away(ends[0]) ** 2))
         above = profile.away(squares) - self.limit
         self._found[coordinate] = ends[0], above
         return above
 
     def _guesses(self, coordinate: float) -> Iterator[FloatArray]:
-        """On the line through the two nearest contours, but none far beyond the limit; the nearest."""
+        """On the line through the two nearest contours within twice the limit; the nearest."""
         good = [c for c, (_, above) in self._found.items() if above < self.limit]
         near, *more = sorted(good, key=lambda one: abs(one - coordinate))[:2]
         x = self._found[near][0]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import product
 
 import numpy as np
@@ -29,8 +28,8 @@ from cam_rig.studies.cam_fit.readings import Readings
 #: Starts of the search: prime radius in lifts, nose radius in parts of it, flank curvature in parts
 #: of the greatest.
 STARTS = tuple(product((3.0,), (0.3,), (0.3, 0.7, -0.3)))
-#: Steps of a rough search.
-FEW = 30
+#: How near a rough search and the last one come, in parts, and the steps of the rough one.
+ROUGH, EXACT, FEW = 1e-8, 1e-12, 30
 #: Two ends of the search whose residuals differ by less than this factor are one.
 SAME = 1.0 + 1e-6
 #: Lifts (m) for numbers of which no contour can be made: far from any reading.
@@ -69,6 +68,10 @@ class ArcSearch:
     def holding(self, index: int, coordinate: float) -> ArcSearch:
         """The search that holds one number more."""
         return replace(self, held={**self.held, index: coordinate})
+
+    def of(self, form: Form, held: Mapping[int, float]) -> ArcSearch:
+        """The search of the same readings that holds other numbers."""
+        return replace(self, form=form, held=held)
 
     def arcs(self, x: FloatArray) -> Arcs:
         """The contour of unbounded numbers, one for each that is free.
@@ -153,22 +156,24 @@ class ArcSearch:
             all_free = [radius, math.log(height), math.log1p(-flank), math.log(nose / (1.0 - nose))]
             starts.append(np.array([*all_free, angle])[list(self.free)])
         different = np.unique(starts, axis=0)  # those of a flank that is held are one
-        return sorted((self.nearest(start, max_nfev=FEW) for start in different), key=self.rms)
+        return sorted((self.nearest(start, ROUGH, FEW) for start in different), key=self.rms)
 
     def refined(self, rough: list[FloatArray]) -> FloatArray:
         """The best numbers from where a few steps came to: the two nearest, if they are two."""
         first, *more = rough
         others = [x for x in more[:1] if self.rms(x) > SAME * self.rms(first)]
-        ends = [self.nearest(x, xtol=1e-12, ftol=1e-12) for x in (first, *others)]
+        ends = [self.nearest(x, EXACT) for x in (first, *others)]
         return min(ends, key=self.rms)
 
     def rms(self, x: FloatArray) -> float:
         """r.m.s. residual (m) of all readings."""
         return rms(self.away(x))
 
-    def nearest(self, start: FloatArray, **how: float) -> FloatArray:
-        """The numbers of a minimum near others."""
+    def nearest(self, start: FloatArray, to: float, steps: int | None = None) -> FloatArray:
+        """The numbers of a minimum near others, to this part of sum and numbers."""
         from scipy.optimize import least_squares
 
-        solve = partial(least_squares, self.away, x_scale="jac", method="lm")
-        return np.asarray(solve(start, **how).x)
+        found = least_squares(
+            self.away, start, x_scale="jac", method="lm", ftol=to, xtol=to, max_nfev=steps
+        )
+        return np.asarray(found.x)

@@ -13,14 +13,11 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, build_law
 from cam_rig.profile.checks.all_checks import check_cam
 from cam_rig.schema import CamConfig
-from cam_rig.studies.cam_fit.arcs_fit import ArcsFit
 from cam_rig.studies.cam_fit.dwells import DEGREES
 from cam_rig.studies.cam_fit.spline_fit import SplineFit
 from cam_rig.units import TURN
 
 FollowerKind = Literal["roller", "flat", "point"]
-#: Which radius was given beside the readings; without one the roller's is assumed.
-Known = Literal["base", "roller"] | None
 #: A base radius is sought in lifts, the first that passes the checks of the contour.
 BASE_RADII_IN_LIFTS = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0)
 #: A roller is as large as this part of the base radius.
@@ -78,10 +75,10 @@ def spline_cam(
             "lift": quantity(
                 "identified", _mm(fit.law.lift), "mm", "spline through the readings", _distance(fit)
             ),
-            "follower": _follower(
+            "follower": follower_data(
                 kind,
-                _chosen(radius, base_radius is not None),
-                _chosen(roller_radius or ROLLER_PART * radius, roller_radius is not None),
+                chosen(radius, base_radius is not None),
+                chosen(roller_radius or ROLLER_PART * radius, roller_radius is not None),
             ),
             "segments": [table],
         }
@@ -98,72 +95,14 @@ def spline_cam(
         assumed.append(f"roller radius {_mm(ROLLER_PART * radius):.4g} mm")
     if not passes:
         assumed.append("no base radius passes all checks: see cam-rig profile")
-    header = _comments(f"{fit.readings.name}: the law is the spline of {name}.csv.", *notes)
-    header += _comments(*(f"assumed: {words}" for words in assumed))
+    header = comments(f"{fit.readings.name}: the law is the spline of {name}.csv.", *notes)
+    header += comments(*(f"assumed: {words}" for words in assumed))
     texts = {f"{name}.yaml": header + to_yaml(data), f"{name}.csv": _csv(fit)}
     return CamFiles(cam, law, texts, tuple(assumed))
 
 
-def arcs_cam(
-    name: str,
-    fit: ArcsFit,
-    kind: FollowerKind,
-    known: Known = None,
-    notes: tuple[str, ...] = (),
-) -> CamFiles:
-    """The cam file of a contour of tangent arcs, with a follower on it; notes as `spline_cam`.
-
-    Raises
-    ------
-    ConfigError : the name is not one
-    LawError : that follower cannot stay on the contour
-    """
-    arcs = fit.arcs
-    source = "tangent arcs through " + " and ".join(column.readings.name for column in fit.columns)
-    residual = ", ".join(f"{_mm(c.rms):.3g} mm r.m.s. {c.kind}" for c in fit.columns)
-
-    def found(length: float) -> dict[str, Any]:
-        return quantity("identified", _mm(length), "mm", source, residual)
-
-    flank = "straight" if arcs.flank_radius is None else "convex"
-    if arcs.flank_radius is not None and arcs.flank_radius < 0.0:
-        flank = "concave"
-    segment = {
-        "law": "arcs_by_radii",
-        "span": quantity("given", 360, "deg", "the whole contour"),
-        "flank": flank,
-        "nose_radius": found(arcs.nose_radius),
-    }
-    if arcs.flank_radius is not None:
-        segment["flank_radius"] = found(abs(arcs.flank_radius))
-    only_flat = all(column.kind == "flat" for column in fit.columns)
-    base, roller = found(arcs.base_radius), found(fit.roller_radius)
-    if known == "base" or only_flat:
-        base = _chosen(arcs.base_radius, known == "base")
-    if known != "base" or only_flat:
-        roller = _chosen(fit.roller_radius, known == "roller")
-    follower = _follower(kind, base, roller)
-    assumed = [
-        f"{key.replace('_', ' ')} {value['assumed']:.4g} mm"
-        for key, value in follower.items()
-        if "assumed" in value
-    ]
-    data = {
-        "name": name,
-        "title": f"{name}, tangent arcs through readings",
-        "lift": found(arcs.lift),
-        "follower": follower,
-        "segments": [segment],
-    }
-    cam = valid_cam(data)
-    nose = math.degrees(arcs.nose_angle) % 360.0
-    at_nose = f"Cam angle 180 deg, the nose, is {nose:.2f} deg of the readings."
-    header = _comments(f"{source}.", at_nose, *notes)
-    header += _comments(*(f"assumed: {words}" for words in assumed))
-    return CamFiles(cam, build_law(cam), {f"{name}.yaml": header + to_yaml(data)}, tuple(assumed))
-
-
-def _comments(*lines: str) -> str:
+def comments(*lines: str) -> str:
+    """The first lines of a file."""
     return "".join(f"# {''.join(c for c in line if c.isprintable())}\n" for line in lines)
 
 
@@ -213,12 +152,15 @@ def valid_cam(data: dict[str, Any]) -> CamConfig:
         raise ConfigError(f"{data['name']}: {explain(error, CamConfig)}") from None
 
 
-def _follower(kind: FollowerKind, base: dict[str, Any], roller: dict[str, Any]) -> dict[str, Any]:
+def follower_data(
+    kind: FollowerKind, base: dict[str, Any], roller: dict[str, Any]
+) -> dict[str, Any]:
+    """A follower as a cam's file has it."""
     data = {"type": kind, "base_radius": base}
     return {**data, "roller_radius": roller} if kind == "roller" else data
 
 
-def _chosen(radius: float, asked: bool) -> dict[str, Any]:
+def chosen(radius: float, asked: bool) -> dict[str, Any]:
     """A radius that no reading tells: the one asked for, or a free choice."""
     if asked:
         return quantity("given", _mm(radius), "mm", "as asked of cam-rig")

@@ -7,14 +7,19 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray, rms
+from cam_rig.errors import ConfigError
 from cam_rig.laws.families.scatter import least_tolerance
+from cam_rig.studies.cam_fit.arcs import FLANK, PRIME
 from cam_rig.studies.cam_fit.arcs_fit import ArcsFit
+from cam_rig.studies.cam_fit.arcs_tables import shown_interval
+from cam_rig.studies.cam_fit.readings import Readings
 from cam_rig.studies.cam_fit.spline_fit import SplineFit
 
 #: Readings wider apart than this (deg) leave the law between them to the spline.
 WIDE_DEG = 5.0
-#: Of two readings of the columns this much nearer (in parts) one is told from the other.
-CLEARLY_NEARER = 1.1
+#: Residuals of more than so many times their r.m.s. are named, the farthest so many of them.
+FARTHEST, MOST_NAMED = 3.0, 3
 
 
 def spline_conclusions(fit: SplineFit) -> Iterator[str]:
@@ -26,8 +31,9 @@ def spline_conclusions(fit: SplineFit) -> Iterator[str]:
     )
     if fit.widened:
         yield (
-            f"Allowed are {fit.tolerance * 1e3:.3g} mm: nearer, the spline needs nearly a knot a "
-            "reading. The law is less smooth than its readings are fine."
+            f"The residual allowed is {fit.tolerance * 1e3:.3g} mm, more than the readings' "
+            "scatter: a spline nearer to them would need almost as many knots as there are "
+            "readings, for the cam bends more sharply than they stand apart. Read it finer."
         )
     elif fit.asked is not None and not fit.followed:
         yield (
@@ -47,20 +53,40 @@ def spline_conclusions(fit: SplineFit) -> Iterator[str]:
     )
     if not fit.dwells:
         yield "No dwell is found: nowhere do enough readings rest within their scatter."
-    outliers = ", ".join(f"line {outlier.line} by {outlier.beside * 1e3:.3g} mm" for outlier in readings.outliers)
-    yield (
-        f"Left out, for they look like outliers: {outliers}."
-        if outliers
-        else "No reading looks like an outlier."
+    yield from _farthest(readings, readings.lifts - fit.law(readings.angles))
+    yield _left_out(readings)
+
+
+def _left_out(readings: Readings) -> str:
+    """The outliers, or that there are none."""
+    named = ", ".join(f"line {one.line} by {one.beside * 1e3:.3g} mm" for one in readings.outliers)
+    return (
+        f"Left out, for they look like outliers: {named}."
+        if named
+        else ("No reading looks like an outlier.")
     )
+
+
+def _farthest(readings: Readings, residuals: FloatArray) -> Iterator[str]:
+    """The readings that are far from the law, by their lines."""
+    sizes = np.abs(residuals) / max(rms(residuals), readings.rounding)
+    far = [i for i in np.argsort(-sizes)[:MOST_NAMED] if sizes[i] > FARTHEST]
+    named = ", ".join(
+        f"line {readings.lines[i]} ({math.degrees(readings.angles[i]):.6g} deg) by "
+        f"{residuals[i] * 1e3:+.3g} mm, {sizes[i]:.2g} times the r.m.s."
+        for i in far
+    )
+    if named:
+        yield f"{readings.name}: farthest from the law {named}: look at them again."
 
 
 def arcs_conclusions(fit: ArcsFit) -> Iterator[str]:
     """Which column is which, in which sense it was read, and what cannot be told."""
-    distance = fit.rms * 1e3
-    count = int(np.count_nonzero(np.isfinite(fit.errors)))
+    free = fit.best.x.size
     readings = sum(column.away.size for column in fit.columns)
-    yield f"{count} numbers of tangent arcs: {distance:.3g} mm r.m.s. from {readings} readings."
+    yield f"{free} numbers of tangent arcs: {fit.rms * 1e3:.3g} mm r.m.s. from {readings} readings."
+    yield from _flanks(fit)
+    yield from _poorly(fit)
     flat = [column.readings.name for column in fit.columns if column.kind == "flat"]
     if flat and len(flat) < len(fit.columns):
         yield f"The flat follower's readings are {' and '.join(flat)}."
@@ -71,10 +97,78 @@ def arcs_conclusions(fit: ArcsFit) -> Iterator[str]:
             f"{' and '.join(reverse)} fits as read in the other turning sense, or from a zero "
             f"{abs(apart):.2g} deg apart."
         )
-    near = [other for other in fit.others if other[1] < CLEARLY_NEARER * fit.rms]
-    if near:
-        yield f"As near, and not told apart: {near[0][0]}, {near[0][1] * 1e3:.3g} mm r.m.s."
+    for column in fit.columns:
+        yield from _farthest(column.readings, -column.away)
+        if column.readings.outliers:
+            yield f"{column.readings.name}: {_left_out(column.readings)}"
+    if fit.others and fit.as_near(fit.others[0]):
+        near = fit.others[0]
+        yield f"As near, and not told apart: {near.name}, {near.rms * 1e3:.3g} mm r.m.s."
     elif fit.others:
-        name, next_best = fit.others[0]
-        yield f"The next best reading of the columns is {name}: {next_best * 1e3:.3g} mm r.m.s."
+        best = fit.others[0]
+        yield f"The next best reading of the columns is {best.name}: {best.rms * 1e3:.3g} mm r.m.s."
     yield from fit.cannot_tell
+
+
+def _flanks(fit: ArcsFit) -> Iterator[str]:
+    """That flanks were taken as straight, and what is told if they are."""
+    flank, straight = fit.told[FLANK], fit.arcs.flank_radius is None
+    if fit.flank == "straight":
+        yield "Flanks are straight as asked: a tangent cam."
+    elif straight:
+        yield (
+            f"Flanks are straight within the readings, `flank: straight`, a tangent cam: taken, "
+            f"for {fit.rms * 1e3:.3g} mm r.m.s. are left and {fit.curved.rms * 1e3:.3g} mm of the "
+            f"best curved ones. With 95 % {flank.name} is {shown_interval(flank)}."
+        )
+        if fit.prime_if_straight is not None:
+            yield (
+                f"If you know that they are straight, --flank straight: {fit.told[PRIME].name} is "
+                f"then {shown_interval(fit.prime_if_straight)} with 95 %."
+            )
+    elif flank.over_straight:
+        yield "Flanks are straight within the readings too: without --flank curved they are taken."
+
+
+def _poorly(fit: ArcsFit) -> Iterator[str]:
+    """Which numbers hardly mean anything."""
+    free = fit.without_radii
+    if free is not None and free.away(fit.best.squares) > free.line(PRIME).limit:
+        low, high = free.interval(PRIME)
+        yield (
+            f"Warning: the readings contradict the radii given: {free.rms * 1e3:.3g} mm r.m.s. are "
+            f"left without them, and base and roller radius together are then {low * 1e3:.3g} to "
+            f"{high * 1e3:.3g} mm with 95 %."
+        )
+    poor = [told for i, told in enumerate(fit.told) if told.poorly and i != FLANK]
+    if poor:
+        named = ", ".join(f"{told.name} {shown_interval(told)}" for told in poor)
+        yield f"Warning: the readings hardly tell {named} (95 %)."
+
+
+def require_told(fit: ArcsFit, named: bool) -> None:
+    """Refuse to write what no reading tells and nobody has given.
+
+    Parameters
+    ----------
+    named : whether the kinds of followers are given
+
+    Raises
+    ------
+    ConfigError : the kinds of follower, or the base radius, are not told
+    """
+    unclear = fit.unclear_kinds
+    if unclear is not None and not named:
+        found, several = fit.best.search.named(), len(fit.columns) > 1
+        raise ConfigError(
+            f"the readings do not tell the follower: {found} leaves {fit.rms * 1e3:.3g} mm r.m.s., "
+            f"{unclear.name} {unclear.rms * 1e3:.3g} mm; allowed: --follower roller, flat or point"
+            f"{', once for each column' if several else ''}"
+        )
+    if not fit.base_is_told:
+        prime = fit.told[PRIME]
+        rolling = " and --roller-radius" if fit.roller_radius else ""
+        raise ConfigError(
+            f"lifts alone do not tell the base radius: {prime.name} is {shown_interval(prime)} "
+            f"with 95 %; allowed: --base-radius{rolling}, or readings of a flat follower too"
+        )

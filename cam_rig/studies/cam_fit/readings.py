@@ -19,6 +19,8 @@ from cam_rig.units import TURN
 SAME_ANGLE = 1e-6
 #: A gauge that shows less than this (m) is none.
 LEAST_RESOLUTION = 1e-9
+#: Levels on both sides of a stretch without readings are one within this part of the lift.
+OPEN = 0.05
 #: They differ by no more than so many scatters and steps of the gauge.
 REPEATED = 6.0
 #: An outlier is so many scatters from what its neighbours say, and so many times farther than any
@@ -52,7 +54,7 @@ class Readings:
     gap : start and span (rad) of the longest stretch without readings
     notes : what was done to them, a sentence each
     outliers : readings that were left out
-    resting : how many readings the zero is the mean of
+    zero_error : standard error (m) of the zero that was found in them and subtracted
     """
 
     name: str
@@ -63,7 +65,7 @@ class Readings:
     gap: tuple[float, float]
     notes: tuple[str, ...]
     outliers: tuple[Outlier, ...] = ()
-    resting: int = 1
+    zero_error: float = 0.0
 
     @property
     def rounding(self) -> float:
@@ -106,7 +108,9 @@ def put_in_order(table: GaugeTable, column: GaugeColumn, reverse: bool = False) 
     inside = angles - TURN * np.floor((angles + SAME_ANGLE) / TURN)
     inside = np.maximum(inside, 0.0)
     order = np.argsort(inside, kind="stable")
-    found = _averaged(table, column, (inside[order], lifts[order], np.array(table.lines)[read][order]))
+    found = _averaged(
+        table, column, (inside[order], lifts[order], np.array(table.lines)[read][order])
+    )
     if found.angles.size < inside.size:
         notes.append(f"{inside.size - found.angles.size} repeated angles averaged")
     return replace(found, notes=tuple(notes))
@@ -208,14 +212,25 @@ def _outlier(readings: Readings, left: NDArray[np.int64], index: int) -> Outlier
     )
 
 
-def gap_note(readings: Readings) -> tuple[str, ...]:
-    """What is assumed where the readings leave out a stretch: a sentence, or none."""
+def gap_note(readings: Readings, arcs: bool) -> tuple[str, ...]:
+    """What is assumed where the readings leave out a stretch: a sentence, or none.
+
+    ``arcs`` are of two equal flanks, so that one is assumed to be the other's mirror image.
+    """
     if not bridges(readings):
         return ()
     start, span = (math.degrees(angle) for angle in readings.gap)
-    return (
-        f"no readings for {span:.6g} deg after {start:.6g} deg: the cam is assumed to rest there",
-    )
+    first = int(np.argmin(np.abs(readings.angles - readings.gap[0])))
+    before, after = readings.lifts[[first, (first + 1) % readings.angles.size]]
+    where = f"no readings for {span:.6g} deg after {start:.6g} deg"
+    least = REPEATED * readings.scatter + readings.resolution
+    if abs(before - after) <= max(least, OPEN * float(np.ptp(readings.lifts))):
+        return (f"{where}: the cam is assumed to rest there",)
+    missing, other = ("fall", "rise") if before > after else ("rise", "fall")
+    levels = f"the lift is {before * 1e3:.4g} mm before and {after * 1e3:.4g} mm after"
+    assumed = f"assumed is the mirror image of the {other}, for arcs have two equal flanks"
+    told = assumed if arcs else f"nothing is assumed of it, read the {missing} too"
+    return (f"{where}, where {levels}: the {missing} is not in the table; {told}",)
 
 
 def bridges(readings: Readings) -> bool:

@@ -55,7 +55,7 @@ def own_scene(name: str, law: Law, rig: RigConfig) -> tuple[str, tuple[float, ..
     turns, settle = "one turn to settle, two to measure", "one turn to settle"
     data = {
         "name": name,
-        "title": f"{name}, below and above its jump speed",
+        "title": f"{name}, from readings",
         "cams": [name],
         "rig": name,
         "model": "one_mass",

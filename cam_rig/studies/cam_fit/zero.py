@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from cam_rig.studies.cam_fit.dwells import find_dwells, likely_range
@@ -9,13 +10,16 @@ from cam_rig.studies.cam_fit.readings import Readings, without_outliers
 
 
 def above_zero(readings: Readings) -> Readings:
-    """Readings without outliers, above the lowest dwell, or above the lowest reading without one."""
+    """Readings without outliers, above the lowest dwell, or the lowest reading without one."""
     kept = without_outliers(readings)
     lowest = float(kept.lifts.min())
     dwells = find_dwells(kept, kept.scatter)
     level = min((dwell.rest.level for dwell in dwells), default=lowest)
+    at_rest = [dwell for dwell in dwells if dwell.rest.level == level and dwell.count > 1]
     near = level - lowest < likely_range(kept.angles.size) * kept.scatter
-    resting = sum(dwell.count for dwell in dwells if dwell.rest.level == level)
-    if near and resting:
-        return replace(kept, lifts=kept.lifts - level, resting=resting)
-    return replace(kept, lifts=kept.lifts - lowest)
+    if not near or not at_rest:
+        return replace(kept, lifts=kept.lifts - lowest, zero_error=kept.scatter)
+    count = sum(dwell.count for dwell in at_rest)
+    squares = sum(dwell.count * dwell.scatter**2 for dwell in at_rest) / (count - 1)
+    error = max(math.sqrt(squares), kept.rounding) / math.sqrt(count)
+    return replace(kept, lifts=kept.lifts - level, zero_error=error)

@@ -18,10 +18,10 @@ ANGLES, LIFTS = [0.0, 10.0, 20.0], [0.0, 0.25, 1.5]  # deg, mm
 def read(tmp_path):
     """The table of a text, or its error."""
 
-    def load(text):
+    def load(text, column=None):
         path = tmp_path / "lifts.csv"
         path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return read_gauge_table(path)
+        return read_gauge_table(path, column)
 
     return load
 
@@ -115,11 +115,33 @@ def test_all_columns_of_lifts_are_read(read):
     """Two followers in one table; which is meant is asked for, or all are taken."""
     table = read("angle_deg,lift_a_mm,lift_b_mm\n0,0,0.0\n10,1,2\n")
     assert [column.name for column in table.columns] == ["lift_a_mm", "lift_b_mm"]
-    assert table.column("lift_b_mm").lifts == pytest.approx([0.0, 0.002])
+    assert table.columns[1].lifts == pytest.approx([0.0, 0.002])
     with pytest.raises(ConfigError, match=r"has 2 columns of lifts; allowed: one, so name it with"):
-        table.column(None)
+        table.only_column()
     with pytest.raises(ConfigError, match=r"has no column 'c'; allowed: 'lift_a_mm', 'lift_b_mm'"):
-        table.column("c")
+        read("angle_deg,lift_a_mm,lift_b_mm\n0,0,0.0\n10,1,2\n", "c")
+
+
+def test_an_empty_cell_is_no_reading(read):
+    """Of its column alone, first rows and last; how many there are is said."""
+    table = read("angle_deg,lift_a_mm,lift_b_mm\n0,,0.0\n10,1,2\n20,,\n,,\n30,2,3\n")
+    assert [math.degrees(angle) for angle in table.angles] == pytest.approx([0, 10, 20, 30])
+    assert [math.isnan(lift) for lift in table.columns[0].lifts] == [True, False, True, False]
+    assert [math.isnan(lift) for lift in table.columns[1].lifts] == [False, False, True, False]
+    assert "2 empty cells in 'lift_a_mm': no reading" in table.notes
+    assert "1 empty cell in 'lift_b_mm': no reading" in table.notes
+    with pytest.raises(ConfigError, match=r"line 3: angle_deg is empty beside a lift"):
+        read("angle_deg,lift_mm\n0,0\n,1\n10,2\n")
+
+
+def test_a_column_that_is_not_asked_for_may_hold_anything(read):
+    """Words, decimal commas, nothing: only the angle and the column named are read."""
+    text = "angle_deg;lift_a_mm;lift_b_mm;note\n0;0.0;n/a;x\n10;1.5;3,2;\n"
+    table = read(text, "lift_a_mm")
+    assert [column.name for column in table.columns] == ["lift_a_mm"]
+    assert table.columns[0].lifts == pytest.approx([0.0, 0.0015])
+    with pytest.raises(ConfigError, match=r"lift_b_mm is 'n/a'; allowed: a number"):
+        read(text, "lift_b_mm")
 
 
 def test_a_heading_is_one_printable_line(read):

@@ -42,7 +42,7 @@ def test_a_missing_unit_is_assumed_and_said(tmp_path):
         ("mass_kg,lift_mm\n1,2\n", "jump speed"),
         ("1,2\n3,4\n", "no heading"),
         ("mass_kg,rpm\n1,-5\n", "line 2: speed"),
-        ("mass_kg,rpm\n2,300\n1,x\n", "line 3: speed"),
+        ("mass_kg,rpm\n2,300\n1,x\n", "line 3: rpm is 'x'"),
         ("rpm,drehzahl\n300,300\n", "both hold"),
     ],
 )

@@ -64,7 +64,7 @@ def coverage(shape, followers, copies):
     return np.array(held, dtype=float).mean(axis=0)
 
 
-@pytest.mark.parametrize(("shape", "followers"), CASES)
+@pytest.mark.parametrize(("shape", "followers"), [("straight", "roller"), ("concave", "both")])
 def test_a_few_copies(shape, followers):
     """4 copies: of no number do two intervals miss the truth (once in 70 cases by chance)."""
     parts = coverage(shape, followers, 4)
@@ -74,7 +74,7 @@ def test_a_few_copies(shape, followers):
 @pytest.mark.long
 @pytest.mark.parametrize(("shape", "followers"), CASES)
 def test_200_copies(shape, followers):
-    """Between 90 and 99 % of the intervals of each number: the table of docs/accuracy.md."""
+    """Between 90 and 99 % of the intervals of each number: docs/accuracy.md."""
     parts = coverage(shape, followers, 200)
     cells = ("" if np.isnan(part) else f"{100.0 * part:.1f}" for part in parts)
     print(f"| {shape} | {followers} | {' | '.join(cells)} |")

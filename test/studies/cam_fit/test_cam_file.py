@@ -8,8 +8,10 @@ from cam_rig.laws import build_law
 from cam_rig.laws.arcs.law import ArcFollower
 from cam_rig.profile.checks.all_checks import check_cam
 from cam_rig.schema import load_cam, load_rig, load_scene
-from cam_rig.studies.cam_fit.arcs_fit import Arcs, fit_arcs
-from cam_rig.studies.cam_fit.cam_file import arcs_cam, spline_cam
+from cam_rig.studies.cam_fit.arcs import Arcs
+from cam_rig.studies.cam_fit.arcs_file import arcs_cam
+from cam_rig.studies.cam_fit.arcs_fit import fit_arcs
+from cam_rig.studies.cam_fit.cam_file import spline_cam
 from cam_rig.studies.cam_fit.readings import put_in_order
 from cam_rig.studies.cam_fit.scene_file import own_rig, own_scene, own_speeds
 from cam_rig.studies.cam_fit.spline_fit import fit_spline
@@ -80,15 +82,36 @@ def test_the_radius_that_was_given_is_given():
     arcs, roller = Arcs(0.03, 0.01, 0.09, 0.012, 0.7), ArcFollower(False, 0.01)
     angles = np.linspace(0.0, TURN, 72, endpoint=False)
     table = table_of(angles, arcs.lifts(roller, angles))
-    fit = fit_arcs((put_in_order(table, table.columns[0]),), (False,), 0.01, 0.03)
+    readings = (put_in_order(table, table.columns[0]),)
     for known, base, rolling in (
         (None, "identified", "assumed"),
         ("roller", "identified", "given"),
         ("base", "given", "identified"),
+        ("both", "given", "given"),
     ):
-        follower = arcs_cam("mine", fit, "roller", known).cam.follower
+        fit = fit_arcs(readings, (False,), 0.01, 0.03, known)
+        follower = arcs_cam("mine", fit, "roller").cam.follower
         assert follower.base_radius.origin == base
         assert follower.roller_radius.origin == rolling
+
+
+@pytest.mark.parametrize("noise", [1e-5, 1e-4])
+def test_digits_are_those_that_readings_tell(noise):
+    """Radii of a file have few digits, the interval beside them, and are as near to readings."""
+    arcs, roller = Arcs(0.03, 0.01, 0.09, 0.012, 0.7), ArcFollower(False, 0.01)
+    flat = ArcFollower(True, 0.0)
+    angles = np.linspace(0.0, TURN, 72, endpoint=False)
+    rng = np.random.default_rng(1)
+    lifts = [arcs.lifts(one, angles) + rng.normal(scale=noise, size=72) for one in (roller, flat)]
+    table = table_of(angles, *lifts)
+    readings = tuple(put_in_order(table, column) for column in table.columns)
+    fit = fit_arcs(readings, (False, True), 0.01, 0.03)
+    files = arcs_cam("mine", fit, "roller")
+    radius = files.cam.follower.base_radius
+    assert len(f"{radius.raw:g}".replace(".", "")) <= 5
+    assert "95 %: base radius + roller radius" in radius.residual
+    away = files.law(angles - fit.arcs.nose_angle + np.pi) - readings[0].lifts
+    assert np.sqrt(np.mean(away**2)) < 1.01 * fit.columns[0].rms + 1e-9
 
 
 def test_rig_and_scene_are_read_back(measured, tmp_path, config_dir):

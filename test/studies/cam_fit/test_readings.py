@@ -125,7 +125,9 @@ def test_three_slips_among_360(measured):
     outliers = {20: 4e-4, 150: -3e-4, 301: 5e-4}
     found = without_outliers(measured("poly345", outliers=outliers))
     assert [outlier.line for outlier in found.outliers] == [22, 152, 303]
-    assert [outlier.beside for outlier in found.outliers] == pytest.approx([4e-4, -3e-4, 5e-4], abs=1e-5)
+    assert [outlier.beside for outlier in found.outliers] == pytest.approx(
+        [4e-4, -3e-4, 5e-4], abs=1e-5
+    )
 
 
 def test_the_scatter_is_at_least_the_rounding(measured):
