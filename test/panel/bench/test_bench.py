@@ -93,7 +93,7 @@ def test_a_noted_level_is_the_exact_one(running_panel: RunningPanel) -> None:
     assert np.isfinite(sound).all()
     assert 0.0 < np.abs(sound).max() < 1.0
     (row,) = running_panel.get("/bench/readings.csv").decode().splitlines()[1:]
-    assert row.startswith("poly345,separation,350.0,")
+    assert row.startswith("poly345,two_mass,350.0,")
 
 
 def test_another_set_up_is_another_run_and_its_bag_is_kept(running_panel: RunningPanel) -> None:

@@ -102,13 +102,13 @@ def test_a_measure_that_fails_leaves_the_others(study):
 def test_unknown_measures_and_limits_are_refused():
     """In a line, with what there is."""
     with pytest.raises(ConfigError, match="did you mean 'jump_speed'"):
-        parse_measures(["jump_sped"], "separation")
+        parse_measures(["jump_sped"], "two_mass")
     with pytest.raises(ConfigError, match="is not measured"):
         parse_limits(
-            ["twist@300rpm<=1deg"], parse_measures(["jump_speed"], "separation"), "separation"
+            ["twist@300rpm<=1deg"], parse_measures(["jump_speed"], "two_mass"), "two_mass"
         )
     with pytest.raises(ConfigError, match="stands twice"):
-        parse_measures(["jump_speed", "jump_speed"], "separation")
+        parse_measures(["jump_speed", "jump_speed"], "two_mass")
 
 
 @pytest.mark.slow
