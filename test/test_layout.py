@@ -6,7 +6,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = sorted((ROOT / "cam_rig").rglob("*.py"))
-MAX_FILE, MAX_FUNCTION = 300, 60
+MAX_FILE, MAX_FUNCTION = 450, 60
 
 
 def test_a_class_name_is_defined_once():
@@ -21,7 +21,7 @@ def test_a_class_name_is_defined_once():
 
 
 def test_no_file_is_too_long_to_read():
-    """One thought a file: at most 300 lines."""
+    """One thought a file: at most 450 lines."""
     lines = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in PACKAGE}
     assert {str(path): count for path, count in lines.items() if count > MAX_FILE} == {}
 

@@ -72,7 +72,7 @@ class Watcher:
         finally:
             self.ended.set()
             for thread in threads:
-                thread.join()
+                thread.join(timeout=60)
 
     def _spin(self):
         while not self.ended.is_set():

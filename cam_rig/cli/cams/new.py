@@ -58,16 +58,9 @@ def new(
         from cam_rig.schema.load import load_rig
         from cam_rig.studies.cam_fit.scene_file import own_rig, own_scene
 
+        kinds = tuple(follower or ())
         request = FitRequest(
-            shape,
-            tuple(follower or ()),
-            column,
-            tolerance,
-            reverse,
-            roller_radius,
-            base_radius,
-            flank,
-            ask_nothing=True,
+            shape, kinds, column, tolerance, reverse, roller_radius, base_radius, flank, True
         )
         like = load_rig(rig_path(rig))
         found = request.run(from_csv)

@@ -68,8 +68,7 @@ def design(
     peak_jerk, rms_acceleration, peak_contact_force_rigid@450rpm (minimise). Without a bound, as
     the best of several searches: shaft_torque@300rpm, sound_level_with_jumps@450-550rpm,
     pressure_angle (minimise), radius_of_curvature (maximise). Limits: any of these, lift@90deg,
-    velocity@90deg, acceleration@80-100deg, event_angle@1, with a unit or as the start's. Ctrl-C
-    keeps the best.
+    velocity@90deg, acceleration@80-100deg, event_angle@1. Ctrl-C keeps the best.
 
     Examples
     --------

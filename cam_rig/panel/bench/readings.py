@@ -29,7 +29,7 @@ MAX_READINGS = 10_000
 
 
 @dataclass(frozen=True)
-class Tick:
+class LevelOfTick:
     """One tick: when it ended (ns of rig time), how fast the cam turned (rpm), the level (dB)."""
 
     time_ns: int
@@ -57,7 +57,7 @@ class Meter:
 
     def __init__(self) -> None:
         self._speeds: deque[tuple[int, float]] = deque(maxlen=MAX_TICKS)
-        self._ticks: deque[Tick] = deque(maxlen=MAX_TICKS)
+        self._ticks: deque[LevelOfTick] = deque(maxlen=MAX_TICKS)
 
     def state(self, time_ns: int, rpm: float) -> None:
         """The cam turns at a speed from a rig time on."""
@@ -67,14 +67,14 @@ class Meter:
         """The level of the tick that ends at a rig time."""
         before = [rpm for start, rpm in self._speeds if start < time_ns]
         if before:
-            self._ticks.append(Tick(time_ns, before[-1], level))
+            self._ticks.append(LevelOfTick(time_ns, before[-1], level))
 
     def forget(self) -> None:
         """What was read is of something else: another cam, or another weighting."""
         self._ticks.clear()
 
     @property
-    def latest(self) -> Tick | None:
+    def latest(self) -> LevelOfTick | None:
         """The newest tick."""
         return self._ticks[-1] if self._ticks else None
 

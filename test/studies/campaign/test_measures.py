@@ -104,9 +104,7 @@ def test_unknown_measures_and_limits_are_refused():
     with pytest.raises(ConfigError, match="did you mean 'jump_speed'"):
         parse_measures(["jump_sped"], "two_mass")
     with pytest.raises(ConfigError, match="is not measured"):
-        parse_limits(
-            ["twist@300rpm<=1deg"], parse_measures(["jump_speed"], "two_mass"), "two_mass"
-        )
+        parse_limits(["twist@300rpm<=1deg"], parse_measures(["jump_speed"], "two_mass"), "two_mass")
     with pytest.raises(ConfigError, match="stands twice"):
         parse_measures(["jump_speed", "jump_speed"], "two_mass")
 

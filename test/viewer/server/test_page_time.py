@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from threading import Thread
+
 import pytest
 
 from cam_rig.viewer.server import page_time
@@ -36,7 +38,10 @@ def test_a_page_that_shows_nothing_is_not_late() -> None:
     page = PageTime()
     page.driven(1.0)
     page.take("ns=-1")
-    page.wait()
+    waiting = Thread(target=page.wait, daemon=True)
+    waiting.start()
+    waiting.join(timeout=60)
+    assert not waiting.is_alive()
     for words in ("", "ns=", "ns=x", "other=3"):
         page.take(words)
     assert page.behind() is None
