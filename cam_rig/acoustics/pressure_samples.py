@@ -104,7 +104,7 @@ class SoundSource:
     def __post_init__(self) -> None:
         self.factor = max(1, math.ceil(self.least_rate / self.block_rate))
         self._background = Background(self.parameters.background_corner, self.rate, self.seed)
-        self._pulse = _pulse(self.parameters.contact_time, self.rate)
+        self._pulse = _pulse(self.parameters.contact_time or 1.0 / self.rate, self.rate)
         self._tail = np.zeros(self._pulse.size - 1)
 
     @property

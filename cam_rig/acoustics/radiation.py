@@ -37,7 +37,7 @@ class RadiationParameters:
     corner : Hz
     background : dB at the speed ``background_at`` (rad/s)
     background_slope : dB per octave of speed
-    contact_time : s, duration of a landing's force pulse
+    contact_time : s, duration of a landing's force pulse; 0 where nothing can land
     background_corner : Hz, above which the background falls by 6 dB an octave
     """
 
@@ -50,16 +50,24 @@ class RadiationParameters:
     background_corner: float
 
     @classmethod
-    def from_rig(cls, rig: RigConfig) -> RadiationParameters:
-        """Take the numbers of a rig file."""
-        r = rig.radiation
+    def from_rig(cls, rig: RigConfig, *, lands: bool = True) -> RadiationParameters:
+        """Take the numbers of a rig file; a follower that never ``lands`` needs no stem.
+
+        Raises
+        ------
+        ConfigError : the file has no ``radiation``, or no stem that a landing compresses
+        """
+        r = rig.need_radiation("the sound level")
+        if lands:
+            rig.need("stem_stiffness", "the sound of a landing")
+        follower = FollowerParameters.from_rig(rig)
         return cls(
             gain=r.gain.si,
             corner=r.corner.si,
             background=r.background.si,
             background_at=r.background_at.si,
             background_slope=r.background_slope.si,
-            contact_time=FollowerParameters.from_rig(rig).contact_time,
+            contact_time=follower.contact_time if follower.stem_stiffness else 0.0,
             background_corner=r.background_corner.si,
         )
 
@@ -75,5 +83,7 @@ class RadiationParameters:
 
     def landing_energy(self, impulse: FloatArray) -> FloatArray:
         """∫p² dt in Pa²·s radiated by landings of these impulses (N·s)."""
+        if not impulse.any():
+            return np.zeros_like(impulse)
         peak = self.gain * self.corner_rate * impulse
         return np.asarray(peak**2 * math.pi**2 / (8.0 * self.contact_time))

@@ -118,7 +118,7 @@ def sound_level(motion: FollowerMotion, *, settle_turns: int = 1) -> SoundLevel:
 
 def _measured_ticks(motion: FollowerMotion) -> list[MeasuredTick]:
     """Each turn as the microphone measures it."""
-    radiation = RadiationParameters.from_rig(motion.rig)
+    radiation = RadiationParameters.from_rig(motion.rig, lands=MODELS[motion.scene.model].lifts_off)
     microphone = MicrophoneSimulator(radiation, int(motion.scene.sample_rate.si))
     measured = []
     for block in motion.blocks:
@@ -132,8 +132,7 @@ def _measured_ticks(motion: FollowerMotion) -> list[MeasuredTick]:
 
 def _calibrated_on(motion: FollowerMotion) -> str:
     """The cam that the rig's sound was fitted to; empty where that fit says nothing."""
-    radiation = motion.rig.radiation
     if not MODELS[motion.scene.model].lifts_off and bool((motion.force < 0.0).any()):
         return ""  # contact would be lost
     fitted = is_calibrated(motion.rig, motion.scene.model)
-    return (radiation.calibrated_on or "measured levels") if fitted else ""
+    return (motion.rig.calibrated_on or "measured levels") if fitted else ""

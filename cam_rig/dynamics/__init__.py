@@ -41,11 +41,25 @@ class Model:
     lifts_off: bool = False
 
 
+def _one_mass(rig: RigConfig) -> FollowerParameters:
+    rig.need("restitution", "the model one_mass, which lands", "take the model kinetostatic")
+    return FollowerParameters.from_rig(rig)
+
+
+def _elastic_stem(rig: RigConfig) -> FollowerParameters:
+    return FollowerParameters.on_stem(rig, "the model elastic_stem", "take the model kinetostatic")
+
+
+def _two_mass(rig: RigConfig) -> TwoMassParameters:
+    rig.need("restitution", "the model two_mass, which lands", "take the model kinetostatic")
+    return TwoMassParameters.from_rig(rig)
+
+
 MODELS: dict[str, Model] = {
     "kinetostatic": Model(FollowerParameters.from_rig, kinetostatic.advance, require_smooth),
-    "one_mass": Model(FollowerParameters.from_rig, one_mass.advance, lifts_off=True),
-    "elastic_stem": Model(FollowerParameters.from_rig, elastic_stem.advance),
-    "two_mass": Model(TwoMassParameters.from_rig, two_mass.advance, lifts_off=True),
+    "one_mass": Model(_one_mass, one_mass.advance, lifts_off=True),
+    "elastic_stem": Model(_elastic_stem, elastic_stem.advance),
+    "two_mass": Model(_two_mass, two_mass.advance, lifts_off=True),
     "torsional": Model(torsional.from_rig, torsional.advance, require_smooth),
 }
 

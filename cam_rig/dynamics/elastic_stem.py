@@ -34,8 +34,8 @@ def response(law: Law, parameters: FollowerParameters, speed: float) -> LinearRe
     DynamicsError : the speed is not above 0
     """
     p = parameters
-    total = p.spring_stiffness + p.stem_stiffness
-    share, damping = p.stem_stiffness / total, p.damping / p.mass
+    total = p.spring_stiffness + p.stem
+    share, damping = p.stem / total, p.damping / p.mass
     matrix = np.array([[0.0, 1.0], [-total / p.mass, -damping]])
     drive = np.array([[0.0, 0.0, 0.0], [0.0, -share * damping, -share]])
     return LinearResponse(law, speed, matrix, drive, np.zeros(2), jumps_act=True)
@@ -45,17 +45,15 @@ def response(law: Law, parameters: FollowerParameters, speed: float) -> LinearRe
 def outputs(parameters: FollowerParameters) -> Outputs:
     """Rows displacement x, velocity, acceleration and contact force (stem and preload)."""
     p = parameters
-    total = p.spring_stiffness + p.stem_stiffness
-    share, damping = p.stem_stiffness / total, p.damping / p.mass
-    state = np.array(
-        [[1.0, 0.0], [0.0, 1.0], [-total / p.mass, -damping], [-p.stem_stiffness, 0.0]]
-    )
+    total = p.spring_stiffness + p.stem
+    share, damping = p.stem / total, p.damping / p.mass
+    state = np.array([[1.0, 0.0], [0.0, 1.0], [-total / p.mass, -damping], [-p.stem, 0.0]])
     law = np.array(
         [
             [share, 0.0, 0.0],
             [0.0, share, 0.0],
             [0.0, -share * damping, 0.0],
-            [p.stem_stiffness * p.spring_stiffness / total, 0.0, 0.0],
+            [p.stem * p.spring_stiffness / total, 0.0, 0.0],
         ]
     )
     return Outputs(state, law, np.array([0.0, 0.0, 0.0, p.preload]))

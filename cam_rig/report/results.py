@@ -227,7 +227,8 @@ def _readings(sources: Sources) -> list[Read]:
 def _stems(sources: Sources) -> tuple[float, float]:
     """Stiffness (N/m) of the stem on the rig of the jump speeds, and of that of Table 1."""
     rigs = sources.cam_set.rig, sources.stiff
-    return rigs[0].follower.stem_stiffness.si, rigs[1].follower.stem_stiffness.si
+    soft, stiff = (rig.need("stem_stiffness", "the report").si for rig in rigs)
+    return soft, stiff
 
 
 def _noise(sources: Sources) -> NoiseStudy:

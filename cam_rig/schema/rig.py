@@ -31,19 +31,20 @@ SI_UNITS = {
 class FollowerMechanics(Strict):
     """The follower on its closing spring.
 
-    As one mass, the stem is the stiffness of a landing. The model ``two_mass`` also
-    needs ``roller_share``, the part of the mass on the cam's side of the stem, and
-    ``stem_damping``.
+    What may be None is asked for where it is used, by `RigConfig.need`: the stem by an elastic
+    stem, two masses and the sound of a landing; ``restitution`` by a model that lands;
+    ``roller_share``, the part of the mass on the cam's side of the stem, and ``stem_damping`` by
+    two masses.
     """
 
     mass: Mass
     spring_stiffness: Stiffness
-    stem_stiffness: Stiffness
+    stem_stiffness: Stiffness | None = None
     damping: Damping
     preload: Force
     roller_share: RollerShare | None = None
     stem_damping: Damping | None = None
-    restitution: Annotated[Quantity, must_be("ratio", least=0.0, most=0.999)]
+    restitution: Annotated[Quantity, must_be("ratio", least=0.0, most=0.999)] | None = None
 
 
 class Radiation(Strict):
@@ -84,7 +85,42 @@ class RigConfig(Strict):
     title: str
     follower: FollowerMechanics
     shaft: Shaft | None = None
-    radiation: Radiation
+    radiation: Radiation | None = None
+
+    @property
+    def calibrated_on(self) -> str:
+        """The cam whose noise the sound was fitted to; empty for none."""
+        return "" if self.radiation is None else self.radiation.calibrated_on
+
+    def need(self, key: str, by: str, instead: str = "") -> Quantity:
+        """A number of the follower that the file may leave out, for what is named by ``by``.
+
+        Raises
+        ------
+        ConfigError : it is missing; ``instead`` is another remedy than to add it
+        """
+        number: Quantity | None = getattr(self.follower, key)
+        if number is None:
+            raise self.missing(f"follower.{key}", by, instead)
+        return number
+
+    def need_radiation(self, by: str) -> Radiation:
+        """The section ``radiation``, for what is named by ``by``.
+
+        Raises
+        ------
+        ConfigError : it is missing
+        """
+        if self.radiation is None:
+            raise self.missing("radiation", by)
+        return self.radiation
+
+    def missing(self, key: str, by: str, instead: str = "") -> ConfigError:
+        """What is said where a key is used that the file leaves out."""
+        other = f", or {instead}" if instead else ""
+        return ConfigError(
+            f"rig {self.name}: {key}: is missing; needed by {by}; so add it to the rig file{other}"
+        )
 
     def with_follower(self, **numbers: float) -> RigConfig:
         """The same rig with other numbers of its follower, in SI units; their origin is assumed.
@@ -105,9 +141,9 @@ class RigConfig(Strict):
             unit = SI_UNITS.get(key, "1")
             data["follower"][key] = {"assumed": value, "unit": unit, "source": "with_follower"}
         for key in ("gain", "corner"):  # they were fitted with the other follower
-            radiation = data["radiation"][key]
-            if "identified" in radiation:
-                radiation["assumed"] = radiation.pop("identified")
+            number = data.get("radiation", {}).get(key, {})
+            if "identified" in number:
+                number["assumed"] = number.pop("identified")
         try:
             return RigConfig.model_validate(data)
         except ValidationError as error:

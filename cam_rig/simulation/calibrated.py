@@ -44,7 +44,7 @@ def is_calibrated(rig: RigConfig, model: str) -> bool:
     False
     """
     own, shipped = rig.radiation, _shipped()
-    if not own.gain.origin == own.corner.origin == "identified":
+    if own is None or not own.gain.origin == own.corner.origin == "identified":
         return False
     if not has_shipped_constants(rig):  # fitted anew
         said = own.gain.source.partition(FITTED_WITH)[2]
@@ -69,6 +69,8 @@ def fitted_with(rig: RigConfig, model: str) -> str:
 def has_shipped_constants(rig: RigConfig) -> bool:
     """Whether gain and cut-off are those that the shipped rig was calibrated to."""
     own, shipped = rig.radiation, _shipped().radiation
+    if own is None or shipped is None:
+        return False
     return _same(own.gain, shipped.gain) and _same(own.corner, shipped.corner)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from cam_rig.acoustics import RadiationParameters
 from cam_rig.arrays import FloatArray
-from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics import MODELS, FollowerParameters
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import (
@@ -53,7 +53,16 @@ class LoadedScene:
     @property
     def radiation(self) -> RadiationParameters:
         """The acoustic constants."""
-        return RadiationParameters.from_rig(self.rig)
+        return RadiationParameters.from_rig(self.rig, lands=MODELS[self.scene.model].lifts_off)
+
+    def require_numbers(self) -> None:
+        """Refuse a rig that lacks a number of the scene's model or of its sound.
+
+        Raises
+        ------
+        ConfigError : with the first of them
+        """
+        _ = MODELS[self.scene.model].parameters(self.rig), self.radiation
 
     @property
     def files(self) -> list[Path]:
@@ -109,7 +118,7 @@ class LoadedScene:
 
     def part(self, cam: str) -> str:
         """What the files fit to this cam: calibrated (the rig), identified (the cam), predicted."""
-        if cam == self.rig.radiation.calibrated_on:
+        if cam == self.rig.calibrated_on:
             return "calibrated"
         source = self.cams[cam].identified_from
         known = self.published is None or source == self.published.name

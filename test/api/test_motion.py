@@ -81,7 +81,7 @@ def test_arrays_are_views_that_nobody_writes(law, rig):
             r"simulate: model: is 'two_masses' .*mean 'two_mass'.*; allowed: ",
         ),
         ({"rpm": 300, "sample_rate": 100, "ramp": -1}, r"simulate: ramp: is -1 s"),
-        ({"rpm": 300, "model": "two_mass"}, r"rig 'tm21': follower has no roller_share"),
+        ({"rpm": 300, "model": "two_mass"}, r"rig tm21: follower.roller_share: is missing"),
     ],
 )
 def test_a_wrong_argument_is_one_line(law, rig, arguments, words):

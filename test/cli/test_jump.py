@@ -6,8 +6,10 @@ import pytest
 from typer.testing import CliRunner
 
 from cam_rig.cli.main import app
+from cam_rig.schema import load_rig
 from cam_rig.schema.load import config_root
 
+RIG = load_rig(config_root() / "rigs" / "tm21.yaml").model_dump(exclude_none=True)
 FIVE = {"bezier15": 570, "poly345": 415, "poly4567": 390, "cycloidal": 410, "bezier_segments": 400}
 
 
@@ -57,7 +59,7 @@ def test_other_cams_and_ways(tmp_path):
             1,
             "one slope; where it falls contact is lost",
         ),
-        (["--rig", "tm21", "--refit"], 2, "has no roller_share or no stem_damping"),
+        (["--rig", "tm21", "--refit"], 2, "follower.roller_share: is missing"),
         (["--rig", "no_such_rig"], 2, "no_such_rig.yaml: no such file"),
         (["--from-rest", "-1"], 1, "the run from rest lasts -1 s; allowed: above 0"),
         (["--from-rest", "1e9"], 1, "lasts 1e+09 s; allowed: above 0, to 60 s"),
@@ -109,3 +111,20 @@ def test_a_scene_brings_its_rig():
     assert {row["rig"] for row in own.values()} == {"tm21"}
     other = json.loads(call("quick", "--rig", "paper_table2", "--json", "-").stdout)
     assert {row["follower"] for row in other.values()} == {"two masses"}
+
+
+def test_a_rig_of_four_numbers_is_enough(tmp_path):
+    """Mass, spring, damping and preload have a jump speed, that of the same rig with all else."""
+    four = {key: RIG["follower"][key] for key in ("mass", "spring_stiffness", "damping", "preload")}
+    path = tmp_path / "mine.yaml"
+    path.write_text(json.dumps({"name": "mine", "title": "mine", "follower": four}))
+    mine = call("poly345", "--rig", path, "--json", "-")
+    assert mine.exit_code == 0, mine.output
+    whole = json.loads(call("poly345", "--rig", "tm21", "--json", "-").stdout)["poly345"]
+    assert json.loads(mine.stdout)["poly345"]["rpm"] == whole["rpm"]
+    half = four | {"roller_share": {"given": 0.4, "unit": "1"}}
+    path.write_text(json.dumps({"name": "mine", "title": "mine", "follower": half}))
+    refused = call("poly345", "--rig", path)
+    assert refused.exit_code == 2
+    words = " ".join(refused.stderr.split())
+    assert "rig mine: follower.stem_stiffness: is missing; needed by two masses" in words

@@ -96,7 +96,7 @@ def test_listen_repeats(tmp_path):
             2,
             "none.yaml: no such file; there are: paper_flywheel, paper_table2",
         ),
-        (["noise", "--rig", "tm21"], 2, "follower has no roller_share"),
+        (["noise", "--rig", "tm21"], 2, "follower.roller_share: is missing"),
         (["listen", "quick", "--out", "{tmp}/a.mp3"], 2, "unknown kind of sound file; allowed"),
         (["listen", "quick", "--out", "{tmp}/a.wav", "--cam", "no"], 2, "has no cam 'no'"),
         (["listen", "quick", "--out", "/proc/none/a.wav"], 1, "/proc/none/a.wav: cannot be"),

@@ -131,7 +131,7 @@ def test_the_page(sweep, tmp_path):
         (["--out", "/dev/null/a.html"], 1, "cannot be written, /dev/null is no writable folder"),
         (["--out", "{tmp}/a.html", "--bag", "{golden}"], 1, "is a recording of the scene 'quick'"),
         (["--out", "{tmp}/a.html", "--bag", "{tmp}/none"], 1, "no such bag"),
-        (["--out", "{tmp}/a.html", "--rig", "tm21"], 2, "has no roller_share"),
+        (["--out", "{tmp}/a.html", "--rig", "tm21"], 2, "follower.roller_share: is missing"),
         (["--out", "{tmp}/a.html", "--scene", "no_such"], 2, "no such file"),
         (["--out", "{tmp}/a.html", "--factorial", "no_such"], 2, "no such file"),
         (["--out", "{tmp}/a.html", "quick", "--factorial", "continuity"], 2, "not the paper's"),

@@ -133,6 +133,7 @@ def _run(
     from cam_rig.units import NS
 
     loaded = open_scene(path)
+    loaded.require_numbers()
     stamps = [state.time_ns / NS for state in cam_states(loaded.scene)]
     if PROFILES in os.environ and not network:
         console.print(

@@ -38,7 +38,7 @@ def calibrate(
         from cam_rig.units import to_rpm
 
         loaded = open_scene(scene_path(scene))
-        cam = loaded.rig.radiation.calibrated_on
+        cam = loaded.rig.calibrated_on
         speeds = np.array(loaded.scene.program.speeds.si_list)
         levels = loaded.published_levels(cam, to_rpm(speeds))
         found, rmse = fit(loaded.law_of(cam), loaded.follower, loaded.radiation, speeds, levels)

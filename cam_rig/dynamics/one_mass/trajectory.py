@@ -26,7 +26,7 @@ from cam_rig.dynamics.interval import Event, EventKind, FollowerState, Interval
 from cam_rig.dynamics.kinetostatic import state_at
 from cam_rig.dynamics.linear.free_system import Flight
 from cam_rig.dynamics.one_mass.flight import free_mass
-from cam_rig.dynamics.parameters import FollowerParameters
+from cam_rig.dynamics.parameters import FollowerParameters, told
 from cam_rig.dynamics.velocity_jumps import short_of_velocity_jump
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
@@ -103,7 +103,7 @@ class OneMassTrajectory:
             losses,
             np.array([p.spring_stiffness, p.damping, p.mass, p.preload]),
             p.mass,
-            p.restitution,
+            told("restitution", p.restitution),
             force_rounding(law, p, speed) / p.mass,
             least_bounce(law),
             NO_IMPACT * speed * law.lift,

@@ -19,7 +19,6 @@ from cam_rig.dynamics.interval import (
 )
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
-from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 
@@ -38,7 +37,7 @@ def from_rig(rig: RigConfig) -> TorsionalParameters:
     ConfigError : the file has no shaft
     """
     if rig.shaft is None:
-        raise ConfigError(f"rig {rig.name!r}: has no shaft; required by the model torsional")
+        raise rig.missing("shaft", "the model torsional", "take another model")
     flywheel = rig.shaft.flywheel_inertia
     return TorsionalParameters(
         follower=FollowerParameters.from_rig(rig),

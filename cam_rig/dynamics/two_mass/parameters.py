@@ -22,9 +22,13 @@ from cam_rig.arrays import FloatArray
 from cam_rig.dynamics.input_limits import require_number
 from cam_rig.dynamics.linear.response import LinearResponse
 from cam_rig.dynamics.linear.sampling import Outputs
-from cam_rig.errors import ConfigError
+from cam_rig.dynamics.parameters import si_or_none
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
+
+#: What two masses need of a rig beside what one needs, and what is said where it is missing.
+NEEDED = ("roller_share", "stem_stiffness", "stem_damping")
+BY, ONE_MASS = "two masses (the model two_mass)", "take one mass (the model one_mass)"
 
 
 @dataclass(frozen=True)
@@ -37,7 +41,7 @@ class TwoMassParameters:
     stem_stiffness, spring_stiffness : k₁ and k₂, N/m
     stem_damping, damping : c₁ (in the stem) and c₂ (end mass to ground), N·s/m
     preload : N, of the closing spring at zero lift
-    restitution : Newton's coefficient of a landing of the roller mass
+    restitution : Newton's coefficient of a landing of the roller mass; None if not told
     """
 
     roller_mass: float
@@ -47,13 +51,14 @@ class TwoMassParameters:
     stem_damping: float
     damping: float
     preload: float
-    restitution: float = 0.0
+    restitution: float | None = 0.0
 
     def __post_init__(self) -> None:
         positive = ("roller_mass", "end_mass", "stem_stiffness", "spring_stiffness")
         words = dict.fromkeys(positive, "> 0") | {"restitution": "in [0, 1)"}
         for name, value in vars(self).items():
-            require_number(name, value, words.get(name, "≥ 0"))
+            if value is not None or name != "restitution":
+                require_number(name, value, words.get(name, "≥ 0"))
 
     @classmethod
     def from_rig(cls, rig: RigConfig) -> TwoMassParameters:
@@ -61,24 +66,20 @@ class TwoMassParameters:
 
         Raises
         ------
-        ConfigError : the file does not say how the mass is split
+        ConfigError : the file has no stem, or does not say how the mass is split
         """
         follower = rig.follower
-        if follower.roller_share is None or follower.stem_damping is None:
-            raise ConfigError(
-                f"rig {rig.name!r}: follower has no roller_share or no stem_damping; required by "
-                "the model two_mass"
-            )
-        roller = follower.mass.si * follower.roller_share.si
+        share, stem, stem_damping = (rig.need(key, BY, ONE_MASS).si for key in NEEDED)
+        roller = follower.mass.si * share
         return cls(
             roller_mass=roller,
             end_mass=follower.mass.si - roller,
-            stem_stiffness=follower.stem_stiffness.si,
+            stem_stiffness=stem,
             spring_stiffness=follower.spring_stiffness.si,
-            stem_damping=follower.stem_damping.si,
+            stem_damping=stem_damping,
             damping=follower.damping.si,
             preload=follower.preload.si,
-            restitution=follower.restitution.si,
+            restitution=si_or_none(follower.restitution),
         )
 
     @cached_property

@@ -214,7 +214,7 @@ class BenchPages:
         setup = self.live.setup
         rig = setup.rig(self._runner.rig)
         fitted = is_calibrated(rig, setup.model)
-        return (rig.radiation.calibrated_on or "measured levels") if fitted else ""
+        return (rig.calibrated_on or "measured levels") if fitted else ""
 
 
 def _refused(number: Any, words: str) -> dict[str, Any]:

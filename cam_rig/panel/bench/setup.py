@@ -8,6 +8,7 @@ from typing import Any
 
 import yaml
 
+from cam_rig import dynamics
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.errors import ConfigError, RefusedError
 from cam_rig.schema import CamConfig, RigConfig
@@ -142,9 +143,15 @@ class Setup:
 
 def allowed_models(rig: RigConfig) -> tuple[str, ...]:
     """The models that a rig has the numbers for."""
-    missing = set() if rig.follower.roller_share is not None else {TWO_MASS}
-    missing |= set() if rig.shaft is not None else {"torsional"}
-    return tuple(model for model in MODELS if model not in missing)
+
+    def known(model: str) -> bool:
+        try:
+            dynamics.MODELS[model].parameters(rig)
+        except ConfigError:
+            return False
+        return True
+
+    return tuple(model for model in MODELS if known(model))
 
 
 def cam_names(own: Path) -> list[str]:

@@ -159,7 +159,7 @@ class Board:
     def _calibrated_on(self) -> str:
         """The cam that the level of one mass is calibrated on; empty where it is relative."""
         fitted = is_calibrated(self.rig, "one_mass")
-        return self.rig.radiation.calibrated_on if fitted else ""
+        return self.rig.calibrated_on if fitted else ""
 
     def save(self, name: Any, ordinates: Any) -> Path:
         """Write ordinates as a cam file into the folder; gives its path.

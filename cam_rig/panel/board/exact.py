@@ -67,9 +67,9 @@ def at_once(cam: CamConfig, law: Law, rig: RigConfig) -> dict[str, Any]:
 
 def at_rest(cam: CamConfig, law: Law, rig: RigConfig, rpm: float) -> dict[str, Any]:
     """Jump speed on the rig's own follower, residual vibration, level, and all checks; 0.2 s."""
-    follower, speed = FollowerParameters.from_rig(rig), rpm * RPM
 
     def residual() -> float:
+        follower, speed = FollowerParameters.on_stem(rig, "the residual vibration"), rpm * RPM
         return 1e6 * float(residual_vibration(law, follower, np.array([speed]))[0])
 
     try:

@@ -26,6 +26,8 @@ def own_rig(name: str, like: RigConfig) -> str:
     source = f"the rig {like.name}'s, not this one's: measure it and put it in as given"
     dumped = like.model_dump(exclude_none=True)
     for section in ("follower", "radiation"):
+        if section not in dumped:
+            continue
         data[section] = {
             key: quantity(
                 "assumed", getattr(getattr(like, section), key).raw, value["unit"], source

@@ -207,7 +207,8 @@ def checked(campaign: Campaign) -> Campaign:
 
 def _scene(cam: CamConfig, rig: RigConfig, model: str | None) -> SceneConfig:
     """How points are run where the base is no scene."""
-    split = rig.follower.roller_share is not None and rig.follower.stem_damping is not None
+    f = rig.follower
+    split = None not in (f.roller_share, f.stem_stiffness, f.stem_damping)
 
     def number(value: object, unit: str) -> dict[str, object]:
         return {"assumed": value, "unit": unit, "source": "campaign"}

@@ -105,7 +105,7 @@ def _jump(
 def _residual(point: MeasuredPoint, term: Term) -> float:
     count = 1 if term.low == term.high else SPEEDS
     speeds = np.linspace(term.low, term.high, count)
-    follower = FollowerParameters.from_rig(point.rig)
+    follower = FollowerParameters.on_stem(point.rig, f"the measure {term.name}")
     return float(residual_vibration(point.law, follower, speeds).max())
 
 

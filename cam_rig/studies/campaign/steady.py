@@ -150,8 +150,9 @@ def _scale(law: Law, rig: RigConfig, speed: float) -> tuple[float, float]:
     """A place (m) and a velocity (m/s) that stand for the whole contact force in the stem."""
     p = FollowerParameters.from_rig(rig)
     force = float(force_weights(p, speed) @ np.array(law.bounds)) + p.preload
-    place = force / p.stem_stiffness
-    return place, place * math.sqrt(p.stem_stiffness / p.mass)
+    stiffness = p.stem_stiffness or p.spring_stiffness  # a rigid mass on the cam has no stem
+    place = force / stiffness
+    return place, place * math.sqrt(stiffness / p.mass)
 
 
 def _numbers(state: FollowerState, scale: tuple[float, float]) -> FloatArray:

@@ -115,7 +115,7 @@ def _jump(problem: DesignProblem, law: Law, term: Term) -> float:
 
 
 def _level(problem: DesignProblem, law: Law, term: Term) -> float:
-    radiation = RadiationParameters.from_rig(problem.rig)
+    radiation = RadiationParameters.from_rig(problem.rig, lands=False)
     rates = [
         mean_square_rate(law, problem.rigid, radiation.corner_rate, speed)
         for speed in np.linspace(term.low, term.high, SPEEDS).tolist()
@@ -130,14 +130,14 @@ def _background(radiation: RadiationParameters, term: Term) -> float:
 
 def level_of(problem: DesignProblem, term: Term, rate: float) -> float:
     """The level (dB) of a mean square rate's root (N/s), with the background."""
-    radiation = RadiationParameters.from_rig(problem.rig)
+    radiation = RadiationParameters.from_rig(problem.rig, lands=False)
     power = _background(radiation, term) + (radiation.gain * rate) ** 2
     return float(level_db(np.array([math.sqrt(power)]))[0])
 
 
 def rate_of(problem: DesignProblem, term: Term, level: float) -> float:
     """The other way; not above zero where the background alone is as loud."""
-    radiation = RadiationParameters.from_rig(problem.rig)
+    radiation = RadiationParameters.from_rig(problem.rig, lands=False)
     power = float(pressure_pa(level)) ** 2 - _background(radiation, term)
     return math.copysign(math.sqrt(abs(power)), power) / radiation.gain
 

@@ -41,6 +41,7 @@ class DesignProblem:
     @cached_property
     def mode(self) -> Mode:
         """Of that follower on its stem."""
+        self.rig.need("stem_stiffness", "a goal or limit of vibration")
         return Mode.of(self.follower)
 
     @cached_property

@@ -24,7 +24,7 @@ def contact_lost_speed(law: Law, rig: RigConfig) -> float:
     if law.velocity_jumps:  # where the velocity jumps down the follower lifts off
         return 0.0
     follower = rig.follower
-    if follower.roller_share is None or follower.stem_damping is None:
+    if None in (follower.roller_share, follower.stem_stiffness, follower.stem_damping):
         rigid = FollowerParameters.from_rig(rig)
         return 0.0 if rigid.preload == 0.0 else rigid_jump_speed(law, rigid)
     parameters = TwoMassParameters.from_rig(rig)

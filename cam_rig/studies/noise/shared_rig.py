@@ -113,7 +113,7 @@ def _landing_on_roller(study: NoiseSetup, follower: TwoMassParameters) -> Radiat
     The stem's give is in the model; what is left is the contact itself, for which the paper
     prints nothing, so it is taken as stiff as the rigid rig's stem (its Table 1).
     """
-    stiffness = study.loaded.follower.stem_stiffness
+    stiffness = study.loaded.follower.stem
     time = np.pi * np.sqrt(follower.roller_mass / stiffness)
     return replace(study.loaded.radiation, contact_time=float(time))
 

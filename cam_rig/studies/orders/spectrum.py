@@ -13,6 +13,7 @@ import numpy as np
 
 from cam_rig.acoustics import RadiationParameters, level_db
 from cam_rig.arrays import ComplexArray, FloatArray
+from cam_rig.dynamics import MODELS
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.studies.orders.fourier import (
@@ -144,6 +145,6 @@ def order_spectrum(
     >>> int(found.amplitude[1:].argmax()) + 1
     1
     """
-    return spectrum(
-        steady_force(law, model, rig, speed), RadiationParameters.from_rig(rig), highest
-    )
+    steady = steady_force(law, model, rig, speed)
+    lands = MODELS[model].lifts_off
+    return spectrum(steady, RadiationParameters.from_rig(rig, lands=lands), highest)

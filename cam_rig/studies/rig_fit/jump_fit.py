@@ -116,7 +116,7 @@ class _JumpModel:
         return found[which]
 
     def _speed(self, values: dict[str, float]) -> float:
-        follower = follower_of(values, values["stem_stiffness"])
+        follower = follower_of(values, values.get("stem_stiffness"))
         try:
             return find_jump(self.law, follower, None).rpm
         except CamRigError:
@@ -218,9 +218,12 @@ def _start(
     table: JumpTable, base: RigConfig, given: dict[str, float], two: bool
 ) -> dict[str, float]:
     follower = base.follower
-    keys = [*RIGID, "restitution", "stem_stiffness"]
-    values = {name: float(getattr(follower, name).si) for name in keys}
+    values = {name: base.need(name, "the fit").si for name in RIGID}
+    values["restitution"] = 0.0  # no landing is in a jump speed
     if two:
+        if "stem_stiffness" not in given:
+            by, one_mass = "the start of a fit of two masses", "take --model one_mass"
+            values["stem_stiffness"] = base.need("stem_stiffness", by, one_mass).si
         share, damping = follower.roller_share, follower.stem_damping
         values["roller_share"] = 0.4 if share is None else share.si
         values["stem_damping"] = values["damping"] if damping is None else damping.si

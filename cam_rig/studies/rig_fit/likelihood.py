@@ -90,7 +90,7 @@ class Likelihood:
     holds: tuple[MeasuredHold, ...]
     sought: tuple[str, ...]
     given: dict[str, float]
-    stem_stiffness: float
+    stem_stiffness: float | None
     lift_noise: float = 1e-5
     force_noise: float = 1.0
     force_part: float = 0.0

@@ -64,7 +64,7 @@ def require_in_model(given: Mapping[str, float], model: str | None) -> None:
         )
 
 
-def follower_of(values: dict[str, float], stem_stiffness: float) -> Follower:
+def follower_of(values: dict[str, float], stem_stiffness: float | None) -> Follower:
     """The follower of some numbers: two masses where they say how the mass splits.
 
     ``stem_stiffness`` (N/m) is that of one mass, which only a landing's pulse feels.

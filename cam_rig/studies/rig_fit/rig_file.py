@@ -39,14 +39,17 @@ def fitted_rig(
         if number.value is not None:
             follower[key] = _quantity(number, source, residual)
     data["follower"] = follower
-    data["radiation"] = {
-        key: quantity("assumed", getattr(base.radiation, key).raw, value["unit"], borrowed)
-        for key, value in dumped["radiation"].items()
-        if isinstance(value, dict)
-    }
+    if base.radiation is not None:
+        data["radiation"] = {
+            key: quantity("assumed", getattr(base.radiation, key).raw, value["unit"], borrowed)
+            for key, value in dumped["radiation"].items()
+            if isinstance(value, dict)
+        }
     missing = [key for key, value in follower.items() if "assumed" in value]
     assumed = [f"{', '.join(missing)}: the rig {base.name}'s"] if missing else []
-    return to_yaml(data), (*assumed, f"sound: the rig {base.name}'s, levels are relative")
+    if base.radiation is not None:
+        assumed.append(f"sound: the rig {base.name}'s, levels are relative")
+    return to_yaml(data), tuple(assumed)
 
 
 def _quantity(number: FoundNumber, source: str, residual: str) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from cam_rig.arrays import rms
+from cam_rig.dynamics.parameters import si_or_none
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
@@ -20,6 +21,8 @@ from cam_rig.studies.rig_fit.start import rough_start
 #: A lift that is further from the law's than this part of it, r.m.s., at the slowest speed is of
 #: another cam.
 FAR_OFF = 0.05
+#: What is said where the search has no number to begin at.
+FROM, OTHER = "the fit, which begins at it", "begin at another rig"
 
 
 def fit_rig(
@@ -48,7 +51,7 @@ def fit_rig(
     require_in_model(given, model)
     holds = measured_holds(run)
     rigid = {name: value for name, value in given.items() if name not in OF_TWO}
-    values = {name: _of_base(base, name) for name in ONE_MASS} | rigid
+    values = {n: base.need(n, FROM, OTHER).si for n in ONE_MASS if n not in rigid} | rigid
     on_step("the encoder's zero")
     rough, phase, zero = rough_start(law, holds, values)
     values = rough | rigid
@@ -59,7 +62,7 @@ def fit_rig(
             "--model one_mass"
         )
     scale = {} if forces or set(given) & set(ONE_MASS[:4]) else {"mass": values["mass"]}
-    stem = given.get("stem_stiffness", base.follower.stem_stiffness.si)
+    stem = given.get("stem_stiffness", si_or_none(base.follower.stem_stiffness))
     start = Likelihood(law, holds, (), values, stem)
     start.force_noise = (
         0.01 * max((h.force.value.max(initial=0.0) for h in holds), default=1.0) or 1.0
@@ -89,8 +92,3 @@ def _is_of_another_cam(aligned: FitSolution) -> bool:
     if predicted is None or not (hold.lift.value.size and hold.force.value.size and hold.presses):
         return False
     return rms(predicted.lift_left) > FAR_OFF * like.law.lift
-
-
-def _of_base(base: RigConfig, name: str) -> float:
-    quantity = getattr(base.follower, name)
-    return float(quantity.si)

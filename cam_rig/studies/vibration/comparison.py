@@ -38,6 +38,10 @@ class VibrationTable:
         return [i for i, rpm in enumerate(self.rpm) if not self.lost_contact(rpm)]
 
 
+#: What is said to need a stem that the rig file leaves out.
+BY = "the vibration of a mass on its stem"
+
+
 def vibration_table(
     cam_set: CamSet, rpm: tuple[float, ...], on_cam: Callable[[str], None] = lambda _: None
 ) -> VibrationTable:
@@ -47,7 +51,7 @@ def vibration_table(
     ------
     DynamicsError : a speed out of `require_speeds`' limits, or without a steady state
     """
-    follower, rpm = FollowerParameters.from_rig(cam_set.rig), tuple(dict.fromkeys(rpm))
+    follower, rpm = FollowerParameters.on_stem(cam_set.rig, BY), tuple(dict.fromkeys(rpm))
     require_speeds(follower, rpm)
     shaft = None if cam_set.rig.shaft is None else shaft_of(cam_set.rig)
     found: dict[str, list[Vibration]] = {}

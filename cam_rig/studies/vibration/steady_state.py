@@ -30,7 +30,7 @@ SLOWEST, FASTEST = 1.0, 1e5
 
 def fastest(follower: FollowerParameters) -> float:
     """Highest speed (rpm) with a residual vibration: `PERIODS` of the stem fit in a turn."""
-    stiffness = follower.spring_stiffness + follower.stem_stiffness
+    stiffness = follower.spring_stiffness + follower.stem
     return min(FASTEST, math.sqrt(stiffness / follower.mass) / PERIODS / RPM)
 
 
@@ -85,9 +85,9 @@ def steady_turn(law: Law, follower: FollowerParameters, speed: float) -> SteadyT
     displacement, _, acceleration, force = sample(
         model, model.periodic(), 0.0, 0.0, step, count, out
     )
-    vibration = -(force - follower.preload) / follower.stem_stiffness
+    vibration = -(force - follower.preload) / follower.stem
     angle = speed * step * np.arange(count, dtype=np.float64)
-    share = follower.spring_stiffness / (follower.spring_stiffness + follower.stem_stiffness)
+    share = follower.spring_stiffness / (follower.spring_stiffness + follower.stem)
     vibration += share * law(angle)
     return SteadyTurn(angle, displacement, acceleration, vibration)
 

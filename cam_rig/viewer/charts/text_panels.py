@@ -76,7 +76,7 @@ def about(loaded: LoadedScene, bucket: int) -> str:
         lines += [f"## {cam.title}", f"`{name}`, {cam.follower.type} follower"]
         lines += by_origin(cam.numbers())
     lines += [f"## {rig.title}", f"`{rig.name}`"]
-    parts = [*rig.follower, *rig.radiation]
+    parts = [*rig.follower, *(rig.radiation or ())]
     lines += by_origin({key: value for key, value in parts if isinstance(value, Quantity)})
     return "\n\n".join(lines) + "\n"
 

@@ -52,5 +52,5 @@ def test_a_stiff_shaft_turns_the_cam_like_the_drive(laws, parameters, follower):
 
 def test_a_rig_without_a_shaft_is_refused(rig):
     """The model says what the rig file must have."""
-    with pytest.raises(ConfigError, match="has no shaft; required by the model torsional"):
+    with pytest.raises(ConfigError, match="shaft: is missing; needed by the model torsional"):
         MODELS["torsional"].parameters(rig)

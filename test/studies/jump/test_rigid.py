@@ -89,7 +89,7 @@ def test_the_follower_is_the_rigs():
     assert described(follower_of(split)) == "two masses"
     assert described(follower_of(whole)) == "one rigid mass"
     half = whole.with_follower(roller_share=0.4)
-    with pytest.raises(ConfigError, match="no roller_share or no stem_damping"):
+    with pytest.raises(ConfigError, match=r"follower\.stem_damping: is missing"):
         follower_of(half)
 
 

@@ -66,11 +66,11 @@ class Mode:
         if isinstance(p, TwoMassParameters):
             mass, stiffness = p.end_mass, p.stiffness
             damping, share, roller = p.stem_damping + p.damping, p.share, p.roller_mass
-            stem_damping = p.stem_damping
+            stem, stem_damping = p.stem_stiffness, p.stem_damping
         else:
-            mass, stiffness = p.mass, p.spring_stiffness + p.stem_stiffness
-            damping, share, roller = p.damping, p.stem_stiffness / stiffness, 0.0
-            stem_damping = 0.0
+            mass, stiffness = p.mass, p.spring_stiffness + p.stem
+            damping, share, roller = p.damping, p.stem / stiffness, 0.0
+            stem, stem_damping = p.stem, 0.0
         half = 0.5 * damping / mass
         square = stiffness / mass - half**2
         if square <= 0.0:
@@ -82,8 +82,8 @@ class Mode:
         return cls(
             rate=complex(-half, math.sqrt(square)),
             drive=((stem_damping - damping * share) / mass, -share),
-            state=(-p.stem_stiffness, -stem_damping),
-            motion=(p.stem_stiffness * left, stem_damping * left, roller),
+            state=(-stem, -stem_damping),
+            motion=(stem * left, stem_damping * left, roller),
             constant=p.preload * (share if isinstance(p, TwoMassParameters) else 1.0),
         )
 
