@@ -21,6 +21,8 @@ from cam_rig.studies.rig_fit.search import (
 BOUNCES, FINER = (1e-3, *(0.025 * k for k in range(1, 37))), 16
 #: A search that ends no further from the likeliest of them is in its valley.
 VALLEY = 0.05
+#: A restitution below this is none: it is known by what it is not beyond.
+SMALL_BOUNCE = 0.02
 #: Steps to the phase of a hold that goes with a restitution, and one of the angle (rad).
 PHASE_STEPS, ANGLE_STEP = 4, 1e-6
 #: A square counts so much at most where restitutions are tried.
@@ -159,19 +161,6 @@ def _off(
         return (shown - hold.lift.value) / likelihood.lift_noise
     shown = predicted.turn.at(predicted.force_angle + moved)[1] + likelihood.single(x, TARE)
     return (shown - hold.force.value[likelihood.kept[i]]) / likelihood.force_deviation(i)
-
-
-def most_bounce(found: FitSolution) -> float:
-    """The restitution beyond which what was measured is not likely any more, with 95 %."""
-    likelihood, sought = found.likelihood, found.likelihood.sought
-    at, least = sought.index("restitution"), float(found.residuals @ found.residuals)
-    x = found.x.copy()
-    for bounce in BOUNCES:
-        x[at] = bounce
-        residuals = likelihood.residuals(x)
-        if float(residuals @ residuals) > least + SQUARE_95:
-            return bounce
-    return BOUNCES[-1]
 
 
 def tared(found: Candidate) -> Candidate:

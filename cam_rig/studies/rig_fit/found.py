@@ -10,7 +10,7 @@ import numpy as np
 from cam_rig.arrays import FloatArray, rms
 from cam_rig.laws import Law
 from cam_rig.simulation.measured_run import MeasuredRun
-from cam_rig.studies.rig_fit.bounces import WITHIN_95, most_bounce
+from cam_rig.studies.rig_fit.bounces import SMALL_BOUNCE, WITHIN_95
 from cam_rig.studies.rig_fit.instruments import BACKLASH, RATIO, RESONANCE, TARE, ZERO
 from cam_rig.studies.rig_fit.likelihood import Likelihood
 from cam_rig.studies.rig_fit.measured_turns import MeasuredHold
@@ -22,8 +22,6 @@ from cam_rig.units import TURN, rounded_to_error
 #: A number is identified where its standard error is below this part of it; a restitution below
 #: this. From a third of the value on, it is identified with a caution.
 TOLD, TOLD_RESTITUTION, CAUTION = 0.5, 0.1, 1.0 / 3.0
-#: A restitution below this is none: it is known by what it is not beyond.
-SMALL_BOUNCE = 0.02
 #: What the speeds that were left out might have told.
 LEFT_OUT = {
     "restitution": "the speeds that lift off fit no such follower",
@@ -230,7 +228,7 @@ def _number(
     group = next((g for g in errors.blind if k in g), None)
     reason = ""
     if name == "restitution" and value < SMALL_BOUNCE:
-        most = most_bounce(solution)  # the slope at none is none
+        most = WITHIN_95 * error
         if most < TOLD_RESTITUTION:
             return FoundNumber(name, 0.0, most / WITHIN_95, "identified")
         reason = f"with 95 % it is below {most:.2g}: the landings that were measured are too soft"

@@ -15,6 +15,7 @@ from cam_rig.studies.rig_fit.likelihood import Likelihood
 from cam_rig.studies.rig_fit.measured_turns import measured_holds
 from cam_rig.studies.rig_fit.models import elastic, one_mass, two_masses
 from cam_rig.studies.rig_fit.numbers import OF_TWO, ONE_MASS, require_in_model
+from cam_rig.studies.rig_fit.profile import profiled
 from cam_rig.studies.rig_fit.search import Candidate, FitSolution, search
 from cam_rig.studies.rig_fit.start import rough_start
 
@@ -78,7 +79,7 @@ def fit_rig(
         if model is None and forces:
             found = elastic(found, given, on_step)
     on_step("standard errors")
-    return found_of(law, run, found, given, tuple(scale), holds)
+    return found_of(law, run, profiled(found), given, tuple(scale), holds)
 
 
 def _is_of_another_cam(aligned: FitSolution) -> bool:

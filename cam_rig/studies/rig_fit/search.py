@@ -50,6 +50,8 @@ class FitSolution(Candidate):
 
     ``bounce`` is a restitution with its standard error that was found beside the search; ``zero``
     (N) what the force sensor shows in flights that were left out, where that is not nothing.
+    ``along`` ``(n,)`` is what all change with one standard error of the restitution, where that is
+    not of the Jacobian.
 
     Raises
     ------
@@ -60,6 +62,7 @@ class FitSolution(Candidate):
     residuals: FloatArray
     bounce: tuple[float, float] | None = None
     zero: float | None = None
+    along: FloatArray | None = None
 
     def __post_init__(self) -> None:
         unknowns, samples = self.likelihood.instruments.size, self.likelihood.count

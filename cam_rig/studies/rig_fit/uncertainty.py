@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
 from cam_rig.arrays import FloatArray, autocorrelation, rms
@@ -44,19 +45,44 @@ class Uncertainty:
 
 
 def uncertainty(solution: FitSolution) -> Uncertainty:
-    """Covariance (JᵀJ)⁻¹ JᵀRJ (JᵀJ)⁻¹ of least squares under noise of correlation R."""
-    slopes, residuals = solution.slopes, solution.residuals
+    """Covariance (JᵀJ)⁻¹ JᵀRJ (JᵀJ)⁻¹ of least squares under noise of correlation R.
+
+    Where a restitution's error is that of a profile, the covariance is that of the other numbers
+    beside it, and what all change with it.
+    """
+    along = solution.along
+    if along is None:
+        columns = np.arange(solution.x.size)
+    else:
+        sought = solution.likelihood.sought
+        columns = np.array([k for k in range(along.size) if sought[k : k + 1] != ("restitution",)])
+    inverse, told, vectors = _inverse(solution.slopes[:, columns])
+    scores, alike = _scores(solution.likelihood, solution.slopes[:, columns], solution.residuals)
+    covariance = np.zeros((solution.x.size, solution.x.size))
+    covariance[np.ix_(columns, columns)] = inverse @ scores @ inverse
+    if along is not None:
+        covariance += np.outer(along, along)
+    blind = tuple(
+        tuple(columns[np.abs(vector) > SHARE].tolist()) for vector in vectors[:, ~told].T
+    )
+    return Uncertainty(covariance, blind, alike)
+
+
+def inflation(solution: FitSolution, k: int) -> float:
+    """By what factor the noise's correlation widens the variance of an unknown."""
+    plain = _inverse(solution.slopes)[0][k, k]
+    return float(uncertainty(solution).covariance[k, k] / plain) if plain > 0.0 else 1.0
+
+
+def _inverse(slopes: FloatArray) -> tuple[FloatArray, NDArray[np.bool_], FloatArray]:
+    """(JᵀJ)⁻¹ ``(n, n)``; which directions are told; all, in columns, of scaled unknowns."""
     sizes = np.linalg.norm(slopes, axis=0)
     sizes[sizes == 0.0] = 1.0
     scaled = slopes / sizes
     values, vectors = np.linalg.eigh(scaled.T @ scaled)
     told = values > BLIND**2 * values[-1]
     inverse = (vectors[:, told] / values[told]) @ vectors[:, told].T
-    scores, alike = _scores(solution.likelihood, scaled, residuals)
-    blind = tuple(
-        tuple(np.flatnonzero(np.abs(vector) > SHARE).tolist()) for vector in vectors[:, ~told].T
-    )
-    return Uncertainty(inverse @ scores @ inverse / np.outer(sizes, sizes), blind, alike)
+    return inverse / np.outer(sizes, sizes), told, vectors
 
 
 def _scores(
