@@ -62,9 +62,7 @@ def uncertainty(solution: FitSolution) -> Uncertainty:
     covariance[np.ix_(columns, columns)] = inverse @ scores @ inverse
     if along is not None:
         covariance += np.outer(along, along)
-    blind = tuple(
-        tuple(columns[np.abs(vector) > SHARE].tolist()) for vector in vectors[:, ~told].T
-    )
+    blind = tuple(tuple(columns[np.abs(vector) > SHARE].tolist()) for vector in vectors[:, ~told].T)
     return Uncertainty(covariance, blind, alike)
 
 
