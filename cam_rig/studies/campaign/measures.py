@@ -114,6 +114,7 @@ def _twist(point: MeasuredPoint, term: Term) -> float:
 
 
 def _level(point: MeasuredPoint, term: Term) -> float:
+    point.rig.need_radiation(f"the measure {term.name}")
     level = point.run(term.low).level_db
     if level is None:
         raise DynamicsError(f"{term.key}: no settled turn to measure")

@@ -36,7 +36,7 @@ from cam_rig.schema import RigConfig, SceneConfig
 from cam_rig.simulation.by_speed import SpeedRow, SpeedRows
 from cam_rig.simulation.levels import step_levels
 from cam_rig.simulation.loaded_scene import LoadedScene
-from cam_rig.simulation.simulate import simulate
+from cam_rig.simulation.simulate import simulate, turned_ticks
 from cam_rig.units import NS, TURN
 
 #: A follower has settled when its turns to come change the force by no more than this part of it.
@@ -71,8 +71,12 @@ def steady_row(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> tu
     loaded = LoadedScene(scene, rig, {}, laws, None, nowhere, nowhere, {}, None)
     settle = scene.program.settle_turns.si
     rows = SpeedRows(laws, int(scene.sample_rate.si), settle)
-    ticks = list(simulate(loaded, rows.take, start.state))
-    row = rows.rows(step_levels(ticks, settle))[0]
+    if rig.radiation is None:  # no sound, so no level
+        for tick in turned_ticks(loaded, start.state):
+            rows.take(tick)
+        row = rows.rows({})[0]
+    else:
+        row = rows.rows(step_levels(simulate(loaded, rows.take, start.state), settle))[0]
     if start.forces is not None:
         row = replace(row, force_least=start.forces[0], force_peak=start.forces[1])
     return row, start.settled
