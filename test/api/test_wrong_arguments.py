@@ -20,6 +20,7 @@ WRONG = [
     *(object(), object, math),
 ]
 FUNCTIONS = [name for name in cam_rig.__all__ if name[0].islower()]
+GOLDEN = str(Path(__file__).parents[2] / "bags" / "golden")
 CAM = cam_rig.load_cam("poly345")
 RIG = cam_rig.load_rig("paper_table2")
 LAW = cam_rig.build_law(CAM)
@@ -40,7 +41,7 @@ def right(tmp_path_factory):
         },
         "build_law": {"cam": CAM},
         "campaign": {"study": "tolerance_poly345", "resume": False, "workers": 1, **points},
-        "compare_run": {"bag": "bags/golden", "scene": "quick", "cam": "tm21"}
+        "compare_run": {"bag": GOLDEN, "scene": "quick", "cam": "tm21"}
         | dict.fromkeys(("topics", "namespace", "offset_deg")),
         "contour": {"cam": CAM, "points": 36},
         "design": {"cam": CAM, "rig": RIG, "minimise": "peak_acceleration", "maximise": None}
@@ -51,7 +52,7 @@ def right(tmp_path_factory):
         "load_cam": {"cam": "poly345"},
         "load_rig": {"rig": "tm21"},
         "load_scene": {"scene": "quick"},
-        "read_bag": {"bag": "bags/golden", "scene": None},
+        "read_bag": {"bag": GOLDEN, "scene": None},
         "run_scene": {"scene": "quick", "on_tick": lambda: None},
         "simulate": {"law": LAW, "rig": RIG, "model": "one_mass", "rpm": 450, "turns": 1}
         | {"sample_rate": 48_000, "ramp": None},
@@ -71,9 +72,11 @@ def refuses_in_one_line(function, arguments):
 
 
 @pytest.mark.parametrize("name", ["Law", *FUNCTIONS])
-def test_only_errors_of_the_rig_come_out(right, name, monkeypatch):
+def test_only_errors_of_the_rig_come_out(right, name, monkeypatch, tmp_path):
     """Every argument of every public function, with every wrong value, one at a time."""
-    monkeypatch.chdir(Path(__file__).parents[2])
+    here = tmp_path / "a" / "b"  # some of the wrong values are places that can be written
+    here.mkdir(parents=True)
+    monkeypatch.chdir(here)
     function = getattr(cam_rig, name)
     parameters = signature(function).parameters
     assert set(right[name]) == set(parameters)
@@ -84,8 +87,8 @@ def test_only_errors_of_the_rig_come_out(right, name, monkeypatch):
 
 def test_what_their_results_are_asked(right, monkeypatch, tmp_path):
     """Methods that take something, as well; a follower's number too."""
-    monkeypatch.chdir(Path(__file__).parents[2])
-    run = cam_rig.read_bag("bags/golden")
+    monkeypatch.chdir(tmp_path)
+    run = cam_rig.read_bag(GOLDEN)
     shape = cam_rig.contour(CAM, 36)
     calls = [
         (lambda value: shape.plot(positions=value)),
