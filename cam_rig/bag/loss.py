@@ -151,7 +151,7 @@ def _lacking(
     for k, before, state in moves:
         names = frozenset(
             topic.name
-            for topic in belonging(before, state)
+            for topic in (topics.CLOCK, *belonging(before, state))
             if state.time_ns not in holdings.times.get(topic.name, ())
             and state.time_ns > newest.get(topic.name, -1)
         )

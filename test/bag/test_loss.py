@@ -22,7 +22,7 @@ from cam_rig.bag.recording.recover import examine, recover, recover_in_place, st
 from cam_rig.bag.recording.split import Split
 from cam_rig.bag.records import chunk_head, records_of
 from cam_rig.errors import BagError
-from cam_rig.messages.topics import JOINT_STATES, RECORDING
+from cam_rig.messages.topics import CLOCK, JOINT_STATES, RECORDING
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.simulation.schedule import cam_states
@@ -71,7 +71,7 @@ def test_ticks_that_are_gone_are_numbered(first, last):
         assert loss_of(Holdings(), SCENE, False, True).open_end
         return
     ticks = f"tick {first}" if first == last else f"ticks {first} to {last}"
-    expected = [belonging(*move) for move in moves()][first : last + 1]
+    expected = [(CLOCK, *belonging(*move)) for move in moves()][first : last + 1]
     assert loss.gaps == (f"{ticks} of 16",)
     assert loss.messages == sum(len(topics) for topics in expected)
 
@@ -114,7 +114,7 @@ def test_without_its_scene_the_numbers_of_the_messages_tell():
     assert "messages 6 to 9 of /cam/state" in loss.gaps
     assert "messages 5 to 8 of /follower/samples" in loss.gaps
     assert loss.open_end and not any("tick" in gap for gap in loss.gaps)
-    all_gone = [topic for move in moves()[5:9] for topic in belonging(*move)]
+    all_gone = [topic for move in moves()[5:9] for topic in (CLOCK, *belonging(*move))]
     last_of_theirs = [topic for topic in all_gone if topic.per == "cam"]  # no number follows them
     assert loss.messages == len(all_gone) - len(last_of_theirs)
     of_others = loss_of(kept, None, True, ours=False)

@@ -19,15 +19,15 @@ def arcs_tables(fit: ArcsFit) -> list[DataTable]:
         COORDINATES,
         (
             (Column("number"), lambda i: fit.told[i].name),
-            (Column("value"), lambda i: shown_value(fit.told[i], *_unit(i))),
-            (Column("with 95 %"), lambda i: shown_interval(fit.told[i], *_unit(i)) or "-"),
-            (Column("told"), lambda i: _how_well(fit.told[i])),
+            (Column("value"), lambda i: shown_value(fit.told[i], *unit_of(i))),
+            (Column("with 95 %"), lambda i: shown_interval(fit.told[i], *unit_of(i)) or "-"),
+            (Column("told"), lambda i: _how_well(fit.told[i], i)),
         ),
     )
     return [numbers, _column_table(fit)]
 
 
-def _unit(index: int) -> tuple[float, str]:
+def unit_of(index: int) -> tuple[float, str]:
     """Factor from SI, and the unit, of a number."""
     return (math.degrees(1.0), "deg") if index == ANGLE else (1e3, "mm")
 
@@ -59,7 +59,12 @@ def _rounded(value: float, error: float) -> str:
     return rounded_to_error(value, error) if math.isfinite(error) else f"{float(f'{value:.3g}'):g}"
 
 
-def _how_well(told: Told) -> str:
+def hardly_told(told: Told, index: int) -> bool:
+    """Whether a number is as good as unknown; an angle may well be 0."""
+    return told.poorly and (index != ANGLE or not math.isfinite(told.error))
+
+
+def _how_well(told: Told, index: int) -> str:
     """A warning beside a number that the readings hardly tell."""
     if told.held:
         return told.held
@@ -67,7 +72,7 @@ def _how_well(told: Told) -> str:
         return "straight within the readings"
     if not math.isfinite(told.error):
         return "not told"
-    return "poorly" if told.poorly else ""
+    return "poorly" if hardly_told(told, index) else ""
 
 
 def _column_table(fit: ArcsFit) -> DataTable:
@@ -116,9 +121,9 @@ def arcs_json(fit: ArcsFit) -> dict[str, Any]:
                 "low_95": None if told.held else finite(told.low),
                 "high_95": None if told.held else finite(told.high),
                 "standard_error": finite(told.error),
-                "told": _how_well(told) or "well",
+                "told": _how_well(told, i) or "well",
             }
-            for told in fit.told
+            for i, told in enumerate(fit.told)
         },
         "rms_m": fit.rms,
         "columns": [

@@ -12,7 +12,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws.families.scatter import least_tolerance
 from cam_rig.studies.cam_fit.arcs import FLANK, PRIME
 from cam_rig.studies.cam_fit.arcs_fit import ArcsFit
-from cam_rig.studies.cam_fit.arcs_tables import shown_interval
+from cam_rig.studies.cam_fit.arcs_tables import hardly_told, shown_interval, unit_of
 from cam_rig.studies.cam_fit.readings import Readings
 from cam_rig.studies.cam_fit.spline_fit import SplineFit
 
@@ -140,9 +140,13 @@ def _poorly(fit: ArcsFit) -> Iterator[str]:
             f"left without them, and base and roller radius together are then {low * 1e3:.3g} to "
             f"{high * 1e3:.3g} mm with 95 %."
         )
-    poor = [told for i, told in enumerate(fit.told) if told.poorly and i != FLANK]
+    poor = [
+        f"{told.name} {shown_interval(told, *unit_of(i))}"
+        for i, told in enumerate(fit.told)
+        if i != FLANK and hardly_told(told, i)
+    ]
     if poor:
-        named = ", ".join(f"{told.name} {shown_interval(told)}" for told in poor)
+        named = ", ".join(poor)
         yield f"Warning: the readings hardly tell {named} (95 %)."
 
 

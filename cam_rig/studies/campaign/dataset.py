@@ -333,6 +333,8 @@ def _intact(path: Path) -> bytes:
     """
     match = _NAME.fullmatch(path.name)
     assert match is not None  # only such are batches
+    if not path.is_file():  # a pipe would never end
+        raise OutputError(f"{path}: is no file; remedy: --resume makes its points again")
     try:
         data = path.read_bytes()
     except OSError as error:
