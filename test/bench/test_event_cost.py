@@ -1,8 +1,11 @@
 """What an event costs, as the table of docs/speed.md has it."""
 
+import pytest
+
 from cam_rig.bench.event_cost import EventCost, event_costs, event_table
 
 
+@pytest.mark.slow
 def test_events_are_known_to_a_picosecond():
     """On the soft stem, by both forms of the search, against 50 digits; the errors are the same."""
     costs = event_costs(("two_mass_soft",), peer="none", repeats=1)

@@ -222,6 +222,7 @@ def test_a_cluster_that_is_none_is_refused_in_one_line(tmp_path):
     assert "allowed: one of them" in both.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_what_is_finished_stays_and_the_rest_is_made(study, tmp_path, number):
     """Ctrl-C in the middle, SIGTERM or a kill: the same rows as of a run that nothing ended."""

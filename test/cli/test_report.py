@@ -217,6 +217,7 @@ def own_scene(tmp_path_factory):
     return config / "scenes" / "own.yaml"
 
 
+@pytest.mark.slow
 def test_a_scene_of_ones_own(own_scene, tmp_path, monkeypatch):
     """Every section and figure; what a study cannot take is said, and levels are relative.
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import pytest
+
 from cam_rig.schema.load import config_root
 
 from .pages import DOCS, blocks
 from .tutorials import follow
 
 
+@pytest.mark.slow
 def test_every_command_of_the_page_runs(tmp_path, monkeypatch):
     """In an empty folder, one after the other; every number shown is in what is printed."""
     monkeypatch.chdir(tmp_path)

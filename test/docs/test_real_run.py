@@ -5,12 +5,15 @@ from __future__ import annotations
 import runpy
 from pathlib import Path
 
+import pytest
+
 from cam_rig.schema.load import config_root
 
 from .pages import DOCS
 from .tutorials import follow
 
 
+@pytest.mark.slow
 def test_every_command_of_the_page_runs(tmp_path, monkeypatch):
     """Beside the golden bag and that of the example's bench; every number is printed."""
     monkeypatch.chdir(tmp_path)
