@@ -63,7 +63,8 @@ def test_a_photograph_is_of_the_bags_own_layout(
     pixels = np.arange(12, dtype=np.uint8).reshape(2, 2, 3)
 
     def photograph(address: str, colours: tuple[int, ...], settled: int) -> Pixels:
-        assert urllib.request.urlopen(address).status == 200
+        browser = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+        assert browser.open(address, timeout=60).status == 200
         assert settled in colours and colours == screenshot.SHOWN
         return pixels
 
