@@ -25,7 +25,7 @@ STANDS_OUT = 0.3
 #: median of what is off, which outliers do not move.
 OUTLIER, TO_DEVIATION = 10.0, 1.4826
 #: One jump speed with more than this part of all that is left, as squares, is an outlier.
-FAR_OFF = 0.55
+OUTLYING = 0.55
 
 
 def number_sentences(numbers: Iterable[FoundNumber]) -> Iterator[str]:
@@ -93,7 +93,7 @@ def jump_conclusions(fit: JumpFit) -> Iterator[str]:
             f"intervals of 95 % reach {fit.numbers[0].within:.3g} standard errors."
         )
     worst = int(np.abs(fit.left).argmax())
-    if fit.free > 1 and fit.left[worst] ** 2 > FAR_OFF * float(fit.left @ fit.left):
+    if fit.free > 1 and fit.left[worst] ** 2 > OUTLYING * float(fit.left @ fit.left):
         reading = fit.table.readings[worst]
         yield f"Line {reading.line} is {-fit.left[worst]:.3g} rpm off the others: an outlier?"
 

@@ -73,7 +73,7 @@ def test_too_few_readings_are_refused(law, rig):
         fit_jumps(law, few, rig)
 
 
-def test_a_slip_is_named(law, rig):
+def test_an_outlier_is_named(law, rig):
     """One reading 30 rpm off: its line."""
     read = table(law, noise=0.3 * RPM)
     wrong = list(read.readings)
