@@ -25,7 +25,7 @@ from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import RPM
 
-#: /clock of a paced run, Hz: so that a busy machine's has 100.
+#: /clock of a paced run, Hz at least: so that a busy machine's has 100.
 CLOCK_HZ = 125.0
 
 
@@ -119,6 +119,8 @@ class CamDrive(ClockSource):
     def _publish(self, state: CamState) -> None:
         law = self._program.laws[state.cam]
         self.publish_state(state, shaft_torque(law, self._mechanics, state.angle, state.speed))
+        if self._program.pacing.factor is not None:
+            self._between.reset()  # /clock goes on by itself only where states are farther apart
 
     def resend(self) -> None:
         """Send the states in flight once more."""

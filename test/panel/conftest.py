@@ -134,6 +134,7 @@ def panel(shared: Shared, tmp_path: Path) -> Iterator[Panel]:
     shown.open(shared.address)
     shown.settled()
     yield shown
+    shown.page.evaluate("() => sessionStorage.clear()")  # the language that was chosen
     errors, outside = shown.errors[:], shown.outside[:]
     shown.errors.clear()
     shown.outside.clear()

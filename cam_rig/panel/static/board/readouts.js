@@ -20,6 +20,7 @@ export class Readouts {
     $("name").value = `${cam.name}_drawn`;
     this.checks = [];
     this.faults = [];
+    this.stale();
   }
 
   status(words, wrong) {
