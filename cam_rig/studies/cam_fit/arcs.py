@@ -79,6 +79,10 @@ class ArcColumn:
         roller = "roller" if self.follower.roller_radius else "point"
         return "flat" if self.follower.flat else roller
 
+    def lifts(self, arcs: Arcs, angles: FloatArray) -> FloatArray:
+        """What its gauge would show (m) of a contour, at angles (rad) as the readings have them."""
+        return arcs.lifts(self.follower, -angles if self.reverse else angles)
+
     @property
     def rms(self) -> float:
         """r.m.s. residual of the readings, m."""

@@ -8,9 +8,10 @@ out.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import product
 from typing import Literal
 
@@ -21,8 +22,10 @@ from cam_rig.errors import LawError
 from cam_rig.studies.cam_fit.arcs import COORDINATES, FLANK, PRIME, ArcColumn, Arcs, Form, number_of
 from cam_rig.studies.cam_fit.arcs_intervals import Profile, Told
 from cam_rig.studies.cam_fit.arcs_search import ArcSearch
-from cam_rig.studies.cam_fit.readings import Readings
+from cam_rig.studies.cam_fit.readings import OUTLIER, Readings, judged_by, with_outliers
 
+#: Outliers are judged by the arcs, and the arcs are fitted again, at most so many times.
+ROUNDS = 4
 #: Which radius is known beside the readings.
 Known = Literal["base", "roller", "both"] | None
 #: What is known of the flanks.
@@ -174,10 +177,60 @@ def fit_arcs(
     known : which of them is given, not assumed
     flank : what is known of it; None takes a straight one unless the readings rule it out
 
+    Which readings are outliers, the arcs say: a good one beside a kink, where a flat face passes
+    from base circle to nose, is contradicted by its neighbours alone, and hides one that is none.
+
     Raises
     ------
     LawError : no contour of arcs comes near the readings
     """
+    fit = partial(
+        _fitted,
+        kinds=kinds,
+        roller_radius=roller_radius,
+        base_radius=base_radius,
+        known=known,
+        flank=flank,
+    )
+    found = _settled(fit, columns)
+    if any(column.readings.outliers for column in found.columns):
+        with suppress(LawError):  # a slip so large that nothing comes near with it
+            whole = _settled(fit, tuple(with_outliers(one) for one in columns))
+            return whole if _explains(whole, found) else found
+    return found
+
+
+def _settled(
+    fit: Callable[[tuple[Readings, ...]], ArcsFit], columns: tuple[Readings, ...]
+) -> ArcsFit:
+    """The fit whose own arcs tell the outliers that it leaves out."""
+    found = fit(columns)
+    for _ in range(ROUNDS):
+        judged = tuple(
+            judged_by(one.readings, partial(one.lifts, found.arcs)) for one in found.columns
+        )
+        left = [one.readings.lines for one in found.columns]
+        if all(np.array_equal(one.lines, two) for one, two in zip(judged, left, strict=True)):
+            break
+        found = fit(judged)
+    return found
+
+
+def _explains(whole: ArcsFit, found: ArcsFit) -> bool:
+    """Whether a contour takes readings as good that another leaves out, none off as an outlier."""
+    more = whole.best.search.count - found.best.search.count
+    return more > 0 and whole.best.squares - found.best.squares < more * (OUTLIER * found.rms) ** 2
+
+
+def _fitted(
+    columns: tuple[Readings, ...],
+    kinds: tuple[bool | None, ...],
+    roller_radius: float,
+    base_radius: float,
+    known: Known,
+    flank: Flank,
+) -> ArcsFit:
+    """One contour through the columns as they are."""
     searches = list(_searches(columns, kinds, roller_radius, base_radius, known))
     if flank == "straight":
         searches = [search.holding(FLANK, 0.0) for search in searches]

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cam_rig.arrays import FloatArray, rms
+from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError
 from cam_rig.laws.families.scatter import least_tolerance
 from cam_rig.studies.cam_fit.arcs import FLANK, PRIME
@@ -18,7 +18,7 @@ from cam_rig.studies.cam_fit.spline_fit import SplineFit
 
 #: Readings wider apart than this (deg) leave the law between them to the spline.
 WIDE_DEG = 5.0
-#: Residuals of more than so many times their r.m.s. are named, the farthest so many of them.
+#: Residuals of more than so many times the r.m.s. of the others are named, so many of them at most.
 FARTHEST, MOST_NAMED = 3.0, 3
 
 
@@ -53,7 +53,7 @@ def spline_conclusions(fit: SplineFit) -> Iterator[str]:
     )
     if not fit.dwells:
         yield "No dwell is found: nowhere do enough readings rest within their scatter."
-    yield from _farthest(readings, readings.lifts - fit.law(readings.angles))
+    yield from _farthest(readings, fit.beside)
     yield _left_out(readings)
 
 
@@ -69,11 +69,12 @@ def _left_out(readings: Readings) -> str:
 
 def _farthest(readings: Readings, residuals: FloatArray) -> Iterator[str]:
     """The readings that are far from the law, by their lines."""
-    sizes = np.abs(residuals) / max(rms(residuals), readings.rounding)
+    others = (np.sum(residuals**2) - residuals**2) / (residuals.size - 1)
+    sizes = np.abs(residuals) / np.maximum(np.sqrt(others), readings.rounding)
     far = [i for i in np.argsort(-sizes)[:MOST_NAMED] if sizes[i] > FARTHEST]
     named = ", ".join(
         f"line {readings.lines[i]} ({math.degrees(readings.angles[i]):.6g} deg) by "
-        f"{residuals[i] * 1e3:+.3g} mm, {sizes[i]:.2g} times the r.m.s."
+        f"{residuals[i] * 1e3:+.3g} mm, {sizes[i]:.2g} times the others' r.m.s."
         for i in far
     )
     if named:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cam_rig.arrays import FloatArray
+from cam_rig.arrays import FloatArray, rms
 from cam_rig.errors import ConfigError
 from cam_rig.laws.families.scatter import WINDOW, differences, scatter, scatter_error
 from cam_rig.schema.bench_tables.gauge_table import GaugeColumn, GaugeTable
@@ -32,7 +33,7 @@ MOST_OUTLIERS, MOST_OUTLIERS_PART = 10, 0.05
 
 @dataclass(frozen=True, eq=False)
 class Outlier:
-    """A reading that its neighbours contradict: ``beside`` (m) is how far it is off them."""
+    """A reading that its neighbours, or a law, contradict: ``beside`` (m) is how far it is off."""
 
     line: int
     angle: float
@@ -53,8 +54,8 @@ class Readings:
     resolution : the step in which lifts are written, m
     gap : start and span (rad) of the longest stretch without readings
     notes : what was done to them, a sentence each
-    outliers : readings that were left out
-    zero_error : standard error (m) of the zero that was found in them and subtracted
+    outliers : readings that were left out, above the gauge's own zero
+    zero, zero_error : what was found in them as zero and subtracted, and its standard error, m
     """
 
     name: str
@@ -65,6 +66,7 @@ class Readings:
     gap: tuple[float, float]
     notes: tuple[str, ...]
     outliers: tuple[Outlier, ...] = ()
+    zero: float = 0.0
     zero_error: float = 0.0
 
     @property
@@ -156,9 +158,14 @@ def _widest_gap(angles: FloatArray) -> tuple[float, float]:
     return float(angles[widest]), float(ahead[widest])
 
 
+def most_outliers(count: int) -> int:
+    """How many of so many readings may be outliers."""
+    return min(MOST_OUTLIERS, math.ceil(MOST_OUTLIERS_PART * count))
+
+
 def without_outliers(readings: Readings) -> Readings:
     """The readings without those that look like outliers of the gauge or of the pen."""
-    most = min(MOST_OUTLIERS, math.ceil(MOST_OUTLIERS_PART * readings.angles.size))
+    most = most_outliers(readings.angles.size)
     kept = np.arange(readings.angles.size)
     sizes, taken = [], []
     for _ in range(most + 1):
@@ -176,7 +183,49 @@ def without_outliers(readings: Readings) -> Readings:
         if clear and _scattered(taken[: k + 1], readings.angles.size):
             outliers = k + 1
     left = np.setdiff1d(np.arange(readings.angles.size), taken[:outliers])
-    named = tuple(_outlier(readings, left, i) for i in sorted(taken[:outliers]))
+    return _leaving(
+        readings, left, tuple(_outlier(readings, left, i) for i in sorted(taken[:outliers]))
+    )
+
+
+def with_outliers(readings: Readings) -> Readings:
+    """All readings, the outliers among them."""
+    before = readings.outliers
+    angles = np.append(readings.angles, [one.angle for one in before])
+    lifts = np.append(readings.lifts, [one.lift - readings.zero for one in before])
+    lines = np.append(readings.lines, np.array([one.line for one in before], dtype=np.int64))
+    return _leaving(
+        replace(readings, angles=angles, lifts=lifts, lines=lines), np.argsort(angles), ()
+    )
+
+
+def judged_by(readings: Readings, law: Callable[[FloatArray], FloatArray]) -> Readings:
+    """All readings, without those that look like outliers beside a law through them.
+
+    The law (m) of angles (rad) may bend and kink as it likes: no neighbour is asked.
+    """
+    whole = with_outliers(readings)
+    beside = whole.lifts - law(whole.angles)
+    farthest = np.argsort(-np.abs(beside), kind="stable")
+    outliers = 0
+    for k in range(most_outliers(beside.size)):
+        normal = max(rms(beside[farthest[k + 1 :]]), readings.rounding)
+        if abs(beside[farthest[k]]) > OUTLIER * normal:
+            outliers = k + 1
+    named = (
+        Outlier(
+            int(whole.lines[i]),
+            float(whole.angles[i]),
+            float(whole.lifts[i]) + whole.zero,
+            float(beside[i]),
+        )
+        for i in sorted(farthest[:outliers])
+    )
+    return _leaving(whole, np.sort(farthest[outliers:]), tuple(named))
+
+
+def _leaving(readings: Readings, left: NDArray[np.int64], named: tuple[Outlier, ...]) -> Readings:
+    """The readings that are left, the others named."""
     return replace(
         readings,
         angles=readings.angles[left],
