@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import errno
 import logging
 import socket
@@ -138,10 +139,11 @@ def serve(
 
 
 def _in_one_line(record: logging.LogRecord) -> bool:
-    """A page's message that is no UTF-8 is not worth a traceback."""
-    if record.exc_info and isinstance(record.exc_info[1], UnicodeDecodeError):
+    """A page's message that is no UTF-8 is not worth a traceback; a request cut off, no word."""
+    error = record.exc_info[1] if record.exc_info else None
+    if isinstance(error, UnicodeDecodeError):
         record.exc_info = None
-    return True
+    return not isinstance(error, asyncio.CancelledError)
 
 
 def _listener(port: int) -> socket.socket:

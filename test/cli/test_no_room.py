@@ -5,10 +5,14 @@ from __future__ import annotations
 import resource
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
 import pytest
+import typer
+
+from cam_rig.cli.common.commands import Commands
 
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 COMMAND = Path(sys.executable).with_name("cam-rig")
@@ -60,14 +64,46 @@ def lines(command: str, folder: Path, **how: Any) -> tuple[int, list[str]]:
     return done.returncode, [x for x in done.stderr.splitlines() if x.startswith("cam-rig: ")]
 
 
+@pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("what", PRINTED)
-def test_a_stdout_that_is_full(what: str, tmp_path: Path) -> None:
+def test_a_stdout_that_is_full(
+    what: str, unbuffered: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Its reader would take half a result for a whole one; the code says that it is none."""
+    monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
     with open("/dev/full", "wb") as full:
         code, told = lines(PRINTED[what], tmp_path, stdout=full)
     assert code == 1
     (line,) = told
-    assert "stdout" in line and "No space left on device" in line
+    assert line.startswith("cam-rig: stdout: cannot be") and "No space left on device" in line
+
+
+def test_a_temporary_file_without_room(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its error has no name either: the folder is named, not stdout, which takes all."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    app = typer.Typer(cls=Commands)
+    app.callback()(lambda: None)
+
+    @app.command()
+    def fill() -> None:
+        print("half a result")
+        with tempfile.TemporaryFile(dir=tmp_path) as file:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (MOST, hard))
+            file.write(bytes(2 * MOST))
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    monkeypatch.setattr(sys, "stdout", sys.stdout)  # is put back
+    try:
+        with pytest.raises(SystemExit) as ended:
+            app(["fill"])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert ended.value.code == 1
+    told = capsys.readouterr().err
+    assert told.startswith(f"cam-rig: a temporary file in {tmp_path}: cannot be"), told
+    assert "stdout" not in told
 
 
 @pytest.mark.slow

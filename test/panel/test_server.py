@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import re
 import signal
 import socket
+import threading
+from collections.abc import AsyncIterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import asynccontextmanager, suppress
+from http.client import HTTPException
 from pathlib import Path
 from urllib.parse import urljoin, urlsplit
 
 import pytest
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
@@ -260,3 +269,38 @@ def test_the_files_are_in_the_package() -> None:
     assert '"panel/static/*/*"' in setup
     assert all(path.is_file() for path in STATIC.glob("*/*"))
     assert all(path.is_dir() for path in STATIC.iterdir())
+
+
+class EndlessPages:
+    """One request that is never answered, as a long turn of the lab; ``asked`` when it has come."""
+
+    def __init__(self) -> None:
+        self.asked = threading.Event()
+        self.routes = (Route("/", self._answer),)
+
+    @asynccontextmanager
+    async def alive(self) -> AsyncIterator[None]:
+        yield
+
+    async def _answer(self, _: Request) -> Response:
+        self.asked.set()
+        await asyncio.Event().wait()
+        raise AssertionError
+
+
+def test_a_request_that_the_end_cuts_off_leaves_no_traceback(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """Ctrl-C while a turn is computed: the request is cancelled, and nothing is said of it."""
+    pages = EndlessPages()
+    with ThreadPoolExecutor() as threads:
+        with serve(pages) as served:
+            url = urlsplit(served.address)
+            cookie = ask(served.address, f"/?{url.query}")[1]["Set-Cookie"].split(";")[0]
+            asking = threads.submit(ask, served.address, "/", Cookie=cookie)
+            assert pages.asked.wait(60.0)
+        with suppress(HTTPException, OSError):
+            assert asking.result()[0] == 500
+    assert "Cancel 1 running task" in caplog.text  # it was cut off, not over
+    assert not [record for record in caplog.records if record.exc_info]
+    assert "Traceback" not in caplog.text

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import sys
+import tempfile
 from collections import Counter
 from contextlib import suppress
 from typing import Any
@@ -29,8 +30,8 @@ class Commands(TyperGroup):
             finally:
                 sys.stdout.flush()
         except OSError as error:
+            what = error.filename or _unnamed()
             sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  # for the rest
-            what = error.filename or "stdout or a temporary file"
             why = f"{what}: cannot be read or written ({error.strerror or error})"
             if error.errno != errno.EPIPE:  # else a reader has seen enough
                 with suppress(OSError):  # stderr itself
@@ -46,6 +47,15 @@ class Commands(TyperGroup):
                 raise
             print(f"cam-rig: {one_line(error)}", file=sys.stderr)
             raise typer.Exit(ConfigError.exit_code) from None
+
+
+def _unnamed() -> str:
+    """What could not be written, if the error has no name: stdout, if it takes no end of line."""
+    try:
+        print(flush=True)
+    except OSError:
+        return "stdout"
+    return f"a temporary file in {tempfile.gettempdir()}"
 
 
 class Command(TyperCommand):
