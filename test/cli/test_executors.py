@@ -3,6 +3,8 @@
 import json
 import os
 import signal
+import subprocess
+import sys
 
 import pytest
 from distributed import LocalCluster
@@ -10,6 +12,7 @@ from distributed import LocalCluster
 from cam_rig.cli.common import executors
 from cam_rig.cli.common.executors import check_workplace, workplace
 from cam_rig.errors import ConfigError, RunError
+from cam_rig.interrupts import STOPPING
 
 
 def test_processes_are_others_than_this(monkeypatch):
@@ -20,6 +23,31 @@ def test_processes_are_others_than_this(monkeypatch):
     monkeypatch.setattr(os, "cpu_count", lambda: 3)
     with workplace(None, None) as place:
         assert place.count == 3
+
+
+TRACKED = """
+from multiprocessing import resource_tracker
+from cam_rig.cli.common.workers import workers
+if __name__ == "__main__":
+    with workers(1) as pool:
+        pool.submit(int).result(timeout=100)
+        print(open(f"/proc/{resource_tracker._resource_tracker._pid}/status").read())
+"""
+
+
+def test_no_signal_to_a_command_ends_what_removes_its_leavings(tmp_path):
+    """Python's resource tracker is of the terminal's group too: a hang-up killed it.
+
+    The one that took its place knew of nothing, and printed a KeyError for each name.
+    """
+    script = tmp_path / "tracked.py"
+    script.write_text(TRACKED, encoding="utf-8")
+    found = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, check=True, timeout=100
+    ).stdout
+    rows = dict(line.split(":", maxsplit=1) for line in found.splitlines() if line)
+    deaf = int(rows["SigBlk"], 16) | int(rows["SigIgn"], 16)
+    assert [number for number in STOPPING if not deaf >> (number - 1) & 1] == []
 
 
 def test_a_killed_worker_ends_a_command_in_a_line():

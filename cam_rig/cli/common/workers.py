@@ -28,7 +28,7 @@ class _Worker(SpawnProcess):
     """
 
     def start(self) -> None:
-        resource_tracker.ensure_running()  # it takes signals off the mask when it starts
+        _start_tracker()  # it takes signals off the mask when it starts
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, STOPPING)
         try:
             super().start()
@@ -50,6 +50,19 @@ def _none_left(error: OSError) -> RunError:
         "/dev/shm has room for and the user may have (df /dev/shm, ulimit -u), so make room, or "
         "fewer --jobs"
     )
+
+
+def _start_tracker() -> None:
+    """Start Python's own process that removes what a command leaves, deaf to a hang-up too.
+
+    It ignores the other signals that end a command, and inherits the mask for this one. Another
+    that took its place would know nothing of what there is to remove, and print tracebacks of it.
+    """
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
 def _end_with_parent() -> None:
@@ -79,6 +92,7 @@ def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
     if UNTOLD not in sys.warnoptions:
         sys.warnoptions.append(UNTOLD)
     try:
+        _start_tracker()
         pool = ProcessPoolExecutor(
             count or os.cpu_count(), mp_context=_Workers(), initializer=_end_with_parent
         )
