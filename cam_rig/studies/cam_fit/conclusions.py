@@ -9,17 +9,21 @@ import numpy as np
 
 from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError
-from cam_rig.laws.families.scatter import least_tolerance
+from cam_rig.laws.families.scatter import differences, least_tolerance
 from cam_rig.studies.cam_fit.arcs import FLANK, PRIME
 from cam_rig.studies.cam_fit.arcs_fit import ArcsFit
 from cam_rig.studies.cam_fit.arcs_tables import hardly_told, shown_interval, unit_of
+from cam_rig.studies.cam_fit.dwells import likely_range
 from cam_rig.studies.cam_fit.readings import Readings
 from cam_rig.studies.cam_fit.spline_fit import SplineFit
 
 #: Readings wider apart than this (deg) leave the law between them to the spline.
 WIDE_DEG = 5.0
-#: Residuals of more than so many times the r.m.s. of the others are named, so many of them at most.
+#: Residuals of more than so many scatters, or r.m.s. of the others, are named, the farthest so many
+#: of them, ...
 FARTHEST, MOST_NAMED = 3.0, 3
+#: ... beside a spline where neighbours too contradict them by so many scatters.
+CONTRADICTED = 2.5
 
 
 def spline_conclusions(fit: SplineFit) -> Iterator[str]:
@@ -53,7 +57,8 @@ def spline_conclusions(fit: SplineFit) -> Iterator[str]:
     )
     if not fit.dwells:
         yield "No dwell is found: nowhere do enough readings rest within their scatter."
-    yield from _farthest(readings, fit.beside)
+    away = readings.lifts - fit.law(readings.angles)
+    yield from _farthest(readings, away, _suspects(fit, away))
     yield _left_out(readings)
 
 
@@ -67,14 +72,33 @@ def _left_out(readings: Readings) -> str:
     )
 
 
-def _farthest(readings: Readings, residuals: FloatArray) -> Iterator[str]:
-    """The readings that are far from the law, by their lines."""
+def _suspects(fit: SplineFit, residuals: FloatArray) -> FloatArray:
+    """``(n,)`` sizes of residuals, in r.m.s. of all others, or in scatters if that is more.
+
+    The scatter is that of the readings alone: one that is off raises the spline's r.m.s. around it.
+    It measures only those that their neighbours contradict: a spline that is too smooth somewhere
+    is off whole rows of good readings.
+    """
+    readings = fit.readings
+    bent, counts = differences(readings.angles, readings.lifts)
+    contradicted = counts & (np.abs(bent) > CONTRADICTED * fit.scatter)
+    scatters = np.where(contradicted, np.abs(residuals) / fit.scatter, 0.0)
+    return np.maximum(scatters, _beside_others(readings, residuals))
+
+
+def _beside_others(readings: Readings, residuals: FloatArray) -> FloatArray:
+    """``(n,)`` sizes of residuals, in r.m.s. of all others."""
     others = (np.sum(residuals**2) - residuals**2) / (residuals.size - 1)
-    sizes = np.abs(residuals) / np.maximum(np.sqrt(others), readings.rounding)
-    far = [i for i in np.argsort(-sizes)[:MOST_NAMED] if sizes[i] > FARTHEST]
+    return np.abs(residuals) / np.maximum(np.sqrt(others), readings.rounding)
+
+
+def _farthest(readings: Readings, residuals: FloatArray, sizes: FloatArray) -> Iterator[str]:
+    """The readings that are far from the law, by their lines; ``sizes`` in scatters."""
+    likely = max(FARTHEST, 0.5 * likely_range(sizes.size))  # of many, one is so far by chance
+    far = [i for i in np.argsort(-sizes)[:MOST_NAMED] if sizes[i] > likely]
     named = ", ".join(
         f"line {readings.lines[i]} ({math.degrees(readings.angles[i]):.6g} deg) by "
-        f"{residuals[i] * 1e3:+.3g} mm, {sizes[i]:.2g} times the others' r.m.s."
+        f"{residuals[i] * 1e3:+.3g} mm, {sizes[i]:.2g} times the others' scatter"
         for i in far
     )
     if named:
@@ -99,7 +123,8 @@ def arcs_conclusions(fit: ArcsFit) -> Iterator[str]:
             f"{abs(apart):.2g} deg apart."
         )
     for column in fit.columns:
-        yield from _farthest(column.readings, -column.away)
+        sizes = _beside_others(column.readings, column.away)
+        yield from _farthest(column.readings, -column.away, sizes)
         if column.readings.outliers:
             yield f"{column.readings.name}: {_left_out(column.readings)}"
     if fit.others and fit.as_near(fit.others[0]):

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
-from cam_rig.arrays import FloatArray
 from cam_rig.errors import ConfigError, LawError
 from cam_rig.laws import Law
-from cam_rig.laws.families.scatter import differences, least_tolerance
+from cam_rig.laws.families.scatter import least_tolerance
 from cam_rig.laws.families.table import Rest, Smoothed, smooth
 from cam_rig.laws.peaks import extremes, peak
 from cam_rig.laws.pieces import joined
@@ -24,9 +21,6 @@ from cam_rig.studies.cam_fit.readings import Readings, bridges, without_outliers
 #: Without a gauge's error the scatter is allowed, and so many of its standard errors: one that was
 #: found too small makes a spline of many knots, one found too large hardly another one.
 MARGIN = 2.0
-#: How many readings are compared with the spline through the others: those farthest off it, and as
-#: many of those that their neighbours contradict most.
-SUSPECTS = 4
 #: Where no spline comes near enough, it is allowed so many times the distance, and again.
 WIDER = 2.0
 
@@ -66,26 +60,6 @@ class SplineFit:
         """Which reading is farthest from the spline."""
         away = self.law(self.readings.angles) - self.readings.lifts
         return int(np.argmax(np.abs(away)))
-
-    @cached_property
-    def beside(self) -> FloatArray:
-        """``(n,)`` how far (m) each reading is off the spline.
-
-        Those that stand out most, from it or from their neighbours, are compared with the spline
-        through all others: one that is off may have drawn its own spline to itself.
-        """
-        readings, count = self.readings, self.readings.angles.size
-        beside = readings.lifts - self.law(readings.angles)
-        bent = differences(readings.angles, readings.lifts)[0]
-        farthest = [np.argsort(-np.abs(one))[:SUSPECTS] for one in (beside, bent)]
-        rests = [dwell.rest for dwell in self.dwells]
-        for i in np.unique(farthest):
-            others = np.delete(np.arange(count), i)
-            angles, lifts = readings.angles[others], readings.lifts[others]
-            with suppress(LawError):  # as good as the reading's own: nothing else is known
-                law = _law(smooth(angles, lifts, self.tolerance, rests))
-                beside[i] = readings.lifts[i] - law(readings.angles[i])
-        return beside
 
     @property
     def peaks(self) -> tuple[float, float]:

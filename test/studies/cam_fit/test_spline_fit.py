@@ -131,3 +131,25 @@ def test_readings_of_no_cam():
     table = table_of(np.linspace(0.0, TURN, 72, endpoint=False), lifts)
     with pytest.raises(ConfigError, match=r"readings scatter by .* mm about a smooth law; allowed"):
         fit_spline(put_in_order(table, table.columns[0]))
+
+
+@pytest.mark.parametrize(("count", "most"), [(72, 0.3), (120, 0.15), (360, 0.15)])
+@pytest.mark.parametrize("cases", [20, pytest.param(60, marks=pytest.mark.long)])
+def test_a_reading_six_scatters_off_is_named(measured, count, most, cases):
+    """Whether the spline follows it or not: left out or named with its line, in most cases.
+
+    Where none is off, a good reading is named of two tables in five at most.
+    """
+    missed = named = 0
+    for seed in range(cases):
+        rng = np.random.default_rng(seed)
+        law = rng.choice(["poly345", "cycloidal", "bezier15", "flat", "b_spline"])
+        noise, place = 10.0 ** rng.uniform(-5.7, -4.7), int(rng.integers(count))
+        clean = measured(law, count, noise=noise, seed=seed)
+        off = rng.choice([-6.0, 6.0]) * clean.scatter
+        slipped = measured(law, count, noise=noise, seed=seed, outliers={place: off})
+        good, words = (" ".join(spline_conclusions(fit_spline(one))) for one in (clean, slipped))
+        missed += f"line {place + 2} " not in words
+        named += "farthest from the law" in good
+    assert missed <= most * cases
+    assert named <= 0.4 * cases
