@@ -7,11 +7,18 @@ how wide it is. The ratio of likelihoods does, the other numbers sought anew at 
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
-from cam_rig.studies.rig_fit.bounces import SMALL_BOUNCE, SQUARE_95, WITHIN_95
+from cam_rig.studies.rig_fit.bounces import (
+    SMALL_BOUNCE,
+    SQUARE_95,
+    WITHIN_95,
+    as_sought,
+    freed,
+)
 from cam_rig.studies.rig_fit.numbers import NUMBERS
 from cam_rig.studies.rig_fit.search import (
     Candidate,
@@ -25,50 +32,48 @@ from cam_rig.studies.rig_fit.uncertainty import inflation
 
 #: First step from the likeliest restitution, each next one twice it; halvings of the last.
 FIRST_STEP, HALVINGS = 0.01, 3
+#: Looks about, each from the likeliest of the one before where that is by this log ratio.
+LOOKS, LIKELIER = 4, 1.0
 
 
 def profiled(found: FitSolution) -> FitSolution:
     """The same in the middle of the restitution's interval of 95 %, its errors those of that.
 
-    Of two masses there is none: their bounces depend on every number at once. What was found
-    beside the search keeps its own error, and those of the other numbers learn of it.
+    Of two masses there is none: their bounces depend on every number at once.
     """
     like = found.likelihood
     if "roller_share" in like.values(found.x) or not any(landings_of(found)):
         return found
     if "restitution" not in like.sought:
-        return found if found.bounce is None else _beside(found, *found.bounce)
+        return found
+    found, low, high = _interval(found)
     at = like.sought.index("restitution")
-    likeliest = float(found.x[at])
-    level = 0.5 * SQUARE_95 * max(1.0, inflation(found, at))
-    low, high = (_end(found, likeliest, to, level) for to in _limits())
     # Near none, none is said: what is known is the end.
-    middle = 0.5 * (low + high) if likeliest >= SMALL_BOUNCE else 0.0
+    middle = 0.5 * (low + high) if found.x[at] >= SMALL_BOUNCE else 0.0
     fixed = _at(found, middle)
     if len(fixed.likelihood.holds) < len(like.holds):
         return found
     error = (high - middle) / WITHIN_95
     along = np.insert(_along(fixed, middle, error), at, error)
-    start = continued(fixed, like.sought, fixed.likelihood.values(fixed.x))
-    new = replace(start.likelihood, kept=fixed.likelihood.kept, pressing=fixed.likelihood.pressing)
-    return replace(
-        found,
-        likelihood=new,
-        x=start.x,
-        slopes=new.slopes(start.x),
-        residuals=new.residuals(start.x),
-        along=along,
-    )
+    return replace(as_sought(fixed, like.sought), along=along)
 
 
-def _beside(found: FitSolution, bounce: float, error: float) -> FitSolution:
-    """The same, its errors with that of a restitution that is not among what was sought."""
-    return replace(found, along=_along(found, bounce, error))
+def _interval(found: FitSolution) -> tuple[FitSolution, float, float]:
+    """What is likeliest of all that is tried on the way to the interval's ends, and these.
 
-
-def _limits() -> tuple[float, float]:
-    number = NUMBERS["restitution"]
-    return number.low, number.high
+    A search ends in the valley it began in. One that is likelier beside another restitution is
+    where the next look begins.
+    """
+    sought = found.likelihood.sought
+    at, number = sought.index("restitution"), NUMBERS["restitution"]
+    for _ in range(LOOKS):
+        level = 0.5 * SQUARE_95 * max(1.0, inflation(found, at))
+        (low, one), (high, other) = (_end(found, at, to, level) for to in (number.low, number.high))
+        best = min((one, other), key=lambda trial: log_ratio(found, trial))
+        if log_ratio(found, best) > -LIKELIER:
+            break
+        found = freed(best, sought)
+    return found, low, high
 
 
 def _at(found: Candidate, bounce: float) -> FitSolution:
@@ -78,25 +83,26 @@ def _at(found: Candidate, bounce: float) -> FitSolution:
     return search(continued(found, names, values))
 
 
-def _end(found: FitSolution, inside: float, limit: float, level: float) -> float:
-    """The last restitution towards ``limit`` that is likely: by a log ratio below ``level``."""
-    near: FitSolution = found
-    step, outside = FIRST_STEP, None
-    while outside is None and inside != limit:
-        there = inside + np.sign(limit - inside) * min(step, abs(limit - inside))
-        trial = _at(near, float(there))
-        if _likely(found, trial, level):
-            inside, near, step = float(there), trial, 2.0 * step
+def _end(found: FitSolution, at: int, limit: float, level: float) -> tuple[float, FitSolution]:
+    """The last restitution towards ``limit`` that is likely: by a log ratio below ``level``.
+
+    With it the likeliest of what was tried.
+    """
+    inside = float(found.x[at])
+    best = near = found
+    step, outside, halvings = FIRST_STEP, None, HALVINGS
+    while inside != limit and (outside is None or halvings > 0):
+        if outside is None:
+            there = inside + math.copysign(min(step, abs(limit - inside)), limit - inside)
         else:
-            outside = float(there)
-    for _ in range(HALVINGS if outside is not None else 0):
-        assert outside is not None
-        trial = _at(near, 0.5 * (inside + outside))
+            there, halvings = 0.5 * (inside + outside), halvings - 1
+        trial = _at(near, there)
         if _likely(found, trial, level):
-            inside, near = 0.5 * (inside + outside), trial
+            inside, near, step = there, trial, 2.0 * step
+            best = min((best, trial), key=lambda one: log_ratio(found, one))
         else:
-            outside = 0.5 * (inside + outside)
-    return inside if outside is None else outside
+            outside = there
+    return inside if outside is None else outside, best
 
 
 def _likely(found: FitSolution, trial: FitSolution, level: float) -> bool:
@@ -107,8 +113,8 @@ def _likely(found: FitSolution, trial: FitSolution, level: float) -> bool:
 
 def _along(fixed: FitSolution, bounce: float, error: float) -> np.ndarray:
     """By how much what was sought, ``(n,)``, changes with one standard error of a restitution."""
-    low, high = _limits()
-    ends = [min(max(bounce + side * error, low), high) for side in (-1.0, 1.0)]
+    number = NUMBERS["restitution"]
+    ends = [min(max(bounce + side * error, number.low), number.high) for side in (-1.0, 1.0)]
     found = [_at(fixed, end) for end in ends]
     if any(one.x.size != fixed.x.size for one in found) or ends[0] == ends[1]:
         return np.zeros(fixed.x.size)
