@@ -82,7 +82,8 @@ def _with_phases(start: Candidate, phases: FloatArray) -> Candidate:
 def bounce_beside(found: Candidate) -> tuple[float, float] | None:
     """The restitution with its standard error, beside other numbers that stay as they are.
 
-    That is half of what is possible, as the others were not sought with it. None where with none of them the flights are as they were measured, to their noise.
+    That is half of what is possible, as the others were not sought with it. None where with none
+    of them the flights are as they were measured, to their noise.
     """
     _, possible, step = _likely(found)
     names = tuple(name for name in found.likelihood.sought if name != "restitution")
