@@ -16,6 +16,7 @@ from cam_rig.studies.rig_fit.search import (
     continued,
     log_ratio,
     search,
+    steady_holds_of,
 )
 
 #: Restitutions tried, then so many finer ones between those beside the best.
@@ -66,9 +67,10 @@ def freed(fixed: FitSolution, sought: tuple[str, ...]) -> FitSolution:
 
 def as_sought(fixed: FitSolution, sought: tuple[str, ...]) -> FitSolution:
     """The same, with what was fixed among what is sought: with slopes, and not moved."""
-    like = fixed.likelihood
+    like, steady = fixed.likelihood, steady_holds_of(fixed)
     start = continued(fixed, sought, like.values(fixed.x))
-    new = replace(start.likelihood, kept=like.kept, pressing=like.pressing)
+    kept, pressing = ([one[i] for i in steady] for one in (like.kept, like.pressing))
+    new = replace(start.likelihood, kept=kept, pressing=pressing)
     return FitSolution(new, start.x, new.slopes(start.x), new.residuals(start.x))
 
 
