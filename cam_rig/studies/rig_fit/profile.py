@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from cam_rig.arrays import FloatArray
 from cam_rig.studies.rig_fit.bounces import (
     SMALL_BOUNCE,
     SQUARE_95,
@@ -46,20 +47,19 @@ def profiled(found: FitSolution) -> FitSolution:
         return found
     if "restitution" not in like.sought:
         return found
-    found, low, high = _interval(found)
+    found, likely, low, high = _interval(found)
     at = like.sought.index("restitution")
     # Near none, none is said: what is known is the end.
     middle = 0.5 * (low + high) if found.x[at] >= SMALL_BOUNCE else 0.0
     fixed = _at(found, middle)
-    if len(fixed.likelihood.holds) < len(like.holds):
+    if fixed.x.size < found.x.size - 1:
         return found
-    error = (high - middle) / WITHIN_95
-    along = np.insert(_along(fixed, middle, error), at, error)
+    along = np.insert(_along(fixed, likely), at, (high - middle) / WITHIN_95)
     return replace(as_sought(fixed, like.sought), along=along)
 
 
-def _interval(found: FitSolution) -> tuple[FitSolution, float, float]:
-    """What is likeliest of all that is tried on the way to the interval's ends, and these.
+def _interval(found: FitSolution) -> tuple[FitSolution, list[FitSolution], float, float]:
+    """The likeliest of all that is tried on the way to the interval's ends; what is likely; these.
 
     A search ends in the valley it began in. One that is likelier beside another restitution is
     where the next look begins.
@@ -68,12 +68,13 @@ def _interval(found: FitSolution) -> tuple[FitSolution, float, float]:
     at, number = sought.index("restitution"), NUMBERS["restitution"]
     for _ in range(LOOKS):
         level = 0.5 * SQUARE_95 * max(1.0, inflation(found, at))
-        (low, one), (high, other) = (_end(found, at, to, level) for to in (number.low, number.high))
-        best = min((one, other), key=lambda trial: log_ratio(found, trial))
+        (low, down), (high, up) = (_end(found, at, to, level) for to in (number.low, number.high))
+        likely = [*reversed(down), *up]
+        best = min(likely, key=lambda trial: log_ratio(found, trial), default=found)
         if log_ratio(found, best) > -LIKELIER:
             break
         found = freed(best, sought)
-    return found, low, high
+    return found, likely, low, high
 
 
 def _at(found: Candidate, bounce: float) -> FitSolution:
@@ -83,26 +84,28 @@ def _at(found: Candidate, bounce: float) -> FitSolution:
     return search(continued(found, names, values))
 
 
-def _end(found: FitSolution, at: int, limit: float, level: float) -> tuple[float, FitSolution]:
+def _end(
+    found: FitSolution, at: int, limit: float, level: float
+) -> tuple[float, list[FitSolution]]:
     """The last restitution towards ``limit`` that is likely: by a log ratio below ``level``.
 
-    With it the likeliest of what was tried.
+    With it what was likely on the way there.
     """
     inside = float(found.x[at])
-    best = near = found
+    likely = list[FitSolution]()
     step, outside, halvings = FIRST_STEP, None, HALVINGS
     while inside != limit and (outside is None or halvings > 0):
         if outside is None:
             there = inside + math.copysign(min(step, abs(limit - inside)), limit - inside)
         else:
             there, halvings = 0.5 * (inside + outside), halvings - 1
-        trial = _at(near, there)
+        trial = _at(likely[-1] if likely else found, there)
         if _likely(found, trial, level):
-            inside, near, step = there, trial, 2.0 * step
-            best = min((best, trial), key=lambda one: log_ratio(found, one))
+            inside, step = there, 2.0 * step
+            likely.append(trial)
         else:
             outside = there
-    return inside if outside is None else outside, best
+    return inside if outside is None else outside, likely
 
 
 def _likely(found: FitSolution, trial: FitSolution, level: float) -> bool:
@@ -111,11 +114,14 @@ def _likely(found: FitSolution, trial: FitSolution, level: float) -> bool:
     return steady and log_ratio(found, trial) < level
 
 
-def _along(fixed: FitSolution, bounce: float, error: float) -> np.ndarray:
-    """By how much what was sought, ``(n,)``, changes with one standard error of a restitution."""
-    number = NUMBERS["restitution"]
-    ends = [min(max(bounce + side * error, number.low), number.high) for side in (-1.0, 1.0)]
-    found = [_at(fixed, end) for end in ends]
-    if any(one.x.size != fixed.x.size for one in found) or ends[0] == ends[1]:
+def _along(fixed: FitSolution, likely: list[FitSolution]) -> FloatArray:
+    """By how much what was sought, ``(n,)``, changes with one standard error of a restitution.
+
+    Where landings pass samples it does not change along a line: the furthest of all that is likely
+    counts, with the sign of what changes from the least restitution to the largest.
+    """
+    found = [one.x - fixed.x for one in likely if one.x.size == fixed.x.size]
+    if not found:
         return np.zeros(fixed.x.size)
-    return np.asarray((found[1].x - found[0].x) * error / (ends[1] - ends[0]))
+    furthest = np.abs(found).max(axis=0) / WITHIN_95
+    return np.asarray(np.copysign(furthest, found[-1] - found[0]))
