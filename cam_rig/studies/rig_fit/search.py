@@ -8,7 +8,6 @@ logarithm of the likelihood.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,8 +23,6 @@ from cam_rig.studies.rig_fit.numbers import search_limits, to_search
 MOST_ROUNDS, FIRST_GUARD, GUARD = 8, 0.05, 0.01
 #: Steps of the first searches, whose noise is not known yet, and of the others.
 FIRST_STEPS, MOST_STEPS = 6, 40
-#: A force on the wrong side of a landing counts no more than one so many standard deviations off.
-MOST_OFF = 6.0
 #: A search is over where the sum of squares falls by this part of it.
 SETTLED = 3e-7
 #: A sum of squares that grows by more than this is no chance, of twenty numbers at most.
@@ -87,12 +84,10 @@ def search(start: Candidate) -> FitSolution:
         for b in bs.tolist()
     ]
     x = np.clip(x, inner[: x.size], inner[x.size :])
-    settled = False
     for i in range(MOST_ROUNDS):
         moved = likelihood.keep_clear(x, FIRST_GUARD if i == 0 else GUARD)
-        beside = i > 0 and not all(kept.all() for kept in likelihood.kept)
-        sized = _size_noise(likelihood, likelihood.residuals(x), MOST_OFF if beside else math.inf)
-        if i > 1 and not moved and not sized and (settled or not beside):
+        sized = _size_noise(likelihood, likelihood.residuals(x))
+        if i > 1 and not moved and not sized:
             break
         found = least_squares(
             likelihood.residuals,
@@ -104,9 +99,7 @@ def search(start: Candidate) -> FitSolution:
             xtol=1e-10,
             gtol=1e-12,
             max_nfev=FIRST_STEPS if i < 2 else MOST_STEPS,
-            loss=_loss(likelihood) if beside else "linear",
         )
-        settled = found.status > 0
         x = np.clip(found.x, inner[: x.size], inner[x.size :])
     return FitSolution(likelihood, found.x, np.asarray(found.jac), found.fun)
 
@@ -121,35 +114,10 @@ def _limits(likelihood: Likelihood, size: int) -> tuple[FloatArray, FloatArray]:
     return bounds
 
 
-def _loss(likelihood: Likelihood) -> Callable[[FloatArray], FloatArray]:
-    """What squares ``(m,)`` count, and its slopes ``(3, m)``: of a force, so much at most.
-
-    Where a landing passes a sample, its force is off at once by all of it. A sum of squares has a
-    cliff there, at which a search would stop far from the least, and its slopes tell nothing of it.
-    """
-    forces = np.zeros(likelihood.count, dtype=bool)
-    at = 0
-    for hold, kept in zip(likelihood.holds, likelihood.kept, strict=True):
-        middle = at + hold.lift.value.size
-        at = middle + int(kept.sum())
-        forces[middle:at] = True
-    half = 0.5 * MOST_OFF**2
-
-    def counted(squares: FloatArray) -> FloatArray:
-        found = np.stack([squares, np.ones_like(squares), np.zeros_like(squares)])
-        off = forces & (squares > half)
-        part = half / squares[off]
-        found[:, off] = half * (2.0 - part), part**2, -2.0 * part**3 / half
-        return found
-
-    return counted
-
-
-def _size_noise(likelihood: Likelihood, residuals: FloatArray, most: float) -> bool:
+def _size_noise(likelihood: Likelihood, residuals: FloatArray) -> bool:
     """Take the noise from the residuals; whether it changed by more than a hundredth.
 
-    That of the force is a floor and a part in proportion to the force, as of most sensors; one that
-    is off by more standard deviations than ``most`` counts as much.
+    That of the force is a floor and a part in proportion to the force, as of most sensors.
     """
     lifts, forces, pressing, at = [np.empty(0)], [np.empty(0)], [np.empty(0)], 0
     for i, (hold, kept) in enumerate(zip(likelihood.holds, likelihood.kept, strict=True)):
@@ -159,7 +127,7 @@ def _size_noise(likelihood: Likelihood, residuals: FloatArray, most: float) -> b
             at = end
             continue
         lifts.append(residuals[at:middle])
-        forces.append(np.clip(residuals[middle:end], -most, most) * likelihood.force_deviation(i))
+        forces.append(residuals[middle:end] * likelihood.force_deviation(i))
         pressing.append(likelihood.pressing[i][kept])
         at = end
     before = np.array([likelihood.lift_noise, likelihood.force_noise, likelihood.force_part])
@@ -287,7 +255,7 @@ def log_ratio(one: FitSolution, other: FitSolution) -> float:
         like = replace(solution.likelihood, kept=list(solution.likelihood.kept))
         for i, kept in zip(there, both, strict=True):
             like.kept[i] = kept
-        _size_noise(like, like.residuals(solution.x), MOST_OFF)
+        _size_noise(like, like.residuals(solution.x))
         total = 0.0
         for i in there:
             total -= like.holds[i].lift.value.size * math.log(like.lift_noise)

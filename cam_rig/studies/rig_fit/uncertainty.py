@@ -15,7 +15,7 @@ from scipy.fft import next_fast_len
 
 from cam_rig.arrays import FloatArray, autocorrelation, rms
 from cam_rig.studies.rig_fit.likelihood import Likelihood
-from cam_rig.studies.rig_fit.search import MOST_OFF, FitSolution, landings_of
+from cam_rig.studies.rig_fit.search import FitSolution, landings_of
 from cam_rig.units import TURN
 
 #: Directions in which the residuals change by less than this part of the most are told by nothing.
@@ -99,8 +99,7 @@ def _scores(
             part = slice(at, at + size)
             at += size
             if size:
-                # one sample far off hides how the others are correlated
-                correlation = autocorrelation(np.clip(residuals[part], -MOST_OFF, MOST_OFF))
+                correlation = autocorrelation(residuals[part])
                 found.append(1.0 + 2.0 * float(correlation[1:].sum()))
                 total += _correlated(slopes[part], correlation)
     return total, (max(lengths[0]), max(lengths[1]))

@@ -98,21 +98,15 @@ def measured(law, rig, kind, rpms, random, rate):
     )
 
 
-def machine_of(seed: int, rate: int = 500):
-    """Law, rig and run of a machine, of the kind and the cam that are its seed's turn."""
+def scores_of(seed: int, rate: int = 500) -> list[Score]:
+    """A machine of the kind and the cam that are its seed's turn, measured and fitted."""
     random, kind = np.random.default_rng(seed), kind_of(seed)
     law = cam_rig.build_law(cam_rig.load_cam(CAMS[seed % len(CAMS)]))
     rig = rig_of(kind[0], random)
     jump = to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
     parts = np.array(SPEEDS[kind[:2]])
     rpms = (parts + random.uniform(-SCATTER, SCATTER, parts.size)) * jump
-    return law, rig, measured(law, rig, kind, rpms.tolist(), random, rate)
-
-
-def scores_of(seed: int, rate: int = 500) -> list[Score]:
-    """A machine, measured and fitted."""
-    law, rig, run = machine_of(seed, rate)
-    kind = kind_of(seed)
+    run = measured(law, rig, kind, rpms.tolist(), random, rate)
     fit = fit_rig(law, run, cam_rig.load_rig("tm21"), kind[0])
     return [
         Score(seed, kind, n.name, (n.value - getattr(rig.follower, n.name).si) / n.error)
