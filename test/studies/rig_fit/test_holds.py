@@ -37,7 +37,7 @@ def test_a_cam_that_nowhere_turns_steadily_is_refused():
 def test_an_error_of_a_speed_is_that_of_an_encoder_s_steps():
     """Steps that drift in two or three strands, at nearly k/n counts a reading, are no noise.
 
-    By a scatter of free readings one speed in twelve was more than four of its errors off.
+    By a scatter of free readings one speed in twenty was more than four of its errors off.
     """
     random, count = np.random.default_rng(1), 2.0 * np.pi / 1024
     off = []
