@@ -69,7 +69,7 @@ def as_sought(fixed: FitSolution, sought: tuple[str, ...]) -> FitSolution:
     """The same, with what was fixed among what is sought: with slopes, and not moved."""
     like, steady = fixed.likelihood, steady_holds_of(fixed)
     start = continued(fixed, sought, like.values(fixed.x))
-    kept, pressing = ([one[i] for i in steady] for one in (like.kept, like.pressing))
+    kept, pressing = [like.kept[i] for i in steady], [like.pressing[i] for i in steady]
     new = replace(start.likelihood, kept=kept, pressing=pressing)
     return FitSolution(new, start.x, new.slopes(start.x), new.residuals(start.x))
 

@@ -54,7 +54,8 @@ def profiled(found: FitSolution) -> FitSolution:
     fixed = _at(found, middle)
     if fixed.x.size < found.x.size - 1:
         return found
-    along = np.insert(_along(fixed, likely), at, (high - middle) / WITHIN_95)
+    ends = _at(fixed, low), _at(fixed, high)
+    along = np.insert(_along(fixed, [ends[0], *likely, ends[1]]), at, (high - middle) / WITHIN_95)
     return replace(as_sought(fixed, like.sought), along=along)
 
 
