@@ -14,13 +14,13 @@ from cam_rig.studies.rig_fit.search import (
     Candidate,
     FitSolution,
     continued,
+    log_ratio,
     search,
+    steady_holds_of,
 )
 
 #: Restitutions tried, then so many finer ones between those beside the best.
 BOUNCES, FINER = (1e-3, *(0.025 * k for k in range(1, 37))), 16
-#: A search that ends no further from the likeliest of them is in its valley.
-VALLEY = 0.05
 #: A restitution below this is none: it is known by what it is not beyond.
 SMALL_BOUNCE = 0.02
 #: Steps to the phase of a hold that goes with a restitution, and one of the angle (rad).
@@ -43,26 +43,35 @@ WITHIN_95 = 1.96
 
 
 def with_bounces(found: Candidate, given: dict[str, float]) -> FitSolution:
-    """The restitution beside the other numbers.
-
-    Where bounces are lower than the noise of the lift, no slope tells it, and a search drifts off:
-    then it is that of the forces, which are there or not. Its standard error is half the interval
-    that they leave, as the other numbers were not sought with it.
-    """
+    """The restitution beside the other numbers, from the likeliest beside those of ``found`` on."""
     values = found.likelihood.values(found.x)
     if "restitution" in given:
         return search(continued(found, found.likelihood.sought, values))
-    likely, possible, step = _likely(found)
+    likely, _, _ = _likely(found)
     names = tuple(name for name in found.likelihood.sought if name != "restitution")
     middle = _tried(found, names, 0.5 * (likely[0] + likely[-1]))
-    sought = (*names, "restitution")
     bounce = {"restitution": max(middle.bounce, BOUNCES[0])}
-    free = search(_with_phases(continued(found, sought, values | bounce), middle.phases))
-    if abs(free.likelihood.values(free.x)["restitution"] - middle.bounce) <= VALLEY:
-        return free
-    middle = _tried(found, names, 0.5 * (possible[0] + possible[-1]))
-    start = continued(found, names, values | {"restitution": middle.bounce})
-    return replace(search(_with_phases(start, middle.phases)), bounce=_half(possible, step))
+    start = _with_phases(continued(found, names, values | bounce), middle.phases)
+    return freed(search(start), (*names, "restitution"))
+
+
+def freed(fixed: FitSolution, sought: tuple[str, ...]) -> FitSolution:
+    """The restitution too, which was fixed: sought, or as it is where that is likelier.
+
+    Where bounces are lower than the noise of the lift, no slope tells it, and a search drifts off.
+    """
+    free = search(continued(fixed, sought, fixed.likelihood.values(fixed.x)))
+    steady = len(free.likelihood.holds) == len(fixed.likelihood.holds)
+    return free if steady and log_ratio(free, fixed) >= 0.0 else as_sought(fixed, sought)
+
+
+def as_sought(fixed: FitSolution, sought: tuple[str, ...]) -> FitSolution:
+    """The same, with what was fixed among what is sought: with slopes, and not moved."""
+    like, steady = fixed.likelihood, steady_holds_of(fixed)
+    start = continued(fixed, sought, like.values(fixed.x))
+    kept, pressing = [like.kept[i] for i in steady], [like.pressing[i] for i in steady]
+    new = replace(start.likelihood, kept=kept, pressing=pressing)
+    return FitSolution(new, start.x, new.slopes(start.x), new.residuals(start.x))
 
 
 def _with_phases(start: Candidate, phases: FloatArray) -> Candidate:
@@ -75,19 +84,15 @@ def _with_phases(start: Candidate, phases: FloatArray) -> Candidate:
 def bounce_beside(found: Candidate) -> tuple[float, float] | None:
     """The restitution with its standard error, beside other numbers that stay as they are.
 
-    None where with none of them the flights are as they were measured, to their noise.
+    That is half of what is possible, as the others were not sought with it. None where with none
+    of them the flights are as they were measured, to their noise.
     """
     _, possible, step = _likely(found)
     names = tuple(name for name in found.likelihood.sought if name != "restitution")
-    middle, half = _half(possible, step)
     best = min((_tried(found, names, bounce) for bounce in possible), key=lambda one: one.missed)
-    return (middle, half) if best.missed < EXPLAINED * best.samples else None
-
-
-def _half(possible: list[float], step: float) -> tuple[float, float]:
-    """The middle of what is possible, and half of that with a step as a standard error."""
-    middle = 0.5 * (possible[0] + possible[-1])
-    return middle, 0.5 * (possible[-1] - possible[0] + step)
+    if best.missed >= EXPLAINED * best.samples:
+        return None
+    return 0.5 * (possible[0] + possible[-1]), 0.5 * (possible[-1] - possible[0] + step)
 
 
 def _likely(found: Candidate) -> tuple[list[float], list[float], float]:

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from cam_rig.arrays import FloatArray, correlation_length
+from cam_rig.arrays import FloatArray, correlation_length, rms
 from cam_rig.errors import ConfigError
 from cam_rig.simulation.encoder import encoder_count
 from cam_rig.simulation.measured_run import MeasuredRun
@@ -21,6 +21,8 @@ from cam_rig.units import TURN, to_rpm
 STEADY = 0.01
 #: Turns and readings of a hold, at least.
 LEAST_TURNS, LEAST_READINGS = 1.0, 8
+#: Parts of a count at which an encoder may stand, and by which the angle at the end may differ.
+STEP_PHASES, QUARTERS = np.arange(8.0) / 8.0, np.array([-0.25, 0.0, 0.25])
 #: Times that a hold is looked at anew, at most.
 MOST_GROWTHS = 12
 
@@ -127,5 +129,20 @@ def _line(time: FloatArray, angle: FloatArray, count: float) -> Hold:
     scatter = max(float(away.std()), count / math.sqrt(12.0))
     alike = correlation_length(away)
     error = scatter * math.sqrt(alike) / (float(since.std()) * math.sqrt(time.size))
+    error = max(error, _of_steps(since, slope, count))
     ripple = max(0.0, float(np.abs(away).max()) - 0.6 * count)
     return Hold(float(time[0]), float(time[-1]), float(begin), float(slope), error, ripple)
+
+
+def _of_steps(since: FloatArray, speed: float, count: float) -> float:
+    """By how much (rad/s, r.m.s.) an encoder's steps put a line's slope wrong.
+
+    A cam that turns nearly k/n counts from reading to reading has steps that drift in n strands,
+    and then their error is no noise: so of phases, and of speeds a quarter count beside.
+    """
+    if count == 0.0:
+        return 0.0
+    lever = (since - since.mean()) / float(((since - since.mean()) ** 2).sum())
+    speeds = speed + QUARTERS * count / since[-1]
+    turned = speeds[:, None, None] * since + STEP_PHASES[:, None] * count
+    return rms((np.floor(turned / count) * count - turned) @ lever)

@@ -7,11 +7,19 @@ how wide it is. The ratio of likelihoods does, the other numbers sought anew at 
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
-from cam_rig.studies.rig_fit.bounces import SMALL_BOUNCE, SQUARE_95, WITHIN_95
+from cam_rig.arrays import FloatArray
+from cam_rig.studies.rig_fit.bounces import (
+    SMALL_BOUNCE,
+    SQUARE_95,
+    WITHIN_95,
+    as_sought,
+    freed,
+)
 from cam_rig.studies.rig_fit.numbers import NUMBERS
 from cam_rig.studies.rig_fit.search import (
     Candidate,
@@ -25,50 +33,49 @@ from cam_rig.studies.rig_fit.uncertainty import inflation
 
 #: First step from the likeliest restitution, each next one twice it; halvings of the last.
 FIRST_STEP, HALVINGS = 0.01, 3
+#: Looks about, each from the likeliest of the one before where that is by this log ratio.
+LOOKS, LIKELIER = 4, 1.0
 
 
 def profiled(found: FitSolution) -> FitSolution:
     """The same in the middle of the restitution's interval of 95 %, its errors those of that.
 
-    Of two masses there is none: their bounces depend on every number at once. What was found
-    beside the search keeps its own error, and those of the other numbers learn of it.
+    Of two masses there is none: their bounces depend on every number at once.
     """
     like = found.likelihood
     if "roller_share" in like.values(found.x) or not any(landings_of(found)):
         return found
     if "restitution" not in like.sought:
-        return found if found.bounce is None else _beside(found, *found.bounce)
-    at = like.sought.index("restitution")
-    likeliest = float(found.x[at])
-    level = 0.5 * SQUARE_95 * max(1.0, inflation(found, at))
-    low, high = (_end(found, likeliest, to, level) for to in _limits())
-    # Near none, none is said: what is known is the end.
-    middle = 0.5 * (low + high) if likeliest >= SMALL_BOUNCE else 0.0
-    fixed = _at(found, middle)
-    if len(fixed.likelihood.holds) < len(like.holds):
         return found
-    error = (high - middle) / WITHIN_95
-    along = np.insert(_along(fixed, middle, error), at, error)
-    start = continued(fixed, like.sought, fixed.likelihood.values(fixed.x))
-    new = replace(start.likelihood, kept=fixed.likelihood.kept, pressing=fixed.likelihood.pressing)
-    return replace(
-        found,
-        likelihood=new,
-        x=start.x,
-        slopes=new.slopes(start.x),
-        residuals=new.residuals(start.x),
-        along=along,
-    )
+    found, likely, low, high = _interval(found)
+    at = like.sought.index("restitution")
+    # Near none, none is said: what is known is the end.
+    middle = 0.5 * (low + high) if found.x[at] >= SMALL_BOUNCE else 0.0
+    fixed = _at(found, middle)
+    if fixed.x.size < found.x.size - 1:
+        return found
+    ends = _at(fixed, low), _at(fixed, high)
+    along = np.insert(_along(fixed, [ends[0], *likely, ends[1]]), at, (high - middle) / WITHIN_95)
+    return replace(as_sought(fixed, like.sought), along=along)
 
 
-def _beside(found: FitSolution, bounce: float, error: float) -> FitSolution:
-    """The same, its errors with that of a restitution that is not among what was sought."""
-    return replace(found, along=_along(found, bounce, error))
+def _interval(found: FitSolution) -> tuple[FitSolution, list[FitSolution], float, float]:
+    """The likeliest of all that is tried on the way to the interval's ends; what is likely; these.
 
-
-def _limits() -> tuple[float, float]:
-    number = NUMBERS["restitution"]
-    return number.low, number.high
+    A search ends in the valley it began in. One that is likelier beside another restitution is
+    where the next look begins.
+    """
+    sought = found.likelihood.sought
+    at, number = sought.index("restitution"), NUMBERS["restitution"]
+    for _ in range(LOOKS):
+        level = 0.5 * SQUARE_95 * max(1.0, inflation(found, at))
+        (low, down), (high, up) = (_end(found, at, to, level) for to in (number.low, number.high))
+        likely = [*reversed(down), *up]
+        best = min(likely, key=lambda trial: log_ratio(found, trial), default=found)
+        if log_ratio(found, best) > -LIKELIER:
+            break
+        found = freed(best, sought)
+    return found, likely, low, high
 
 
 def _at(found: Candidate, bounce: float) -> FitSolution:
@@ -78,25 +85,28 @@ def _at(found: Candidate, bounce: float) -> FitSolution:
     return search(continued(found, names, values))
 
 
-def _end(found: FitSolution, inside: float, limit: float, level: float) -> float:
-    """The last restitution towards ``limit`` that is likely: by a log ratio below ``level``."""
-    near: FitSolution = found
-    step, outside = FIRST_STEP, None
-    while outside is None and inside != limit:
-        there = inside + np.sign(limit - inside) * min(step, abs(limit - inside))
-        trial = _at(near, float(there))
-        if _likely(found, trial, level):
-            inside, near, step = float(there), trial, 2.0 * step
+def _end(
+    found: FitSolution, at: int, limit: float, level: float
+) -> tuple[float, list[FitSolution]]:
+    """The last restitution towards ``limit`` that is likely: by a log ratio below ``level``.
+
+    With it what was likely on the way there.
+    """
+    inside = float(found.x[at])
+    likely = list[FitSolution]()
+    step, outside, halvings = FIRST_STEP, None, HALVINGS
+    while inside != limit and (outside is None or halvings > 0):
+        if outside is None:
+            there = inside + math.copysign(min(step, abs(limit - inside)), limit - inside)
         else:
-            outside = float(there)
-    for _ in range(HALVINGS if outside is not None else 0):
-        assert outside is not None
-        trial = _at(near, 0.5 * (inside + outside))
+            there, halvings = 0.5 * (inside + outside), halvings - 1
+        trial = _at(likely[-1] if likely else found, there)
         if _likely(found, trial, level):
-            inside, near = 0.5 * (inside + outside), trial
+            inside, step = there, 2.0 * step
+            likely.append(trial)
         else:
-            outside = 0.5 * (inside + outside)
-    return inside if outside is None else outside
+            outside = there
+    return inside if outside is None else outside, likely
 
 
 def _likely(found: FitSolution, trial: FitSolution, level: float) -> bool:
@@ -105,11 +115,14 @@ def _likely(found: FitSolution, trial: FitSolution, level: float) -> bool:
     return steady and log_ratio(found, trial) < level
 
 
-def _along(fixed: FitSolution, bounce: float, error: float) -> np.ndarray:
-    """By how much what was sought, ``(n,)``, changes with one standard error of a restitution."""
-    low, high = _limits()
-    ends = [min(max(bounce + side * error, low), high) for side in (-1.0, 1.0)]
-    found = [_at(fixed, end) for end in ends]
-    if any(one.x.size != fixed.x.size for one in found) or ends[0] == ends[1]:
+def _along(fixed: FitSolution, likely: list[FitSolution]) -> FloatArray:
+    """By how much what was sought, ``(n,)``, changes with one standard error of a restitution.
+
+    Where landings pass samples it does not change along a line: the furthest of all that is likely
+    counts, with the sign of what changes from the least restitution to the largest.
+    """
+    found = [one.x - fixed.x for one in likely if one.x.size == fixed.x.size]
+    if not found:
         return np.zeros(fixed.x.size)
-    return np.asarray((found[1].x - found[0].x) * error / (ends[1] - ends[0]))
+    furthest = np.abs(found).max(axis=0) / WITHIN_95
+    return np.asarray(np.copysign(furthest, found[-1] - found[0]))
