@@ -23,17 +23,16 @@ from pymoo.optimize import minimize
 from pymoo.termination.max_time import TimeBasedTermination
 
 import cam_rig
+from cam_rig.design.constraints import DesignProblem
+from cam_rig.design.figures import front_figure
+from cam_rig.design.measure import measured
+from cam_rig.design.pareto_front import front
+from cam_rig.design.request import DesignRequest, LawClass
+from cam_rig.design.space import Space
+from cam_rig.design.terms import parse_goal
 from cam_rig.laws import Law
-from cam_rig.laws.peaks import extremes
-from cam_rig.plots.figures import write
-from cam_rig.plots.laws.designed import front_figure
-from cam_rig.studies.design.law_class import LawClass
-from cam_rig.studies.design.measure import measured
-from cam_rig.studies.design.problem import DesignProblem
-from cam_rig.studies.design.request import DesignRequest
-from cam_rig.studies.design.results.front import front
-from cam_rig.studies.design.space import Space
-from cam_rig.studies.design.terms import parse_goal
+from cam_rig.laws.law import extremes
+from cam_rig.show.figure import write
 from cam_rig.units import to_rpm
 
 POINTS, POPULATION, SEED = 25, 100, 1

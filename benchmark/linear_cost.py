@@ -18,12 +18,12 @@ from pathlib import Path
 
 import numpy as np
 
-from cam_rig.bench.cases.cases import law_of
-from cam_rig.drawing.words import in_words
+from benchmark.speed.cases import law_of
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval
 from cam_rig.laws import Law
-from cam_rig.plots.figures import empty, logarithmic, series_marker, styled, write
-from cam_rig.tables import printed
+from cam_rig.show.figure import empty, logarithmic, series_marker, styled, write
+from cam_rig.show.looks import in_words
+from cam_rig.show.tables import printed
 from cam_rig.units import NS
 
 MODELS_SHOWN = ("kinetostatic", "residual")

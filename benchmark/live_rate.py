@@ -14,14 +14,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cam_rig.runner.domain_lock import own_domain
 from cam_rig.runner.graph import Graph
-from cam_rig.runner.nodes_of_run import live
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.runner.node_process import live
+from cam_rig.runner.resources import own_domain
+from cam_rig.show.tables import Column, DataTable, tabulate, to_markdown
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import cam_states
-from cam_rig.tables import Column, DataTable, tabulate, to_markdown
 from cam_rig.units import NS
-from cam_rig.viewer.server.web import serve
+from cam_rig.viewer.server import serve
 
 SCENES = ("tm21_sweep", "tm21_sweep_48khz")
 

@@ -14,16 +14,15 @@ from typing import TypeVar
 
 import numpy as np
 
-from cam_rig.bench.cases.cases import law_of
+from benchmark.speed.cases import law_of
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.dynamics.jump.jump_speed import jump_speed, rigid_jump
 from cam_rig.laws import Law
-from cam_rig.laws.families.table import smooth
-from cam_rig.laws.pieces import joined
+from cam_rig.laws.bernstein import joined
+from cam_rig.laws.spline import smooth
 from cam_rig.schema import load_rig
 from cam_rig.schema.load import config_root
-from cam_rig.studies.jump.jump_speed import jump_speed
-from cam_rig.studies.jump.rigid import rigid_jump
-from cam_rig.tables import Column, DataTable, tabulate, to_markdown
+from cam_rig.show.tables import Column, DataTable, tabulate, to_markdown
 from cam_rig.units import RPM, TURN
 
 Found = TypeVar("Found")

@@ -8,9 +8,11 @@ from __future__ import annotations
 import sys
 import time
 
-from cam_rig.bench.cases.cases import CASES
-from cam_rig.bench.cases.models import Twist
-from cam_rig.bench.reference import exact, exact_twist, stored
+from benchmark.speed import exact
+from benchmark.speed import exact as exact_twist
+from benchmark.speed import study as stored
+from benchmark.speed.cases import CASES
+from benchmark.speed.models import Twist
 
 
 def main() -> None:

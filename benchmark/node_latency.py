@@ -18,10 +18,9 @@ from rclpy.executors import SingleThreadedExecutor
 
 from cam_rig.messages import topics
 from cam_rig.messages.codec import stamp_ns
-from cam_rig.nodes.common.convert import message_class, qos
+from cam_rig.nodes.convert import message_class, qos
 from cam_rig.runner.graph import Graph
-from cam_rig.runner.node_process import environment
-from cam_rig.runner.nodes_of_run import live
+from cam_rig.runner.node_process import environment, live
 from cam_rig.schema.load import config_root
 
 ANSWERS = {

@@ -13,9 +13,8 @@ from pathlib import Path
 
 from cam_rig.acoustics import level_db, steady_power
 from cam_rig.schema import SceneConfig
-from cam_rig.simulation.levels import step_levels
-from cam_rig.simulation.loaded_scene import LoadedScene, open_scene
-from cam_rig.simulation.simulate import simulate
+from cam_rig.simulation.scene import LoadedScene, open_scene
+from cam_rig.simulation.simulate import simulate, step_levels
 
 REFERENCE_HZ = 384_000
 RATES_HZ = (1_000, 2_000, 4_000, 8_000, 12_000, 24_000, 48_000, 96_000)

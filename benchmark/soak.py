@@ -16,9 +16,9 @@ from pathlib import Path
 
 import yaml
 
-from cam_rig.runner.domain_lock import own_domain
 from cam_rig.runner.graph import Graph
-from cam_rig.runner.nodes_of_run import live
+from cam_rig.runner.node_process import live
+from cam_rig.runner.resources import own_domain
 from cam_rig.schema import load_scene
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.schedule import tick_count

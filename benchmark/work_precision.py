@@ -12,16 +12,14 @@ from tempfile import TemporaryDirectory
 import live_rate  # beside this file, and so is the next
 import long_laws
 
-from cam_rig.bench.cases.campaign import campaign_table
-from cam_rig.bench.event_cost import event_costs, event_table
-from cam_rig.bench.peers.peers import PEERS
-from cam_rig.bench.rate import SPEEDS_RPM, rate_table, sample_rates
-from cam_rig.bench.report import notes, table
-from cam_rig.bench.start_up import command_table, command_times, node_starts, node_table
-from cam_rig.bench.study import FULL
-from cam_rig.cli.studies.bench import measure
-from cam_rig.plots.work_precision import draw
-from cam_rig.tables import to_markdown
+from benchmark.speed.campaign import campaign_table
+from benchmark.speed.cases import SPEEDS_RPM, rate_table, sample_rates
+from benchmark.speed.event_cost import event_costs, event_table
+from benchmark.speed.peers import PEERS
+from benchmark.speed.report import draw, measure, notes, table
+from benchmark.speed.start_up import command_table, command_times, node_starts, node_table
+from benchmark.speed.study import FULL
+from cam_rig.show.tables import to_markdown
 
 PAGE, PLOT = Path("docs/speed.md"), Path("docs/speed.png")
 

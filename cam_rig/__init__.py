@@ -16,18 +16,19 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cam_rig.api.campaign import campaign
-    from cam_rig.api.contour import contour
-    from cam_rig.api.design import design
-    from cam_rig.api.files import build_law, load_cam, load_rig, load_scene
-    from cam_rig.api.jump import jump_speed
-    from cam_rig.api.largest_waviness import largest_waviness
-    from cam_rig.api.motion import simulate
-    from cam_rig.api.real_run import compare_run
-    from cam_rig.api.scene_run import read_bag, run_scene
-    from cam_rig.api.sound import sound_level
+    from cam_rig.bag.reader import read_bag
+    from cam_rig.campaign.largest_waviness import largest_waviness
+    from cam_rig.campaign.run import campaign
+    from cam_rig.design.design import design
+    from cam_rig.dynamics.jump.any_follower import jump_speed
     from cam_rig.errors import CamRigError
     from cam_rig.laws import Law
+    from cam_rig.measured.real_run.run import compare_run
+    from cam_rig.profile.contour import contour
+    from cam_rig.simulation.motion import simulate
+    from cam_rig.simulation.scene import build_law, load_cam, load_rig, load_scene
+    from cam_rig.simulation.scene_run import run_scene
+    from cam_rig.simulation.sound import sound_level
 
     __version__: str
 
@@ -35,20 +36,20 @@ if TYPE_CHECKING:
 _HOMES = {
     "CamRigError": "cam_rig.errors",
     "Law": "cam_rig.laws",
-    "build_law": "cam_rig.api.files",
-    "campaign": "cam_rig.api.campaign",
-    "compare_run": "cam_rig.api.real_run",
-    "contour": "cam_rig.api.contour",
-    "design": "cam_rig.api.design",
-    "jump_speed": "cam_rig.api.jump",
-    "largest_waviness": "cam_rig.api.largest_waviness",
-    "load_cam": "cam_rig.api.files",
-    "load_rig": "cam_rig.api.files",
-    "load_scene": "cam_rig.api.files",
-    "read_bag": "cam_rig.api.scene_run",
-    "run_scene": "cam_rig.api.scene_run",
-    "simulate": "cam_rig.api.motion",
-    "sound_level": "cam_rig.api.sound",
+    "build_law": "cam_rig.simulation.scene",
+    "campaign": "cam_rig.campaign.run",
+    "compare_run": "cam_rig.measured.real_run.run",
+    "contour": "cam_rig.profile.contour",
+    "design": "cam_rig.design.design",
+    "jump_speed": "cam_rig.dynamics.jump.any_follower",
+    "largest_waviness": "cam_rig.campaign.largest_waviness",
+    "load_cam": "cam_rig.simulation.scene",
+    "load_rig": "cam_rig.simulation.scene",
+    "load_scene": "cam_rig.simulation.scene",
+    "read_bag": "cam_rig.bag.reader",
+    "run_scene": "cam_rig.simulation.scene_run",
+    "simulate": "cam_rig.simulation.motion",
+    "sound_level": "cam_rig.simulation.sound",
 }
 
 __all__ = [

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 #: rad in one turn of the cam.
 TURN = 2.0 * math.pi
+
 #: rad/s in one revolution per minute.
 RPM = math.pi / 30.0
+
 #: Revolutions per minute in 1 rad/s.
 RPM_PER_RAD_S = 30.0 / math.pi
+
 #: ns in one second; times of messages are whole nanoseconds.
 NS = 1_000_000_000
 
@@ -40,3 +43,32 @@ def rounded_to_error(value: float, error: float) -> str:
         return f"{round(value, -place) + 0.0:.{max(0, -place)}f}"
     leading = int(f"{value:e}".partition("e")[2])
     return f"{value:.{max(0, leading - place)}e}"
+
+
+# The rig's arrays: double precision throughout, and what is taken of one everywhere.
+
+FloatArray = NDArray[np.float64]
+
+ComplexArray = NDArray[np.complexfloating[Any, Any]]
+
+
+def rms(values: ArrayLike) -> float:
+    """Root of the mean square, in the unit of the values."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def autocorrelation(residual: FloatArray) -> FloatArray:
+    """Of a residual ``(n,)``, from lag 0 (1) to before the first lag at which there is none."""
+    size = residual.size
+    spectrum = np.fft.rfft(residual - residual.mean(), 2 * size)
+    product = np.fft.irfft(np.abs(spectrum) ** 2)[:size]
+    if product[0] <= 0.0:
+        return np.ones(1)
+    rho = np.asarray(product / product[0])
+    none = np.flatnonzero(rho < 2.0 / math.sqrt(size))
+    return rho[: max(1, none[0]) if none.size else size]
+
+
+def correlation_length(residual: FloatArray) -> float:
+    """How many neighbours of a residual ``(n,)`` are as one: 1 + 2 Σ ρₖ, 1 where each is free."""
+    return 1.0 + 2.0 * float(autocorrelation(residual)[1:].sum())

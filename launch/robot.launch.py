@@ -12,10 +12,10 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 from cam_rig.messages import topics
-from cam_rig.robot.frames import Robot
-from cam_rig.robot.urdf import urdf
+from cam_rig.messages.frames import Robot
+from cam_rig.messages.urdf import urdf
 from cam_rig.schema.load import named_path
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.scene import open_scene
 
 #: The scene of a rig that is given none.
 DEFAULT_SCENE = "tm21_sweep"

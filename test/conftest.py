@@ -18,7 +18,7 @@ from cam_rig.laws import Law, build_law
 from cam_rig.runner.fork_server import ForkedProcess, ForkServer
 from cam_rig.runner.node_process import environment
 from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
-from cam_rig.testing.domain import isolated_domain
+from cam_rig.testing.running_rig import isolated_domain
 
 from .references import many_digits
 from .small_scenes import make_loaded_scene, make_scene

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from cam_rig.bench.cases.case import Case, Solution
+from benchmark.speed.models import Case, Solution
 
 #: Stored and computed values may differ by the rounding of a double, of the largest value.
 SAME = 4e-16

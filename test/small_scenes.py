@@ -10,7 +10,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from cam_rig.schema import SceneConfig
-from cam_rig.simulation.loaded_scene import LoadedScene, open_scene
+from cam_rig.simulation.scene import LoadedScene, open_scene
 
 
 def scene_data(**changes: Any) -> dict[str, Any]:

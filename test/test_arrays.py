@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cam_rig.arrays import correlation_length
+from cam_rig.units import correlation_length
 
 
 def test_neighbours_that_err_alike_are_counted_as_one():

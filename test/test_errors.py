@@ -7,7 +7,7 @@ import copy
 import numpy as np
 import pytest
 
-from cam_rig.dynamics.input_limits import row_of_numbers
+from cam_rig.dynamics.parameters import row_of_numbers
 from cam_rig.errors import BEGIN, END, CamRigError, ConfigError, DynamicsError
 
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from cam_rig.testing.domain import hold_domain
+from cam_rig.testing.running_rig import hold_domain
 
 from .references import References
 

@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-import cam_rig.tables
-from cam_rig.tables import Column, DataTable, number, tabulate, to_csv
+import cam_rig.show.tables
+from cam_rig.show.tables import Column, DataTable, number, tabulate, to_csv
 
 FIELDS = (
     (Column("cam"), lambda row: row[0]),
@@ -19,7 +19,7 @@ ROWS = (("a", 413.4426), ("b", None))
 
 def test_examples():
     """What the docstrings show is what comes out."""
-    assert doctest.testmod(cam_rig.tables).failed == 0
+    assert doctest.testmod(cam_rig.show.tables).failed == 0
 
 
 @pytest.mark.parametrize(

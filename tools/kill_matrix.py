@@ -34,10 +34,10 @@ from cam_rig.bag.files import mcap_file
 from cam_rig.bag.reader import read_counts
 from cam_rig.errors import CamRigError
 from cam_rig.runner import graph as graph_module
-from cam_rig.runner.domain_lock import own_domain
+from cam_rig.runner import node_process as node_process_module
 from cam_rig.runner.graph import Graph
-from cam_rig.runner.node_process import NodeProcess
-from cam_rig.runner.nodes_of_run import live
+from cam_rig.runner.node_process import NodeProcess, live
+from cam_rig.runner.resources import own_domain
 
 NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
 MOMENTS = ("start", "first", "middle", "last", "closing")
@@ -82,7 +82,7 @@ class Case:
 
     def run(self, scene: Path, bag: Path) -> None:
         """Run the scene and strike at the moment."""
-        begun, stop_all = time.monotonic(), graph_module.stop_all
+        begun, stop_all = time.monotonic(), node_process_module.stop_all
         nodes = live(scene, bag, patience=PATIENCE)
         made = Graph(nodes, self.respawn, log=self.said.append)
 

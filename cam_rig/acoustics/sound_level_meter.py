@@ -13,18 +13,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cam_rig.acoustics.level import REFERENCE_PRESSURE, pressure_pa
-from cam_rig.acoustics.low_pass import first_order
-from cam_rig.acoustics.weighting import class_1_up_to_hz, weighting_filter
-from cam_rig.arrays import FloatArray
+from cam_rig.acoustics.radiation import REFERENCE_PRESSURE, first_order, pressure_pa
+from cam_rig.acoustics.weighting import Spectrum, class_1_up_to_hz, third_octaves, weighting_filter
 from cam_rig.errors import ConfigError, RefusedError, RunError
+from cam_rig.units import FloatArray
 
 #: Frequency weightings of the standard.
 FREQUENCY_WEIGHTINGS = ("A", "C", "Z")
+
 #: Time weightings and their time constants, s.
 TIME_WEIGHTINGS = {"F": 0.125, "S": 1.0}
+
 #: Range in dB of the paper's meter, a JTS-1357.
 RANGE = (30.0, 130.0)
+
 #: Silence reads as this level, dB.
 SILENCE = -200.0
 
@@ -210,3 +212,56 @@ def _level(power: float) -> float:
     """Level in dB of a mean square in Pa²; silence is `SILENCE`."""
     ratio = power / REFERENCE_PRESSURE**2
     return max(10.0 * math.log10(ratio), SILENCE) if ratio > 0.0 else SILENCE
+
+
+# Measuring a recorded sound: every level a meter would have shown, and what a file needs.
+
+#: The 16-bit samples of a sound file reach to this.
+FULL_SCALE = 32767
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """Levels in dB re 20 µPa by the standard's names, as LAeq and LAFmax, and the flags.
+
+    ``class_1_up_to_hz`` is the nominal frequency up to which the levels are of class 1.
+    """
+
+    levels: dict[str, float]
+    bands: Spectrum
+    peak_pa: float
+    overload: bool
+    under_range: bool
+    class_1_up_to_hz: float
+
+
+def measure(pressure: FloatArray, rate: int) -> Measurement:
+    """Measure samples ``(n,)`` in Pa."""
+    levels: dict[str, float] = {}
+    overload, lowest = False, np.inf
+    for weighting in FREQUENCY_WEIGHTINGS:
+        for ballistics in TIME_WEIGHTINGS:
+            meter = SoundLevelMeter(rate, weighting, ballistics)
+            reading = meter.read(pressure)
+            levels[f"L{weighting}eq"] = meter.equivalent
+            levels[f"L{weighting}{ballistics}max"] = meter.highest
+            overload, lowest = meter.overloaded, min(lowest, reading.level - meter.span[0])
+    peak = float(np.abs(pressure).max())
+    spectrum, class_1 = third_octaves(pressure, rate), class_1_up_to_hz(rate)
+    return Measurement(levels, spectrum, peak, overload, lowest < 0.0, class_1)
+
+
+def full_scale(peak: float) -> float:
+    """Pressure (Pa) that a sound file's largest number stands for: 1, 2 or 5 times a power of 10.
+
+    The smallest of them that ``peak`` does not pass, so files of like loudness share it.
+    """
+    if peak <= 0.0:
+        return 1.0
+    decade = 10.0 ** np.floor(np.log10(peak))
+    return float(next(step * decade for step in (1.0, 2.0, 5.0, 10.0) if peak <= step * decade))
+
+
+def pcm(pressure: FloatArray, scale: float) -> bytes:
+    """16-bit little-endian samples, where ``scale`` (Pa) is the largest number."""
+    return np.round(pressure * (FULL_SCALE / scale)).astype("<i2").tobytes()

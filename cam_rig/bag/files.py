@@ -16,24 +16,36 @@ import errno
 import fcntl
 import os
 import re
+import sqlite3
+import struct
+import zlib
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
+import zstandard
+from mcap.exceptions import McapError
 from mcap.writer import MCAP0_MAGIC
+from rosbags.rosbag2 import ReaderError
+from rosbags.serde import SerdeError
 
 from cam_rig.errors import BagError
 
 METADATA = "metadata.yaml"
+
 #: The end of the name of a file that is not yet complete.
 PART = ".part"
+
 #: The end of the name that older versions gave a truncated file while they copied it.
 TORN = ".torn"
+
 #: A footer's opcode and length; 20 bytes and the magic follow.
 FOOTER = b"\x02" + (20).to_bytes(8, "little")
+
 #: A file of a bag that may be split: the bag's name, the file's number.
 NUMBERED = re.compile(r"(.+)_(\d{1,9})(\.\w+)")
+
 #: What a bag is, for the error that refuses something else.
 ALLOWED = "allowed: a folder with metadata.yaml and .mcap files, or an .mcap file"
 
@@ -281,3 +293,82 @@ def write_whole(file: Path, data: bytes) -> None:
         stream.write(data)
         sync(stream)
     replace(part_of(file), file)
+
+
+# What a damaged bag may raise in its readers, and the error that reports it.
+
+#: What a file with wrong bytes in it may raise in the readers.
+DAMAGE = (
+    McapError,
+    OSError,
+    struct.error,
+    zlib.error,
+    zstandard.ZstdError,
+    sqlite3.Error,
+    KeyError,
+    IndexError,
+    ValueError,
+    EOFError,
+    MemoryError,
+    OverflowError,
+    RuntimeError,
+)
+
+#: What rosbags raises on a file or folder that is not a bag.
+UNREADABLE = (
+    ReaderError,
+    SerdeError,
+    AssertionError,
+    TypeError,
+    AttributeError,
+    *DAMAGE,
+)
+
+
+def reason(error: Exception) -> str:
+    """An error's words in one line, or its kind where it has none."""
+    words = re.sub(r"\[?PosixPath\('([^']*)'\)\]?", r"\1", " ".join(str(error).split()))
+    return words or type(error).__name__
+
+
+def damaged(bag: Path, error: Exception) -> BagError:
+    """The error of a bag that cannot be read: why it is not a bag, or how to recover it."""
+    if what := why_not_a_bag(bag):
+        return BagError(f"{bag}: {what}; {ALLOWED}")
+    return BagError(
+        f"{bag}: cannot be read as a rosbag2 bag ({reason(error)}); if it was not closed, recover "
+        f"it with: cam-rig recover {bag}"
+    )
+
+
+# Whether a new bag can be made where it is wanted.
+
+
+def require_new_bag(directory: Path, number: int = 0) -> None:
+    """Refuse, before anything is started, a bag that cannot be made.
+
+    ``number`` is that of the last file that it may have.
+
+    Raises
+    ------
+    BagError : it exists already, or its place cannot be written
+    """
+    try:
+        there = directory.exists()
+        place = next(path for path in directory.absolute().parents if path.exists())
+        longest = os.pathconf(place, "PC_NAME_MAX"), os.pathconf(place, "PC_PATH_MAX") - 1
+    except OSError as error:
+        raise BagError(f"{directory}: cannot be made ({error.strerror})") from None
+    if there:
+        raise BagError(f"{directory}: exists already, not overwriting; name another bag")
+    if not (place.is_dir() and os.access(place, os.W_OK | os.X_OK)):
+        raise BagError(f"{directory}: cannot be made, {place} cannot be written")
+    file = part_of(bag_file(directory, number))
+    for what, letters, most in zip(("name", "path"), (file.name, str(file)), longest, strict=True):
+        if (over := len(os.fsencode(letters)) - most) > 0:
+            raise BagError(
+                f"{str(directory)[:80]}...: its {what} is {over} bytes too long; allowed: {most} "
+                f"bytes with {file.name.removeprefix(directory.name)} at its end"
+            )
+    if not file.name.isprintable():
+        raise BagError(f"{str(directory)!r}: allowed: a name of letters that can be written")

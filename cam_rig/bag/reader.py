@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -13,11 +14,10 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from cam_rig.arrays import FloatArray
-from cam_rig.bag.attached import unpack
-from cam_rig.bag.bounds import require_bounded, require_plain
-from cam_rig.bag.damage import UNREADABLE, damaged
-from cam_rig.bag.files import TORN, in_order, is_closed, require_a_bag
+from cam_rig.arguments import checked
+from cam_rig.bag.files import TORN, UNREADABLE, damaged, in_order, is_closed, require_a_bag
+from cam_rig.bag.partial_reader import unpack
+from cam_rig.bag.records import require_bounded, require_plain
 from cam_rig.dynamics import ANGLE_TOLERANCE
 from cam_rig.errors import BagError, CamRigError, RefusedError
 from cam_rig.files import temporary_folder
@@ -25,11 +25,12 @@ from cam_rig.live.flow_control import HISTORY_DEPTH
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
 from cam_rig.messages.topics import Topic, recorded_topic
-from cam_rig.simulation.levels import MeasuredTick
-from cam_rig.simulation.loaded_scene import LoadedScene, open_scene
+from cam_rig.schema.load import named_path
+from cam_rig.simulation.scene import LoadedScene, open_scene
+from cam_rig.simulation.scene_run import SceneRun
 from cam_rig.simulation.schedule import CamState
-from cam_rig.simulation.tick_samples import TickSamples
-from cam_rig.units import NS
+from cam_rig.simulation.simulate import MeasuredTick, TickSamples
+from cam_rig.units import NS, FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,3 +299,33 @@ def read_scene(bag: Path) -> LoadedScene:
         except CamRigError as error:
             inside = str(error).replace(f"{folder}/config/", "")
             raise BagError(f"{bag}: its attached files do not fit: {inside}") from None
+
+
+# A scene's run, computed here or read from a bag: level against speed for each cam.
+
+
+@checked
+def read_bag(bag: str | Path, scene: str | Path | None = None) -> SceneRun:
+    """Read a recorded run back, with the scene that is attached to it.
+
+    Parameters
+    ----------
+    bag : folder of a bag, as ``cam-rig run`` or ``ros2 bag record`` makes it
+    scene : the scene that was run, for a bag that has none attached (``ros2 bag record``)
+
+    Raises
+    ------
+    BagError : the bag is missing, was not closed, or holds another kind of run
+    MissingLibraryError : the extra ``bags`` is not installed
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> recording = cam_rig.read_bag("bags/golden")
+    >>> recording.complete, list(recording.loaded.laws)
+    (True, ['tm21', 'bezier15'])
+    """
+    path = None if scene is None else named_path("scenes", scene)
+    found = read_recording(Path(bag), path)
+    blocks = partial(read_ticks, Path(bag))
+    return SceneRun(found.loaded, tuple(found.ticks), Path(bag), blocks, found.counts)

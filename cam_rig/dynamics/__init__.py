@@ -6,22 +6,22 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from cam_rig.dynamics import elastic_stem, kinetostatic
+from cam_rig.dynamics import elastic_stem, kinetostatic, one_mass
 from cam_rig.dynamics.interval import (
     ANGLE_TOLERANCE,
+    COLUMNS,
     Block,
     Event,
     FollowerState,
     Interval,
+    Samples,
     wrap,
 )
-from cam_rig.dynamics.one_mass import model as one_mass
 from cam_rig.dynamics.parameters import FollowerParameters
-from cam_rig.dynamics.ramp import Advance
-from cam_rig.dynamics.samples import COLUMNS, Samples
+from cam_rig.dynamics.speed_ramp import Advance
 from cam_rig.dynamics.torsional import model as torsional
 from cam_rig.dynamics.two_mass import model as two_mass
-from cam_rig.dynamics.two_mass.parameters import TwoMassParameters
+from cam_rig.dynamics.two_mass.masses import TwoMassParameters
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig

@@ -15,14 +15,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.input_limits import state_of
 from cam_rig.dynamics.interval import Block, FollowerState, Interval
 from cam_rig.dynamics.linear.response import LinearResponse
 from cam_rig.dynamics.linear.sampling import Outputs, end_of, outputs_at, sample
-from cam_rig.dynamics.parameters import FollowerParameters
-from cam_rig.dynamics.ramp import with_ramps
+from cam_rig.dynamics.parameters import FollowerParameters, state_of
+from cam_rig.dynamics.speed_ramp import with_ramps
 from cam_rig.laws import Law
+from cam_rig.units import FloatArray
 
 
 @lru_cache(maxsize=64)

@@ -3,31 +3,109 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
-from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.input_limits import (
+from cam_rig.dynamics.parameters import (
     is_number,
     require_angle,
     require_number,
     require_rate,
     require_stamp,
 )
-from cam_rig.dynamics.samples import COLUMNS, NamedRows
 from cam_rig.errors import DynamicsError
+from cam_rig.laws import Law
 from cam_rig.laws.sampling import samples_before
-from cam_rig.units import NS, TURN
+from cam_rig.units import NS, TURN, FloatArray
+
+# The columns of a block of samples, and of /follower/samples, by name: ``samples.force``.
+
+#: Rows of a block, with their units.
+COLUMNS = (
+    "t [s]",
+    "lift [m]",
+    "velocity [m/s]",
+    "acceleration [m/s^2]",
+    "contact_force [N]",
+    "contact_impulse [N*s]",
+)
+
+
+class NamedRows:
+    """The rows of a ``(6, n)`` array ``rows``, each ``(n,)`` by its name: views, never copies."""
+
+    rows: FloatArray
+
+    def _row(self, index: int) -> FloatArray:
+        row: FloatArray = self.rows[index]
+        return row
+
+    @property
+    def time(self) -> FloatArray:
+        """Rig time, s."""
+        return self._row(0)
+
+    @property
+    def lift(self) -> FloatArray:
+        """Follower displacement, m."""
+        return self._row(1)
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Follower velocity, m/s."""
+        return self._row(2)
+
+    @property
+    def acceleration(self) -> FloatArray:
+        """Follower acceleration, m/s²."""
+        return self._row(3)
+
+    @property
+    def force(self) -> FloatArray:
+        """Contact force, N; 0 in flight."""
+        return self._row(4)
+
+    @property
+    def impulse(self) -> FloatArray:
+        """Impulse of the landings since the sample before, N·s."""
+        return self._row(5)
+
+    @property
+    def motion(self) -> FloatArray:
+        """Lift, velocity and acceleration together, ``(3, n)``."""
+        return self.rows[1:4]
+
+
+@dataclass(frozen=True, eq=False)
+class Samples(NamedRows):
+    """The named rows of an array.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> rows = np.zeros((6, 100))
+    >>> Samples(rows).force[:10] = 25.0
+    >>> float(rows[4, 9])
+    25.0
+    """
+
+    rows: FloatArray
+
 
 #: Times that are reckoned together: they stay in a core's own memory from one step to the next.
 IN_CACHE = 8192
+
 _COUNTED = np.arange(IN_CACHE, dtype=np.float64)
+
 #: A speed this small beside the other end's is rest: a ramp down to it ends there by rounding.
 REST = 1e-9
+
 #: Speeds that differ by less than this fraction are one: a ramp ends at its last speed to rounding.
 SAME_SPEED = 1e-12
+
 #: An interval may begin this far (rad) from the cam angle where the one before ended: rounding.
 ANGLE_TOLERANCE = 1e-6
 
@@ -286,3 +364,37 @@ def speed_change(state: FollowerState | None, interval: Interval) -> float:
 def same_speed(one: float, other: float) -> bool:
     """Whether two speeds (rad/s) are one, but for rounding."""
     return abs(one - other) <= SAME_SPEED * max(abs(one), abs(other))
+
+
+# Landing impulses on the sample grid.
+
+
+def show_impulses(
+    rows: FloatArray, grid: SampleGrid, events: Sequence[Event], pending: float
+) -> float:
+    """Add each impulse to the sample at or after it; return what comes after the last one.
+
+    ``events`` have times in s since the interval's start; ``pending`` (N·s) is what the interval
+    before could not show.
+    """
+    late = 0.0
+    due = [(0, pending)] + [(grid.index_after(event.time), event.impulse) for event in events]
+    for index, impulse in due:
+        if index < grid.count:
+            Samples(rows).impulse[index] += impulse
+        else:
+            late += impulse
+    return late
+
+
+#: A change of the cam's velocity below this fraction of (cam speed x lift) is rounding: no step.
+NO_IMPACT = 1e-12
+
+#: A bounce is contact when it is lower than this fraction of the lift, or than so many metres,
+#: a hundred thousandth of an atom.
+MIN_OF_LIFT, MIN_HEIGHT = 1e-12, 1e-15
+
+
+def least_bounce(law: Law) -> float:
+    """Height (m) below which a bounce is contact."""
+    return max(MIN_OF_LIFT * law.lift, MIN_HEIGHT)

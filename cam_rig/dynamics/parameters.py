@@ -4,11 +4,129 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from numbers import Real
+from typing import TypeGuard
 
-from cam_rig.dynamics.input_limits import require_number
-from cam_rig.errors import ConfigError
+import numpy as np
+
+from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.schema import RigConfig
 from cam_rig.schema.quantity import Quantity
+from cam_rig.units import FloatArray
+
+# What a model may be given: numbers, times, states; all else is refused here, by name and limit.
+
+#: A number above zero is between these, one of either sign no farther from zero, all in SI.
+LEAST, MOST = 1e-15, 1e15
+
+#: Largest cam angle, rad: beyond it less than four digits of the phase are left.
+MAX_ANGLE = 1e12
+
+#: Slowest and fastest cam, rad/s.
+MIN_SPEED, MAX_SPEED = 1e-30, 1e9
+
+#: Finest grid of samples, Hz: rig time is counted in ns.
+MAX_RATE = 1_000_000_000
+
+#: What a number may be, by the words that say so.
+LIMITS = {
+    "> 0": (LEAST, MOST),
+    "≥ 0": (0.0, MOST),
+    "of either sign": (-MOST, MOST),
+    "in [0, 1)": (0.0, math.nextafter(1.0, 0.0)),
+}
+
+
+def is_number(value: object) -> TypeGuard[float]:
+    """Whether a value is a finite real number."""
+    return isinstance(value, Real) and math.isfinite(value)
+
+
+def require_number(name: str, value: object, words: str) -> None:
+    """Refuse what is not a finite number within the `LIMITS` of its ``words``.
+
+    Raises
+    ------
+    DynamicsError : with name, value and limit
+    """
+    low, high = LIMITS[words]
+    if not (is_number(value) and low <= value <= high):
+        limits = "" if words == "in [0, 1)" else f", {low:g} to {high:g}"
+        raise DynamicsError(f"{name} is {value!r}; allowed: finite and {words}{limits}")
+
+
+def require_angle(angle: object, name: str = "angle") -> None:
+    """Refuse a cam angle (rad) that is not finite, or so large that its phase is lost."""
+    if not (is_number(angle) and abs(angle) <= MAX_ANGLE):
+        raise DynamicsError(
+            f"{name} is {angle!r}; allowed: finite and up to {MAX_ANGLE:g} rad, beyond which "
+            "the phase is lost"
+        )
+
+
+def require_turning(speed: object) -> None:
+    """Refuse a cam that stands, turns backwards, or at no number at all; ``speed`` in rad/s."""
+    if not (is_number(speed) and MIN_SPEED <= speed <= MAX_SPEED):
+        raise DynamicsError(
+            f"speed is {speed!r} rad/s; allowed: finite and above 0, "
+            f"{MIN_SPEED:g} to {MAX_SPEED:g} rad/s"
+        )
+
+
+def require_stamp(name: str, value: object) -> None:
+    """Refuse a stamp of rig time that is not a whole number of ns."""
+    if not isinstance(value, int | np.integer):
+        raise DynamicsError(f"{name} is {value!r}; allowed: a whole number of ns")
+
+
+def require_rate(sample_rate: object) -> None:
+    """Refuse a sample rate (Hz) without a grid."""
+    if not (isinstance(sample_rate, int | np.integer) and 1 <= sample_rate <= MAX_RATE):
+        raise DynamicsError(
+            f"sample_rate is {sample_rate!r}; allowed: a whole number of Hz, 1 to {MAX_RATE}"
+        )
+
+
+def row_of_numbers(name: str, values: object) -> FloatArray:
+    """One row of finite numbers.
+
+    Raises
+    ------
+    DynamicsError : ``values`` holds none
+    """
+    try:
+        row = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise DynamicsError(f"{name} is {values!r}; allowed: a row of finite numbers") from None
+    if row.ndim != 1 or not np.isfinite(row).all():
+        wrong = row[~np.isfinite(row)] if row.ndim == 1 else row
+        raise DynamicsError(f"{name}: has {wrong!r}; allowed: a row of finite numbers")
+    return row
+
+
+def state_of(values: object, size: int) -> FloatArray:
+    """A model's state, ``(size,)``."""
+    state = row_of_numbers("state", values)
+    if state.size != size:
+        raise DynamicsError(f"state: has {state.size} numbers; allowed: {size}")
+    return state
+
+
+def times_of(values: object, last: float = MOST) -> FloatArray:
+    """Ascending times (s) from 0 to ``last``."""
+    times = row_of_numbers("times", values)
+    if times.size == 0:
+        return times
+    if np.any(times[1:] < times[:-1]):
+        at = int(np.argmax(times[1:] < times[:-1]))
+        raise DynamicsError(
+            f"times: {times[at + 1]:.9g} s comes after {times[at]:.9g} s; allowed: ascending"
+        )
+    if times[0] < 0.0 or times[-1] > last:
+        raise DynamicsError(
+            f"times are {times[0]:.9g} to {times[-1]:.9g} s; allowed: 0 to {last:.9g} s"
+        )
+    return times
 
 
 def si_or_none(number: Quantity | None) -> float | None:

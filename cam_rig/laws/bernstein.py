@@ -14,12 +14,88 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from cam_rig.arrays import FloatArray
-from cam_rig.laws.bracketed_root import bracketed_root
+from cam_rig.units import FloatArray
+
+# The root between two signs, by Brent's method, without the imports of `scipy.optimize`.
+
+#: Relative width at which two neighbouring floats are told apart no further.
+RELATIVE = 4.0 * 2.0**-52
+
+#: Least absolute width: any root but 0 is found to its own relative width.
+ABSOLUTE = 1e-300
+
+#: A root beside 0 may take as many halvings as a float has; an ordinary one takes some ten steps.
+MAX_STEPS = 2000
+
+
+def bracketed_root(function: Callable[[float], float], lo: float, hi: float) -> float:
+    """The x between ``lo`` and ``hi`` where a function changes sign, to rounding.
+
+    Brent's method (R. P. Brent, Algorithms for Minimization without Derivatives, 1973, ch. 4): the
+    secant or inverse quadratic interpolation where it closes in quickly, a halving where it does
+    not. It takes the steps of `scipy.optimize.brentq`, and gives the same bits.
+
+    Raises
+    ------
+    ValueError : the function has the same sign at both ends
+    RuntimeError : not found in `MAX_STEPS`; a function that is not a number has no sign
+
+    Examples
+    --------
+    >>> bracketed_root(lambda x: x * x - 2.0, 0.0, 2.0)
+    1.4142135623730951
+    """
+    before, now = lo, hi
+    f_before, f_now = function(before), function(now)
+    if f_before == 0.0:
+        return before
+    if f_now == 0.0:
+        return now
+    if (f_before < 0.0) == (f_now < 0.0):
+        raise ValueError(f"no change of sign between {lo:g} ({f_before:g}) and {hi:g} ({f_now:g})")
+    other, f_other, step, last_step = before, f_before, 0.0, 0.0
+    for _ in range(MAX_STEPS):
+        if f_before != 0.0 and f_now != 0.0 and (f_before < 0.0) != (f_now < 0.0):
+            other, f_other = before, f_before
+            last_step = step = now - before
+        if abs(f_other) < abs(f_now):  # go on from the better end
+            before, now, other = now, other, now
+            f_before, f_now, f_other = f_now, f_other, f_now
+        width, half = 0.5 * (ABSOLUTE + RELATIVE * abs(now)), 0.5 * (other - now)
+        if f_now == 0.0 or abs(half) < width:
+            return now
+        tried = math.inf
+        if abs(last_step) > width and abs(f_now) < abs(f_before):
+            tried = _interpolated((before, now, other), (f_before, f_now, f_other))
+        if 2.0 * abs(tried) < min(abs(last_step), 3.0 * abs(half) - width):
+            last_step, step = step, tried
+        else:
+            last_step = step = half
+        before, f_before = now, f_now
+        now += step if abs(step) > width else (width if half > 0.0 else -width)
+        f_now = function(now)
+    raise RuntimeError(f"no root between {lo:g} and {hi:g} after {MAX_STEPS} steps")
+
+
+def _interpolated(x: tuple[float, float, float], f: tuple[float, float, float]) -> float:
+    """Step to the zero of what goes through the last points; infinite where nothing does."""
+    (before, now, other), (f_before, f_now, f_other) = x, f
+    try:
+        if before == other:
+            return -f_now * (now - before) / (f_now - f_before)
+        slope = (f_before - f_now) / (before - now)
+        far_slope = (f_other - f_now) / (other - now)
+        rise = f_other * far_slope - f_before * slope
+        return -f_now * rise / (far_slope * slope * (f_other - f_before))
+    except ZeroDivisionError:
+        return math.inf
+
 
 EPS = float(np.finfo(np.float64).eps)
+
 #: Up to so many points one call that runs along them is quicker than a loop over the degree.
 FEW = 128
+
 #: Subdivision stops here: roots nearer than this cannot be told apart in double precision.
 _ROOT_RESOLUTION = 2.0**-46
 
@@ -197,3 +273,77 @@ def negative_intervals(ordinates: FloatArray) -> list[tuple[float, float]]:
     middles = evaluate(ordinates, 0.5 * (edges[:-1] + edges[1:]))
     spans = zip(edges[:-1], edges[1:], middles, strict=True)
     return [(float(a), float(b)) for a, b, value in spans if value < 0.0]
+
+
+# Products and compositions of polynomials in Bernstein form, by convex combinations.
+
+
+def product(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Ordinates of the product, ``(m + n + 1, k)`` from ``(m + 1,)`` and ``(n + 1, k)``."""
+    low, high = one.size - 1, other.shape[0] - 1
+    scaled = binomials(high)[:, None] * other
+    out = np.zeros((low + high + 1, other.shape[1]))
+    for i, weight in enumerate(binomials(low) * one):
+        out[i : i + high + 1] += weight * scaled
+    return np.asarray(out / binomials(low + high)[:, None])
+
+
+def compose(outer: FloatArray, inner: FloatArray) -> FloatArray:
+    """Ordinates of f(u(τ)), ``(2p + 1, k)`` from f ``(p + 1, k)`` and a quadratic u ``(3,)``.
+
+    De Casteljau's scheme with u(τ) in place of a number. With the ordinates of u in [0, 1] every
+    step is a convex combination, so nothing cancels.
+    """
+    rows = outer[:, None, :]
+    near, far = binomials(2) * inner, binomials(2) * (1.0 - inner)
+    for degree in range(0, 2 * outer.shape[0] - 2, 2):
+        scaled = rows * binomials(degree)[:, None]
+        grown = np.zeros((rows.shape[0] - 1, degree + 3, rows.shape[2]))
+        for i in range(3):
+            grown[:, i : i + degree + 1] += far[i] * scaled[:-1] + near[i] * scaled[1:]
+        rows = grown / _column(degree + 2)
+    return np.asarray(rows[0])
+
+
+@lru_cache(maxsize=128)
+def _column(degree: int) -> FloatArray:
+    return binomials(degree)[:, None]
+
+
+# Bernstein pieces that follow one another, before they are a cam's law.
+
+#: Breakpoints, and one column of ordinates between each two.
+Pieces = tuple[list[float], list[FloatArray]]
+
+#: A cut nearer to a breakpoint than this fraction of its piece is made at the breakpoint.
+NEAR = 1e-12
+
+
+def turned_to_zero(pieces: Pieces, turn: float) -> Pieces:
+    """One turn of pieces that begins anywhere, as one that begins at angle 0.
+
+    The breakpoints may begin at any angle and end a turn later. The piece at angle 0 is cut
+    there, and what lies outside of [0, turn] comes round again on the other side.
+    """
+    moved: list[tuple[float, float, FloatArray]] = []
+    breaks, columns = pieces
+    for start, stop, column in zip(breaks[:-1], breaks[1:], columns, strict=True):
+        shift = turn * (start // turn)
+        a, b = start - shift, stop - shift
+        u = (turn - a) / (b - a)
+        if u > 1.0 - NEAR:
+            moved.append((a, min(b, turn), column))
+        elif u < NEAR:
+            moved.append((0.0, b - turn, column))
+        else:
+            before, after = split(column, u)
+            moved += [(a, turn, before), (0.0, b - turn, after)]
+    moved.sort(key=lambda piece: piece[0])
+    starts = [0.0, *(a for a, _, _ in moved[1:])]
+    return [*starts, turn], [column for _, _, column in moved]
+
+
+def joined(columns: list[FloatArray]) -> FloatArray:
+    """``(p + 1, n)`` ordinates of n columns, written with the highest degree p among them."""
+    degree = max(column.size - 1 for column in columns)
+    return np.stack([elevate(column, degree) for column in columns], axis=1)

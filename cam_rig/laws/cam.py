@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
 import numpy as np
 
-from cam_rig.errors import LawError
-from cam_rig.laws.arcs.from_segments import circles
-from cam_rig.laws.arcs.tangent_arcs import ConcaveFlankCam
+from cam_rig.errors import ConfigError, LawError
+from cam_rig.laws.arc_law import circles
+from cam_rig.laws.arcs import ConcaveFlankCam
+from cam_rig.laws.bernstein import Pieces, joined
 from cam_rig.laws.law import Law
-from cam_rig.laws.named import unit_rise
-from cam_rig.laws.pieces import Pieces, joined
-from cam_rig.laws.segments import own_pieces
-from cam_rig.schema import CamConfig
-from cam_rig.schema.segments import Rise, Segment, TangentArcs
-from cam_rig.units import TURN
+from cam_rig.laws.segments import own_pieces, unit_rise
+from cam_rig.laws.spline import greville
+from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
+from cam_rig.schema.segments import Bezier, BSpline, Rise, Segment, TangentArcs
+from cam_rig.units import TURN, FloatArray
 
 #: A step between two segments smaller than this fraction of the lift is rounding.
 STEP_TOLERANCE = 1e-9
@@ -99,3 +103,92 @@ def arc_cam(cam: CamConfig) -> ConcaveFlankCam:
         if isinstance(segment, TangentArcs):
             return circles(segment, cam)
     raise LawError(f"cam {cam.name!r} has no tangent_arcs segment")
+
+
+# The control polygons of a cam's Bézier and B-spline segments.
+
+
+def control_polygons(cam: CamConfig) -> list[tuple[FloatArray, FloatArray]]:
+    """Cam angles (rad) and ordinates (m) of the control points, one pair a segment that has any.
+
+    Those of a Bézier curve are equidistant, those of a B-spline stand at its Greville abscissae.
+    """
+    found = []
+    for segment, start in zip(cam.segments, segment_angles(cam), strict=True):
+        if isinstance(segment, Bezier):
+            fraction = np.linspace(0.0, 1.0, len(segment.ordinates.numbers))
+        elif isinstance(segment, BSpline):
+            knots = np.array(segment.knots.numbers)
+            fraction = greville(knots, segment.degree) - knots[0]
+            fraction /= knots[-1] - knots[0]
+        else:
+            continue
+        ordinates = cam.lift.si * np.array(segment.ordinates.numbers)
+        found.append((start + segment.span.si * fraction, ordinates))
+    return found
+
+
+# A cam file as a rig can use it: its law, and the refusal of a follower no model knows.
+
+
+def require_sprung(path: Path, cam: CamConfig) -> None:
+    """Refuse a cam whose follower the dynamic models do not know.
+
+    Raises
+    ------
+    ConfigError : the cam moves it both ways
+    """
+    if not cam.follower.sprung:
+        raise ConfigError(
+            f"{path}: follower.type is {cam.follower.type!r}; allowed on a rig: one that a closing "
+            "spring alone holds on the cam (the dynamic models know no second contact)"
+        )
+
+
+def law_of(path: Path, cam: CamConfig) -> Law:
+    """The law of a cam file, its errors with the file's name.
+
+    Raises
+    ------
+    LawError : its segments do not join
+    """
+    try:
+        return build_law(cam)
+    except LawError as error:
+        raise LawError(f"{path}: {error}") from None
+
+
+# Cams to compare on one rig: read and checked before anything runs.
+
+
+@dataclass(frozen=True)
+class CamSet:
+    """Cams by name in order, their laws, and the rig they turn on."""
+
+    cams: dict[str, CamConfig]
+    laws: dict[str, Law]
+    rig: RigConfig
+
+    @property
+    def titles(self) -> dict[str, str]:
+        """What each cam is called."""
+        return {name: cam.title for name, cam in self.cams.items()}
+
+
+def open_cam_set(cam_paths: Iterable[Path], rig_path: Path) -> CamSet:
+    """Read cam files and a rig file.
+
+    Raises
+    ------
+    ConfigError, LawError : one line that names the file and what is wrong in it
+    """
+    rig = load_rig(rig_path)
+    cams: dict[str, CamConfig] = {}
+    laws = {}
+    for path in cam_paths:
+        cam = load_cam(path)
+        if cam.name in cams:
+            raise ConfigError(f"{path}: cam {cam.name!r} is named twice; allowed: each once")
+        require_sprung(path, cam)
+        cams[cam.name], laws[cam.name] = cam, law_of(path, cam)
+    return CamSet(cams, laws, rig)

@@ -13,10 +13,50 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cam_rig.arrays import FloatArray
 from cam_rig.errors import LawError
 from cam_rig.laws import bernstein
-from cam_rig.units import TURN
+from cam_rig.units import TURN, FloatArray
+
+# Largest and smallest value of a derivative over the turn, from roots, not from samples.
+
+#: Of values that differ by less than this fraction of the largest ordinate the first is taken.
+TIE = 1e-12
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """A value of a derivative (m/rad^order) and the cam angle (rad) where it is reached."""
+
+    value: float
+    angle: float
+
+
+def extremes(law: Law, order: int) -> tuple[Extreme, Extreme]:
+    """Smallest and largest value of the derivative of an order.
+
+    Candidates are the ends of each piece, so both sides of a joint, and inside each piece every
+    root of the next derivative.
+    """
+    here = law.derivative_ordinates(order)
+    slope = law.derivative_ordinates(order + 1)
+    low = high = Extreme(float(here[0, 0]), 0.0)
+    tie = TIE * float(np.abs(here).max())
+    for i, (start, span) in enumerate(zip(law.breaks[:-1], law.spans, strict=True)):
+        at = np.array([0.0, *bernstein.crossings(slope[:, i]), 1.0])
+        values = bernstein.evaluate(here[:, i], at)
+        worst, best = int(np.argmin(values)), int(np.argmax(values))
+        if values[worst] < low.value - tie:
+            low = Extreme(float(values[worst]), float(start + span * at[worst]))
+        if values[best] > high.value + tie:
+            high = Extreme(float(values[best]), float(start + span * at[best]))
+    return low, high
+
+
+def peak(law: Law, order: int) -> Extreme:
+    """The extreme of largest magnitude, with its sign."""
+    low, high = extremes(law, order)
+    return low if -low.value > high.value else high
+
 
 Scalar = Callable[[float], float]
 
@@ -288,3 +328,73 @@ class Law:
     def largest_step(self) -> float:
         """Largest step of s at a joint, m: rounding, for a cam without a cliff."""
         return float(np.abs(self.jumps(0)).max())
+
+
+# How smoothly a law's pieces join: the class C0 to C4 at each joint.
+
+#: Classes are told apart up to this one; what is smoother counts as it.
+SMOOTHEST = 4
+
+#: A jump below this fraction of the derivative's peak in the pieces that meet counts as 0.
+TOLERANCE = 1e-6
+
+#: Rounding of a derivative at a piece's end, in units of eps·level·(2p/span)^order.
+ROUNDINGS = 16.0
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Where two pieces of a law meet.
+
+    Parameters
+    ----------
+    angle : cam angle, rad
+    continuity : highest derivative that goes on without a jump, 4 at most, −1 for a step
+    jump : right minus left limit of the next derivative, m/rad^(continuity + 1); 0 at C4
+    """
+
+    angle: float
+    continuity: int
+    jump: float
+
+
+def joints(law: Law) -> tuple[Joint, ...]:
+    """Every joint of the law with its class, in order from cam angle 0."""
+    jumps = np.stack([law.jumps(order) for order in range(SMOOTHEST + 1)])
+    breaks = np.abs(jumps) > np.stack([_limits(law, order) for order in range(SMOOTHEST + 1)])
+    found = []
+    for i, angle in enumerate(law.breaks[:-1]):
+        first = int(np.argmax(breaks[:, i])) if breaks[:, i].any() else SMOOTHEST + 1
+        jump = 0.0 if first > SMOOTHEST else float(jumps[first, i])
+        found.append(Joint(float(angle), first - 1, jump))
+    return tuple(found)
+
+
+def continuity(law: Law) -> int:
+    """The class of the whole law: that of its roughest joint."""
+    return min(joint.continuity for joint in joints(law))
+
+
+def _limits(law: Law, order: int) -> FloatArray:
+    """``(n,)`` jump (m/rad^order) at the start of each piece that still counts as 0.
+
+    A fraction of the derivative's peak in the two pieces that meet, for another piece may be a
+    thousand times as sharp; of s itself over the turn. Or what the rounding of levels makes of it
+    in those pieces where that is more: short ones of high degree, and dwells.
+    """
+    level = float(np.abs(law.ordinates).max())
+    if order == 0:
+        return np.full(law.spans.size, TOLERANCE * level)
+    peaks = np.abs(law.derivative_ordinates(order)).max(axis=0)
+    noise = ROUNDINGS * np.finfo(float).eps * level * (2.0 * law.degree / law.spans) ** order
+    limits = np.maximum(TOLERANCE * peaks, noise)
+    return np.asarray(np.maximum(limits, np.roll(limits, 1)))
+
+
+# The report's tables: those of the studies, and those that only a report has.
+
+
+def continuity_in_words(law: Law) -> str:
+    """The class of a law's roughest joint."""
+    rough = [joint.continuity for joint in joints(law) if joint.continuity < SMOOTHEST]
+    return f"C{min(rough)}" if rough else f"C{SMOOTHEST} or smoother"

@@ -2,22 +2,107 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache, partial
+from math import comb, perm
+from typing import Any, get_args
 
 import numpy as np
 
 from cam_rig.errors import LawError
-from cam_rig.laws.arcs.from_segments import tangent_arcs, whole_turn_arcs
-from cam_rig.laws.families import b_spline
-from cam_rig.laws.families.polynomial import polynomial_through
-from cam_rig.laws.families.scatter import require_above_scatter
-from cam_rig.laws.families.table import Rest, Smoothed, smooth
-from cam_rig.laws.families.trigonometric import trigonometric
-from cam_rig.laws.fit import fit
-from cam_rig.laws.pieces import Pieces
+from cam_rig.laws import spline as b_spline
+from cam_rig.laws.arc_law import tangent_arcs, whole_turn_arcs
+from cam_rig.laws.bernstein import Pieces, joined
+from cam_rig.laws.law import Law
+from cam_rig.laws.sampling import Curve, Section, fit, fit_sections
+from cam_rig.laws.spline import Rest, Smoothed, require_above_scatter, smooth
 from cam_rig.schema import CamConfig
-from cam_rig.schema.segments import Bezier, BSpline, Polynomial, Segment, Table, Trigonometric
+from cam_rig.schema.segment_base import Table
+from cam_rig.schema.segments import Bezier, BSpline, Polynomial, RiseName, Segment, Trigonometric
+from cam_rig.units import TURN, FloatArray
+
+# The polynomial through conditions on values and derivatives (eq. 2.1, worked example c).
+
+
+def polynomial_through(u: list[float], order: list[int], value: list[float]) -> FloatArray:
+    """Bernstein ordinates on [0, 1] of the polynomial of lowest degree through the conditions.
+
+    Parameters
+    ----------
+    u, order, value : (m,) each; the derivative of order r at u ∈ [0, 1] is to be the value
+
+    The m conditions give degree m − 1. They are solved in exact fractions: the system is badly
+    conditioned in any basis, and of at most 21 rows.
+
+    Raises
+    ------
+    LawError : the conditions contradict each other or leave the polynomial open
+    """
+    at = [Fraction(x) for x in u]
+    rows = [_row(len(at) - 1, x, r) for x, r in zip(at, order, strict=True)]
+    for row, x in zip(rows, value, strict=True):
+        row.append(Fraction(x))
+    try:
+        return np.array([float(x) for x in _solve(rows)])
+    except ZeroDivisionError:
+        shown = ", ".join(f"({x:g}, {r})" for x, r in zip(u, order, strict=True))
+        raise LawError(
+            f"no single polynomial of degree {len(at) - 1} meets the conditions (u, order) "
+            f"{shown}; allowed: a set that fixes it, so give the lower orders where a higher one "
+            "is given"
+        ) from None
+
+
+def _row(degree: int, u: Fraction, order: int) -> list[Fraction]:
+    """Derivative of order r of each Bernstein polynomial at u, in fractions."""
+    row = [Fraction(0)] * (degree + 1)
+    lower = degree - order
+    values = [comb(lower, i) * u**i * (1 - u) ** (lower - i) for i in range(lower + 1)]
+    factor = perm(degree, order)
+    for i, value in enumerate(values):
+        for j in range(order + 1):
+            row[i + j] += factor * value * comb(order, j) * (-1) ** (order - j)
+    return row
+
+
+def _solve(rows: list[list[Fraction]]) -> list[Fraction]:
+    """Gauss-Jordan elimination; ZeroDivisionError when the system is singular."""
+    n = len(rows)
+    for i in range(n):
+        pivot = next((k for k in range(i, n) if rows[k][i] != 0), i)
+        rows[i], rows[pivot] = rows[pivot], rows[i]
+        scale = 1 / rows[i][i]
+        rows[i] = [x * scale for x in rows[i]]
+        for k in range(n):
+            if k != i and rows[k][i] != 0:
+                factor = rows[k][i]
+                rows[k] = [x - factor * y for x, y in zip(rows[k], rows[i], strict=True)]
+    return [row[-1] for row in rows]
+
+
+# The trigonometric polynomial over a whole turn (eq. 2.2).
+
+
+def trigonometric(mean: float, cosine: list[float], sine: list[float]) -> Curve:
+    """s(θ) = c₀ + Σ cᵢ cos iθ + sᵢ sin iθ, i from 1, θ in rad, with its derivatives."""
+    waves = max(len(cosine), len(sine))
+    harmonic = np.arange(1, waves + 1, dtype=np.float64)
+    c = np.pad(np.array(cosine, dtype=np.float64), (0, waves - len(cosine)))
+    s = np.pad(np.array(sine, dtype=np.float64), (0, waves - len(sine)))
+
+    def curve(angle: FloatArray, order: int) -> FloatArray:
+        # the r-th derivative turns (cos, sin) by r quarters: exact, no phase to round
+        for_cosine, for_sine = [(c, s), (s, -c), (-c, -s), (-s, c)][order % 4]
+        turned = angle[:, None] * harmonic
+        scale = harmonic**order
+        waves_sum = np.cos(turned) @ (for_cosine * scale) + np.sin(turned) @ (for_sine * scale)
+        return np.asarray(waves_sum + (mean if order == 0 else 0.0))
+
+    return curve
+
 
 #: Lift of a file and height of its own points may differ by this fraction, and by so many
 #: tolerances: the errors of the highest and of the lowest point.
@@ -106,3 +191,208 @@ BUILDERS: dict[str, Callable[[Any, CamConfig], Pieces]] = {
     "arcs_by_centres": whole_turn_arcs,
     "table": _table,
 }
+
+
+# Rises from 0 to 1 over u ∈ [0, 1] that are one Bézier curve, by their ordinates.
+
+
+def constant_velocity() -> FloatArray:
+    """The straight line u: velocity jumps at both ends (worked example a)."""
+    return np.array([0.0, 1.0])
+
+
+def full_rise(degree: int) -> FloatArray:
+    """Ordinates {0…0, 1…1}, half each, of odd degree: C^((degree − 1)/2) (eq. 3.1-3.3).
+
+    Degree 5 is 10u³ − 15u⁴ + 6u⁵, the polynomial 3-4-5, and degree 7 is
+    35u⁴ − 84u⁵ + 70u⁶ − 20u⁷, the 4-5-6-7.
+    """
+    return np.repeat([0.0, 1.0], (degree + 1) // 2)
+
+
+def half_rise_start(degree: int) -> FloatArray:
+    """From rest to constant velocity 2, of even degree: C^(degree / 2) (eq. 3.4-3.6)."""
+    half = degree // 2
+    return np.concatenate([np.zeros(half), np.linspace(0.0, 1.0, half + 1)])
+
+
+def half_rise_end(degree: int) -> FloatArray:
+    """From constant velocity 2 to rest, of even degree (eq. 3.7-3.9)."""
+    return np.asarray(1.0 - half_rise_start(degree)[::-1])
+
+
+# The two industrial standards: modified sine and modified trapezoid.
+
+
+def simple_harmonic(u: FloatArray, order: int) -> FloatArray:
+    """The rise or its derivative in u, order 0 to 3."""
+    if order == 0:
+        return np.asarray(np.sin(0.5 * np.pi * u) ** 2)  # the same, without cancellation near 0
+    half = 0.5 * np.pi**order
+    if order == 2:
+        return np.asarray(half * np.cos(np.pi * u))
+    return np.asarray((half if order == 1 else -half) * np.sin(np.pi * u))
+
+
+def cycloidal(u: FloatArray, order: int) -> FloatArray:
+    """The rise or its derivative in u, order 0 to 3."""
+    turn = 2.0 * np.pi * u
+    if order == 0:
+        return np.asarray(u - np.sin(turn) / (2.0 * np.pi))
+    if order == 1:
+        return np.asarray(1.0 - np.cos(turn))
+    if order == 2:
+        return np.asarray(2.0 * np.pi * np.sin(turn))
+    return np.asarray(4.0 * np.pi**2 * np.cos(turn))
+
+
+PI = np.pi
+
+SINE = 1.0 / (PI + 4.0)
+
+TRAPEZOID = 1.0 / (PI + 2.0)
+
+#: Lift, slope and curvature of the modified trapezoid at u = 1/8, where the sine ends.
+AT_EIGHTH = TRAPEZOID * np.array([0.25 - 0.5 / PI, 2.0, 8.0 * PI])
+
+#: Slope at u = 3/8, where the constant acceleration ends; with its lift the curve meets (½, ½).
+SLOPE_AT_THREE = TRAPEZOID * (2.0 + 2.0 * PI)
+
+
+def _wave(constant: float, slope: float, size: float, frequency: float, phase: float) -> Curve:
+    """Constant + slope·u − size·sin(frequency·u + phase), with its derivatives."""
+
+    def curve(u: FloatArray, order: int) -> FloatArray:
+        turned = size * frequency**order * np.sin(frequency * u + phase + 0.5 * PI * order)
+        line = (constant + slope * u, np.full_like(u, slope))
+        return np.asarray((line[order] if order < 2 else 0.0) - turned)
+
+    return curve
+
+
+def _constant_acceleration(u: FloatArray, order: int) -> FloatArray:
+    lift, slope, curvature = AT_EIGHTH
+    v = u - 0.125
+    terms = (lift + slope * v + 0.5 * curvature * v**2, slope + curvature * v, curvature + 0.0 * v)
+    return np.asarray(terms[order] if order < 3 else 0.0 * v)
+
+
+def _turned(curve: Curve, u: FloatArray, order: int) -> FloatArray:
+    """The rise's second half, 1 − s(1 − u)."""
+    value = curve(1.0 - u, order)
+    return np.asarray(1.0 - value if order == 0 else value * (-1.0) ** (order + 1))
+
+
+def _whole(first: list[Section], middle: Section) -> list[Section]:
+    last = [(1.0 - b, 1.0 - a, partial(_turned, curve)) for a, b, curve in reversed(first)]
+    return [*first, middle, *last]
+
+
+#: s = (πu − sin(4πu)/4)/(π + 4) to 1/8, then (2 + πu − 9/4·sin((4πu + π)/3))/(π + 4) to 7/8.
+MODIFIED_SINE = _whole(
+    [(0.0, 0.125, _wave(0.0, PI * SINE, 0.25 * SINE, 4.0 * PI, 0.0))],
+    (0.125, 0.875, _wave(2.0 * SINE, PI * SINE, 2.25 * SINE, 4.0 * PI / 3.0, PI / 3.0)),
+)
+
+#: s = (2u − sin(4πu)/2π)/(π + 2) to 1/8, a parabola to 3/8, then again a sine to 5/8.
+MODIFIED_TRAPEZOID = _whole(
+    [
+        (0.0, 0.125, _wave(0.0, 2.0 * TRAPEZOID, 0.5 * TRAPEZOID / PI, 4.0 * PI, 0.0)),
+        (0.125, 0.375, _constant_acceleration),
+    ],
+    (
+        0.375,
+        0.625,
+        _wave(0.5 - 0.5 * SLOPE_AT_THREE, SLOPE_AT_THREE, -0.5 * TRAPEZOID / PI, 4.0 * PI, 0.0),
+    ),
+)
+
+
+# The rises known by a name: one unit rise each, and where it comes from.
+
+
+@dataclass(frozen=True)
+class NamedRise:
+    """A rise from 0 to 1 over u ∈ [0, 1].
+
+    Parameters
+    ----------
+    source : where it comes from; equations 3.x are the laws thesis's
+    shape : its Bernstein ordinates, or its analytic sections
+    slopes : slope of what it joins before and after: 0 for a dwell
+    """
+
+    source: str
+    shape: FloatArray | list[Section]
+    slopes: tuple[float, float] = (0.0, 0.0)
+
+
+#: Bézier rises by the end of their name: the lowest degree and its equation, ordinates, slopes.
+_BEZIER: dict[str, tuple[int, int, Callable[[int], FloatArray], tuple[float, float]]] = {
+    "": (5, 1, full_rise, (0.0, 0.0)),
+    "_start": (4, 4, half_rise_start, (0.0, 2.0)),
+    "_end": (4, 7, half_rise_end, (2.0, 0.0)),
+}
+
+
+def _bezier_rise(name: str) -> NamedRise:
+    """The rise ``bezier<degree>``, or a half-rise ``bezier<degree>_start`` or ``…_end``."""
+    degree, part = int(name[6]), name[7:]
+    first, equation, ordinates, slopes = _BEZIER[part]
+    return NamedRise(f"eq. 3.{equation + (degree - first) // 2}", ordinates(degree), slopes)
+
+
+_OTHERS = {
+    "constant_velocity": NamedRise("worked example a", constant_velocity()),
+    "simple_harmonic": NamedRise("worked example b", [(0.0, 1.0, simple_harmonic)]),
+    "cycloidal": NamedRise("paper, section 2", [(0.0, 1.0, cycloidal)]),
+    "modified_sine": NamedRise("cam handbooks", MODIFIED_SINE),
+    "modified_trapezoid": NamedRise("cam handbooks", MODIFIED_TRAPEZOID),
+    "poly345": NamedRise("paper; eq. 3.1", full_rise(5)),
+    "poly4567": NamedRise("paper; eq. 3.2", full_rise(7)),
+}
+
+#: Every name that a cam file may give, `RiseName`, with its rise.
+NAMED_RISES: dict[str, NamedRise] = {
+    name: _OTHERS.get(name) or _bezier_rise(name) for name in get_args(RiseName)
+}
+
+
+@lru_cache(maxsize=len(NAMED_RISES))
+def unit_rise(name: str) -> Pieces:
+    """Bernstein pieces of the rise of that name, over u from 0 to 1."""
+    shape = NAMED_RISES[name].shape
+    return fit_sections(shape) if isinstance(shape, list) else ([0.0, 1.0], [shape])
+
+
+# The laws of a factorial study: one rise up and down over any angle, and a cam squeezed.
+
+#: A dwell narrower than this (rad) is left out.
+MIN_DWELL = 1e-9
+
+
+def up_and_down(rise: str, event: float, lift: float, high_dwell: float | None = None) -> Law:
+    """Half a low dwell, rise, high dwell, fall, half a low dwell.
+
+    Parameters
+    ----------
+    event : rad, of the rise and of the fall, at most π
+    lift : m
+    high_dwell : rad; by default as long as the low one
+    """
+    steps, columns = unit_rise(rise)
+    high = math.pi - event if high_dwell is None else high_dwell
+    low = TURN - 2.0 * event - high
+    breaks, pieces = [0.0], []
+    for height, base, before in ((lift, 0.0, 0.5 * low), (-lift, lift, high)):
+        if before > MIN_DWELL:
+            breaks.append(breaks[-1] + before)
+            pieces.append(np.array([base]))
+        start = breaks[-1]
+        breaks += [start + event * u for u in steps[1:]]
+        pieces += [base + height * column for column in columns]
+    if low > MIN_DWELL:
+        breaks.append(TURN)
+        pieces.append(np.array([0.0]))
+    breaks[-1] = TURN
+    return Law(f"{rise} over {math.degrees(event):.4g}°", np.array(breaks), joined(pieces))

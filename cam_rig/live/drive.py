@@ -8,9 +8,8 @@ from dataclasses import dataclass
 
 from cam_rig.errors import RefusedError
 from cam_rig.laws import Law
-from cam_rig.live.flow_control import TICKS_KEPT, FlowControl
-from cam_rig.live.follower_queue import MAX_LAWS, require_same
-from cam_rig.live.pacing import Pacing
+from cam_rig.live.flow_control import TICKS_KEPT, FlowControl, Pacing
+from cam_rig.live.queues import MAX_LAWS, require_same
 from cam_rig.live.setpoints import ScheduleState, SetpointSchedule
 from cam_rig.live.state_validation import speeds
 from cam_rig.schema import SceneConfig

@@ -7,14 +7,25 @@ Every buffer of the protocol follows from that bound; the chain of them stands h
 
 from __future__ import annotations
 
+import math
+import re
 from collections import deque
+from dataclasses import dataclass, field
+from decimal import Decimal
+
+from cam_rig.errors import ConfigError
+from cam_rig.units import NS
 
 #: Ticks in flight, at most: published by the drive, not yet acknowledged by every consumer.
 MAX_TICKS_IN_FLIGHT = 4
+
 #: States that the recorder writes between two flushes, at most: what a kill can take from it.
 MAX_STATES_UNFLUSHED = 8
+
 _LOST = MAX_STATES_UNFLUSHED + MAX_TICKS_IN_FLIGHT + 1
+
 _AHEAD = MAX_TICKS_IN_FLIGHT + 1
+
 #: Ticks that a successor goes back, by node. It publishes again what a recorder that was killed as
 #: well may have lost, and what the successor of whoever subscribes needs to go back as far.
 TICKS_KEPT = {
@@ -23,14 +34,18 @@ TICKS_KEPT = {
     "follower": _LOST + _AHEAD,
     "cam_drive": _LOST + 2 * _AHEAD,
 }
+
 #: Ticks whose messages stay in the history of a topic: as far as the last node of that chain goes
 #: back, and is ahead.
 TICKS_IN_HISTORY = TICKS_KEPT["cam_drive"] + _AHEAD
+
 #: Messages in the history of a topic: the rest of it is for those that are sent again. A node
 #: discovered late still gets the first ticks.
 HISTORY_DEPTH = 64
+
 #: States that a node remembers, to know one that is sent again: two histories.
 REMEMBERED_STATES = 2 * HISTORY_DEPTH
+
 #: Blocks and states that wait for their counterpart: two histories as well.
 MAX_WAITING = 2 * HISTORY_DEPTH
 
@@ -96,3 +111,101 @@ class FlowControl:
         slowest = min(self._acknowledged.values(), default=self._sent[-1] if self._sent else -1)
         while len(self._sent) > 1 and self._sent[1] <= slowest:
             self._sent.popleft()
+
+
+# Rig time against wall time: the real-time factor of a run.
+
+#: Wall time (s) that a paced run may be late before it gives that time up and reports so.
+MAX_LATENESS_S = 0.1
+
+#: Least and greatest real-time factor.
+FACTORS = (1e-3, 1e3)
+
+
+def pacing_of(value: object) -> object:
+    """The pacing that a bare number means, 20x for 20; anything else as it is.
+
+    >>> pacing_of(20), pacing_of(0.5), pacing_of("real_time")
+    ('20x', '0.5x', 'real_time')
+    """
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return f"{Decimal(repr(value)):f}x" if math.isfinite(value) else str(value)
+    is_number = isinstance(value, str) and re.fullmatch(r"\d+(?:\.\d+)?", value)
+    return f"{value}x" if is_number else value
+
+
+def factor_of(pacing: str) -> float | None:
+    """Rig seconds a wall second: 1 for ``real_time``, N for ``Nx``, None for ``free``.
+
+    Raises
+    ------
+    ConfigError : another text
+    """
+    if pacing == "free":
+        return None
+    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*[x×]", pacing)
+    factor = 1.0 if pacing == "real_time" else float(found[1]) if found else 0.0
+    if not FACTORS[0] <= factor <= FACTORS[1]:
+        raise ConfigError(
+            f"pacing: is {pacing!r}; allowed: free, real_time, or a factor of "
+            f"{FACTORS[0]:g} to {FACTORS[1]:g} such as 20x"
+        )
+    return factor
+
+
+@dataclass
+class Pacing:
+    """Delays each state until its rig time has come.
+
+    A run that is late goes on from where it is: lost time is not made up.
+
+    Parameters
+    ----------
+    factor : rig seconds a wall second; None never waits
+    """
+
+    factor: float | None = None
+    #: Wall time (s) given up at the last state; zero while the run is on time.
+    late: float = 0.0
+    _begin: tuple[int, float] | None = field(default=None, repr=False)
+    _stands: bool = field(default=False, repr=False)
+
+    def set(self, pacing: str) -> None:
+        """Change the real-time factor from the next state on."""
+        self.factor, self._begin, self.late = factor_of(pacing), None, 0.0
+
+    def stand(self) -> None:
+        """Hold the next state back no longer: its rig time comes when it is sent."""
+        self._stands = True
+
+    def wait(self, rig_ns: int, now: float) -> float:
+        """Wall time (s) until the state at a rig time is due, seen from wall time ``now``."""
+        if self.factor is None or self._begin is None or self._stands:
+            return 0.0
+        return max(0.0, self._due(rig_ns) - now)
+
+    def reached(self, now: float) -> int | None:
+        """Rig time (ns) that has come by wall time ``now``; None of a free run, or before a state.
+
+        The tick that turns while the run is stopped is finished all the same.
+        """
+        if self.factor is None or self._begin is None:
+            return None
+        from_ns, wall = self._begin
+        return from_ns + round((now - wall) * self.factor * NS)
+
+    def sent(self, rig_ns: int, now: float) -> None:
+        """Note that a state went out."""
+        self.late = 0.0
+        if self.factor is None:
+            return
+        if self._begin is None or self._stands:
+            self._begin, self._stands = (rig_ns, now), False
+        late = now - self._due(rig_ns)
+        if late > MAX_LATENESS_S:
+            self.late, self._begin = late, (rig_ns, now)
+
+    def _due(self, rig_ns: int) -> float:
+        assert self.factor is not None and self._begin is not None
+        from_ns, wall = self._begin
+        return wall + (rig_ns - from_ns) / NS / self.factor

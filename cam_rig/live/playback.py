@@ -12,9 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cam_rig.arrays import FloatArray
 from cam_rig.simulation.schedule import CamState
-from cam_rig.units import NS
+from cam_rig.units import NS, FloatArray
 
 #: Of /joint_states and the like: drive, network and follower at work.
 MARGIN_S = 0.03

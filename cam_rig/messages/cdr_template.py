@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
-from cam_rig.arrays import FloatArray
-from cam_rig.units import NS
+from cam_rig.units import NS, FloatArray
 
 #: The message types of the distribution that the rig writes.
 TYPES = get_typestore(Stores.ROS2_KILTED)

@@ -13,14 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import ANGLE_TOLERANCE, COLUMNS
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.laws import Law
-from cam_rig.live.pacing import FACTORS
+from cam_rig.live.flow_control import FACTORS
 from cam_rig.live.state_validation import MAX_SAMPLES, require_possible
 from cam_rig.simulation.schedule import CamState
-from cam_rig.units import NS, TURN
+from cam_rig.units import NS, TURN, FloatArray
 
 Dimensions = list[tuple[str, int]]
 

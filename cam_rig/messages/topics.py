@@ -6,17 +6,20 @@ the root namespace; a rig in another one has its namespace before each.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
 from cam_rig.dynamics import COLUMNS
+from cam_rig.errors import RunError
 from cam_rig.live.flow_control import HISTORY_DEPTH
 from cam_rig.live.state_validation import MAX_SAMPLES
 
 #: Messages of an instant that are kept for a slow subscriber: several turns of them at the usual
 #: number of points a turn (`motion_depth`).
 MOTION_DEPTH = 1000
+
 #: Topics of which ROS has one for all namespaces.
 OF_ALL = ("/parameter_events", "/tf", "/tf_static")
 
@@ -74,7 +77,9 @@ class Topic:
 CLOCK = Topic(
     "/clock", "rosgraph_msgs/msg/Clock", "state", stamped=False, owner="cam_drive", derived=True
 )
+
 LAW = Topic("/cam/law", "trajectory_msgs/msg/JointTrajectory", "speed", owner="law_server")
+
 LAW_COEFFICIENTS = Topic(
     "/cam/law_coefficients",
     "std_msgs/msg/Float64MultiArray",
@@ -82,9 +87,13 @@ LAW_COEFFICIENTS = Topic(
     stamped=False,
     owner="law_server",
 )
+
 PROFILE = Topic("/cam/profile", "geometry_msgs/msg/PolygonStamped", "cam", owner="law_server")
+
 CAM_STATE = Topic("/cam/state", "sensor_msgs/msg/JointState", "state", owner="cam_drive")
+
 FOLLOWER_STATE = Topic("/follower/state", "sensor_msgs/msg/JointState", "tick", owner="follower")
+
 FOLLOWER_SAMPLES = Topic(
     "/follower/samples",
     "std_msgs/msg/Float64MultiArray",
@@ -94,6 +103,7 @@ FOLLOWER_SAMPLES = Topic(
     owner="follower",
     most_bytes=MAX_SAMPLES * len(COLUMNS) * 8 + 1024,
 )
+
 #: The motion for people. Other robots' nodes may publish joints too: this topic has no owner.
 JOINT_STATES = Topic(
     "/joint_states",
@@ -103,6 +113,7 @@ JOINT_STATES = Topic(
     depth=MOTION_DEPTH,
     derived=True,
 )
+
 FOLLOWER_CONTACT = Topic(
     "/follower/contact",
     "geometry_msgs/msg/WrenchStamped",
@@ -112,6 +123,7 @@ FOLLOWER_CONTACT = Topic(
     owner="follower",
     derived=True,
 )
+
 FOLLOWER_MARKERS = Topic(
     "/follower/markers",
     "visualization_msgs/msg/MarkerArray",
@@ -122,6 +134,7 @@ FOLLOWER_MARKERS = Topic(
     owner="follower",
     derived=True,
 )
+
 CAM_MARKERS = Topic(
     "/cam/markers",
     "visualization_msgs/msg/MarkerArray",
@@ -130,14 +143,17 @@ CAM_MARKERS = Topic(
     owner="law_server",
     derived=True,
 )
+
 #: robot_state_publisher publishes it too, so this topic has no owner; its depth is the usual one.
 ROBOT_DESCRIPTION = Topic(
     "/robot_description", "std_msgs/msg/String", "cam", depth=1, stamped=False, derived=True
 )
+
 #: Live these two are robot_state_publisher's.
 TF_STATIC = Topic(
     "/tf_static", "tf2_msgs/msg/TFMessage", "cam", depth=1, stamped=False, derived=True
 )
+
 TF = Topic(
     "/tf",
     "tf2_msgs/msg/TFMessage",
@@ -147,6 +163,7 @@ TF = Topic(
     stamped=False,
     derived=True,
 )
+
 LEVEL = Topic(
     "/microphone/level",
     "std_msgs/msg/Float64",
@@ -155,24 +172,34 @@ LEVEL = Topic(
     twin="/microphone/pressure",
     owner="microphone",
 )
+
 PRESSURE = Topic(
     "/microphone/pressure", "sensor_msgs/msg/FluidPressure", "tick", owner="microphone"
 )
+
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "any")
+
 #: The nodes that report on /diagnostics, in the order of a bag.
 DIAGNOSED_NODES = ("cam_drive", "law_server", "follower", "microphone", "recorder")
+
 #: The name there of what the follower shows at a run's own pace; of wall time too.
 SHOWN_MOTION = "follower: motion"
+
 #: The name there of the drive's pacing. It depends on the wall clock, so bags do not hold it.
 PACE = "cam_drive: pace"
+
 #: The end of a node's name there, for what it says on wall time while nothing turns.
 HEARTBEAT = ": heartbeat"
+
 #: The recorder's acknowledgement: the stamp of the newest tick whose messages are all written.
 RECORDED = Topic("/recorder/written", "std_msgs/msg/Header", "tick", owner="recorder")
+
 #: The law server's acknowledgement: the stamp of the newest state that it has processed.
 FOLLOWED = Topic("/law_server/followed", "std_msgs/msg/Header", "state", owner="law_server")
+
 #: The viewer's acknowledgement: the stamp of the newest tick that it has drawn.
 SHOWN = Topic("/viewer/shown", "std_msgs/msg/Header", "tick")
+
 #: The run is over: how it ended (level, message), after how many ticks and at which rig time.
 FINISHED = Topic(
     "/rig/finished",
@@ -181,6 +208,7 @@ FINISHED = Topic(
     stamped=False,
     owner="cam_drive",
 )
+
 #: The bag's folder, once the recorder has closed it; not latched, so of the present run alone.
 CLOSED = Topic(
     "/recorder/closed",
@@ -190,6 +218,7 @@ CLOSED = Topic(
     stamped=False,
     owner="recorder",
 )
+
 #: The node of this name takes messages; the recorder once its file is open.
 READY = Topic("/rig/ready", "std_msgs/msg/String", "any", stamped=False)
 
@@ -205,6 +234,7 @@ REAL_TIME_FACTOR = Topic(
 
 #: A command to the drive: the cam's speed in rpm from the next tick on, 0 as the scene says.
 CAM_RPM = Topic("/cam/rpm", "std_msgs/msg/Float64", "any", latched=False, stamped=False)
+
 #: Every node's, of its parameters; the law server's report which cam is mounted.
 PARAMETER_EVENTS = Topic(
     "/parameter_events",
@@ -234,6 +264,7 @@ RECORDING = (
     PRESSURE,
     DIAGNOSTICS,
 )
+
 #: What the recorder receives; the rest of a bag it makes itself.
 RECEIVED = tuple(topic for topic in RECORDING if not topic.derived)
 
@@ -247,3 +278,59 @@ def motion_depth(points_per_turn: int) -> int:
 def recorded_topic(name: str) -> Topic | None:
     """The topic of a rig that a recorded name is of, in whatever namespace; None for others."""
     return next((t for t in RECORDING if name == t.name or name.endswith(t.name)), None)
+
+
+# One publisher a topic: the node that owns it, whose messages alone a recording holds.
+
+
+class Publishers:
+    """The processes that have published as each node of the rig.
+
+    Parameters
+    ----------
+    launches : how often a node was launched so far; once, unless killed nodes are started again
+    name_of : the node that publishes on a topic from a process
+    """
+
+    def __init__(
+        self,
+        launches: Callable[[str], int] = lambda _node: 1,
+        name_of: Callable[[Topic, bytes], str] = lambda _topic, source: source.hex(),
+    ) -> None:
+        self._launches, self._name_of = launches, name_of
+        #: By node and process, the topic of the first message.
+        self._sources: dict[str, dict[bytes, Topic]] = {}
+
+    def require(self, node: str, topic: Topic, source: bytes) -> None:
+        """Refuse to go on when another process than a node's own publishes on its topics.
+
+        An empty ``source`` is the recorder itself.
+
+        Raises
+        ------
+        RunError : a second publisher, by its name
+        """
+        known = self._sources.setdefault(node, {})
+        if not source or source in known:
+            return
+        if len(known) >= self._launches(node):
+            raise self._second_publisher(node, {source: topic, **known})
+        known[source] = topic
+
+    def _second_publisher(self, node: str, sources: dict[bytes, Topic]) -> RunError:
+        """The error that names the process without the node's name, though it may be the first.
+
+        Where all bear the name, the newest.
+        """
+        names = {source: self._name_of(topic, source) for source, topic in sources.items()}
+        others = [source for source, name in names.items() if name.split("/")[-1] != node]
+        source = next(iter(others or sources))
+        return second_publisher(sources[source], node, names[source])
+
+
+def second_publisher(topic: Topic, node: str, other: str) -> RunError:
+    """The error that ends a run in which two processes publish as one node."""
+    return RunError(
+        f"{topic.name}: has a second publisher, {other}; allowed: one, this rig's {node}; end the "
+        "other, or set ROS_DOMAIN_ID to another number"
+    )

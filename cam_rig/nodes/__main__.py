@@ -55,7 +55,7 @@ def start(name: str) -> None:
     """
     if any(word in sys.argv[1:] for word in HELP):
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # a pager may be left before the end
-        print(import_module("cam_rig.nodes.common.usage").usage(name))
+        print(import_module("cam_rig.nodes.usage").usage(name))
         return
     # also where a shell that started this process in the background has set SIGINT to be ignored
     for number in STOPPING:
@@ -67,7 +67,7 @@ def start(name: str) -> None:
         source_date()  # scipy's import ends at what is none
         with libraries_named():
             module = import_module(f"cam_rig.nodes.{name}")
-            app = import_module("cam_rig.nodes.common.process")
+            app = import_module("cam_rig.nodes.process")
     except CamRigError as error:
         print(f"cam_rig: {error}", file=sys.stderr)
         sys.exit(error.exit_code)

@@ -3,27 +3,186 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from rclpy.parameter import Parameter
+from rcl_interfaces.msg import ParameterEvent, SetParametersResult
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.task import Future
 
 from cam_rig.dynamics.kinetostatic import shaft_torque
-from cam_rig.errors import RefusedError
-from cam_rig.live.cam_check import require_own_law
+from cam_rig.errors import RefusedError, RunError
 from cam_rig.live.checkpoint import Checkpoint
-from cam_rig.live.drive import DriveProgram
-from cam_rig.live.repeats import RepeatBudget
+from cam_rig.live.drive import DriveProgram, OperatorCommands
+from cam_rig.live.law_server import require_own_law
+from cam_rig.live.queues import RepeatBudget
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, decode_law
-from cam_rig.nodes.common.clock_source import ClockSource
-from cam_rig.nodes.common.diagnostics import ERROR, OK, WARN, Diagnostics
-from cam_rig.nodes.common.law_server_client import LAW_SERVER, LawServerClient
-from cam_rig.nodes.drive_controls import DriveControls
+from cam_rig.messages.topics import PARAMETER_EVENTS
+from cam_rig.nodes.clock_source import ClockSource
+from cam_rig.nodes.convert import ERROR, OK, WARN, Diagnostics
+from cam_rig.nodes.rig_node import RigNode
 from cam_rig.runner.node_table import held_by
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import RPM
+
+# The operator's controls of the drive: its services, its parameters, /cam/rpm.
+
+
+class DriveControls:
+    """Passes operator commands on to the drive's program, and saves them for a successor at once.
+
+    Parameters
+    ----------
+    node : the drive's, which offers the services and has the parameters
+    send : sends a state that cannot wait
+    set_pacing : takes the parameter of that name
+    kept : where the commands are saved
+    """
+
+    def __init__(
+        self,
+        node: ClockSource,
+        program: DriveProgram,
+        send: Callable[[CamState], None],
+        set_pacing: Callable[[str], None],
+        kept: Checkpoint,
+    ) -> None:
+        self._node, self._program, self._send, self._kept = node, program, send, kept
+        self._set_pacing = set_pacing
+        node.add_on_set_parameters_callback(self._refuse)
+        node.subscribe(topics.CAM_RPM, self._on_rpm)
+        node.add_post_set_parameters_callback(self._on_parameters)
+        for service in (self.start, self.stop, self.reset, self.emergency_stop):
+            node.serve(service.__name__, service)
+
+    def start(self) -> str:
+        """Turn, or continue to turn."""
+        if self._program.halted:
+            raise RunError("emergency stop: allowed: reset, then start")
+        self._program.run(True)
+        self.save()
+        self._node.turn()
+        return "the cam turns"
+
+    def stop(self) -> str:
+        """Hold after the present tick; rig time stands with the cam."""
+        self._program.run(False)
+        self.save()
+        return f"stopped after {self._program.sent} states"
+
+    def reset(self) -> str:
+        """Back to the beginning of the scene, stopped; rig time and θ continue."""
+        self._program.reset()
+        self._node.set_parameters([Parameter("rpm", value=0.0)])
+        return "at the beginning of the scene"
+
+    def emergency_stop(self) -> str:
+        """Stand still at the end of the present tick, until a reset."""
+        if (state := self._program.halt()) is not None:
+            self._send(state)
+        self.save()
+        return "the cam stands; reset, then start, to go on"
+
+    def _on_parameters(self, parameters: list[Parameter]) -> None:
+        for parameter in parameters:
+            if parameter.name == "rpm":
+                self._program.command(parameter.value * RPM)
+            elif parameter.name == "pacing":
+                self._set_pacing(parameter.value)
+        self.save()
+
+    def mounted(self, cam: str) -> None:
+        """The law server has mounted a cam."""
+        self._program.mounted(cam)
+        self.save()
+
+    def save(self) -> None:
+        """Save the commands as they are now."""
+        program, pacing = self._program, self._node.get_parameter("pacing").value
+        self._kept.save(OperatorCommands(program.schedule.state, program.running, pacing))
+
+    def _refuse(self, parameters: list[Parameter]) -> SetParametersResult:
+        """Refuse a speed whose ticks would have too few or too many samples."""
+        try:
+            for parameter in (p for p in parameters if p.name == "rpm"):
+                self._program.require_speed(parameter.value * RPM)
+        except RefusedError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _on_rpm(self, message: Any) -> None:
+        command = [Parameter("rpm", value=float(message.data))]
+        result = self._node.set_parameters(command)[0]
+        if not result.successful:
+            raise RefusedError(f"{topics.CAM_RPM.name}: is {message.data:g}: {result.reason}")
+
+
+# The law server as the drive sees it: requests for cams, and reports of mounted ones.
+
+#: Of the drive's own namespace.
+LAW_SERVER = "law_server"
+
+
+class LawServerClient:
+    """Calls the law server for a node.
+
+    Parameters
+    ----------
+    refused : called with a cam that the law server refuses, and the reason
+    """
+
+    def __init__(self, node: RigNode, refused: Callable[[str, str], None]) -> None:
+        self._node, self._refused = node, refused
+        self._client = AsyncParameterClient(node, LAW_SERVER)
+
+    def request(self, cam: str) -> bool:
+        """Request a cam; False while the law server's services are not there."""
+        if not self._client.services_are_ready():
+            return False
+        future = self._client.set_parameters([Parameter("cam", value=cam)])
+        future.add_done_callback(lambda done: self._on_reply(cam, done))
+        return True
+
+    def _on_reply(self, cam: str, future: Future) -> None:
+        response = future.result()
+        if response is not None and not response.results[0].successful:
+            self._refused(cam, response.results[0].reason)
+
+    def on_mounted(self, expected: Callable[[str], bool], mounted: Callable[[str], None]) -> None:
+        """Call ``mounted`` with each cam that is mounted from now on, as requested or overridden.
+
+        Any program can publish a parameter event. One that is not ``expected`` counts only when the
+        law server itself confirms it.
+        """
+        server = f"{self._node.get_namespace().rstrip('/')}/{LAW_SERVER}"
+
+        def on_event(event: ParameterEvent) -> None:
+            if event.node == server:
+                for changed in (p for p in event.changed_parameters if p.name == "cam"):
+                    cam = str(parameter_value_to_python(changed.value))
+                    if expected(cam):
+                        mounted(cam)
+                    else:
+                        self._verify(cam, mounted)
+
+        self._node.subscribe(PARAMETER_EVENTS, on_event)
+
+    def _verify(self, cam: str, mounted: Callable[[str], None]) -> None:
+        def on_reply(future: Future) -> None:
+            response = future.result()
+            values = [] if response is None else [value.string_value for value in response.values]
+            if values == [cam]:
+                mounted(cam)
+            else:
+                self._node.refuse(RefusedError(f"{PARAMETER_EVENTS.name}: {cam!r} is not mounted"))
+
+        if self._client.services_are_ready():
+            self._client.get_parameters(["cam"]).add_done_callback(on_reply)
+
 
 #: /clock of a paced run, Hz at least: so that a busy machine's has 100.
 CLOCK_HZ = 125.0

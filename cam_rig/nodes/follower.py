@@ -10,19 +10,17 @@ from std_msgs.msg import Float64MultiArray
 
 from cam_rig.dynamics import Block, FollowerState
 from cam_rig.errors import DynamicsError
-from cam_rig.live.cam_check import require_own_law
-from cam_rig.live.follower_queue import FollowerQueue
+from cam_rig.live.law_server import require_own_law
 from cam_rig.live.playback import Tick
+from cam_rig.live.queues import FollowerQueue
 from cam_rig.live.state_validation import Admission
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_law, encode_block
-from cam_rig.nodes.common.convert import to_array, to_header, to_joint_state
-from cam_rig.nodes.common.diagnostics import OK, WARN
-from cam_rig.nodes.common.motion_publisher import MotionPublisher
-from cam_rig.nodes.common.resend import ResendBuffer
-from cam_rig.nodes.common.rig_node import RigNode
-from cam_rig.robot.derived import motion_of_follower
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.messages.motion import motion_of_follower
+from cam_rig.nodes.convert import OK, WARN, ResendBuffer, to_array, to_header, to_joint_state
+from cam_rig.nodes.motion_publisher import MotionPublisher
+from cam_rig.nodes.rig_node import RigNode
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import FollowerSimulator
 from cam_rig.units import to_rpm

@@ -12,12 +12,10 @@ from cam_rig.live.law_server import CamMounting
 from cam_rig.live.state_validation import Admission
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of, encode_law
-from cam_rig.nodes.common.convert import to_array, to_header, to_polygon, to_trajectory
-from cam_rig.nodes.common.diagnostics import OK
-from cam_rig.nodes.common.resend import ResendBuffer
-from cam_rig.nodes.common.rig_node import RigNode
-from cam_rig.robot.derived import MountedCam
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.messages.motion import MountedCam
+from cam_rig.nodes.convert import OK, ResendBuffer, to_array, to_header, to_polygon, to_trajectory
+from cam_rig.nodes.rig_node import RigNode
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState
 
 

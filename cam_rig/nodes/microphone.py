@@ -8,18 +8,16 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Float64, Float64MultiArray
 
+from cam_rig.live.queues import TickMatcher
 from cam_rig.live.state_validation import Admission, StateValidator
-from cam_rig.live.tick_matching import TickMatcher
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_block
-from cam_rig.nodes.common.convert import to_header
-from cam_rig.nodes.common.diagnostics import OK, WARN
-from cam_rig.nodes.common.parameter_values import weightings
-from cam_rig.nodes.common.resend import ResendBuffer
-from cam_rig.nodes.common.rig_node import RigNode
-from cam_rig.simulation.audio import MeterSimulator
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.nodes.convert import OK, WARN, ResendBuffer, to_header
+from cam_rig.nodes.parameter_values import weightings
+from cam_rig.nodes.rig_node import RigNode
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.simulate import MicrophoneSimulator
+from cam_rig.simulation.sound import MeterSimulator
 
 
 class Microphone(RigNode):

@@ -21,7 +21,7 @@ from std_srvs.srv import Trigger
 from cam_rig.live.line_socket import LineSocket
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
-from cam_rig.nodes.common.rig_node import RigNode
+from cam_rig.nodes.rig_node import RigNode
 from cam_rig.units import to_rpm
 
 #: Wall time (s) between two looks for commands.

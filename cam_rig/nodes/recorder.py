@@ -12,16 +12,14 @@ from typing import Any
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
-from cam_rig.bag.publishers import Publishers
-from cam_rig.bag.recording.recorder import open_bag
-from cam_rig.bag.recording.split import Split
+from cam_rig.bag.recorder import open_bag
+from cam_rig.bag.split import Split
 from cam_rig.errors import CamRigError
 from cam_rig.messages import topics
-from cam_rig.nodes.common.convert import message_class, qos, to_header
-from cam_rig.nodes.common.diagnostics import OK
-from cam_rig.nodes.common.incoming import require_length, take_rest
-from cam_rig.nodes.common.rig_node import RigNode
-from cam_rig.nodes.common.run_end import (
+from cam_rig.messages.topics import Publishers
+from cam_rig.nodes.convert import OK, message_class, qos, require_length, take_rest, to_header
+from cam_rig.nodes.rig_node import RigNode
+from cam_rig.nodes.run_end import (
     DELIVERY_S,
     POLL_S,
     DriveAbsence,
@@ -30,9 +28,9 @@ from cam_rig.nodes.common.run_end import (
     have_left,
     publishers,
 )
-from cam_rig.runner.domain_lock import own_recorder
 from cam_rig.runner.node_table import WAIT
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.runner.resources import own_recorder
+from cam_rig.simulation.scene import open_scene
 
 #: Nodes that may publish on one topic (/diagnostics) at once.
 MAX_NODES = 16

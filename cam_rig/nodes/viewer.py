@@ -14,19 +14,12 @@ from std_msgs.msg import Float64
 
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.messages import topics
-from cam_rig.messages.codec import (
-    array_of,
-    cam_state_of,
-    decode_block,
-    real_time_factor,
-    stamp_ns,
-)
-from cam_rig.nodes.common.convert import to_header
-from cam_rig.nodes.common.rig_node import RigNode
-from cam_rig.simulation.loaded_scene import open_scene
-from cam_rig.viewer.live_view import SEND_EVERY_S, LiveView
-from cam_rig.viewer.recording import polygon
-from cam_rig.viewer.server.process import require_display, window
+from cam_rig.messages.codec import array_of, cam_state_of, decode_block, real_time_factor, stamp_ns
+from cam_rig.nodes.convert import to_header
+from cam_rig.nodes.rig_node import RigNode
+from cam_rig.simulation.scene import open_scene
+from cam_rig.viewer.process import require_display, window
+from cam_rig.viewer.recording import SEND_EVERY_S, LiveView, polygon
 
 #: Messages that may wait per topic: a drive need not wait for the viewer.
 QUEUE_DEPTH = 256

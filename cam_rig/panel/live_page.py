@@ -9,7 +9,7 @@ from typing import Any
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from cam_rig.errors import RefusedError
-from cam_rig.panel.messages import read_frame
+from cam_rig.panel.server import read_frame
 
 #: Wall time (s) between two messages of a kind, at least.
 TELL_EVERY_S = 0.05

@@ -1,87 +1,164 @@
-"""The contour of a cam in its own frame, with curvature and pressure angle (kinematic inversion).
-
-At cam angle 0 the cam's frame is the guide's: a translating follower is on +y. The cam turns
-counterclockwise; so in its frame the follower runs around it clockwise.
-"""
+"""The shape of a cam under its follower: contour, curvature, pressure angle, and its checks."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cam_rig.arrays import ComplexArray, FloatArray
-from cam_rig.laws import Law
-from cam_rig.profile.contact import Touch
-from cam_rig.profile.disc import Disc, discs
-from cam_rig.profile.motion import Motion
-from cam_rig.schema.follower import Follower
+from cam_rig.arguments import checked
+from cam_rig.errors import ConfigError
+from cam_rig.extras import libraries_named
+from cam_rig.laws import Law, build_law
+from cam_rig.profile.disc import Contour, contours
+from cam_rig.schema import CamConfig
+from cam_rig.show.result import shown
+from cam_rig.units import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+    from cam_rig.profile.checks import Check
+
+#: Points of a contour: at least, and at most.
+FEWEST, MOST = 36, 1_000_000
 
 
-@dataclass(frozen=True, eq=False)
-class Contour:
-    """The contour of one disc; point i is the one the follower touches at cam angle i.
+@dataclass(frozen=True, eq=False, repr=False)
+class CamContour:
+    """The contour of a cam in its own frame; point i is touched at cam angle i.
+
+    At cam angle 0 a translating follower is on +y; the cam turns counterclockwise.
 
     Parameters
     ----------
-    disc : the disc and its follower
-    angle : ``(n,)`` cam angles, rad
-    points, normal : ``(2, n)`` m, and unit vectors out of the cam
-    radius : ``(n,)`` m, radius of curvature: positive where convex, negative where concave
-    rate : ``(n,)`` m/rad, dP/dθ along the clockwise tangent; not positive: undercut
-    pressure : ``(n,)`` rad, pressure angle, signed
-    pitch : ``(2, n)`` m, path of the roller's centre or of the point; None for a face
+    cam, law : what the shape is of
+    discs : one `Contour`, or two of conjugate cams; ``x`` and so on are those of the first
     """
 
-    disc: Disc
-    angle: FloatArray
-    points: FloatArray
-    normal: FloatArray
-    radius: FloatArray
-    rate: FloatArray
-    pressure: FloatArray
-    pitch: FloatArray | None
+    cam: CamConfig
+    law: Law
+    discs: tuple[Contour, ...]
+
+    def __repr__(self) -> str:
+        return f"CamContour({self.cam.name}: {self.angle.size} points, {len(self.discs)} disc(s))"
 
     @property
-    def tangent(self) -> FloatArray:
-        """``(2, n)`` unit vectors along the contour, clockwise around the cam."""
-        return np.stack([self.normal[1], -self.normal[0]])
+    def angle(self) -> FloatArray:
+        """``(n,)`` cam angles, rad."""
+        return self.discs[0].angle
 
-    @classmethod
-    def of(cls, disc: Disc, motion: Motion) -> Contour:
-        """The contour of a disc at the angles of a motion."""
-        touch: Touch = disc.element.touch(motion)
-        turn = np.exp(-1j * motion.angle)
-        return cls(
-            disc=disc,
-            angle=motion.angle,
-            points=_plane(touch.contact * turn),
-            normal=_plane(touch.normal * turn),
-            radius=touch.radius,
-            rate=touch.rate,
-            pressure=touch.pressure,
-            pitch=None if touch.centre is None else _plane(touch.centre * turn),
-        )
+    @property
+    def x(self) -> FloatArray:
+        """``(n,)`` m."""
+        x, _ = self.discs[0].points
+        return np.asarray(x)
+
+    @property
+    def y(self) -> FloatArray:
+        """``(n,)`` m."""
+        _, y = self.discs[0].points
+        return np.asarray(y)
+
+    @property
+    def radius(self) -> FloatArray:
+        """``(n,)`` radius of curvature, m: positive where convex, negative where concave."""
+        return self.discs[0].radius
+
+    @property
+    def pressure_angle(self) -> FloatArray:
+        """``(n,)`` rad, signed."""
+        return self.discs[0].pressure
+
+    @cached_property
+    def checks(self) -> list[Check]:
+        """Undercut, curvature, pressure angle, reach: each with value, limit and ``passed``.
+
+        Raises
+        ------
+        MissingLibraryError : shapely is not installed
+        """
+        with libraries_named():
+            from cam_rig.profile.check_table import check_cam
+        return check_cam(self.cam, self.law)
+
+    def to_pandas(self) -> DataFrame:
+        """A row each point, of every disc.
+
+        Raises
+        ------
+        MissingLibraryError : pandas is not installed
+        """
+        with libraries_named():
+            from pandas import DataFrame, concat
+        tables = [
+            DataFrame(
+                {
+                    "disc": disc.disc.name,
+                    "angle_rad": disc.angle,
+                    "x_m": disc.points[0],
+                    "y_m": disc.points[1],
+                    "radius_m": disc.radius,
+                    "pressure_angle_rad": disc.pressure,
+                }
+            )
+            for disc in self.discs
+        ]
+        return concat(tables, ignore_index=True)
+
+    @checked
+    def plot(self, positions: int = 24) -> Figure:
+        """The cam with its follower around it, curvature and pressure angle.
+
+        Parameters
+        ----------
+        positions : of the follower around the cam, 3 to 720
+
+        Raises
+        ------
+        ConfigError : another number of positions
+        MissingLibraryError : matplotlib or shapely is not installed
+        """
+        with libraries_named():
+            from cam_rig.profile import figures as profile
+        if not profile.FEWEST <= positions <= profile.MOST:
+            allowed = f"{profile.FEWEST} to {profile.MOST}"
+            raise ConfigError(f"positions: is {positions}; allowed: {allowed}")
+        return shown(profile.figure(self.cam, self.law, self.checks, positions))
 
 
-def contours(follower: Follower, law: Law, count: int) -> tuple[Contour, ...]:
-    """The contours of a cam, one a disc, at ``count`` equal steps of the cam angle.
+@checked
+def contour(cam: CamConfig, points: int = 3600) -> CamContour:
+    """The contour of a cam at equal steps of the cam angle, by kinematic inversion.
 
-    Nothing is checked here but that the follower reaches its base circle: see `checks`.
+    Parameters
+    ----------
+    cam : of `load_cam`
+    points : of one turn, 36 to 1 000 000
 
     Raises
     ------
-    ReachError : the follower does not reach the base circle
+    ConfigError : another number of points
+    LawError, ReachError : the law does not join, or the follower cannot reach the base circle
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> shape = cam_rig.contour(cam_rig.load_cam("poly345"), points=360)
+    >>> round(float(shape.radius.min()) * 1e3, 1)  # mm
+    65.0
+    >>> all(check.passed for check in shape.checks)
+    True
     """
-    motion = Motion.uniform(law, count)
-    return tuple(Contour.of(disc, motion) for disc in discs(follower, law))
-
-
-def contours_at(follower: Follower, law: Law, angle: FloatArray) -> tuple[Contour, ...]:
-    """The same at any cam angles, rad."""
-    motion = Motion.at(law, angle)
-    return tuple(Contour.of(disc, motion) for disc in discs(follower, law))
-
-
-def _plane(values: ComplexArray) -> FloatArray:
-    return np.stack([values.real, values.imag])
+    if not FEWEST <= points <= MOST:
+        raise ConfigError(f"points: is {points}; allowed: {FEWEST} to {MOST}")
+    law = build_law(cam)
+    found = contours(cam.follower, law, points)
+    for disc in found:
+        for array in (getattr(disc, field.name) for field in fields(disc)):
+            if isinstance(array, np.ndarray):
+                array.setflags(write=False)
+    return CamContour(cam, law, found)

@@ -8,20 +8,20 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from cam_rig.report.called import called
-from cam_rig.report.document import Document, Made, render
-from cam_rig.report.figures import PROPOSED, STEADY_RPM, TAKEOFF_RPM
-from cam_rig.report.results import CUT, Findings
+from cam_rig.dynamics.vibration import STAND_IN
+from cam_rig.paper.as_cut.study import CUT
+from cam_rig.paper.factorial.conclusions import conclusions
+from cam_rig.paper.flywheel import SHOWN as FLYWHEEL_SHOWN
+from cam_rig.paper.jump.comparison import compare
+from cam_rig.paper.jump.refit import ROUNDED_TO
+from cam_rig.paper.noise import calibration as transfer_functions
+from cam_rig.paper.noise import methods as bootstrap
+from cam_rig.paper.readings import tables as reading_tables
+from cam_rig.report.paper import PROPOSED, STEADY_RPM, TAKEOFF_RPM, Findings
 from cam_rig.report.tables import files, tables, titles_of
 from cam_rig.schema.quantity import ORIGINS
-from cam_rig.schema.segments.base import quantities
-from cam_rig.studies.factorial.conclusions import conclusions
-from cam_rig.studies.flywheel.fluctuation import SHOWN as FLYWHEEL_SHOWN
-from cam_rig.studies.jump import reading_tables
-from cam_rig.studies.jump.comparison import compare
-from cam_rig.studies.jump.refit import ROUNDED_TO
-from cam_rig.studies.noise import bootstrap, transfer_functions
-from cam_rig.studies.vibration.dwell import STAND_IN
+from cam_rig.schema.segment_base import quantities
+from cam_rig.show.document import Document, Made, called, render
 from cam_rig.units import to_rpm
 
 TITLE = "Cam rig: the paper's experiments, redone and taken further"

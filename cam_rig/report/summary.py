@@ -5,60 +5,14 @@ Every number and every verdict is computed; a number in a cell stands between ``
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 
-from cam_rig.report.results import Findings
-from cam_rig.studies.factorial.conclusions import conclusions
-from cam_rig.studies.jump.comparison import compare, rms_difference
-from cam_rig.studies.vibration.claims import RESIDUAL, Verdict, jump_claims, vibration_claims
-from cam_rig.tables import Column, DataTable, number, tabulate
-
-
-@dataclass(frozen=True)
-class Answer:
-    """A row of a summary; ``paper`` is empty on a page of one's own cams."""
-
-    question: str
-    here: str
-    verdict: str
-    paper: str = ""
-
-
-def summary_table(rows: Iterable[Answer]) -> DataTable:
-    """The answers as a table."""
-    return tabulate(
-        "Questions and answers",
-        rows,
-        (
-            (Column("question"), lambda row: row.question),
-            (Column("paper"), lambda row: row.paper),
-            (Column("here"), lambda row: row.here),
-            (Column("verdict"), lambda row: row.verdict),
-        ),
-    )
-
-
-def bold(value: float, shown: str = ".6g", unit: str = "") -> str:
-    """A number in bold, with its unit.
-
-    Examples
-    --------
-    >>> bold(0.369, ".2f", "%")
-    '**0.37 %**'
-    """
-    return f"**{number(value, shown)}{' ' + unit if unit else ''}**"
-
-
-def span(ends: tuple[float, float], shown: str = ".6g", unit: str = "") -> str:
-    """A range in bold, with its unit at the end.
-
-    Examples
-    --------
-    >>> span((0.7, 1.66), ".1f", "turns")
-    '**0.7** to **1.7 turns**'
-    """
-    return f"{bold(ends[0], shown)} to {bold(ends[1], shown, unit)}"
+from cam_rig.paper.factorial.conclusions import conclusions
+from cam_rig.paper.jump.comparison import compare, rms_difference
+from cam_rig.paper.vibration.study import RESIDUAL, Verdict, jump_claims, vibration_claims
+from cam_rig.report.paper import Findings
+from cam_rig.show.result import Answer, bold, span
+from cam_rig.show.tables import number
 
 
 def answers(found: Findings) -> Iterator[Answer]:

@@ -6,35 +6,38 @@ from collections.abc import Callable
 
 from pydantic import BaseModel
 
-from cam_rig.drawing.words import in_words
+from cam_rig.design.pareto_front import designs_table
+from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.laws import Law
-from cam_rig.laws.continuity import SMOOTHEST, joints
-from cam_rig.laws.named import NAMED_RISES
-from cam_rig.laws.peaks import extremes
-from cam_rig.profile.checks.pressure_angle import GUIDED
-from cam_rig.report.called import table_called
-from cam_rig.report.figures import PROPOSED, STEADY_RPM
-from cam_rig.report.misprints import misprints_table
-from cam_rig.report.recorded import recorded_table
-from cam_rig.report.results import CUT, Findings
-from cam_rig.report.summary import answers, summary_table
-from cam_rig.schema.quantity import Quantity
-from cam_rig.schema.segments.base import quantities
-from cam_rig.studies.as_cut import tables as as_cut
-from cam_rig.studies.contact import tables as contact
-from cam_rig.studies.design.results.comparison import designs_table
-from cam_rig.studies.factorial import tables as factorial
-from cam_rig.studies.flywheel.tables import flywheel_tables
-from cam_rig.studies.jump import reading_tables
-from cam_rig.studies.jump.contact_lost_speed import FROM_REST
-from cam_rig.studies.jump.tables import jump_table
-from cam_rig.studies.noise import tables as noise
-from cam_rig.studies.orders import tables as orders
-from cam_rig.studies.stem.tables import stem_tables
-from cam_rig.studies.timing import tables as timing
-from cam_rig.studies.vibration.claims import LOWER, jump_claims, vibration_claims
-from cam_rig.studies.vibration.tables import claims_table, speed_table
-from cam_rig.tables import Cell, Column, DataTable, number, tabulate
+from cam_rig.laws.law import continuity_in_words, extremes
+from cam_rig.laws.segments import NAMED_RISES
+from cam_rig.paper.as_cut import study as as_cut
+from cam_rig.paper.as_cut.study import CUT
+from cam_rig.paper.contact import tables as contact
+from cam_rig.paper.factorial import tables as factorial
+from cam_rig.paper.flywheel import flywheel_tables
+from cam_rig.paper.jump.tables import jump_table
+from cam_rig.paper.noise import tables as noise
+from cam_rig.paper.orders import tables as orders
+from cam_rig.paper.readings import tables as reading_tables
+from cam_rig.paper.stem.study import stem_tables
+from cam_rig.paper.timing import tables as timing
+from cam_rig.paper.vibration.study import (
+    LOWER,
+    claims_table,
+    jump_claims,
+    speed_table,
+    vibration_claims,
+)
+from cam_rig.profile.check_table import GUIDED
+from cam_rig.report.paper import PROPOSED, STEADY_RPM, Findings
+from cam_rig.report.paper_reading import misprints_table
+from cam_rig.report.sections import origins_table, recorded_table
+from cam_rig.report.summary import answers
+from cam_rig.show.document import table_called
+from cam_rig.show.looks import in_words
+from cam_rig.show.result import summary_table
+from cam_rig.show.tables import Cell, Column, DataTable, tabulate
 from cam_rig.units import RPM
 
 #: The follower's numbers in Table 1: key there, attribute, heading.
@@ -44,8 +47,6 @@ FOLLOWER = (
     ("damping_N_s_per_m", "damping", "damping [N·s/m]"),
     ("mass_kg", "mass", "mass [kg]"),
 )
-#: More numbers than this of one quantity are not all shown.
-MOST_SHOWN = 8
 
 
 def tables(found: Findings) -> dict[str, list[DataTable]]:
@@ -174,7 +175,7 @@ def _laws(found: Findings) -> DataTable:
         found.sources.cam_set.laws.items(),
         (
             (Column("law"), lambda row: titles[row[0]]),
-            (Column("continuity"), lambda row: continuity(row[1])),
+            (Column("continuity"), lambda row: continuity_in_words(row[1])),
             (Column("largest s′", "1/rad", ".3f"), peak(1, 1)),
             (Column("smallest s′", "1/rad", ".3f"), peak(1, 0)),
             (Column("largest s″", "1/rad²", ".2f"), peak(2, 1)),
@@ -184,12 +185,6 @@ def _laws(found: Findings) -> DataTable:
         "image, so even derivatives meet.",
         "It decelerates less than it accelerates, which raises the jump speed.",
     )
-
-
-def continuity(law: Law) -> str:
-    """The class of a law's roughest joint."""
-    rough = [joint.continuity for joint in joints(law) if joint.continuity < SMOOTHEST]
-    return f"C{min(rough)}" if rough else f"C{SMOOTHEST} or smoother"
 
 
 def _vibration(found: Findings) -> list[DataTable]:
@@ -208,29 +203,3 @@ def _claims(found: Findings) -> DataTable:
         f"rig {sources.stiff.name}": vibration_claims(found.stiff_vibration),
     }
     return claims_table(by_rig, found.vibration.rpm)
-
-
-def origins_table(name: str, model: BaseModel) -> DataTable:
-    """Every number of a file with its origin and its source."""
-    return tabulate(
-        name,
-        quantities(model, ""),
-        (
-            (Column("number"), lambda row: row[0]),
-            (Column("value"), lambda row: _value(row[1])),
-            (Column("origin"), lambda row: row[1].origin),
-            (Column("source"), lambda row: _source(row[1])),
-        ),
-    )
-
-
-def _source(quantity: Quantity) -> str:
-    return quantity.source + (f" ({quantity.residual})" if quantity.residual else "")
-
-
-def _value(quantity: Quantity) -> str:
-    unit = "" if quantity.unit == "1" else f" {quantity.unit}".replace(" deg", "°")
-    numbers = [number(value) for value in quantity.numbers]
-    if len(numbers) > MOST_SHOWN:
-        numbers = [*numbers[:3], "…", *numbers[-2:]]
-    return ", ".join(numbers) + unit.replace("*", "·").replace("^2", "²")

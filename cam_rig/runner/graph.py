@@ -14,16 +14,11 @@ from cam_rig.errors import RunError
 from cam_rig.extras import require
 from cam_rig.interrupts import interruptible
 from cam_rig.live.loopback import require_loopback
-from cam_rig.runner.checkpoint_folder import CheckpointFolder
 from cam_rig.runner.fork_server import ForkServer
 from cam_rig.runner.log_folder import log_folder
 from cam_rig.runner.node_process import Arguments, NodeProcess, stop_all
-from cam_rig.runner.node_table import (
-    ENTRIES,
-    PATIENCE_S,
-    RECORDER,
-)
-from cam_rig.runner.shared_memory import LOCK_GRACE_S, clean, require_room
+from cam_rig.runner.node_table import ENTRIES, PATIENCE_S, RECORDER
+from cam_rig.runner.resources import LOCK_GRACE_S, CheckpointFolder, clean, require_room
 
 #: Wall time (s) that a look waits for the drive's first report.
 LOOK_S = 0.05
@@ -94,7 +89,7 @@ class Graph:
         trace: TracebackType | None,
     ) -> None:
         self._end()
-        from cam_rig.bag.recording.recover import NOTHING_RECORDED
+        from cam_rig.bag.recover import NOTHING_RECORDED
 
         if error is not None or self._unclosed:
             there = f"what was recorded so far is in {self._bag}: "
@@ -102,7 +97,7 @@ class Graph:
 
     def _end(self) -> None:
         from cam_rig.bag.files import is_unclosed
-        from cam_rig.bag.recording.recover import state_words
+        from cam_rig.bag.recover import state_words
 
         started = [self.processes[n] for n in reversed(self._nodes) if n in self.processes]
         recorder = [process for process in started if process.name == RECORDER]

@@ -6,7 +6,7 @@ import os
 import tempfile
 from pathlib import Path
 
-from cam_rig.runner.user_folder import user_folder
+from cam_rig.runner.resources import user_folder
 
 
 def log_folder() -> tuple[Path, str]:

@@ -10,20 +10,36 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable
+from pathlib import Path
 
+from cam_rig.bag.split import Split
 from cam_rig.errors import RunError
 from cam_rig.runner.fork_server import ONE_THREAD, ForkedProcess, ForkServer, signals_blocked
 from cam_rig.runner.log_folder import log_folder
-from cam_rig.runner.shared_memory import why_killed
+from cam_rig.runner.node_table import (
+    CONSUMERS,
+    DRIVE,
+    NODES,
+    PANEL,
+    PATIENCE_S,
+    PLAYER,
+    RECORDER,
+    VIEWER,
+    WAIT,
+)
+from cam_rig.runner.resources import why_killed
 
 #: Wall time (s) a node has to end when asked to, before it is killed.
 SHUTDOWN_GRACE_S = 10.0
+
 #: The variable that names Fast DDS's profile.
 PROFILES = "FASTDDS_DEFAULT_PROFILES_FILE"
+
 #: Lines of stderr that are kept.
 MAX_STDERR_LINES = 1000
 
 Arguments = dict[str, str | bool | float | list[str]]
+
 Process = subprocess.Popen[str] | ForkedProcess
 
 
@@ -237,3 +253,47 @@ def environment(network: bool = False) -> dict[str, str]:
 def _drain(stream: Iterable[str], take: Callable[[str], None]) -> None:
     for line in stream:
         take(line)
+
+
+# The nodes of a run and of a replay, in the order of the table, with their parameters.
+
+
+def live(
+    scene: Path,
+    bag: Path,
+    screen: str | None = None,
+    split: Split | None = None,
+    **drive: str | bool | float,
+) -> dict[str, Arguments]:
+    """The nodes of a run in the order of the table, with their parameters.
+
+    ``screen`` is where a viewer draws the run to; None starts no viewer. ``split`` has the limits
+    of each file of the bag.
+    """
+    names = [entry.name for entry in NODES if screen is not None or entry.name != VIEWER]
+    consumers = [name for name in names if name in CONSUMERS]
+    given: dict[str, Arguments] = {
+        RECORDER: {"bag": str(bag), **(split or Split()).parameters},
+        VIEWER: {"address": screen or ""},
+        # a node that has ended is noticed here at once, so a busy machine may answer late
+        DRIVE: {"consumers": consumers, "patience": PATIENCE_S, **drive},
+    }
+    # the runner ends its nodes itself, when it need not start one again for another
+    common = {"scene": str(scene), "at_end": WAIT}
+    return {name: {**common, **given.get(name, {})} for name in names}
+
+
+def replayed(scene: Path, bag: Path, recorded: Path) -> dict[str, Arguments]:
+    """The consumers of a run, and the player in place of the drive and the law server."""
+    nodes = {name: given for name, given in live(scene, bag).items() if name in CONSUMERS}
+    player: Arguments = {"bag": str(recorded), "patience": PATIENCE_S, "at_end": WAIT}
+    return nodes | {PLAYER.name: player}
+
+
+def steered(
+    scene: Path, bag: Path, socket: Path, screen: str | None, **drive: str | bool | float
+) -> dict[str, Arguments]:
+    """The nodes of a run that a page steers, through the panel's node at ``socket``."""
+    nodes = live(scene, bag, screen, None, **drive)
+    panel: Arguments = {"scene": str(scene), "at_end": WAIT, "socket": str(socket)}
+    return {PANEL.name: panel} | nodes

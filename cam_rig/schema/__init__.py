@@ -4,22 +4,20 @@ from cam_rig.schema.cam import CamConfig
 from cam_rig.schema.load import (
     Library,
     load_cam,
-    load_factorial,
     load_published,
     load_readings,
     load_rig,
     load_scene,
     load_tables,
 )
-from cam_rig.schema.published import PublishedNoise, PublishedTables
-from cam_rig.schema.reading import TableReading, TableReadings
+from cam_rig.schema.published import PublishedNoise, PublishedTables, TableReading, TableReadings
 from cam_rig.schema.rig import RigConfig
 from cam_rig.schema.scene import SceneConfig
-from cam_rig.schema.studies.factorial import FactorialConfig
+
+pass
 
 __all__ = [
     "CamConfig",
-    "FactorialConfig",
     "Library",
     "PublishedNoise",
     "PublishedTables",
@@ -28,7 +26,6 @@ __all__ = [
     "TableReading",
     "TableReadings",
     "load_cam",
-    "load_factorial",
     "load_published",
     "load_readings",
     "load_rig",

@@ -3,15 +3,228 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from cam_rig.schema.contact_parts import ContactParts
-from cam_rig.schema.follower import Follower
 from cam_rig.schema.quantity import Quantity, Strict, must_be
-from cam_rig.schema.segments import Segment, Table
-from cam_rig.schema.segments.base import quantities
+from cam_rig.schema.segment_base import Table, quantities
+from cam_rig.schema.segments import Segment
+
+# What cam and follower are where they touch: width, material, and what they bear.
+
+Width = Annotated[Quantity, must_be("length", above=0.0, least=1e-6, most=10.0)]
+
+Modulus = Annotated[Quantity, must_be("pressure", above=0.0, least=1e6, most=1e13)]
+
+#: An incompressible solid has 0.5.
+Poisson = Annotated[Quantity, must_be("ratio", least=0.0, most=0.5)]
+
+Pressure = Annotated[Quantity, must_be("pressure", above=0.0, most=1e13)]
+
+Sliding = Annotated[Quantity, must_be("linear speed", above=0.0, most=1e4)]
+
+
+def _assumed(value: float, unit: str, source: str) -> Quantity:
+    return Quantity(assumed=value, unit=unit, source=source)
+
+
+class ContactParts(Strict):
+    """The section ``contact`` of a cam file; every key may be left out.
+
+    ``tip_radius`` is that of a point follower: an actual point would have infinite pressure. The
+    follower is of the cam's material where ``follower_youngs_modulus`` and
+    ``follower_poisson_ratio`` are not given. ``most_pressure`` and ``most_sliding_speed`` are what
+    bounds the base radius from below and from above.
+    """
+
+    face_width: Width = _assumed(10.0, "mm", "no source prints it; a narrow cam of a test rig")
+    tip_radius: Width = _assumed(1.0, "mm", "no source prints it; a rounded knife edge")
+    youngs_modulus: Modulus = _assumed(206.0, "GPa", "steel; no source prints the material")
+    poisson_ratio: Poisson = _assumed(0.3, "1", "steel")
+    follower_youngs_modulus: Modulus | None = None
+    follower_poisson_ratio: Poisson | None = None
+    most_pressure: Pressure = _assumed(
+        1000.0, "MPa", "free choice: hardened steel; the sources print no permissible pressure"
+    )
+    most_sliding_speed: Sliding = _assumed(
+        2.0, "m/s", "free choice: the sources print no permissible sliding speed"
+    )
+
+    @property
+    def modulus(self) -> float:
+        """Contact modulus E* (Pa) of the pair: 1/E* = (1 − ν₁²)/E₁ + (1 − ν₂²)/E₂."""
+        cam = (1.0 - self.poisson_ratio.si**2) / self.youngs_modulus.si
+        poisson = self.follower_poisson_ratio or self.poisson_ratio
+        young = self.follower_youngs_modulus or self.youngs_modulus
+        return 1.0 / (cam + (1.0 - poisson.si**2) / young.si)
+
+
+# The follower of a cam file: its kind, its size, and the size of the cam under it.
+
+Length = Annotated[Quantity, must_be("length", above=0.0, most=100.0)]
+
+Offset = Annotated[Quantity, must_be("length", least=-100.0, most=100.0)]
+
+#: A face is inclined by less than a right angle.
+Inclination = Annotated[Quantity, must_be("angle", least=-1.5, most=1.5)]
+
+Steepest = Annotated[Quantity, must_be("angle", above=0.0, most=0.5 * math.pi)]
+
+#: Between two arms of one rocker.
+ArmsAngle = Annotated[Quantity, must_be("angle", above=0.0, most=2.0 * math.pi)]
+
+Radius = Annotated[Quantity, must_be("length", least=0.0, most=100.0)]
+
+
+class _Follower(Strict):
+    """What every follower has.
+
+    ``least_curvature_radius`` (0 when not given) is what contact stress asks of convex parts,
+    ``most_pressure_angle`` what the guide or the pivot bears: 30° and 45° when not given.
+    """
+
+    base_radius: Length
+    least_curvature_radius: Radius | None = None
+    most_pressure_angle: Steepest | None = None
+
+    @property
+    def roller(self) -> float:
+        """Roller radius in m, 0 for a follower without one."""
+        return 0.0
+
+    @property
+    def sprung(self) -> bool:
+        """Whether a spring alone holds it on the cam, as the dynamic models take it."""
+        return True
+
+    def numbers(self) -> dict[str, Quantity]:
+        """Every number of the follower by its key."""
+        fields = ((key, getattr(self, key)) for key in type(self).model_fields)
+        return {key: value for key, value in fields if isinstance(value, Quantity)}
+
+
+class _Rolling(_Follower):
+    roller_radius: Length
+
+    @property
+    def roller(self) -> float:
+        """Roller radius in m."""
+        return self.roller_radius.si
+
+
+class _Guided(_Follower):
+    """Its guide runs past the cam's axis at ``eccentricity``, towards +x."""
+
+    eccentricity: Offset | None = None
+
+
+class _Pivoted(_Follower):
+    """Swings about a pivot at ``pivot_distance`` from the cam's axis; the law is at ``arm``.
+
+    A rig's numbers are those at the arm's end, along its arc: mass J/arm², stiffness and damping
+    of the arm over arm², moments over arm. Then J φ'' = M is m s'' = F with s = arm φ, exactly.
+    """
+
+    pivot_distance: Length
+    arm: Length
+
+
+class _Positive(_Follower):
+    """The cam moves it both ways."""
+
+    @property
+    def sprung(self) -> bool:
+        """No: it cannot leave the cam."""
+        return False
+
+
+class Point(_Guided):
+    """A knife edge in a guide."""
+
+    type: Literal["point"]
+
+
+class Roller(_Guided, _Rolling):
+    """A roller in a guide."""
+
+    type: Literal["roller"]
+
+
+class Flat(_Guided):
+    """A face square to its guide."""
+
+    type: Literal["flat"]
+
+
+class InclinedFlat(_Guided):
+    """A face turned by ``inclination``, counterclockwise from square to its guide."""
+
+    type: Literal["inclined_flat"]
+    inclination: Inclination
+
+
+class OscillatingPoint(_Pivoted):
+    """A knife edge at the end of an arm."""
+
+    type: Literal["oscillating_point"]
+
+
+class OscillatingRoller(_Pivoted, _Rolling):
+    """A roller at the end of an arm."""
+
+    type: Literal["oscillating_roller"]
+
+
+class OscillatingFlat(_Pivoted):
+    """A face along an arm, ``face_offset`` from the pivot away from the cam (0: through it)."""
+
+    type: Literal["oscillating_flat"]
+    face_offset: Offset | None = None
+
+
+class ConstantBreadth(_Positive):
+    """A frame of two parallel faces around one cam."""
+
+    type: Literal["constant_breadth"]
+
+
+class ConstantDiameter(_Positive, _Rolling):
+    """A frame of two rollers, opposite each other on one cam."""
+
+    type: Literal["constant_diameter"]
+
+
+class Conjugate(_Positive, _Guided, _Rolling):
+    """A frame of two rollers, each on its own cam of one shaft.
+
+    ``roller_distance`` is that of the two axes, 2 (R_b + R_r) + s_max when not given: then both
+    cams have one prime circle.
+    """
+
+    type: Literal["conjugate"]
+    roller_distance: Length | None = None
+
+
+class OscillatingConjugate(_Positive, _Pivoted, _Rolling):
+    """Two arms about one pivot, a roller at the end of each on its own cam of one shaft.
+
+    The second arm is as long as the first, on the other side of the cam's axis, and turns with it:
+    ``arms_angle`` is between them, 2 γ + s_max / arm when not given: then both cams have one prime
+    circle. γ is the first arm's angle at the pivot at no lift.
+    """
+
+    type: Literal["oscillating_conjugate"]
+    arms_angle: ArmsAngle | None = None
+
+
+Translating = Point | Roller | Flat | InclinedFlat
+
+Oscillating = OscillatingPoint | OscillatingRoller | OscillatingFlat
+
+Desmodromic = ConstantBreadth | ConstantDiameter | Conjugate | OscillatingConjugate
+
+Follower = Annotated[Translating | Oscillating | Desmodromic, Field(discriminator="type")]
 
 #: Frames of the rig's robot besides one for each cam, which bears the cam's name.
 FRAMES = ("base_link", "guide", "motor", "microphone", "cam", "follower", "follower_arc")

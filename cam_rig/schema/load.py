@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sysconfig
 from dataclasses import dataclass
@@ -14,16 +15,16 @@ from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.files import MIB, read_bytes
 from cam_rig.schema.cam import CamConfig
 from cam_rig.schema.explain import explain, kind_of
-from cam_rig.schema.published import PublishedNoise, PublishedTables
-from cam_rig.schema.reading import TableReadings
+from cam_rig.schema.published import PublishedNoise, PublishedTables, TableReadings
 from cam_rig.schema.rig import RigConfig
 from cam_rig.schema.scene import SceneConfig
-from cam_rig.schema.studies.factorial import FactorialConfig
 from cam_rig.schema.yaml_text import parse_yaml
 
 Config = TypeVar("Config", bound=BaseModel)
+
 #: Bytes of a YAML file, at most.
 MAX_BYTES = MIB
+
 NAME = re.compile(r"[a-z][a-z0-9_]{0,99}")
 
 
@@ -194,6 +195,146 @@ def load_readings(path: Path) -> TableReadings:
     return load(path, TableReadings)
 
 
-def load_factorial(path: Path) -> FactorialConfig:
-    """Read one file of ``config/factorials/``."""
-    return load(path, FactorialConfig)
+# Files that a command names: by path, or by the word that a shipped one goes by.
+
+
+def scene_path(scene: str) -> Path:
+    """A scene by its path, or by its name in ``config/scenes``."""
+    return named_path("scenes", scene)
+
+
+def cam_path(cam: str) -> Path:
+    """A cam by its path, or by its name in ``config/cams``."""
+    return named_path("cams", cam)
+
+
+def rig_path(rig: str) -> Path:
+    """A rig by its path, or by its name in ``config/rigs``."""
+    return named_path("rigs", rig)
+
+
+def rig_beside(rig: str, scene: Path) -> Path:
+    """A rig by its path, or by its name beside a scene, then in ``config/rigs``."""
+    path = named_path("rigs", rig)
+    return path if path == Path(rig) else Library.beside(scene).path("rigs", rig)
+
+
+def is_scene(source: str) -> bool:
+    """Whether a file, or a shipped name, is that of a scene and not of a cam."""
+    path = scene_path(source)
+    if not path.is_file():
+        return False
+    data = read_yaml(path)
+    return isinstance(data, dict) and "program" in data
+
+
+def study_path(study: str) -> Path:
+    """A factorial study by its path, or by its name in ``config/factorials``."""
+    return named_path("factorials", study)
+
+
+def campaign_path(study: str) -> Path:
+    """A campaign's study by its path, or by its name in ``config/campaigns``."""
+    return named_path("campaigns", study)
+
+
+def tables_path() -> Path:
+    """The paper's tables as data."""
+    return config_root() / "published" / "tables" / "paper.yaml"
+
+
+def readings_path() -> Path:
+    """The readings of the paper's Table 2."""
+    return config_root() / "published" / "readings" / "table2.yaml"
+
+
+# The cams that a study is asked for, and the rig they turn on: named, or those of a scene.
+
+
+def one_scene(names: list[str] | None) -> str | None:
+    """The scene that is named in place of cams; None where cams are."""
+    return names[0] if names and len(names) == 1 and is_scene(names[0]) else None
+
+
+# Whether a file is a shipped one, told by its numbers and laws and not by its name.
+
+#: Keys of a config file that say where a number comes from.
+WORDS = frozenset({"source", "residual"})
+
+
+def same_as_shipped(cam: CamConfig, without: frozenset[str] = WORDS) -> bool:
+    """Whether a cam moves as the shipped one of its name does."""
+    path = config_root() / "cams" / f"{cam.name}.yaml"
+    if not path.is_file():
+        return False
+    shipped = load_cam(path)
+    return all(
+        bare(getattr(cam, key), without) == bare(getattr(shipped, key), without)
+        for key in ("lift", "segments")
+    )
+
+
+def bare(value: Any, without: frozenset[str]) -> Any:
+    """Plain data without some of its keys."""
+    if isinstance(value, BaseModel):
+        value = value.model_dump()
+    if isinstance(value, dict):
+        return {k: bare(v, without) for k, v in value.items() if k not in without}
+    return [bare(v, without) for v in value] if isinstance(value, list | tuple) else value
+
+
+# A fit as a cam file of the rig, with its points where it has some.
+
+
+def quantity(
+    origin: str, value: float | list[float], unit: str, source: str, residual: str = ""
+) -> dict[str, Any]:
+    """A number as the rig's files have it."""
+    words = {"residual": residual} if residual else {}
+    return {origin: value, "unit": unit, "source": source, **words}
+
+
+def to_yaml(data: dict[str, Any]) -> str:
+    """A file of the rig: a number is one line, and so is a follower's or a segment's key."""
+    return "\n".join(_lines(data, 0)) + "\n"
+
+
+def _lines(data: dict[str, Any], indent: int) -> list[str]:
+    space, out = " " * indent, []
+    for key, value in data.items():
+        if isinstance(value, dict) and "unit" not in value:
+            out += [f"{space}{key}:", *_lines(value, indent + 2)]
+        elif isinstance(value, list) and value and isinstance(value[0], dict):
+            out.append(f"{space}{key}:")
+            for item in value:
+                first, *rest = _lines(item, indent + 4)
+                out += [f"{space}  - {first.lstrip()}", *rest]
+        else:
+            out.append(f"{space}{key}: {_flow(value)}")
+    return out
+
+
+def _flow(value: Any) -> str:
+    """A value in one line; JSON's texts are YAML's."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_flow(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, str) and value.replace("_", "").isalnum() and not value[0].isdigit():
+        return value
+    return json.dumps(value, ensure_ascii=False)
+
+
+def valid_cam(data: dict[str, Any]) -> CamConfig:
+    """The cam that a file of this content has.
+
+    Raises
+    ------
+    ConfigError : something in it is wrong
+    """
+    from pydantic import ValidationError
+
+    from cam_rig.schema.explain import explain
+
+    try:
+        return CamConfig.model_validate(data)
+    except ValidationError as error:
+        raise ConfigError(f"{data['name']}: {explain(error, CamConfig)}") from None

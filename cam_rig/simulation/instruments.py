@@ -13,12 +13,91 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import bilinear, lfilter
 
-from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import MODELS, Interval, Samples
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
-from cam_rig.simulation.measured_run import MeasuredRun, Signal
-from cam_rig.units import NS, RPM, TURN
+from cam_rig.units import NS, RPM, TURN, FloatArray
+
+# A run as instruments saw it: each quantity with times of its own, on the clock of the bag.
+
+#: Readings of which the usual step is taken, at once; a slower speed has another.
+WINDOW = 64
+
+#: A step that is so many times the usual one is a gap; of readings at a steady rate, and others.
+GAP_STEADY, GAP = 1.8, 4.0
+
+#: Steps of which nine of ten differ by less than this part of themselves are of a steady rate.
+STEADY = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """One measured quantity: ``time`` (s, rising) and ``value`` (SI), both ``(n,)``.
+
+    ``source`` is the topic and field it was read from.
+    """
+
+    time: FloatArray
+    value: FloatArray
+    source: str = ""
+
+    def gaps(self) -> FloatArray:
+        """``(k, 2)`` times (s) between which readings are missing: the step is far too long.
+
+        Usual is the median step of the readings nearby, since an encoder may give one for each
+        count, and so more at high speed.
+
+        Examples
+        --------
+        >>> time = np.delete(np.arange(200) / 100.0, slice(50, 60))
+        >>> Signal(time, time).gaps().tolist()
+        [[0.49, 0.6]]
+        """
+        steps = np.diff(self.time)
+        if steps.size < 3:
+            return np.empty((0, 2))
+        count = -(-steps.size // WINDOW)
+        padded = np.append(steps, np.full(count * WINDOW - steps.size, np.nan))
+        blocks = padded.reshape(count, WINDOW)
+        usual = np.nanmedian(blocks, axis=1)
+        spread = np.nanpercentile(np.abs(blocks - usual[:, None]), 90.0, axis=1)
+        factor = np.where(spread <= STEADY * usual, GAP_STEADY, GAP)
+        limit = np.pad(factor * usual, 1, mode="edge")
+        nearby = np.maximum(np.maximum(limit[:-2], limit[1:-1]), limit[2:])
+        places = np.flatnonzero(steps > np.repeat(nearby, WINDOW)[: steps.size])
+        return np.column_stack([self.time[places], self.time[places + 1]])
+
+
+def pulls(force: FloatArray) -> bool:
+    """Whether a measured contact force (N), ``(n,)``, has the sign of a pull."""
+    return bool(np.median(force) < 0.0 and -force.min() > 2.0 * force.max())
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredRun:
+    """What was recorded of one cam on a machine; what is None was not.
+
+    Parameters
+    ----------
+    source : the bag
+    cam : name of the cam, as in the scene; empty where the bag does not say
+    angle : cam angle with all its turns, rad; of an encoder, so perhaps in steps
+    lift : follower displacement, m
+    force : contact force, N
+    level : sound level, dB re 20 µPa
+    notes : what was found odd in the bag, each a sentence for people
+    begin_ns : the stamp (ns) from which all times count
+    """
+
+    source: Path
+    cam: str
+    angle: Signal
+    lift: Signal | None = None
+    force: Signal | None = None
+    level: Signal | None = None
+    notes: tuple[str, ...] = ()
+    begin_ns: int = 0
+
 
 #: Samples of the model for one of a force sensor that vibrates.
 FINER = 16
@@ -154,3 +233,44 @@ def _side(velocity: FloatArray) -> FloatArray:
     moving = np.abs(velocity) > 1e-9 * np.abs(velocity).max()
     last = np.maximum.accumulate(np.where(moving, np.arange(velocity.size), 0))
     return np.sign(velocity[last])
+
+
+# The count of an encoder, from the angles that were read through it.
+
+#: Angles that rise by whole steps so nearly, in parts of one, were read through an encoder; over a
+#: step of n of them √n times that, as the count is not known better, and at most.
+WHOLE, MOST = 1e-3, 0.05
+
+#: Angles (rad) that differ by less are equal; a count is no finer than this.
+EQUAL, FINEST = 1e-12, 1e-8
+
+
+def encoder_count(angle: FloatArray) -> float:
+    """The step (rad) in which angles ``(n,)`` with all their turns come; 0 where they show none.
+
+    Not each count need have been read, but steps of two sizes, standing still among them: equal
+    steps are those of a cam that turns steadily.
+
+    Examples
+    --------
+    >>> counts = np.floor(30.0 * np.linspace(0.0, 1.0, 500) / (2.0 * np.pi / 1024))
+    >>> round(2.0 * np.pi / encoder_count(counts * (2.0 * np.pi / 1024)))
+    1024
+    """
+    every = np.abs(np.diff(angle))
+    steps = every[every > EQUAL]
+    if not steps.size:
+        return 0.0
+    apart = np.diff(np.unique(np.round(steps, 9)))
+    least = [float(steps.min()), *apart[:1].tolist(), float(apart.min(initial=np.inf))]
+    for count in sorted(set(least), reverse=True):  # the least step seen may be several counts
+        if not FINEST < count < np.inf:
+            continue
+        off = steps / count
+        whole = np.rint(off)
+        if not whole.all():
+            continue
+        if np.abs(off - whole).max() < min(MOST, WHOLE * max(1.0, float(np.sqrt(off.max())))):
+            sizes = np.unique(whole).size + (steps.size < every.size)
+            return float(np.median(steps / whole)) if sizes > 1 else 0.0
+    return 0.0

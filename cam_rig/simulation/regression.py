@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from cam_rig.arrays import FloatArray
+from cam_rig.schema import PublishedNoise
+from cam_rig.units import FloatArray, rms, to_rpm
 
 #: Regressions are cubic, as the paper's.
 REGRESSION_DEGREE = 3
+
 #: A number of a polynomial below this part of its largest is rounding; and such an imaginary part.
 ROUNDING, ALMOST_REAL = 1e-12, 1e-9
 
@@ -62,3 +66,68 @@ def nearest_crossing(
     """The one of the `crossings` nearest to ``near`` (rpm); None when there is none."""
     inside = crossings(difference, speeds, scale=scale, shift=shift)
     return float(inside[np.argmin(np.abs(inside - near))]) if inside.size else None
+
+
+# Levels over speed beside the published regressions: fit errors, and where two curves cross.
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseCurve:
+    """Measured level (dB) of one cam at each speed, and its cubic regression in rpm."""
+
+    cam: str
+    role: str
+    rpm: FloatArray
+    level_db: FloatArray
+    coefficients: FloatArray
+    rmse_db: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseResult:
+    """The noise comparison of a run."""
+
+    curves: dict[str, NoiseCurve]
+    crossover_rpm: float | None
+
+
+def compare(
+    levels: dict[str, dict[float, float]],
+    roles: dict[str, str],
+    published: PublishedNoise | None,
+) -> NoiseResult:
+    """Regressions of all cams, their r.m.s. difference to the published ones, the crossover."""
+    curves = {}
+    for cam, steps in levels.items():
+        rpm = to_rpm(np.array(sorted(steps)))
+        level = np.array([steps[speed] for speed in sorted(steps)])
+        curves[cam] = NoiseCurve(
+            cam, roles[cam], rpm, level, regression(rpm, level), _rmse(cam, rpm, level, published)
+        )
+    return NoiseResult(curves, _crossover(curves, published))
+
+
+def _rmse(
+    cam: str, rpm: FloatArray, level: FloatArray, published: PublishedNoise | None
+) -> float | None:
+    """r.m.s. of simulated level minus published regression, within the published range."""
+    if published is None or cam not in published.regression_db:
+        return None
+    low, high = published.range_rpm
+    inside = (rpm > low - 1e-6) & (rpm < high + 1e-6)
+    if not inside.any():
+        return None
+    return rms(level[inside] - published.level(cam, rpm[inside]))
+
+
+def _crossover(curves: dict[str, NoiseCurve], published: PublishedNoise | None) -> float | None:
+    """Speed (rpm) where the regressions of the two published cams meet, None when nowhere."""
+    if published is None or not set(published.crossover.between) <= set(curves):
+        return None
+    one, two = (curves[cam] for cam in published.crossover.between)
+    difference = one.coefficients - two.coefficients
+    if not np.isfinite(difference).all():
+        return None
+    low, high = max(one.rpm[0], two.rpm[0]), min(one.rpm[-1], two.rpm[-1])
+    scaled = difference * high ** np.arange(difference.size)
+    return nearest_crossing(scaled, (low, high), published.crossover.rpm, scale=high)

@@ -2,18 +2,163 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Protocol
 
-from cam_rig.acoustics import MicrophoneState, RadiationParameters, rms_pressure
-from cam_rig.arrays import FloatArray
-from cam_rig.dynamics import MODELS, Block, FollowerState, Model, Samples
+import numpy as np
+
+from cam_rig.acoustics import MicrophoneState, RadiationParameters, level_db, rms_pressure
+from cam_rig.acoustics.radiation import structure_response
+from cam_rig.dynamics import MODELS, Block, FollowerState, Interval, Model, Samples
+from cam_rig.dynamics.interval import NamedRows
+from cam_rig.errors import CamRigError
 from cam_rig.laws import Law
-from cam_rig.simulation.levels import MeasuredTick
-from cam_rig.simulation.loaded_scene import LoadedScene
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState, cam_states
-from cam_rig.simulation.tick_samples import TickSamples
+from cam_rig.units import NS, TURN, FloatArray, to_rpm
+
+# Sound pressure level of each cam at each speed, from the ticks of a run.
+
+
+@dataclass(frozen=True)
+class MeasuredTick:
+    """The microphone's r.m.s. pressure (Pa) over one tick, from ``start`` to ``stop_ns``.
+
+    ``samples`` are those of the tick, of which the pressure is the mean. ``steady`` is False along
+    a ramp.
+    """
+
+    start: CamState
+    stop_ns: int
+    pressure: float
+    samples: int
+    steady: bool = True
+
+    @classmethod
+    def between(
+        cls, start: CamState, end: CamState, pressure: float, sample_rate: int
+    ) -> MeasuredTick:
+        """The tick from one cam state to the next, of samples at ``sample_rate`` (Hz)."""
+        interval = start.until(end)
+        count = interval.grid(sample_rate).count
+        return cls(start, end.time_ns, pressure, count, interval.acceleration == 0.0)
+
+
+@dataclass
+class Settling:
+    """Which ticks of a run are settled.
+
+    A step is a run of ticks of one cam at one speed; its first ``turns`` are left out, and ramps
+    are.
+    """
+
+    turns: float
+    _first: CamState | None = field(default=None, init=False)
+
+    def is_over(self, start: CamState, steady: bool) -> bool:
+        """Whether the tick that begins at ``start`` is settled; to be asked of each in order."""
+        if not steady:
+            return False
+        if self._first is None or (start.cam, start.speed) != (self._first.cam, self._first.speed):
+            self._first = start
+        return start.since(self._first) / TURN > self.turns - 1e-6
+
+
+def step_levels(
+    ticks: Iterable[MeasuredTick], settle_turns: float
+) -> dict[str, dict[float, float]]:
+    """Level in dB by cam and speed (rad/s): the energy mean over the step's settled samples.
+
+    Each tick counts by its samples, not by its time: short ticks of one length may have two or
+    three, and every sample weighs the same however the turn is divided.
+    """
+    energy: dict[tuple[str, float], list[float]] = {}
+    settling = Settling(settle_turns)
+    for tick in ticks:
+        if settling.is_over(tick.start, tick.steady):
+            total = energy.setdefault((tick.start.cam, tick.start.speed), [0.0, 0.0])
+            total[0] += tick.pressure**2 * tick.samples
+            total[1] += tick.samples
+    levels: dict[str, dict[float, float]] = {}
+    for (cam, speed), (square, samples) in energy.items():
+        levels.setdefault(cam, {})[speed] = float(level_db(np.sqrt(square / samples)))
+    return levels
+
+
+def require_ticks(levels: dict[str, dict[float, float]], where: str) -> None:
+    """Raise when nothing was measured, naming where it was looked for."""
+    if not levels:
+        raise CamRigError(f"{where}: no settled tick to measure; run at least one whole step")
+
+
+# The follower's samples of a tick, joined with the cam that turned under them.
+
+#: Speeds nearer than this part of each other are one.
+SAME = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class TickSamples(NamedRows):
+    """Samples ``(6, n)`` of one tick, rows as in `COLUMNS`, and θ, rpm and cam beside them.
+
+    Parameters
+    ----------
+    start : the cam where the tick begins
+    interval : how it turns from there; it may go on beyond the samples, never end before them
+    """
+
+    start: CamState
+    interval: Interval
+    rows: FloatArray
+
+    @property
+    def cam(self) -> str:
+        """The mounted cam."""
+        return self.start.cam
+
+    @property
+    def steady(self) -> bool:
+        """Whether the speed is held, and not ramped."""
+        return self.interval.acceleration == 0.0
+
+    def is_of(self, cam: str | None, rpm: float | None) -> bool:
+        """Whether it is of a cam (None: of any) at a speed that is held (None: or ramped)."""
+        if cam is not None and cam != self.cam:
+            return False
+        return rpm is None or (self.steady and abs(to_rpm(self.start.speed) - rpm) <= SAME * rpm)
+
+    @cached_property
+    def _since(self) -> FloatArray:
+        """Times since the tick began, s."""
+        return self.time - self.interval.start_ns / NS
+
+    @property
+    def angle(self) -> FloatArray:
+        """``(n,)`` cam angle with all its turns, rad."""
+        return self.interval.unwrapped(self._since)
+
+    @cached_property
+    def angle_in_turn(self) -> FloatArray:
+        """``(n,)`` cam angle in [0, 2π), rad: it has all its digits however long the cam turned."""
+        i = self.interval
+        angle = i.angle + self._since * (i.speed + 0.5 * i.acceleration * self._since)
+        inside = angle - np.floor(angle / TURN) * TURN
+        return np.where(inside < TURN, inside, 0.0)  # TURN itself by rounding
+
+    def turned(self, rate: int) -> float:
+        """Angle (rad) that the cam turned under the samples, which are at ``rate`` Hz.
+
+        All of the interval's, unless that goes on beyond the samples.
+        """
+        part = self.time.size / self.interval.grid(rate).count
+        return part * self.interval.mean_speed * self.interval.duration
+
+    @property
+    def rpm(self) -> FloatArray:
+        """``(n,)`` cam speed, rpm."""
+        return to_rpm(self.interval.speed + self.interval.acceleration * self._since)
 
 
 @dataclass(frozen=True)
@@ -115,3 +260,120 @@ def simulate(
         pressure = microphone.listen(tick.rows, tick.interval.mean_speed)
         count = tick.rows.shape[1]
         yield MeasuredTick(tick.start, tick.interval.stop_ns, pressure, count, tick.steady)
+
+
+# One settled turn at each speed: what a cam does to the structure, before any acoustics.
+
+#: Hz: levels are within 0.003 dB of those at 384 kHz (docs/accuracy.md).
+TURN_RATE_HZ = 12_000
+
+#: The speed response is a polynomial of (rpm − 300)/100.
+RESPONSE_AT, RESPONSE_PER = 300.0, 100.0
+
+
+class Sounding(Protocol):
+    """What a cam gives to the rig's structure at each of ``speeds`` (rad/s)."""
+
+    @property
+    def speeds(self) -> FloatArray:
+        """Of the cam, rad/s, ``(n,)``."""
+
+    def every(self, step: int) -> Sounding:
+        """Only each ``step``-th speed."""
+
+    def contact_power(self, corner_rate: float) -> FloatArray:
+        """Mean square of ω_c (F − q), ``(n,)`` in (N/s)², for ω_c in rad/s."""
+
+    def landing_power(self, radiation: RadiationParameters) -> FloatArray:
+        """Mean square pressure of the landings, ``(n,)`` in Pa²."""
+
+
+@dataclass(frozen=True, eq=False)
+class Turns:
+    """The last turn of a run at each of ``speeds`` (rad/s): force (N) and impulse (N·s) blocks."""
+
+    speeds: FloatArray
+    forces: tuple[FloatArray, ...]
+    impulses: tuple[FloatArray, ...]
+
+    @property
+    def rpm(self) -> FloatArray:
+        """The speeds in rpm."""
+        return to_rpm(self.speeds)
+
+    def every(self, step: int) -> Turns:
+        """Only each ``step``-th speed."""
+        return Turns(self.speeds[::step], self.forces[::step], self.impulses[::step])
+
+    def contact_power(self, corner_rate: float) -> FloatArray:
+        """⟨(ω_c (F − q))²⟩ over a turn repeated for ever, ``(n,)`` in (N/s)²."""
+        blocks = zip(self.forces, self.impulses, strict=True)
+        return np.array([_contact_power(corner_rate, *block) for block in blocks])
+
+    def landing_power(self, radiation: RadiationParameters) -> FloatArray:
+        """Mean square pressure of the landings, ``(n,)`` in Pa²."""
+        energy = [float(radiation.landing_energy(impulse).sum()) for impulse in self.impulses]
+        return np.array(energy) * self.speeds / TURN
+
+
+def _contact_power(rate: float, force: FloatArray, impulse: FloatArray) -> float:
+    """The structure is linear: a turn from rest, and the start that comes back to itself."""
+    started = structure_response(rate, TURN_RATE_HZ, 0.0, float(force[-1]), force, impulse)
+    fading = np.exp(-rate / TURN_RATE_HZ * np.arange(1, force.size + 1))
+    structure = started + fading * started[-1] / (1.0 - fading[-1])
+    return float(np.mean((rate * (force - structure)) ** 2))
+
+
+def settled_turns(
+    law: Law, model: str, parameters: Any, speeds: Sequence[float] | FloatArray
+) -> Turns:
+    """Run turns at each speed until one is like the next, and keep that one.
+
+    A rigid follower that ends a turn on the cam has forgotten it; otherwise the second is kept.
+    """
+    forces, impulses = [], []
+    for speed in map(float, speeds):
+        turn, state = round(TURN / speed * NS), None
+        for i in range(2):
+            interval = Interval(i * turn, (i + 1) * turn, speed * i * turn / NS, speed)
+            state, block = MODELS[model].advance(law, parameters, state, interval, TURN_RATE_HZ)
+            if model == "one_mass" and state.in_contact and state.pending_impulse == 0.0:
+                break
+        forces.append(block.force)
+        impulses.append(block.impulse)
+    return Turns(np.array(speeds, dtype=float), tuple(forces), tuple(impulses))
+
+
+@dataclass(frozen=True)
+class Acoustics:
+    """The fitted constants of a rig's sound.
+
+    ``response`` is empty, or dB of the contact's sound over powers 1, 2, 3 of (rpm − 300)/100:
+    how much better the rig passes sound on at one speed than at another, whatever the cam.
+    """
+
+    radiation: RadiationParameters
+    response: tuple[float, ...] = ()
+
+    def levels(self, turns: Sounding) -> FloatArray:
+        """Level in dB at each speed, ``(n,)``.
+
+        Landings do not pass through the speed response: it is measured on a cam that has none,
+        at some tens of Hz, and they sound at some kHz.
+        """
+        r = self.radiation
+        background = np.array([r.background_power(float(speed)) for speed in turns.speeds])
+        contact = (
+            r.gain**2 * turns.contact_power(r.corner_rate) * self._passed(to_rpm(turns.speeds))
+        )
+        return level_db(np.sqrt(background + contact + turns.landing_power(r)))
+
+    def with_constants(
+        self, gain: float, corner: float, response: tuple[float, ...] = ()
+    ) -> Acoustics:
+        """The same background, other constants."""
+        return Acoustics(replace(self.radiation, gain=gain, corner=corner), response)
+
+    def _passed(self, rpm: FloatArray) -> FloatArray:
+        x = (rpm - RESPONSE_AT) / RESPONSE_PER
+        return np.asarray(10.0 ** (np.polynomial.polynomial.polyval(x, (0.0, *self.response)) / 10))

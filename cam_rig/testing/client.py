@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger
 from cam_rig.errors import RunError
 from cam_rig.messages import topics
 from cam_rig.messages.topics import Topic
-from cam_rig.nodes.common.convert import message_class, qos
+from cam_rig.nodes.convert import message_class, qos
 from cam_rig.runner.node_table import ENTRIES
 
 #: Wall time (s) after which what has not come true never will, however busy the machine.

@@ -3,20 +3,130 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from contextlib import ExitStack
+import signal
+import socket
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from itertools import count
 from pathlib import Path
 from threading import Thread
 from typing import Any
 
-from cam_rig.api.scene_run import SceneRun, read_bag
+from cam_rig.bag.reader import read_bag
 from cam_rig.errors import RunError
 from cam_rig.runner.graph import Graph
-from cam_rig.runner.nodes_of_run import live
+from cam_rig.runner.node_process import PROFILES, SHUTDOWN_GRACE_S, environment, live
 from cam_rig.schema.load import named_path
+from cam_rig.simulation.scene_run import SceneRun
 from cam_rig.testing.client import PATIENCE_S, RigClient
-from cam_rig.testing.domain import hold_domain, in_domain
-from cam_rig.testing.program import StartedProgram
+
+# A program that a test starts beside the rig: its output is kept, and it is ended.
+
+
+class StartedProgram:
+    """A process with a session of its own, so that its children end with it."""
+
+    def __init__(self, command: Sequence[str], environment: dict[str, str]) -> None:
+        own = (part for part in command if part.endswith(".py"))
+        self.name = Path(next(own, command[0])).name
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115  # closed by `end`
+        self._text = ""
+        self._process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=self._output,
+            stderr=subprocess.STDOUT,
+            env=environment | {"PYTHONUNBUFFERED": "1"},
+            start_new_session=True,
+        )
+
+    @property
+    def code(self) -> int | None:
+        """The exit code; None while it runs."""
+        return self._process.poll()
+
+    @property
+    def output(self) -> str:
+        """What it has written so far, to stdout and stderr."""
+        if not self._output.closed:
+            size = os.fstat(self._output.fileno()).st_size
+            written = os.pread(self._output.fileno(), size, 0)  # leaves the writer's place alone
+            self._text = written.decode(errors="replace")
+        return self._text
+
+    def failure(self) -> RunError | None:
+        """Its exit code and its last line, where it has failed."""
+        if not self.code:
+            return None
+        last = (self.output.strip() or "no output").rpartition("\n")[2]
+        return RunError(f"program {self.name} ended with code {self.code}: {last}")
+
+    def end(self) -> None:
+        """Interrupt it (SIGINT), and kill what has not ended in time, its children too."""
+        if self.code is None:
+            self._process.send_signal(signal.SIGINT)
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(SHUTDOWN_GRACE_S)
+        with suppress(ProcessLookupError):  # nothing of it is left
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+        print(f"[{self.name}] {self.output.rstrip()}")
+        self._output.close()
+
+
+# A ROS domain for one test: of its own, on this machine alone.
+
+#: Domains that tests take: below the ports that Linux hands out by itself, beside a user's own.
+DOMAINS = range(40, 101)
+
+_TURNS = count(os.getpid())
+
+#: What keeps a node's sockets on this machine.
+_LOCAL = (PROFILES, "ROS_AUTOMATIC_DISCOVERY_RANGE", "SKIP_DEFAULT_XML_FILE")
+
+
+@contextmanager
+def hold_domain() -> Iterator[int]:
+    """A ROS domain that no other test on this machine uses; waits where all are taken.
+
+    It is held by a port of the domain's own block that no participant uses: whoever shares the
+    network shares the lock, and the kernel lets go of it with the process.
+    """
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as lock:
+        while True:
+            domain = DOMAINS[next(_TURNS) % len(DOMAINS)]
+            with suppress(OSError):
+                lock.bind(("127.0.0.1", 7400 + 250 * domain + 9))
+                break
+            time.sleep(0.02)
+        yield domain
+
+
+@contextmanager
+def in_domain(domain: int) -> Iterator[None]:
+    """Set the environment so that what starts meanwhile is in a domain, on this machine alone."""
+    local = environment()
+    wanted = {"ROS_DOMAIN_ID": str(domain)} | {name: local[name] for name in _LOCAL}
+    before = {name: os.environ.get(name) for name in wanted}
+    os.environ.update(wanted)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+@contextmanager
+def isolated_domain() -> Iterator[int]:
+    """Hold a domain, and be in it."""
+    with hold_domain() as domain, in_domain(domain):
+        yield domain
 
 
 class RunningRig(RigClient):

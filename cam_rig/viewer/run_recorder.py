@@ -7,20 +7,23 @@ import math
 import numpy as np
 import rerun as rr
 
-from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import Samples
-from cam_rig.simulation.levels import MeasuredTick
-from cam_rig.simulation.loaded_scene import LoadedScene
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
-from cam_rig.units import NS
-from cam_rig.viewer.charts import overlay
-from cam_rig.viewer.charts.level_chart import LevelChart
-from cam_rig.viewer.charts.quantities import SceneRanges
-from cam_rig.viewer.charts.run_view import RunView
-from cam_rig.viewer.charts.text_panels import ResultTable, about
-from cam_rig.viewer.pace import FramePace
-from cam_rig.viewer.timeline import Times, rig_time_alone, time_columns
-from cam_rig.viewer.turns import TurnCollector, sample_angles
+from cam_rig.simulation.simulate import MeasuredTick
+from cam_rig.units import NS, FloatArray
+from cam_rig.viewer import level_chart as overlay
+from cam_rig.viewer.level_chart import LevelChart
+from cam_rig.viewer.quantities import SceneRanges
+from cam_rig.viewer.run_view import ResultTable, RunView, about
+from cam_rig.viewer.timeline import (
+    FramePace,
+    Times,
+    TurnCollector,
+    rig_time_alone,
+    sample_angles,
+    time_columns,
+)
 
 ABOUT, RESULTS = "about", "results"
 #: Rig time (s) into a file at once: long enough to be fast, short enough to stay small in memory.

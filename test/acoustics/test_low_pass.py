@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from cam_rig.acoustics.low_pass import BLOCK, first_order
+from cam_rig.acoustics.radiation import BLOCK, first_order
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, BLOCK - 1, BLOCK, BLOCK + 1, 3000, 100_000])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cam_rig.acoustics import SoundSource, level_db, rms_pressure, third_octaves
-from cam_rig.acoustics.pressure_samples import Background
+from cam_rig.acoustics.pressure import Background
 
 RATE, SPEED = 12_000, 30.0
 RNG = np.random.default_rng(17)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from cam_rig.acoustics import SoundLevelMeter, level_db, pressure_pa
-from cam_rig.acoustics.sound_level_meter import SILENCE
-from cam_rig.acoustics.wav import measure
+from cam_rig.acoustics.sound_level_meter import SILENCE, measure
 from cam_rig.acoustics.weighting import CLASS_1, exact
 from cam_rig.errors import ConfigError, RefusedError
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cam_rig.acoustics import steady_power
-from cam_rig.acoustics.steady import mean_square_rate
+from cam_rig.acoustics.pressure import mean_square_rate
 from cam_rig.units import TURN
 
 

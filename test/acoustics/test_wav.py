@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cam_rig.acoustics import pressure_pa
-from cam_rig.acoustics.wav import full_scale, measure, pcm
+from cam_rig.acoustics.sound_level_meter import full_scale, measure, pcm
 
 RATE = 48_000
 

@@ -11,26 +11,26 @@ import pytest
 from matplotlib.figure import Figure
 
 import cam_rig
-from cam_rig.api.notebook import shown
+from cam_rig.show.result import shown
 
 #: Modules whose docstrings have examples of public names.
 WITH_EXAMPLES = (
     "cam_rig",
-    "cam_rig.api.campaign",
-    "cam_rig.api.contour",
-    "cam_rig.api.files",
-    "cam_rig.api.jump",
-    "cam_rig.api.largest_waviness",
-    "cam_rig.api.motion",
-    "cam_rig.api.real_run",
-    "cam_rig.api.scene_run",
-    "cam_rig.api.sound",
-    "cam_rig.dynamics.samples",
+    "cam_rig.campaign.run",
+    "cam_rig.profile.contour",
+    "cam_rig.simulation.scene",
+    "cam_rig.dynamics.jump.any_follower",
+    "cam_rig.campaign.largest_waviness",
+    "cam_rig.simulation.motion",
+    "cam_rig.measured.real_run.run",
+    "cam_rig.simulation.scene_run",
+    "cam_rig.simulation.sound",
+    "cam_rig.dynamics.interval",
     "cam_rig.extras",
     "cam_rig.laws.cam",
     "cam_rig.laws.law",
     "cam_rig.schema.rig",
-    "cam_rig.simulation.flights",
+    "cam_rig.simulation.by_speed",
 )
 
 

@@ -8,8 +8,8 @@ import pytest
 
 import cam_rig
 from cam_rig.dynamics import TwoMassParameters
+from cam_rig.dynamics.jump.search import force_run
 from cam_rig.errors import BagError, ConfigError
-from cam_rig.studies.jump.search import force_run
 
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 

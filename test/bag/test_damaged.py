@@ -8,18 +8,17 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from typer.testing import CliRunner
 
-from cam_rig.bag.compare import compare
-from cam_rig.bag.complete import require_complete
+from cam_rig.bag.completeness import require_complete
 from cam_rig.bag.files import mcap_file
-from cam_rig.bag.playback import played
 from cam_rig.bag.reader import read_counts, read_recording, read_scene
-from cam_rig.bag.recording.recorder import BagRecorder
-from cam_rig.bag.recording.recover import examine, recover, state_words
+from cam_rig.bag.recorder import BagRecorder
 from cam_rig.bag.records import records_of
+from cam_rig.bag.recover import examine, recover, state_words
+from cam_rig.bag.replay import compare, played
 from cam_rig.cli.main import app
 from cam_rig.errors import CamRigError
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.scene import open_scene
 
 BAG = config_root().parent / "bags" / "golden"
 STAGE = open_scene(config_root() / "scenes" / "quick.yaml")

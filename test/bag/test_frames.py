@@ -12,9 +12,9 @@ from rosbags.highlevel import AnyReader
 from scipy.spatial.transform import Rotation
 
 from cam_rig.messages import topics
+from cam_rig.messages.markers import SPHERE
 from cam_rig.profile import contours_at
-from cam_rig.robot.parts import SPHERE
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.scene import open_scene
 
 ROOT = Path(__file__).parents[2]
 #: Topics about nodes, which are nowhere.

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cam_rig.bag.recording.session import RecordingSession
+from cam_rig.bag.session import RecordingSession
 from cam_rig.errors import DynamicsError, RefusedError
-from cam_rig.live.follower_queue import FollowerQueue
+from cam_rig.live.queues import FollowerQueue
 from cam_rig.live.state_validation import StateValidator
 from cam_rig.messages import topics
 from cam_rig.messages.codec import (
@@ -24,7 +24,7 @@ from cam_rig.messages.codec import (
     encode_block,
 )
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.simulate import FollowerSimulator, MicrophoneSimulator
 
 STAGE = open_scene(config_root() / "scenes" / "quick.yaml")

@@ -4,10 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from cam_rig.bag.complete import require_complete
+from cam_rig.bag.completeness import require_complete
 from cam_rig.bag.reader import read_recording
-from cam_rig.simulation.levels import step_levels
-from cam_rig.simulation.simulate import simulate
+from cam_rig.simulation.simulate import simulate, step_levels
 
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 

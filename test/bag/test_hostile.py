@@ -13,18 +13,11 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Chunk, ChunkIndex, DataEnd, Footer, Header, Schema
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
-from cam_rig.bag.attached import MAX_ATTACHED
-from cam_rig.bag.files import mcap_file
-from cam_rig.bag.reader import (
-    messages,
-    raw_messages,
-    read_counts,
-    read_recording,
-    read_scene,
-)
-from cam_rig.bag.recording.place import require_new_bag
-from cam_rig.bag.recording.recover import recover
-from cam_rig.bag.recording.writer import BagWriter
+from cam_rig.bag.files import mcap_file, require_new_bag
+from cam_rig.bag.partial_reader import MAX_ATTACHED
+from cam_rig.bag.reader import messages, raw_messages, read_counts, read_recording, read_scene
+from cam_rig.bag.recover import recover
+from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError, CamRigError
 from cam_rig.messages import topics
 

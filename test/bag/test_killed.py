@@ -8,12 +8,12 @@ import pytest
 
 from cam_rig.bag.files import is_unclosed, mcap_file, why_not_a_bag
 from cam_rig.bag.reader import messages, raw_messages, read_counts, read_recording
-from cam_rig.bag.recording.recorder import BagRecorder
-from cam_rig.bag.recording.recover import examine, recover, recover_in_place, state_words
+from cam_rig.bag.recorder import BagRecorder
+from cam_rig.bag.recover import examine, recover, recover_in_place, state_words
 from cam_rig.errors import BagError
 from cam_rig.messages.topics import RECORDING
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.scene import open_scene
 
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 NAMES = {topic.name for topic in RECORDING}
@@ -174,7 +174,7 @@ def test_a_successor_of_a_recorder_that_had_closed_goes_on(tmp_path, loaded, gol
 def test_two_recoveries_at_once_are_refused(tmp_path):
     """The second one would write into the first one's file."""
     torn = torn_at(tmp_path / "torn", 60_000)
-    from cam_rig.bag.recording.writer import BagWriter
+    from cam_rig.bag.writer import BagWriter
 
     with (
         BagWriter(torn, rewrite=True),

@@ -7,12 +7,12 @@ import pytest
 
 from cam_rig.bag.files import is_closed, is_unclosed, mcap_files
 from cam_rig.bag.reader import raw_messages, read_counts, read_recording
-from cam_rig.bag.recording.recorder import BagRecorder, files_to_resume
-from cam_rig.bag.recording.recover import NOTHING_RECORDED, examine, recover_in_place, state_words
-from cam_rig.bag.recording.split import Split
+from cam_rig.bag.recorder import BagRecorder, files_to_resume
+from cam_rig.bag.recover import NOTHING_RECORDED, examine, recover_in_place, state_words
+from cam_rig.bag.split import Split
 from cam_rig.messages.topics import RECORDING
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.scene import open_scene
 
 NAMES = {topic.name for topic in RECORDING}
 SPLIT = Split(duration=0.7)

@@ -12,19 +12,18 @@ import pytest
 from mcap.records import Attachment
 
 from cam_rig.bag import files
-from cam_rig.bag.complete import belonging, expected_counts
+from cam_rig.bag.completeness import Holdings, belonging, expected_counts, loss_of
 from cam_rig.bag.files import bag_files, is_unclosed, mcap_file
-from cam_rig.bag.loss import Holdings, loss_of
 from cam_rig.bag.partial_reader import PartialReader
 from cam_rig.bag.reader import messages, read_counts, read_scene
-from cam_rig.bag.recording.recorder import BagRecorder
-from cam_rig.bag.recording.recover import examine, recover, recover_in_place, state_words
-from cam_rig.bag.recording.split import Split
+from cam_rig.bag.recorder import BagRecorder
 from cam_rig.bag.records import chunk_head, records_of
+from cam_rig.bag.recover import examine, recover, recover_in_place, state_words
+from cam_rig.bag.split import Split
 from cam_rig.errors import BagError
 from cam_rig.messages.topics import CLOCK, JOINT_STATES, RECORDING
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import cam_states
 
 from .wrapped_file import WrappedFile

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin
 
-from cam_rig.bag import measured
-from cam_rig.bag.foreign import topic_map
-from cam_rig.bag.foreign.topic_map import parse_topics
-from cam_rig.bag.measured import read_measured
+from cam_rig.bag import foreign_topics as topic_map
+from cam_rig.bag import measured_run as measured
+from cam_rig.bag.foreign_topics import parse_topics
+from cam_rig.bag.measured_run import read_measured
 from cam_rig.bag.reader import raw_messages, read_ticks
-from cam_rig.bag.recording.writer import BagWriter
+from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError, ConfigError
 from cam_rig.messages.topics import recorded_topic
 from cam_rig.units import TURN

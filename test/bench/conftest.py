@@ -1,6 +1,6 @@
 import pytest
 
-from cam_rig.bench.cases.cases import CASES
+from benchmark.speed.cases import CASES
 
 
 @pytest.fixture(scope="session")

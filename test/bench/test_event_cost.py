@@ -2,7 +2,7 @@
 
 import pytest
 
-from cam_rig.bench.event_cost import EventCost, event_costs, event_table
+from benchmark.speed.event_cost import EventCost, event_costs, event_table
 
 
 @pytest.mark.slow

@@ -1,7 +1,7 @@
 """Samples per second beside a copy of the same bytes: what is counted, and what is compared."""
 
-from cam_rig.bench import rate
-from cam_rig.tables import to_markdown
+from benchmark.speed import cases as rate
+from cam_rig.show.tables import to_markdown
 
 
 def test_each_rate_has_its_copy(monkeypatch):

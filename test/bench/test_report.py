@@ -5,14 +5,13 @@ import json
 import numpy as np
 import pytest
 
-from cam_rig.bench import rig
-from cam_rig.bench.cases.campaign import CampaignRate
-from cam_rig.bench.cases.case import Solution
-from cam_rig.bench.peers.peers import PEERS
-from cam_rig.bench.reference import stored
-from cam_rig.bench.report import notes, table, to_json
-from cam_rig.bench.result import CaseResult, Sweep, WorkPrecisionPoint, WorkPrecisionStudy
-from cam_rig.plots.work_precision import draw
+from benchmark.speed import study as rig
+from benchmark.speed import study as stored
+from benchmark.speed.campaign import CampaignRate
+from benchmark.speed.models import Solution
+from benchmark.speed.peers import PEERS
+from benchmark.speed.report import draw, notes, table, to_json
+from benchmark.speed.study import CaseResult, Sweep, WorkPrecisionPoint, WorkPrecisionStudy
 
 
 def solution(events=(), shift=0.0):

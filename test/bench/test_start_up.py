@@ -4,7 +4,7 @@ import subprocess
 
 import pytest
 
-from cam_rig.bench import start_up
+from benchmark.speed import start_up
 
 
 def test_a_command_counts_with_the_processes_it_waits_for():

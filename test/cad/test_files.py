@@ -8,15 +8,20 @@ import numpy as np
 import pytest
 from ezdxf import units
 
-from cam_rig.cad.contour_csv import HEADER, read_contour, write_contour, write_law
-from cam_rig.cad.dxf import read_dxf, write_dxf
-from cam_rig.cad.svg import write_svg
 from cam_rig.errors import ProfileError
 from cam_rig.profile import contours, discs, turn_angles
-from cam_rig.profile.curves.measure import closed_curve, rest
-from cam_rig.profile.curves.path import contour_paths
-from cam_rig.profile.curves.polyline import polyline
-from cam_rig.profile.flat_face import GuidedFace
+from cam_rig.profile.drawing_files import (
+    HEADER,
+    read_contour,
+    read_dxf,
+    write_contour,
+    write_dxf,
+    write_law,
+    write_svg,
+)
+from cam_rig.profile.faces import GuidedFace
+from cam_rig.profile.measure import closed_curve, rest
+from cam_rig.profile.polyline import contour_paths, polyline
 
 ANGLES = turn_angles(311)
 

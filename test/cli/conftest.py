@@ -4,9 +4,9 @@ import pytest
 from matplotlib.figure import Figure
 from ruamel.yaml import YAML
 
-from cam_rig.cli.common import console
+from cam_rig.paper.noise.study import study_noise
 from cam_rig.schema.load import config_root
-from cam_rig.studies.noise.run import study_noise
+from cam_rig.show import command as console
 
 from ..figure_faults import faults
 
@@ -77,5 +77,5 @@ def one_study(found, monkeypatch):
             found[key] = study_noise(loaded, rig, arcs, *told)
         return found[key]
 
-    for module in ("cam_rig.studies.noise.run", "cam_rig.report.results"):
+    for module in ("cam_rig.paper.noise.study", "cam_rig.report.paper"):
         monkeypatch.setattr(f"{module}.study_noise", study)

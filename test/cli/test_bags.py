@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from cam_rig.bag.files import mcap_file
 from cam_rig.bag.partial_reader import PartialReader
 from cam_rig.bag.reader import read_counts
-from cam_rig.bag.recording.writer import BagWriter
+from cam_rig.bag.writer import BagWriter
 from cam_rig.cli.main import app
 from cam_rig.messages.topics import recorded_topic
 from cam_rig.schema.load import config_root

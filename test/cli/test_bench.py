@@ -3,8 +3,8 @@
 import pytest
 from typer.testing import CliRunner
 
+from benchmark.speed import report as bench
 from cam_rig.cli.main import app
-from cam_rig.cli.studies import bench
 
 
 @pytest.mark.parametrize(

@@ -4,9 +4,9 @@ from shutil import copytree
 
 from typer.testing import CliRunner
 
-from cam_rig import load_scene
 from cam_rig.cli.main import app
 from cam_rig.schema.load import config_root
+from cam_rig.simulation.scene import load_scene
 
 
 def call(*arguments):

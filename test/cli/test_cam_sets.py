@@ -8,10 +8,10 @@ import pytest
 from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
-from cam_rig.cli.common.cam_sets import asked_cams, asked_scene, one_scene, scene_speeds
 from cam_rig.cli.main import app
 from cam_rig.errors import ConfigError
-from cam_rig.schema.load import config_root
+from cam_rig.schema.load import config_root, one_scene
+from cam_rig.simulation.asked import asked_cams, asked_scene, scene_speeds
 
 
 def call(*arguments):

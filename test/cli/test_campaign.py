@@ -13,10 +13,10 @@ import pytest
 from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
+from cam_rig.campaign.campaign import open_campaign
+from cam_rig.campaign.dataset import CampaignDataset
 from cam_rig.cli.main import app
 from cam_rig.schema.load import config_root
-from cam_rig.studies.campaign.campaign import open_campaign
-from cam_rig.studies.campaign.dataset import CampaignDataset
 
 
 def call(*arguments):

@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cam_rig import compare_run
 from cam_rig.bag.reader import raw_messages
-from cam_rig.bag.recording.writer import BagWriter
+from cam_rig.bag.writer import BagWriter
 from cam_rig.cli.main import app
+from cam_rig.measured.real_run.chart import real_run_entity, real_run_tabs, save_real_run
+from cam_rig.measured.real_run.comparison import compare_steps
+from cam_rig.measured.real_run.figures import figure as real_run_figure
+from cam_rig.measured.real_run.pairs import pair_measured
+from cam_rig.measured.real_run.run import compare_run
 from cam_rig.messages.topics import recorded_topic
-from cam_rig.plots.measured.real_run import figure as real_run_figure
-from cam_rig.studies.real_run.comparison import compare_steps
-from cam_rig.studies.real_run.measured_pairs import pair_measured
-from cam_rig.viewer.orders import SPEED
-from cam_rig.viewer.real_run import real_run_entity, real_run_tabs, save_real_run
+from cam_rig.show.chart import SPEED
 
 from ..foreign_bags import joint, number, wrench, write_bag
 from ..studies.real_run.bench import measured

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from cam_rig.cli.common import console
-from cam_rig.tables import Column, DataTable
+from cam_rig.show import command as console
+from cam_rig.show.tables import Column, DataTable
 
 TABLE = DataTable(
     "A caption [of] a table",

@@ -6,10 +6,10 @@ import pytest
 from typer.testing import CliRunner
 
 from cam_rig.cli.main import app
+from cam_rig.design import design as study
 from cam_rig.laws import build_law
-from cam_rig.laws.peaks import peak
+from cam_rig.laws.law import peak
 from cam_rig.schema import load_cam
-from cam_rig.studies.design import design as study
 
 SMALL = ("--minimise", "peak_jerk", "--pieces", "6", "--joints", "C2")
 
@@ -52,7 +52,7 @@ def test_a_design_file_is_the_same_request(tmp_path):
 
 def test_ctrl_c_keeps_the_best_law_so_far(tmp_path, monkeypatch):
     """Interrupted after a first law: file, picture, table and JSON are of it; it ends with 130."""
-    solve = study.design
+    solve = study.search_design
 
     def interrupted(cam, rig, request, name, told):
         def then_stop(file, value):
@@ -111,7 +111,7 @@ def test_events_share_what_dwells_leave(tmp_path):
 
 def test_ctrl_c_keeps_the_best_of_a_search(tmp_path, monkeypatch):
     """Interrupted after a first law of a search that is local: as of a convex one."""
-    solve, laws = study.design, []
+    solve, laws = study.search_design, []
 
     def interrupted(cam, rig, request, name, told):
         def then_stop(file, value):

@@ -2,8 +2,8 @@
 
 import pytest
 
-from cam_rig.cli.common.edit import set_identified
 from cam_rig.errors import ConfigError
+from cam_rig.paper.noise.command import set_identified
 from cam_rig.schema.load import read_yaml
 
 TEXT = """\

@@ -9,10 +9,10 @@ import sys
 import pytest
 from distributed import LocalCluster
 
-from cam_rig.cli.common import executors
-from cam_rig.cli.common.executors import check_workplace, workplace
+from cam_rig import workers as executors
 from cam_rig.errors import ConfigError, RunError
 from cam_rig.interrupts import STOPPING
+from cam_rig.workers import check_workplace, workplace
 
 
 def test_processes_are_others_than_this(monkeypatch):
@@ -27,7 +27,7 @@ def test_processes_are_others_than_this(monkeypatch):
 
 TRACKED = """
 from multiprocessing import resource_tracker
-from cam_rig.cli.common.workers import workers
+from cam_rig.workers import workers
 if __name__ == "__main__":
     with workers(1) as pool:
         pool.submit(int).result(timeout=100)

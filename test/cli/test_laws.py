@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from cam_rig.cli.main import app
 from cam_rig.laws.catalogue import free_laws
-from cam_rig.laws.named import NAMED_RISES
+from cam_rig.laws.segments import NAMED_RISES
 
 
 def call(*arguments):

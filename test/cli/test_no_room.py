@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import typer
 
-from cam_rig.cli.common.commands import Commands
+from cam_rig.cli.main import Commands
 
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 COMMAND = Path(sys.executable).with_name("cam-rig")

@@ -9,8 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from cam_rig.cli.main import app
-from cam_rig.cli.studies.orders import speeds_of
 from cam_rig.errors import ConfigError
+from cam_rig.paper.orders.command import speeds_of
 
 
 def call(*arguments):

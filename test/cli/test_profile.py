@@ -9,12 +9,11 @@ from ruamel.yaml import YAML
 from shapely import LinearRing, distance, points, prepare
 from typer.testing import CliRunner
 
-from cam_rig.cli.common.names import cam_path
 from cam_rig.cli.main import app
 from cam_rig.laws import build_law
 from cam_rig.profile import contours, turn_angles
 from cam_rig.schema import load_cam
-from cam_rig.schema.load import config_root
+from cam_rig.schema.load import cam_path, config_root
 
 
 def call(*arguments):

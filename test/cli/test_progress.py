@@ -2,12 +2,12 @@
 
 import pytest
 
-from cam_rig.cli.common import progress as module
-from cam_rig.cli.common.progress import CampaignProgress, in_words, sized
+from cam_rig.campaign import command as module
+from cam_rig.campaign.campaign import campaign_from
+from cam_rig.campaign.command import CampaignProgress, in_words, sized
+from cam_rig.campaign.dataset import CampaignDataset
+from cam_rig.campaign.point import measure_batch
 from cam_rig.schema.load import Library, config_root
-from cam_rig.studies.campaign.campaign import campaign_from
-from cam_rig.studies.campaign.dataset import CampaignDataset
-from cam_rig.studies.campaign.point import measure_batch
 
 
 @pytest.fixture

@@ -10,11 +10,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from cam_rig import build_law, load_cam, load_scene, run_scene
 from cam_rig.cli.main import app
-from cam_rig.cli.studies.scene_report import page_made
+from cam_rig.dynamics.jump.any_follower import find_jump, follower_of
+from cam_rig.report.command import page_made
 from cam_rig.schema.load import config_root
-from cam_rig.studies.jump.any_rig import find_jump, follower_of
+from cam_rig.simulation.scene import build_law, load_cam, load_scene
+from cam_rig.simulation.scene_run import run_scene
 
 from ..figure_faults import EXPONENT, HYPHEN
 
@@ -80,7 +81,7 @@ def in_this_process(monkeypatch):
             done.set_result(function(*given))
             return done
 
-    monkeypatch.setattr("cam_rig.cli.common.executors.workers", lambda _count: nullcontext(Here()))
+    monkeypatch.setattr("cam_rig.workers.workers", lambda _count: nullcontext(Here()))
 
 
 @pytest.mark.slow

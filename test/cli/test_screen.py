@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from cam_rig.cli.common.screen import LINE_EVERY_S, DelayReport
 from cam_rig.errors import CamRigError
-from cam_rig.viewer.server.page_time import PageTime
+from cam_rig.show.command import LINE_EVERY_S
+from cam_rig.viewer.command import DelayReport
+from cam_rig.viewer.page import PageTime
 
 
 def test_waiting_needs_somebody_to_wait_for(tmp_path):

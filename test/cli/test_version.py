@@ -7,7 +7,7 @@ from importlib.metadata import version
 
 from typer.testing import CliRunner
 
-from cam_rig.cli.common import version as version_option
+from cam_rig.cli import main as version_option
 from cam_rig.cli.main import app
 
 SCRIPT = """

@@ -11,8 +11,8 @@ from cam_rig.bag.reader import read_counts
 from cam_rig.cli.main import app
 from cam_rig.messages import topics
 from cam_rig.messages.topics import Topic
-from cam_rig.nodes.common.parameters import PARAMETERS
-from cam_rig.testing.domain import isolated_domain
+from cam_rig.nodes.parameters import PARAMETERS
+from cam_rig.testing.running_rig import isolated_domain
 
 from .pages import DOCS, ROOT, rows
 

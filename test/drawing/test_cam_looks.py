@@ -6,20 +6,11 @@ from itertools import combinations
 
 import numpy as np
 
-from cam_rig.drawing.cam_looks import (
-    COLOURS,
-    DASHES,
-    MARKERS,
-    NAMES,
-    SAME,
-    CamLook,
-    cam_look,
-    of_cam,
-)
-from cam_rig.laws.curves import rise_curves
-from cam_rig.laws.named import NAMED_RISES
+from cam_rig.laws.catalogue import rise_curves
+from cam_rig.laws.segments import NAMED_RISES
 from cam_rig.schema import load_scene, load_tables
 from cam_rig.schema.load import config_root
+from cam_rig.show.looks import COLOURS, DASHES, MARKERS, NAMES, SAME, CamLook, cam_look, of_cam
 
 #: Cams that the report draws on each other: of Table 2, and those whose contact is compared.
 TABLE_2 = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")

@@ -7,10 +7,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from cam_rig.drawing.dial import NUMBER, body, ring_numbers, rotation
-from cam_rig.drawing.outlines import closed, turned
 from cam_rig.profile import contours
 from cam_rig.schema import CamConfig
+from cam_rig.show.looks import NUMBER, body, closed, ring_numbers, rotation, turned
 
 
 def test_the_cams_own_zero_points_to_its_angle() -> None:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cam_rig.arrays import FloatArray
-from cam_rig.drawing.follower import FollowerShape, Oscillating, follower_shape
-from cam_rig.drawing.outlines import turned
 from cam_rig.laws import Law
 from cam_rig.profile import contours_at, turn_angles
-from cam_rig.profile.flat_face import GuidedFace, SwungFace
-from cam_rig.profile.motion import Motion
+from cam_rig.profile.contact import Motion
+from cam_rig.profile.faces import GuidedFace, SwungFace
+from cam_rig.profile.outlines import FollowerShape, Oscillating, follower_shape
 from cam_rig.schema import CamConfig
+from cam_rig.show.looks import turned
+from cam_rig.units import FloatArray
 
 #: Beside the joints, where a limit is taken.
 ANGLES = turn_angles(720) + 1e-3

@@ -12,7 +12,7 @@ import pytest
 
 from cam_rig.dynamics import MODELS, Event, FollowerParameters, FollowerState, Interval
 from cam_rig.laws import Law, bernstein
-from cam_rig.laws.fit import fit
+from cam_rig.laws.sampling import fit
 from cam_rig.units import NS, TURN
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from cam_rig.dynamics.events.approach import Gap, Hop, landing
+from cam_rig.dynamics.events.contact import free_table, law_table
 from cam_rig.dynamics.events.free_flight import launched
 from cam_rig.dynamics.events.law_table import Cam
-from cam_rig.dynamics.events.tables import free_table, law_table
-from cam_rig.dynamics.linear.free_system import Flight
+from cam_rig.dynamics.linear.exponential import Flight
 from cam_rig.laws import Law
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import MODELS, FollowerParameters, FollowerState, Interval
-from cam_rig.dynamics.one_mass import trajectory as course
+from cam_rig.dynamics import one_mass as course
 from cam_rig.dynamics.two_mass import trajectory as two_mass
-from cam_rig.dynamics.two_mass.parameters import TwoMassParameters
+from cam_rig.dynamics.two_mass.masses import TwoMassParameters
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import Interval
-from cam_rig.dynamics.contact_force import force_weights
-from cam_rig.dynamics.one_mass.trajectory import OneMassTrajectory
+from cam_rig.dynamics.kinetostatic import force_weights
+from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.units import NS, TURN
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(20)

@@ -8,8 +8,8 @@ import pytest
 
 from cam_rig.dynamics import MODELS, FollowerParameters, FollowerState, Interval
 from cam_rig.dynamics.elastic_stem import motion
+from cam_rig.dynamics.two_mass.masses import TwoMassParameters
 from cam_rig.dynamics.two_mass.model import states
-from cam_rig.dynamics.two_mass.parameters import TwoMassParameters
 from cam_rig.dynamics.two_mass.trajectory import Separation
 from cam_rig.errors import DynamicsError
 from cam_rig.units import NS

@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cam_rig.bench import rig
-from cam_rig.bench.cases.case import Case
-from cam_rig.bench.cases.models import Oscillator, TwoMasses
-from cam_rig.bench.reference import exact
+from benchmark.speed import exact
+from benchmark.speed import study as rig
+from benchmark.speed.models import Case, Oscillator, TwoMasses
 from cam_rig.dynamics import MODELS, Interval, TwoMassParameters
 from cam_rig.laws.sampling import AT_SAMPLE
 from cam_rig.units import NS, TURN

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import Interval, kinetostatic
-from cam_rig.dynamics.contact_force import force_ordinates, loss_intervals
+from cam_rig.dynamics.kinetostatic import force_ordinates, loss_intervals
 from cam_rig.laws import bernstein
 from cam_rig.units import NS, TURN
 

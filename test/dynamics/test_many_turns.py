@@ -4,11 +4,11 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from cam_rig.bench.reference.exact_law import polynomial, powers
+from benchmark.speed.exact import polynomial, powers
 from cam_rig.dynamics import MODELS, FollowerParameters, FollowerState, Interval
 from cam_rig.dynamics.elastic_stem import response
 from cam_rig.dynamics.linear.response import LinearResponse
-from cam_rig.dynamics.torsional.steady import periodic_state
+from cam_rig.dynamics.torsional.motion import periodic_state
 from cam_rig.laws import Law
 from cam_rig.schema import load_rig
 from cam_rig.units import NS, TURN

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import FollowerParameters, Interval, TwoMassParameters
-from cam_rig.dynamics.one_mass.trajectory import OneMassTrajectory
+from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.two_mass.model import _phase_states
 from cam_rig.dynamics.two_mass.trajectory import Separation
 from cam_rig.laws import Law, bernstein

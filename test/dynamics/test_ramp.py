@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
-from cam_rig.dynamics.one_mass.model import advance as one_mass
-from cam_rig.dynamics.ramp import substitute
+from cam_rig.dynamics.one_mass import advance as one_mass
+from cam_rig.dynamics.speed_ramp import substitute
 from cam_rig.laws import Law
 from cam_rig.laws.bernstein import evaluate
 from cam_rig.units import NS, TURN

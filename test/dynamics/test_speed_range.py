@@ -5,12 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from cam_rig.bench import rig
-from cam_rig.bench.cases.case import Case
-from cam_rig.bench.cases.models import CONTACT, OneMass, Oscillator, Twist, TwoMasses
-from cam_rig.bench.reference import exact, exact_twist
+from benchmark.speed import exact
+from benchmark.speed import exact as exact_twist
+from benchmark.speed import study as rig
+from benchmark.speed.models import CONTACT, Case, OneMass, Oscillator, Twist, TwoMasses
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval
-from cam_rig.dynamics.torsional.motion import TorsionalParameters, TorsionalState, solve
+from cam_rig.dynamics.torsional.motion import solve
+from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import TURN
 
@@ -124,7 +125,7 @@ def test_torsional(laws, many_digits, rpm, monkeypatch):
     follower = FollowerParameters(MASS, SPRING, DAMPING, PRELOAD, 3.3e8)
     start = TorsionalState(0.0, 0.0, 0.0, case.speed)
     motion = solve(law, TorsionalParameters(follower, 0.02, 1e4), start, 0.0, last)
-    wanted = many_digits.solution(case, exact_twist.solve)
+    wanted = many_digits.solution(case, exact_twist.solve_twist)
     for row, exact_row in zip(
         motion.at(case.times)[:2], (wanted.displacement[0], wanted.velocity[0]), strict=True
     ):

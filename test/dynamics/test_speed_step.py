@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import Interval
-from cam_rig.dynamics.one_mass import model as one_mass
+from cam_rig.dynamics import Interval, one_mass
 from cam_rig.units import NS
 
 RISING, FALLING = np.radians(90.0), np.radians(270.0)  # middles of the 3-4-5 rise and fall

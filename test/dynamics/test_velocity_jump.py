@@ -9,7 +9,7 @@ import pytest
 
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
 from cam_rig.dynamics.elastic_stem import motion, response
-from cam_rig.dynamics.one_mass.trajectory import OneMassTrajectory
+from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.two_mass.model import states
 from cam_rig.dynamics.two_mass.trajectory import Separation
 from cam_rig.laws import Law

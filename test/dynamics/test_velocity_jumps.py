@@ -115,7 +115,7 @@ def test_a_model_of_rigid_parts_refuses(edge, config_dir, model):
 def test_a_steady_level_is_refused_too(edge, follower, rig):
     """The exact mean of the force's rate does not exist where the force is infinite."""
     from cam_rig.acoustics import RadiationParameters
-    from cam_rig.acoustics.steady import steady_power
+    from cam_rig.acoustics.pressure import steady_power
 
     with pytest.raises(DynamicsError, match="velocity jumps by"):
         steady_power(edge, follower, RadiationParameters.from_rig(rig), 20.0)

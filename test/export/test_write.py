@@ -13,11 +13,11 @@ from scipy.io import wavfile
 import cam_rig
 from cam_rig.bag import reader
 from cam_rig.errors import ConfigError, OutputError
-from cam_rig.export import columns, wav_file
-from cam_rig.export.columns import COLUMNS
-from cam_rig.export.write import FORMATS, export
 from cam_rig.messages import topics
 from cam_rig.schema.load import config_root
+from cam_rig.simulation import export as columns
+from cam_rig.simulation import export as wav_file
+from cam_rig.simulation.export import COLUMNS, FORMATS, export
 from cam_rig.simulation.simulate import turned_ticks
 from cam_rig.units import TURN
 

@@ -12,12 +12,12 @@ from types import ModuleType, SimpleNamespace
 import pytest
 
 from cam_rig.messages import topics
-from cam_rig.nodes.common.parameters import PARAMETERS
-from cam_rig.robot.frames import Robot
-from cam_rig.robot.urdf import urdf
+from cam_rig.messages.frames import Robot
+from cam_rig.messages.urdf import urdf
+from cam_rig.nodes.parameters import PARAMETERS
+from cam_rig.runner.node_process import live
 from cam_rig.runner.node_table import DRIVE, NODES, VIEWER
-from cam_rig.runner.nodes_of_run import live
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.scene import open_scene
 
 LAUNCH = Path(__file__).parents[2] / "launch"
 NAMES = {

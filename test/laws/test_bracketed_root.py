@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from cam_rig.laws import bernstein
-from cam_rig.laws.bracketed_root import bracketed_root
+from cam_rig.laws.bernstein import bracketed_root
 
 
 def rising(number):

@@ -3,8 +3,7 @@
 from typing import get_args
 
 from cam_rig.laws.catalogue import free_laws
-from cam_rig.laws.named import NAMED_RISES
-from cam_rig.laws.segments import BUILDERS
+from cam_rig.laws.segments import BUILDERS, NAMED_RISES
 from cam_rig.schema.segments import Rise, Segment
 
 

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cam_rig.laws.bernstein import evaluate
-from cam_rig.laws.compose import compose, product
+from cam_rig.laws.bernstein import compose, evaluate, product
 
 
 def exact(ordinates, u):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cam_rig.laws import Law, build_law
-from cam_rig.laws.continuity import SMOOTHEST, continuity, joints
+from cam_rig.laws.law import SMOOTHEST, continuity, joints
 from cam_rig.units import TURN
 
 #: Class of each shipped cam's roughest joint.

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from cam_rig.laws import Law
-from cam_rig.laws.catalogue import families, figures
-from cam_rig.laws.curves import (
+from cam_rig.laws.catalogue import (
     ORDERS,
     LawCurves,
     cam_curves,
     common_unit,
+    families,
+    figures,
     rise_curves,
     rise_values,
 )
-from cam_rig.laws.families.trigonometric_rises import cycloidal, simple_harmonic
-from cam_rig.laws.named import NAMED_RISES
+from cam_rig.laws.segments import NAMED_RISES, cycloidal, simple_harmonic
 from cam_rig.schema import CamConfig
 
 

@@ -4,11 +4,10 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from cam_rig.bench import rig
-from cam_rig.bench.cases.case import Case, output_times
-from cam_rig.bench.cases.models import Oscillator
-from cam_rig.bench.reference import exact as exact_solution
-from cam_rig.bench.reference.exact_law import polynomial, powers
+from benchmark.speed import exact as exact_solution
+from benchmark.speed import study as rig
+from benchmark.speed.exact import polynomial, powers
+from benchmark.speed.models import Case, Oscillator, output_times
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.sampling import sample
 from cam_rig.units import TURN

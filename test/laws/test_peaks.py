@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cam_rig.laws import build_law
-from cam_rig.laws.peaks import extremes, peak
+from cam_rig.laws.law import extremes, peak
 from cam_rig.units import TURN
 
 

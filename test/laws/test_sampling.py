@@ -8,14 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cam_rig.laws import bernstein
-from cam_rig.laws.sampling import (
-    AT_SAMPLE,
-    ChunkSeries,
-    SampleRun,
-    chunk_powers,
-    repeated,
-    sample,
-)
+from cam_rig.laws.sampling import AT_SAMPLE, ChunkSeries, SampleRun, chunk_powers, repeated, sample
 from cam_rig.units import TURN
 
 EPS = np.finfo(float).eps

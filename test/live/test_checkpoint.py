@@ -67,7 +67,7 @@ def test_without_a_folder_nothing_is_kept(tmp_path, monkeypatch):
         '[[0, {"array": "0011223344556677", "type": "f4,f4", "shape": [1]}]]',
         '[[0, {"array": "00", "type": "|u1", "shape": [1000000000000]}]]',
         '[[0, {"record": "cam_rig.nothing:There", "fields": {}}]]',
-        '[[0, {"record": "cam_rig.acoustics.pressure_samples:SoundSource", "fields": {}}]]',
+        '[[0, {"record": "cam_rig.acoustics.pressure:SoundSource", "fields": {}}]]',
         '[[0, {"record": "cam_rig.dynamics.interval:np", "fields": {}}]]',
         '[[0, {"record": "cam_rig.dynamics.interval:FollowerState", "fields": 3}]]',
         '[[0, {"record": 3, "fields": {}}]]',

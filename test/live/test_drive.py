@@ -10,7 +10,7 @@ from cam_rig.live.checkpoint import Checkpoint
 from cam_rig.live.drive import DriveProgram, OperatorCommands
 from cam_rig.live.setpoints import SetpointSchedule
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import cam_states
 
 

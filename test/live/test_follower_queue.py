@@ -6,9 +6,9 @@ import pytest
 from cam_rig.errors import RefusedError
 from cam_rig.laws import Law
 from cam_rig.live.flow_control import MAX_WAITING
-from cam_rig.live.follower_queue import FollowerQueue
+from cam_rig.live.queues import FollowerQueue
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState, cam_states
 from cam_rig.simulation.simulate import FollowerSimulator
 

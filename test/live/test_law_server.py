@@ -6,7 +6,7 @@ from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.live.law_server import CamMounting, MountingCheckpoint, MountReply
 from cam_rig.live.state_validation import Admission
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState, cam_states
 
 SCENE = config_root() / "scenes" / "quick.yaml"

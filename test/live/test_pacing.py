@@ -3,7 +3,7 @@
 import pytest
 
 from cam_rig.errors import ConfigError
-from cam_rig.live.pacing import Pacing, factor_of
+from cam_rig.live.flow_control import Pacing, factor_of
 from cam_rig.units import NS
 
 

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from cam_rig.acoustics import MicrophoneState
 from cam_rig.dynamics import FollowerState
 from cam_rig.errors import RunError
-from cam_rig.live.record_json import from_plain, to_plain
+from cam_rig.live.checkpoint import from_plain, to_plain
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import FollowerCheckpoint, FollowerSimulator, MicrophoneSimulator
 

@@ -9,7 +9,7 @@ from cam_rig.live.flow_control import (
     TICKS_IN_HISTORY,
     TICKS_KEPT,
 )
-from cam_rig.live.repeats import RepeatBudget
+from cam_rig.live.queues import RepeatBudget
 
 
 def assert_first_messages_stay(history, sent):

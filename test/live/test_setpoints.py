@@ -10,7 +10,7 @@ from cam_rig.live.setpoints import STANDSTILL_NS, SetpointSchedule
 from cam_rig.live.state_validation import Admission, StateValidator, speeds
 from cam_rig.schema.load import config_root
 from cam_rig.schema.quantity import Quantity
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.units import RPM
 

@@ -7,7 +7,7 @@ import pytest
 from cam_rig.errors import RefusedError
 from cam_rig.live.state_validation import Admission, StateValidator
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState, cam_states
 
 SCENE = open_scene(config_root() / "scenes" / "quick.yaml").scene

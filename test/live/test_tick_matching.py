@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cam_rig.errors import RefusedError
-from cam_rig.live.tick_matching import TickMatcher
+from cam_rig.live.queues import TickMatcher
 from cam_rig.simulation.schedule import CamState
 
 

@@ -9,8 +9,7 @@ from cam_rig.dynamics import MODELS, FollowerParameters
 from cam_rig.errors import RefusedError
 from cam_rig.messages import topics
 from cam_rig.messages.cdr_template import TYPES, CdrTemplate, example_header
-from cam_rig.messages.instants import choose, instants_of
-from cam_rig.messages.motion import JOINTS, MotionMessages, points_per_tick
+from cam_rig.messages.motion import JOINTS, MotionMessages, choose, instants_of, points_per_tick
 from cam_rig.messages.topics import motion_depth
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import FollowerSimulator

@@ -14,9 +14,9 @@ from std_msgs.msg import Float64
 from cam_rig.bag.files import mcap_files
 from cam_rig.errors import RunError
 from cam_rig.runner.graph import Graph
-from cam_rig.runner.nodes_of_run import live
+from cam_rig.runner.node_process import live
 from cam_rig.testing.client import RigClient
-from cam_rig.testing.domain import isolated_domain
+from cam_rig.testing.running_rig import isolated_domain
 
 #: Wall time (s) after which something that has not come true never will, however busy the machine.
 WAIT = 300.0

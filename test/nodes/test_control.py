@@ -6,7 +6,7 @@ from itertools import pairwise
 import pytest
 from typer.testing import CliRunner
 
-from cam_rig.bag.complete import expected_counts
+from cam_rig.bag.completeness import expected_counts
 from cam_rig.bag.reader import messages, read_counts, read_recording
 from cam_rig.cli.main import app
 from cam_rig.live.state_validation import Admission, StateValidator

@@ -9,14 +9,13 @@ import time
 
 import pytest
 
-from cam_rig.bag.complete import require_complete
+from cam_rig.bag.completeness import require_complete
 from cam_rig.bag.files import is_unclosed
 from cam_rig.bag.reader import read_counts, read_recording
 from cam_rig.errors import RunError
 from cam_rig.runner.graph import Graph
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.levels import step_levels
-from cam_rig.simulation.simulate import simulate
+from cam_rig.simulation.simulate import simulate, step_levels
 
 pytestmark = pytest.mark.ros
 LONG = pytest.mark.long

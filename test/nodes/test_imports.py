@@ -19,7 +19,7 @@ NODES = {
 }
 CODE = """
 import json, sys
-import cam_rig.nodes.{name}, cam_rig.nodes.common.process
+import cam_rig.nodes.{name}, cam_rig.nodes.process
 print(json.dumps(sorted(set(module.partition(".")[0] for module in sys.modules))))
 """
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from cam_rig.bag.complete import require_complete
+from cam_rig.bag.completeness import require_complete
 from cam_rig.bag.files import mcap_file
 from cam_rig.bag.reader import raw_messages, read_counts, read_recording
-from cam_rig.bag.recording.recover import recover
-from cam_rig.bag.recording.writer import BagWriter
+from cam_rig.bag.recover import recover
+from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError
 from cam_rig.messages.topics import RECORDING, recorded_topic
 from cam_rig.runner.graph import Graph

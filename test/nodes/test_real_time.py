@@ -11,7 +11,7 @@ from cam_rig.bag.reader import messages, read_ticks
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of
 from cam_rig.messages.serialization import RawMessages, stamp_of
-from cam_rig.nodes.common.convert import message_class
+from cam_rig.nodes.convert import message_class
 from cam_rig.runner.graph import Graph
 
 pytestmark = pytest.mark.ros

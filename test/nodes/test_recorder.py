@@ -5,8 +5,8 @@ from itertools import count
 import pytest
 
 from cam_rig.bag.files import mcap_files
-from cam_rig.bag.recording.split import Split
-from cam_rig.nodes.common.incoming import MAX_DRAIN_S, take_rest
+from cam_rig.bag.split import Split
+from cam_rig.nodes.convert import MAX_DRAIN_S, take_rest
 from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import NodeProcess
 

@@ -9,7 +9,7 @@ from sensor_msgs.msg import FluidPressure
 
 from cam_rig.bag.files import bag_files, is_unclosed
 from cam_rig.bag.reader import read_recording
-from cam_rig.nodes.common.run_end import FinishedRun
+from cam_rig.nodes.run_end import FinishedRun
 from cam_rig.runner.node_process import NodeProcess, stop_all
 from cam_rig.runner.node_table import DRIVE, RECORDER
 

@@ -23,7 +23,7 @@ from std_msgs.msg import Float64, Float64MultiArray, Header, MultiArrayDimension
 from cam_rig.errors import RefusedError, RunError
 from cam_rig.messages import topics
 from cam_rig.messages.codec import BLOCK_LABEL, PIECE_LABEL
-from cam_rig.nodes.common.incoming import require_length
+from cam_rig.nodes.convert import require_length
 from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import NodeProcess, stop_all
 from cam_rig.schema.load import config_root

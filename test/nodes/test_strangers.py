@@ -5,7 +5,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from std_msgs.msg import String
 
 from cam_rig.messages import topics
-from cam_rig.nodes.common.convert import message_class
+from cam_rig.nodes.convert import message_class
 
 pytestmark = pytest.mark.ros
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from cam_rig.bag.complete import require_complete
+from cam_rig.bag.completeness import require_complete
 from cam_rig.runner.graph import Graph
 from cam_rig.schema import load_scene
 from cam_rig.schema.load import config_root
+from cam_rig.viewer.live_folder import newest_recording
+from cam_rig.viewer.process import free_port, stream_address
 from cam_rig.viewer.recording import save_recording
-from cam_rig.viewer.server.live_folder import newest_recording
-from cam_rig.viewer.server.process import free_port, stream_address
 
 pytestmark = [pytest.mark.ros, pytest.mark.filterwarnings("ignore:RRD file has no footer")]
 QUICK = config_root() / "scenes" / "quick.yaml"

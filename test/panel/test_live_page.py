@@ -24,8 +24,7 @@ from cam_rig.panel.board.board import Board
 from cam_rig.panel.board.pages import BoardPages
 from cam_rig.panel.lab.pages import LabPages
 from cam_rig.panel.lab.sheet import LabSheet
-from cam_rig.panel.messages import MAX_MESSAGE
-from cam_rig.panel.server import serve
+from cam_rig.panel.server import MAX_MESSAGE, serve
 
 from .asking import ask
 

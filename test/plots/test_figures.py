@@ -12,22 +12,25 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.markers import CARETUP
 
-from cam_rig.drawing.cam_looks import COLOURS, cam_look
-from cam_rig.drawing.colours import DISCS, web
 from cam_rig.dynamics import TwoMassParameters
+from cam_rig.dynamics.jump import figures as jump
+from cam_rig.dynamics.jump.any_follower import JumpRow
 from cam_rig.laws import Law
-from cam_rig.plots import jump, lift_off, profile, vibration
-from cam_rig.plots.figures import series
-from cam_rig.plots.laws import one_law as law
-from cam_rig.plots.laws import overlay as law_overlay
-from cam_rig.plots.sound import noise
-from cam_rig.profile.checks.all_checks import check_cam
+from cam_rig.laws import figures as law
+from cam_rig.laws import figures as law_overlay
+from cam_rig.laws.cam import CamSet, open_cam_set
+from cam_rig.paper.jump import figures as lift_off
+from cam_rig.paper.jump.comparison import find_jumps
+from cam_rig.paper.vibration import figures as vibration
+from cam_rig.profile import figures as profile
+from cam_rig.profile.check_table import check_cam
 from cam_rig.schema import CamConfig
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
-from cam_rig.simulation.noise_comparison import compare
-from cam_rig.studies.cam_set import CamSet, open_cam_set
-from cam_rig.studies.jump.comparison import JumpRow, find_jumps
+from cam_rig.show.figure import series
+from cam_rig.show.looks import COLOURS, DISCS, cam_look, web
+from cam_rig.simulation import figures as noise
+from cam_rig.simulation.regression import compare
+from cam_rig.simulation.scene import open_scene
 from cam_rig.units import RPM
 
 #: A quantity and its unit, as in "cam angle θ [°]".
@@ -183,8 +186,8 @@ def test_conjugate_discs_have_their_own_colours(
 def test_no_screen_and_no_global_state_of_matplotlib() -> None:
     """None of the plots imports pyplot, which would choose how figures are shown."""
     code = (
-        "import sys, pkgutil, cam_rig.plots as plots\n"
-        "for found in pkgutil.iter_modules(plots.__path__, 'cam_rig.plots.'):\n"
+        "import sys, pkgutil, cam_rig.show as plots\n"
+        "for found in pkgutil.iter_modules(plots.__path__, 'cam_rig.show.'):\n"
         "    __import__(found.name)\n"
         "assert 'matplotlib.pyplot' not in sys.modules"
     )

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from cam_rig.drawing.words import in_words
 from cam_rig.laws import Law
-from cam_rig.laws.catalogue import RiseFamily, families
-from cam_rig.laws.curves import ORDERS, rise_values
-from cam_rig.laws.named import NAMED_RISES
-from cam_rig.plots.figures import line as look
-from cam_rig.plots.laws.overlay import cams_figure, rises_figure
+from cam_rig.laws.catalogue import ORDERS, RiseFamily, families, rise_values
+from cam_rig.laws.figures import cams_figure, rises_figure
+from cam_rig.laws.segments import NAMED_RISES
 from cam_rig.schema import CamConfig
+from cam_rig.show.figure import line as look
+from cam_rig.show.looks import in_words
 
 
 def test_a_figure_of_all_families_has_every_rise_once() -> None:

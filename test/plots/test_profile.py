@@ -10,10 +10,9 @@ import pytest
 from shapely import LinearRing, LineString
 
 from cam_rig.laws import Law
-from cam_rig.plots.follower_positions import positions
-from cam_rig.plots.profile import draw, figure
 from cam_rig.profile import contours, turn_angles
-from cam_rig.profile.checks.all_checks import check_cam
+from cam_rig.profile.check_table import check_cam
+from cam_rig.profile.figures import draw, figure, positions
 from cam_rig.schema import CamConfig
 
 

@@ -14,21 +14,24 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import cam_rig
-from cam_rig.bench.cases.campaign import CampaignRate
-from cam_rig.bench.cases.cases import CASES
-from cam_rig.bench.peers.peers import PEERS
-from cam_rig.bench.result import CaseResult, Sweep, WorkPrecisionPoint, WorkPrecisionStudy
+from benchmark.speed import report as work_precision
+from benchmark.speed.campaign import CampaignRate
+from benchmark.speed.cases import CASES
+from benchmark.speed.peers import PEERS
+from benchmark.speed.study import CaseResult, Sweep, WorkPrecisionPoint, WorkPrecisionStudy
+from cam_rig.dynamics.jump import figures as jump
+from cam_rig.dynamics.jump.any_follower import follower_of
 from cam_rig.laws import Law
+from cam_rig.laws import figures as law
+from cam_rig.laws import figures as law_overlay
 from cam_rig.laws.catalogue import families
-from cam_rig.plots import jump, motion, profile, work_precision
-from cam_rig.plots.figures import WIDTH, empty, logarithmic, styled, write
-from cam_rig.plots.laws import one_law as law
-from cam_rig.plots.laws import overlay as law_overlay
-from cam_rig.plots.sound import noise
-from cam_rig.profile.checks.all_checks import check_cam
+from cam_rig.profile import figures as profile
+from cam_rig.profile.check_table import check_cam
 from cam_rig.schema import CamConfig, load_rig
 from cam_rig.schema.load import config_root
-from cam_rig.studies.jump.any_rig import follower_of
+from cam_rig.show.figure import WIDTH, empty, logarithmic, styled, write
+from cam_rig.simulation import figures as motion
+from cam_rig.simulation import figures as noise
 
 from ..figure_faults import faults
 
@@ -42,7 +45,7 @@ def drawn() -> dict[str, Figure]:
     times = np.linspace(0.0, 360.0, 100)
     forces = [(rpm, times, rpm * np.cos(np.radians(times))) for rpm in (200.0, 300.0)]
     return {
-        "motion": motion.figure(run, curve(run.angle), "Polynomial 3-4-5 at 450 rpm"),
+        "motion": motion.motion_figure(run, curve(run.angle), "Polynomial 3-4-5 at 450 rpm"),
         "over the turn": motion.over_turn({"One": forces, "Another": forces}),
         "one cam": jump.one_cam(curve, follower_of(rig), 0.5, 413.44),
         "turn by turn": noise.turn_by_turn(80.0 + np.arange(12.0), 2, 85.0, "A cam"),

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cam_rig.arrays import FloatArray
 from cam_rig.laws import Law, build_law
 from cam_rig.profile import Contour, Disc, contours_at, discs
 from cam_rig.profile.contact import Element
 from cam_rig.schema import CamConfig
+from cam_rig.units import FloatArray
 
 #: Lengths in mm, angles in degrees.
 FOLLOWERS: dict[str, dict[str, float]] = {

@@ -5,7 +5,7 @@ import pytest
 from mpmath import mp, mpf
 
 from cam_rig.profile import contours, turn_angles
-from cam_rig.profile.motion import Motion
+from cam_rig.profile.contact import Motion
 
 from .conftest import OPPOSITE, UNEVEN, make
 

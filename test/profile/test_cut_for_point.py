@@ -6,14 +6,13 @@ import pytest
 
 from cam_rig.errors import ProfileError
 from cam_rig.laws import Law, build_law
-from cam_rig.laws.fit import fit
-from cam_rig.laws.pieces import joined
-from cam_rig.profile.contour import Contour
-from cam_rig.profile.curves.measure import closed_curve, rest
-from cam_rig.profile.cut_for_point import followed_law, roller_centre
-from cam_rig.profile.disc import Disc
-from cam_rig.profile.motion import Motion
-from cam_rig.profile.roller import GuidedCentre
+from cam_rig.laws.bernstein import joined
+from cam_rig.laws.sampling import fit
+from cam_rig.paper.as_cut.cut_for_point import followed_law, roller_centre
+from cam_rig.profile.contact import Motion
+from cam_rig.profile.disc import Contour, Disc
+from cam_rig.profile.faces import GuidedCentre
+from cam_rig.profile.measure import closed_curve, rest
 from cam_rig.schema import load_cam
 from cam_rig.schema.load import config_root
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from shapely import LineString, Point, Polygon
 
-from cam_rig.profile.curves.measure import rest
-from cam_rig.profile.flat_face import GuidedFace
-from cam_rig.profile.roller import GuidedCentre, SwungCentre
+from cam_rig.profile.faces import GuidedCentre, GuidedFace, SwungCentre
+from cam_rig.profile.measure import rest
 
 from .conftest import Made
 

@@ -4,16 +4,16 @@ import doctest
 
 import pytest
 
-import cam_rig.report.called
-from cam_rig.report.called import called, table_called
-from cam_rig.tables import Column, DataTable
+import cam_rig.show.document
+from cam_rig.show.document import called, table_called
+from cam_rig.show.tables import Column, DataTable
 
 TITLES = {"tm21": "TM21 cam", "cam_2": "Second", "level": "Level cam"}
 
 
 def test_examples():
     """What the docstrings show is what comes out."""
-    assert doctest.testmod(cam_rig.report.called).failed == 0
+    assert doctest.testmod(cam_rig.show.document).failed == 0
 
 
 @pytest.mark.parametrize(

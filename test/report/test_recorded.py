@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from cam_rig.errors import BagError
-from cam_rig.report.recorded import read_recorded
-from cam_rig.simulation.levels import step_levels
-from cam_rig.simulation.loaded_scene import open_scene
-from cam_rig.simulation.simulate import simulate
+from cam_rig.report.sections import read_recorded
+from cam_rig.simulation.scene import open_scene
+from cam_rig.simulation.simulate import simulate, step_levels
 
 
 @pytest.fixture

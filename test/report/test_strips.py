@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cam_rig.plots.figures import empty, styled, write
-from cam_rig.report.strips import strips, write_strip
+from cam_rig.show.figure import empty, strips, styled, write, write_strip
 
 DPI = 100
 

@@ -1,7 +1,7 @@
 """The summary: numbers in bold, and no column or number that nothing stands behind."""
 
-from cam_rig.report.summary import Answer, bold, span, summary_table
-from cam_rig.tables import to_markdown
+from cam_rig.show.result import Answer, bold, span, summary_table
+from cam_rig.show.tables import to_markdown
 
 
 def test_numbers_are_bold():

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from cam_rig.robot.frames import Robot
-from cam_rig.simulation.loaded_scene import LoadedScene, open_scene
+from cam_rig.messages.frames import Robot
+from cam_rig.simulation.scene import LoadedScene, open_scene
 
 CONFIG = Path(__file__).parents[2] / "config"
 #: One cam of each kind of follower that a rig turns.

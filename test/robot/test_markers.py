@@ -8,17 +8,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cam_rig.arrays import FloatArray
-from cam_rig.drawing.follower import Oscillating
-from cam_rig.live.cam_check import CONTOUR_POINTS
+from cam_rig.live.law_server import CONTOUR_POINTS
+from cam_rig.messages.frames import CAM, FOLLOWER, GUIDE, Robot
+from cam_rig.messages.markers import (
+    ARROW,
+    LINE_STRIP,
+    SPHERE,
+    TEXT,
+    TRIANGLE_LIST,
+    FollowerMarkers,
+    cam_markers,
+)
+from cam_rig.messages.motion import Transforms
 from cam_rig.profile import contours, contours_at
-from cam_rig.profile.flat_face import GuidedFace, SwungFace
-from cam_rig.robot.cam_markers import cam_markers
-from cam_rig.robot.follower_markers import FollowerMarkers
-from cam_rig.robot.frames import CAM, FOLLOWER, GUIDE, Robot
-from cam_rig.robot.parts import ARROW, LINE_STRIP, SPHERE, TEXT, TRIANGLE_LIST
-from cam_rig.robot.transforms import Transforms
-from cam_rig.units import NS
+from cam_rig.profile.faces import GuidedFace, SwungFace
+from cam_rig.profile.outlines import Oscillating
+from cam_rig.units import NS, FloatArray
 
 from .test_transforms import TF, matrices
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cam_rig.robot.frames import CAM, FOLLOWER, Robot
-from cam_rig.robot.transforms import Transforms
-from cam_rig.robot.urdf import urdf
+from cam_rig.messages.frames import CAM, FOLLOWER, Robot
+from cam_rig.messages.motion import Transforms
+from cam_rig.messages.urdf import urdf
 from cam_rig.units import NS
 
 from .urdf_reader import homogeneous, poses

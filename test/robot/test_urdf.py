@@ -18,11 +18,11 @@ from shapely.affinity import rotate, translate
 from shapely.geometry import Point, Polygon, box
 from shapely.ops import unary_union
 
-from cam_rig.live.cam_check import contour_of
-from cam_rig.robot.bodies import Body, inertial
-from cam_rig.robot.frames import BASE, CAM, FOLLOWER, GUIDE, MICROPHONE, MOTOR, Robot
-from cam_rig.robot.urdf import urdf
-from cam_rig.simulation.loaded_scene import LoadedScene
+from cam_rig.live.law_server import contour_of
+from cam_rig.messages.bodies import Body, inertial
+from cam_rig.messages.frames import BASE, CAM, FOLLOWER, GUIDE, MICROPHONE, MOTOR, Robot
+from cam_rig.messages.urdf import urdf
+from cam_rig.simulation.scene import LoadedScene
 
 from .urdf_reader import numbers, poses
 

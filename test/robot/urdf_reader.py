@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cam_rig.arrays import FloatArray
+from cam_rig.units import FloatArray
 
 
 def homogeneous(rotation: Rotation, place: FloatArray) -> FloatArray:

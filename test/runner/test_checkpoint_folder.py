@@ -5,10 +5,10 @@ import subprocess
 import sys
 import time
 
-from cam_rig.runner.checkpoint_folder import PREFIX, CheckpointFolder
+from cam_rig.runner.resources import PREFIX, CheckpointFolder
 
 MAKE = """
-import sys; from pathlib import Path; from cam_rig.runner.checkpoint_folder import CheckpointFolder
+import sys; from pathlib import Path; from cam_rig.runner.resources import CheckpointFolder
 folder = CheckpointFolder(Path(sys.argv[1])); (folder.path / "follower.json").touch()
 print(folder.path, flush=True); input()
 """

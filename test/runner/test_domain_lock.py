@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cam_rig.errors import ConfigError, OutputError, RunError
-from cam_rig.runner.domain_lock import (
+from cam_rig.runner.resources import (
     MAX_DOMAIN,
     MAX_NAMESPACE,
     domain_number,
@@ -148,7 +148,7 @@ def test_a_runtime_folder_that_is_none(monkeypatch, tmp_path, given):
     value = given.format(open=tmp_path / "open")
     environment = {"XDG_RUNTIME_DIR": value}
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    monkeypatch.setattr("cam_rig.runner.user_folder.os.environ", environment)
+    monkeypatch.setattr("cam_rig.runner.resources.os.environ", environment)
     with own_domain():
         assert (tmp_path / f"cam_rig-{os.getuid()}" / "cam_rig-domain-0.lock").is_file()
 

@@ -174,7 +174,7 @@ preload()
 before, threads = set(sys.modules), len(os.listdir("/proc/self/task"))
 for node in ("law_server", "cam_drive", "follower", "microphone", "recorder"):
     import_module(f"cam_rig.nodes.{node}")
-import_module("cam_rig.nodes.common.process")
+import_module("cam_rig.nodes.process")
 print(json.dumps([threads, sorted(before), sorted(set(sys.modules) - before)]))
 """
 

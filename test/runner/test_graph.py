@@ -5,11 +5,11 @@ from typing import ClassVar
 
 import pytest
 
-from cam_rig.bag.recording.writer import BagWriter
+from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import RunError
 from cam_rig.runner.graph import Graph
+from cam_rig.runner.node_process import live
 from cam_rig.runner.node_table import VIEWER
-from cam_rig.runner.nodes_of_run import live
 
 KILLED = -signal.SIGKILL
 

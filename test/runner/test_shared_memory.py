@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import pytest
 
 from cam_rig.errors import OutputError
-from cam_rig.runner.shared_memory import MIN_FREE, clean, require_room, why_killed
+from cam_rig.runner.resources import MIN_FREE, clean, require_room, why_killed
 
 DEAD, LIVE, OLD = "fastdds_0123456789abcdef", "fastdds_port7411", "fastdds_fedcba9876543210"
 

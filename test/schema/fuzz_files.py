@@ -17,11 +17,12 @@ import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from cam_rig.cad.contour_csv import read_contour
 from cam_rig.errors import CamRigError
 from cam_rig.laws import build_law
+from cam_rig.paper.factorial.study import load_factorial
+from cam_rig.profile.drawing_files import read_contour
 from cam_rig.schema import load_cam, load_published, load_rig, load_scene
-from cam_rig.schema.load import config_root, load_factorial, load_readings, load_tables
+from cam_rig.schema.load import config_root, load_readings, load_tables
 
 SHIPPED: dict[str, Callable[[Path], object]] = {
     "cams/tm21.yaml": load_cam,

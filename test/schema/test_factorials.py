@@ -4,7 +4,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from cam_rig.errors import ConfigError
-from cam_rig.schema import load_factorial
+from cam_rig.paper.factorial.study import load_factorial
 from cam_rig.schema.load import config_root
 
 SHIPPED = config_root() / "factorials" / "continuity.yaml"

@@ -14,7 +14,7 @@ from ruamel.yaml import YAML
 from cam_rig.errors import CamRigError
 from cam_rig.schema import load_cam, load_published, load_rig, load_scene
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.scene import open_scene
 
 LOADERS = {
     "cams/tm21.yaml": load_cam,

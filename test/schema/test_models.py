@@ -10,15 +10,15 @@ import yaml
 from typer.testing import CliRunner
 
 import cam_rig
-from cam_rig.bench.rate import SAMPLED
-from cam_rig.cli.cams.fit_rig import FollowerModel
+from benchmark.speed.cases import SAMPLED
+from cam_rig.campaign.campaign import campaign_from
 from cam_rig.cli.main import app
 from cam_rig.dynamics import MODELS
-from cam_rig.panel.bench import setup
+from cam_rig.measured.rig_fit.command import FollowerModel
+from cam_rig.panel.bench import runner as setup
+from cam_rig.paper.orders.steady_force import BUILDERS
 from cam_rig.schema.load import Library, config_root
 from cam_rig.schema.scene import OLD_MODELS, Model
-from cam_rig.studies.campaign.campaign import campaign_from
-from cam_rig.studies.orders.steady_force import BUILDERS
 
 ROOT = Path(__file__).parents[2]
 NAMES = set(get_args(get_args(Model)[0]))

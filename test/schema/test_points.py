@@ -6,7 +6,7 @@ import pytest
 
 from cam_rig.errors import ConfigError
 from cam_rig.schema import load_cam
-from cam_rig.schema.points import read_points
+from cam_rig.schema.segment_base import read_points
 
 ROWS = [f"{a},{5.0 - 5.0 * math.cos(math.radians(a)):.4f}" for a in range(0, 360, 15)]
 

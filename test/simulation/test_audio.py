@@ -8,10 +8,10 @@ import pytest
 
 from cam_rig.acoustics import SoundSource, level_db
 from cam_rig.errors import ConfigError, RunError
-from cam_rig.live.record_json import from_plain, to_plain
-from cam_rig.simulation.audio import MeterSimulator
+from cam_rig.live.checkpoint import from_plain, to_plain
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import FollowerSimulator, MicrophoneSimulator
+from cam_rig.simulation.sound import MeterSimulator
 
 
 def listen(loaded, background, frequency="Z", time="F"):

@@ -6,7 +6,7 @@ import pytest
 
 import cam_rig
 from cam_rig.schema import RigConfig
-from cam_rig.simulation.calibrated import RELATIVE, is_calibrated
+from cam_rig.simulation.scene import RELATIVE, is_calibrated
 
 
 def changed(rig, part, **numbers):

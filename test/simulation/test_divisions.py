@@ -7,13 +7,17 @@ import pytest
 from ruamel.yaml import YAML
 
 from cam_rig.errors import ConfigError
-from cam_rig.live.follower_queue import FollowerQueue
+from cam_rig.live.queues import FollowerQueue, TickMatcher
 from cam_rig.live.setpoints import SetpointSchedule
-from cam_rig.live.tick_matching import TickMatcher
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.levels import MeasuredTick, step_levels
-from cam_rig.simulation.loaded_scene import open_scene
-from cam_rig.simulation.simulate import FollowerSimulator, MicrophoneSimulator, simulate
+from cam_rig.simulation.scene import open_scene
+from cam_rig.simulation.simulate import (
+    FollowerSimulator,
+    MeasuredTick,
+    MicrophoneSimulator,
+    simulate,
+    step_levels,
+)
 from cam_rig.units import RPM
 
 DIVISIONS = (2, 3, 5, 7, 36, 72, 100)

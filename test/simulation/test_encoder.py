@@ -5,8 +5,8 @@ import doctest
 import numpy as np
 import pytest
 
-from cam_rig.simulation import encoder
-from cam_rig.simulation.encoder import encoder_count
+from cam_rig.simulation import instruments as encoder
+from cam_rig.simulation.instruments import encoder_count
 from cam_rig.units import TURN
 
 

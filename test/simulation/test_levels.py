@@ -6,9 +6,9 @@ import pytest
 from cam_rig.acoustics import level_db
 from cam_rig.errors import CamRigError
 from cam_rig.schema import PublishedNoise
-from cam_rig.simulation.levels import MeasuredTick, require_ticks, step_levels
-from cam_rig.simulation.noise_comparison import compare
+from cam_rig.simulation.regression import compare
 from cam_rig.simulation.schedule import CamState
+from cam_rig.simulation.simulate import MeasuredTick, require_ticks, step_levels
 from cam_rig.units import NS
 
 RPM = np.arange(200.0, 401.0, 10.0)

@@ -3,7 +3,7 @@
 import pytest
 
 from cam_rig.errors import CamRigError, ConfigError, LawError
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.scene import open_scene
 
 
 def test_shipped_scenes_open(config_dir):
@@ -109,7 +109,7 @@ def test_faces_arms_and_eccentric_rollers_are_known(make_loaded_scene):
 def test_a_table_brings_its_points(make_loaded_scene, tmp_path):
     """The file of points is one of the scene's files: a bag holds it, and can be analysed alone."""
     from cam_rig.bag.reader import read_scene
-    from cam_rig.bag.recording.writer import BagWriter
+    from cam_rig.bag.writer import BagWriter
 
     loaded = make_loaded_scene(cams=["measured"], published=None)
     assert "measured.csv" in [path.name for path in loaded.files]

@@ -4,8 +4,8 @@ import doctest
 
 import numpy as np
 
-from cam_rig.simulation import measured_run
-from cam_rig.simulation.measured_run import Signal
+from cam_rig.simulation import instruments as measured_run
+from cam_rig.simulation.instruments import Signal
 
 
 def test_the_example_is_true():

@@ -7,9 +7,14 @@ from cam_rig.acoustics import level_db, steady_power
 from cam_rig.dynamics import MODELS, Interval, TwoMassParameters
 from cam_rig.schema import load_rig
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.levels import step_levels
-from cam_rig.simulation.settled_turns import TURN_RATE_HZ, Acoustics, Turns, settled_turns
-from cam_rig.simulation.simulate import simulate
+from cam_rig.simulation.simulate import (
+    TURN_RATE_HZ,
+    Acoustics,
+    Turns,
+    settled_turns,
+    simulate,
+    step_levels,
+)
 from cam_rig.units import NS
 
 RPM = np.array([200.0, 300.0, 400.0])

@@ -5,9 +5,8 @@ import pytest
 
 from cam_rig.acoustics import level_db, steady_power
 from cam_rig.dynamics import MODELS
-from cam_rig.simulation.levels import step_levels
 from cam_rig.simulation.schedule import cam_states, tick_count
-from cam_rig.simulation.simulate import FollowerSimulator, simulate
+from cam_rig.simulation.simulate import FollowerSimulator, simulate, step_levels
 
 
 def levels_of(loaded):

@@ -14,16 +14,15 @@ import rerun as rr
 from rosbags.typesys import Stores, get_typestore
 
 from cam_rig.acoustics import level_db
-from cam_rig.arrays import FloatArray
-from cam_rig.bag.recording.writer import BagWriter
+from cam_rig.bag.writer import BagWriter
 from cam_rig.messages import topics
 from cam_rig.messages.codec import Dimensions, encode_block
 from cam_rig.messages.topics import Topic
 from cam_rig.profile import contours
-from cam_rig.simulation.loaded_scene import LoadedScene, open_scene
+from cam_rig.simulation.scene import LoadedScene, open_scene
 from cam_rig.simulation.schedule import CamState, cam_states
 from cam_rig.simulation.simulate import FollowerSimulator, MicrophoneSimulator
-from cam_rig.units import NS
+from cam_rig.units import NS, FloatArray
 from cam_rig.viewer.recording import save_recording
 
 SCENE = """

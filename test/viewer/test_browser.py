@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from cam_rig.drawing import colours
-from cam_rig.drawing.cam_looks import of_cam
+from cam_rig.show import looks as colours
+from cam_rig.show.looks import of_cam
 from cam_rig.units import NS
-from cam_rig.viewer.charts import series
-from cam_rig.viewer.charts.turn_chart import TurnChart
+from cam_rig.viewer import quantities as series
+from cam_rig.viewer.live_folder import new_recording
 from cam_rig.viewer.recording import save_recording
-from cam_rig.viewer.server.live_folder import new_recording
-from cam_rig.viewer.server.web import serve, serve_file
+from cam_rig.viewer.server import serve, serve_file
+from cam_rig.viewer.turn_chart import TurnChart
 from tools.docs.browser import count, new_page, open_browser, photograph, why_no_browser
 
 from .browser import Visit, look
@@ -38,12 +38,12 @@ LATE = """<body style="margin:0"><div style="width:100px;height:100px;background
 SHOWN = {
     line.entity: line.colour
     for line in (
-        series.LIFT,
+        series.LIFT_LINE,
         series.LAW,
-        series.VELOCITY,
-        series.ACCELERATION,
-        series.FORCE,
-        series.GAP,
+        series.VELOCITY_LINE,
+        series.ACCELERATION_LINE,
+        series.FORCE_LINE,
+        series.GAP_LINE,
         series.LANDING,
         series.LIFT_OFF,
     )
@@ -52,7 +52,7 @@ SHOWN = {
     "body": colours.tint(of_cam("poly345")),
     "follower": colours.FOLLOWER,
 }
-LEFT_OUT = series.VELOCITY
+LEFT_OUT = series.VELOCITY_LINE
 #: Of no curve, and as far from each as the curves are from each other.
 NOBODYS = {"green": 0x00FF00FF, "blue": 0x0000FFFF, "pink": 0xFF00FFFF}
 
@@ -158,7 +158,7 @@ def test_a_curve_that_is_left_out_is_missed(
     monkeypatch.setattr(TurnChart, "_strips", send_others)
     path = tmp_path / "poor.rrd"
     save_recording(bag.path, path)
-    wanted = {LEFT_OUT.entity: LEFT_OUT.colour, series.FORCE.entity: series.FORCE.colour}
+    wanted = {LEFT_OUT.entity: LEFT_OUT.colour, series.FORCE_LINE.entity: series.FORCE_LINE.colour}
     with serve_file(path) as address:
         seen = look(chromium, address, wanted, frozenset({LEFT_OUT.entity}))
     assert seen.missing() == {LEFT_OUT.entity}

@@ -8,10 +8,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from cam_rig.arrays import FloatArray
 from cam_rig.errors import BagError
 from cam_rig.simulation.schedule import CamState, cam_states
-from cam_rig.viewer.feed import RunFeed
+from cam_rig.units import FloatArray
+from cam_rig.viewer.recording import RunFeed
 
 from .conftest import SmallBag
 

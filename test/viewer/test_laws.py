@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cam_rig.errors import CamRigError
-from cam_rig.laws.curves import ORDERS, rise_curves
-from cam_rig.viewer.laws import entity, save_laws
+from cam_rig.laws.catalogue import ORDERS, rise_curves
+from cam_rig.laws.chart import entity, save_laws
 
 from .conftest import Picture
 

@@ -16,12 +16,16 @@ from rerun.chunk import Chunk, RrdReader
 from cam_rig.errors import CamRigError
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.units import NS
-from cam_rig.viewer import live_view as live
-from cam_rig.viewer.charts.series import ACCELERATION, FORCE, LAW, LIFT, VELOCITY, ZERO
-from cam_rig.viewer.live_view import LiveView, live_window, screen_bucket
-from cam_rig.viewer.pace import FramePace
-from cam_rig.viewer.server import live_folder
-from cam_rig.viewer.server.process import free_port, listening, stream_address
+from cam_rig.viewer import live_folder
+from cam_rig.viewer import recording as live
+from cam_rig.viewer.process import free_port, listening, stream_address
+from cam_rig.viewer.quantities import ACCELERATION_LINE as ACCELERATION
+from cam_rig.viewer.quantities import FORCE_LINE as FORCE
+from cam_rig.viewer.quantities import LAW, ZERO
+from cam_rig.viewer.quantities import LIFT_LINE as LIFT
+from cam_rig.viewer.quantities import VELOCITY_LINE as VELOCITY
+from cam_rig.viewer.recording import LiveView, live_window, screen_bucket
+from cam_rig.viewer.timeline import FramePace
 
 from .conftest import SmallBag
 

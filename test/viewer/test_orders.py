@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 import cam_rig
-from cam_rig.drawing.words import short
 from cam_rig.errors import CamRigError
-from cam_rig.studies.orders.waterfall import RANGE, CamOrders, loudest, waterfall
+from cam_rig.paper.orders.chart import entity, orders_tabs, save_orders
+from cam_rig.paper.orders.spectrum import RANGE, CamOrders, loudest, waterfall
+from cam_rig.show.chart import SPEED
+from cam_rig.show.looks import short
 from cam_rig.units import RPM
-from cam_rig.viewer.orders import SPEED, entity, orders_tabs, save_orders
 
 from .conftest import Picture
 

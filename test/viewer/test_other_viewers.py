@@ -18,7 +18,7 @@ from cam_rig.bag.files import mcap_file
 from cam_rig.bag.reader import messages
 from cam_rig.messages import topics
 from cam_rig.schema.load import config_root
-from cam_rig.viewer.server.process import COMMAND, SILENT
+from cam_rig.viewer.process import COMMAND, SILENT
 
 from .conftest import Picture
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cam_rig.viewer.pace import (
+from cam_rig.viewer.timeline import (
     CALM_S,
     IN_TIME_S,
     LATE_S,

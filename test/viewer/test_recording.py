@@ -12,8 +12,10 @@ from cam_rig.errors import BagError, CamRigError
 from cam_rig.messages import topics
 from cam_rig.units import NS
 from cam_rig.viewer import recording
-from cam_rig.viewer.charts.series import FORCE, LANDING, LEVEL, LIFT, SPEED, ZERO
-from cam_rig.viewer.options import ViewOptions
+from cam_rig.viewer.blueprint import ViewOptions
+from cam_rig.viewer.quantities import FORCE_LINE as FORCE
+from cam_rig.viewer.quantities import LANDING, LEVEL, SPEED, ZERO
+from cam_rig.viewer.quantities import LIFT_LINE as LIFT
 from cam_rig.viewer.recording import WHOLE_BELOW, bucket_for, save_recording
 
 from .conftest import Picture, SmallBag, make_bag

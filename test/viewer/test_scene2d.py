@@ -7,15 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cam_rig.arrays import FloatArray
-from cam_rig.drawing.cam_looks import of_cam
-from cam_rig.drawing.force_scale import max_contact_force
-from cam_rig.drawing.outlines import distances, turned
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
-from cam_rig.viewer.charts.readout import readings
-from cam_rig.viewer.framing import ARROW, bounds, framings
-from cam_rig.viewer.scene2d import FRAMES_PER_TURN, frame_mask
+from cam_rig.show.looks import distances, of_cam, turned
+from cam_rig.simulation.scene import max_contact_force, open_scene
+from cam_rig.units import FloatArray
+from cam_rig.viewer.scene2d import ARROW, FRAMES_PER_TURN, bounds, frame_mask, framings, readings
 
 from .conftest import Picture, SmallBag
 

@@ -18,10 +18,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cam_rig.cli.common.console import console, user_errors
-from cam_rig.cli.common.outputs import writing
-from cam_rig.drawing.colours import LIFT
 from cam_rig.errors import CamRigError
+from cam_rig.files import writing
+from cam_rig.show.command import console, user_errors
+from cam_rig.show.looks import LIFT
 from tools.docs.browser import MIN_PIXELS, TIMEOUT_S, count, new_page, open_browser, photographs
 
 if TYPE_CHECKING:

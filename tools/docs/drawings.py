@@ -19,10 +19,10 @@ from matplotlib.figure import Figure
 
 from cam_rig.laws import build_law
 from cam_rig.laws.bernstein import derivative, evaluate
-from cam_rig.laws.named import unit_rise
-from cam_rig.plots.figures import colour, line
+from cam_rig.laws.segments import unit_rise
 from cam_rig.profile import contours_at
 from cam_rig.schema.load import config_root, load_cam
+from cam_rig.show.figure import colour, line
 
 DOCS = Path(__file__).parents[2] / "docs"
 #: The cam of the drawing, and the angle (deg) it is drawn at: in the rise, well inclined.

@@ -12,15 +12,14 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cam_rig.cli.common.console import console, user_errors
-from cam_rig.cli.common.names import cam_path, rig_path
-from cam_rig.cli.common.outputs import writing
 from cam_rig.errors import CamRigError
-from cam_rig.files import temporary_folder
+from cam_rig.files import temporary_folder, writing
 from cam_rig.panel.lab.pages import LabPages
 from cam_rig.panel.lab.sheet import LabSheet
 from cam_rig.panel.server import serve
 from cam_rig.schema import load_cam, load_rig
+from cam_rig.schema.load import cam_path, rig_path
+from cam_rig.show.command import console, user_errors
 from tools.docs.browser import TIMEOUT_S, new_page, open_browser
 
 if TYPE_CHECKING:

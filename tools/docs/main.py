@@ -7,16 +7,15 @@ from typing import Annotated
 
 import typer
 
+from cam_rig.bag.command import newest_bag
 from cam_rig.bag.reader import read_counts, read_recording
-from cam_rig.cli.common.console import console, progress_bar, user_errors
-from cam_rig.cli.common.outputs import writing
-from cam_rig.cli.runs.analyze import newest_bag
 from cam_rig.errors import CamRigError
-from cam_rig.files import temporary_folder
+from cam_rig.files import temporary_folder, writing
 from cam_rig.messages.topics import FOLLOWER_SAMPLES
-from cam_rig.plots.sound import noise
-from cam_rig.simulation.levels import step_levels
-from cam_rig.simulation.noise_comparison import NoiseResult, compare
+from cam_rig.show.command import console, progress_bar, user_errors
+from cam_rig.simulation import figures as noise
+from cam_rig.simulation.regression import NoiseResult, compare
+from cam_rig.simulation.simulate import step_levels
 from tools.docs import bench_picture, lab_picture, panel_picture
 from tools.docs.bench_picture import photograph_bench
 from tools.docs.lab_picture import photograph_lab

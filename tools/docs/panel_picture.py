@@ -10,14 +10,14 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from cam_rig.cli.common.console import console, user_errors
-from cam_rig.cli.common.names import cam_path, rig_path
-from cam_rig.cli.common.outputs import writing
 from cam_rig.errors import CamRigError
+from cam_rig.files import writing
 from cam_rig.panel.board.board import Board
 from cam_rig.panel.board.pages import BoardPages
 from cam_rig.panel.server import serve
 from cam_rig.schema import load_cam, load_rig
+from cam_rig.schema.load import cam_path, rig_path
+from cam_rig.show.command import console, user_errors
 from tools.docs.browser import TIMEOUT_S, new_page, open_browser
 
 PICTURE = Path("docs/panel.png")

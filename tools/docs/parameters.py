@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from cam_rig.nodes.common.parameters import PARAMETERS, Spec
+from cam_rig.nodes.parameters import PARAMETERS, Spec
 
 FOLDER = Path(__file__).parents[2] / "config" / "params"
 

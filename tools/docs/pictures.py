@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
-from cam_rig.plots.figures import empty, styled, write
+from cam_rig.show.figure import empty, styled, write
 from cam_rig.viewer.blueprint import compared_rpm
-from cam_rig.viewer.turns import Turn
+from cam_rig.viewer.timeline import Turn
 from tools.docs import stills
 from tools.docs.turn_archive import TurnArchive, gap
 

@@ -7,19 +7,19 @@ from tempfile import TemporaryDirectory
 
 from PIL import Image
 
-from cam_rig.drawing import colours
-from cam_rig.viewer.charts import series
+from cam_rig.show import looks as colours
+from cam_rig.viewer import quantities as series
 from cam_rig.viewer.recording import save_recording
-from cam_rig.viewer.server.web import serve_file
+from cam_rig.viewer.server import serve_file
 from tools.docs.browser import photograph
 
 #: What has to be seen in it at once: the follower, the curves, and where it landed.
 SHOWN = (
-    series.LIFT.colour,
-    series.VELOCITY.colour,
-    series.ACCELERATION.colour,
-    series.FORCE.colour,
-    series.GAP.colour,
+    series.LIFT_LINE.colour,
+    series.VELOCITY_LINE.colour,
+    series.ACCELERATION_LINE.colour,
+    series.FORCE_LINE.colour,
+    series.GAP_LINE.colour,
     series.LANDING.colour,
     colours.FOLLOWER,
 )
@@ -36,5 +36,5 @@ def photograph_viewer(bag: Path, path: Path) -> None:
         recording = Path(folder) / f"{bag.resolve().name}.rrd"
         begin = save_recording(bag, recording)
         with serve_file(recording, begin) as address:
-            pixels = photograph(address, SHOWN, settled=series.VELOCITY.colour)
+            pixels = photograph(address, SHOWN, settled=series.VELOCITY_LINE.colour)
     Image.fromarray(pixels).save(path, optimize=True)

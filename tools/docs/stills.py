@@ -7,17 +7,14 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from cam_rig.arrays import FloatArray
-from cam_rig.drawing import colours
-from cam_rig.drawing.cam_looks import of_cam
-from cam_rig.drawing.colours import web
-from cam_rig.drawing.follower import follower_shape
-from cam_rig.drawing.force_scale import ARROW, max_contact_force
-from cam_rig.drawing.outlines import MM, circle, closed, turned
-from cam_rig.plots.figures import CAM_ANGLE, shade, turn_axis
-from cam_rig.profile.motion import Motion
-from cam_rig.simulation.loaded_scene import LoadedScene
-from cam_rig.viewer.turns import Turn
+from cam_rig.profile.contact import Motion
+from cam_rig.profile.outlines import follower_shape
+from cam_rig.show import looks as colours
+from cam_rig.show.figure import CAM_ANGLE, shade, turn_axis
+from cam_rig.show.looks import MM, circle, closed, of_cam, turned, web
+from cam_rig.simulation.scene import ARROW, LoadedScene, max_contact_force
+from cam_rig.units import FloatArray
+from cam_rig.viewer.timeline import Turn
 from tools.docs.turn_archive import TurnArchive, gap
 
 

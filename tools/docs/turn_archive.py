@@ -8,15 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from cam_rig.arrays import FloatArray
 from cam_rig.bag.reader import read_scene
 from cam_rig.dynamics import Samples
 from cam_rig.errors import BagError
-from cam_rig.simulation.loaded_scene import LoadedScene
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
-from cam_rig.viewer.feed import RunFeed
-from cam_rig.viewer.recording import feed_bag
-from cam_rig.viewer.turns import Turn, TurnCollector, sample_angles
+from cam_rig.units import FloatArray
+from cam_rig.viewer.recording import RunFeed, feed_bag
+from cam_rig.viewer.timeline import Turn, TurnCollector, sample_angles
 
 
 @dataclass

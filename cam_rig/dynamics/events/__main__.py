@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from cam_rig.dynamics import FollowerParameters, Interval, TwoMassParameters
-from cam_rig.dynamics.events.compiled import ALWAYS, VARIABLE
-from cam_rig.dynamics.one_mass.trajectory import OneMassTrajectory
-from cam_rig.dynamics.two_mass.events import lift_off
-from cam_rig.dynamics.two_mass.trajectory import Separation
+from cam_rig.dynamics.events.search import ALWAYS, VARIABLE
+from cam_rig.dynamics.interval import Interval
+from cam_rig.dynamics.one_mass import OneMassTrajectory
+from cam_rig.dynamics.parameters import FollowerParameters
+from cam_rig.dynamics.two_mass.masses import TwoMassParameters
+from cam_rig.dynamics.two_mass.trajectory import Separation, lift_off
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN
 

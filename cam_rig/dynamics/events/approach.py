@@ -15,13 +15,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.free_flight import (
-    Launch,
-    accelerations,
-    moved,
-    place_of,
-    seen,
-)
+from cam_rig.dynamics.events.free_flight import Launch, accelerations, moved, place_of, seen
 from cam_rig.dynamics.events.law_table import (
     ACCELERATION,
     EPS,
@@ -34,13 +28,7 @@ from cam_rig.dynamics.events.law_table import (
     lift_within,
     piece_from,
 )
-from cam_rig.dynamics.events.polynomials import (
-    elevated,
-    fall,
-    integrated,
-    restricted,
-    value_at,
-)
+from cam_rig.dynamics.events.polynomials import elevated, fall, integrated, restricted, value_at
 from cam_rig.dynamics.events.rows import Row, size_of, zeros
 from cam_rig.dynamics.velocity_jumps import SAME_PLACE
 

@@ -2,15 +2,243 @@
 
 from __future__ import annotations
 
+import atexit
+import hashlib
+import importlib
+import os
+import platform
+import shutil
+import sys
+import tempfile
+import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import dataclass
 from functools import cache
+from importlib.metadata import version
+from importlib.util import find_spec
+from inspect import isfunction
+from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from cam_rig.dynamics.events.compiled import form_of, plain_time
-from cam_rig.dynamics.events.course import EVENT_SIZE, PHASE_SIZE, STATE, STEP, TIME, RunRecord
+from cam_rig.dynamics.events import rows
+from cam_rig.dynamics.events.law_table import EVENT_SIZE, PHASE_SIZE, STATE, STEP, TIME, RunRecord
 from cam_rig.dynamics.events.rows import zero_rows, zeros
+
+# The event search compiled by numba, where that is installed and worth its time.
+
+#: Modules of the search that are compiled.
+MODULES = (
+    "rows",
+    "arrays",
+    "polynomials",
+    "law_table",
+    "free_flight",
+    "approach",
+    "contact",
+    "runs",
+)
+
+#: Seconds in plain Python after which the compiled code is loaded, or made.
+LOAD_AFTER, COMPILE_AFTER = 0.5, 10.0
+
+#: What the environment may say of it: plain Python alone, or compiled code from the first event on.
+VARIABLE, PLAIN, ALWAYS = "CAM_RIG_EVENTS", "plain", "compiled"
+
+#: Beside the files of one function's code: what each of them is called, and its SHA-256.
+DIGESTS = "digests"
+
+Run = Callable[..., Any]
+
+
+@dataclass
+class PlainTime:
+    """Seconds that plain Python has searched in this process."""
+
+    seconds: float = 0.0
+
+
+SPENT = PlainTime()
+
+
+def form_of(function: Run) -> Run | None:
+    """The compiled form of a run of the search; None where plain Python is to be used."""
+    asked = os.environ.get(VARIABLE, "")
+    if asked == PLAIN or (asked != ALWAYS and SPENT.seconds < LOAD_AFTER) or not _installed():
+        return None
+    if function.__name__ not in _ready:
+        if asked != ALWAYS and SPENT.seconds < COMPILE_AFTER and not _is_kept(function):
+            return None
+        _ready[function.__name__] = _prepared(function)
+    return _ready[function.__name__]
+
+
+_ready: dict[str, Run | None] = {}
+
+
+@contextmanager
+def plain_time() -> Iterator[None]:
+    """Counts the time in which plain Python searches."""
+    begun = time.perf_counter()
+    try:
+        yield
+    finally:
+        SPENT.seconds += time.perf_counter() - begun
+
+
+@cache
+def _installed() -> bool:
+    with suppress(ModuleNotFoundError):
+        return find_spec("numba") is not None
+    return False
+
+
+@cache
+def _is_kept(function: Run) -> bool:
+    """Whether a function's code is kept, and is what was written; what is not is removed."""
+    folder = cache_folder() / function.__name__
+    with suppress(OSError):
+        if (folder / DIGESTS).read_bytes() == _digests(folder):
+            return True
+    if folder.exists():
+        print(f"events: {folder} is damaged: removed, to be compiled anew", file=sys.stderr)
+        shutil.rmtree(folder, ignore_errors=True)
+    return False
+
+
+def _digests(folder: Path) -> bytes:
+    """A line for each file of numba's index and code."""
+    files = sorted(folder.rglob("*.nb[ic]"))
+    return "".join(
+        f"{hashlib.sha256(path.read_bytes()).hexdigest()} {path.relative_to(folder)}\n"
+        for path in files
+    ).encode()
+
+
+def _prepared(function: Run) -> Run | None:
+    """A run that compiles, or loads what is kept, when it is called first.
+
+    Whatever goes wrong there, the same results come without numba: it is said once.
+    """
+    folder = cache_folder() / function.__name__
+    kept = _is_kept(function)
+    if not kept:
+        print("events: compiling their search, once for this machine (10 to 20 s)", file=sys.stderr)
+
+    def first(*arguments: Any) -> Any:
+        try:
+            with nullcontext(folder) if kept else _made(folder) as place:
+                compiled = _compile(function, place)
+                out = compiled(*arguments)
+        except Exception as error:  # before anything was computed: the search itself raises none
+            _given_up(function, error)
+            return function(*arguments)
+        _ready[function.__name__] = compiled
+        return out
+
+    return first
+
+
+@contextmanager
+def _made(folder: Path) -> Iterator[Path]:
+    """A place for a function's code, which becomes its folder once it is whole.
+
+    Of processes that compile at once the first one's stays; one that is killed leaves none.
+    """
+    folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    place = Path(tempfile.mkdtemp(prefix=f"{folder.name}.", dir=folder.parent))
+    try:
+        yield place
+        with suppress(OSError):  # another process was first; a full disk
+            (place / DIGESTS).write_bytes(_digests(place))
+            place.rename(folder)
+    finally:
+        shutil.rmtree(place, ignore_errors=True)
+
+
+def _given_up(function: Run, error: Exception) -> None:
+    words = f"{type(error).__name__}: {error}".partition("\n")[0]
+    print(f"events: plain Python is used, for numba does not work ({words})", file=sys.stderr)
+    _ready[function.__name__] = None
+
+
+def _compile(function: Run, folder: Path) -> Run:
+    """The function for numba, whose code is kept in a folder."""
+    import numba
+
+    _register()
+    config: Any = numba.config
+    if config.DISABLE_JIT:
+        raise RuntimeError("NUMBA_DISABLE_JIT is set")
+    usual, config.CACHE_DIR = config.CACHE_DIR, str(folder)
+    try:
+        return numba.njit(cache=True, error_model="numpy")(function)
+    finally:
+        config.CACHE_DIR = usual
+
+
+@cache
+def _register() -> None:
+    """Tell numba that compiled code may call the functions of the search, and its arrays."""
+    from numba.extending import overload, register_jitable
+
+    from cam_rig.dynamics.events import arrays
+
+    special: dict[Any, Any] = {
+        rows.zeros: lambda count: arrays.zeros,
+        rows.zero_rows: lambda count, size: arrays.zero_rows,
+        rows.binomials: lambda degree: arrays.binomials,
+        rows.borrowed: lambda table: arrays.borrowed,
+    }
+    for function, other in special.items():
+        overload(function, strict=False)(other)
+    for name in (name for name in MODULES if name != "arrays"):
+        module = importlib.import_module(f"{__package__}.{name}")
+        for function in vars(module).values():
+            own = isfunction(function) and function.__module__ == module.__name__
+            if own and function not in special:
+                register_jitable(error_model="numpy", no_cfunc_wrapper=True)(function)
+
+
+@cache
+def cache_folder() -> Path:
+    """Where compiled code is kept: of these sources, libraries and CPU, and of this user alone.
+
+    And of the place of these sources, by which numba names its own folder in there.
+    """
+    stamp = hashlib.sha256(__file__.encode())
+    for name in MODULES:
+        stamp.update(Path(__file__).with_name(f"{name}.py").read_bytes())
+    for library in ("numba", "llvmlite", "numpy"):
+        stamp.update(f"{library} {version(library)} ".encode())
+    stamp.update(f"{sys.version} {platform.machine()} {_cpu()}".encode())
+    return _base() / f"events-{stamp.hexdigest()[:16]}"
+
+
+def _cpu() -> str:
+    """What a CPU can do, as Linux says it; numba itself looks again."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return ""
+    return "".join(next((x for x in lines if x.startswith(k)), "") for k in ("model name", "flags"))
+
+
+def _base() -> Path:
+    """A folder that can be written: the user's cache, or one that is gone with the process."""
+    given = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
+    try:
+        folder = (Path(given) if given else Path.home() / ".cache") / "cam_rig"
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except (OSError, RuntimeError):  # it cannot be written; there is no home
+        folder = Path(tempfile.mkdtemp(prefix="cam_rig-"))
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        return folder
+
 
 T = TypeVar("T")
 

@@ -21,10 +21,15 @@ from functools import lru_cache
 
 import numpy as np
 
-from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.linear.matrix_exponential import free_motion
-from cam_rig.dynamics.linear.scipy_linalg import expm, matrix_balance, schur, solve_sylvester
+from cam_rig.dynamics.linear.exponential import (
+    expm,
+    free_motion,
+    matrix_balance,
+    schur,
+    solve_sylvester,
+)
 from cam_rig.laws import bernstein
+from cam_rig.units import FloatArray
 
 #: A part of a piece spans at most this |A|T of its slow modes: Picard's terms stay below e⁴.
 PICARD_REACH = 4.0

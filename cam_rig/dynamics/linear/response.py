@@ -16,20 +16,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.input_limits import (
+from cam_rig.dynamics.linear.exponential import free_motion
+from cam_rig.dynamics.linear.propagator import exponential, pieces
+from cam_rig.dynamics.parameters import (
     require_angle,
     require_number,
     require_turning,
     state_of,
     times_of,
 )
-from cam_rig.dynamics.linear.matrix_exponential import free_motion
-from cam_rig.dynamics.linear.propagator import exponential, pieces
 from cam_rig.dynamics.velocity_jumps import SLACK
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
-from cam_rig.units import TURN, to_rpm
+from cam_rig.units import TURN, FloatArray, to_rpm
 
 #: A mode that a turn changes by less than this (in phase and size) is in resonance.
 RESONANT = 1e-11

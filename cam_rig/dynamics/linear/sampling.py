@@ -14,11 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.input_limits import require_angle
-from cam_rig.dynamics.linear.matrix_exponential import free_motion
+from cam_rig.dynamics.linear.exponential import free_motion
 from cam_rig.dynamics.linear.propagator import exponentials
 from cam_rig.dynamics.linear.response import LinearResponse, Part
+from cam_rig.dynamics.parameters import require_angle
 from cam_rig.laws import bernstein
 from cam_rig.laws.sampling import (
     ChunkSeries,
@@ -28,6 +27,7 @@ from cam_rig.laws.sampling import (
     repeated,
     samples_before,
 )
+from cam_rig.units import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.input_limits import LEAST, require_turning
 from cam_rig.dynamics.interval import (
     Block,
     FollowerState,
@@ -17,10 +15,11 @@ from cam_rig.dynamics.interval import (
     require_joined,
     same_speed,
 )
-from cam_rig.dynamics.parameters import FollowerParameters
+from cam_rig.dynamics.parameters import LEAST, FollowerParameters, require_turning
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
+from cam_rig.units import FloatArray
 
 if TYPE_CHECKING:
     from cam_rig.dynamics.torsional.motion import TorsionalMotion
@@ -101,8 +100,7 @@ def begin(
     inner : of the state before, empty for none; `inner_of` makes it
     last_speed : speed (rad/s) at which the state before ended, where it is known
     """
-    from cam_rig.dynamics.torsional.motion import solve
-    from cam_rig.dynamics.torsional.steady import steady_state
+    from cam_rig.dynamics.torsional.motion import solve, steady_state
 
     angle, speed = interval.angle, interval.speed
     if parameters.flywheel_inertia is None or interval.acceleration != 0.0:

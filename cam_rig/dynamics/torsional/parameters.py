@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cam_rig.dynamics.input_limits import require_number
-from cam_rig.dynamics.parameters import FollowerParameters
+from cam_rig.dynamics.parameters import FollowerParameters, require_number
 from cam_rig.errors import DynamicsError
 
 

@@ -14,14 +14,19 @@ from functools import lru_cache
 
 import numpy as np
 
-from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.torsional.chebyshev import basis, basis_at, table
-from cam_rig.dynamics.torsional.collocation_window import CollocationWindow, TwistPiece, largest
+from cam_rig.dynamics.torsional.collocation import (
+    CollocationWindow,
+    TwistPiece,
+    basis,
+    basis_at,
+    largest,
+    table,
+)
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
-from cam_rig.units import TURN
+from cam_rig.units import TURN, FloatArray
 
 #: Degrees of a window, and the phase of the shaft's free vibration (rad) each resolves: half of
 #: it is the argument of the Bessel functions that are the coefficients of an oscillation.

@@ -6,19 +6,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from cam_rig.arrays import FloatArray
-from cam_rig.dynamics.impacts import show_impulses
-from cam_rig.dynamics.input_limits import times_of
-from cam_rig.dynamics.interval import Block, FollowerState, Interval, SampleGrid
-from cam_rig.dynamics.linear.free_system import Flight
+from cam_rig.dynamics.interval import (
+    Block,
+    FollowerState,
+    Interval,
+    SampleGrid,
+    Samples,
+    show_impulses,
+)
+from cam_rig.dynamics.linear.exponential import Flight
 from cam_rig.dynamics.linear.sampling import sample
-from cam_rig.dynamics.ramp import with_ramps
-from cam_rig.dynamics.samples import Samples
-from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
+from cam_rig.dynamics.parameters import times_of
+from cam_rig.dynamics.speed_ramp import with_ramps
+from cam_rig.dynamics.two_mass.masses import TwoMassParameters, contact_response, force_output
 from cam_rig.dynamics.two_mass.trajectory import Separation, TwoMassPhase
 from cam_rig.laws import Law
 from cam_rig.laws.sampling import sample as sample_law
-from cam_rig.units import NS
+from cam_rig.units import NS, FloatArray
 
 
 def states(course: Separation, times: FloatArray) -> FloatArray:

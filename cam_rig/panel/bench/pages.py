@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections import deque
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from functools import partial
@@ -14,37 +15,69 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
 from cam_rig.acoustics.sound_level_meter import FREQUENCY_WEIGHTINGS, TIME_WEIGHTINGS
-from cam_rig.drawing import colours
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.laws import build_law
-from cam_rig.panel.bench.bench_page import BenchPage
-from cam_rig.panel.bench.controls import DONE, EMERGENCY_STOP, BenchControls
-from cam_rig.panel.bench.link import NodeLink
-from cam_rig.panel.bench.live_state import LiveState
-from cam_rig.panel.bench.readings import to_csv
-from cam_rig.panel.bench.runner import BenchRunner
-from cam_rig.panel.bench.setup import (
+from cam_rig.panel.bench.controls import DONE, EMERGENCY_STOP, BenchControls, NodeLink
+from cam_rig.panel.bench.live_state import LiveState, to_csv
+from cam_rig.panel.bench.runner import (
     MAX_ADDED_MASS,
     MAX_RPM,
     MIN_RPM,
+    BenchRunner,
     Setup,
     add_cam,
     allowed_models,
     cam_names,
 )
 from cam_rig.panel.board.board import Board
-from cam_rig.panel.board.exact import at_once
-from cam_rig.panel.messages import post
-from cam_rig.panel.server import STATIC
+from cam_rig.panel.board.drawable import at_once
+from cam_rig.panel.live_page import LivePage
+from cam_rig.panel.server import STATIC, post
 from cam_rig.schema import CamConfig
 from cam_rig.schema.load import Library, config_root, load_cam
-from cam_rig.simulation.calibrated import is_calibrated
+from cam_rig.show import looks as colours
+from cam_rig.simulation.scene import is_calibrated
 from cam_rig.units import NS
+
+# One page of the bench: told as every live page is, and the sound if it listens.
+
+#: Blocks of sound that wait for a page, at most: the oldest are dropped.
+MAX_BLOCKS = 64
+
+
+class BenchPage(LivePage):
+    """A page that may listen."""
+
+    def __init__(self, socket: WebSocket) -> None:
+        super().__init__(socket)
+        self.listens = False
+        self._sound: deque[bytes] = deque(maxlen=MAX_BLOCKS)
+        self._heard = asyncio.Event()
+
+    def play(self, sound: bytes) -> None:
+        """Send a block of sound, if the page listens."""
+        if self.listens:
+            self._sound.append(sound)
+            self._heard.set()
+
+    def telling(self) -> list[Any]:
+        """Its sound beside the rest."""
+        return [*super().telling(), self._play()]
+
+    async def _play(self) -> None:
+        while True:
+            await self._heard.wait()
+            self._heard.clear()
+            while self._sound:
+                await self.send(self._sound.popleft())
+
 
 #: Speeds (rpm) of the knob.
 KNOB = (20.0, 1000.0)
+
 #: Cams in the chart, whose markers differ too.
 CAM_COLOURS = (colours.BLUE, colours.VERMILION, colours.GREEN, colours.BLACK)
+
 PACES = ("real_time", "0.1x", "0.25x", "0.5x", "2x", "5x", "free")
 
 

@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics.jump.any_follower import TWO_MASSES, described, follower_of
+from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.errors import RefusedError
 from cam_rig.laws import Law, build_law
+from cam_rig.panel.board.drawable import at_once
 from cam_rig.panel.board.drawn_law import ORDERS, POINTS, DrawnLaw, in_base64, motion_in_base64
-from cam_rig.panel.board.exact import at_once
 from cam_rig.panel.board.files import (
     cam_text,
     contour_dxf,
@@ -27,9 +28,8 @@ from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import Library, config_root, load_cam
 from cam_rig.schema.segments import BSpline
 from cam_rig.schema.yaml_text import parse_yaml
-from cam_rig.simulation.calibrated import is_calibrated
-from cam_rig.studies.jump.any_rig import TWO_MASSES, described, follower_of
-from cam_rig.studies.jump.contact_lost_speed import FROM_REST
+from cam_rig.simulation.scene import is_calibrated
+from cam_rig.units import FloatArray
 
 #: Speeds (rpm) that the board takes, and the one it begins with.
 MIN_RPM, MAX_RPM, START_RPM = 1.0, 1e5, 300.0

@@ -14,11 +14,10 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import BSpline as Spline
 
-from cam_rig.arrays import FloatArray
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.cam import segment_angles
-from cam_rig.laws.continuity import joints
-from cam_rig.laws.families.b_spline import bezier_pieces, greville
+from cam_rig.laws.law import joints
+from cam_rig.laws.spline import bezier_pieces, greville
 from cam_rig.panel.board.drawable import (
     DRAWN,
     KEPT,
@@ -29,7 +28,7 @@ from cam_rig.panel.board.drawable import (
 )
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segments import BSpline
-from cam_rig.units import TURN
+from cam_rig.units import TURN, FloatArray
 
 #: Angles of a turn at which the page has the law, and its derivatives: s to s'''.
 POINTS, ORDERS = 720, 4

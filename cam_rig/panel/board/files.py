@@ -7,16 +7,15 @@ import shlex
 from pathlib import Path
 from typing import Any
 
-from cam_rig.arrays import FloatArray
+from cam_rig.design.cam_file import without_empty
 from cam_rig.errors import CamRigError, ConfigError, OutputError, ProfileError
 from cam_rig.extras import require
 from cam_rig.laws import Law
 from cam_rig.panel.board.drawable import DRAWN
-from cam_rig.profile.checks.all_checks import check_cam
+from cam_rig.profile.check_table import check_cam
 from cam_rig.schema import CamConfig
-from cam_rig.schema.load import NAME
-from cam_rig.studies.cam_fit.cam_file import quantity, to_yaml, valid_cam
-from cam_rig.studies.design.cam_file import without_empty
+from cam_rig.schema.load import NAME, quantity, to_yaml, valid_cam
+from cam_rig.units import FloatArray
 
 #: Largest distance (m) of the DXF's chords from the contour.
 CHORD_ERROR = 1e-6
@@ -111,9 +110,8 @@ def contour_dxf(cam: CamConfig, law: Law) -> str:
         require(library)
     if why := why_not_made(cam, law):
         raise ProfileError(f"cannot be made: {why}")
-    from cam_rig.cad.dxf import to_document
-    from cam_rig.profile.curves.path import contour_paths
-    from cam_rig.profile.curves.polyline import polyline
+    from cam_rig.profile.drawing_files import to_document
+    from cam_rig.profile.polyline import contour_paths, polyline
 
     curves = contour_paths(cam.follower, law)
     text = io.StringIO()

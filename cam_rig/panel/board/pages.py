@@ -13,14 +13,12 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
-from cam_rig.drawing import colours
 from cam_rig.errors import CamRigError
 from cam_rig.panel.board.board import Board
-from cam_rig.panel.board.designs import Designs
-from cam_rig.panel.board.worker import WorkerLostError, ask, worker
+from cam_rig.panel.board.worker import Designs, WorkerLostError, ask, worker
 from cam_rig.panel.live_page import LivePage
-from cam_rig.panel.messages import post
-from cam_rig.panel.server import STATIC
+from cam_rig.panel.server import STATIC, post
+from cam_rig.show import looks as colours
 
 #: A law rests when it has not changed for so long, s.
 REST_S = 0.15

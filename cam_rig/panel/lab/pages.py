@@ -13,15 +13,12 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route
 
-from cam_rig.drawing import colours
 from cam_rig.errors import RefusedError
-from cam_rig.panel.lab.notebook import Notebook
-from cam_rig.panel.lab.observed import RATE_HZ, observe
-from cam_rig.panel.lab.sheet import LabSheet
-from cam_rig.panel.lab.sheet_file import MAX_NAME, to_text
-from cam_rig.panel.lab.truth import TOLERANCES
-from cam_rig.panel.messages import Answer, post
-from cam_rig.panel.server import STATIC
+from cam_rig.panel.lab.marking import RATE_HZ, observe
+from cam_rig.panel.lab.sheet import TOLERANCES, LabSheet
+from cam_rig.panel.lab.sheet_file import MAX_NAME, Notebook, to_text
+from cam_rig.panel.server import STATIC, Answer, post
+from cam_rig.show import looks as colours
 from cam_rig.units import RPM_PER_RAD_S
 
 #: A colour an added mass; the markers differ too.

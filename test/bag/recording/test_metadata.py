@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import pytest
 import yaml
 
-from cam_rig.bag.recording import metadata
-from cam_rig.bag.recording.recorder import versions
+from cam_rig.bag import file_writer as metadata
+from cam_rig.bag.recorder import versions
 
 
 @pytest.fixture

@@ -8,17 +8,16 @@ import pytest
 from mcap.opcode import Opcode
 
 from cam_rig.bag.files import is_unclosed, mcap_file
-from cam_rig.bag.publishers import Publishers
 from cam_rig.bag.reader import messages, raw_messages, read_counts, read_recording
-from cam_rig.bag.recording.recorder import BagRecorder, open_bag
-from cam_rig.bag.recording.recover import recover, recover_in_place
-from cam_rig.bag.recording.writer import BagWriter
+from cam_rig.bag.recorder import BagRecorder, open_bag
 from cam_rig.bag.records import records_of
+from cam_rig.bag.recover import recover, recover_in_place
+from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError
 from cam_rig.live.checkpoint import Checkpoint
-from cam_rig.messages.topics import CAM_STATE, LEVEL, RECORDING
+from cam_rig.messages.topics import CAM_STATE, LEVEL, RECORDING, Publishers
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.scene import open_scene
 
 GOLDEN = Path(__file__).parents[3] / "bags" / "golden"
 
@@ -197,7 +196,7 @@ def test_a_recorder_that_was_killed_at_once_has_a_successor(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr("cam_rig.bag.recording.recorder.BagWriter", die)
+        patch.setattr("cam_rig.bag.writer.BagWriter", die)
         open_bag(checkpoint, bag, loaded, Publishers())
     successor = open_bag(
         Checkpoint(str(tmp_path), "recorder"), tmp_path / "other", loaded, Publishers()

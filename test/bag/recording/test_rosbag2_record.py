@@ -6,13 +6,13 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 from rosbags.rosbag2.metadata import parse_qos
 
+from cam_rig.bag.file_writer import NEVER
 from cam_rig.bag.files import mcap_files
 from cam_rig.bag.reader import read_counts
-from cam_rig.bag.recording.metadata import NEVER
-from cam_rig.bag.recording.recorder import BagRecorder
-from cam_rig.bag.recording.split import Split
+from cam_rig.bag.recorder import BagRecorder
+from cam_rig.bag.split import Split
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.scene import open_scene
 
 #: The keys of BagMetadata in rosbag2_storage/yaml.hpp, in its order, and of each of its files.
 KEYS = [

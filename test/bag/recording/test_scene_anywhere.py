@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from cam_rig.bag.reader import read_scene
-from cam_rig.bag.recording.recorder import BagRecorder
+from cam_rig.bag.recorder import BagRecorder
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.scene import open_scene
 
 QUICK = config_root() / "scenes" / "quick.yaml"
 

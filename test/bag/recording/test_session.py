@@ -6,12 +6,12 @@ from itertools import pairwise
 
 import pytest
 
-from cam_rig.bag.publishers import Publishers
-from cam_rig.bag.recording.session import RecordingSession
+from cam_rig.bag.session import RecordingSession
 from cam_rig.errors import RefusedError, RunError
 from cam_rig.live.state_validation import StateValidator
 from cam_rig.messages import topics
 from cam_rig.messages.serialization import RawMessages, stamp_of
+from cam_rig.messages.topics import Publishers
 
 RATE = 1000.0
 LIVE, AGAIN = b"first process", b"second process"

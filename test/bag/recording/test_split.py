@@ -9,17 +9,16 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
-from cam_rig.bag.compare import compare
 from cam_rig.bag.files import is_unclosed, mcap_files
-from cam_rig.bag.playback import played
 from cam_rig.bag.reader import raw_messages, read_counts, read_recording, read_samples
-from cam_rig.bag.recording.recorder import BagRecorder
-from cam_rig.bag.recording.recover import recover
-from cam_rig.bag.recording.split import Split
+from cam_rig.bag.recorder import BagRecorder
+from cam_rig.bag.recover import recover
+from cam_rig.bag.replay import compare, played
+from cam_rig.bag.split import Split
 from cam_rig.errors import BagError, ConfigError
 from cam_rig.messages.topics import CAM_STATE, DIAGNOSTICS, RECORDING
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.scene import open_scene
 
 NAMES = {topic.name for topic in RECORDING}
 #: By rig time, and by bytes: the golden run has 16 ticks in 2.5 s, of about 20 kB each.

@@ -11,12 +11,12 @@ from ruamel.yaml import YAML
 from cam_rig.bag.files import is_closed, is_unclosed, mcap_file
 from cam_rig.bag.partial_reader import PartialReader
 from cam_rig.bag.reader import messages, read_counts, read_scene
-from cam_rig.bag.recording.recorder import BagRecorder
-from cam_rig.bag.recording.writer import BagWriter
+from cam_rig.bag.recorder import BagRecorder
+from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError
 from cam_rig.messages import topics
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.simulation.scene import open_scene
 
 TYPES = get_typestore(Stores.ROS2_KILTED)
 
@@ -130,7 +130,7 @@ def test_what_counts_as_closed_is_written_last(tmp_path, monkeypatch):
 def test_what_is_flushed_is_put_onto_the_disk_within_half_a_second(tmp_path, monkeypatch):
     """At once after a quiet time; else by the next look, though nothing more is written."""
     synced, now = [], [100.0]
-    monkeypatch.setattr("cam_rig.bag.recording.file_writer.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("cam_rig.bag.file_writer.time.monotonic", lambda: now[0])
     bag = BagWriter(tmp_path / "bag")
     monkeypatch.setattr("cam_rig.bag.files.sync", lambda stream: synced.append(stream.name))
     bag.write(topics.LEVEL, 1, level(70.0))
@@ -151,7 +151,7 @@ def test_what_is_flushed_is_put_onto_the_disk_within_half_a_second(tmp_path, mon
 def test_a_message_alone_is_flushed(tmp_path, monkeypatch):
     """A diagnosis while the rig stands: half a second later a killed recorder cannot lose it."""
     now = [100.0]
-    monkeypatch.setattr("cam_rig.bag.recording.file_writer.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("cam_rig.bag.file_writer.time.monotonic", lambda: now[0])
     loaded = open_scene(config_root() / "scenes" / "quick.yaml")
     recorder = BagRecorder(tmp_path / "bag", loaded)
     recorder._writer.write(topics.DIAGNOSTICS, 1, b"\0\1\0\0" + bytes(20))

@@ -4,8 +4,8 @@ import sys
 
 import pytest
 
-from cam_rig.bench.cases import campaign
-from cam_rig.bench.cases.campaign import (
+from benchmark.speed import campaign
+from benchmark.speed.campaign import (
     BATCH,
     STUDY,
     CampaignRate,
@@ -14,11 +14,11 @@ from cam_rig.bench.cases.campaign import (
     campaign_table,
     least_force,
 )
-from cam_rig.bench.cases.cases import rad_per_s
+from benchmark.speed.cases import rad_per_s
+from cam_rig.campaign.campaign import campaign_from
+from cam_rig.campaign.point import make_point, measure_batch
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.schema.load import Library, config_root
-from cam_rig.studies.campaign.campaign import campaign_from
-from cam_rig.studies.campaign.point import make_point, measure_batch
 
 
 def test_the_peer_loses_contact_where_the_campaign_says():

@@ -5,10 +5,10 @@ import builtins
 import numpy as np
 import pytest
 
-from cam_rig.bench.peers.intervals import intervals
-from cam_rig.bench.peers.peers import PEERS
-from cam_rig.bench.reference import stored
-from cam_rig.bench.study import sweep
+from benchmark.speed import study as stored
+from benchmark.speed.peers import PEERS
+from benchmark.speed.problem import intervals
+from benchmark.speed.study import sweep
 
 BY_TITLE = {peer.title: peer for peer in PEERS}
 #: Case, turns of it, largest error at rtol 1e-10.

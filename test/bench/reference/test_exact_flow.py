@@ -3,10 +3,8 @@
 import mpmath as mp
 import pytest
 
-from cam_rig.bench.cases.models import TwoMasses
-from cam_rig.bench.reference.exact import DIGITS
-from cam_rig.bench.reference.exact_flow import flow
-from cam_rig.bench.reference.exact_law import exact_pieces
+from benchmark.speed.exact import DIGITS, exact_pieces, flow
+from benchmark.speed.models import TwoMasses
 from cam_rig.laws import Law
 
 

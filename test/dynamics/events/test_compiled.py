@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
-from cam_rig.dynamics.events import arrays, compiled, rows
-from cam_rig.dynamics.events.compiled import ALWAYS, PLAIN, VARIABLE, cache_folder, form_of
-from cam_rig.dynamics.events.one_mass import run_one_mass
+from cam_rig.dynamics.events import arrays, rows
+from cam_rig.dynamics.events import search as compiled
+from cam_rig.dynamics.events.runs import run_one_mass
+from cam_rig.dynamics.events.search import ALWAYS, PLAIN, VARIABLE, cache_folder, form_of
 from cam_rig.dynamics.two_mass import trajectory
-from cam_rig.dynamics.two_mass.events import lift_off
-from cam_rig.dynamics.two_mass.flight import free_masses
-from cam_rig.dynamics.two_mass.trajectory import Separation
+from cam_rig.dynamics.two_mass.masses import free_masses
+from cam_rig.dynamics.two_mass.trajectory import Separation, lift_off
 from cam_rig.laws import Law
 from cam_rig.units import NS, RPM, TURN
 

@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import FollowerParameters, FollowerState, Interval, TwoMassParameters
-from cam_rig.dynamics.events.free_mass import impulse_at
-from cam_rig.dynamics.linear.impulse_response import response
-from cam_rig.dynamics.one_mass.flight import lifted_off
-from cam_rig.dynamics.one_mass.trajectory import OneMassTrajectory
-from cam_rig.dynamics.two_mass.events import lift_off
-from cam_rig.dynamics.two_mass.trajectory import Separation
+from cam_rig.dynamics.events.free_flight import impulse_at
+from cam_rig.dynamics.linear.exponential import response
+from cam_rig.dynamics.one_mass import OneMassTrajectory, lifted_off
+from cam_rig.dynamics.two_mass.trajectory import Separation, lift_off
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN

@@ -6,13 +6,12 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from cam_rig.bench.cases.case import Case, output_times
-from cam_rig.bench.cases.models import CONTACT, Oscillator
-from cam_rig.bench.reference import exact
+from benchmark.speed import exact
+from benchmark.speed.models import CONTACT, Case, Oscillator, output_times
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.elastic_stem import response
 from cam_rig.dynamics.linear.response import LinearResponse
-from cam_rig.dynamics.two_mass.events import fly
+from cam_rig.dynamics.two_mass.trajectory import fly
 from cam_rig.laws import bernstein
 from cam_rig.units import TURN
 

@@ -7,14 +7,14 @@ import pytest
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import minimize_scalar
 
+from cam_rig.dynamics.jump.jump_speed import jump_speed
 from cam_rig.dynamics.linear.propagator import piece, pieces
-from cam_rig.dynamics.modal.minimum import ModalRun
-from cam_rig.dynamics.modal.response import ModalResponse
-from cam_rig.dynamics.two_mass.events import first_lift_off, lift_off, may_fall
-from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
+from cam_rig.dynamics.modal_minimum import ModalRun
+from cam_rig.dynamics.modal_response import ModalResponse
+from cam_rig.dynamics.two_mass.masses import TwoMassParameters, contact_response, force_output
+from cam_rig.dynamics.two_mass.trajectory import first_lift_off, lift_off, may_fall
 from cam_rig.laws import Law
-from cam_rig.laws.families.b_spline import bezier_pieces
-from cam_rig.studies.jump.jump_speed import jump_speed
+from cam_rig.laws.spline import bezier_pieces
 from cam_rig.units import RPM, TURN
 
 PAPER = TwoMassParameters(

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics.linear.sampling import sample
-from cam_rig.dynamics.modal.minimum import ModalRun
-from cam_rig.dynamics.modal.response import ModalResponse
-from cam_rig.dynamics.two_mass.parameters import TwoMassParameters, contact_response, force_output
+from cam_rig.dynamics.modal_minimum import ModalRun
+from cam_rig.dynamics.modal_response import ModalResponse
+from cam_rig.dynamics.two_mass.masses import TwoMassParameters, contact_response, force_output
 from cam_rig.errors import DynamicsError
 from cam_rig.schema import load_rig
 from cam_rig.units import RPM

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cam_rig.bench import rig
-from cam_rig.bench.cases.cases import CASES
-from cam_rig.bench.reference import stored
+from benchmark.speed import study as rig
+from benchmark.speed import study as stored
+from benchmark.speed.cases import CASES
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.two_mass.trajectory import Separation
 from cam_rig.units import TURN

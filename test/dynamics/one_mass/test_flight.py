@@ -6,7 +6,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from cam_rig.dynamics.one_mass.flight import lifted_off
+from cam_rig.dynamics.one_mass import lifted_off
 from cam_rig.laws import bernstein
 
 #: mass 1.3 kg, spring 4030 N/m: critical damping 2√(km) = 144.8 N·s/m

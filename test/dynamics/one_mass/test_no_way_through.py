@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
-from cam_rig.dynamics.linear.free_system import Flight
-from cam_rig.dynamics.two_mass.flight import free_masses, to_inner
+from cam_rig.dynamics.linear.exponential import Flight
+from cam_rig.dynamics.two_mass.masses import free_masses, to_inner
 from cam_rig.dynamics.two_mass.trajectory import Separation
 from cam_rig.laws import Law
 from cam_rig.units import NS

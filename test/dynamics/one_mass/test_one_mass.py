@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from cam_rig.dynamics import FollowerParameters, Interval
-from cam_rig.dynamics.one_mass.trajectory import OneMassTrajectory
+from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.units import NS, TURN
 
 JUMPING = 600.0  # rpm, above the jump speed of every 50 mm cam

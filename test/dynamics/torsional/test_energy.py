@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from cam_rig.dynamics.torsional.motion import TorsionalParameters, TorsionalState, solve
+from cam_rig.dynamics.torsional.motion import solve
+from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 from cam_rig.laws import Law
 from cam_rig.units import TURN
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval
-from cam_rig.dynamics.torsional.motion import TorsionalParameters, TorsionalState, solve
-from cam_rig.dynamics.torsional.steady import steady_state
+from cam_rig.dynamics.torsional.motion import solve, steady_state
+from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.schema import load_rig

@@ -11,7 +11,8 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import BPoly
 
 from cam_rig.dynamics.linear.propagator import piece
-from cam_rig.dynamics.torsional.motion import TorsionalParameters, TorsionalState, solve
+from cam_rig.dynamics.torsional.motion import solve
+from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import TURN
 

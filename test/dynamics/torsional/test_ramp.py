@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from cam_rig.bench.cases.case import Case
-from cam_rig.bench.cases.models import Twist
-from cam_rig.bench.reference import exact_twist
+from benchmark.speed import exact as exact_twist
+from benchmark.speed.models import Case, Twist
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval
-from cam_rig.dynamics.torsional.motion import TorsionalParameters, TorsionalState, solve
+from cam_rig.dynamics.torsional.motion import solve
+from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 from cam_rig.errors import DynamicsError
 from cam_rig.units import NS
 
@@ -25,7 +25,7 @@ MS = NS // 1000
 def reference(law, speed, ramp, times, turns):
     """Twist and rate from an untwisted shaft at angle 0, by Taylor's series of 45 digits."""
     case = Case("ramp", "", law, TWIST, speed, turns, turns, times)
-    found = exact_twist.solve(case, ramp)
+    found = exact_twist.solve_twist(case, ramp)
     return found.displacement[0], found.velocity[0]
 
 

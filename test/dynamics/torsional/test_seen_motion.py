@@ -6,13 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from cam_rig.dynamics.torsional.motion import (
-    ROWS,
-    TorsionalParameters,
-    TorsionalState,
-    solve,
-)
-from cam_rig.dynamics.torsional.steady import periodic_state
+from cam_rig.dynamics.torsional.motion import ROWS, periodic_state, solve
+from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import TURN

@@ -7,11 +7,10 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from cam_rig.bench.reference.exact_law import polynomial, powers
+from benchmark.speed.exact import polynomial, powers
 from cam_rig.dynamics import FollowerParameters, FollowerState, Interval
-from cam_rig.dynamics.contact_force import force_weights
-from cam_rig.dynamics.one_mass.flight import lifted_off
-from cam_rig.dynamics.one_mass.trajectory import OneMassTrajectory
+from cam_rig.dynamics.kinetostatic import force_weights
+from cam_rig.dynamics.one_mass import OneMassTrajectory, lifted_off
 from cam_rig.units import NS, TURN
 
 from ..one_flight import land

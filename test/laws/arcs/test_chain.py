@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cam_rig.errors import LawError
-from cam_rig.laws.arcs.chain import Blend, Circle, StraightLine, close
+from cam_rig.laws.arcs import Blend, Circle, StraightLine, close
 
 BASE, NOSE = Circle(0j, 0.025), Circle(-0.023 + 0j, 0.012)
 FLANKS = {"convex": Blend(0.08), "straight": Blend(None), "concave": Blend(-0.06)}

@@ -8,11 +8,10 @@ import pytest
 
 from cam_rig.errors import LawError
 from cam_rig.laws import Law, build_law
-from cam_rig.laws.arcs.chain import Blend, Circle, StraightLine, close
-from cam_rig.laws.arcs.from_segments import arc_follower
-from cam_rig.laws.arcs.law import ArcFollower, arc_pieces
-from cam_rig.laws.continuity import continuity
-from cam_rig.laws.pieces import joined
+from cam_rig.laws.arc_law import ArcFollower, arc_follower, arc_pieces
+from cam_rig.laws.arcs import Blend, Circle, StraightLine, close
+from cam_rig.laws.bernstein import joined
+from cam_rig.laws.law import continuity
 from cam_rig.units import TURN
 
 BASE, LIFT, NOSE = 0.025, 0.01, 0.012

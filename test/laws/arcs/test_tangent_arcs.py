@@ -6,7 +6,7 @@ import pytest
 
 from cam_rig.errors import LawError
 from cam_rig.laws import build_law
-from cam_rig.laws.arcs.tangent_arcs import ConcaveFlankCam
+from cam_rig.laws.arcs import ConcaveFlankCam
 
 BASE, LIFT = 0.04, 0.01  # m; pitch radius and lift of the cam of these tests
 HALF, NOSE_HALF = np.radians(58.0), np.radians(39.0)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cam_rig.laws import bernstein, build_law
-from cam_rig.laws.continuity import joints
-from cam_rig.laws.families.b_spline import greville, pieces
+from cam_rig.laws.law import joints
+from cam_rig.laws.spline import greville, pieces
 
 DEGREE = 3
 KNOTS = np.array([0, 0, 0, 1, 2.5, 2.5, 4, 4, 4], dtype=float)  # ends and 2.5 repeated

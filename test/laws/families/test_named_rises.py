@@ -10,8 +10,8 @@ import pytest
 
 from cam_rig.laws import bernstein
 from cam_rig.laws.catalogue import figures
-from cam_rig.laws.named import NAMED_RISES, unit_rise
-from cam_rig.schema.segments.rise import RiseName
+from cam_rig.laws.segments import NAMED_RISES, unit_rise
+from cam_rig.schema.segments import RiseName
 
 #: Coefficients of u, u², … as eq. 3.1-3.9 print them, misprints corrected.
 PRINTED = {
@@ -143,7 +143,7 @@ def test_full_rises_are_skew_symmetric(name):
 def test_halves_meet_at_one_slope(make_cam):
     """A start and an end half of equal span meet with velocity 2h/β: C4 for degree 8."""
     from cam_rig.laws import build_law
-    from cam_rig.laws.continuity import joints
+    from cam_rig.laws.law import joints
 
     def half(law, to):
         return {"law": law, "span": 60, "to": to}

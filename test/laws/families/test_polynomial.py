@@ -6,7 +6,7 @@ from numpy.polynomial import Polynomial
 
 from cam_rig.errors import LawError
 from cam_rig.laws import bernstein, build_law
-from cam_rig.laws.families.polynomial import polynomial_through
+from cam_rig.laws.segments import polynomial_through
 
 INCH = 0.0254
 

@@ -5,13 +5,7 @@ import pytest
 
 from cam_rig.errors import LawError
 from cam_rig.laws import build_law
-from cam_rig.laws.families.scatter import (
-    SURE,
-    least_tolerance,
-    require_above_scatter,
-    scatter,
-    scatter_error,
-)
+from cam_rig.laws.spline import SURE, least_tolerance, require_above_scatter, scatter, scatter_error
 from cam_rig.units import TURN
 
 

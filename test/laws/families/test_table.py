@@ -5,10 +5,10 @@ import pytest
 
 from cam_rig.errors import LawError
 from cam_rig.laws import Law, build_law
-from cam_rig.laws.continuity import SMOOTHEST, continuity
-from cam_rig.laws.families.table import smooth
-from cam_rig.laws.pieces import joined, turned_to_zero
+from cam_rig.laws.bernstein import joined, turned_to_zero
+from cam_rig.laws.law import SMOOTHEST, continuity
 from cam_rig.laws.segments import smoothed
+from cam_rig.laws.spline import smooth
 from cam_rig.units import TURN
 
 

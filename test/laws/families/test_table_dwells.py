@@ -5,11 +5,11 @@ import pytest
 from scipy.interpolate import BSpline
 from scipy.optimize import least_squares
 
+from cam_rig.dynamics.vibration import low_dwell
 from cam_rig.errors import LawError
 from cam_rig.laws import Law
-from cam_rig.laws.families.table import DEGREE, HELD, INTERVALS, Rest, _event, smooth
-from cam_rig.laws.pieces import joined
-from cam_rig.studies.vibration.dwell import low_dwell
+from cam_rig.laws.bernstein import joined
+from cam_rig.laws.spline import DEGREE, HELD, INTERVALS, Rest, _event, smooth
 from cam_rig.units import TURN
 
 DWELLS = [Rest(np.radians(160), np.radians(40), 0.012), Rest(np.radians(320), np.radians(80), 0.0)]

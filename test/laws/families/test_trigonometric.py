@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from cam_rig.laws import build_law
-from cam_rig.laws.continuity import SMOOTHEST, joints
-from cam_rig.laws.peaks import peak
+from cam_rig.laws.law import SMOOTHEST, joints, peak
 from cam_rig.units import TURN
 
 COSINE, SINE, MEAN = [-0.4, 0.05, 0, 0.02], [0.1, -0.03, 0.01], 0.5

@@ -4,7 +4,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from cam_rig.laws.families.trigonometric_rises import cycloidal
+from cam_rig.laws.segments import cycloidal
 
 U = np.linspace(0.0, 1.0, 1001)
 

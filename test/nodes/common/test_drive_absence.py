@@ -2,7 +2,7 @@
 
 import pytest
 
-from cam_rig.nodes.common.run_end import ABSENT_S, POLL_S, DriveAbsence
+from cam_rig.nodes.run_end import ABSENT_S, POLL_S, DriveAbsence
 from cam_rig.runner.node_table import RECORDER
 
 pytestmark = pytest.mark.ros

@@ -6,8 +6,8 @@ import yaml
 from rclpy.parameter import Parameter
 
 from cam_rig.errors import ConfigError
-from cam_rig.nodes.common.parameter_values import convert, declare, unknown_names
-from cam_rig.nodes.common.parameters import PARAMETERS
+from cam_rig.nodes.parameter_values import convert, declare, unknown_names
+from cam_rig.nodes.parameters import PARAMETERS
 from cam_rig.schema.load import config_root
 from tools.docs.parameters import FOLDER, text
 

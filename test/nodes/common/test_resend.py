@@ -1,6 +1,6 @@
 """Answers that were lost to queue overflow are resent."""
 
-from cam_rig.nodes.common.resend import ResendBuffer
+from cam_rig.nodes.convert import ResendBuffer
 
 
 class Listener:

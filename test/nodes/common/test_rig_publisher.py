@@ -9,9 +9,9 @@ from rclpy.serialization import deserialize_message
 
 from cam_rig.errors import RunError
 from cam_rig.messages import topics
-from cam_rig.nodes.common import rig_publisher
-from cam_rig.nodes.common.convert import message_class
-from cam_rig.nodes.common.rig_publisher import RigPublisher
+from cam_rig.nodes import rig_node as rig_publisher
+from cam_rig.nodes.convert import message_class
+from cam_rig.nodes.rig_node import RigPublisher
 
 pytestmark = pytest.mark.ros
 

@@ -3,7 +3,7 @@
 import pytest
 
 from cam_rig.errors import ConfigError
-from cam_rig.nodes.common.same_scene import require_one_scene, scene_mark
+from cam_rig.nodes.rig_node import require_one_scene, scene_mark
 
 pytestmark = pytest.mark.ros
 

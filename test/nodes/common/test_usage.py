@@ -7,8 +7,8 @@ import sys
 import pytest
 
 from cam_rig.nodes.__main__ import NODES
-from cam_rig.nodes.common.parameters import PARAMETERS
-from cam_rig.nodes.common.usage import ABOUT, published, usage
+from cam_rig.nodes.parameters import PARAMETERS
+from cam_rig.nodes.usage import ABOUT, published, usage
 
 #: Topics and services that rclpy gives every node.
 OF_RCLPY = {"/rosout", "/parameter_events"}

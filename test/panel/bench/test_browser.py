@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 import pytest
 
 import cam_rig
-from cam_rig.studies.jump.any_rig import find_jump, follower_of
+from cam_rig.dynamics.jump.any_follower import find_jump, follower_of
 from cam_rig.testing.client import RigClient
 from tools.docs.browser import new_page
 

@@ -9,7 +9,7 @@ from cam_rig.errors import RefusedError
 from cam_rig.messages.topics import HEARTBEAT, PACE
 from cam_rig.panel.bench import live_state
 from cam_rig.panel.bench.live_state import LiveState
-from cam_rig.panel.bench.setup import Setup
+from cam_rig.panel.bench.runner import Setup
 from cam_rig.units import NS
 
 RPM, TICKS = 300.0, 12

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cam_rig.errors import RefusedError
-from cam_rig.panel.bench.readings import Meter, NotedReading, to_csv
+from cam_rig.panel.bench.live_state import Meter, NotedReading, to_csv
 from cam_rig.units import NS
 
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import cam_rig
+from cam_rig.dynamics.jump.any_follower import TWO_MASSES, described, follower_of
 from cam_rig.errors import RefusedError
-from cam_rig.panel.bench.setup import (
+from cam_rig.panel.bench.runner import (
     DRAWN_RPM,
     MAX_RPM,
     MODELS,
@@ -19,8 +20,7 @@ from cam_rig.panel.bench.setup import (
     cam_names,
 )
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
-from cam_rig.studies.jump.any_rig import TWO_MASSES, described, follower_of
+from cam_rig.simulation.scene import open_scene
 
 from ...conftest import CAM_NAMES
 

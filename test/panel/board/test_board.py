@@ -10,13 +10,9 @@ import numpy as np
 import pytest
 
 import cam_rig
-from cam_rig.errors import (
-    ConfigError,
-    LawError,
-    RefusedError,
-)
+from cam_rig.errors import ConfigError, LawError, RefusedError
 from cam_rig.panel.board.board import MAX_RPM, Board
-from cam_rig.panel.board.exact import at_rest, file_jump, level
+from cam_rig.panel.board.drawable import at_rest, file_jump, level
 from cam_rig.schema import CamConfig
 from cam_rig.units import RPM
 

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 import cam_rig
-from cam_rig.cli.runs.panel import REDIRECT
 from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics.jump.any_follower import find_jump
 from cam_rig.panel.board.board import Board
 from cam_rig.panel.board.drawn_law import ORDERS, POINTS, table_angles
 from cam_rig.panel.board.pages import BoardPages
+from cam_rig.panel.command import REDIRECT
 from cam_rig.panel.server import serve
-from cam_rig.studies.jump.any_rig import find_jump
 from cam_rig.units import RPM
 from tools.docs.browser import new_page
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import cam_rig
-from cam_rig.cad.dxf import read_dxf
-from cam_rig.laws.continuity import joints
+from cam_rig.laws.law import joints
 from cam_rig.panel.board.board import Board
 from cam_rig.panel.board.pages import BoardPages
 from cam_rig.panel.server import serve
+from cam_rig.profile.drawing_files import read_dxf
 from tools.docs.browser import new_page
 
 from ..conftest import Panel, Shared

@@ -16,8 +16,8 @@ from websockets.sync.client import ClientConnection, connect
 
 import cam_rig
 from cam_rig.panel.board.board import Board
-from cam_rig.panel.board.designs import MODULE
 from cam_rig.panel.board.drawn_law import ORDERS, POINTS, table_angles
+from cam_rig.panel.board.worker import MODULE
 
 from ..asking import ask
 

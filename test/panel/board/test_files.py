@@ -12,11 +12,11 @@ from shapely import Point, Polygon
 from typer.testing import CliRunner
 
 import cam_rig
-from cam_rig.cad.dxf import read_dxf
 from cam_rig.cli.main import app
 from cam_rig.errors import ConfigError, MissingLibraryError, OutputError, ProfileError
 from cam_rig.panel.board.board import Board
-from cam_rig.panel.board.exact import at_rest
+from cam_rig.panel.board.drawable import at_rest
+from cam_rig.profile.drawing_files import read_dxf
 from cam_rig.schema.quantity import Quantity
 
 from .test_board import with_one_moved

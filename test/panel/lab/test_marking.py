@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 
 import cam_rig
 from cam_rig.cli.main import app
-from cam_rig.panel.lab.notebook import Notebook
-from cam_rig.panel.lab.sheet_file import read_sheet, to_text
+from cam_rig.panel.lab.sheet_file import Notebook, read_sheet, to_text
 
 from .conftest import sheet_of
 

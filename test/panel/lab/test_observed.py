@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cam_rig.panel.lab.observed import POINTS, observe
-from cam_rig.studies.jump.any_rig import follower_of
-from cam_rig.studies.jump.rigid import rigid_least
+from cam_rig.dynamics.jump.any_follower import follower_of
+from cam_rig.dynamics.jump.jump_speed import rigid_least
+from cam_rig.panel.lab.marking import POINTS, observe
 from cam_rig.units import RPM
 
 from .conftest import sheet_of

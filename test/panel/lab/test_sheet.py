@@ -10,8 +10,7 @@ import pytest
 import cam_rig
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.panel.lab.pages import LabPages
-from cam_rig.panel.lab.sheet import LabSheet
-from cam_rig.panel.lab.truth import TOLERANCES, LabSetup, drawn, true_rig
+from cam_rig.panel.lab.sheet import TOLERANCES, LabSetup, LabSheet, drawn, true_rig
 
 from .conftest import sheet_of
 

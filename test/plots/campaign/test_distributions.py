@@ -2,12 +2,12 @@
 
 import pytest
 
-from cam_rig.plots.campaign.distributions import distributions
+from cam_rig.campaign.campaign import campaign_from
+from cam_rig.campaign.dataset import CampaignDataset
+from cam_rig.campaign.figures import distributions
+from cam_rig.campaign.results import CampaignResults
+from cam_rig.campaign.run import InThisProcess, run_campaign
 from cam_rig.schema.load import Library, config_root
-from cam_rig.studies.campaign.campaign import campaign_from
-from cam_rig.studies.campaign.dataset import CampaignDataset
-from cam_rig.studies.campaign.results import CampaignResults
-from cam_rig.studies.campaign.run import InThisProcess, run_campaign
 
 from ...figure_faults import faults
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cam_rig.profile import contours
-from cam_rig.profile.curves.closed_contour import crossing, gap, sparse
+from cam_rig.profile.measure import crossing, gap, sparse
 
 
 def test_contours_are_in_order_and_whole(law, cams):

@@ -5,8 +5,7 @@ import pytest
 
 from cam_rig.errors import ProfileError
 from cam_rig.profile import contours, turn_angles
-from cam_rig.profile.curves.closure import POINTS, closure, pair, play
-from cam_rig.profile.curves.measure import closed_curve
+from cam_rig.profile.measure import POINTS, closed_curve, closure, pair, play
 
 from ..conftest import OPPOSITE, UNEVEN, make
 

@@ -7,9 +7,8 @@ import pytest
 
 from cam_rig.errors import ProfileError
 from cam_rig.profile import contours
-from cam_rig.profile.curves.measure import closed_curve, rest
-from cam_rig.profile.flat_face import GuidedFace, SwungFace
-from cam_rig.profile.roller import GuidedCentre, SwungCentre
+from cam_rig.profile.faces import GuidedCentre, GuidedFace, SwungCentre, SwungFace
+from cam_rig.profile.measure import closed_curve, rest
 
 ANGLES = np.radians(np.arange(0.0, 360.0, 7.3))
 #: A circular cam about (3, 4) mm, 20 mm in radius.

@@ -7,8 +7,7 @@ import pytest
 from shapely import LinearRing, distance, points, prepare
 
 from cam_rig.errors import ConfigError, ProfileError
-from cam_rig.profile.curves.path import contour_paths, cutter_paths, pitch_paths
-from cam_rig.profile.curves.polyline import polyline
+from cam_rig.profile.polyline import contour_paths, cutter_paths, pitch_paths, polyline
 
 from ..conftest import UNEVEN, Made, make
 

@@ -7,9 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cam_rig.errors import ConfigError
-from cam_rig.schema.bench_tables.cells import MAX_LINES
-from cam_rig.schema.bench_tables.gauge_table import read_gauge_table
-from cam_rig.schema.bench_tables.headings import heading
+from cam_rig.measured.cam_fit.gauge import read_gauge_table
+from cam_rig.measured.instrument_table import MAX_LINES, heading
 
 ANGLES, LIFTS = [0.0, 10.0, 20.0], [0.0, 0.25, 1.5]  # deg, mm
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cam_rig.errors import ConfigError
-from cam_rig.schema.bench_tables.jump_table import read_jump_table
+from cam_rig.measured.rig_fit.jump_table import read_jump_table
 from cam_rig.units import RPM
 
 

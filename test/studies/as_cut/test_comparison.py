@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.two_mass.events import lift_off
+from cam_rig.dynamics.jump.jump_speed import FROM_REST
+from cam_rig.dynamics.two_mass.trajectory import lift_off
 from cam_rig.errors import ConfigError
 from cam_rig.laws import build_law
+from cam_rig.paper.as_cut.study import CutBench, DrawnCam, as_cut, over_sizes, radii
 from cam_rig.schema import load_cam, load_rig
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
-from cam_rig.studies.as_cut.comparison import CutBench, DrawnCam, as_cut, over_sizes, radii
-from cam_rig.studies.jump.contact_lost_speed import FROM_REST
+from cam_rig.simulation.scene import open_scene
 
 CONFIG = config_root()
 

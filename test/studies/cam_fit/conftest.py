@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from cam_rig.schema.bench_tables.gauge_table import GaugeColumn, GaugeTable
-from cam_rig.studies.cam_fit.readings import put_in_order
+from cam_rig.measured.cam_fit.gauge import GaugeColumn, GaugeTable, put_in_order
 from cam_rig.units import TURN
 
 

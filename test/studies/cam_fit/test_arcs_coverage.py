@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from cam_rig.laws.arcs.law import ArcFollower
-from cam_rig.studies.cam_fit.arcs import COORDINATES, FLANK, PRIME, Arcs
-from cam_rig.studies.cam_fit.arcs_fit import fit_arcs
-from cam_rig.studies.cam_fit.readings import put_in_order
-from cam_rig.studies.cam_fit.zero import above_zero
+from cam_rig.laws.arc_law import ArcFollower
+from cam_rig.measured.cam_fit.arcs import COORDINATES, FLANK, PRIME, Arcs
+from cam_rig.measured.cam_fit.arcs_fit import fit_arcs
+from cam_rig.measured.cam_fit.dwells import above_zero
+from cam_rig.measured.cam_fit.gauge import put_in_order
 from cam_rig.units import TURN
 
 from .conftest import table_of

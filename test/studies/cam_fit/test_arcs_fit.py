@@ -8,14 +8,13 @@ import pytest
 from scipy.optimize import least_squares
 
 from cam_rig.errors import ConfigError, LawError
-from cam_rig.laws.arcs.law import ArcFollower
-from cam_rig.schema.bench_tables.gauge_table import read_gauge_table
-from cam_rig.studies.cam_fit.arcs import Arcs
-from cam_rig.studies.cam_fit.arcs_fit import fit_arcs
-from cam_rig.studies.cam_fit.arcs_search import NO_CONTOUR
-from cam_rig.studies.cam_fit.conclusions import arcs_conclusions, require_told
-from cam_rig.studies.cam_fit.readings import put_in_order
-from cam_rig.studies.cam_fit.zero import above_zero
+from cam_rig.laws.arc_law import ArcFollower
+from cam_rig.measured.cam_fit.arcs import Arcs
+from cam_rig.measured.cam_fit.arcs_fit import fit_arcs
+from cam_rig.measured.cam_fit.arcs_search import NO_CONTOUR
+from cam_rig.measured.cam_fit.dwells import above_zero
+from cam_rig.measured.cam_fit.gauge import put_in_order, read_gauge_table
+from cam_rig.measured.cam_fit.tables import arcs_conclusions, require_told
 from cam_rig.units import TURN
 
 from .conftest import table_of

@@ -5,16 +5,15 @@ import pytest
 
 from cam_rig.errors import ConfigError
 from cam_rig.laws import build_law
-from cam_rig.laws.arcs.law import ArcFollower
-from cam_rig.profile.checks.all_checks import check_cam
+from cam_rig.laws.arc_law import ArcFollower
+from cam_rig.measured.cam_fit.arcs import Arcs
+from cam_rig.measured.cam_fit.arcs_file import arcs_cam
+from cam_rig.measured.cam_fit.arcs_fit import fit_arcs
+from cam_rig.measured.cam_fit.files import own_rig, own_scene, own_speeds, spline_cam
+from cam_rig.measured.cam_fit.gauge import put_in_order
+from cam_rig.measured.cam_fit.spline_fit import fit_spline
+from cam_rig.profile.check_table import check_cam
 from cam_rig.schema import load_cam, load_rig, load_scene
-from cam_rig.studies.cam_fit.arcs import Arcs
-from cam_rig.studies.cam_fit.arcs_file import arcs_cam
-from cam_rig.studies.cam_fit.arcs_fit import fit_arcs
-from cam_rig.studies.cam_fit.cam_file import spline_cam
-from cam_rig.studies.cam_fit.readings import put_in_order
-from cam_rig.studies.cam_fit.scene_file import own_rig, own_scene, own_speeds
-from cam_rig.studies.cam_fit.spline_fit import fit_spline
 from cam_rig.units import TURN
 
 from .conftest import table_of

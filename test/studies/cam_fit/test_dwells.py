@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cam_rig.studies.cam_fit.dwells import find_dwells
-from cam_rig.studies.cam_fit.readings import put_in_order
+from cam_rig.measured.cam_fit.dwells import find_dwells
+from cam_rig.measured.cam_fit.gauge import put_in_order
 from cam_rig.units import TURN
 
 from .conftest import table_of

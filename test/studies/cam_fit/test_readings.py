@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cam_rig.errors import ConfigError
-from cam_rig.studies.cam_fit.readings import bridges, put_in_order, without_outliers
+from cam_rig.measured.cam_fit.gauge import bridges, put_in_order, without_outliers
 from cam_rig.units import TURN
 
 from .conftest import table_of

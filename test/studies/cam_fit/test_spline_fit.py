@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_smoothing_spline
 
+from cam_rig.dynamics.vibration import low_dwell
 from cam_rig.errors import ConfigError
-from cam_rig.studies.cam_fit.conclusions import spline_conclusions
-from cam_rig.studies.cam_fit.readings import put_in_order
-from cam_rig.studies.cam_fit.spline_fit import fit_spline
-from cam_rig.studies.vibration.dwell import low_dwell
+from cam_rig.measured.cam_fit.gauge import put_in_order
+from cam_rig.measured.cam_fit.spline_fit import fit_spline
+from cam_rig.measured.cam_fit.tables import spline_conclusions
 from cam_rig.units import TURN
 
 from .conftest import table_of

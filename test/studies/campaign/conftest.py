@@ -2,8 +2,8 @@
 
 import pytest
 
+from cam_rig.campaign.campaign import campaign_from
 from cam_rig.schema.load import Library, config_root
-from cam_rig.studies.campaign.campaign import campaign_from
 
 
 @pytest.fixture(scope="session")

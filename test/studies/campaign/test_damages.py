@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import cam_rig
+from cam_rig.campaign.dataset import CampaignDataset
+from cam_rig.campaign.point import measure_batch
+from cam_rig.campaign.run import InThisProcess, run_campaign
 from cam_rig.errors import ConfigError, OutputError
-from cam_rig.studies.campaign.dataset import CampaignDataset
-from cam_rig.studies.campaign.point import measure_batch
-from cam_rig.studies.campaign.run import InThisProcess, run_campaign
 
 #: Batches of the campaign that is damaged, by their last points.
 BATCHES = (1, 4, 9, 16)

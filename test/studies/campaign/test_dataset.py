@@ -8,10 +8,10 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
+from cam_rig.campaign.dataset import CampaignDataset
+from cam_rig.campaign.point import measure_batch
+from cam_rig.campaign.run import InThisProcess, run_campaign
 from cam_rig.errors import ConfigError, OutputError
-from cam_rig.studies.campaign.dataset import CampaignDataset
-from cam_rig.studies.campaign.point import measure_batch
-from cam_rig.studies.campaign.run import InThisProcess, run_campaign
 
 MASS = {"rig.follower.mass": {"values": [-1, 1, 1.3, 2, 3], "unit": "kg"}}
 

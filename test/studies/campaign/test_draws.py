@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, norm, spearmanr, truncnorm, uniform
 
+from cam_rig.campaign.inputs import paths_of, with_numbers
 from cam_rig.errors import ConfigError
 from cam_rig.schema.load import config_root, load_cam, load_rig
-from cam_rig.studies.campaign.inputs import paths_of, with_numbers
 
 PRELOAD, MASS = "rig.follower.preload", "rig.follower.mass"
 

@@ -6,19 +6,19 @@ from multiprocessing import get_context
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import FollowerParameters
-from cam_rig.errors import ConfigError
-from cam_rig.studies.campaign.campaign import WAVE, WAVELENGTH
-from cam_rig.studies.campaign.largest_waviness import (
+from cam_rig.campaign.campaign import WAVE, WAVELENGTH
+from cam_rig.campaign.inputs import ProfileErrors
+from cam_rig.campaign.largest_waviness import (
     LOST,
     WavinessSearch,
     find_largest,
     least_steps,
     resonances,
 )
-from cam_rig.studies.campaign.point import keeps_limits
-from cam_rig.studies.campaign.profile_errors import ProfileErrors
-from cam_rig.studies.campaign.run import InThisProcess
+from cam_rig.campaign.point import keeps_limits
+from cam_rig.campaign.run import InThisProcess
+from cam_rig.dynamics import FollowerParameters
+from cam_rig.errors import ConfigError
 from cam_rig.units import RPM, TURN
 
 WAVY = {

@@ -8,10 +8,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import cam_rig
+from cam_rig.campaign.measures import MEASURES, parse_limits, parse_measures
+from cam_rig.campaign.point import make_point, measure_batch
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.errors import ConfigError
-from cam_rig.studies.campaign.measures import MEASURES, parse_limits, parse_measures
-from cam_rig.studies.campaign.point import make_point, measure_batch
 from cam_rig.units import RPM, TURN
 
 PRELOAD = "rig.follower.preload"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import qmc
 
-from cam_rig.studies.campaign.plan import grid_places, rows_of, unit_points
+from cam_rig.campaign.draws import grid_places, rows_of, unit_points
 
 KINDS = ("latin_hypercube", "sobol", "shares")
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import cam_rig
-from cam_rig.studies.campaign.profile_errors import ProfileErrors
+from cam_rig.campaign.inputs import ProfileErrors
 from cam_rig.units import TURN
 
 ANGLES = np.linspace(0.0, TURN, 20011)[:-1]

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from cam_rig.errors import ConfigError
-from cam_rig.studies.campaign.dataset import CampaignDataset
-from cam_rig.studies.campaign.first_order import first_orders
-from cam_rig.studies.campaign.plan import rows_of, unit_points
-from cam_rig.studies.campaign.results import (
+from cam_rig.campaign.dataset import CampaignDataset
+from cam_rig.campaign.draws import rows_of, unit_points
+from cam_rig.campaign.results import (
     CampaignResults,
     InputShare,
     points_needed,
@@ -18,8 +16,10 @@ from cam_rig.studies.campaign.results import (
     quantile,
     saltelli_shares,
 )
-from cam_rig.studies.campaign.run import InThisProcess, run_campaign
-from cam_rig.studies.campaign.tables import derivative_table, quantile_table
+from cam_rig.campaign.run import InThisProcess, run_campaign
+from cam_rig.campaign.sensitivities import first_orders
+from cam_rig.campaign.tables import derivative_table, quantile_table
+from cam_rig.errors import ConfigError
 
 
 def test_shares_of_ishigamis_function():

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from distributed import Client, LocalCluster
 
+from cam_rig.campaign.dataset import CampaignDataset
+from cam_rig.campaign.point import measure_batch
+from cam_rig.campaign.run import BATCH_S, BatchSizes, InThisProcess, run_campaign
 from cam_rig.errors import RunError
-from cam_rig.studies.campaign.dataset import CampaignDataset
-from cam_rig.studies.campaign.point import measure_batch
-from cam_rig.studies.campaign.run import BATCH_S, BatchSizes, InThisProcess, run_campaign
 
 PARTS = {
     "vary": {

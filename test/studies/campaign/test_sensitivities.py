@@ -7,11 +7,11 @@ import pytest
 from scipy.optimize import brentq
 
 import cam_rig
+from cam_rig.campaign.inputs import ProfileErrors
+from cam_rig.campaign.point import make_point
+from cam_rig.campaign.sensitivities import jump_sensitivities, touch_of
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.studies.campaign.point import make_point
-from cam_rig.studies.campaign.profile_errors import ProfileErrors
-from cam_rig.studies.campaign.sensitivities import jump_sensitivities, touch_of
-from cam_rig.studies.jump.search import force_run, sought
+from cam_rig.dynamics.jump.search import force_run, sought
 
 VARY = {
     "rig.follower.mass": {"uniform": 1, "unit": "%"},

@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 
 import cam_rig
+from cam_rig.campaign.campaign import campaign_from
+from cam_rig.campaign.dataset import CampaignDataset
+from cam_rig.campaign.measures import scene_at
+from cam_rig.campaign.point import make_point, measure_batch
+from cam_rig.campaign.results import CampaignResults
+from cam_rig.campaign.run import InThisProcess, run_campaign
+from cam_rig.campaign.steady import MOST_TURNS, SETTLED, steady_row
+from cam_rig.design.terms import parse_limit
 from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics.vibration import residual_vibration
 from cam_rig.errors import ConfigError
 from cam_rig.schema.load import Library, config_root
-from cam_rig.studies.campaign.campaign import campaign_from
-from cam_rig.studies.campaign.dataset import CampaignDataset
-from cam_rig.studies.campaign.measures import scene_at
-from cam_rig.studies.campaign.point import make_point, measure_batch
-from cam_rig.studies.campaign.results import CampaignResults
-from cam_rig.studies.campaign.run import InThisProcess, run_campaign
-from cam_rig.studies.campaign.steady import MOST_TURNS, SETTLED, steady_row
-from cam_rig.studies.design.terms import parse_limit
-from cam_rig.studies.vibration.steady_state import residual_vibration
 from cam_rig.units import RPM
 
 PRELOAD = {"rig.follower.preload": {"values": [30.6], "unit": "N"}}

@@ -6,17 +6,12 @@ import numpy as np
 import pytest
 
 from cam_rig.laws import build_law
-from cam_rig.profile.checks.base_radius import least_base_radius, plates_on
-from cam_rig.profile.checks.pressure_angle import greatest_allowed
-from cam_rig.profile.extremes import Scan
+from cam_rig.paper.contact.comparison import RISES, by_curvature, by_face, by_pressure_angle
+from cam_rig.paper.contact.surfaces import base_bounds, measured, peak_pressure, peak_sliding
+from cam_rig.profile.check_table import greatest_allowed
+from cam_rig.profile.checks import least_base_radius, plates_on
+from cam_rig.profile.contact import Scan
 from cam_rig.schema import CamConfig
-from cam_rig.studies.contact.bounds import base_bounds, measured, peak_pressure, peak_sliding
-from cam_rig.studies.contact.event_angle import (
-    RISES,
-    by_curvature,
-    by_face,
-    by_pressure_angle,
-)
 
 from .test_surfaces import RIG, SPEED, SPRUNG, case_of
 

@@ -4,8 +4,9 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from cam_rig.schema.contact_parts import ContactParts
-from cam_rig.studies.contact.hertz import half_width, peak_pressure
+from cam_rig.paper.contact.surfaces import half_width
+from cam_rig.paper.contact.surfaces import hertz_pressure as peak_pressure
+from cam_rig.schema.cam import ContactParts
 
 #: Load (N/m), radii (m; negative: concave), E* (Pa).
 CASES = [

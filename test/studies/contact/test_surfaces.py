@@ -7,13 +7,12 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.kinetostatic import shaft_torque
 from cam_rig.errors import ProfileError
 from cam_rig.laws import build_law
-from cam_rig.profile.flat_face import SwungFace
-from cam_rig.profile.motion import Motion
-from cam_rig.profile.roller import SwungCentre
+from cam_rig.paper.contact.comparison import contact_row
+from cam_rig.paper.contact.surfaces import contact_case
+from cam_rig.profile.contact import Motion
+from cam_rig.profile.faces import SwungCentre, SwungFace
 from cam_rig.schema import CamConfig, load_cam
 from cam_rig.schema.load import named_path
-from cam_rig.studies.contact.comparison import contact_row
-from cam_rig.studies.contact.surfaces import contact_case
 
 RIG = FollowerParameters(
     mass=0.9, spring_stiffness=3000.0, damping=6.0, preload=80.0, stem_stiffness=1e7

@@ -11,25 +11,22 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cam_rig.arrays import FloatArray
+from cam_rig.design.constraints import Asked, DesignProblem, add, keep_lift
+from cam_rig.design.convex_program import BOX, ConvexProgram
+from cam_rig.design.design import search_design as design
+from cam_rig.design.request import DesignRequest, LawClass
+from cam_rig.design.space import PARTS, Space
+from cam_rig.design.tables import LawDesign
+from cam_rig.design.terms import parse_term
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
 from cam_rig.errors import DesignError
 from cam_rig.laws import Law, build_law
-from cam_rig.laws.peaks import extremes, peak
+from cam_rig.laws.law import extremes, peak
 from cam_rig.profile import contours
 from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
 from cam_rig.schema.load import config_root
-from cam_rig.studies.design.constraints import Asked, add, keep_lift
-from cam_rig.studies.design.design import design
-from cam_rig.studies.design.law_class import LawClass
-from cam_rig.studies.design.problem import DesignProblem
-from cam_rig.studies.design.programs.program import BOX, ConvexProgram
-from cam_rig.studies.design.request import DesignRequest
-from cam_rig.studies.design.results.law_design import LawDesign
-from cam_rig.studies.design.space import PARTS, Space
-from cam_rig.studies.design.terms import parse_term
-from cam_rig.studies.jump.rigid import rigid_jump_speed
-from cam_rig.units import TURN, to_rpm
+from cam_rig.units import TURN, FloatArray, to_rpm
 
 RIG = load_rig(config_root() / "rigs" / "paper_table2.yaml")
 SPAN, LIFT = np.radians(117.5), 0.05

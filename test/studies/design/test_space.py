@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cam_rig.design.request import LawClass
+from cam_rig.design.space import Space, dwells
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, build_law
 from cam_rig.schema import load_cam
 from cam_rig.schema.load import config_root
-from cam_rig.studies.design.events import dwells
-from cam_rig.studies.design.law_class import LawClass
-from cam_rig.studies.design.space import Space
 
 RNG = np.random.default_rng(11)
 

@@ -6,9 +6,9 @@ import math
 
 import pytest
 
+from cam_rig.design.request import DesignRequest
+from cam_rig.design.terms import parse_goal, parse_limit, parse_term
 from cam_rig.errors import ConfigError
-from cam_rig.studies.design.request import DesignRequest
-from cam_rig.studies.design.terms import parse_goal, parse_limit, parse_term
 from cam_rig.units import RPM
 
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from cam_rig.studies.factorial.anova import two_levels, two_way
+from cam_rig.paper.anova import two_levels, two_way
 
 TABLES = arrays(np.float64, (3, 4), elements=st.floats(-100.0, 100.0))
 

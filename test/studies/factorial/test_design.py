@@ -7,21 +7,28 @@ import numpy as np
 import pytest
 
 from cam_rig.errors import ConfigError
-from cam_rig.laws.continuity import joints
-from cam_rig.laws.peaks import peak
-from cam_rig.schema import load_factorial, load_rig
-from cam_rig.studies.factorial.conclusions import (
+from cam_rig.laws.law import joints, peak
+from cam_rig.laws.segments import up_and_down
+from cam_rig.paper.factorial.conclusions import (
     BY_KEY,
     Cause,
     Classes,
+    advantages,
     conclusions,
+    contact_lost,
+    fastest,
     governed_by,
+    staying,
 )
-from cam_rig.studies.factorial.decomposition import advantages
-from cam_rig.studies.factorial.design import EFFECTS, run_factorial
-from cam_rig.studies.factorial.in_contact import contact_lost, fastest, staying
-from cam_rig.studies.factorial.laws import as_gentle, squeezed, up_and_down
-from cam_rig.studies.factorial.measures import Bench
+from cam_rig.paper.factorial.study import (
+    EFFECTS,
+    Bench,
+    as_gentle,
+    load_factorial,
+    run_factorial,
+    squeezed,
+)
+from cam_rig.schema import load_rig
 from cam_rig.units import TURN
 
 RISES = ("simple_harmonic", "poly345", "cycloidal", "poly4567", "bezier9", "modified_sine")

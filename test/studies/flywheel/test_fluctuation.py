@@ -7,17 +7,10 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
+from cam_rig.dynamics.vibration import energy_fluctuation, flywheel_turn, steady_twist
+from cam_rig.laws.cam import CamSet
+from cam_rig.paper.flywheel import INERTIAS, SHOWN, flywheel_tables, study_flywheel
 from cam_rig.schema import load_rig
-from cam_rig.studies.cam_set import CamSet
-from cam_rig.studies.flywheel.fluctuation import (
-    INERTIAS,
-    SHOWN,
-    energy_fluctuation,
-    flywheel_turn,
-    study_flywheel,
-)
-from cam_rig.studies.flywheel.tables import flywheel_tables
-from cam_rig.studies.vibration.steady_state import steady_twist
 from cam_rig.units import RPM
 
 SPEED = 300.0 * RPM

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.modal.cells import LawCells
-from cam_rig.dynamics.modal.minimum import ModalRun
+from cam_rig.dynamics.jump import search
+from cam_rig.dynamics.jump.search import sought_speed
+from cam_rig.dynamics.modal_minimum import LawCells, ModalRun
 from cam_rig.errors import DynamicsError
 from cam_rig.schema import load_rig
-from cam_rig.studies.jump import search
-from cam_rig.studies.jump.search import sought_speed
 from cam_rig.units import RPM
 
 #: Looks that a test lets a search have, and what one call of the force takes more at most.

@@ -6,10 +6,10 @@ from scipy.integrate import solve_ivp
 
 import cam_rig
 from cam_rig.dynamics import TwoMassParameters
+from cam_rig.dynamics.jump.any_follower import find_jump, follower_of
+from cam_rig.dynamics.jump.search import force_run, sought_speed
 from cam_rig.laws import Law, bernstein
-from cam_rig.studies.jump.any_rig import find_jump, follower_of
-from cam_rig.studies.jump.search import force_run, sought_speed
-from cam_rig.studies.jump.turn_minima import Rigs, ShapeTable, turn_minima
+from cam_rig.paper.readings.readings import Rigs, ShapeTable, turn_minima
 from cam_rig.units import RPM, TURN
 
 #: Duration of the runs, s.

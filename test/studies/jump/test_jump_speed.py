@@ -8,21 +8,28 @@ import pytest
 from scipy.optimize import brentq
 
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
-from cam_rig.dynamics.contact_force import loss_intervals
-from cam_rig.dynamics.two_mass.events import lift_off
-from cam_rig.dynamics.two_mass.parameters import contact_response
+from cam_rig.dynamics.jump import jump_speed as jump
+from cam_rig.dynamics.jump import search as search_module
+from cam_rig.dynamics.jump.jump_speed import jump_speed
+from cam_rig.dynamics.jump.search import sought_speed
+from cam_rig.dynamics.kinetostatic import loss_intervals
+from cam_rig.dynamics.two_mass.masses import contact_response
+from cam_rig.dynamics.two_mass.trajectory import lift_off
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import build_law
+from cam_rig.laws.cam import open_cam_set
+from cam_rig.paper.jump import refit as jump_refit
+from cam_rig.paper.jump.comparison import (
+    Reference,
+    compare,
+    find_jumps,
+    jump_along_ramp,
+    references,
+    rms_difference,
+    same_ranking,
+)
+from cam_rig.paper.jump.refit import Numbers, refit, refitted, with_event
 from cam_rig.schema import load_rig, load_tables
-from cam_rig.studies.cam_set import open_cam_set
-from cam_rig.studies.jump import jump_speed as jump
-from cam_rig.studies.jump import refit as jump_refit
-from cam_rig.studies.jump.comparison import compare, find_jumps, rms_difference, same_ranking
-from cam_rig.studies.jump.jump_speed import jump_speed
-from cam_rig.studies.jump.published import Reference, references
-from cam_rig.studies.jump.ramp import jump_along_ramp
-from cam_rig.studies.jump.refit import Numbers, refit, refitted, with_event
-from cam_rig.studies.jump.search import sought_speed
 from cam_rig.units import RPM
 
 FIVE = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
@@ -141,7 +148,7 @@ def test_a_resonance_narrower_than_the_tolerance(laws, two_mass, monkeypatch):
     The follower leaves in a band of a millionth of the speed, and next only far above it.
     """
     law, slack = laws["poly345"], replace(two_mass, stem_damping=0.003, damping=0.003)
-    near = partial(jump.sought, slowest=52.5)  # seconds rather than a quarter of a minute
+    near = partial(search_module.sought, slowest=52.5)  # seconds rather than a quarter of a minute
     monkeypatch.setattr(jump, "sought", near)
     found = jump_speed(law, slack, None)
     assert found.speed == pytest.approx(near(law, slack, None).speed, rel=1e-5)
@@ -150,7 +157,7 @@ def test_a_resonance_narrower_than_the_tolerance(laws, two_mass, monkeypatch):
 
 def test_a_jump_that_cannot_be_proved(laws, two_mass, monkeypatch):
     """A zero that the exact model does not have is an error, not a speed from elsewhere."""
-    wrong = jump.Sought(*(rpm * RPM for rpm in (300.0, 300.001, 300.002)))
+    wrong = search_module.Sought(*(rpm * RPM for rpm in (300.0, 300.001, 300.002)))
     monkeypatch.setattr(jump, "sought", lambda *_: wrong)
     with pytest.raises(DynamicsError, match=r"sought 300\.001 rpm, but .* allowed: a resonance"):
         jump_speed(laws["poly345"], two_mass, None)

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.two_mass.events import lift_off
+from cam_rig.dynamics.jump.jump_speed import TOLERANCE, jump_speed, may_pull, rigid_jump
+from cam_rig.dynamics.two_mass.trajectory import lift_off
 from cam_rig.laws import Law, bernstein
-from cam_rig.laws.families.table import smooth
-from cam_rig.laws.pieces import joined
+from cam_rig.laws.bernstein import joined
+from cam_rig.laws.spline import smooth
 from cam_rig.schema import load_rig
-from cam_rig.studies.jump.jump_speed import TOLERANCE, jump_speed
-from cam_rig.studies.jump.rigid import may_pull, rigid_jump
 from cam_rig.units import TURN
 
 

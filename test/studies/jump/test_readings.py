@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.two_mass.events import lift_off
+from cam_rig.dynamics.two_mass.trajectory import lift_off
 from cam_rig.errors import ConfigError
 from cam_rig.laws import build_law
+from cam_rig.paper.jump.refit import with_event
+from cam_rig.paper.readings.readings import first_on_grid, follower_of, read, window
+from cam_rig.paper.readings.search import BOUNDS, ReadingSearch, Trials
+from cam_rig.paper.readings.tables import conclusion, numbers_table, speeds_table, times_table
 from cam_rig.schema import load_cam, load_readings, load_rig, load_tables
 from cam_rig.schema.load import config_root
 from cam_rig.schema.published import PublishedJump
-from cam_rig.studies.jump.reading_search import BOUNDS, ReadingSearch, Trials
-from cam_rig.studies.jump.reading_tables import conclusion, numbers_table, speeds_table, times_table
-from cam_rig.studies.jump.readings import first_on_grid, follower_of, read, window
-from cam_rig.studies.jump.refit import with_event
 from cam_rig.units import RPM, TURN
 
 CONFIG = config_root()

@@ -7,11 +7,11 @@ import pytest
 
 import cam_rig
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval
-from cam_rig.dynamics.contact_force import loss_intervals
+from cam_rig.dynamics.jump.any_follower import described, find_jump, follower_of
+from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed, rigid_least
+from cam_rig.dynamics.kinetostatic import loss_intervals
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import build_law
-from cam_rig.studies.jump.any_rig import described, find_jump, follower_of
-from cam_rig.studies.jump.rigid import rigid_jump_speed, rigid_least
 
 
 def test_eccentric(make_cam, follower):

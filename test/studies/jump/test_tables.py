@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from cam_rig.studies.jump.comparison import JumpRow
-from cam_rig.studies.jump.jump_speed import Jump
-from cam_rig.studies.jump.tables import jump_table, to_json
+from cam_rig.dynamics.jump.any_follower import JumpRow
+from cam_rig.dynamics.jump.jump_speed import Jump
+from cam_rig.paper.jump.tables import jump_table, to_json
 
 FOUND = Jump(40.0, math.pi, 0.5)
 FITTED = JumpRow("a", FOUND, Jump(41.0, 0.0, 0.0), 400.0, 1.5, "fitted")

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import TwoMassParameters
+from cam_rig.dynamics.jump.search import force_run
 from cam_rig.laws import build_law
+from cam_rig.paper.readings.readings import Rigs, ShapeTable, turn_minima
 from cam_rig.schema import load_cam
 from cam_rig.schema.load import config_root
-from cam_rig.studies.jump.search import force_run
-from cam_rig.studies.jump.turn_minima import Rigs, ShapeTable, turn_minima
 from cam_rig.units import RPM
 
 CAMS = ("bezier15", "poly345", "cycloidal", "bezier_segments", "half_rises", "tm21")

@@ -5,10 +5,10 @@ import pytest
 
 from cam_rig.errors import LawError
 from cam_rig.laws.cam import arc_cam
+from cam_rig.paper.noise.arc_cam import ArcShape, ShapeProblem
 from cam_rig.simulation.regression import cubic
-from cam_rig.simulation.settled_turns import Acoustics, settled_turns
-from cam_rig.studies.noise.arc_shape import ArcShape, ShapeProblem
-from cam_rig.studies.noise.calibration import rms
+from cam_rig.simulation.simulate import Acoustics, settled_turns
+from cam_rig.units import rms
 
 SPEEDS = np.array([200.0, 240.0, 280.0, 320.0, 360.0, 400.0]) * np.pi / 30.0
 

@@ -3,14 +3,8 @@
 import numpy as np
 import pytest
 
-from cam_rig.studies.noise import bootstrap
-from cam_rig.studies.noise.bootstrap import (
-    Band,
-    crossing,
-    crossing_interval,
-    points_crossing,
-    resample,
-)
+from cam_rig.paper.noise import methods as bootstrap
+from cam_rig.paper.noise.methods import Band, crossing, crossing_interval, points_crossing, resample
 
 RPM = np.linspace(200.0, 400.0, 21)
 

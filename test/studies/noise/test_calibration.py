@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from cam_rig.simulation.settled_turns import Acoustics, settled_turns
-from cam_rig.studies.noise.calibration import (
+from cam_rig.paper.noise.calibration import (
     PublishedCam,
     by_substitution,
-    rms,
     sensitivity,
     two_constants,
 )
+from cam_rig.simulation.simulate import Acoustics, settled_turns
+from cam_rig.units import rms
 
 SPEEDS = np.linspace(200.0, 400.0, 11) * np.pi / 30.0
 

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cam_rig.studies.noise.claims import TESTED_ON, noise_claims
-from cam_rig.studies.noise.setup import StudyRoles
+from cam_rig.paper.noise.roles import StudyRoles
+from cam_rig.paper.noise.study import TESTED_ON, noise_claims
 
 RPM = np.arange(200.0, 401.0, 10.0)
 ROLES = StudyRoles(reference="conventional", predicted="proposed", arcs="arcs")

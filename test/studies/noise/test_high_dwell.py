@@ -6,11 +6,11 @@ import math
 import numpy as np
 import pytest
 
+from cam_rig.paper.noise.high_dwell import WITH_JUMPS, study_high_dwell, timing_of
+from cam_rig.paper.noise.roles import NoiseSetup
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
-from cam_rig.simulation.settled_turns import Acoustics
-from cam_rig.studies.noise.high_dwell import WITH_JUMPS, study_high_dwell, timing_of
-from cam_rig.studies.noise.setup import NoiseSetup
+from cam_rig.simulation.scene import open_scene
+from cam_rig.simulation.simulate import Acoustics
 
 LIFT = 0.005
 

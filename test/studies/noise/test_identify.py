@@ -4,7 +4,7 @@ import pytest
 from pydantic import ValidationError
 
 from cam_rig.laws import build_law
-from cam_rig.studies.noise.identify import with_geometry
+from cam_rig.paper.noise.arc_cam import with_geometry
 
 
 def test_with_geometry(cams):

@@ -7,7 +7,7 @@ import pytest
 
 from cam_rig.acoustics import level_db, steady_power
 from cam_rig.errors import DynamicsError
-from cam_rig.studies.noise.calibration import calibrate
+from cam_rig.paper.noise.calibration import calibrate
 
 RPM = np.linspace(200.0, 400.0, 9)
 SPEEDS = RPM * np.pi / 30.0

@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 from cam_rig.errors import ConfigError
+from cam_rig.paper.noise.methods import leave_one_out, with_substitution, with_two_constants
+from cam_rig.paper.noise.roles import NoiseSetup, StudyRoles
+from cam_rig.paper.noise.shared_rig import with_elastic_stem, with_rigid_stem
+from cam_rig.paper.noise.study import NoiseStudy
 from cam_rig.schema import load_published, load_rig
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
 from cam_rig.simulation.regression import cubic
-from cam_rig.studies.noise.calibration_methods import with_substitution, with_two_constants
-from cam_rig.studies.noise.leave_one_out import leave_one_out
-from cam_rig.studies.noise.run import NoiseStudy
-from cam_rig.studies.noise.setup import NoiseSetup, StudyRoles
-from cam_rig.studies.noise.shared_rig import with_elastic_stem, with_rigid_stem
+from cam_rig.simulation.scene import open_scene
 
 
 @pytest.fixture(scope="module")

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from cam_rig.acoustics import steady_power
-from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
-from cam_rig.studies.noise.transfer_functions import (
+from cam_rig.paper.noise.calibration import (
     HARMONICS,
     STRUCTURES,
     compare_structures,
     harmonic_power,
 )
+from cam_rig.schema.load import config_root
+from cam_rig.simulation.scene import open_scene
 
 SPEEDS = np.linspace(200.0, 400.0, 11) * np.pi / 30.0
 

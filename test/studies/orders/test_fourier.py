@@ -4,11 +4,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from cam_rig.studies.orders.fourier import (
-    polynomial_integral,
-    pulse_integral,
-    vibration_integral,
-)
+from cam_rig.paper.orders.spectrum import polynomial_integral, pulse_integral, vibration_integral
 
 PHASES = np.array([0.0, 1e-9, 0.3, 2.0, 7.0, 31.0, 400.0, 1e4])
 

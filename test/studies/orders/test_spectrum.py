@@ -8,15 +8,15 @@ import pytest
 
 import cam_rig
 from cam_rig.acoustics import RadiationParameters, SoundSource, level_db
-from cam_rig.acoustics.steady import mean_square_rate
+from cam_rig.acoustics.pressure import mean_square_rate
 from cam_rig.dynamics import MODELS, FollowerParameters, TwoMassParameters
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import Law
+from cam_rig.paper.orders import spectrum as module
+from cam_rig.paper.orders import steady_force as steady_force_module
+from cam_rig.paper.orders.spectrum import force_orders, order_spectrum, polynomial_integral
+from cam_rig.paper.orders.steady_force import steady_force
 from cam_rig.simulation.simulate import turned_ticks
-from cam_rig.studies.orders import spectrum as module
-from cam_rig.studies.orders.fourier import polynomial_integral
-from cam_rig.studies.orders.spectrum import force_orders, order_spectrum
-from cam_rig.studies.orders.steady_force import steady_force
 from cam_rig.units import RPM, TURN
 
 PAPER = cam_rig.load_rig("paper_table2")
@@ -198,7 +198,9 @@ def test_what_has_no_closed_form_is_refused():
     jumping = cam_rig.build_law(cam_rig.load_cam("worked_example_constant_velocity"))
     with pytest.raises(DynamicsError, match="velocity jumps"):
         steady_force(jumping, "kinetostatic", PAPER, 10.0)
-    assert MODELS.keys() - module.steady_force.__globals__["BUILDERS"].keys() == {"torsional"}
+    assert MODELS.keys() - steady_force_module.steady_force.__globals__["BUILDERS"].keys() == {
+        "torsional"
+    }
 
 
 def test_the_example_is_true():

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from cam_rig.acoustics import level_db
-from cam_rig.simulation.measured_run import MeasuredRun, Signal
+from cam_rig.simulation.instruments import MeasuredRun, Signal
 from cam_rig.simulation.simulate import simulate, turned_ticks
 from cam_rig.units import TURN
 

@@ -6,9 +6,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from cam_rig.simulation.measured_run import Signal
-from cam_rig.studies.real_run import alignment, cam_motion, departure, spectrum
-from cam_rig.studies.real_run.cam_motion import steady_stretches
+from cam_rig.measured.real_run import alignment
+from cam_rig.measured.real_run import comparison as spectrum
+from cam_rig.measured.real_run import deviation as departure
+from cam_rig.measured.real_run import model_run as cam_motion
+from cam_rig.measured.real_run.model_run import steady_stretches
+from cam_rig.simulation.instruments import Signal
 from cam_rig.units import RPM, TURN
 
 COUNT = TURN / 1024

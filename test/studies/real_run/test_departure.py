@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from cam_rig.laws import Law
-from cam_rig.studies.real_run.departure import departure
-from cam_rig.studies.real_run.lost_contact import lost_contact
-from cam_rig.studies.real_run.pairs import PairedSignal, PairedStep
+from cam_rig.measured.real_run.deviation import PairedSignal, PairedStep, departure, lost_contact
 from cam_rig.units import TURN
 
 RATE, RPM, TURNS = 2000.0, 300.0, 20

@@ -9,11 +9,10 @@ import pytest
 from scipy.signal import TransferFunction, lsim
 
 from cam_rig.errors import BagError
-from cam_rig.simulation.measured_run import Signal
-from cam_rig.studies.real_run.comparison import compare_steps
-from cam_rig.studies.real_run.conclusions import done, sentences
-from cam_rig.studies.real_run.measured_pairs import pair_measured
-from cam_rig.studies.real_run.tables import departure_table, to_json
+from cam_rig.measured.real_run.comparison import compare_steps
+from cam_rig.measured.real_run.pairs import pair_measured
+from cam_rig.measured.real_run.tables import departure_table, done, sentences, to_json
+from cam_rig.simulation.instruments import Signal
 from cam_rig.units import RPM
 
 from .bench import COUNTS, OFFSET_DEG, measured, with_follower

@@ -10,11 +10,10 @@ from scipy.signal import lfilter
 
 import cam_rig
 from cam_rig.dynamics import FollowerParameters
-from cam_rig.simulation.instruments import InstrumentErrors, measured_run
-from cam_rig.simulation.measured_run import Signal
-from cam_rig.studies.jump.rigid import rigid_jump_speed
-from cam_rig.studies.rig_fit.bounces import WITHIN_95
-from cam_rig.studies.rig_fit.rig_fit import fit_rig
+from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
+from cam_rig.measured.rig_fit.rig_fit import fit_rig
+from cam_rig.measured.rig_fit.start import WITHIN_95
+from cam_rig.simulation.instruments import InstrumentErrors, Signal, measured_run
 from cam_rig.units import to_rpm
 
 #: With dwells and without, smooth and with steps of acceleration.

@@ -12,10 +12,9 @@ from multiprocessing import get_context
 import numpy as np
 import pytest
 
+from cam_rig.measured.rig_fit.rig_fit import fit_rig
+from cam_rig.measured.rig_fit.search import FitSolution, uncertainty
 from cam_rig.simulation.instruments import InstrumentErrors, measured_run
-from cam_rig.studies.rig_fit.rig_fit import fit_rig
-from cam_rig.studies.rig_fit.search import FitSolution
-from cam_rig.studies.rig_fit.uncertainty import uncertainty
 
 from .machines import NOISES, coverage, kind_of, scores_of
 

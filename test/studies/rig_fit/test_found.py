@@ -5,10 +5,9 @@ import re
 import pytest
 import yaml
 
-from cam_rig.studies.rig_fit.conclusions import gist
-from cam_rig.studies.rig_fit.found import FoundNumber
-from cam_rig.studies.rig_fit.rig_file import fitted_rig
-from cam_rig.studies.rig_fit.tables import numbers_json, numbers_table
+from cam_rig.measured.rig_fit.result import FoundNumber
+from cam_rig.measured.rig_fit.rig_fit import fitted_rig
+from cam_rig.measured.rig_fit.tables import gist, numbers_json, numbers_table
 
 SURE = FoundNumber("preload", 14.947876, 0.0323, "identified")
 UNSURE = FoundNumber("damping", 8.6234, 3.1, "identified")

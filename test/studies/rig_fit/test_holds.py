@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from cam_rig.errors import ConfigError
-from cam_rig.simulation.instruments import InstrumentErrors, measured_run
-from cam_rig.simulation.measured_run import MeasuredRun, Signal
-from cam_rig.studies.rig_fit.holds import steady_holds
+from cam_rig.measured.rig_fit.turns import steady_holds
+from cam_rig.simulation.instruments import InstrumentErrors, MeasuredRun, Signal, measured_run
 from cam_rig.units import RPM
 
 

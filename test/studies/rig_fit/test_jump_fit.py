@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics.jump.any_follower import find_jump
 from cam_rig.errors import ConfigError
-from cam_rig.schema.bench_tables.jump_table import JumpReading, JumpTable
-from cam_rig.studies.jump.any_rig import find_jump
-from cam_rig.studies.rig_fit import jump_fit
-from cam_rig.studies.rig_fit.conclusions import jump_conclusions
-from cam_rig.studies.rig_fit.jump_fit import fit_jumps
+from cam_rig.measured.rig_fit import jump_fit
+from cam_rig.measured.rig_fit.jump_fit import fit_jumps
+from cam_rig.measured.rig_fit.jump_table import JumpReading, JumpTable
+from cam_rig.measured.rig_fit.tables import jump_conclusions
 from cam_rig.units import RPM
 
 OWN, DAMPING, PRELOAD = 1.1, 8.0, 25.0

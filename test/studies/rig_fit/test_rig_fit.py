@@ -9,12 +9,12 @@ from scipy.optimize import curve_fit
 
 import cam_rig
 from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
 from cam_rig.errors import ConfigError
+from cam_rig.measured.rig_fit.rig_fit import fit_rig
+from cam_rig.measured.rig_fit.search import noise_of
+from cam_rig.measured.rig_fit.tables import rig_conclusions
 from cam_rig.simulation.instruments import InstrumentErrors, measured_run
-from cam_rig.studies.jump.rigid import rigid_jump_speed
-from cam_rig.studies.rig_fit.conclusions import rig_conclusions
-from cam_rig.studies.rig_fit.rig_fit import fit_rig
-from cam_rig.studies.rig_fit.search import noise_of
 from cam_rig.units import to_rpm
 
 IN_CONTACT, WITH_FLIGHTS = (150.0, 220.0, 290.0, 350.0, 410.0), (200.0, 350.0, 460.0)

@@ -5,8 +5,7 @@ import pytest
 
 import cam_rig
 from cam_rig.dynamics import MODELS, Interval
-from cam_rig.studies.rig_fit.turn.sensor import resonant
-from cam_rig.studies.rig_fit.turn.steady_turn import one_mass_turn, two_mass_turn
+from cam_rig.measured.rig_fit.steady_turn import one_mass_turn, resonant, two_mass_turn
 from cam_rig.units import NS, RPM, TURN
 
 SETTLE = 80

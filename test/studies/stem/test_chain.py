@@ -8,10 +8,9 @@ import pytest
 
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.linear.sampling import sample
-from cam_rig.dynamics.two_mass.parameters import contact_response, force_output
+from cam_rig.dynamics.two_mass.masses import contact_response, force_output
+from cam_rig.paper.stem.chain import BAR, Stem, chain_response, stem_turn
 from cam_rig.schema import load_rig
-from cam_rig.studies.stem.chain import BAR, Stem, chain_response
-from cam_rig.studies.stem.steady import stem_turn
 from cam_rig.units import RPM, TURN
 
 SPEED = 300.0 * RPM

@@ -6,22 +6,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cam_rig.acoustics.steady import mean_square_rate
+from cam_rig.acoustics.pressure import mean_square_rate
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.dynamics.jump.jump_speed import jump_speed
 from cam_rig.dynamics.linear.sampling import sample
-from cam_rig.schema import load_rig
-from cam_rig.studies.cam_set import CamSet
-from cam_rig.studies.jump.jump_speed import jump_speed
-from cam_rig.studies.stem.chain import BAR, Stem, chain_response
-from cam_rig.studies.stem.comparison import (
+from cam_rig.laws.cam import CamSet
+from cam_rig.paper.stem.chain import BAR, Stem, chain_response, stem_turn
+from cam_rig.paper.stem.study import (
     ELEMENTS,
     matched_stiffness,
     stem_jump,
+    stem_tables,
     study_stem,
     vibration,
 )
-from cam_rig.studies.stem.steady import stem_turn
-from cam_rig.studies.stem.tables import stem_tables
+from cam_rig.schema import load_rig
 from cam_rig.units import RPM, TURN
 
 

@@ -7,9 +7,9 @@ import pytest
 from scipy.optimize import brentq
 
 from cam_rig.laws import Law, build_law
+from cam_rig.paper.timing.events import LEVELS, events
 from cam_rig.schema import load_cam
 from cam_rig.schema.load import config_root
-from cam_rig.studies.timing.events import LEVELS, events
 
 
 def shipped(name):

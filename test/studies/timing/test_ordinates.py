@@ -5,11 +5,17 @@ import pytest
 
 from cam_rig.errors import ConfigError
 from cam_rig.laws import build_law
+from cam_rig.paper.timing.events import (
+    DEGREE,
+    PIECES,
+    REACHED,
+    held,
+    shift_matrix,
+    with_same_events,
+)
+from cam_rig.paper.timing.tables import CamTiming, EventControl, beside_b_spline
 from cam_rig.schema import load_cam
 from cam_rig.schema.load import config_root
-from cam_rig.studies.timing.comparison import CamTiming, EventControl, beside_b_spline
-from cam_rig.studies.timing.ordinates import REACHED, held, shift_matrix
-from cam_rig.studies.timing.same_events import DEGREE, PIECES, with_same_events
 
 
 def shipped(name):

@@ -6,25 +6,22 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.dynamics.jump.jump_speed import contact_lost_speed, jump_speed, rigid_jump_speed
 from cam_rig.dynamics.kinetostatic import state_at
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
-from cam_rig.errors import DynamicsError
-from cam_rig.laws import build_law
-from cam_rig.schema import load_rig
-from cam_rig.studies.cam_set import open_cam_set
-from cam_rig.studies.factorial.laws import squeezed
-from cam_rig.studies.jump.contact_lost_speed import contact_lost_speed
-from cam_rig.studies.jump.jump_speed import jump_speed
-from cam_rig.studies.jump.rigid import rigid_jump_speed
-from cam_rig.studies.vibration.claims import Claim, Verdict, vibration_claims
-from cam_rig.studies.vibration.comparison import vibration_table
-from cam_rig.studies.vibration.dwell import low_dwell
-from cam_rig.studies.vibration.steady_state import (
+from cam_rig.dynamics.vibration import (
+    low_dwell,
     residual_vibration,
     steady_turn,
     steady_twist,
     vibration,
 )
+from cam_rig.errors import DynamicsError
+from cam_rig.laws import build_law
+from cam_rig.laws.cam import open_cam_set
+from cam_rig.paper.factorial.study import squeezed
+from cam_rig.paper.vibration.study import Claim, Verdict, vibration_claims, vibration_table
+from cam_rig.schema import load_rig
 from cam_rig.units import RPM
 
 FIVE = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")

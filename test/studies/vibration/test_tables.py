@@ -1,7 +1,6 @@
 """Claims as a table: one row for each measure, each rig's verdict beside it."""
 
-from cam_rig.studies.vibration.claims import Claim
-from cam_rig.studies.vibration.tables import claims_table
+from cam_rig.paper.vibration.study import Claim, claims_table
 
 OTHER = Claim("least residual vibration", "fig. 5", 0, 4, "peak to peak")
 CLAIM = Claim("least residual vibration", "fig. 5", 4, 4, "residual amplitude", OTHER)

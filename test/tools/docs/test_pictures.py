@@ -13,8 +13,8 @@ from matplotlib import pyplot as plt
 from PIL import Image
 from typer.testing import CliRunner
 
-from cam_rig.drawing.colours import FORCE, GAP, LAW, LIFT, web
 from cam_rig.errors import BagError
+from cam_rig.show.looks import FORCE, GAP, LAW, LIFT, web
 from tools.docs import main, pictures, screenshot, stills
 from tools.docs.browser import HEIGHT, WIDTH, Pixels, count, why_no_browser
 from tools.docs.pictures import ANIMATION, SIDE_BY_SIDE, draw_pictures

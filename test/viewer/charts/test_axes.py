@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cam_rig.viewer.charts.axes import ABOVE, round_range, step_marks, tens_range
+from cam_rig.show.chart import ABOVE, round_range, step_marks, tens_range
 
 SEED = 18
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cam_rig.viewer.charts.band_chart import LEVELS, band_axes
-from cam_rig.viewer.charts.bands import band_numbers, third_octaves
-from cam_rig.viewer.options import Layout, ViewOptions
+from cam_rig.viewer.blueprint import Layout, ViewOptions
+from cam_rig.viewer.level_chart import BAND_LEVELS as LEVELS
+from cam_rig.viewer.level_chart import band_axes, band_numbers, third_octaves
 from cam_rig.viewer.recording import save_recording
 
 from ..conftest import Picture, SmallBag

@@ -7,7 +7,7 @@ import pytest
 
 from cam_rig.acoustics import MicrophoneState, RadiationParameters, rms_pressure
 from cam_rig.schema import RigConfig
-from cam_rig.viewer.charts.bands import band_numbers, band_power, third_octaves
+from cam_rig.viewer.level_chart import band_numbers, band_power, third_octaves
 
 RATE = 12_000.0
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cam_rig.viewer.charts.level_chart import STEP, beside, level_axes, shown_cams, spread
+from cam_rig.viewer.level_chart import STEP, beside, level_axes, shown_cams, spread
 
 from ..conftest import Picture, SmallBag
 

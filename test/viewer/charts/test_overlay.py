@@ -7,16 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cam_rig.simulation.levels import MeasuredTick, step_levels
 from cam_rig.simulation.schedule import cam_states
-from cam_rig.viewer.charts.level_chart import level_axes
-from cam_rig.viewer.charts.overlay import ROW, at_speed
-from cam_rig.viewer.charts.quantities import scene_ranges
-from cam_rig.viewer.charts.turn_axes import HEAD, WIDTH
-from cam_rig.viewer.framing import force_scale
-from cam_rig.viewer.options import Layout, ViewOptions
+from cam_rig.simulation.simulate import MeasuredTick, step_levels
+from cam_rig.viewer.blueprint import Layout, ViewOptions
+from cam_rig.viewer.level_chart import ROW, at_speed, level_axes
+from cam_rig.viewer.quantities import scene_ranges
 from cam_rig.viewer.recording import save_recording
+from cam_rig.viewer.scene2d import force_scale
 from cam_rig.viewer.timeline import TURN, TURN_DEGREES
+from cam_rig.viewer.turn_chart import HEAD, WIDTH
 
 from ..conftest import Picture, SmallBag
 

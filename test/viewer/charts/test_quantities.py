@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
-from cam_rig.viewer.charts.quantities import CLOSE_GAP, MAX_SHARE, close_gap, scene_ranges
+from cam_rig.simulation.scene import open_scene
+from cam_rig.viewer.quantities import CLOSE_GAP, MAX_SHARE, close_gap, scene_ranges
 
 
 def test_a_small_gap_beside_a_great_one_has_an_axis_of_its_own() -> None:

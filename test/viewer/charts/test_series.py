@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cam_rig.viewer.charts.series import extremes
+from cam_rig.viewer.quantities import extremes
 
 
 @pytest.mark.parametrize(("count", "bucket"), [(1, 5), (5, 5), (52, 5), (100, 7), (9, 100)])

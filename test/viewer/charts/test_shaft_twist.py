@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import MODELS
-from cam_rig.dynamics.torsional.motion import solve
-from cam_rig.dynamics.torsional.steady import steady_state
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.dynamics.torsional.motion import solve, steady_state
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.units import NS, TURN
-from cam_rig.viewer.charts.shaft_twist import ShaftTwist
+from cam_rig.viewer.quantities import ShaftTwist
 
 
 @pytest.mark.parametrize("free", [True, False])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cam_rig.viewer.charts.text_panels import about
+from cam_rig.viewer.run_view import about
 
 from ..conftest import SmallBag
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cam_rig.arrays import FloatArray
 from cam_rig.dynamics import MODELS, Samples
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.loaded_scene import open_scene
+from cam_rig.show.chart import step_marks
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.simulate import turned_ticks
-from cam_rig.viewer.charts.axes import step_marks
-from cam_rig.viewer.charts.quantities import drawn_of, gap_of, scene_ranges
-from cam_rig.viewer.charts.series import GAP, LANDING, LIFT_OFF
-from cam_rig.viewer.charts.turn_axes import HEAD, ROW, WIDTH, TurnAxes, curve
-from cam_rig.viewer.charts.turn_chart import LAID
+from cam_rig.units import FloatArray
+from cam_rig.viewer.quantities import GAP_LINE as GAP
+from cam_rig.viewer.quantities import LANDING, LIFT_OFF, drawn_of, gap_of, scene_ranges
+from cam_rig.viewer.turn_chart import HEAD, LAID, ROW, WIDTH, TurnAxes, curve
 
 from ..conftest import Picture, SmallBag
 

@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from cam_rig.viewer.server.access import Access
+from cam_rig.viewer.access import Access
 
 ACCESS = Access(8123, "right")
 HOSTS = {"127.0.0.1:8123": True, "localhost:8123": True, "127.0.0.1": False, "evil.example": False}

@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from cam_rig.errors import CamRigError
-from cam_rig.viewer.server import live_folder
-from cam_rig.viewer.server.live_folder import (
+from cam_rig.viewer import live_folder
+from cam_rig.viewer import page as page_module
+from cam_rig.viewer.live_folder import (
     new_recording,
     newest_recording,
     next_part,
@@ -88,5 +89,5 @@ def test_a_page_that_hangs_is_later_and_later(tmp_path: Path, silent_s: float) -
     os.utime(tmp_path / live_folder.BEHIND, (then, then))
     late = page_delay(tmp_path)
     assert late is not None
-    overdue = silent_s - live_folder.REPORT_EVERY_S
+    overdue = silent_s - page_module.REPORT_EVERY_S
     assert 0.5 + overdue <= late + 1e-2 <= 0.5 + overdue + 5.0

@@ -6,8 +6,8 @@ from threading import Thread
 
 import pytest
 
-from cam_rig.viewer.server import page_time
-from cam_rig.viewer.server.page_time import PageTime
+from cam_rig.viewer import page as page_time
+from cam_rig.viewer.page import PageTime
 
 
 class Wall:

@@ -12,10 +12,10 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from cam_rig.cli.runs.view import view
 from cam_rig.errors import CamRigError
 from cam_rig.interrupts import STOPPING
-from cam_rig.viewer.server import process as viewer
+from cam_rig.viewer import process as viewer
+from cam_rig.viewer.command import view
 
 from ..conftest import SmallBag
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from cam_rig.viewer.server.scripts import TIMELINE, cursor_request, page_script
+from cam_rig.viewer.page import TIMELINE, cursor_request, page_script
 from cam_rig.viewer.timeline import RIG_TIME
 
 

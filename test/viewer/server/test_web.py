@@ -14,10 +14,10 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from cam_rig.viewer.server import live_folder
-from cam_rig.viewer.server.live_folder import new_recording, next_part, page_delay
-from cam_rig.viewer.server.process import HOST
-from cam_rig.viewer.server.web import Pages, serve, serve_file
+from cam_rig.viewer import live_folder
+from cam_rig.viewer.live_folder import new_recording, next_part, page_delay
+from cam_rig.viewer.process import HOST
+from cam_rig.viewer.server import Pages, serve, serve_file
 
 RECORDED = b"RRF2 of a kind"
 
@@ -137,7 +137,7 @@ def test_no_port_is_open_that_asks_for_no_token(tmp_path: Path, live: bool) -> N
     (tmp_path / "a.rrd").write_bytes(RECORDED)
     script = (
         "import sys, time; from pathlib import Path\n"
-        "from cam_rig.viewer.server.web import serve, serve_file\n"
+        "from cam_rig.viewer.server import serve, serve_file\n"
         f"with serve{'()' if live else '_file(Path(sys.argv[1]))'} as pages:\n"
         "  print(getattr(pages, 'address', pages), flush=True); time.sleep(60)"
     )

@@ -7,17 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cam_rig.design.modal_amplitude import Cells, ForceAtSpeed, Mode
+from cam_rig.design.request import LawClass
+from cam_rig.design.space import Space
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.linear.sampling import outputs_at
-from cam_rig.dynamics.two_mass.parameters import contact_response, force_output
+from cam_rig.dynamics.two_mass.masses import contact_response, force_output
 from cam_rig.errors import ConfigError
 from cam_rig.laws import build_law
 from cam_rig.schema import load_cam, load_rig
 from cam_rig.schema.load import config_root
-from cam_rig.studies.design.elastic.amplitude import ForceAtSpeed
-from cam_rig.studies.design.elastic.mode import Cells, Mode
-from cam_rig.studies.design.law_class import LawClass
-from cam_rig.studies.design.space import Space
 from cam_rig.units import TURN
 
 RIG = load_rig(config_root() / "rigs" / "paper_table2.yaml")

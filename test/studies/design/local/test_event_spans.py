@@ -8,17 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cam_rig.design.design import search_design as design
+from cam_rig.design.request import DesignRequest, LawClass, Multistart
+from cam_rig.design.space import dwells, events
+from cam_rig.design.tables import LawDesign
 from cam_rig.errors import ConfigError, DesignError
 from cam_rig.laws import build_law
-from cam_rig.laws.peaks import peak
+from cam_rig.laws.law import peak
 from cam_rig.schema import CamConfig, load_cam, load_rig
 from cam_rig.schema.load import config_root
-from cam_rig.studies.design.design import design
-from cam_rig.studies.design.events import dwells, events
-from cam_rig.studies.design.law_class import LawClass
-from cam_rig.studies.design.local.multistart import Multistart
-from cam_rig.studies.design.request import DesignRequest
-from cam_rig.studies.design.results.law_design import LawDesign
 
 RIG = load_rig(config_root() / "rigs" / "paper_table2.yaml")
 HEIGHTS, LIFT = np.array([0.4, 0.6, 1.0]), 0.05

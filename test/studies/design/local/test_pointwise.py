@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cam_rig.arrays import FloatArray
+from cam_rig.design.constraints import DesignProblem
+from cam_rig.design.measure import measured
+from cam_rig.design.pointwise_search import PointwiseTerm, greatest, pointwise
+from cam_rig.design.request import LawClass
+from cam_rig.design.space import Space
+from cam_rig.design.terms import parse_term
 from cam_rig.laws import build_law
 from cam_rig.schema import load_cam, load_rig
 from cam_rig.schema.load import config_root
-from cam_rig.studies.design.law_class import LawClass
-from cam_rig.studies.design.local.pointwise import PointwiseTerm, greatest, pointwise
-from cam_rig.studies.design.measure import measured
-from cam_rig.studies.design.problem import DesignProblem
-from cam_rig.studies.design.space import Space
-from cam_rig.studies.design.terms import parse_term
+from cam_rig.units import FloatArray
 
 RIG = load_rig(config_root() / "rigs" / "paper_table2.yaml")
 QUANTITIES = ("shaft_torque@300rpm", "shaft_torque@50-600rpm", "pressure_angle")

@@ -8,19 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cam_rig.design.design import search_design as design
+from cam_rig.design.request import DesignRequest, LawClass, Multistart
+from cam_rig.design.space import Space
+from cam_rig.design.tables import LawDesign
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.kinetostatic import shaft_torque
 from cam_rig.errors import ConfigError, DesignError
 from cam_rig.laws import Law, build_law
-from cam_rig.profile.contour import contours
+from cam_rig.profile.disc import contours
 from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
 from cam_rig.schema.load import config_root
-from cam_rig.studies.design.design import design
-from cam_rig.studies.design.law_class import LawClass
-from cam_rig.studies.design.local.multistart import Multistart
-from cam_rig.studies.design.request import DesignRequest
-from cam_rig.studies.design.results.law_design import LawDesign
-from cam_rig.studies.design.space import Space
 from cam_rig.units import RPM, TURN
 
 RIG = load_rig(config_root() / "rigs" / "paper_table2.yaml")

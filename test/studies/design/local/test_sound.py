@@ -7,18 +7,16 @@ import pytest
 
 import cam_rig
 from cam_rig.acoustics import RadiationParameters
-from cam_rig.acoustics.steady import steady_power
+from cam_rig.acoustics.pressure import steady_power
+from cam_rig.design.constraints import DesignProblem
+from cam_rig.design.design import search_design as design
+from cam_rig.design.pointwise_search import level_with_jumps
+from cam_rig.design.request import DesignRequest, LawClass, Multistart
+from cam_rig.design.space import Space
+from cam_rig.design.terms import parse_term
 from cam_rig.laws import build_law
 from cam_rig.schema import load_cam, load_rig
 from cam_rig.schema.load import config_root
-from cam_rig.studies.design.design import design
-from cam_rig.studies.design.law_class import LawClass
-from cam_rig.studies.design.local.multistart import Multistart
-from cam_rig.studies.design.local.sound import level_with_jumps
-from cam_rig.studies.design.problem import DesignProblem
-from cam_rig.studies.design.request import DesignRequest
-from cam_rig.studies.design.space import Space
-from cam_rig.studies.design.terms import parse_term
 from cam_rig.units import RPM
 
 RIG = load_rig(config_root() / "rigs" / "paper_table2.yaml")

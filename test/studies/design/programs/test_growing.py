@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from cam_rig.studies.design.programs.affine import Affine
-from cam_rig.studies.design.programs.growing import GrowingProgram
-from cam_rig.studies.design.programs.program import ConvexProgram, InfeasibleError
+from cam_rig.design.convex_program import Affine, ConvexProgram, InfeasibleError
+from cam_rig.design.cutting_planes import GrowingProgram
 
 FREE, LINKED, POOL = 8, 5, 60
 

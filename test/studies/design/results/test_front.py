@@ -7,15 +7,13 @@ import itertools
 import numpy as np
 import pytest
 
+from cam_rig.design.figures import front_figure
+from cam_rig.design.pareto_front import front, front_table
+from cam_rig.design.request import DesignRequest, LawClass, Multistart
+from cam_rig.design.terms import parse_second, parse_term
 from cam_rig.errors import ConfigError
-from cam_rig.plots.laws.designed import front_figure
 from cam_rig.schema import load_cam, load_rig
 from cam_rig.schema.load import config_root
-from cam_rig.studies.design.law_class import LawClass
-from cam_rig.studies.design.local.multistart import Multistart
-from cam_rig.studies.design.request import DesignRequest
-from cam_rig.studies.design.results.front import front, front_table
-from cam_rig.studies.design.terms import parse_second, parse_term
 
 CAM = load_cam(config_root() / "cams" / "poly345.yaml")
 RIG = load_rig(config_root() / "rigs" / "paper_table2.yaml")

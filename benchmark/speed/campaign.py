@@ -1,0 +1,160 @@
+"""Points a second of a campaign, beside the same study with joblib and scipy's solve_ivp.
+
+Both find the jump speed of two masses, 1.7 s from rest, of rigs whose spring, preload and mass
+vary by 10 %, in as many processes. The peer integrates the equations of motion (DOP853, rtol 1e-8),
+looks at the least contact force, and halves a bracket down to 0.05 rpm. It is given that bracket,
+1 % wide: the force is not monotone in speed, and a scan for its first zero would take many times
+as long.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from benchmark.speed.cases import rad_per_s
+from cam_rig.campaign.campaign import campaign_from
+from cam_rig.campaign.point import make_point, measure_batch
+from cam_rig.dynamics import TwoMassParameters
+from cam_rig.dynamics.jump.jump_speed import FROM_REST
+from cam_rig.errors import MissingLibraryError
+from cam_rig.extras import libraries_named
+from cam_rig.laws import Law
+from cam_rig.schema.load import Library, config_root
+from cam_rig.show.tables import Column, DataTable, counted, tabulate
+from cam_rig.units import FloatArray
+
+SPREAD = {"uniform": 10, "unit": "%"}
+
+FOLLOWER = ("spring_stiffness", "preload", "mass")
+
+#: The study, but for its points.
+STUDY: dict[str, Any] = {
+    "name": "bench",
+    "title": "Jump speed",
+    "base": {"cam": "poly345", "rig": "paper_table2"},
+    "vary": {f"rig.follower.{name}": SPREAD for name in FOLLOWER},
+    "measures": ["jump_speed"],
+}
+
+#: Half the peer's bracket over the speed, and how fine it is halved, rpm.
+BRACKET, FINE = 0.005, 0.05
+
+#: Instants at which the peer looks at the force.
+INSTANTS = 40_001
+
+#: Points of a batch; batches, and points of the peer, for each process: of a quick study, a full.
+BATCH, BATCHES, PEER_POINTS = 25, (2, 4), (1, 2)
+
+
+@dataclass(frozen=True)
+class CampaignRate:
+    """Points a second of the campaign and of the peer, and by how much their speeds differ.
+
+    Parameters
+    ----------
+    points, peer_points : how many were timed
+    largest_gap : rpm, between the jump speeds of the points that both found
+    missing : why there is no peer; empty where there is one
+    """
+
+    processes: int
+    points: int
+    points_per_s: float
+    peer_points: int = 0
+    peer_per_s: float | None = None
+    largest_gap: float | None = None
+    missing: str = ""
+
+    @property
+    def ratio(self) -> float | None:
+        """How many times as many points."""
+        return None if self.peer_per_s is None else self.points_per_s / self.peer_per_s
+
+
+def campaign_rate(processes: int, quick: bool) -> CampaignRate:
+    """Time both, one after the other; without joblib the campaign alone, in this process."""
+    points = BATCH * BATCHES[not quick] * processes
+    plan = {"kind": "latin_hypercube", "points": points}
+    campaign = campaign_from({**STUDY, "plan": plan}, Library((config_root(),)))
+    measure_batch(campaign, 0, 1)  # imports
+    try:
+        with libraries_named():
+            from joblib import Parallel, delayed
+    except MissingLibraryError as error:
+        rows = measure_batch(campaign, 0, BATCH)
+        return CampaignRate(1, BATCH, BATCH / rows.seconds, missing=str(error))
+    with Parallel(processes) as parallel:
+        parallel(delayed(measure_batch)(campaign, 0, 1) for _ in range(processes))  # their imports
+        begun = time.perf_counter()
+        batches = parallel(
+            delayed(measure_batch)(campaign, i, i + BATCH) for i in range(0, points, BATCH)
+        )
+        ours = points / (time.perf_counter() - begun)
+        found = np.concatenate([batch.measures[:, 0] for batch in batches])
+        count = min(points, PEER_POINTS[not quick] * processes)
+        inputs = np.concatenate([batch.inputs for batch in batches])[:count]
+        masses = [TwoMassParameters.from_rig(make_point(campaign, row).rig) for row in inputs]
+        begun = time.perf_counter()
+        theirs = parallel(
+            delayed(bisected)(p, campaign.law, rpm)
+            for p, rpm in zip(masses, found[:count].tolist(), strict=True)
+        )
+        peer = count / (time.perf_counter() - begun)
+    gap = float(np.abs(found[:count] - np.array(theirs)).max())
+    return CampaignRate(processes, points, ours, count, peer, gap)
+
+
+def bisected(p: TwoMassParameters, law: Law, near: float) -> float:
+    """The peer's jump speed near one, rpm."""
+    low, high = near * (1.0 - BRACKET), near * (1.0 + BRACKET)
+    while high - low > FINE:
+        middle = 0.5 * (low + high)
+        lost = least_force(p, law, rad_per_s(middle)) < 0.0
+        low, high = (low, middle) if lost else (middle, high)
+    return 0.5 * (low + high)
+
+
+def least_force(p: TwoMassParameters, law: Law, speed: float) -> float:
+    """The peer's least contact force (N) of a run from rest at a speed (rad/s)."""
+
+    def rate(time: float, state: FloatArray) -> list[float]:
+        s, slope, _ = law.at(speed * time)
+        y, v = state
+        force = p.stem_damping * (slope * speed - v) + p.stem_stiffness * (s - y)
+        return [v, (force - p.spring_stiffness * y - p.damping * v - p.preload) / p.end_mass]
+
+    times = np.linspace(0.0, FROM_REST, INSTANTS)
+    cam = law.motion_at(np.zeros(1)) * np.array([[1.0], [speed], [speed**2]])
+    start = p.static_place(cam)[:, 0]  # from rest: without vibration
+    run = solve_ivp(rate, (0.0, FROM_REST), start, "DOP853", times, rtol=1e-8, atol=1e-12)
+    y, v = run.y
+    s, slope, bend = law.motion_at(speed * times)
+    force = p.stem_damping * (slope * speed - v) + p.stem_stiffness * (s - y)
+    return float((force + p.roller_mass * bend * speed**2).min())
+
+
+def campaign_table(found: CampaignRate) -> DataTable:
+    """A row each: the campaign and its peer, or why there is none."""
+    words = "joblib and solve_ivp"
+    rows = [("campaign", found.points, found.points_per_s, 1.0)]
+    if found.peer_per_s is not None and found.ratio is not None:
+        rows.append((words, found.peer_points, found.peer_per_s, found.ratio))
+    note = f"{words}: {found.missing}"
+    if found.largest_gap is not None:
+        note = f"Jump speeds differ by {found.largest_gap:.2g} rpm at most, the peer's to {FINE:g}."
+    return tabulate(
+        f"A campaign of jump speeds in {counted(found.processes, 'process')}",
+        rows,
+        (
+            (Column("solver"), lambda row: row[0]),
+            (Column("points", "1", "d"), lambda row: row[1]),
+            (Column("points each second", "1/s", ".3g"), lambda row: row[2]),
+            (Column("times as long", "", ".3g"), lambda row: row[3]),
+        ),
+        note,
+    )

@@ -1,0 +1,148 @@
+"""What a start costs before anything is computed: each node's imports, and whole commands."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from statistics import median
+
+from cam_rig.show.tables import Column, DataTable, tabulate
+
+#: The nodes of a run.
+NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
+
+#: Starts of each, of which the median counts.
+REPEATS = 5
+
+#: An interpreter that does nothing: what all are held against.
+BARE = ("-c", "pass")
+
+_IMPORTS = "import cam_rig.nodes.{0}, cam_rig.nodes.process\n"
+
+#: Prints CPU seconds and modules: of a node that starts by itself, and that is forked.
+ALONE = _IMPORTS + "import sys, time; print(time.process_time(), len(sys.modules))"
+
+FORKED = (
+    """\
+import os, sys, time
+from cam_rig.nodes.fork_server import preload
+preload()
+known = len(sys.modules)
+if os.fork():
+    os.wait()
+    os._exit(0)
+"""
+    + _IMPORTS
+    + "print(time.process_time(), len(sys.modules) - known, flush=True)"
+)
+
+
+@dataclass(frozen=True)
+class NodeStart:
+    """The imports of a node: CPU time (s) and modules, by itself and forked from the server."""
+
+    node: str
+    alone_s: float
+    alone_modules: int
+    forked_s: float
+    forked_modules: int
+
+
+@dataclass(frozen=True)
+class CommandTime:
+    """A whole command: wall time and CPU time (s) of all its processes, and of a bare one."""
+
+    words: str
+    wall_s: float
+    cpu_s: float
+    bare_s: float
+
+
+def node_starts(repeats: int = REPEATS) -> list[NodeStart]:
+    """Each node of a run, by itself and forked, in turn."""
+    return [_node_start(name, repeats) for name in NODES]
+
+
+def command_times(
+    commands: Iterable[tuple[str, Sequence[str]]], repeats: int = REPEATS
+) -> list[CommandTime]:
+    """Commands by their words, each in turn with a bare interpreter; arguments are Python's."""
+    found = []
+    for words, arguments in commands:
+        runs = [(_timed(arguments), _timed(BARE)) for _ in range(repeats)]
+        wall, cpu = (median(run[0][i] for run in runs) for i in (0, 1))
+        found.append(CommandTime(words, wall, cpu, median(run[1][0] for run in runs)))
+    return found
+
+
+def node_table(starts: Iterable[NodeStart]) -> DataTable:
+    """A row for each node."""
+    return tabulate(
+        "Imports of a node",
+        starts,
+        (
+            (Column("node"), lambda start: start.node),
+            (Column("modules", "by itself", "d"), lambda start: start.alone_modules),
+            (Column("CPU", "s", ".2f"), lambda start: start.alone_s),
+            (Column("modules", "forked", "d"), lambda start: start.forked_modules),
+            (Column("CPU", "s", ".2f"), lambda start: start.forked_s),
+            (Column("ratio", "", ".1f"), lambda start: start.alone_s / start.forked_s),
+        ),
+    )
+
+
+def command_table(times: Iterable[CommandTime]) -> DataTable:
+    """A row for each command."""
+    return tabulate(
+        "Whole commands",
+        times,
+        (
+            (Column("command"), lambda time: time.words),
+            (Column("wall", "s", ".2f"), lambda time: time.wall_s),
+            (Column("CPU", "s", ".2f"), lambda time: time.cpu_s),
+            (Column("x bare Python", "", ".0f"), lambda time: time.wall_s / time.bare_s),
+        ),
+    )
+
+
+def _node_start(name: str, repeats: int) -> NodeStart:
+    pairs = [(_printed(ALONE.format(name)), _printed(FORKED.format(name))) for _ in range(repeats)]
+    alone, forked = ([pair[i] for pair in pairs] for i in (0, 1))
+    return NodeStart(
+        name,
+        median(cpu for cpu, _ in alone),
+        int(alone[0][1]),
+        median(cpu for cpu, _ in forked),
+        int(forked[0][1]),
+    )
+
+
+def _printed(code: str) -> list[float]:
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=_alone())
+    return [float(word) for word in done.stdout.split()]
+
+
+def _timed(arguments: Sequence[str]) -> tuple[float, float]:
+    """Wall and CPU time (s) of a Python with arguments, with all the processes it waits for."""
+    begun = time.perf_counter()
+    with subprocess.Popen(
+        [sys.executable, *arguments],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env=_alone(),
+    ) as process:
+        _, status, used = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise subprocess.CalledProcessError(process.returncode, list(arguments))
+    return time.perf_counter() - begun, used.ru_utime + used.ru_stime
+
+
+def _alone() -> dict[str, str]:
+    """The environment with one thread of BLAS, as the runner gives it to nodes."""
+    return os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}

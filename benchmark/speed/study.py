@@ -1,0 +1,386 @@
+"""Runs the study within a time limit: rig and peers in turn, in one process, on one core.
+
+Every sweep goes from loose to tight and gets its share of the time that is left; a setting that
+is predicted to exceed the share is left out, and the result says so.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from benchmark.speed.campaign import CampaignRate, campaign_rate
+from benchmark.speed.cases import CASES, rates
+from benchmark.speed.models import Case, OneMass, Oscillator, Solution, Twist, TwoMasses
+from benchmark.speed.peers import PEERS, Peer
+from benchmark.speed.problem import PeerError
+from cam_rig.dynamics import FollowerParameters, Interval, elastic_stem
+from cam_rig.dynamics.one_mass import OneMassTrajectory
+from cam_rig.dynamics.torsional import motion as torsion
+from cam_rig.dynamics.torsional import parameters as parameters_module
+from cam_rig.dynamics.two_mass.masses import TwoMassParameters
+from cam_rig.dynamics.two_mass.model import states
+from cam_rig.dynamics.two_mass.trajectory import Separation
+from cam_rig.errors import CamRigError
+from cam_rig.units import NS
+
+# What a study finds: points of error against time, and what follows from them.
+
+
+@dataclass(frozen=True)
+class WorkPrecisionPoint:
+    """One setting of one solver: median wall time of ``repeats`` runs, and error."""
+
+    time_s: float
+    error: float
+    event_error_s: float | None
+    repeats: int
+    rtol: float | None = None
+
+
+@dataclass
+class Sweep:
+    """One peer over its tolerances; ``notes`` say what was left out and why."""
+
+    peer: Peer
+    points: list[WorkPrecisionPoint] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+@dataclass
+class CaseResult:
+    """One case: the rig's point, or why there is none, and the peers' sweeps."""
+
+    case: Case
+    rig: WorkPrecisionPoint | None = None
+    missing: str | None = None
+    sweeps: list[Sweep] = field(default_factory=list)
+
+    def best(self, peer: str) -> tuple[Sweep, WorkPrecisionPoint] | None:
+        """The peer's cheapest point that is no worse than the rig, else its most accurate."""
+        all_points = [(s, p) for s in self.sweeps if s.peer.name == peer for p in s.points]
+        if not all_points:
+            return None
+        good = [pair for pair in all_points if self.as_good(pair[1])]
+        if good:
+            return min(good, key=lambda pair: pair[1].time_s)
+        return min(all_points, key=lambda pair: (pair[1].error, pair[1].time_s))
+
+    def as_good(self, point: WorkPrecisionPoint) -> bool:
+        """Whether a point's error is no larger than the rig's."""
+        return self.rig is not None and point.error <= self.rig.error
+
+    def ratio(self, point: WorkPrecisionPoint) -> float | None:
+        """How many times longer than the rig it took."""
+        return None if self.rig is None else point.time_s / self.rig.time_s
+
+    @property
+    def peers(self) -> list[str]:
+        """Names of the peers in order, each once."""
+        return list(dict.fromkeys(sweep.peer.name for sweep in self.sweeps))
+
+
+@dataclass(frozen=True)
+class WorkPrecisionStudy:
+    """All cases in order, the sampling rates (1/s) by model, a campaign, and the conditions."""
+
+    cases: dict[str, CaseResult]
+    rates: dict[str, float]
+    quick: bool
+    cores: int
+    took_s: float
+    campaign: CampaignRate
+
+
+# The stored references: small JSON files, and the law they were made for.
+
+FOLDER = Path(__file__).parent
+
+#: Laws built on another machine may differ by rounding; a changed cam file differs by more.
+SAME = 1e-12
+
+
+def write(case: Case, solution: Solution) -> Path:
+    """Store a reference with the numbers it belongs to."""
+    data = {
+        "case": case.name,
+        "numbers": _numbers(case),
+        "events": [list(event) for event in solution.events],
+        "displacement": solution.displacement.tolist(),
+        "velocity": solution.velocity.tolist(),
+    }
+    path = FOLDER / f"{case.name}.json"
+    path.write_text(json.dumps(data) + "\n", encoding="utf-8")
+    return path
+
+
+def read(case: Case) -> Solution:
+    """The reference at the case's output times and with its events.
+
+    Raises
+    ------
+    CamRigError : no reference is stored, or it belongs to other numbers
+    """
+    path = FOLDER / f"{case.name}.json"
+    remedy = "run benchmark/make_reference.py"
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise CamRigError(f"{path}: no such file; {remedy}") from None
+    stored, wanted = np.array(data["numbers"]), np.array(_numbers(case))
+    if stored.shape != wanted.shape or not np.allclose(stored, wanted, rtol=SAME, atol=1e-18):
+        raise CamRigError(f"{path}: made for other numbers than case {case.name!r} has; {remedy}")
+    count = case.times.size
+    events = tuple((str(k), float(t)) for k, t in data["events"] if t <= case.duration)
+    return Solution(
+        np.array(data["displacement"])[:, :count], np.array(data["velocity"])[:, :count], events
+    )
+
+
+def _numbers(case: Case) -> list[float]:
+    """Everything the solution depends on but the number of turns."""
+    return [
+        case.speed,
+        *case.law.breaks.tolist(),
+        *case.law.ordinates.ravel().tolist(),
+        *vars(case.model).values(),
+        float(case.times[0]),
+    ]
+
+
+# The rig's own solution of each case, through the models' public functions.
+
+#: A stiffness that plays no part in the result.
+ANY_STIFFNESS = 3.3e8
+
+
+def solve(case: Case) -> Solution:
+    """The case by the rig."""
+    return ADAPTERS[type(case.model)](case)
+
+
+def _oscillator(case: Case) -> Solution:
+    p = case.model
+    assert isinstance(p, Oscillator)
+    follower = FollowerParameters(p.mass, p.spring_stiffness, p.damping, 0.0, p.stem_stiffness)
+    rows = elastic_stem.motion(case.law, follower, case.speed, 0.0, np.zeros(2), case.times)
+    return Solution(rows[:1], rows[1:2])
+
+
+def two_mass_course(case: Case) -> Separation:
+    """All phases and events of two masses."""
+    p = case.model
+    assert isinstance(p, TwoMasses)
+    parameters = TwoMassParameters(
+        roller_mass=p.roller_mass,
+        end_mass=p.stem_mass,
+        stem_stiffness=p.stem_stiffness,
+        spring_stiffness=p.spring_stiffness,
+        stem_damping=p.stem_damping,
+        damping=p.spring_damping,
+        preload=p.preload,
+    )
+    course = Separation(case.law, parameters, case.speed)
+    course.run(case.duration)
+    return course
+
+
+def _two_masses(case: Case) -> Solution:
+    course = two_mass_course(case)
+    rows = states(course, case.times)
+    events = tuple((event.kind, event.time) for event in course.events)
+    return Solution(rows[0:3:2], rows[1:4:2], events)
+
+
+def one_mass_course(case: Case) -> OneMassTrajectory:
+    """All phases and events of one mass."""
+    p = case.model
+    assert isinstance(p, OneMass)
+    follower = FollowerParameters(
+        p.mass, p.stiffness, p.damping, p.preload, ANY_STIFFNESS, p.restitution
+    )
+    course = OneMassTrajectory(
+        case.law, follower, Interval(0, math.ceil(case.duration * NS), 0.0, case.speed)
+    )
+    course.run(None)
+    return course
+
+
+def _one_mass(case: Case) -> Solution:
+    course = one_mass_course(case)
+    motion = np.empty((2, case.times.size))
+    for phase in course.phases:
+        here = (case.times >= phase.begin) & (case.times < phase.end)
+        times = case.times[here]
+        if phase.flight is not None:
+            motion[:, here] = phase.flight.state(times - phase.begin)
+        else:
+            angle = case.speed * times
+            motion[:, here] = case.law(angle), case.speed * case.law(angle, 1)
+    events = tuple((e.kind, e.time) for e in course.events if e.time <= case.duration)
+    return Solution(motion[:1], motion[1:], events)
+
+
+def _twist(case: Case) -> Solution:
+    p = case.model
+    assert isinstance(p, Twist)
+    follower = FollowerParameters(p.mass, p.stiffness, p.damping, p.preload, ANY_STIFFNESS)
+    parameters = parameters_module.TorsionalParameters(follower, p.inertia, p.shaft_stiffness)
+    start = parameters_module.TorsionalState(0.0, 0.0, 0.0, case.speed)
+    motion = torsion.solve(case.law, parameters, start, 0.0, case.duration)
+    rows = motion.at(case.times)
+    return Solution(rows[:1], rows[1:2])
+
+
+ADAPTERS: dict[type, Callable[[Case], Solution]] = {
+    Oscillator: _oscillator,
+    TwoMasses: _two_masses,
+    OneMass: _one_mass,
+    Twist: _twist,
+}
+
+#: Cases in the order they run: cheap ones leave time to the dear ones.
+ORDER = (
+    "resonance",
+    "torsional",
+    "two_mass_soft",
+    "one_mass_arc",
+    "two_mass_stem",
+    "elastic_stem",
+)
+
+#: A setting takes this many times as long as the one before it, at least and at most.
+MIN_GROWTH, MAX_GROWTH = 1.3, 4.0
+
+#: Runs of a peer's setting, as long as they take no more than this fraction of the sweep's share.
+PEER_REPEATS, REPEAT_SHARE = 3, 0.15
+
+#: A run may take so many times the time that is left before it is stopped.
+OVERRUN = 4.0
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How long, how often and how fine: ``seconds`` for all peers together."""
+
+    seconds: float
+    rig_repeats: int
+    rtols: tuple[float, ...]
+
+
+QUICK = Effort(32.0, 7, (1e-9, 1e-12, 1e-13))
+
+#: Tolerances of a slow peer in a quick study.
+QUICK_AND_SLOW = (1e-4, 1e-6)
+
+FULL = Effort(235.0, 25, (1e-4, 1e-6, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 3e-14))
+
+
+def run(
+    quick: bool, advance: Callable[[str], None], names: tuple[str, ...] = ORDER, cores: int = 1
+) -> WorkPrecisionStudy:
+    """Run the study; ``advance`` is told what comes next, once for each sweep and the campaign."""
+    begun = time.perf_counter()
+    effort = QUICK if quick else FULL
+    deadline = begun + effort.seconds
+    left = len(names) * sum(peer.weight for peer in PEERS)
+    found: dict[str, CaseResult] = {}
+    for name in names:
+        case = CASES[name]()
+        case = case.first_turns(case.quick_turns) if quick else case
+        reference = read(case)
+        found[name] = _rig(case, reference, effort.rig_repeats)
+        for peer in PEERS:
+            advance(f"{name}: {peer.title}")
+            share = peer.weight * max(0.0, deadline - time.perf_counter()) / left
+            left -= peer.weight
+            rtols = QUICK_AND_SLOW if quick and peer.slow else effort.rtols
+            found[name].sweeps.append(sweep(case, peer, reference, rtols, share))
+    advance("campaign")
+    campaign = campaign_rate(cores, quick)
+    ordered = {name: found[name] for name in CASES if name in found}
+    took = time.perf_counter() - begun
+    return WorkPrecisionStudy(ordered, rates(), quick, cores, took, campaign)
+
+
+def _rig(case: Case, reference: Solution, repeats: int) -> CaseResult:
+    """The rig's point; every run starts with a law of which nothing is cached."""
+    result = CaseResult(case)
+    times: list[float] = []
+    try:
+        solve(case)  # imports and the tables that do not belong to a law
+        for _ in range(repeats):
+            fresh = case.fresh()
+            begun = time.perf_counter()
+            solution = solve(fresh)
+            times.append(time.perf_counter() - begun)
+    except CamRigError as error:
+        result.missing = str(error)
+        return result
+    result.rig = _point(solution, reference, times)
+    return result
+
+
+def sweep(
+    case: Case, peer: Peer, reference: Solution, rtols: tuple[float, ...], share: float
+) -> Sweep:
+    """One peer from loose to tight within ``share`` seconds."""
+    out = Sweep(peer)
+    missing = peer.missing()
+    if missing is not None:
+        out.notes.append(missing)
+        return out
+    end = time.perf_counter() + share
+    for rtol in rtols:
+        spare = end - time.perf_counter()
+        predicted = _predicted(out.points)
+        if predicted > spare:
+            words = f"predicted {predicted:.1f} s" if out.points else "no time left"
+            out.notes.append(f"rtol {rtol:.0e} and tighter left out: {words}")
+            break
+        try:
+            out.points.append(_measure(case, peer, reference, rtol, REPEAT_SHARE * share, spare))
+        except PeerError as error:
+            out.notes.append(f"rtol {rtol:.0e} failed: {error}")
+    return out
+
+
+def _predicted(points: list[WorkPrecisionPoint]) -> float:
+    if len(points) < 2:
+        return MIN_GROWTH * points[0].time_s if points else 0.0
+    last, before = points[-1].time_s, points[-2].time_s
+    return last * min(max(MIN_GROWTH, last / before), MAX_GROWTH)
+
+
+def _measure(
+    case: Case, peer: Peer, reference: Solution, rtol: float, limit: float, spare: float
+) -> WorkPrecisionPoint:
+    """Median of up to `PEER_REPEATS` runs, one at least, more only within ``limit`` seconds.
+
+    A run that takes much longer than the ``spare`` seconds it was let in for is given up.
+    """
+    times: list[float] = []
+    while not times or (len(times) < PEER_REPEATS and sum(times) + times[-1] < limit):
+        begun = time.perf_counter()
+        solution = peer.solve(case, rtol, OVERRUN * spare)
+        times.append(time.perf_counter() - begun)
+    return _point(solution, reference, times, rtol)
+
+
+def _point(
+    solution: Solution, reference: Solution, times: list[float], rtol: float | None = None
+) -> WorkPrecisionPoint:
+    return WorkPrecisionPoint(
+        statistics.median(times),
+        solution.error(reference),
+        solution.event_error(reference),
+        len(times),
+        rtol,
+    )

@@ -1,0 +1,281 @@
+"""Contact force to sound pressure as samples: what arrives at the microphone, block by block.
+
+    p = gain · ω_c (F − q) + landings + background
+
+The force is straight between the samples of a block, so the pressure can be had at any higher
+rate; a landing is its half-sine pulse, whose area is kept exactly on the grid of samples.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from cam_rig.acoustics.radiation import RadiationParameters, first_order, structure_response
+from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics.kinetostatic import force_ordinates
+from cam_rig.dynamics.linear.propagator import periodic_state, piece
+from cam_rig.dynamics.velocity_jumps import require_smooth
+from cam_rig.errors import RunError
+from cam_rig.laws import Law, bernstein
+from cam_rig.units import FloatArray
+
+
+@dataclass
+class Background:
+    """Gaussian noise of unit variance that falls by 6 dB an octave above its corner.
+
+    A first-order recursion, x ← a x + √(1 − a²) n with a = e^(−2π corner/rate): its variance is 1
+    from the first sample on, at any rate.
+
+    Parameters
+    ----------
+    corner, rate : Hz
+    seed : of the generator; the same seed, the same noise
+    """
+
+    corner: float
+    rate: float
+    seed: int
+    _last: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._generator = np.random.default_rng(self.seed)
+        self._last = float(self._generator.standard_normal())
+
+    @property
+    def state(self) -> tuple[float, dict[str, Any]]:
+        """The last sample and the generator's state."""
+        return self._last, dict(self._generator.bit_generator.state)
+
+    @state.setter
+    def state(self, state: tuple[float, dict[str, Any]]) -> None:
+        self._last, self._generator.bit_generator.state = state
+
+    def samples(self, count: int) -> FloatArray:
+        """The next samples, ``(count,)``."""
+        keep = math.exp(-2.0 * math.pi * self.corner / self.rate)
+        fresh = self._generator.standard_normal(count)
+        gain = math.sqrt(-math.expm1(2.0 * math.log(keep)))
+        noise = first_order(keep, gain * fresh, self._last)
+        self._last = float(noise[-1]) if count else self._last
+        return noise
+
+
+#: Hz, well above what a meter needs for class 1 up to 20 kHz.
+MIN_RATE = 96_000
+
+#: Seed of the background noise: a run repeats sample by sample.
+SEED = 1
+
+
+@dataclass(frozen=True, eq=False)
+class SourceState:
+    """The state of a sound source.
+
+    ``structure`` (None before the first block) and the last ``force`` in N, ``tail`` ``(k,)`` of
+    the pulses of landings (N), and the background's last sample and generator.
+    """
+
+    structure: float | None
+    force: float
+    tail: FloatArray
+    background: tuple[float, dict[str, Any]]
+
+
+@dataclass
+class SoundSource:
+    """The structure, the landings and the background with their state.
+
+    Parameters
+    ----------
+    parameters : acoustic constants of the rig
+    block_rate : Hz, of the force samples
+    least_rate : Hz; the pressure comes at the smallest whole multiple of ``block_rate`` that
+        reaches it
+    seed : of the background noise
+    """
+
+    parameters: RadiationParameters
+    block_rate: int
+    least_rate: int = MIN_RATE
+    seed: int = SEED
+    _structure: float | None = field(default=None, init=False)
+    _force: float = field(default=0.0, init=False)
+
+    def __post_init__(self) -> None:
+        self.factor = max(1, math.ceil(self.least_rate / self.block_rate))
+        self._background = Background(self.parameters.background_corner, self.rate, self.seed)
+        self._pulse = _pulse(self.parameters.contact_time or 1.0 / self.rate, self.rate)
+        self._tail = np.zeros(self._pulse.size - 1)
+
+    @property
+    def state(self) -> SourceState:
+        """Its state between two blocks."""
+        return SourceState(self._structure, self._force, self._tail, self._background.state)
+
+    @state.setter
+    def state(self, state: SourceState) -> None:
+        if state.tail.shape != self._tail.shape:
+            raise RunError(
+                f"the state of a sound source has pulses of {state.tail.shape}; "
+                f"allowed: {self._tail.shape}"
+            )
+        self._structure, self._force, self._tail = state.structure, state.force, state.tail
+        self._background.state = state.background
+
+    @property
+    def rate(self) -> int:
+        """Hz, of the pressure samples."""
+        return self.block_rate * self.factor
+
+    def pressure(self, force: FloatArray, impulse: FloatArray, speed: float) -> FloatArray:
+        """Sound pressure in Pa over one block, ``(n · factor,)``.
+
+        Parameters
+        ----------
+        force : ``(n,)`` N, contact force at the block's samples
+        impulse : ``(n,)`` N·s of the landings since the sample before
+        speed : rad/s of the cam, for the level of the background
+        """
+        if force.size == 0:
+            raise ValueError("a block must hold at least one sample")
+        p = self.parameters
+        background = math.sqrt(p.background_power(speed))
+        noise = background * self._background.samples(force.size * self.factor)
+        return noise + p.gain * p.corner_rate * self._radiating(force, impulse)
+
+    def _radiating(self, force: FloatArray, impulse: FloatArray) -> FloatArray:
+        """F − q with the pulses of landings, N."""
+        if self._structure is None:  # at rest under the first force
+            self._structure = self._force = float(force[0])
+        earlier = np.concatenate(([self._force], force[:-1]))
+        steps = np.arange(1, self.factor + 1) / self.factor
+        fine = (earlier[:, None] + (force - earlier)[:, None] * steps).ravel()
+        pulses = self._pulses(impulse)
+        structure = structure_response(
+            self.parameters.corner_rate,
+            self.rate,
+            self._structure,
+            self._force,
+            fine,
+            pulses / self.rate,
+        )
+        self._structure, self._force = float(structure[-1]), float(force[-1])
+        return fine - structure + pulses
+
+    def _pulses(self, impulse: FloatArray) -> FloatArray:
+        """Force pulses of the landings, N; what lasts longer than the block is kept."""
+        count = impulse.size * self.factor
+        out = np.zeros(count + self._tail.size)
+        out[: self._tail.size] = self._tail
+        for i in np.flatnonzero(impulse):
+            begin = (i + 1) * self.factor - 1
+            out[begin : begin + self._pulse.size] += impulse[i] * self._pulse
+        self._tail = out[count:]
+        return out[:count]
+
+
+def _pulse(duration: float, rate: float) -> FloatArray:
+    """Half a sine of unit area as its mean over each sample interval, 1/s."""
+    edges = np.arange(math.ceil(duration * rate) + 1) / rate
+    risen = 0.5 * (1.0 - np.cos(math.pi * np.minimum(edges / duration, 1.0)))
+    return np.asarray(rate * np.diff(risen))
+
+
+# Contact force to r.m.s. sound pressure, by energy: what the microphone node publishes.
+
+
+@dataclass(frozen=True)
+class MicrophoneState:
+    """The state of the structure from one block to the next: q and the last force, N."""
+
+    structure: float
+    force: float
+
+
+def rms_pressure(
+    parameters: RadiationParameters,
+    state: MicrophoneState | None,
+    force: FloatArray,
+    impulse: FloatArray,
+    sample_rate: float,
+    speed: float,
+) -> tuple[MicrophoneState, float]:
+    """r.m.s. sound pressure (Pa) over one block.
+
+    Parameters
+    ----------
+    state : as the block before left it; None starts with the structure at rest under the force
+    force : ``(n,)`` contact force in N at the samples, taken as straight between them
+    impulse : ``(n,)`` N·s, of the landings since the sample before
+    sample_rate : Hz
+    speed : rad/s, for the background
+    """
+    if force.size == 0:
+        raise ValueError("a block must hold at least one sample")
+    start = state or MicrophoneState(structure=float(force[0]), force=float(force[0]))
+    structure = structure_response(
+        parameters.corner_rate, sample_rate, start.structure, start.force, force, impulse
+    )
+    rate = parameters.corner_rate * (force - structure)
+    contact = parameters.gain**2 * float(np.mean(rate**2))
+    landings = float(np.sum(parameters.landing_energy(impulse))) * sample_rate / force.size
+    power = parameters.background_power(speed) + contact + landings
+    return MicrophoneState(float(structure[-1]), float(force[-1])), math.sqrt(power)
+
+
+# The steady sound of a cam whose follower stays on it: exact, without samples or settling.
+
+#: Gauss-Legendre nodes a sub-interval; each is short against the structure's time constant.
+NODES = 12
+
+
+def mean_square_rate(
+    law: Law, follower: FollowerParameters, corner_rate: float, speed: float
+) -> float:
+    """⟨(ω_c (F − q))²⟩ over one turn at ``speed`` (rad/s), in (N/s)².
+
+    The structure's periodic state is one linear solve on the exact propagator; only the mean
+    is a quadrature, of a smooth function and at rounding level.
+
+    Raises
+    ------
+    DynamicsError : the law's velocity jumps
+    """
+    require_smooth(law)
+    forces = force_ordinates(law, follower, speed)
+    matrix = np.array([[-corner_rate]])
+    durations = law.spans / speed
+    pieces = [
+        piece(matrix, corner_rate * forces[None, :, i], float(duration))
+        for i, duration in enumerate(durations)
+    ]
+    state = periodic_state(pieces)
+    total = 0.0
+    for i, part in enumerate(pieces):
+        times, weights = _quadrature(part.duration, corner_rate)
+        force = bernstein.evaluate(forces[:, i], times / part.duration)
+        rate = corner_rate * (force - part.at(state, times)[0])
+        total += float(weights @ rate**2)
+        state = part.end(state)
+    return total / float(durations.sum())
+
+
+def _quadrature(duration: float, rate: float) -> tuple[FloatArray, FloatArray]:
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    count = max(4, int(np.ceil(rate * duration)))
+    width = duration / count
+    times = (np.arange(count)[:, None] + 0.5 * (nodes + 1.0)) * width
+    return times.ravel(), np.tile(0.5 * width * weights, count)
+
+
+def steady_power(
+    law: Law, follower: FollowerParameters, radiation: RadiationParameters, speed: float
+) -> float:
+    """Mean square sound pressure (Pa²) of contact and background at ``speed`` (rad/s)."""
+    rate = mean_square_rate(law, follower, radiation.corner_rate, speed)
+    return radiation.background_power(speed) + radiation.gain**2 * rate

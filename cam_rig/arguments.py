@@ -1,0 +1,129 @@
+"""What the functions of `import cam_rig` may be given: refused by the argument's name.
+
+What a parameter takes is its annotation; `checked` compares each argument with it before the
+function begins, so that no other library meets what it cannot take.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, wraps
+from pathlib import Path
+from types import NoneType, SimpleNamespace, UnionType
+from typing import Any, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from cam_rig.errors import ConfigError
+
+P = ParamSpec("P")
+
+R = TypeVar("R")
+
+#: What a parameter of a type takes, in words; of the rig's own with the function that makes one.
+WORDS: dict[Any, str] = {
+    bool: "True or False",
+    int: f"a whole number below {2**63:.2g}",
+    float: "a finite number",
+    str: "a text without NUL",
+    Path: "a path",
+    NoneType: "None",
+    Mapping: "a mapping",
+    Callable: "a function",
+    np.ndarray: "an array",
+}
+
+MAKERS = {
+    "CamConfig": ("a cam", "load_cam"),
+    "RigConfig": ("a rig", "load_rig"),
+    "LoadedScene": ("a scene", "load_scene"),
+    "Law": ("a Law", "build_law"),
+    "FollowerMotion": ("a motion", "simulate"),
+    "Executor": ("an executor", "concurrent.futures"),
+}
+
+
+def checked(function: Callable[P, R]) -> Callable[P, R]:
+    """The same function, which refuses an argument that is not what its annotation says.
+
+    A number is finite and no bool; a number of NumPy's is one of Python's.
+
+    Raises
+    ------
+    ConfigError : with the argument, its value and type, what is allowed, and where one is had
+    """
+    signature = inspect.signature(function)
+
+    @cache
+    def hints() -> dict[str, Any]:
+        own = {name: p.annotation for name, p in signature.parameters.items() if name != "self"}
+        return get_type_hints(SimpleNamespace(__annotations__=own), function.__globals__)
+
+    @wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            given = signature.bind(*args, **kwargs)
+        except TypeError:
+            return function(*args, **kwargs)  # Python's own words of a name or a number of them
+        for name, hint in hints().items():
+            if name in given.arguments:
+                value = given.arguments[name]
+                value = value.item() if isinstance(value, np.generic) else value
+                if not _fits(value, hint):
+                    raise ConfigError(_refusal(name, value, hint))
+                given.arguments[name] = value
+        return function(*given.args, **given.kwargs)
+
+    return call
+
+
+def _fits(value: Any, hint: Any) -> bool:
+    kind, inner = get_origin(hint) or hint, get_args(hint)
+    if kind in (Union, UnionType):
+        return any(_fits(value, one) for one in inner)
+    if kind is float:
+        return _fits(value, int) or (isinstance(value, float) and math.isfinite(value))
+    if kind is Sequence:
+        there = isinstance(value, Sequence) and not isinstance(value, str | bytes)
+        return there and all(_fits(one, inner[0]) for one in value)
+    return isinstance(value, kind) and MORE.get(kind, lambda _: True)(value)
+
+
+def _can_be_a_path(value: str | Path) -> bool:
+    """Whether a file can have this name: no text has a NUL, and none is half a character."""
+    try:
+        return b"\0" not in os.fsencode(value)
+    except UnicodeEncodeError:
+        return False
+
+
+#: What else is asked of a value of a type.
+MORE: dict[Any, Callable[[Any], bool]] = {
+    int: lambda value: not isinstance(value, bool) and abs(value) < 2**63,
+    str: _can_be_a_path,
+    Path: _can_be_a_path,
+    np.ndarray: lambda value: value.dtype.kind in "iuf",
+}
+
+
+def _refusal(name: str, value: Any, hint: Any) -> str:
+    shown = type(value).__name__
+    if isinstance(value, str | Path | float | NoneType) or _fits(value, int | bool):
+        shown = f"{repr(value)[:60]} ({shown})"
+    return f"{name}: is {shown}; allowed: {_words(hint, value)}"
+
+
+def _words(hint: Any, value: Any) -> str:
+    kind, inner = get_origin(hint) or hint, get_args(hint)
+    if kind in (Union, UnionType):
+        return " or ".join(_words(one, value) for one in inner)
+    if kind is Sequence:
+        return f"a list, each {_words(inner[0], value)}"
+    if kind in WORDS:
+        return WORDS[kind]
+    what, maker = MAKERS[kind.__name__]
+    named = maker.startswith("load_") and isinstance(value, str | Path)
+    return f"{what}, of {maker}({str(value)[:60]!r})" if named else f"{what}, of {maker}"

@@ -1,1 +1,0 @@
-"""Writing a bag: every message of a run, whatever happens to the nodes."""

@@ -1,0 +1,251 @@
+"""Recovering a bag that was not closed, or is damaged, into a valid one."""
+
+from __future__ import annotations
+
+import shlex
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+
+from mcap.records import Attachment
+
+from cam_rig.bag.completeness import Holdings, Loss, loss_of
+from cam_rig.bag.file_writer import FileContent, together
+from cam_rig.bag.files import (
+    METADATA,
+    TORN,
+    bag_file,
+    bag_files,
+    holding_all,
+    is_closed,
+    is_unclosed,
+    mcap_files,
+    number_of,
+    part_of,
+    remove,
+    require_new_bag,
+)
+from cam_rig.bag.partial_reader import RECOVERED, PartialReader
+from cam_rig.bag.reader import read_counts, read_scene
+from cam_rig.bag.writer import BagWriter
+from cam_rig.errors import BagError, CamRigError
+from cam_rig.messages.topics import Topic, recorded_topic
+from cam_rig.schema import SceneConfig
+
+#: The report on a recording without any message.
+NOTHING_RECORDED = "nothing was recorded"
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """What was recovered, and what is missing.
+
+    ``counts`` by topic, ``last_ns`` the newest log time; ``readers`` know the state of each file.
+    """
+
+    counts: dict[str, int]
+    last_ns: int
+    readers: tuple[PartialReader, ...]
+    loss: Loss
+
+    @property
+    def whole(self) -> bool:
+        """Whether the recording was closed."""
+        return all(reader.whole for reader in self.readers)
+
+    @property
+    def sound(self) -> bool:
+        """Whether everything is there that was recorded."""
+        damaged = any(reader.damaged for reader in self.readers)
+        return self.whole and not (damaged or self.loss.gaps)
+
+    @property
+    def words(self) -> str:
+        """Recovered and missing, in words."""
+        messages = f"{sum(self.counts.values())} messages to {self.last_ns / 1e9:.6g} s saved"
+        parts = [messages, self._missing(), self.loss.ends]
+        for reader in self.readers:
+            found = _damage(reader)
+            if found and len(self.readers) > 1:
+                found[0] = f"in {reader.file.name}: {found[0]}"
+            parts += found
+        return "; ".join(part for part in parts if part)
+
+    def _missing(self) -> str:
+        last = f"everything after {self.last_ns / 1e9:.6g} s"
+        gaps = [self.loss.words] if self.loss.gaps else []
+        if self.loss.open_end:
+            gaps.append(last)
+        if gaps:
+            return f"missing: {', and '.join(gaps)}"
+        if self.sound:
+            return "nothing lost"
+        return "no tick is missing"
+
+
+def _damage(found: PartialReader) -> list[str]:
+    """What is damaged in a file, in words."""
+    words = list[str]()
+    if found.cut:
+        words.append(f"{found.cut} of the saved are from a truncated chunk")
+    if found.damaged:
+        words.append(f"damaged records: {found.damaged}, first: {found.why}")
+    if found.doubt is not None:
+        begin, end = found.doubt
+        words.append(
+            f"messages of them, whose numbers may be wrong: {found.doubtful}, from "
+            f"{begin / 1e9:.6g} s to {end / 1e9:.6g} s"
+        )
+    if found.unread:
+        words.append(f"{found.unread} bytes could not be read")
+    if found.file.suffix == TORN:
+        words.append(f"read from {found.file.name}, left by an interrupted recovery")
+    return words
+
+
+def recover(bag: Path, target: Path) -> Recovered:
+    """Copy everything readable of a bag into a new one, whose one file holds it all.
+
+    It may be killed and repeated: what it left of the new bag is overwritten.
+
+    Raises
+    ------
+    BagError : nothing in it is readable, or the target exists
+    """
+    copying = Recovery(bag, mcap_files(bag))
+    if not _is_unfinished(target):
+        require_new_bag(target)
+    with BagWriter(target, rewrite=True) as writer:
+        for file in copying.files:
+            copying.read(file, writer)
+        return copying.result(writer)
+
+
+def recover_in_place(bag: Path) -> Recovered:
+    """Recover a bag that its recorder could not close: the files of it that were not closed.
+
+    It may be killed and repeated: each old file stays until the new one is complete.
+
+    Raises
+    ------
+    BagError : nothing in it is readable, or there is no room
+    """
+    copying = Recovery(bag, mcap_files(bag))
+    wrong = [file for file in copying.files if file.suffix == TORN or not is_closed(file)]
+    wrong = wrong or copying.files[-1:]  # only metadata.yaml is missing
+    try:
+        others = [copying.read(file) for file in copying.files if file not in wrong]
+        for file in wrong:
+            with BagWriter(bag, rewrite=True, number=number_of(file), others=others) as writer:
+                others.append(copying.read(file, writer))
+                if file is wrong[-1]:
+                    saved = copying.result(writer)
+    except BagError as error:
+        why, there = str(error).removeprefix(f"{bag}: "), examine(bag)
+        raise BagError(
+            f"{bag}: cannot be recovered where it is, {why}; left as it is, and readable: "
+            f"{there.words}; recover it with: cam-rig recover {shlex.quote(str(bag))} --output "
+            "A_FOLDER_WITH_ROOM"
+        ) from None
+    for file in wrong:
+        if file.suffix == TORN:
+            remove(file)
+    return saved
+
+
+def examine(bag: Path) -> Recovered:
+    """What a bag holds, and what it lacks; nothing is written.
+
+    Raises
+    ------
+    BagError : nothing in it is readable
+    """
+    copying = Recovery(bag, mcap_files(bag))
+    for file in copying.files:
+        copying.read(file)
+    return copying.result()
+
+
+def state_words(bag: Path) -> str:
+    """What a failed run has recorded, in words; the bag is recovered where that is needed."""
+    try:
+        if not any(holding_all(file).stat().st_size for file in bag_files(bag)):
+            return NOTHING_RECORDED
+        words = recover_in_place(bag).words if is_unclosed(bag) else ""
+        count = sum(read_counts(bag).values())
+    except (BagError, OSError) as error:
+        return str(error).removeprefix(f"{bag}: ")
+    return (words or f"closed, {count} messages") if count else NOTHING_RECORDED
+
+
+def _is_unfinished(target: Path) -> bool:
+    """Whether a folder holds nothing but what a killed recovery left."""
+    try:
+        if not target.is_dir():
+            return False
+    except OSError:  # no file can have such a name
+        return False
+    part, names = part_of(bag_file(target)).name, {entry.name for entry in target.iterdir()}
+    metadata = {METADATA, part_of(target / METADATA).name}
+    return names <= {part, *metadata} and (part in names or not names)
+
+
+class Recovery:
+    """The files of a bag as they are read, each as far as it goes."""
+
+    def __init__(self, bag: Path, files: list[Path]) -> None:
+        self.files = files
+        self._bag, self._holdings = bag, Holdings()
+        self._readers: dict[Path, PartialReader] = {}
+        self._contents: dict[Path, FileContent] = {}
+
+    def read(self, file: Path, writer: BagWriter | None = None) -> FileContent:
+        """Copy what a file holds into a bag's own file; without one, only count it.
+
+        Raises
+        ------
+        BagError : nothing in it is readable
+        """
+        reader = self._readers[file] = PartialReader(file)
+        content = FileContent(bag_file(self._bag, number_of(file)).name)
+        self._contents[file] = content
+        records = reader.records()
+        first = next(records, None)
+        if first is None and len(self.files) == 1:
+            why = f" ({reader.why})" if reader.why else ""
+            raise BagError(
+                f"{self._bag}: no readable record in {file.name}{why}; nothing to recover"
+            )
+        for record in chain([first] if first else [], records):
+            if isinstance(record, Attachment):
+                if writer is not None:
+                    writer.attach(record.name, record.data)
+                continue
+            schema, channel, message = record
+            topic = recorded_topic(channel.topic) or Topic(channel.topic, schema.name, "any")
+            topic = replace(topic, name=channel.topic)
+            content.note(topic, message.log_time)
+            self._holdings.add(topic.name, message.log_time, message.sequence, message.data)
+            if writer is not None:
+                number = message.sequence if reader.ours else 0
+                writer.write(topic, message.log_time, message.data, schema.data, number)
+        return content
+
+    def result(self, writer: BagWriter | None = None) -> Recovered:
+        """What was read; a bag that lacks something gets a report of it attached."""
+        readers = tuple(self._readers[file] for file in self.files)
+        whole = all(reader.whole for reader in readers)
+        ours = all(self._readers[file].ours for file in self.files if self._contents[file].total)
+        loss = loss_of(self._holdings, _scene(self._bag), whole, ours)
+        whole_bag = together(self._contents.values())
+        saved = Recovered(whole_bag.counts, whole_bag.last, readers, loss)
+        if writer is not None and not saved.sound:
+            writer.attach(RECOVERED, saved.words.encode())
+        return saved
+
+
+def _scene(bag: Path) -> SceneConfig | None:
+    with suppress(CamRigError):
+        return read_scene(bag).scene
+    return None

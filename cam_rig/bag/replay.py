@@ -1,0 +1,155 @@
+"""Two recordings of one run, number by number."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cam_rig.bag.reader import messages, raw_messages
+from cam_rig.dynamics import COLUMNS
+from cam_rig.errors import BagError
+from cam_rig.messages import topics
+from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
+from cam_rig.messages.serialization import RawMessages
+from cam_rig.messages.topics import Topic
+from cam_rig.simulation.schedule import CamState
+from cam_rig.units import FloatArray
+
+#: What the follower and the microphone publish for each tick; the rest follows from it.
+COMPARED = tuple(topic for topic in topics.RECEIVED if topic.per == "tick")
+
+
+@dataclass
+class Difference:
+    """The largest difference of one quantity between two recordings, and its largest value."""
+
+    topic: str
+    quantity: str
+    count: int = 0
+    difference: float = 0.0
+    largest: float = 0.0
+
+    @property
+    def relative(self) -> float:
+        """The largest difference over the largest value."""
+        if self.difference == 0.0:
+            return 0.0
+        return self.difference / self.largest if self.largest > 0.0 else float("inf")
+
+
+def compare(one: Path, other: Path) -> list[Difference]:
+    """The differences of all that follower and microphone published in two recordings.
+
+    Raises
+    ------
+    BagError : a bag cannot be read, or one has more messages than the other
+    """
+    found: dict[tuple[str, str], Difference] = {}
+    for topic in COMPARED:
+        pairs = zip_longest(_quantities(one, topic), _quantities(other, topic))
+        for number, (here, there) in enumerate(pairs):
+            if here is None or there is None:
+                short = one if here is None else other
+                raise BagError(f"{short}: {topic.name} has {number} messages, the other bag more")
+            for name, value in here.items():
+                entry = found.setdefault((topic.name, name), Difference(topic.name, name))
+                _note(entry, value, there[name], f"{one}: {topic.name} message {number}")
+    return list(found.values())
+
+
+def _note(entry: Difference, one: FloatArray, other: FloatArray, where: str) -> None:
+    if one.shape != other.shape:
+        raise BagError(f"{where}: has {one.size} numbers, in the other bag {other.size}")
+    entry.count += one.size
+    away = float(np.abs(one - other).max(initial=0.0))
+    entry.difference = max(entry.difference, away) if np.isfinite(away) else float("inf")
+    entry.largest = max(entry.largest, float(np.abs(one).max(initial=0.0)))
+
+
+def _quantities(bag: Path, topic: Topic) -> Iterator[dict[str, FloatArray]]:
+    for _, _, message in messages(bag, (topic,)):
+        yield {name: np.atleast_1d(value) for name, value in _numbers(topic, message)}
+
+
+def _numbers(topic: Topic, message: Any) -> Iterator[tuple[str, Any]]:
+    if topic.stamped:
+        yield "stamp [ns]", np.array([stamp_ns(message.header.stamp)])
+    if topic is topics.FOLLOWER_SAMPLES:
+        yield from zip(COLUMNS, decode_block(*array_of(message)), strict=True)
+    elif topic is topics.FOLLOWER_STATE:
+        yield "lift [m]", message.position
+        yield "velocity [m/s]", message.velocity
+        yield "contact_force [N]", message.effort
+    elif topic is topics.PRESSURE:
+        yield "pressure [Pa]", message.fluid_pressure
+    else:
+        yield "value", message.data
+
+
+# A recorded drive's and law server's messages, to be published again.
+
+#: In the order in which they go out at one rig time.
+PLAYED = (topics.LAW_COEFFICIENTS, topics.PROFILE, topics.LAW, topics.CLOCK, topics.CAM_STATE)
+
+#: Decoded, not only passed on.
+READ = (topics.CAM_STATE, topics.DIAGNOSTICS)
+
+#: A level's letter symbol at the end of the microphone's diagnostics.
+QUANTITY = re.compile(r"\bL[ACZ][FS]$")
+
+
+@dataclass(frozen=True)
+class Played:
+    """A state of the cam, and the serialized messages up to it and with it.
+
+    ``quantity`` is what the microphone read of the tick that ends here, by its diagnostics; empty
+    without one.
+    """
+
+    state: CamState
+    messages: tuple[tuple[Topic, bytes], ...]
+    quantity: str = ""
+
+
+def played(bag: Path) -> Iterator[Played]:
+    """The messages state by state; what a bag holds after its last state is left out.
+
+    Raises
+    ------
+    BagError : no such bag, or one that was not closed
+    RefusedError : a state in it is not possible
+    """
+    by_name, raw = {t.name: t for t in (*PLAYED, topics.DIAGNOSTICS)}, RawMessages()
+    waiting: list[tuple[Topic, bytes]] = []
+    last: Played | None = None
+    for connection, _, data in raw_messages(bag, set(by_name)):
+        topic = by_name[connection.topic]
+        message = raw.read(topic, bytes(data))[0] if topic in READ else None
+        if topic is topics.DIAGNOSTICS:
+            last = last and replace(last, quantity=quantity_of(message) or last.quantity)
+            continue
+        if topic is topics.LAW and last is not None:  # written after its state
+            last = replace(last, messages=(*last.messages, (topic, bytes(data))))
+            continue
+        waiting.append((topic, bytes(data)))
+        if topic is topics.CAM_STATE:
+            if last is not None:
+                yield last
+            last = Played(cam_state_of(message), tuple(waiting))
+            waiting.clear()
+    if last is not None:
+        yield last
+
+
+def quantity_of(diagnostic: Any) -> str:
+    """What the microphone reads, by its diagnostics; empty by another node's."""
+    for status in diagnostic.status:
+        if status.name == "microphone" and (found := QUANTITY.search(status.message)):
+            return found.group()
+    return ""

@@ -1,1 +1,0 @@
-"""What is solved in the comparison of solvers."""

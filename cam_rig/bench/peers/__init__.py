@@ -1,1 +1,0 @@
-"""Who solves it: scipy's solvers and SUNDIALS CVODE."""

@@ -1,1 +1,0 @@
-"""What error is measured against: solutions of many digits, computed and stored."""

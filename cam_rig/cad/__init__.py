@@ -1,1 +1,0 @@
-"""Contours as files: DXF, SVG and CSV, written and read."""

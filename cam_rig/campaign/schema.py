@@ -1,0 +1,199 @@
+"""A campaign: one cam on one rig, what varies about them, which points, and what is measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, FiniteFloat, model_validator
+
+from cam_rig.schema.load import NAME, is_path, load
+from cam_rig.schema.quantity import UNITS, Strict
+from cam_rig.schema.scene import Model, Name
+
+#: The unit of a variation that is relative to the base's number.
+PERCENT = "%"
+
+#: Points of a campaign, at most: its results take a column at a time, 0.8 GB of so many.
+MAX_POINTS = 100_000_000
+
+#: Steps of a range on a grid, at most.
+MAX_COUNT = 100_000
+
+#: Inputs of a campaign, at most.
+MAX_INPUTS = 100
+
+
+def _file(text: str) -> str:
+    if not (is_path(text) or NAME.fullmatch(text)):
+        raise ValueError(
+            f"is {text!r}; allowed: a name of small letters, digits and _, or the path of a .yaml "
+            "file, relative to the study's folder"
+        )
+    return text
+
+
+#: A file by its name, or by its path.
+FileOrName = Annotated[str, AfterValidator(_file)]
+
+Finite = Annotated[FiniteFloat, Field(strict=True)]
+
+Spread = Annotated[FiniteFloat, Field(strict=True, ge=0.0)]
+
+PlanKind = Literal["grid", "latin_hypercube", "sobol", "shares"]
+
+
+class Variation(Strict):
+    """What one number does: exactly one of ``values``, ``range``, ``normal``, ``uniform``.
+
+    In ``unit``, or in percent of the base's number. ``normal`` is a standard deviation, cut off
+    ``within`` so much of the mean; ``uniform`` is half the width. The mean is the base's number
+    where none is given. On a grid a range has ``count`` steps.
+    """
+
+    values: list[Finite] | None = Field(default=None, min_length=1)
+    range: tuple[Finite, Finite] | None = None
+    normal: Spread | None = None
+    uniform: Spread | None = None
+    mean: Finite | None = None
+    within: Annotated[FiniteFloat, Field(strict=True, gt=0.0)] | None = None
+    count: int | None = Field(default=None, strict=True, ge=2, le=MAX_COUNT)
+    unit: str
+    source: str = ""
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Variation:
+        kinds = ("values", "range", "normal", "uniform")
+        named = [kind for kind in kinds if getattr(self, kind) is not None]
+        if len(named) != 1:
+            raise ValueError(
+                f"has {' and '.join(named) or 'none'}; allowed: exactly one of {', '.join(kinds)}"
+            )
+        for key, owners in (
+            ("mean", ("normal", "uniform")),
+            ("within", ("normal",)),
+            ("count", ("range",)),
+        ):
+            if getattr(self, key) is not None and named[0] not in owners:
+                raise ValueError(f"{key}: stands beside {' or '.join(owners)}, not {named[0]}")
+        if self.range is not None and not self.range[0] < self.range[1]:
+            raise ValueError(f"range: is {list(self.range)}; allowed: rising, low before high")
+        if self.values is not None and len(set(self.values)) != len(self.values):
+            raise ValueError(f"values: {self.values} has a number twice; allowed: each once")
+        return self
+
+    @model_validator(mode="after")
+    def _known_unit(self) -> Variation:
+        known = {unit for units in UNITS.values() for unit in units} | {PERCENT}
+        if self.unit not in known:
+            raise ValueError(f"has unit {self.unit!r}; allowed: % or one of {_listed(known)}")
+        if self.unit == PERCENT and self.mean is not None:
+            raise ValueError("mean: is the base's number where the unit is %; allowed: no mean")
+        return self
+
+
+def _listed(units: set[str]) -> str:
+    return ", ".join(sorted(units - {PERCENT, "1"}))
+
+
+class CampaignBase(Strict):
+    """What is varied: a scene's cam and rig, or a cam and a rig.
+
+    Each by its name or by a path, relative to the study's folder. ``model`` runs the measures that
+    need a motion: by default the scene's, without a scene two masses where the rig splits its mass,
+    else one.
+    """
+
+    scene: FileOrName | None = None
+    cam: FileOrName | None = None
+    rig: FileOrName | None = None
+    model: Model | None = None
+
+    @model_validator(mode="after")
+    def _whole(self) -> CampaignBase:
+        if self.scene is None and (self.cam is None or self.rig is None):
+            raise ValueError("needs a scene, or a cam and a rig")
+        if self.scene is not None and (self.rig is not None or self.model is not None):
+            raise ValueError("has a scene, with its own rig and model; allowed beside it: cam")
+        return self
+
+
+class CorrelatedPair(Strict):
+    """Two inputs that vary together: the correlation of the normal numbers behind them."""
+
+    inputs: tuple[str, str]
+    coefficient: Annotated[FiniteFloat, Field(strict=True, gt=-1.0, lt=1.0)]
+
+
+class CampaignPlan(Strict):
+    """Which points: all combinations, a Latin hypercube, Sobol's sequence, or Saltelli's design.
+
+    ``points`` of ``shares`` are those of its base sample; it has as many rows for each of d + 2.
+    """
+
+    kind: PlanKind
+    points: int | None = Field(default=None, strict=True, ge=1)
+    seed: int = Field(default=1, strict=True, ge=0, lt=2**63)
+
+    @model_validator(mode="after")
+    def _points(self) -> CampaignPlan:
+        if self.kind == "grid" and self.points is not None:
+            raise ValueError("points: those of a grid are set by values and counts; allowed: none")
+        if self.kind != "grid" and self.points is None:
+            raise ValueError(f"points: missing; required by {self.kind}")
+        if self.kind == "shares" and self.points is not None and self.points & (self.points - 1):
+            raise ValueError(f"points: is {self.points}; allowed for shares: a power of 2")
+        return self
+
+
+class CampaignConfig(Strict):
+    """One file of ``config/campaigns/``; `cam_rig.campaign` says what paths there are."""
+
+    name: Name
+    title: str
+    base: CampaignBase
+    vary: dict[str, Variation] = Field(min_length=1, max_length=MAX_INPUTS)
+    correlated: list[CorrelatedPair] = Field(default_factory=list)
+    plan: CampaignPlan
+    measures: list[str] = Field(min_length=1)
+    limits: list[str] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _plan_fits(self) -> CampaignConfig:
+        kind = self.plan.kind
+        for path, variation in self.vary.items():
+            if kind != "grid" and variation.count is not None:
+                raise ValueError(f"vary.{path}.count: is of a grid; this plan is {kind}")
+            if kind == "grid" and variation.values is None and variation.count is None:
+                raise ValueError(
+                    f"vary.{path}: allowed on a grid: values, or a range with its count"
+                )
+        if self.correlated and kind in ("grid", "shares"):
+            raise ValueError(
+                f"correlated: {kind} needs independent inputs; allowed: sobol or latin_hypercube"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _pairs(self) -> CampaignConfig:
+        seen = set()
+        for pair in self.correlated:
+            unknown = [path for path in pair.inputs if path not in self.vary]
+            if unknown or pair.inputs[0] == pair.inputs[1]:
+                raise ValueError(
+                    f"correlated: {list(pair.inputs)}; allowed: two of {', '.join(self.vary)}"
+                )
+            if frozenset(pair.inputs) in seen:
+                raise ValueError(f"correlated: {list(pair.inputs)} stands twice; allowed: once")
+            seen.add(frozenset(pair.inputs))
+        return self
+
+
+def load_campaign(path: Path) -> CampaignConfig:
+    """Read a study file.
+
+    Raises
+    ------
+    ConfigError : one line that names file, key, value and what is allowed
+    """
+    return load(path, CampaignConfig)

@@ -1,0 +1,173 @@
+"""What a scene's model does at one speed for ever: its forces, level and lift-offs once settled.
+
+While contact is kept the periodic state is one linear solve, and the least and the largest force
+are found between the samples too. Where the follower lifts off it is turned from rest until a turn
+changes nothing any more; where none does, the turns after `MOST_TURNS` are measured, and it is
+said.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from cam_rig.dynamics import (
+    MODELS,
+    FollowerParameters,
+    FollowerState,
+    Interval,
+    TwoMassParameters,
+    elastic_stem,
+)
+from cam_rig.dynamics.kinetostatic import force_extremes, force_weights
+from cam_rig.dynamics.linear.response import LinearResponse
+from cam_rig.dynamics.linear.sampling import Outputs
+from cam_rig.dynamics.modal_minimum import ModalRun
+from cam_rig.dynamics.modal_response import ModalResponse
+from cam_rig.dynamics.torsional.model import from_rig as shaft_of
+from cam_rig.dynamics.torsional.motion import periodic_state
+from cam_rig.dynamics.two_mass.masses import contact_response, force_output
+from cam_rig.laws import Law
+from cam_rig.schema import RigConfig, SceneConfig
+from cam_rig.simulation.by_speed import SpeedRow, SpeedRows
+from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.simulate import simulate, step_levels, turned_ticks
+from cam_rig.units import NS, TURN, FloatArray
+
+#: A follower has settled when its turns to come change the force by no more than this part of it.
+SETTLED = 1e-6
+
+#: Turns from rest after which one that has not settled is measured as it is.
+MOST_TURNS = 40
+
+#: The contact force's row in the outputs of a mass on its stem.
+FORCE = 3
+
+
+@dataclass(frozen=True)
+class SteadyStart:
+    """A follower at θ = 0, None for one put down on the cam; whether its turns repeat from there.
+
+    ``forces`` (N) are the least and the largest of a turn, where they are known exactly.
+    """
+
+    state: FollowerState | None = None
+    settled: bool = True
+    forces: tuple[float, float] | None = None
+
+
+def steady_row(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> tuple[SpeedRow, bool]:
+    """The settled turns of a scene's one cam at its one speed (rad/s), and whether they repeat.
+
+    Raises
+    ------
+    DynamicsError : a model that cannot take the law; no steady state
+    """
+    start = _start(law, rig, scene, speed)
+    nowhere, laws = Path(), {scene.cams[0]: law}
+    loaded = LoadedScene(scene, rig, {}, laws, None, nowhere, nowhere, {}, None)
+    settle = scene.program.settle_turns.si
+    rows = SpeedRows(laws, int(scene.sample_rate.si), settle)
+    if rig.radiation is None:  # no sound, so no level
+        for tick in turned_ticks(loaded, start.state):
+            rows.take(tick)
+        row = rows.rows({})[0]
+    else:
+        row = rows.rows(step_levels(simulate(loaded, rows.take, start.state), settle))[0]
+    if start.forces is not None:
+        row = replace(row, force_least=start.forces[0], force_peak=start.forces[1])
+    return row, start.settled
+
+
+def _start(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> SteadyStart:
+    model, parameters = scene.model, MODELS[scene.model].parameters(rig)
+    if model == "torsional":
+        return _twisted(law, rig, speed)
+    if isinstance(parameters, TwoMassParameters):
+        response, output = contact_response(law, parameters, speed), force_output(parameters)
+        return _in_contact(response, output, 0) or _turned(law, rig, scene, speed)
+    if model == "elastic_stem":
+        response = elastic_stem.response(law, parameters, speed)
+        found = _in_contact(response, elastic_stem.outputs(parameters), FORCE, holds=True)
+        return found or SteadyStart(_vibrating(response.periodic()))
+    forces = force_extremes(law, parameters, speed)
+    if model == "kinetostatic" or (forces[0] > 0.0 and not law.velocity_jumps):
+        return SteadyStart(forces=forces)
+    return _turned(law, rig, scene, speed)
+
+
+def _vibrating(inner: FloatArray) -> FollowerState:
+    return FollowerState(0.0, 0.0, 0.0, in_contact=True, inner=tuple(inner.tolist()))
+
+
+def _in_contact(
+    response: LinearResponse, outputs: Outputs, row: int, holds: bool = False
+) -> SteadyStart | None:
+    """The periodic state; None where contact is lost in it, or its force cannot be told exactly.
+
+    A model that ``holds`` the follower on the cam loses it nowhere.
+    """
+    speeds = np.array([response.speed])
+    pull = Outputs(-outputs.state, -outputs.law, -outputs.constant)
+    model, opposite = (ModalResponse.of(response, one, row) for one in (outputs, pull))
+    if response.law.velocity_jumps or not model.resolved(speeds).all():
+        return None
+    least = ModalRun(model, None).lowest(response.speed)
+    if least <= 0.0 and not holds:
+        return None
+    largest = -ModalRun(opposite, None).lowest(response.speed)
+    return SteadyStart(_vibrating(response.periodic()), forces=(least, largest))
+
+
+def _twisted(law: Law, rig: RigConfig, speed: float) -> SteadyStart:
+    """A shaft in its steady state; one whose flywheel has an inertia begins there by itself."""
+    shaft = shaft_of(rig)
+    if shaft.flywheel_inertia is not None:
+        return SteadyStart()
+    start = periodic_state(law, shaft, speed)
+    return SteadyStart(_vibrating(np.array([start.twist, start.twist_rate])))
+
+
+def _turned(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> SteadyStart:
+    """A follower turned from rest until no turn to come changes it, or `MOST_TURNS`."""
+    model, rate = MODELS[scene.model], int(scene.sample_rate.si)
+    parameters, scale = model.parameters(rig), _scale(law, rig, speed)
+    turn = round(TURN / speed * NS)
+    interval = Interval(0, turn, 0.0, TURN / turn * NS)  # a turn of whole nanoseconds
+    state: FollowerState | None = None
+    before, change = None, math.inf
+    for _ in range(MOST_TURNS):
+        end, _block = model.advance(law, parameters, state, interval, rate)
+        state = replace(end, cam_angle=None, cam_speed=None, pending_impulse=0.0)
+        here = _numbers(state, scale)
+        last, change = change, _away(here, before)
+        if change == 0.0 or (change < last < math.inf and change**2 / (last - change) < SETTLED):
+            return SteadyStart(state)  # what is left of a geometric series
+        before = here
+    return SteadyStart(state, settled=False)
+
+
+def _scale(law: Law, rig: RigConfig, speed: float) -> tuple[float, float]:
+    """A place (m) and a velocity (m/s) that stand for the whole contact force in the stem."""
+    p = FollowerParameters.from_rig(rig)
+    force = float(force_weights(p, speed) @ np.array(law.bounds)) + p.preload
+    stiffness = p.stem_stiffness or p.spring_stiffness  # a rigid mass on the cam has no stem
+    place = force / stiffness
+    return place, place * math.sqrt(stiffness / p.mass)
+
+
+def _numbers(state: FollowerState, scale: tuple[float, float]) -> FloatArray:
+    """A state as parts of the force: on the cam its vibration alone; places and rates in turn."""
+    own = () if state.in_contact else (state.displacement, state.velocity)
+    numbers = np.array([*own, *state.inner])
+    return np.append(numbers / np.resize(scale, numbers.size), float(state.in_contact))
+
+
+def _away(here: FloatArray, before: FloatArray | None) -> float:
+    """By how much two states differ; infinite where one is on the cam and the other flies."""
+    if before is None or before.size != here.size or here[-1] != before[-1]:
+        return math.inf
+    return float(np.abs(here - before).max())

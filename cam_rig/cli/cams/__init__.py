@@ -1,1 +1,0 @@
-"""Commands on one cam: its law and its contour."""

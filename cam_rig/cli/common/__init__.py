@@ -1,1 +1,0 @@
-"""What commands share: the console, names of files, options, outputs."""

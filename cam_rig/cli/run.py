@@ -1,0 +1,264 @@
+"""cam-rig run: the scene through the live node graph, into a bag.
+
+Started in this order (`cam_rig.runner.node_table`): recorder, viewer where asked for, microphone,
+follower, law_server, cam_drive; ended in the opposite one, the recorder last.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.markup import escape
+
+from cam_rig.runner.fork_server import ForkServer
+from cam_rig.schema.load import scene_path
+from cam_rig.show.command import (
+    DEFAULT_SCENE,
+    Namespace,
+    Scene,
+    SceneOfBag,
+    console,
+    progress_bar,
+    show,
+    user_errors,
+)
+
+if TYPE_CHECKING:
+    from cam_rig.bag.replay import Difference
+    from cam_rig.runner.node_process import Arguments
+    from cam_rig.show.tables import DataTable
+    from cam_rig.viewer.page import PageTime
+
+Pacing = Annotated[
+    str, typer.Option(help="Rig time beside wall time: free, real_time, or Nx such as 20x.")
+]
+
+View = Annotated[bool, typer.Option("--view", help="Show it in Rerun while it runs.")]
+
+Web = Annotated[bool, typer.Option("--web", help="Show it so to a browser on this machine.")]
+
+Wait = Annotated[
+    bool, typer.Option("--wait", help="With --web or --view: start when somebody sees it.")
+]
+
+Respawn = Annotated[
+    bool, typer.Option("--respawn", help="Start a node again that was killed, and go on.")
+]
+
+Network = Annotated[
+    bool, typer.Option("--network", help="Let the subnet see the nodes; else this machine alone.")
+]
+
+SplitLimit = Annotated[
+    str | None,
+    typer.Option(
+        "--split",
+        metavar="LIMIT",
+        help="Go on in another file of the bag after this size or rig time: 100MB, 60s.",
+    ),
+]
+
+
+def run(
+    scene: Scene = DEFAULT_SCENE,
+    bag: Annotated[
+        Path | None, typer.Option(help="Folder to record into; must not exist yet.")
+    ] = None,
+    analyze: Annotated[
+        bool, typer.Option("--analyze", help="Analyse the bag afterwards, with a plot beside it.")
+    ] = False,
+    view: View = False,
+    web: Web = False,
+    wait: Wait = False,
+    pacing: Pacing = "free",
+    respawn: Respawn = False,
+    network: Network = False,
+    namespace: Namespace = "",
+    split: SplitLimit = None,
+) -> None:
+    """Run a scene through the node graph and record it.
+
+    Five nodes, each its own process, run as fast as the slowest of them (or at a set pace) and are
+    all ended, on Ctrl-C too. Exit codes: 0 done, 1 a node failed, 2 the scene is wrong, 128 and
+    the signal's number when a signal ended it (130 for Ctrl-C).
+
+    Examples
+    --------
+    cam-rig run
+
+    cam-rig run config/scenes/quick.yaml --bag bags/mine --analyze
+
+    cam-rig run --view
+
+    cam-rig run quick --web --wait --pacing real_time
+
+    cam-rig run quick --namespace /rig1
+
+    cam-rig run --split 100MB
+    """
+    with user_errors(), ForkServer().begin() as server:  # it imports while all is checked here
+        from cam_rig.bag.files import require_new_bag
+        from cam_rig.bag.split import Split
+        from cam_rig.live.flow_control import factor_of, pacing_of
+        from cam_rig.runner.node_process import live
+        from cam_rig.runner.resources import namespace_named
+        from cam_rig.viewer.command import open_screen
+
+        path = scene_path(scene)
+        factor_of(pacing := str(pacing_of(pacing)))
+        limits = Split.parsed(split) if split is not None else Split()
+        place = namespace_named(namespace)
+        target = bag or Path(time.strftime(f"bags/{path.stem}_%Y-%m-%d_%H-%M-%S"))
+        require_new_bag(target, limits.last_number)
+        with open_screen(view, web, wait) as screen:
+            nodes = live(path, target, screen.address, limits, pacing=pacing)
+            _run(path, target, nodes, respawn, network, place, server, screen.page)
+            if analyze:
+                from cam_rig.bag.command import analyze_bag
+
+                analyze_bag(target, None, target / "noise.png")
+            screen.stay()
+
+
+def _log(line: str) -> None:
+    console.print(escape(line))
+
+
+def _run(
+    path: Path,
+    target: Path,
+    nodes: dict[str, Arguments],
+    respawn: bool,
+    network: bool,
+    namespace: str,
+    server: ForkServer,
+    page: PageTime | None,
+) -> None:
+    from cam_rig.bag.completeness import require_complete
+    from cam_rig.messages.topics import FOLLOWER_SAMPLES
+    from cam_rig.runner.graph import Graph
+    from cam_rig.runner.node_process import PROFILES
+    from cam_rig.runner.resources import own_domain
+    from cam_rig.simulation.scene import open_scene
+    from cam_rig.simulation.schedule import cam_states, tick_count
+    from cam_rig.units import NS
+    from cam_rig.viewer.command import DelayReport
+
+    loaded = open_scene(path)
+    loaded.require_numbers()
+    stamps = [state.time_ns / NS for state in cam_states(loaded.scene)]
+    if PROFILES in os.environ and not network:
+        console.print(
+            f"the profile of {PROFILES} is used with --network alone; no socket leaves this machine"
+        )
+    begun = time.perf_counter()
+    with (
+        own_domain(namespace),
+        progress_bar() as bar,
+        DelayReport(page) as delay,
+        Graph(nodes, respawn, network, _log, namespace, server) as graph,
+    ):
+        task = bar.add_task("starting the nodes", total=tick_count(loaded.scene))
+        for report in graph.progress():
+            words, tick = f"{report['cam']} {report['rpm']:.0f} rpm", int(report["tick"])
+            bar.update(task, completed=tick, description=delay.driven(stamps[tick], words))
+    for name, node in graph.processes.items():
+        if node.warnings:
+            words = f"{name} warned {len(node.warnings)} times, last: {node.warnings[-1]}"
+            console.print(escape(words))
+    graph.require_closed()
+    counts = require_complete(target, loaded.scene)
+    took = time.perf_counter() - begun
+    console.print(
+        f"{counts[FOLLOWER_SAMPLES.name]} ticks, {sum(counts.values())} messages, none missing, "
+        f"in {took:.1f} s: {escape(str(target))}"
+    )
+
+
+# cam-rig replay: a recorded run through the live follower and microphone, and compared.
+
+
+def replay(
+    bag: Annotated[Path, typer.Argument(help="Bag whose cam states and laws are played.")],
+    tolerance: Annotated[
+        float, typer.Option(help="Largest difference allowed, over the largest value.", min=0.0)
+    ] = 1e-12,
+    output: Annotated[
+        Path | None,
+        typer.Option("--out", "--output", help="Keep the new recording here; must not exist yet."),
+    ] = None,
+    scene: SceneOfBag = None,
+) -> None:
+    """Feed recorded cam states and laws to live nodes, and compare their messages with the bag.
+
+    A regression test for any change of follower or microphone: code 1 when a number differs.
+
+    Examples
+    --------
+    cam-rig replay bags/golden
+
+    cam-rig replay bags/mine --tolerance 1e-9 --out bags/mine_again
+    """
+    with user_errors():
+        from cam_rig.bag.files import require_new_bag
+        from cam_rig.errors import BagError
+        from cam_rig.files import temporary_folder
+
+        if output is not None:
+            require_new_bag(output)
+        with temporary_folder("cam_rig-replay-") as folder:
+            found = _replay(bag, folder, scene, output)
+        show(_table(found))
+        worst = max(found, key=lambda entry: entry.relative)
+        if not worst.relative <= tolerance:
+            raise BagError(
+                f"{bag}: {worst.topic} {worst.quantity} differs by {worst.difference:.3g}, "
+                f"{worst.relative:.3g} of its largest value; allowed: {tolerance:g}"
+            )
+
+
+def _replay(bag: Path, folder: Path, scene: str | None, output: Path | None) -> list[Difference]:
+    from cam_rig.bag.partial_reader import unpack
+    from cam_rig.bag.reader import read_counts
+    from cam_rig.bag.replay import compare
+    from cam_rig.errors import BagError
+    from cam_rig.messages.topics import CAM_STATE
+    from cam_rig.runner.graph import Graph
+    from cam_rig.runner.node_process import replayed
+    from cam_rig.runner.resources import own_domain
+
+    total = read_counts(bag).get(CAM_STATE.name, 0)
+    if total < 2:
+        raise BagError(f"{bag}: has {total} states of the cam; allowed: two at least")
+    path = scene_path(scene) if scene else unpack(bag, folder)
+    again = folder / "again" / (output.name if output else "bag")  # not among the bag's own files
+    with own_domain(), progress_bar() as bar, Graph(replayed(path, again, bag)) as graph:
+        task = bar.add_task("replaying", total=total - 1)
+        for report in graph.progress():
+            bar.update(task, completed=int(report["tick"]))
+    graph.require_closed()
+    found = compare(bag, again)
+    if output is not None:
+        shutil.move(again, output)
+    return found
+
+
+def _table(found: list[Difference]) -> DataTable:
+    from cam_rig.show.tables import Column, tabulate
+
+    return tabulate(
+        "Recorded against replayed",
+        found,
+        (
+            (Column("topic"), lambda entry: entry.topic),
+            (Column("quantity"), lambda entry: entry.quantity),
+            (Column("numbers", "", "d"), lambda entry: entry.count),
+            (Column("difference", "", ".3g"), lambda entry: entry.difference),
+            (Column("relative", "", ".2g"), lambda entry: entry.relative),
+        ),
+    )

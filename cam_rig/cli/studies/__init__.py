@@ -1,1 +1,0 @@
-"""Commands that compare cams with the paper, or solvers with each other."""

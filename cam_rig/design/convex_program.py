@@ -1,0 +1,326 @@
+"""A convex program in a design's unknowns and one level t, solved, and bounded by its multipliers.
+
+The bound does not rest on the solver: any multipliers of the right signs give one (weak duality),
+and these are put right and the bound computed here, in a few sums.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from cam_rig.errors import DesignError
+from cam_rig.extras import libraries_named
+from cam_rig.units import FloatArray
+
+# Quantities that are affine in a design's unknowns, c + A x: what a linear program is made of.
+
+#: Indices, a mask or a slice.
+Chosen = NDArray[np.intp] | NDArray[np.bool_] | slice
+
+
+@dataclass(frozen=True, eq=False)
+class Affine:
+    """Values c + A x, ``(n,)``, of unknowns x ``(m,)``.
+
+    Parameters
+    ----------
+    constant : c, ``(n,)``
+    matrix : A, sparse, ``(n, m)``
+    """
+
+    constant: FloatArray
+    matrix: sparse.csr_array
+
+    def __call__(self, unknowns: FloatArray) -> FloatArray:
+        """The values at unknowns ``(m,)``."""
+        return np.asarray(self.constant + self.matrix @ unknowns)
+
+    def __add__(self, other: Affine) -> Affine:
+        return Affine(self.constant + other.constant, sparse.csr_array(self.matrix + other.matrix))
+
+    def __mul__(self, factor: float) -> Affine:
+        return Affine(self.constant * factor, sparse.csr_array(self.matrix * factor))
+
+    def plus(self, number: float | FloatArray) -> Affine:
+        """The values and a number more."""
+        return Affine(self.constant + number, self.matrix)
+
+    def mapped(self, matrix: sparse.csr_array) -> Affine:
+        """``matrix`` times the values."""
+        return Affine(np.asarray(matrix @ self.constant), sparse.csr_array(matrix @ self.matrix))
+
+    def rows(self, chosen: Chosen) -> Affine:
+        """Some of the values."""
+        return Affine(self.constant[chosen], sparse.csr_array(self.matrix[chosen]))
+
+    @staticmethod
+    def stacked(parts: list[Affine]) -> Affine:
+        """The values of all, one after the other."""
+        matrices = [part.matrix for part in parts]
+        return Affine(
+            np.concatenate([part.constant for part in parts]),
+            sparse.csr_array(sparse.vstack(matrices, format="csr")),
+        )
+
+
+#: An ordinate of a law is at most so many lifts.
+BOX, LARGEST = 10.0, "ordinates"
+
+#: How the solver is set, one after the other until it ends well. Left to itself it takes another
+#: factorisation for larger programs, three times as slow on these.
+TUNINGS: tuple[dict[str, float | int | str], ...] = (
+    {"tol_feas": 1e-10, "tol_gap_abs": 1e-10, "tol_gap_rel": 1e-10},
+    {"static_regularization_constant": 1e-7, "iterative_refinement_max_iter": 50},
+    {"equilibrate_max_iter": 50, "reduced_tol_gap_rel": 1e-4, "reduced_tol_feas": 1e-4},
+)
+
+FACTORISATION = "qdldl"
+
+#: Where it does not, a solution is used that breaks no row, and is as near to its bound.
+USABLE = 1e-5
+
+#: Limits are proved to contradict each other for levels of no more than this size.
+LEVELS = 1e4
+
+#: A limit counts as active where it is met to this part of its scale.
+ACTIVE = 1e-5
+
+
+@dataclass(frozen=True)
+class RowBlock:
+    """Rows c + A x + w t: ≥ 0, = 0, or in cones of ``cone`` rows, the first one the radius.
+
+    ``necessary`` rows are broken by no law that keeps its limits; others only prove that it does.
+    """
+
+    name: str
+    rows: Affine
+    weight: FloatArray
+    kind: str
+    cone: int = 1
+    necessary: bool = True
+
+
+@dataclass(frozen=True)
+class ProgramSolution:
+    """Unknowns ``(m,)``, the level t, what no law of the class exceeds, and the active limits.
+
+    ``blocks`` and ``multipliers`` (one a row, the weights' sum −1) are what proves the bound.
+    """
+
+    unknowns: FloatArray
+    level: float
+    bound: float
+    active: tuple[str, ...]
+    blocks: tuple[RowBlock, ...]
+    multipliers: FloatArray
+
+
+class InfeasibleError(DesignError):
+    """No law of the class keeps the limits; ``fighting`` names those that contradict each other."""
+
+    def __init__(self, fighting: tuple[str, ...], proved: bool = True) -> None:
+        self.fighting, self.proved = fighting, proved
+        super().__init__(
+            f"no law of the class keeps {self.together}; allowed: looser limits, or more pieces"
+        )
+
+    @property
+    def together(self) -> str:
+        """The pair that fights, or the one that cannot be kept."""
+        return " and ".join(self.fighting[:2]) + (" at once" if len(self.fighting) > 1 else "")
+
+
+@dataclass
+class ConvexProgram:
+    """Limits on unknowns ``(unknowns,)``, and t, which is made as large as they allow."""
+
+    unknowns: int
+    link: Affine
+    blocks: list[RowBlock] = field(default_factory=list)
+
+    def copy(self) -> ConvexProgram:
+        """The same limits, to which others can be added."""
+        return ConvexProgram(self.unknowns, self.link, list(self.blocks))
+
+    def at_least(
+        self, name: str, rows: Affine, weight: float = 0.0, necessary: bool = True
+    ) -> None:
+        """Rows + weight · t ≥ 0."""
+        weights = np.full(rows.constant.size, weight)
+        self.blocks.append(RowBlock(name, rows, weights, "nonneg", necessary=necessary))
+
+    def equal(self, name: str, rows: Affine) -> None:
+        """Rows = 0."""
+        self.blocks.append(RowBlock(name, rows, np.zeros(rows.constant.size), "zero"))
+
+    def solve(self) -> ProgramSolution:
+        """The largest t.
+
+        Raises
+        ------
+        InfeasibleError : no unknowns keep the limits
+        DesignError : the solver did not end
+        """
+        with libraries_named():
+            import clarabel
+        blocks = self.all_blocks()
+        G = sparse.vstack(
+            [sparse.hstack([b.rows.matrix, sparse.csr_array(b.weight[:, None])]) for b in blocks]
+        )
+        h = np.concatenate([b.rows.constant for b in blocks])
+        cones: list[object] = []
+        for block in blocks:
+            size = block.weight.size
+            if block.kind == "zero":
+                cones.append(clarabel.ZeroConeT(size))
+            elif block.kind == "nonneg":
+                cones.append(clarabel.NonnegativeConeT(size))
+            else:
+                cones += [clarabel.SecondOrderConeT(block.cone)] * (size // block.cone)
+        cost = np.zeros(self.unknowns + 1)
+        cost[-1] = -1.0
+        none = sparse.csc_matrix((cost.size, cost.size))
+        best, fault = None, np.inf
+        for tuning in TUNINGS:
+            settings = clarabel.DefaultSettings()
+            settings.verbose, settings.max_iter = False, 400
+            settings.direct_solve_method = FACTORISATION
+            for key, value in tuning.items():
+                setattr(settings, key, value)
+            solver = clarabel.DefaultSolver(none, cost, sparse.csc_matrix(-G), h, cones, settings)
+            found = solver.solve()
+            status, dual = str(found.status), np.array(found.z)
+            if status in ("PrimalInfeasible", "AlmostPrimalInfeasible"):
+                raise self._infeasible(blocks, dual)
+            x = np.array(found.x)
+            if status in ("Solved", "AlmostSolved"):
+                return solution_of(blocks, x, dual)
+            broken = _broken(blocks, x)
+            if broken < min(fault, USABLE):
+                best, fault = solution_of(blocks, x, dual), broken
+        if best is None or not best.bound - best.level <= USABLE * max(1.0, abs(best.level)):
+            raise DesignError(f"design: the solver ended with {status}; allowed: fewer pieces")
+        return best
+
+    def all_blocks(self) -> list[RowBlock]:
+        """The link first, then equations, limits and (last) the largest ordinates."""
+        link = RowBlock("", self.link, np.zeros(self.link.constant.size), "zero")
+        ranked = sorted(self.blocks, key=lambda block: block.kind != "zero")
+        return [link, *ranked, self._box()]
+
+    def _box(self) -> RowBlock:
+        free = self.unknowns - self.link.constant.size
+        eye = sparse.csr_array(sparse.eye(free, self.unknowns))
+        matrix = sparse.csr_array(sparse.vstack([eye, -eye]))
+        return RowBlock(
+            LARGEST, Affine(np.full(2 * free, BOX), matrix), np.zeros(2 * free), "nonneg"
+        )
+
+    def _infeasible(self, blocks: list[RowBlock], dual: FloatArray) -> InfeasibleError:
+        share: dict[str, float] = {}
+        at = 0
+        for block in blocks:
+            size = block.weight.size
+            if not block.name:
+                at += size
+                continue
+            share[block.name] = share.get(block.name, 0.0) + float(
+                np.abs(dual[at : at + size] * size_of(block)).sum()
+            )
+            at += size
+        most = max(share.values(), default=0.0)
+        ranked = sorted(share.items(), key=lambda item: (item[0] == LARGEST, -item[1]))
+        names = tuple(name for name, part in ranked if part > 1e-6 * most)
+        proved = all(block.necessary for block in blocks) and _refutes(blocks, dual)
+        return InfeasibleError(names or ("its limits",), proved)
+
+
+def size_of(block: RowBlock) -> FloatArray:
+    """How large the terms of each row are."""
+    return np.asarray(abs(block.rows.matrix).sum(axis=1) + np.abs(block.rows.constant))
+
+
+def solution_of(blocks: list[RowBlock], x: FloatArray, dual: FloatArray) -> ProgramSolution:
+    """Of unknowns with t as the last, and multipliers of all rows, not yet put right."""
+    multipliers = _multipliers(blocks, dual)
+    bound = bound_of(blocks, multipliers)
+    return ProgramSolution(
+        x[:-1], float(x[-1]), bound, _active(blocks, x), tuple(blocks), multipliers
+    )
+
+
+def _slack(block: RowBlock, x: FloatArray) -> FloatArray:
+    """How far each row, or each cone, is from being broken; of an equation how far it is off."""
+    values = np.asarray(block.rows(x[:-1]) + block.weight * x[-1])
+    if block.kind == "cone":
+        cones = values.reshape(-1, block.cone)
+        return np.asarray(cones[:, 0] - np.linalg.norm(cones[:, 1:], axis=1))
+    return -np.abs(values) if block.kind == "zero" else values
+
+
+def _broken(blocks: list[RowBlock], x: FloatArray) -> float:
+    """By how much the worst row is broken."""
+    return max(0.0, *(-float(_slack(block, x).min()) for block in blocks))
+
+
+def _in_cones(blocks: list[RowBlock], dual: FloatArray) -> FloatArray:
+    """The solver's multipliers, put into the cones.
+
+    The first block links the last unknowns to the others, with −1 each: its multipliers are made
+    such that those unknowns drop out.
+    """
+    y, at = dual.copy(), 0
+    matrix = sparse.vstack([b.rows.matrix for b in blocks], format="csr")
+    for block in blocks:
+        size = block.weight.size
+        part = y[at : at + size]
+        if block.kind == "nonneg":
+            np.maximum(part, 0.0, out=part)
+        elif block.kind == "cone":
+            cones = part.reshape(-1, block.cone)
+            cones[:, 0] = np.maximum(cones[:, 0], np.linalg.norm(cones[:, 1:], axis=1))
+        at += size
+    linked = blocks[0].weight.size
+    y[:linked] += (matrix.T @ y)[matrix.shape[1] - linked :]
+    return y
+
+
+def _multipliers(blocks: list[RowBlock], dual: FloatArray) -> FloatArray:
+    """The same scaled to t; NaN where t has none."""
+    y = _in_cones(blocks, dual)
+    weight = float(np.concatenate([b.weight for b in blocks]) @ y)
+    return y / -weight if weight < 0.0 else np.full(y.size, np.nan)
+
+
+def _refutes(blocks: list[RowBlock], dual: FloatArray) -> bool:
+    """Whether multipliers prove that no unknowns keep the rows, for any |t| up to `LEVELS`.
+
+    Σ y (c + A x + w t) cannot be below zero, and yet is.
+    """
+    y = _in_cones(blocks, dual)
+    weight = float(np.concatenate([b.weight for b in blocks]) @ y)
+    return bound_of(blocks, y) + abs(weight) * LEVELS < 0.0
+
+
+def bound_of(blocks: list[RowBlock], multipliers: FloatArray) -> float:
+    """Σ y c + |Aᵀ y| · BOX: with Σ y w = −1 what t cannot exceed, as Σ y (c + A x + w t) ≥ 0.
+
+    Infinite for multipliers that prove nothing.
+    """
+    if np.isnan(multipliers).any():
+        return np.inf
+    matrix = sparse.vstack([b.rows.matrix for b in blocks], format="csr")
+    constant = float(np.concatenate([b.rows.constant for b in blocks]) @ multipliers)
+    rest = (matrix.T @ multipliers)[: matrix.shape[1] - blocks[0].weight.size]
+    return constant + float(np.abs(rest).sum()) * BOX
+
+
+def _active(blocks: list[RowBlock], x: FloatArray) -> tuple[str, ...]:
+    """Names of the limits that are met."""
+    met = (b.name for b in blocks if b.kind != "zero" and _slack(b, x).min() < ACTIVE)
+    return tuple(dict.fromkeys(met))

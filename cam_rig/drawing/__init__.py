@@ -1,1 +1,0 @@
-"""What plots and the viewer draw with: colours, outlines, the follower's shape."""

@@ -1,0 +1,3 @@
+"""The paper's jump speeds: the lowest speed at which a follower loses contact."""
+
+from __future__ import annotations

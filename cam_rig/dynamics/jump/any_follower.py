@@ -1,0 +1,212 @@
+"""The jump speed on any rig: of two masses where the rig splits its mass, else of one rigid mass.
+
+One mass does not vibrate: contact is lost where its inertia takes all of the spring's force,
+m s'' Ω² + c s' Ω + k s + preload = 0 (eq. 9 of the paper, F = 0), from rest as in steady state.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from cam_rig.arguments import checked
+from cam_rig.dynamics.jump.jump_speed import FROM_REST, Jump, require_run, rigid_jump, rigid_least
+from cam_rig.dynamics.jump.jump_speed import jump_speed as jump_of_parameters
+from cam_rig.dynamics.jump.search import FASTEST, SLOWEST, force_run, keeps_contact, loses_contact
+from cam_rig.dynamics.parameters import FollowerParameters
+from cam_rig.dynamics.two_mass.masses import TwoMassParameters
+from cam_rig.dynamics.velocity_jumps import require_smooth
+from cam_rig.extras import libraries_named
+from cam_rig.laws import Law
+from cam_rig.schema import RigConfig
+from cam_rig.show.result import shown
+from cam_rig.units import RPM, FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+
+# The jump speed of a cam on a rig: the lowest at which the follower loses contact.
+
+
+@dataclass(frozen=True, repr=False)
+class JumpSpeed(Jump):
+    """A jump speed: ``rpm``, ``speed`` (rad/s), and where contact is lost.
+
+    ``angle`` (rad of cam angle in its turn) and ``time`` (s, from rest or from the beginning of a
+    turn) are those of the first lift-off. ``duration`` (s) is the run's; None is steady state.
+    """
+
+    law: Law = field(repr=False)
+    rig: RigConfig = field(repr=False)
+    duration: float | None
+
+    def __repr__(self) -> str:
+        """What and where, in rpm and degrees."""
+        where = f"contact lost at {math.degrees(self.angle):.1f}° after {self.time:.3g} s"
+        return f"JumpSpeed({self.law.name}: {self.rpm:.2f} rpm, {where})"
+
+    def to_pandas(self) -> DataFrame:
+        """One row: cam, speed, and where contact is lost.
+
+        Raises
+        ------
+        MissingLibraryError : pandas is not installed
+        """
+        with libraries_named():
+            from pandas import DataFrame
+        row = {"cam": self.law.name, "rpm": self.rpm, "angle_rad": self.angle, "time_s": self.time}
+        return DataFrame([row])
+
+    def plot(self) -> Figure:
+        """The minimum contact force (N) of a run over the speed (rpm): zero at the jump speed.
+
+        Raises
+        ------
+        MissingLibraryError : matplotlib is not installed
+        """
+        with libraries_named():
+            from cam_rig.dynamics.jump.figures import one_cam
+        return shown(one_cam(self.law, follower_of(self.rig), self.duration, self.rpm))
+
+
+@checked
+def jump_speed(law: Law, rig: RigConfig, *, duration: float | None = FROM_REST) -> JumpSpeed:
+    """The lowest speed at which the follower loses contact, to 0.01 rpm.
+
+    Of two masses where the rig says how they split, else of one rigid mass, which does not vibrate.
+
+    Parameters
+    ----------
+    law : of `build_law`, or one's own `Law`
+    rig : two masses with ``roller_share`` and ``stem_damping``, such as ``paper_table2``; one
+        mass without both
+    duration : s, of runs from rest at cam angle 0, each at one speed; None for the steady state
+
+    Raises
+    ------
+    ConfigError : an argument of another type, or the rig has one of the two numbers alone
+    DynamicsError : a duration beyond 60 s; contact lost at every speed or at none; or no steady
+        state
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> law = cam_rig.build_law(cam_rig.load_cam("poly345"))
+    >>> rig = cam_rig.load_rig("paper_table2")
+    >>> round(cam_rig.jump_speed(law, rig).rpm, 2)
+    413.44
+    """
+    found = find_jump(law, follower_of(rig), duration)
+    return JumpSpeed(found.speed, found.angle, found.time, law, rig, duration)
+
+
+#: What a rig gives to a jump speed, and what each is called.
+AnyFollower = TwoMassParameters | FollowerParameters
+
+TWO_MASSES, ONE_MASS = "two masses", "one rigid mass"
+
+
+def follower_of(rig: RigConfig) -> AnyFollower:
+    """Two masses, or one where the rig has neither ``roller_share`` nor ``stem_damping``.
+
+    Raises
+    ------
+    ConfigError : the rig has one of them, and not the other
+    """
+    follower = rig.follower
+    if follower.roller_share is None and follower.stem_damping is None:
+        return FollowerParameters.from_rig(rig)
+    return TwoMassParameters.from_rig(rig)
+
+
+def described(parameters: AnyFollower) -> str:
+    """Which follower it is, in words."""
+    return TWO_MASSES if isinstance(parameters, TwoMassParameters) else ONE_MASS
+
+
+def described_run(parameters: AnyFollower, duration: float | None) -> str:
+    """Which follower, and how it runs: ``duration`` s from rest, or in steady state for None.
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> described_run(follower_of(cam_rig.load_rig("paper_table2")), 1.7)
+    'two masses, 1.7 s from rest'
+    """
+    name = described(parameters)
+    if name == ONE_MASS:
+        return f"{name}, from rest as in steady state"
+    return f"{name}, in steady state" if duration is None else f"{name}, {duration:g} s from rest"
+
+
+def find_jump(law: Law, parameters: AnyFollower, duration: float | None) -> Jump:
+    """The lowest speed at which contact is lost.
+
+    Parameters
+    ----------
+    duration : s of a run from rest at θ = 0; None for the steady state. One mass is the same in
+        both; its time is that of the angle in the first turn
+
+    Raises
+    ------
+    DynamicsError : contact is lost at every speed or at none; or no steady state
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> law = cam_rig.build_law(cam_rig.load_cam("poly345"))
+    >>> follower = follower_of(cam_rig.load_rig("tm21"))
+    >>> described(follower), round(find_jump(law, follower, None).rpm, 2)
+    ('one rigid mass', 438.29)
+    """
+    if isinstance(parameters, TwoMassParameters):
+        return jump_of_parameters(law, parameters, duration)
+    if duration is not None:
+        require_run(duration)
+    require_smooth(law, "; where it falls contact is lost at any speed")
+    speed, angle = rigid_jump(law, parameters)
+    if parameters.preload == 0.0 or speed < SLOWEST * RPM:
+        raise loses_contact(law)
+    if speed > FASTEST * RPM:
+        raise keeps_contact(law)
+    return Jump(speed, angle, angle / speed)
+
+
+def least_force(
+    law: Law, parameters: AnyFollower, duration: float | None, speeds: FloatArray
+) -> FloatArray:
+    """The least contact force (N) of a run at speeds (rad/s), ``(n,)``: zero at the jump speed."""
+    if isinstance(parameters, TwoMassParameters):
+        return force_run(law, parameters, duration).least(speeds)
+    return rigid_least(law, parameters, speeds)
+
+
+# Jump speeds beside the published ones.
+
+
+@dataclass(frozen=True)
+class JumpRow:
+    """A cam's jump from rest, in steady state or along a ramp, and what is published of it.
+
+    ``steady`` is there beside a run from rest. ``role`` is fitted where the cam identified the
+    rig, test where it did not, and empty on another rig. Along a ramp nothing is compared: the
+    published speeds are constant ones.
+    """
+
+    cam: str
+    found: Jump
+    steady: Jump | None = None
+    published_rpm: float | None = None
+    published_time: float | None = None
+    role: str = ""
+    ramp: float | None = None
+
+    @property
+    def difference(self) -> float | None:
+        """Found less published speed, relative to the published; None along a ramp."""
+        if self.ramp is not None:
+            return None
+        return None if self.published_rpm is None else self.found.rpm / self.published_rpm - 1.0

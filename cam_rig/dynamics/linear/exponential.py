@@ -1,0 +1,329 @@
+"""Masses in the air: ẋ = A x + b, in closed form, in pairs of states.
+
+A is brought to pairs, each a mass on a spring and a damper of its own, q̈ + 2δ q̇ + κ q = const.
+Their response is exact for every damping, critical or not, and every spring, next to none too. What
+is reckoned is how far the masses have come, not where they are from where they would rest, which a
+weak spring puts far away.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+
+from cam_rig.laws import bernstein
+from cam_rig.units import ComplexArray, FloatArray
+
+# What the models use of `scipy.linalg`, imported by the first call: many scenes need none of it.
+
+
+def expm(matrices: FloatArray) -> FloatArray:
+    """e^A of ``(..., n, n)``."""
+    from scipy.linalg import expm as function
+
+    return np.asarray(function(matrices), dtype=np.float64)
+
+
+def matrix_balance(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The matrix with rows and columns of like size, and what it was transformed with."""
+    from scipy.linalg import matrix_balance as function
+
+    balanced, scale = function(matrix)
+    return np.asarray(balanced), np.asarray(scale)
+
+
+def schur(matrix: FloatArray, **how: Any) -> tuple[FloatArray, FloatArray, int]:
+    """Ordered real Schur form: triangle, basis, and how many eigenvalues come first."""
+    from scipy.linalg import schur as function
+
+    triangle, basis, count = function(matrix, **how)
+    return np.asarray(triangle), np.asarray(basis), int(count)
+
+
+def solve_sylvester(left: FloatArray, right: FloatArray, value: FloatArray) -> FloatArray:
+    """X of A X + X B = Q."""
+    from scipy.linalg import solve_sylvester as function
+
+    return np.asarray(function(left, right, value), dtype=np.float64)
+
+
+# The impulse response of a mass on spring and damper, accurate for every damping and time.
+
+#: Below this time, in units of the fastest rate, the power series is used.
+SHORT = 0.5
+
+#: Terms of the series: 0.5^18/18! is far below rounding.
+TERMS = 18
+
+Response = tuple[FloatArray, FloatArray, FloatArray]
+
+
+def response(damping: float, stiffness: float, time: FloatArray) -> Response:
+    """S (s), Ṡ (1) and C (s²) at times in s.
+
+    Parameters
+    ----------
+    damping : 2δ = c/m in 1/s
+    stiffness : κ = k/m in 1/s²
+    """
+    time = np.asarray(time, dtype=np.float64)
+    short = max(math.sqrt(stiffness), damping) * time <= SHORT
+    if short.all():
+        return _series(damping, stiffness, time)
+    if not short.any():
+        return _long(damping, stiffness, time)
+    out = np.empty((3, time.size))
+    out[:, short] = _series(damping, stiffness, time[short])
+    out[:, ~short] = _long(damping, stiffness, time[~short])
+    return out[0], out[1], out[2]
+
+
+def _long(damping: float, stiffness: float, time: FloatArray) -> Response:
+    decay = 0.5 * damping
+    square = stiffness - decay**2
+    if square > 0.0:
+        return _oscillating(decay, square, stiffness, time)
+    return _creeping(decay, math.sqrt(-square), stiffness, time)
+
+
+def _series(damping: float, stiffness: float, time: FloatArray) -> Response:
+    """Taylor series; the times are below `SHORT` over the fastest rate."""
+    found = np.vander(time, TERMS + 1, increasing=True) @ _terms(damping, stiffness)
+    return found[:, 0], found[:, 1], found[:, 2]
+
+
+@lru_cache(maxsize=256)
+def _terms(damping: float, stiffness: float) -> FloatArray:
+    """Coefficients of S, Ṡ and C, ``(TERMS + 1, 3)``: they follow from the equation of motion."""
+    terms = [0.0, 0.0, 0.5]
+    for i in range(1, TERMS - 1):
+        pull = damping * (i + 1) * terms[i + 1] + stiffness * terms[i]
+        terms.append(-pull / ((i + 1) * (i + 2)))
+    step = np.array(terms)
+    order = np.arange(TERMS + 1.0)
+    impulse = np.append(step[1:] * order[1:], 0.0)
+    rate = np.append(impulse[1:] * order[1:], 0.0)
+    return np.stack([impulse, rate, step], axis=1)
+
+
+def _oscillating(decay: float, square: float, stiffness: float, time: FloatArray) -> Response:
+    w = math.sqrt(square)
+    envelope = np.exp(-decay * time)
+    impulse = envelope * np.sin(w * time) / w
+    rate = envelope * np.cos(w * time) - decay * impulse
+    return impulse, rate, (1.0 - rate - 2.0 * decay * impulse) / stiffness
+
+
+def _creeping(decay: float, root: float, stiffness: float, time: FloatArray) -> Response:
+    """Overdamped or critical: rates λ₁ ≤ λ₂, never a growing exponential."""
+    fast = decay + root
+    slow = stiffness / fast
+    apart = 2.0 * root
+    growth = -np.expm1(-apart * time) / apart if apart > 0.0 else time
+    impulse = np.exp(-slow * time) * growth
+    rate = np.exp(-fast * time) - slow * impulse
+    if slow > 0.1 * fast:
+        return impulse, rate, (1.0 - rate - 2.0 * decay * impulse) / stiffness
+    settled = -np.expm1(-slow * time) / slow if slow > 0.0 else time
+    return impulse, rate, (settled + np.expm1(-fast * time) / fast) / apart
+
+
+#: Degree of the acceleration's power series within a window, and |A| t of the window: what is left
+#: out is 2^25/25!, below a rounding.
+SERIES_DEGREE, REACH = 24, 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """x = V ξ with ξ in pairs (q, q̇), each q̈ = −κ q − 2δ q̇ but for a constant.
+
+    ``shapes`` is V and ``inverse`` its inverse, ``(n, n)``; ``damping`` 2δ in 1/s and
+    ``stiffness`` κ in 1/s², ``(n / 2,)``.
+    """
+
+    shapes: FloatArray
+    inverse: FloatArray
+    damping: FloatArray
+    stiffness: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class FreeSystem:
+    """The masses in the air; their states are places and velocities in turn.
+
+    Parameters
+    ----------
+    matrix, load : A and b, ``(n, n)`` and ``(n,)``
+    row : what the states contribute to the place of the mass that meets the cam, ``(n,)``
+    energy : ``(k, n)``: takes ẋ to a vector whose length that mass's acceleration never exceeds
+    pairs : None where they are too much alike; then it goes by the exponential of the matrix
+    """
+
+    matrix: FloatArray
+    load: FloatArray
+    row: FloatArray
+    energy: FloatArray
+    pairs: Pairs | None
+
+    @cached_property
+    def window(self) -> float:
+        """Time (s) within which the series of `SERIES_DEGREE` is exact to rounding."""
+        pulls = np.abs(self.matrix[1::2, ::2]).sum(axis=1)  # of places on accelerations
+        scale = np.tile([1.0, 1.0 / np.sqrt(pulls.max())], self.load.size // 2)
+        return REACH / float(np.linalg.norm(scale[:, None] * self.matrix / scale, 2))
+
+    @cached_property
+    def series(self) -> FloatArray:
+        """``(SERIES_DEGREE + 1, n)``: takes ẋ to the acceleration's power series in windows."""
+        rows, power = [], self.row @ self.matrix
+        for j in range(SERIES_DEGREE + 1):
+            rows.append(power)
+            power = power @ self.matrix * (self.window / (j + 1))
+        return np.array(rows)
+
+    def rates(self, start: FloatArray) -> FloatArray:
+        """ẋ of a state, ``(n,)``."""
+        return np.asarray(self.matrix @ start + self.load)
+
+    def moved(self, start: FloatArray, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """X − x₀ and ẋ, ``(n, len(times))`` each, at times in s after the state ``start``."""
+        if self.pairs is None:
+            return self._by_exponential(start, times)
+        pairs = self.pairs
+        place, velocity = (pairs.inverse @ start).reshape(-1, 2).T
+        gain, push = (pairs.inverse @ self.load).reshape(-1, 2).T
+        rate = velocity + gain
+        pull = pairs.stiffness * place - push - pairs.damping * gain
+        force = -pairs.stiffness * place - pairs.damping * velocity + push
+        way, ways = (np.empty((start.size, times.size)) for _ in range(2))
+        for i, (damping, stiffness) in enumerate(zip(pairs.damping, pairs.stiffness, strict=True)):
+            impulse, slope, step = response(float(damping), float(stiffness), times)
+            way[2 * i] = rate[i] * impulse - pull[i] * step
+            way[2 * i + 1] = force[i] * impulse - stiffness * rate[i] * step
+            ways[2 * i] = rate[i] * slope - pull[i] * impulse
+            ways[2 * i + 1] = force[i] * slope - stiffness * rate[i] * impulse
+        return pairs.shapes @ way, pairs.shapes @ ways
+
+    def _by_exponential(
+        self, start: FloatArray, times: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        n, rates = start.size, self.rates(start)
+        matrix = np.zeros((n + 1, n + 1))
+        matrix[:n, :n], matrix[:n, n] = self.matrix, rates
+        flows = expm(matrix[None] * times[:, None, None])
+        return flows[:, :n, n].T, (flows[:, :n, :n] @ rates).T
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """Free motion from the state ``start`` ``(n,)`` at t = 0.
+
+    ``gap`` (m) and ``opening`` (m/s) are how far the mass is from the cam then and how fast it
+    lifts off, where that is known better than as the difference of two places: at a lift-off the
+    gap is not one.
+    """
+
+    system: FreeSystem
+    start: FloatArray
+    gap: float | None = None
+    opening: float | None = None
+
+    @property
+    def known(self) -> tuple[float, ...]:
+        """Gap and opening, or nothing where they are not known."""
+        return () if self.gap is None or self.opening is None else (self.gap, self.opening)
+
+    def state(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Displacement (m) and velocity (m/s) of the mass at times (s), ``(len(times),)``."""
+        return self.motion(times)[:2]
+
+    def motion(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Displacement, velocity and acceleration (m/s²) of the mass at times in s."""
+        s = self.system
+        way, rates = s.moved(self.start, times)
+        place = s.row @ self.start + s.row @ way
+        return np.asarray(place), np.asarray(s.row @ rates), np.asarray(s.row @ s.matrix @ rates)
+
+    def at(self, time: float) -> FloatArray:
+        """The whole state ``(n,)`` at one time in s."""
+        return np.asarray(self.start + self.moved_to(time)[0])
+
+    def moved_to(self, time: float) -> tuple[FloatArray, FloatArray]:
+        """How far the states have come ``(n,)`` and their rates at one time in s."""
+        if time not in self._moved:
+            way, rates = self.system.moved(self.start, np.array([time]))
+            self._moved[time] = way[:, 0], rates[:, 0]
+        return self._moved[time]
+
+    @cached_property
+    def _moved(self) -> dict[float, tuple[FloatArray, FloatArray]]:
+        return {0.0: (np.zeros_like(self.start), self.system.rates(self.start))}
+
+    def largest_acceleration(self, time: float) -> float:
+        """What |acceleration| (m/s²) does not exceed from a time (s) on: neither does energy."""
+        return float(np.linalg.norm(self.system.energy @ self.moved_to(time)[1]))
+
+    def accelerations(self, begin: float, end: float) -> FloatArray:
+        """Bernstein ordinates of the acceleration (m/s²) on [begin, end], no longer than a window.
+
+        The exponential's power series about ``begin``, written in the Bernstein basis.
+        """
+        system = self.system
+        part = (end - begin) / system.window
+        terms = (system.series @ self.moved_to(begin)[1]) * part ** np.arange(SERIES_DEGREE + 1.0)
+        return np.asarray(bernstein_from_powers(SERIES_DEGREE) @ terms)
+
+
+@lru_cache(maxsize=8)
+def bernstein_from_powers(degree: int) -> FloatArray:
+    """Matrix that rewrites Σ aᵢ uⁱ of a degree in the Bernstein basis."""
+    matrix = np.zeros((degree + 1, degree + 1))
+    for j in range(degree + 1):
+        matrix[j, : j + 1] = bernstein.binomials(j) / bernstein.binomials(degree)[: j + 1]
+    matrix.setflags(write=False)
+    return matrix
+
+
+# e^{At} z at many times.
+
+#: Modes whose shapes are more alike than this are not used: their digits would cancel.
+WORST_CONDITION = 1e4
+
+
+def free_motion(matrix: FloatArray, start: FloatArray, times: FloatArray) -> FloatArray:
+    """e^{At} z at any times (s), ``(n, len(times))``; z is ``(n,)``, or ``(n, len(times))``.
+
+    For two states by Cayley-Hamilton, e^{At} = (Ṡ + 2δS) I + S A with the impulse response S of the
+    characteristic equation; for more by modes, or one exponential a time where modes coincide.
+    """
+    starts = start[:, None] if start.ndim == 1 else start
+    if starts.shape[0] == 2:
+        (a, b), (c, d) = matrix.tolist()
+        damping, stiffness = -(a + d), a * d - b * c
+        impulse, rate, _ = response(damping, stiffness, times)
+        return np.asarray(starts * (rate + damping * impulse) + (matrix @ starts) * impulse)
+    modes = _modes(matrix.tobytes(), starts.shape[0], WORST_CONDITION)
+    if modes is None:
+        flows = expm(matrix[None] * times[:, None, None])
+        return np.asarray(np.matmul(flows, starts.T[:, :, None])[:, :, 0].T)
+    rates, shapes, inverse = modes
+    return np.asarray(shapes @ ((inverse @ starts) * np.exp(np.outer(rates, times)))).real
+
+
+@lru_cache(maxsize=64)
+def _modes(
+    data: bytes, size: int, worst: float
+) -> tuple[ComplexArray, ComplexArray, ComplexArray] | None:
+    """Rates, shapes and inverse shapes of a matrix; None when its modes are too much alike."""
+    matrix = np.frombuffer(data).reshape(size, size)
+    balanced, scale = matrix_balance(matrix)
+    rates, vectors = np.linalg.eig(balanced)
+    if np.linalg.cond(vectors) > worst:
+        return None
+    shapes = scale @ vectors.astype(np.complex128)
+    inverse = np.asarray(np.linalg.inv(shapes), dtype=np.complex128)
+    return rates.astype(np.complex128), np.asarray(shapes, dtype=np.complex128), inverse

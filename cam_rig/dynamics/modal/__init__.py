@@ -1,1 +1,0 @@
-"""One vibration mode on a turning cam, at many speeds at once."""

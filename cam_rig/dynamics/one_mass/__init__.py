@@ -1,1 +1,0 @@
-"""One mass on a rigid stem: contact, flight, landing."""

@@ -1,1 +1,0 @@
-"""Samples of a run as columns in files of other programs."""

@@ -1,0 +1,122 @@
+"""Laws over each other as a Rerun recording: s, s', s'' and s''' of cams, or of bare rises."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from cam_rig.laws.catalogue import ORDERS, LawCurves
+from cam_rig.show.chart import (
+    APPLICATION,
+    Axes,
+    name_recording,
+    require_free,
+    round_marks,
+    rrd_stream,
+)
+from cam_rig.show.looks import of_cam, title_of
+
+#: Charts from the top: names, and what a value is beside its unit of lift.
+CHARTS = ("lift", "velocity", "acceleration", "jerk")
+
+#: Radius on the screen, height of a chart of width 160, and how words stand beside it.
+STROKE, HEIGHT, RAISED = -1.2, 85.0, 0.07
+
+#: Room for half of the last word, and for the words below a chart, as shares of its sides.
+RIGHT, BELOW = 0.08, 0.19
+
+#: Marks of a turn.
+DEGREES = {float(at): f"{at}°" for at in range(0, 361, 90)}
+
+#: Room above the highest and below the lowest value, as a share of their distance.
+ROOM = 0.06
+
+
+def save_laws(
+    curves: Sequence[LawCurves],
+    along: str,
+    units: Sequence[str],
+    path: Path,
+    titles: Mapping[str, str] = MappingProxyType({}),
+) -> None:
+    """Write the curves as a ``.rrd`` file that appears when it is whole.
+
+    Parameters
+    ----------
+    along : unit of their x
+    units : of s to s''' as the curves have them, four
+    titles : what cams are called, where not by their names in words
+
+    Raises
+    ------
+    CamRigError : the file cannot have this name, or cannot be written
+    """
+    require_free(path, overwrite=True)
+    names = [title_of(titles, curve.name) for curve in curves]
+    charts = [_axes(curves, order) for order in ORDERS]
+    views = [_view(order, axes, units[order]) for order, axes in enumerate(charts)]
+    panels = (
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="hidden"),
+    )
+    grid = rrb.Grid(*views, grid_columns=2)
+    plan = rrb.Blueprint(grid, *panels, auto_views=False, auto_layout=False)
+    with rrd_stream(path, APPLICATION, plan) as stream:
+        name_recording(stream, f"Laws: {', '.join(names)}")
+        for order, axes in enumerate(charts):
+            x = DEGREES if along == "°" else round_marks(*axes.x, along)
+            axes.draw(stream, f"{entity(order)}/axes", x, round_marks(*axes.y, ""))
+            for i, curve in enumerate(curves):
+                _draw(stream, axes, order, curve)
+                if order == 0:
+                    _name(stream, axes, curve, names[i], (i + 1) / (len(curves) + 1))
+
+
+def entity(order: int) -> str:
+    """Where the chart of a derivative is."""
+    return f"laws/{CHARTS[order]}"
+
+
+def _axes(curves: Sequence[LawCurves], order: int) -> Axes:
+    values = np.concatenate([curve.motion[order] for curve in curves])
+    low, high = float(values.min()), float(values.max())
+    room = ROOM * (high - low) or 1.0
+    ends = [(float(curve.x[0]), float(curve.x[-1])) for curve in curves]
+    x = min(end[0] for end in ends), max(end[1] for end in ends)
+    return Axes(x, (low - room, high + room), height=HEIGHT, raised=RAISED)
+
+
+def _view(order: int, axes: Axes, unit: str) -> rrb.Spatial2DView:
+    x, y = axes.bounds(RIGHT, BELOW)
+    bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
+    name = f"{CHARTS[order].capitalize()} [{unit}]"
+    return rrb.Spatial2DView(origin=entity(order), name=name, visual_bounds=bounds)
+
+
+def _draw(stream: rr.RecordingStream, axes: Axes, order: int, curve: LawCurves) -> None:
+    """One curve."""
+    colour = of_cam(curve.name)
+    points = axes.place(curve.x, curve.motion[order])
+    strips = rr.LineStrips2D([points], colors=colour, radii=STROKE)
+    stream.log(f"{entity(order)}/{curve.name}", strips, static=True)
+
+
+def _name(
+    stream: rr.RecordingStream, axes: Axes, curve: LawCurves, name: str, share: float
+) -> None:
+    """The name on the curve in the first chart, at a share of its length."""
+    points = axes.place(curve.x, curve.motion[0])
+    words = rr.Points2D(
+        points[[round(share * (len(points) - 1))]],
+        labels=[name],
+        show_labels=True,
+        colors=of_cam(curve.name),
+        radii=-2.0,
+    )
+    stream.log(f"{entity(0)}/{curve.name}/name", words, static=True)

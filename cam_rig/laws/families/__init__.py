@@ -1,1 +1,0 @@
-"""The families of rises and curves, each made into Bernstein pieces."""

@@ -1,0 +1,275 @@
+"""A law over the cam angle as the theses draw it: s, s', s'', s''' in four stacked panels.
+
+A law that was fitted is drawn with its readings instead, and what is between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cam_rig.laws.cam import control_polygons, segment_angles
+from cam_rig.laws.catalogue import (
+    ORDERS,
+    LawCurves,
+    RiseFamily,
+    cam_curves,
+    rise_curves,
+    sampled_pieces,
+)
+from cam_rig.laws.law import SMOOTHEST, Joint, Law, extremes, joints
+from cam_rig.schema import CamConfig
+from cam_rig.schema.segment_base import Table
+from cam_rig.show.figure import CAM_ANGLE, empty, line, styled, turn_axis, wrapped, write
+from cam_rig.show.looks import DERIVATIVES, MM, in_words, short, web
+from cam_rig.show.tables import printed
+
+#: One a panel.
+COLOURS = tuple(map(web, DERIVATIVES))
+
+NAMES = ("lift s", "velocity s′", "acceleration s″", "jerk s‴")
+
+PER = ("", "/rad", "/rad²", "/rad³")
+
+#: Joints nearer than this are one, deg.
+SAME_DEG = 1e-6
+
+#: Segments narrower than this have no name in the plot, or an upright one, deg.
+NAMELESS_DEG, UPRIGHT_DEG = 12.0, 60.0
+
+GREY = "0.45"
+
+
+def draw(cam: CamConfig, law: Law, path: Path) -> None:
+    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
+    write(figure(cam, law), path)
+
+
+@styled
+def figure(cam: CamConfig, law: Law) -> Figure:
+    """Lift, velocity, acceleration and jerk over a turn, with extremes and continuity classes."""
+    out = empty(8.2)
+    panels = out.subplots(4, 1, sharex=True)
+    marked = _marked(cam, law)
+    for order, axes in enumerate(panels):
+        _curve(axes, law, order)
+        for joint in marked:
+            axes.axvline(np.degrees(joint.angle), color=GREY, lw=0.7, ls=(0, (4, 3)), zorder=0)
+    _control_points(panels[0], cam)
+    _names(panels[0], cam)
+    _infinite(panels[2], marked)
+    _classes(panels[0], marked)
+    turn_axis(panels[3], 30)
+    panels[3].set_xlabel(CAM_ANGLE)
+    out.suptitle(wrapped(cam.title))
+    return out
+
+
+def _marked(cam: CamConfig, law: Law) -> list[Joint]:
+    """Where a segment begins, and where the law is not smooth inside one."""
+    starts = np.degrees(segment_angles(cam))
+    return [
+        joint
+        for joint in joints(law)
+        if joint.continuity < SMOOTHEST or np.abs(starts - np.degrees(joint.angle)).min() < SAME_DEG
+    ]
+
+
+def _curve(axes: Axes, law: Law, order: int) -> None:
+    """One derivative, piece by piece: a jump is a dotted line."""
+    ordinates, colour = law.derivative_ordinates(order) * MM, COLOURS[order]
+    angles, values = sampled_pieces(law, order)
+    values = values * MM
+    gap = np.full((1, law.spans.size), np.nan)  # lifts the pen between pieces
+    line = (np.concatenate([part, gap]).T.ravel() for part in (np.degrees(angles), values))
+    axes.plot(*line, color=colour)
+    before = np.roll(ordinates[-1], 1)
+    starts = np.degrees(law.breaks[:-1])
+    axes.vlines(starts, before, ordinates[0], color=colour, lw=1.0, ls=":")
+    _peaks(axes, law, order)
+    axes.set_ylabel(f"{NAMES[order]} [mm{PER[order]}]")
+    axes.margins(y=0.2)
+
+
+def _peaks(axes: Axes, law: Law, order: int) -> None:
+    """Largest and smallest value with the angle, written away from the nearer edge."""
+    low, high = extremes(law, order)
+    for extreme, above in ((low, False), (high, True)) if high.value > low.value else ():
+        value, at = extreme.value * MM, float(np.degrees(extreme.angle))
+        axes.plot(at, value, "o", color=COLOURS[order], ms=4)
+        axes.annotate(
+            f"{printed(value, '.4g')} at {at:.4g}°",
+            (at, value),
+            xytext=(-6 if at > 180.0 else 6, 6 if above else -6),
+            textcoords="offset points",
+            ha="right" if at > 180.0 else "left",
+            va="bottom" if above else "top",
+            bbox={"boxstyle": "square,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8},
+        )
+
+
+def _control_points(axes: Axes, cam: CamConfig) -> None:
+    """What the law is shaped by: control polygons, measured points."""
+    for angles, ordinates in control_polygons(cam):
+        axes.plot(
+            np.degrees(angles),
+            ordinates * MM,
+            "s--",
+            color=GREY,
+            ms=3,
+            lw=0.8,
+            zorder=1,
+        )
+    for segment in cam.segments:
+        if isinstance(segment, Table):
+            lifts = np.array(segment.file.lifts) * MM
+            axes.plot(np.degrees(segment.file.angles), lifts, "o", color=GREY, ms=2.5, zorder=1)
+
+
+def _names(axes: Axes, cam: CamConfig) -> None:
+    """Each segment's law, where there is room for it."""
+    for segment, start in zip(cam.segments, np.degrees(segment_angles(cam)), strict=True):
+        span = np.degrees(segment.span.si)
+        if span >= NAMELESS_DEG:
+            axes.text(
+                start + 0.5 * span,
+                0.25,
+                in_words(segment.law),
+                transform=axes.get_xaxis_transform(),
+                ha="center",
+                va="center",
+                rotation=90 if span < UPRIGHT_DEG else 0,
+                color=GREY,
+                zorder=0,
+            )
+
+
+def _infinite(axes: Axes, marked: list[Joint]) -> None:
+    """Where the velocity jumps the acceleration is infinite: an arrow at the panel's edge."""
+    for joint in marked:
+        if joint.continuity == 0:
+            up = joint.jump > 0.0
+            axes.text(
+                np.degrees(joint.angle),
+                0.97 if up else 0.03,
+                "↑∞" if up else "↓∞",
+                transform=axes.get_xaxis_transform(),
+                ha="left",
+                va="top" if up else "bottom",
+            )
+
+
+def _classes(axes: Axes, marked: list[Joint]) -> None:
+    """The class of each marked joint, above the first panel."""
+    at = [float(np.degrees(joint.angle)) for joint in marked]
+    labels = [f"C{joint.continuity}" for joint in marked]
+    top = axes.secondary_xaxis("top")
+    top.set_xticks(at, labels)
+    top.set_xlabel("continuity class at each knot", color=GREY)
+
+
+def _label(*panels: tuple[Axes, str]) -> None:
+    for axes, label in panels:
+        axes.set_ylabel(label)
+
+
+# Laws laid over each other: s, s', s'', s''' of cams over the turn, or of bare rises over u.
+
+#: Of the four rows, in inches.
+HEIGHT = 8.2
+
+#: Entries in a line of a legend above a figure of one column.
+LEGEND_COLUMNS = 3
+
+#: A rise's values are in parts of its rise h and span β.
+RISE_UNITS = ("h", "h/β", "h/β²", "h/β³")
+
+Style = dict[str, Any]
+
+
+def draw_cams(cams: Sequence[tuple[CamConfig, Law]], path: Path) -> None:
+    """Write cams over one turn to a file, of any kind that matplotlib knows by the suffix."""
+    write(cams_figure(cams), path)
+
+
+def draw_rises(families: Iterable[RiseFamily], path: Path) -> None:
+    """Write bare rises, one column a family, to a file of any kind that matplotlib knows."""
+    write(rises_figure(families), path)
+
+
+@styled
+def cams_figure(cams: Sequence[tuple[CamConfig, Law]]) -> Figure:
+    """The laws of cams over the cam angle, in mm."""
+    curves = [(cam_curves(short(cam.title), law), line(cam.name)) for cam, law in cams]
+    out = empty(HEIGHT)
+    panels = out.subplots(len(ORDERS), 1, sharex=True)
+    for order, axes in enumerate(panels):
+        _panel(axes, curves, order, MM)
+        axes.set_ylabel(f"{NAMES[order]} [mm{PER[order]}]")
+        turn_axis(axes, 30)
+    panels[-1].set_xlabel(CAM_ANGLE)
+    _legend(panels[0], LEGEND_COLUMNS)
+    return out
+
+
+@styled
+def rises_figure(families: Iterable[RiseFamily]) -> Figure:
+    """Bare rises of unit lift over a unit span, one column a family."""
+    shown = list(families)
+    alone = len(shown) == 1
+    out = empty(HEIGHT)
+    panels = out.subplots(len(ORDERS), len(shown), sharex=True, squeeze=False)
+    for name, unit, axes in zip(NAMES, RISE_UNITS, panels[:, 0], strict=True):
+        axes.set_ylabel(f"{name} [{unit}]")
+    for column, family in zip(panels.T, shown, strict=True):
+        curves = [(rise_curves(name), line(name)) for name in family.rises]
+        for order, axes in enumerate(column):
+            _panel(axes, _distinct(curves), order, 1.0)
+            axes.set_xlim(0.0, 1.0)
+        column[-1].set_xlabel("part of the span, u [1]")
+        _legend(column[0], LEGEND_COLUMNS if alone else 1, family.title)
+    return out
+
+
+def _distinct(curves: list[tuple[LawCurves, Style]]) -> list[tuple[LawCurves, Style]]:
+    """Curves that are the same one as a single curve with all their names."""
+    found: dict[bytes, tuple[LawCurves, Style]] = {}
+    for one, drawn in curves:
+        key = one.motion.tobytes()
+        name = (
+            f"{found[key][0].name}\n= {in_words(one.name)}" if key in found else in_words(one.name)
+        )
+        found[key] = (LawCurves(name, one.x, one.motion, one.infinite), drawn)
+    return list(found.values())
+
+
+def _panel(axes: Axes, curves: list[tuple[LawCurves, Style]], order: int, factor: float) -> None:
+    """One derivative of every law; where the velocity jumps, s'' has an arrow at the edge."""
+    for one, drawn in curves:
+        axes.plot(one.x, one.motion[order] * factor, label=one.name, **drawn)
+        for x, jump in one.infinite if order == 2 else ():
+            axes.text(
+                x,
+                0.97 if jump > 0.0 else 0.03,
+                "↑∞" if jump > 0.0 else "↓∞",
+                transform=axes.get_xaxis_transform(),
+                ha="left" if x < 0.5 * one.x[-1] else "right",
+                va="top" if jump > 0.0 else "bottom",
+                color=drawn["color"],
+            )
+
+
+def _legend(axes: Axes, columns: int, title: str | None = None) -> None:
+    """Above the first panel, where it hides no curve."""
+    axes.legend(
+        loc="lower center",
+        bbox_to_anchor=(0.5, 1.02),
+        ncols=columns,
+        title=title,
+        frameon=False,
+    )

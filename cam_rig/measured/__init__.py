@@ -1,0 +1,3 @@
+"""Pictures of runs that instruments saw."""
+
+from __future__ import annotations

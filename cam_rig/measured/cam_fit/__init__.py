@@ -1,0 +1,3 @@
+"""From gauge readings to a cam: a spline with exact dwells, or a contour of tangent arcs."""
+
+from __future__ import annotations

@@ -1,0 +1,275 @@
+"""A table of numbers as gauges, spreadsheets and people write it: lines cut into cells.
+
+Any separator, decimal comma or point, UTF-8, UTF-16 or what Windows writes. What a column holds is
+for whoever reads it.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+import unicodedata
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from cam_rig.errors import ConfigError
+from cam_rig.files import read_bytes, shown
+from cam_rig.schema.segment_base import MAX_BYTES
+from cam_rig.units import TURN
+
+# Headings of tables of readings, in several languages: what a column holds, and in which unit.
+
+Kind = Literal["angle", "lift", "other"]
+
+
+def _by_word(words: dict[float, str]) -> dict[str, float]:
+    return {word: factor for factor, listed in words.items() for word in listed.split()}
+
+
+#: Word of a heading to the factor of the unit to SI, rad; letters are without their accents.
+ANGLE_UNITS = _by_word(
+    {
+        TURN / 360.0: "° deg degs degree degrees grad grade grado grados gradi grau graus degres",
+        1.0: "rad rads radian radians radianes radianti radiant",
+        TURN: "turn turns rev revs vuelta vueltas tour tours giri volta",
+        TURN / 400.0: "gon gons",
+    }
+)
+
+#: The same of lengths, m.
+LENGTH_UNITS = _by_word(
+    {
+        1.0: "m",
+        1e-2: "cm",
+        1e-3: "mm",
+        1e-6: "um μm µm micron microns micra micras mikrometer",
+        0.0254: 'in inch inches zoll pouce pouces pollice pollici pulgada pulgadas polegadas "',
+        2.54e-5: "thou mil mils",
+    }
+)
+
+#: What words of an angle, and of a lift, begin with or hold, in English, Spanish, German, French,
+#: Italian and Portuguese.
+ANGLE_WORDS = ("angle", "angul", "angol", "winkel", "theta", "rotat", "rotac", "rotaz", "drehung")
+
+ANGLE_LETTERS = frozenset(("θ", "φ", "phi", "ang", "giro"))
+
+LIFT_WORDS = (
+    *("lift", "hub", "elevac", "levant", "alzad", "alzat", "levee", "levage", "erhebung", "weg"),
+    *("displac", "desplaz", "deplac", "spost", "carrera", "corsa", "course", "altura", "elevat"),
+    *("hauteur", "hohe", "altezza", "curso", "reading", "lectura", "ablesung", "lecture"),
+)
+
+LIFT_LETTERS = frozenset(("s", "h", "y", "z"))
+
+
+@dataclass(frozen=True)
+class Heading:
+    """What a column holds by its heading; ``factor`` to SI is None where no unit is named."""
+
+    text: str
+    kind: Kind
+    factor: float | None
+
+
+def heading(text: str) -> Heading:
+    """What a heading says.
+
+    Examples
+    --------
+    >>> heading("Ángulo de leva (grados)").kind, heading("Nockenhub [mm]")
+    ('angle', Heading(text='Nockenhub [mm]', kind='lift', factor=0.001))
+    """
+    plain = _plain(text)
+    words = re.findall(r'[a-zθφμµ]+|°|"', plain)
+    angle = next((ANGLE_UNITS[word] for word in reversed(words) if word in ANGLE_UNITS), None)
+    length = next((LENGTH_UNITS[word] for word in reversed(words) if word in LENGTH_UNITS), None)
+    if any(word in plain for word in ANGLE_WORDS) or not ANGLE_LETTERS.isdisjoint(words):
+        return Heading(text, "angle", angle)
+    if any(word in plain for word in LIFT_WORDS) or not LIFT_LETTERS.isdisjoint(words):
+        return Heading(text, "lift", length)
+    if angle is not None:
+        return Heading(text, "angle", angle)
+    return Heading(text, "other" if length is None else "lift", length)
+
+
+def plain_words(text: str) -> list[str]:
+    """The words of a heading in small letters without accents.
+
+    Examples
+    --------
+    >>> plain_words("Précharge [N]")
+    ['precharge', 'n']
+    """
+    return re.findall(r"[a-z]+", _plain(text))
+
+
+def _plain(text: str) -> str:
+    """Small letters without accents."""
+    parts = unicodedata.normalize("NFD", text.casefold())
+    return "".join(part for part in parts if not unicodedata.combining(part))
+
+
+SEPARATORS = {";": "semicolon", "\t": "tab", ",": "comma", " ": "space"}
+
+NUMBER = re.compile(r"[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?")
+
+#: The number of an empty cell.
+NOTHING = "nan"
+
+#: Two lines above the numbers may be one heading: names, and units under them.
+HEADING_LINES = 2
+
+#: Lines of a file, at most.
+MAX_LINES = 100_000
+
+
+def read_lines(path: Path, wanted: str) -> list[tuple[int, str]]:
+    """The lines of a file with their numbers, without empty ones and comments.
+
+    Raises
+    ------
+    ConfigError : it cannot be read, is empty, or is too long; ``wanted`` says what lines are
+    """
+    lines = [(i, line) for i, line in enumerate(_text(path).splitlines(), 1) if line.strip()]
+    lines = [(i, line) for i, line in lines if not line.lstrip().startswith("#")]
+    if not 0 < len(lines) <= MAX_LINES:
+        has = f"has {len(lines)} lines" if lines else "is empty"
+        raise ConfigError(
+            f"{path.name}: {has}; allowed: a heading and up to {MAX_LINES} lines of {wanted}"
+        )
+    return lines
+
+
+def _text(path: Path) -> str:
+    try:
+        data = read_bytes(path, MAX_BYTES)
+    except FileNotFoundError:
+        near = ", ".join(sorted(other.name for other in path.parent.glob("*.csv"))[:10])
+        there = f"; there are: {near}" if near else ""
+        raise ConfigError(f"{path}: no such file{there}") from None
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from None
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return data.decode("utf-16", errors="replace")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", errors="replace")  # what Windows programs write
+
+
+class CellTable:
+    """One file's lines, cut into cells; ``first`` is the first row of numbers, None without any."""
+
+    def __init__(self, file: str, lines: list[tuple[int, str]]) -> None:
+        self.file = file
+        declared = re.fullmatch(r"sep=(.)", lines[0][1].strip(), re.I)  # as Excel writes it
+        if declared:
+            lines = lines[1:]
+        self.separator = declared[1] if declared else _separator([line for _, line in lines])
+        self.seen = SEPARATORS.get(self.separator, repr(self.separator))
+        self.rows = [(i, self._cells(i, line)) for i, line in lines]
+        self.first = self._first()
+
+    def _first(self) -> int | None:
+        """The first row of numbers: two at least, or one among empty cells right above of such."""
+        rows = [cells for _, cells in self.rows]
+        first = next((k for k, cells in enumerate(rows) if count_numbers(cells) > 1), None)
+        while first and len(rows[first - 1]) == len(rows[first]):
+            said = [cell for cell in rows[first - 1] if cell]
+            if not said or count_numbers(said) < len(said):
+                break
+            first -= 1
+        return first
+
+    def decimal_mark(self, body: list[tuple[int, list[str]]], used: list[int]) -> str:
+        """Comma or point; a file has one of them."""
+        marked = [(line, cells[i]) for line, cells in body for i in used]
+        commas = [(line, cell) for line, cell in marked if "," in cell]
+        points = [(line, cell) for line, cell in marked if "." in cell]
+        if commas and points:
+            line, cell = points[0]
+            raise ConfigError(
+                f"{self.file}: line {line}: {shown(cell)} has a decimal point, {commas[0][1]!r} in "
+                f"line {commas[0][0]} a decimal comma; allowed: one of them (separator seen: "
+                f"{self.seen})"
+            )
+        return "comma" if commas else "point"
+
+    def _cells(self, line: int, text: str) -> list[str]:
+        if self.separator == " ":
+            return text.split()
+        try:
+            cells = next(csv.reader([text], delimiter=self.separator))
+        except csv.Error as error:
+            raise ConfigError(f"{self.file}: line {line}: cannot be read ({error})") from None
+        return [cell.strip() for cell in cells]
+
+    def headings(self, width: int) -> list[Heading]:
+        """Of each column, from up to two lines above the numbers; "column 2" without any."""
+        above = [cells for _, cells in self.rows[: self.first]][-HEADING_LINES:]
+        line = self.rows[self.first or 0][0]
+        if above and len(above[-1]) > 1 and len(above[-1]) != width:
+            raise self._uneven(line, width, len(above[-1]))
+        above = [cells for cells in above if len(cells) == width]
+        joined = [_printable(" ".join(parts)) for parts in zip(*above, strict=True)]
+        if not joined:
+            return [Heading(f"column {i + 1}", "other", None) for i in range(width)]
+        return [heading(text) for text in joined]
+
+    def numbers(
+        self, line: int, cells: list[str], headings: list[Heading], used: list[int]
+    ) -> list[str]:
+        """The cells of a line as texts of numbers with a decimal point, `NOTHING` of an empty one.
+
+        Cells of columns that are not ``used`` may hold anything.
+        """
+        if len(cells) != len(headings):
+            raise self._uneven(line, len(cells), len(headings))
+        found = []
+        for i, (cell, one) in enumerate(zip(cells, headings, strict=True)):
+            text = plain_number(cell)
+            if text is None and cell and i in used:
+                raise ConfigError(
+                    f"{self.file}: line {line}: {one.text} is {shown(cell)}; allowed: a number, so "
+                    f"correct the line or put # before it (separator seen: {self.seen})"
+                )
+            found.append(text or NOTHING)
+        return found
+
+    def _uneven(self, line: int, cells: int, columns: int) -> ConfigError:
+        return ConfigError(
+            f"{self.file}: line {line}: has {cells} cells under {columns} columns (separator seen: "
+            f"{self.seen}); allowed: as many, and ; or tab between them where the comma is the "
+            "decimal mark"
+        )
+
+
+def _printable(text: str) -> str:
+    """A heading in one line, as files and messages can hold it."""
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
+
+
+def _separator(lines: list[str]) -> str:
+    """The one that cuts most lines; a comma between digits may be a decimal mark."""
+    for mark in (";", "\t"):
+        if 2 * sum(mark in line for line in lines) > len(lines):
+            return mark
+    numbers = [line.split() for line in lines if line.lstrip()[:1] in "+-−.0123456789"]
+    if numbers and all(len(cells) > 1 and all(map(plain_number, cells)) for cells in numbers):
+        return " "
+    return ","
+
+
+def plain_number(cell: str) -> str | None:
+    """A number's text with a decimal point; None for what is none."""
+    text = cell.strip().removesuffix("°").strip().replace("−", "-").lower()
+    return text.replace(",", ".") if NUMBER.fullmatch(text) else None
+
+
+def count_numbers(cells: list[str]) -> int:
+    """How many cells are numbers."""
+    return sum(plain_number(cell) is not None for cell in cells)

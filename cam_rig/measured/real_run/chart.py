@@ -1,0 +1,167 @@
+"""A run and its model as a Rerun recording: side by side over the cam angle, speed by speed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from cam_rig.measured.real_run.comparison import OverTurn, SpeedDeparture
+from cam_rig.show import looks as colours
+from cam_rig.show.chart import (
+    APPLICATION,
+    SPEED,
+    Axes,
+    name_recording,
+    require_free,
+    round_marks,
+    rrd_stream,
+)
+from cam_rig.show.looks import EQUAL, is_rounding, reach, title_of
+
+#: Quantities by what they are called, with the unit that is shown and the factor to it, the same
+#: of their differences, and the colour.
+QUANTITIES = {
+    "lift": ("lift", "mm", 1e3, "µm", 1e6, colours.LIFT),
+    "force": ("contact force", "N", 1.0, "N", 1.0, colours.FORCE),
+}
+
+#: Each is drawn as measured, of the model, and their difference.
+CHARTS = ("measured", "model", "difference")
+
+#: Radius on the screen of a curve, size of a chart's plane, and how words stand beside it.
+STROKE, WIDTH, HEIGHT, RAISED = -1.4, 160.0, 120.0, 0.06
+
+#: Marks of the cam angle, °; room for half of the last one, and for those below, as shares.
+DEGREES = {float(at): f"{at}°" for at in range(0, 361, 90)}
+
+RIGHT, BELOW = 0.1, 0.16
+
+
+def save_real_run(
+    rows: Sequence[SpeedDeparture], path: Path, titles: Mapping[str, str] = MappingProxyType({})
+) -> None:
+    """Write a comparison as a ``.rrd`` file that appears when it is whole.
+
+    The timeline is the cam's speed: each speed shows its last turn.
+
+    Parameters
+    ----------
+    titles : what cams are called, where not by their names in words
+
+    Raises
+    ------
+    CamRigError : the file cannot have this name, or cannot be written
+    """
+    require_free(path, overwrite=True)
+    plans = real_run_tabs(rows, titles)
+    panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
+    timeline = rrb.TimePanel(state="collapsed", timeline=SPEED)
+    views = rrb.Tabs(*plans) if len(plans) > 1 else plans[0]
+    plan = rrb.Blueprint(views, *panels, timeline, auto_views=False, auto_layout=False)
+    with rrd_stream(path, APPLICATION, plan) as stream:
+        name_recording(stream, f"Measured and model: {', '.join(str(tab.name) for tab in plans)}")
+        for here in _by_cam(rows):
+            for name in QUANTITIES:
+                _draw(stream, here, name, _axes(here, name))
+
+
+def real_run_tabs(rows: Sequence[SpeedDeparture], titles: Mapping[str, str]) -> list[rrb.Vertical]:
+    """A tab for each cam: a row for each quantity that was measured."""
+    tabs = []
+    for here in _by_cam(rows):
+        charts = [
+            rrb.Horizontal(*(_view(here, name, chart, axes) for chart, axes in found.items()))
+            for name in QUANTITIES
+            if (found := _axes(here, name))
+        ]
+        tabs.append(rrb.Vertical(*charts, name=title_of(titles, here[0].cam)))
+    return tabs
+
+
+def _by_cam(rows: Sequence[SpeedDeparture]) -> list[list[SpeedDeparture]]:
+    cams = dict.fromkeys(row.cam for row in rows)
+    return [[row for row in rows if row.cam == cam] for cam in cams]
+
+
+def real_run_entity(cam: str, quantity: str, chart: str) -> str:
+    """Where a chart is: "measured", "model" or "difference" of a quantity of a cam."""
+    return f"real_run/{cam}/{quantity}/{chart}"
+
+
+def _view(
+    rows: Sequence[SpeedDeparture], quantity: str, chart: str, axes: Axes
+) -> rrb.Spatial2DView:
+    x, y = axes.bounds(RIGHT, BELOW)
+    words, unit, _, small, *_ = QUANTITIES[quantity]
+    title = f"{words} [{unit}]: {chart}"
+    if chart == "difference":
+        title = f"{words}: difference [{small}]"
+        if is_rounding(_largest(rows, quantity)):
+            title = f"{words}: {EQUAL}"
+    return rrb.Spatial2DView(
+        origin=real_run_entity(rows[0].cam, quantity, chart),
+        name=title,
+        visual_bounds=rrb.VisualBounds2D(x_range=x, y_range=y),
+    )
+
+
+def _axes(rows: Sequence[SpeedDeparture], quantity: str) -> dict[str, Axes]:
+    """Axes by chart, the same for measured and model; none where it was not measured."""
+    turns = _turns(rows, quantity)
+    if not turns:
+        return {}
+    factor, apart = QUANTITIES[quantity][2], reach(_largest(rows, quantity))
+    both = np.hstack([np.hstack([turn.measured, turn.model]) for turn in turns]) * factor
+    y = float(both.min()), float(max(both.max(), both.min() + 1e-9))
+    same = Axes((0.0, 360.0), y, WIDTH, HEIGHT, RAISED)
+    return {
+        "measured": same,
+        "model": same,
+        "difference": Axes((0.0, 360.0), (-apart, apart), WIDTH, HEIGHT, RAISED),
+    }
+
+
+def _turns(rows: Sequence[SpeedDeparture], quantity: str) -> list[OverTurn]:
+    return [turn for row in rows if (turn := _turn(row, quantity)) is not None]
+
+
+def _largest(rows: Sequence[SpeedDeparture], quantity: str) -> float:
+    """The largest difference, in the unit that differences are shown in."""
+    found = [float(np.abs(turn.difference).max()) for turn in _turns(rows, quantity)]
+    return QUANTITIES[quantity][4] * max(found, default=0.0)
+
+
+def _turn(row: SpeedDeparture, quantity: str) -> OverTurn | None:
+    return row.lift_turn if quantity == "lift" else row.force_turn
+
+
+def _draw(
+    stream: rr.RecordingStream,
+    rows: Sequence[SpeedDeparture],
+    quantity: str,
+    axes: dict[str, Axes],
+) -> None:
+    _, unit, factor, small, fine, colour = QUANTITIES[quantity]
+    for chart, place in axes.items():
+        view = real_run_entity(rows[0].cam, quantity, chart)
+        words = round_marks(*place.y, small if chart == "difference" else unit)
+        place.draw(stream, f"{view}/axes", DEGREES, words)
+    for row in rows:
+        turn = _turn(row, quantity)
+        if turn is None:
+            continue
+        stream.set_time(SPEED, sequence=round(row.rpm))
+        curves = {
+            "measured": (turn.measured * factor, colour),
+            "model": (turn.model * factor, colours.LAW),
+            "difference": (turn.difference * fine, colours.LANDING),
+        }
+        for chart, (values, shade) in curves.items():
+            points = axes[chart].place(turn.degrees, values)
+            line = rr.LineStrips2D([points], colors=shade, radii=STROKE)
+            stream.log(f"{real_run_entity(row.cam, quantity, chart)}/curve", line)

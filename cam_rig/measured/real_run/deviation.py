@@ -1,0 +1,350 @@
+"""How far a measured quantity is from the model's, and how much of that is its noise."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cam_rig.laws import Law
+from cam_rig.simulation.by_speed import OFF_THE_CAM
+from cam_rig.units import RPM, TURN, FloatArray
+
+# What was measured and what the model has, at the same instants.
+
+
+@dataclass(frozen=True, eq=False)
+class PairedSignal:
+    """One quantity, measured and of the model.
+
+    Parameters
+    ----------
+    time : s, ``(n,)``, on the clock of the cam angle
+    angle : cam angle with all its turns, rad, ``(n,)``
+    measured, model : the quantity at these instants, SI, ``(n,)``
+    beside_jump : ``(n,)``, whether the model jumps close by; None: nowhere
+    """
+
+    time: FloatArray
+    angle: FloatArray
+    measured: FloatArray
+    model: FloatArray
+    beside_jump: NDArray[np.bool_] | None = None
+
+    def calm(self) -> PairedSignal:
+        """The readings that are not beside a jump."""
+        if self.beside_jump is None:
+            return self
+        kept = ~self.beside_jump
+        return PairedSignal(
+            self.time[kept], self.angle[kept], self.measured[kept], self.model[kept]
+        )
+
+    @property
+    def difference(self) -> FloatArray:
+        """Measured less model."""
+        return self.measured - self.model
+
+
+@dataclass(frozen=True, eq=False)
+class PairedStep:
+    """The settled turns of one cam at one speed.
+
+    Parameters
+    ----------
+    rpm : mean speed
+    turns : how many settled turns
+    lift, force : None where it was not measured
+    levels : measured and of the model, dB re 20 µPa; None where there is none
+    exact : whether the model was driven with the very states of the cam, sample by sample
+    """
+
+    cam: str
+    rpm: float
+    turns: float
+    lift: PairedSignal | None
+    force: PairedSignal | None
+    levels: tuple[float | None, float | None] = (None, None)
+    exact: bool = False
+
+
+#: Parts of a turn in which noise is estimated, and over which differences are averaged.
+BINS = 180
+
+#: Readings in a part of a turn from which its noise is estimated, at least: of fewer, the square
+#: of the median is too large.
+LEAST = 40
+
+#: Median of the absolute value of normal noise, in standard deviations.
+MEDIAN = 0.6744897501960817
+
+#: What the noise does not explain is within it up to this part of it: an estimate has its error.
+WITHIN = 0.5
+
+#: Twice the standard error of what is left of the mean square, for one reading.
+NOISE_ERROR = 5.4
+
+#: Parts of the model's range: no bench shows finer differences; turns alike differ by less.
+FINEST, LEAST_UNREST = 2e-4, 0.02
+
+#: Exactly driven, two numbers that differ by this part of the largest value are one.
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Departure:
+    """Measured less model over the settled turns of one speed.
+
+    Parameters
+    ----------
+    rms : root mean square of the difference, SI
+    noise : r.m.s. scatter of the readings from turn to turn, SI; 0 where it was driven exactly
+    largest : the difference of the largest size, with its sign; of the mean over the turns, in
+        parts of 2°, where there is noise
+    degrees : cam angle in its turn at which that is
+    scale : largest less least value of the model
+    unrest : SI, by so much the model's own turns differ from each other in 5 % of the turn
+    exact : whether the model was driven with the very states of the cam
+    readings : how many
+    """
+
+    rms: float
+    noise: float
+    largest: float
+    degrees: float
+    scale: float
+    unrest: float
+    exact: bool
+    readings: int
+
+    @property
+    def systematic(self) -> float:
+        """What is left of the r.m.s. without the noise."""
+        return math.sqrt(max(self.rms**2 - self.noise**2, 0.0))
+
+    @property
+    def within(self) -> bool:
+        """Whether the noise explains the difference; exactly driven, whether rounding does."""
+        if self.exact:
+            return abs(self.largest) <= ROUNDING * self.scale
+        error = NOISE_ERROR / math.sqrt(self.readings)
+        allowed = math.sqrt(WITHIN**2 + error) * self.noise
+        return self.systematic <= max(allowed, FINEST * self.scale)
+
+    @property
+    def restless(self) -> bool:
+        """Whether the model's turns differ from each other, as it bounces: curves say little."""
+        return not self.exact and self.unrest > max(self.noise, LEAST_UNREST * self.scale)
+
+    @property
+    def relative(self) -> float:
+        """The largest difference as a part of the range of the model."""
+        return abs(self.largest) / self.scale if self.scale > 0.0 else math.inf
+
+
+def departure(pair: PairedSignal, exact: bool) -> Departure:
+    """How far the measured is from the model, beside no jump.
+
+    Examples
+    --------
+    >>> angle = np.linspace(0.0, 10.0 * TURN, 20000)
+    >>> rng = np.random.default_rng(1)
+    >>> pair = PairedSignal(angle, angle, np.cos(angle) + rng.normal(0, 0.01, 20000), np.cos(angle))
+    >>> found = departure(pair, exact=False)
+    >>> bool(abs(found.noise - 0.01) < 3e-4), found.within
+    (True, True)
+    """
+    pair = pair.calm()
+    difference = pair.difference
+    rms = math.sqrt(float(np.mean(difference**2)))
+    scale = float(np.ptp(pair.model))
+    if exact:
+        at = int(np.argmax(np.abs(difference)))
+        degrees = float(np.degrees(np.remainder(pair.angle[at], TURN)))
+        return Departure(
+            rms, 0.0, float(difference[at]), degrees, scale, 0.0, exact, difference.size
+        )
+    noise = scatter(pair.angle, difference)
+    places, means = mean_over_turns(pair.angle, difference)
+    at = int(np.argmax(np.abs(means)))
+    unrest = float(np.percentile(np.abs(_off_neighbours(pair.angle, pair.model)), 95.0))
+    largest, degrees = float(means[at]), float(places[at])
+    return Departure(rms, noise, largest, degrees, scale, unrest, exact, difference.size)
+
+
+def mean_over_turns(angle: FloatArray, value: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Cam angles in the turn (°) and means of a value near them, where there are any."""
+    part = np.floor(np.remainder(angle, TURN) * (BINS / TURN)).astype(np.intp) % BINS
+    count = np.bincount(part, minlength=BINS)
+    there = np.flatnonzero(count)
+    total = np.bincount(part, weights=value, minlength=BINS)
+    places: FloatArray = (there.astype(np.float64) + 0.5) * (360.0 / BINS)
+    return places, total[there] / count[there]
+
+
+def scatter(angle: FloatArray, value: FloatArray) -> float:
+    """r.m.s. of what differs from turn to turn, of readings at any angles.
+
+    Readings that are neighbours by their angle in the turn are of different turns mostly: each is
+    taken less what its two neighbours have there on a straight line. The median of each part of a
+    turn counts, so that a departure that moves quickly there (a landing) is no more than its part.
+    """
+    off = np.abs(_off_neighbours(angle, value))
+    if not off.size:
+        return 0.0
+    bins = max(1, min(BINS, off.size // LEAST))
+    medians = [float(np.median(part)) for part in np.array_split(off, bins)]
+    return math.sqrt(float(np.mean(np.square(medians)))) / MEDIAN
+
+
+def _off_neighbours(angle: FloatArray, value: FloatArray) -> FloatArray:
+    """Each value less that of its neighbours by the angle in the turn, with a value's scatter."""
+    inside = np.remainder(angle, TURN)
+    order = np.argsort(inside, kind="stable")
+    places, values = inside[order], value[order]
+    if values.size < 3:
+        return np.empty(0)
+    span = places[2:] - places[:-2]
+    ahead = np.divide(places[2:] - places[1:-1], span, out=np.full_like(span, 0.5), where=span > 0)
+    off = values[1:-1] - ahead * values[:-2] - (1.0 - ahead) * values[2:]
+    off /= np.sqrt(1.0 + ahead**2 + (1.0 - ahead) ** 2)
+    return np.asarray(off)
+
+
+# When the follower leaves its cam and lands, as readings show it: the same rule for both.
+
+#: A force counts as lost below so many standard deviations of its noise,
+SIGMAS = 4.0
+
+#: and below this part of its mean: a load cell's zero is not exact.
+PART_OF_MEAN = 0.02
+
+#: Where no force was measured: m, the follower is off by more than this part of the lift.
+PART_OF_LIFT = 2e-3
+
+#: Neighbours whose mean tells a lost contact from noise.
+NEIGHBOURS = 5
+
+#: A measured and a modelled event this far apart (rad) are not the same one.
+NEAR = TURN / 12.0
+
+
+@dataclass(frozen=True)
+class LostContact:
+    """Lift-offs and landings of one speed.
+
+    Parameters
+    ----------
+    measured, model : lift-offs a turn
+    shift : s, median of measured less modelled time of the events that both have; None: no such
+    degrees : the same as cam angle, °
+    rule : in words, what counts as lost
+    """
+
+    measured: float
+    model: float
+    shift: float | None
+    degrees: float | None
+    rule: str
+
+
+def lost_contact(step: PairedStep, law: Law) -> LostContact | None:
+    """The events of a step; None where neither force nor lift was measured."""
+    clear = 0.0
+    if step.force is not None and step.lift is not None and step.exact:
+        pair, rule = step.force, "F = 0, gap > 0"
+        lost = (
+            _exactly(pair.measured, step.lift.measured, step.lift.angle, law),
+            _exactly(pair.model, step.lift.model, step.lift.angle, law),
+        )
+    elif step.force is not None:
+        pair, limit, zero, rule = _of_force(step.force)
+        clear = limit - zero
+        lost = (pair.measured - limit, pair.model - limit)
+    elif step.lift is not None:
+        pair, rise = step.lift, law(np.remainder(step.lift.angle, TURN))
+        noise = 0.0 if step.exact else scatter(pair.angle, pair.difference)
+        limit = max(SIGMAS * noise, PART_OF_LIFT * law.lift)
+        lost = (limit + rise - pair.measured, limit + rise - pair.model)
+        rule = f"gap > {1e3 * limit:.3g} mm"
+    else:
+        return None
+    here, there = (_events(pair.time, above, step.exact, clear) for above in lost)
+    speed = step.rpm * RPM
+    shift = _median_shift(here, there, NEAR / speed)
+    counts = [found[0].size / step.turns for found in (here, there)]
+    degrees = None if shift is None else float(np.degrees(shift * speed))
+    return LostContact(counts[0], counts[1], shift, degrees, rule)
+
+
+def _exactly(force: FloatArray, lift: FloatArray, angle: FloatArray, law: Law) -> FloatArray:
+    """The force where it is above 0 or the follower off the cam; else it rests on a dwell."""
+    off = lift - law(np.remainder(angle, TURN)) > OFF_THE_CAM * law.lift
+    return np.where((force <= 0.0) & ~off, 1.0, force)
+
+
+def _of_force(pair: PairedSignal) -> tuple[PairedSignal, float, float, str]:
+    """The force below which contact may be lost, and that below which the mean of some is none."""
+    places, means = mean_over_turns(pair.angle, pair.measured)
+    lowest = places[np.argsort(means)[: max(1, means.size // 20)]]
+    part = np.remainder(np.degrees(pair.angle), 360.0)
+    near = np.abs(part[:, None] - lowest).min(axis=1) <= 360.0 / means.size
+    noise = scatter(pair.angle[near], pair.difference[near]) if near.sum() > 2 else 0.0
+    error = PART_OF_MEAN * float(pair.measured.mean())
+    limit, zero = max(SIGMAS * noise, error), max(noise, 0.5 * error)
+    return pair, limit, zero, f"F < {limit:.3g} N"
+
+
+def _events(
+    time: FloatArray, above: FloatArray, exact: bool, clear: float
+) -> tuple[FloatArray, FloatArray]:
+    """Times of lift-offs and of landings; where ``above`` is not positive, contact is lost.
+
+    Of readings with noise, a loss counts if the mean of some neighbours is ``clear`` below that:
+    on a dwell a small force may fall below the limit now and then.
+    """
+    lost = above <= 0.0
+    if not exact:
+        lost = _without_single(lost)
+    changes = np.flatnonzero(lost[1:] != lost[:-1])
+    edges = np.r_[0, changes + 1, lost.size]
+    for begin, end in pairwise(edges.tolist()):
+        if lost[begin] and _lowest_mean(above[begin:end]) > -clear:
+            lost[begin:end] = False
+    changes = np.flatnonzero(lost[1:] != lost[:-1])
+    if not changes.size:
+        return np.empty(0), np.empty(0)
+    before, after = above[changes], above[changes + 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        part = np.clip(np.nan_to_num(before / (before - after), nan=0.5), 0.0, 1.0)
+    at = time[changes] + part * (time[changes + 1] - time[changes])
+    rises = lost[changes + 1]
+    return at[rises], at[~rises]
+
+
+def _lowest_mean(values: FloatArray) -> float:
+    """The lowest mean of neighbours."""
+    count = min(NEIGHBOURS, values.size)
+    return float(np.convolve(values, np.full(count, 1.0 / count), mode="valid").min())
+
+
+def _without_single(lost: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The majority of each reading and its neighbours: noise alone changes nothing."""
+    padded = np.pad(lost.astype(np.intp), 1, mode="edge")
+    return padded[:-2] + padded[1:-1] + padded[2:] >= 2
+
+
+def _median_shift(
+    measured: tuple[FloatArray, FloatArray], model: tuple[FloatArray, FloatArray], near: float
+) -> float | None:
+    shifts: list[float] = []
+    for here, there in zip(measured, model, strict=True):
+        if not there.size:
+            continue
+        for time in here:
+            shift = float(time - there[np.argmin(np.abs(there - time))])
+            shifts += [shift] if abs(shift) <= near else []
+    return float(np.median(shifts)) if shifts else None

@@ -1,0 +1,130 @@
+"""A run and its model over one turn, on top of each other, and the difference below."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cam_rig.measured.real_run.comparison import OverTurn, SpeedDeparture
+from cam_rig.show import looks as colours
+from cam_rig.show.figure import CAM_ANGLE, empty, styled, turn_axis, write
+from cam_rig.show.looks import EQUAL, is_rounding, reach, title_of, web
+
+#: Name of a quantity, its unit, factor to it, unit and factor of its difference, colour.
+QUANTITIES = (
+    ("lift", "mm", 1e3, "µm", 1e6, colours.LIFT),
+    ("force", "N", 1.0, "N", 1.0, colours.FORCE),
+)
+
+#: More readings a turn than this are drawn as a line.
+MANY = 600
+
+#: What its grey points are.
+BESIDE = "beside a jump of the force: not counted"
+
+
+def chosen(rows: Sequence[SpeedDeparture]) -> list[SpeedDeparture]:
+    """Of each cam the lowest speed, the first with lift-offs, and the highest; with curves."""
+    found: list[SpeedDeparture] = []
+    for cam in dict.fromkeys(row.cam for row in rows):
+        here = [row for row in rows if row.cam == cam and (row.lift_turn or row.force_turn)]
+        here.sort(key=lambda row: row.rpm)
+        leaving = [row for row in here if row.contact and row.contact.measured >= 0.5]
+        some = {id(row): row for row in (*here[:1], *leaving[:1], *here[-1:])}
+        found += sorted(some.values(), key=lambda row: row.rpm)
+    return found
+
+
+def draw(
+    rows: Sequence[SpeedDeparture], path: Path, titles: Mapping[str, str] = MappingProxyType({})
+) -> None:
+    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
+    write(figure(rows, titles), path)
+
+
+@styled
+def figure(
+    rows: Sequence[SpeedDeparture], titles: Mapping[str, str] = MappingProxyType({})
+) -> Figure:
+    """For each cam a column for each chosen speed: the curves, and below them their difference.
+
+    ``titles`` are what cams are called, where not by their names in words.
+    """
+    by_cam: dict[str, list[SpeedDeparture]] = {}
+    for row in chosen(rows):
+        by_cam.setdefault(row.cam, []).append(row)
+    shown = [q for q in QUANTITIES if any(getattr(row, f"{q[0]}_turn") for row in rows)]
+    across = max((len(columns) for columns in by_cam.values()), default=1)
+    down = len(shown) * len(by_cam)
+    if not down:
+        return empty(1.0)
+    out = empty(0.6 + 2.8 * down)
+    ratios = [2.0, 1.0] * down
+    panels = out.subplots(
+        2 * down, across, sharex=True, sharey="row", squeeze=False, height_ratios=ratios
+    )
+    for i, columns in enumerate(by_cam.values()):
+        block = panels[2 * i * len(shown) : 2 * (i + 1) * len(shown)]
+        _block(block, title_of(titles, columns[0].cam), columns, shown)
+        for unused in block[:, len(columns) :].flat:
+            unused.set_visible(False)
+    for column in panels.T:
+        lowest = [axes for axes in column if axes.get_visible()][-1]
+        lowest.set_xlabel(CAM_ANGLE)
+        lowest.tick_params(labelbottom=True)
+    named = [axes.get_legend_handles_labels() for axes in panels.flat]
+    handles = {
+        name: line for lines, names in named for line, name in zip(lines, names, strict=True)
+    }
+    out.legend(handles.values(), handles, loc="outside lower center", ncols=2, markerscale=2.0)
+    return out
+
+
+def _block(
+    panels: Any, title: str, columns: Sequence[SpeedDeparture], shown: Sequence[tuple[Any, ...]]
+) -> None:
+    """The panels of one cam."""
+    for j, row in enumerate(columns):
+        panels[0, j].set_title(f"{title}\n{row.rpm:.6g} rpm")
+        for i, (name, _, factor, _, fine, colour) in enumerate(shown):
+            turn: OverTurn | None = getattr(row, f"{name}_turn")
+            if turn is not None:
+                _curves(panels[2 * i, j], turn, factor, web(colour), name)
+                _difference(panels[2 * i + 1, j], turn, fine)
+    for i, (name, unit, _, small, fine, _) in enumerate(shown):
+        panels[2 * i, 0].set_ylabel("contact force [N]" if name == "force" else f"{name} [{unit}]")
+        panels[2 * i + 1, 0].set_ylabel(f"difference [{small}]")
+        turns = [turn for row in columns if (turn := getattr(row, f"{name}_turn")) is not None]
+        largest = [np.abs(t.difference[t.calm]).max(initial=0.0) for t in turns]
+        # what is beside a landing does not set the scale
+        apart = fine * max(largest, default=0.0)
+        panels[2 * i + 1, 0].set_ylim(-reach(apart), reach(apart))
+        if is_rounding(apart):
+            panels[2 * i + 1, 0].set_title(EQUAL, loc="left", fontsize="medium")
+
+
+def _curves(axes: Axes, turn: OverTurn, factor: float, colour: str, name: str) -> None:
+    many = turn.degrees.size > MANY
+    style = {"lw": 3.0} if many else {"lw": 0.0, "marker": ".", "ms": 4.0}
+    axes.plot(
+        turn.degrees, turn.measured * factor, color=colour, label=f"{name}, measured", **style
+    )
+    axes.plot(turn.degrees, turn.model * factor, color="0.1", lw=1.0, label="model")
+    turn_axis(axes)
+
+
+def _difference(axes: Axes, turn: OverTurn, factor: float) -> None:
+    axes.axhline(0.0, color="0.1", lw=0.8)
+    difference = turn.difference * factor
+    dots: dict[str, Any] = {"lw": 0.0, "marker": ".", "ms": 2.5}
+    if not turn.calm.all():
+        beside = ~turn.calm
+        axes.plot(turn.degrees[beside], difference[beside], color="0.7", label=BESIDE, **dots)
+    axes.plot(turn.degrees[turn.calm], difference[turn.calm], color=web(colours.LIMIT), **dots)
+    turn_axis(axes)

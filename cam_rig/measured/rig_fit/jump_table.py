@@ -1,0 +1,167 @@
+"""Tables of jump speeds as a bench gives them: mass put on, spring, speed at which it jumps."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from cam_rig.errors import ConfigError
+from cam_rig.files import shown
+from cam_rig.measured.instrument_table import CellTable, plain_words, read_lines
+from cam_rig.units import RPM, TURN
+
+#: What a heading's words begin with, in English, Spanish, German, French, Italian, Portuguese.
+WORDS = {
+    "speed": (
+        "rpm",
+        "speed",
+        "drehzahl",
+        "velocidad",
+        "vitesse",
+        "velocita",
+        "giri",
+        "jump",
+        "omega",
+    ),
+    "mass": ("mass", "masa", "gewicht", "weight", "peso", "poids"),
+    "spring_stiffness": (
+        "spring",
+        "stiff",
+        "feder",
+        "muelle",
+        "resorte",
+        "rigid",
+        "ressort",
+        "molla",
+    ),
+    "preload": ("preload", "vorspann", "precarga", "precharge", "precarico"),
+}
+
+#: Units of each to SI; the first is taken where a heading names none.
+UNITS = {
+    "speed": {"rpm": RPM, "1/min": RPM, "u/min": RPM, "rad/s": 1.0, "hz": TURN, "1/s": TURN},
+    "mass": {"kg": 1.0, "g": 1e-3, "lb": 0.45359237},
+    "spring_stiffness": {"n/m": 1.0, "n/mm": 1e3, "n/cm": 1e2, "kn/m": 1e3, "lbf/in": 175.126835},
+    "preload": {"n": 1.0, "kn": 1e3, "lbf": 4.4482216},
+}
+
+#: A last word of a heading that is no longer than this is meant as a unit.
+SHORT = 3
+
+#: A unit as headings have it: in brackets, or behind the last blank or underscore.
+BRACKETS = re.compile(r"[\[(]([^\])]+)[\])]\s*$")
+
+
+@dataclass(frozen=True)
+class JumpReading:
+    """A jump speed (rad/s) and what was put on for it, SI; ``line`` of the file."""
+
+    line: int
+    speed: float
+    known: dict[str, float]
+
+
+@dataclass(frozen=True)
+class JumpTable:
+    """A file of jump speeds; ``columns`` are the numbers it gives, ``notes`` how it was read."""
+
+    file: str
+    readings: tuple[JumpReading, ...]
+    columns: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def read_jump_table(path: Path) -> JumpTable:
+    """Read a table of jump speeds.
+
+    Raises
+    ------
+    ConfigError : one line with the file, the line, the value, what is allowed, and which
+        separator was seen
+    """
+    return _JumpReader(path.name, read_lines(path, "mass, spring and jump speed")).table()
+
+
+class _JumpReader(CellTable):
+    """A file of jump speeds; `table` makes numbers of its cells."""
+
+    def table(self) -> JumpTable:
+        """Headings to columns, cells to numbers."""
+        if self.first is None or self.first == 0:
+            raise ConfigError(
+                f"{self.file}: has no heading over its numbers; allowed: a heading, such as "
+                f"mass_kg, spring_N/m, rpm (separator seen: {self.seen})"
+            )
+        headings = self.headings(len(self.rows[self.first][1]))
+        found, notes = self._assigned([one.text for one in headings])
+        body = self.rows[self.first :]
+        used = [index for index, _ in found.values()]
+        mark = self.decimal_mark(body, used)
+        readings = []
+        for line, cells in body:
+            texts = self.numbers(line, cells, headings, used)
+            values = {
+                name: self._value(line, name, cells[index], texts[index], factor)
+                for name, (index, factor) in found.items()
+            }
+            readings.append(JumpReading(line, values.pop("speed"), values))
+        read = f"{len(body)} lines read, separator {self.seen}, decimal {mark}"
+        columns = tuple(name for name in found if name != "speed")
+        return JumpTable(self.file, tuple(readings), columns, (read, *notes))
+
+    def _assigned(self, headings: list[str]) -> tuple[dict[str, tuple[int, float]], list[str]]:
+        """Column and factor to SI of each number, and what had to be assumed."""
+        found, notes = dict[str, tuple[int, float]](), list[str]()
+        for index, text in enumerate(headings):
+            words = plain_words(text)
+            names = [name for name, starts in WORDS.items() if _any_starts(words, starts)]
+            name = names[-1] if names else None  # "spring preload" is a preload
+            if name is None:
+                continue
+            if name in found:
+                raise ConfigError(
+                    f"{self.file}: {shown(text)} and {shown(headings[found[name][0]])} both hold a "
+                    f"{name}; allowed: one of them (separator seen: {self.seen})"
+                )
+            unit = self._unit(text, name)
+            if unit is None:
+                unit = next(iter(UNITS[name]))
+                notes.append(f"no unit in {text!r}: {unit} assumed")
+            found[name] = index, UNITS[name][unit]
+        if "speed" not in found:
+            raise ConfigError(
+                f"{self.file}: columns are {shown(', '.join(headings))}; allowed: one of the jump "
+                "speed, such as rpm, and those of what was put on: mass_kg, spring_N/m, preload_N "
+                f"(separator seen: {self.seen})"
+            )
+        return found, notes
+
+    def _unit(self, text: str, name: str) -> str | None:
+        """The unit in a heading, None without one."""
+        plain = text.strip().casefold().replace("·", "*").replace("min-1", "1/min")
+        bracket = BRACKETS.search(plain)
+        last = (bracket[1] if bracket else re.split(r"[\s_]", plain)[-1]).replace(" ", "")
+        if last in UNITS[name]:
+            return last
+        if bracket or "/" in last or (last != plain and len(last) <= SHORT):
+            raise ConfigError(
+                f"{self.file}: {shown(text)} has no unit of a {name}; allowed: "
+                f"{', '.join(UNITS[name])} (separator seen: {self.seen})"
+            )
+        return None
+
+    def _value(self, line: int, name: str, cell: str, text: str, factor: float) -> float:
+        value = float(text) * factor
+        least = 0.0 if name in ("mass", "preload") else math.ulp(0.0)
+        if not (math.isfinite(value) and value >= least):
+            raise ConfigError(
+                f"{self.file}: line {line}: {name} is {shown(cell)}; allowed: a number "
+                f"{'≥' if least == 0.0 else '>'} 0 (separator seen: {self.seen})"
+            )
+        return value
+
+
+def _any_starts(words: list[str], starts: tuple[str, ...]) -> bool:
+    return any(word.startswith(start) for word in words for start in starts)

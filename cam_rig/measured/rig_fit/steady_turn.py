@@ -1,0 +1,254 @@
+"""Lift and contact force of a follower over one turn that comes back to itself, at any angles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from cam_rig.dynamics import FollowerParameters, Interval, TwoMassParameters
+from cam_rig.dynamics.interval import Event
+from cam_rig.dynamics.kinetostatic import force_weights, loss_intervals
+from cam_rig.dynamics.one_mass import OneMassTrajectory
+from cam_rig.dynamics.two_mass.masses import contact_response
+from cam_rig.dynamics.two_mass.model import states
+from cam_rig.dynamics.two_mass.trajectory import Separation
+from cam_rig.laws import Law
+from cam_rig.units import NS, TURN, FloatArray
+
+#: Turns after which a follower that leaves the cam is settled, or never: each tried in its turn.
+SETTLING = (2, 4, 8, 16, 32)
+
+#: By how much a settled turn may miss where it began, of a turn and of its vibration's scale.
+SAME = 1e-11
+
+#: Steps to a turn that comes back to itself, at most; and of a slope, of the vibration's scale.
+MOST_STEPS, STEP = 12, 1e-6
+
+
+class PeriodicTurn(Protocol):
+    """A turn of a follower that comes back to itself."""
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """Lift-offs and landings, angles in [0, 2π)."""
+        ...
+
+    def at(self, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Lift (m) and contact force (N) at cam angles (rad) of any turn, ``(n,)`` each."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class OneMassTurn:
+    """The last turn of a `OneMassTrajectory`, which began ``begin`` s after θ = 0."""
+
+    course: OneMassTrajectory
+    begin: float
+    events: tuple[Event, ...]
+
+    def at(self, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Lift (m) and contact force (N) at cam angles (rad) of any turn."""
+        law, p, speed = self.course.law, self.course.parameters, self.course.interval.speed
+        inside = np.mod(angle, TURN)
+        motion = law.motion_at(inside)
+        lift, force = motion[0], force_weights(p, speed) @ motion + p.preload
+        times = self.begin + inside / speed
+        for phase in self.course.phases:
+            if phase.flight is not None and phase.end > self.begin:
+                here = (times >= phase.begin) & (times < phase.end)
+                lift[here] = phase.flight.motion(times[here] - phase.begin)[0]
+                force[here] = 0.0
+        return lift, force
+
+
+@dataclass(frozen=True, eq=False)
+class TwoMassTurn:
+    """One turn of a `Separation` that begins in contact, with the vibration ``start`` (η, η̇).
+
+    ``map`` ``(2, 2)`` is how the vibration after the turn changes with that before it.
+    """
+
+    course: Separation
+    start: FloatArray
+    map: FloatArray
+    events: tuple[Event, ...]
+
+    def at(self, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Lift (m) and contact force (N) at cam angles (rad) of any turn."""
+        times = np.mod(angle - self.course.angle, TURN) / self.course.speed
+        order = np.argsort(times)
+        found = np.empty((5, times.size))
+        found[:, order] = states(self.course, times[order])
+        return found[0], found[4]
+
+
+def one_mass_turn(law: Law, p: FollowerParameters, speed: float) -> OneMassTurn | None:
+    """One rigid mass at ``speed`` (rad/s); None where no turn is as the one before."""
+    turn = TURN / speed
+    for settling in SETTLING:
+        whole = settling if loss_intervals(law, p, speed) else 1
+        span = Interval(0, round((whole + 1) * turn * NS) + 1, 0.0, speed)
+        course = OneMassTrajectory(law, p, span)
+        course.run(None)
+        begin = whole * turn
+        if whole == 1 or _came_back(course, begin - turn, begin):
+            return OneMassTurn(course, begin, _within_turn(course.events, begin, turn))
+    return None
+
+
+def _came_back(course: OneMassTrajectory, one: float, other: float) -> bool:
+    """Whether a trajectory's flights of the turns that begin at two times (s) are the same."""
+    turn = other - one
+    found = [
+        np.array([(x.begin, x.end) for x in course.phases if x.flight and at < x.end <= at + turn])
+        for at in (one, other)
+    ]
+    if found[0].shape != found[1].shape:
+        return False
+    return found[0].size == 0 or float(np.abs(found[1] - found[0] - turn).max()) < SAME * turn
+
+
+def two_mass_turn(
+    law: Law, p: TwoMassParameters, speed: float, near: TwoMassTurn | None = None
+) -> TwoMassTurn | None:
+    """Two masses at ``speed`` (rad/s); None where no turn is as the one before.
+
+    A turn maps the vibration before it to that after it; its fixed point is found by Newton's
+    method, from the turn of nearly the same follower ``near`` with that one's slopes.
+
+    Raises
+    ------
+    DynamicsError : an undamped mode at a harmonic of the speed
+    """
+    if near is None:
+        begun = _contact_after(law, p, speed)
+        if begun is None:
+            return None
+        angle, start = begun
+    else:
+        angle, start = near.course.angle, near.start
+    scale = _vibration_scale(law, p, speed)
+    for _ in range(MOST_STEPS):
+        course = _turned(law, p, speed, angle, start)
+        if not isinstance(course.last, np.ndarray):
+            return None
+        slopes = _slopes(course, start, scale) if near is None else near.map
+        miss = course.last - start
+        if (np.abs(miss) <= SAME * scale).all():
+            return TwoMassTurn(course, start, slopes, tuple(course.events))
+        start = start + np.linalg.solve(np.eye(2) - slopes, miss)
+    return None
+
+
+def _contact_after(law: Law, p: TwoMassParameters, speed: float) -> tuple[float, FloatArray] | None:
+    """An angle (rad) and the vibration there, in contact, after some turns from rest.
+
+    In the middle of the longest contact of the last turn: what changes a little is so there too.
+    """
+    turn, state = TURN / speed, contact_response(law, p, speed).periodic()
+    course = _turned(law, p, speed, 0.0, state)
+    if not course.events:
+        return 0.0, state
+    course = Separation(law, p, speed)
+    course.go((SETTLING[2] + 1) * turn, state)
+    last = [x for x in course.phases if x.contact and x.end > SETTLING[2] * turn]
+    if not last:
+        return None
+    phase = max(last, key=lambda x: x.end - x.begin)
+    middle = 0.5 * (phase.begin + phase.end)
+    response = contact_response(law, p, speed)
+    vibration = response.end(phase.vibration, speed * phase.begin, middle - phase.begin)
+    return float(np.mod(speed * middle, TURN)), vibration
+
+
+def _turned(
+    law: Law, p: TwoMassParameters, speed: float, angle: float, start: FloatArray
+) -> Separation:
+    course = Separation(law, p, speed, angle)
+    course.go(TURN / speed, start)
+    return course
+
+
+def _slopes(course: Separation, start: FloatArray, scale: FloatArray) -> FloatArray:
+    """``(2, 2)``: the vibration after a turn by that before it."""
+    found = np.zeros((2, 2))
+    for i, step in enumerate(STEP * scale):
+        beside = start + step * np.eye(2)[i]
+        other = _turned(course.law, course.parameters, course.speed, course.angle, beside).last
+        if isinstance(other, np.ndarray) and isinstance(course.last, np.ndarray):
+            found[:, i] = (other - course.last) / step
+    return found
+
+
+def _vibration_scale(law: Law, p: TwoMassParameters, speed: float) -> FloatArray:
+    """What (η, η̇) is to be measured by: the stem under the largest inertia, m and m/s."""
+    place = p.end_mass * law.bounds[2] * speed**2 / p.stiffness
+    return np.array([place, place * float(np.sqrt(p.stiffness / p.end_mass))])
+
+
+def _within_turn(events: Iterable[Event], begin: float, turn: float) -> tuple[Event, ...]:
+    return tuple(event for event in events if begin < event.time <= begin + turn)
+
+
+def bounces_of(events: Iterable[Event]) -> list[tuple[float, float]]:
+    """Cam angle (rad) of each landing, and of the first of its bounces."""
+    found, begun = list[tuple[float, float]](), None
+    for event in events:
+        if event.kind == "lift-off":
+            begun = None
+            continue
+        begun = event.angle if begun is None else begun
+        found.append((event.angle, begun))
+    return found
+
+
+# What a force sensor with a resonance of its own shows of a steady contact force.
+
+#: Cam angles at which the force of a turn is taken.
+POINTS = 8192
+
+#: On either side of a landing, rad.
+BESIDE = 1e-9
+
+
+def resonant(
+    turn: PeriodicTurn, speed: float, frequency: float, ratio: float
+) -> Callable[[FloatArray], FloatArray]:
+    """The force (N) that the sensor shows, over the cam angle (rad).
+
+    Parameters
+    ----------
+    speed : rad/s
+    frequency, ratio : of the sensor, Hz, and its damping ratio
+    """
+    width = TURN / POINTS
+    angles = width * np.arange(float(POINTS))
+    orders = np.arange(POINTS // 2 + 1.0)
+    force = turn.at(angles)[1]
+    landings = [event for event in turn.events if event.kind == "landing"]
+    for event in landings:
+        _share(force, turn, math.fmod(event.angle, TURN), width)
+    spectrum = np.fft.rfft(force)
+    for event in landings:  # N·s over the time of one point
+        height = event.impulse * speed / width
+        spectrum += height * np.exp(-1j * orders * math.fmod(event.angle, TURN))
+    r = orders * speed / (TURN * frequency)
+    shown = np.fft.irfft(spectrum / (1.0 - r**2 + 2j * ratio * r), POINTS)
+    curve = CubicSpline(np.append(angles, TURN), np.append(shown, shown[0]), bc_type="periodic")
+    return lambda angle: np.asarray(curve(np.mod(angle, TURN)))
+
+
+def _share(force: FloatArray, turn: PeriodicTurn, angle: float, width: float) -> None:
+    """Let the point beside a landing at an angle (rad) have its part of the force on either side.
+
+    So what is shown changes steadily with where the landing is.
+    """
+    nearest = round(angle / width)
+    before = nearest + 0.5 - angle / width
+    sides = turn.at(np.array([angle - BESIDE, angle + BESIDE]))[1]
+    force[nearest % force.size] = (1.0 - before) * sides[0] + before * sides[1]

@@ -1,0 +1,302 @@
+"""What is compared of a measured run: its samples in each hold, on the encoder's angle."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cam_rig.errors import ConfigError
+from cam_rig.measured.real_run.deviation import scatter
+from cam_rig.simulation.instruments import MeasuredRun, Signal, encoder_count, pulls
+from cam_rig.units import TURN, FloatArray, correlation_length, rms, to_rpm
+
+# Where a measured cam turns at a steady speed: straight lines through an encoder's counts.
+
+#: A speed is steady while the angle stays within this of a line, rad, and a count more.
+STEADY = 0.01
+
+#: Turns and readings of a hold, at least.
+LEAST_TURNS, LEAST_READINGS = 1.0, 8
+
+#: Parts of a count at which an encoder may stand, and by which the angle at the end may differ.
+STEP_PHASES, QUARTERS = np.arange(8.0) / 8.0, np.array([-0.25, 0.0, 0.25])
+
+#: Times that a hold is looked at anew, at most.
+MOST_GROWTHS = 12
+
+
+@dataclass(frozen=True)
+class Hold:
+    """The cam from ``begin`` to ``end`` (s) at ``speed`` (rad/s); ``angle`` (rad) at ``begin``.
+
+    ``speed_error`` is the standard error of the speed, rad/s; ``ripple`` (rad) the largest distance
+    of the angle from the line, less what an encoder's steps make.
+    """
+
+    begin: float
+    end: float
+    angle: float
+    speed: float
+    speed_error: float = 0.0
+    ripple: float = 0.0
+
+    @property
+    def rpm(self) -> float:
+        """Speed in rpm."""
+        return to_rpm(self.speed)
+
+    @property
+    def turns(self) -> float:
+        """How far the cam turns."""
+        return self.speed * (self.end - self.begin) / TURN
+
+    def angle_at(self, time: FloatArray) -> FloatArray:
+        """Cam angle (rad) at times in s."""
+        return np.asarray(self.angle + self.speed * (time - self.begin))
+
+    def after(self, turns: float) -> Hold | None:
+        """The same without its first turns; None where nothing is left."""
+        begin = self.begin + turns * TURN / self.speed
+        if begin >= self.end:
+            return None
+        angle = self.angle + turns * TURN
+        return Hold(begin, self.end, angle, self.speed, self.speed_error, self.ripple)
+
+
+def steady_holds(run: MeasuredRun) -> tuple[Hold, ...]:
+    """The stretches of a run at a steady speed, of a turn each at least.
+
+    Raises
+    ------
+    ConfigError : there is none
+    """
+    count = encoder_count(run.angle.value)
+    time, angle = run.angle.time, run.angle.value
+    seeds = np.searchsorted(angle, np.arange(angle[0], angle[-1], 0.5 * TURN)).tolist()
+    stretches = {_grown(time, angle, *seed, count) for seed in pairwise([*seeds, time.size])}
+    found = list[Hold]()
+    for first, last in sorted(stretches, key=lambda x: x[0] - x[1]):
+        if last - first < LEAST_READINGS:
+            continue
+        hold = _line(time[first:last], angle[first:last], count)
+        apart = all(hold.begin >= x.end or hold.end <= x.begin for x in found)
+        if apart and hold.turns >= LEAST_TURNS:
+            found.append(hold)
+    if not found:
+        raise ConfigError(
+            f"{run.source}: the cam nowhere turns steadily: over no turn of {run.angle.source} "
+            f"does the angle stay within {math.degrees(STEADY + count):.2g} deg of a line; needed: "
+            "some speeds that are held"
+        )
+    return tuple(sorted(found, key=lambda hold: hold.begin))
+
+
+def _grown(
+    time: FloatArray, angle: FloatArray, first: int, last: int, count: float
+) -> tuple[int, int]:
+    """First and last of the readings on the line through the middle of those of a seed.
+
+    The stretch is doubled as long as it lies on its line, to 1.5 counts: a cam that turns nearly
+    whole counts from reading to reading seems faster or slower by one over a short stretch. Then
+    what bends away into a ramp is cut off. Empty where nothing lies on a line.
+    """
+    for growing in (*[True] * MOST_GROWTHS, False):
+        size = last - first
+        if size < LEAST_READINGS:
+            return 0, 0
+        begin, stop = first + size // 4, last - size // 4
+        slope, at = np.polyfit(time[begin:stop] - time[begin], angle[begin:stop], 1)
+        reach = size if growing else 0
+        low, high = max(0, first - reach), min(time.size, last + reach)
+        away = np.abs(angle[low:high] - at - slope * (time[low:high] - time[begin]))
+        ripple = float(away[begin - low : stop - low].max())
+        if slope <= 0.0 or ripple > STEADY + count:
+            return 0, 0
+        off = np.flatnonzero(away > max(1.1 * ripple, (1.5 if growing else 0.6) * count, 1e-9))
+        before, after = off[off + low < begin], off[off + low >= stop]
+        first = int(before[-1]) + low + 1 if before.size else low
+        last = int(after[0]) + low if after.size else high
+    return first, last
+
+
+def _line(time: FloatArray, angle: FloatArray, count: float) -> Hold:
+    """A line through readings; neighbours that err alike count as fewer in its error."""
+    since = time - time[0]
+    slope, begin = np.polyfit(since, angle, 1)
+    away = angle - begin - slope * since
+    scatter = max(float(away.std()), count / math.sqrt(12.0))
+    alike = correlation_length(away)
+    error = scatter * math.sqrt(alike) / (float(since.std()) * math.sqrt(time.size))
+    error = max(error, _of_steps(since, slope, count))
+    ripple = max(0.0, float(np.abs(away).max()) - 0.6 * count)
+    return Hold(float(time[0]), float(time[-1]), float(begin), float(slope), error, ripple)
+
+
+def _of_steps(since: FloatArray, speed: float, count: float) -> float:
+    """By how much (rad/s, r.m.s.) an encoder's steps put a line's slope wrong.
+
+    A cam that turns nearly k/n counts from reading to reading has steps that drift in n strands,
+    and then their error is no noise: so of phases, and of speeds a quarter count beside.
+    """
+    if count == 0.0:
+        return 0.0
+    lever = (since - since.mean()) / float(((since - since.mean()) ** 2).sum())
+    speeds = speed + QUARTERS * count / since[-1]
+    turned = speeds[:, None, None] * since + STEP_PHASES[:, None] * count
+    return rms((np.floor(turned / count) * count - turned) @ lever)
+
+
+#: Turns of a hold that are left out, for the follower to settle, where it has twice as many.
+SETTLE_TURNS = 1.0
+
+#: HoldSamples of a quantity that are fitted, at most; of more every k-th is taken.
+MOST_SAMPLES = 40_000
+
+#: HoldSamples of a hold, at least.
+LEAST_SAMPLES = 20
+
+#: A follower that presses with more than this part of its largest force is on the cam; of a hold it
+#: may press with less in this part of the samples, as noise has it.
+PRESSED, SELDOM = 0.05, 0.01
+
+#: No cam pulls: a force that is below minus this part of its largest in this part of the samples is
+#: its sensor's.
+PULLED, RARELY = 0.1, 0.001
+
+#: A lift that differs by more than this part of itself from turn to turn is of no steady motion.
+RESTLESS = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class HoldSamples:
+    """One quantity in one hold: times since the hold's middle (s) and values (SI), ``(n,)``."""
+
+    since: FloatArray
+    value: FloatArray
+
+    def where(self, kept: NDArray[np.bool_]) -> HoldSamples:
+        """Some of them."""
+        return HoldSamples(self.since[kept], self.value[kept])
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredHold:
+    """A hold with what was measured in it; ``angle`` (rad) is the encoder's in its middle."""
+
+    hold: Hold
+    angle: float
+    lift: HoldSamples
+    force: HoldSamples
+
+    @property
+    def speed(self) -> float:
+        """rad/s, by the encoder."""
+        return self.hold.speed
+
+    @property
+    def presses(self) -> bool:
+        """Whether no sample of the force shows a loss of contact; so too where there is none."""
+        force = self.force.value
+        return not force.size or bool(np.quantile(force, SELDOM) > PRESSED * force.max())
+
+    @property
+    def rings(self) -> bool:
+        """Whether the force pulls now and then, as that of a sensor that vibrates."""
+        force = self.force.value
+        return force.size > 0 and bool(np.quantile(force, RARELY) < -PULLED * force.max())
+
+
+def measured_holds(run: MeasuredRun) -> tuple[MeasuredHold, ...]:
+    """The holds of a run in which something was measured.
+
+    Raises
+    ------
+    ConfigError : there is none, or neither lift nor force was recorded
+    """
+    if run.lift is None and run.force is None:
+        raise ConfigError(
+            f"{run.source}: has neither lift nor contact force; needed: one of them, so map its "
+            "topic"
+        )
+    for name, signal in (("lift", run.lift), ("force", run.force)):
+        if signal is not None:
+            _require_alive(run, name, signal)
+    holds = [
+        hold.after(SETTLE_TURNS) or hold if hold.turns > 2.0 * SETTLE_TURNS else hold
+        for hold in steady_holds(run)
+    ]
+    every = [_every(signal, holds) for signal in (run.lift, run.force)]
+    found, most = [], 0
+    for hold in holds:
+        lift = _within(run.lift, hold, every[0])
+        force = _within(run.force, hold, every[1])
+        count = lift.since.size + force.since.size
+        most = max(most, count)
+        if count >= LEAST_SAMPLES:
+            middle = 0.5 * (hold.begin + hold.end)
+            found.append(MeasuredHold(hold, float(hold.angle_at(np.array(middle))), lift, force))
+    if not found:
+        raise ConfigError(
+            f"{run.source}: {most or 'no'} samples of lift and force while the cam turns steadily "
+            f"at one speed; needed: {LEAST_SAMPLES}, so sample faster, or hold a speed longer"
+            f"{'' if most else ' (are their stamps of one clock?)'}"
+        )
+    steady = tuple(hold for hold in found if not _is_restless(hold))
+    if not steady:
+        raise ConfigError(
+            f"{run.source}: at no speed does the lift come back from turn to turn within "
+            f"{100.0 * RESTLESS:g} % of itself, as the follower bounces; needed: a speed at which "
+            "it does, so one below the jump speed"
+        )
+    return steady
+
+
+def _is_restless(hold: MeasuredHold) -> bool:
+    """Whether the follower moves differently in each turn, by more than a gauge's noise."""
+    lift = hold.lift
+    if not lift.value.size:
+        return False
+    return scatter(hold.speed * lift.since, lift.value) > RESTLESS * float(np.ptp(lift.value))
+
+
+def _require_alive(run: MeasuredRun, name: str, signal: Signal) -> None:
+    """Refuse a channel that says nothing, or a force with the sign of a pull."""
+    where = f"{run.source}: {name} ({signal.source or name})"
+    if signal.value.size < LEAST_SAMPLES:
+        raise ConfigError(
+            f"{where} has {signal.value.size} samples; needed: {LEAST_SAMPLES} or more"
+        )
+    low, high = float(signal.value.min()), float(signal.value.max())
+    if high - low <= 1e-12 * max(abs(low), abs(high)):
+        raise ConfigError(
+            f"{where} is {low:g} all the time; needed: one that changes, so look at its cable, or "
+            "leave it out"
+        )
+    if name == "force" and pulls(signal.value):
+        raise ConfigError(
+            f"{where} is from {low:.4g} to {high:.4g} N; allowed: a contact force that presses, so "
+            "turn its sign: force=-/TOPIC"
+        )
+
+
+def _inside(signal: Signal, hold: Hold) -> slice:
+    return slice(*np.searchsorted(signal.time, [hold.begin, hold.end]).tolist())
+
+
+def _every(signal: Signal | None, holds: list[Hold]) -> int:
+    if signal is None:
+        return 1
+    count = sum(signal.time[_inside(signal, hold)].size for hold in holds)
+    return -(-count // MOST_SAMPLES) or 1
+
+
+def _within(signal: Signal | None, hold: Hold, every: int) -> HoldSamples:
+    if signal is None:
+        return HoldSamples(np.empty(0), np.empty(0))
+    inside = _inside(signal, hold)
+    middle = 0.5 * (hold.begin + hold.end)
+    return HoldSamples(signal.time[inside][::every] - middle, signal.value[inside][::every])

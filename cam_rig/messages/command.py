@@ -1,0 +1,53 @@
+"""cam-rig urdf: the rig of a scene as a robot, for robot_state_publisher and RViz."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cam_rig.show.command import DEFAULT_SCENE, Scene, say, user_errors
+
+
+def urdf(
+    scene: Scene = DEFAULT_SCENE,
+    cam: Annotated[
+        str | None,
+        typer.Option(help="Cam that is mounted, a name in config/cams; by default the first."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The URDF; by default to stdout.")
+    ] = None,
+) -> None:
+    """Print the rig of a scene as URDF: base, guide, motor, microphone, cam and follower.
+
+    Lengths in m and axes by REP 103: x forward along the shaft, z up. Every link has a mass, and
+    bodies to look at and to collide with. The mounted cam is a prism of its contour, which is
+    whole on /cam/markers.
+
+    Examples
+    --------
+    cam-rig urdf quick
+
+    cam-rig urdf tm21_sweep --cam poly345 --out out/rig.urdf
+    """
+    with user_errors():
+        from cam_rig.files import writing
+        from cam_rig.messages.frames import Robot
+        from cam_rig.messages.urdf import urdf as text_of
+        from cam_rig.show.command import check_place
+        from cam_rig.simulation.scene import load_scene
+
+        if out is not None:
+            check_place(out)
+        loaded = load_scene(scene)
+        if cam is not None:
+            loaded.mount(cam)
+        text = text_of(Robot.of(loaded, cam))
+        if out is None:
+            print(text, end="")
+            return
+        with writing(out) as part:
+            part.write_text(text, encoding="utf-8")
+        say(f"URDF: {out}")

@@ -1,0 +1,186 @@
+"""Links, joints and where they are: what the URDF says, and what /tf is made of.
+
+By REP 103 lengths are in m, angles in rad, x of ``base_link`` points forward, y left, z up. One who
+stands before the rig looks along -x: the shaft points at him, the cam turns counterclockwise, and a
+translating follower moves up along z. The origin is on the shaft, in the middle of the cam.
+
+The ``guide`` is the frame of `cam_rig.profile.contact`: x to the right, y up, z out of the plane
+of the cam. The cam turns in it, and the follower moves in it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from cam_rig.laws import Law
+from cam_rig.profile import turn_angles
+from cam_rig.profile.outlines import FollowerShape, Oscillating, follower_shape
+from cam_rig.schema import CamConfig
+from cam_rig.schema.cam import FRAMES
+from cam_rig.simulation.scene import LoadedScene, max_contact_force
+from cam_rig.units import FloatArray
+
+#: Links besides one for each cam, which has the cam's name and turns with the link ``cam``. An
+#: oscillating follower's joint moves ``follower_arc``, the way along the arc, which has no body.
+BASE, GUIDE, MOTOR, MICROPHONE, CAM, FOLLOWER, ARC = FRAMES
+
+#: The joint by which an oscillating follower turns; it follows the joint ``follower``.
+ARM = "follower_arm"
+
+#: Roll, pitch and yaw of the guide in base_link, rad: its x is y there, its y is z.
+UPRIGHT = (0.5 * math.pi, 0.0, 0.5 * math.pi)
+
+#: Room for lift-off over the scene's greatest lift, as a share of it.
+LIFT_OFF = 1.0
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class FixedJoint:
+    """A link that stays where it is on its parent; m, and roll, pitch, yaw in rad."""
+
+    parent: str
+    child: str
+    xyz: Vector = (0.0, 0.0, 0.0)
+    rpy: Vector = (0.0, 0.0, 0.0)
+
+    @property
+    def name(self) -> str:
+        """The joint's name."""
+        return f"{self.child}_mount"
+
+
+@dataclass(frozen=True)
+class PlaneJoint:
+    """A link that moves in its parent's plane.
+
+    It turns about z by the joint's position (rad), or slides along its own y by it (m).
+
+    Parameters
+    ----------
+    origin : x, y (m) and yaw (rad) at position 0
+    limits : least and greatest position; None where it turns for ever
+    follows : position over that of the joint ``follower``; None for a joint of its own
+    """
+
+    name: str
+    kind: Literal["continuous", "prismatic", "revolute"]
+    parent: str
+    child: str
+    origin: Vector = (0.0, 0.0, 0.0)
+    limits: tuple[float, float] | None = None
+    follows: float | None = None
+
+    def pose(self, position: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """x, y (m) and yaw (rad) of the child at positions, each ``(n,)``."""
+        x, y, yaw = self.origin
+        if self.kind != "prismatic":
+            still = np.zeros_like(position)
+            return x + still, y + still, yaw + position
+        slid_x, slid_y = -math.sin(yaw) * position, math.cos(yaw) * position
+        return x + slid_x, y + slid_y, np.full_like(position, yaw)
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """The rig with a cam mounted.
+
+    Parameters
+    ----------
+    loaded : the scene; each of its cams has a link
+    mounted : the cam that is mounted
+    shape : its follower
+    """
+
+    loaded: LoadedScene
+    mounted: CamConfig
+    shape: FollowerShape
+
+    @classmethod
+    def of(cls, loaded: LoadedScene, cam: str | None = None) -> Robot:
+        """The rig of a scene with a cam mounted, by default the scene's first.
+
+        Raises
+        ------
+        ConfigError : the scene has no such cam
+        """
+        name = loaded.scene.cams[0] if cam is None else cam
+        law = loaded.law_of(name)
+        return cls(loaded, loaded.cams[name], follower_shape(loaded.cams[name], law))
+
+    @property
+    def size(self) -> float:
+        """How far the follower is from the shaft at most, m; the measure of what is only looks."""
+        return self.shape.reach
+
+    @property
+    def cams(self) -> list[str]:
+        """The cams that have a link: the scene's, and one that an operator mounted."""
+        return list(dict.fromkeys([*self.loaded.scene.cams, self.mounted.name]))
+
+    @property
+    def top_speed(self) -> float:
+        """The scene's highest speed, rad/s."""
+        return max(self.loaded.scene.program.speeds.si_list)
+
+    @property
+    def top_force(self) -> float:
+        """Greatest contact force at that speed of a follower that stays in contact, N."""
+        return max_contact_force(self.loaded, self.mounted.name, self.top_speed)
+
+    @property
+    def max_lift(self) -> float:
+        """The greatest of the scene's cams, m: its follower is one joint for all of them."""
+        return max(float(self.loaded.laws[cam](turn_angles(360)).max()) for cam in self.cams)
+
+    @property
+    def most(self) -> tuple[float, float]:
+        """Greatest contact force (N) and lift's speed (m/s) of the scene's cams at that speed."""
+        forces = [max_contact_force(self.loaded, cam, self.top_speed) for cam in self.cams]
+        slope = max(self.loaded.laws[cam].bounds[1] for cam in self.cams)
+        return max(forces), slope * self.top_speed
+
+    @property
+    def law(self) -> Law:
+        """The mounted cam's."""
+        return self.loaded.laws[self.mounted.name]
+
+    @property
+    def fixed(self) -> list[FixedJoint]:
+        """The joints of /tf_static."""
+        motor, microphone = (-0.75 * self.size, 0.0, 0.0), (2.0 * self.size, 0.0, 2.0 * self.size)
+        cams = [FixedJoint(CAM, name) for name in self.cams]
+        return [
+            FixedJoint(BASE, GUIDE, rpy=UPRIGHT),
+            FixedJoint(BASE, MOTOR, motor),
+            FixedJoint(BASE, MICROPHONE, microphone),
+            *cams,
+        ]
+
+    @property
+    def moving(self) -> list[PlaneJoint]:
+        """The joints of /tf, in the order of their names."""
+        limits = 0.0, (1.0 + LIFT_OFF) * self.max_lift
+        cam = PlaneJoint(CAM, "continuous", GUIDE, CAM)
+        if not isinstance(self.shape, Oscillating):
+            return [cam, PlaneJoint(FOLLOWER, "prismatic", GUIDE, FOLLOWER, limits=limits)]
+        rest, rate = np.zeros(1), -1.0 / self.shape.element.arm
+        x, y = self.shape.origin(rest)[0]
+        origin = float(x), float(y), float(self.shape.turn(rest)[0])
+        turned = rate * limits[1], 0.0
+        return [
+            cam,
+            PlaneJoint(FOLLOWER, "prismatic", GUIDE, ARC, limits=limits),
+            PlaneJoint(ARM, "revolute", GUIDE, FOLLOWER, origin, turned, rate),
+        ]
+
+    def body(self, points: FloatArray) -> FloatArray:
+        """Points ``(n, 2)`` of the follower's outline, in the link ``follower``."""
+        if isinstance(self.shape, Oscillating):
+            return points
+        return points + self.shape.origin(np.zeros(1))

@@ -1,1 +1,0 @@
-"""What nodes share: the base class, parameters, conversion of messages."""

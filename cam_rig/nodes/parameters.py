@@ -1,0 +1,195 @@
+"""The one table of parameters: what every node declares, and which values are allowed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from cam_rig.acoustics.sound_level_meter import FREQUENCY_WEIGHTINGS, TIME_WEIGHTINGS
+from cam_rig.bag.split import check_parameter_duration, check_parameter_size
+from cam_rig.errors import ConfigError
+from cam_rig.live.flow_control import factor_of, pacing_of
+from cam_rig.runner.node_table import CONSUMERS, END, OPTIONAL, STAY, WAIT
+from cam_rig.schema.load import named_path
+from cam_rig.schema.scene import MAX_POINTS_PER_TURN
+
+#: What a value of each type is called.
+KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "a text",
+         list: "a list of texts"}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Spec:
+    """One parameter: its default gives its type; the description names the unit.
+
+    ``least`` and ``most`` bound a number; ``choices`` what a text, or each of a list, may be;
+    ``check`` raises what else is wrong; ``read`` takes other ways to write a value, a scene's name
+    for its path. A parameter that is not ``live`` is read-only.
+    """
+
+    name: str
+    default: Any
+    description: str
+    least: float | None = None
+    most: float | None = None
+    choices: tuple[str, ...] = ()
+    live: bool = False
+    check: Callable[[Any], object] | None = None
+    read: Callable[[Any], Any] | None = None
+
+    def convert(self, value: Any) -> Any:
+        """A value as a parameter of this type: whole numbers are numbers as well.
+
+        Raises
+        ------
+        ConfigError : it is of another type
+        """
+        kind = type(self.default)
+        if self.read is not None:
+            value = self.read(value)
+        if kind is float and type(value) is int:
+            return float(value)
+        if kind is list and isinstance(value, (list, tuple)):
+            return list(value)
+        if type(value) is not kind:
+            quote = f"; in quotes: '\"{value}\"'" if kind is str and self.check is None else ""
+            allowed = ", ".join(self.choices) or KINDS[kind] + quote
+            raise ConfigError(f"{self.name}: is {value!r}; allowed: {allowed}")
+        return value
+
+    def require(self, value: Any) -> None:
+        """Refuse a value that is out of range, or none of the choices.
+
+        Raises
+        ------
+        ConfigError : names the parameter, the value and what is allowed
+        """
+        given = value if isinstance(value, (list, tuple)) else [value]
+        unknown = [str(item) for item in given if self.choices and item not in self.choices]
+        if unknown:
+            raise ConfigError(
+                f"{self.name}: has {', '.join(unknown)}; allowed: {', '.join(self.choices)}"
+            )
+        if self.most is not None and not (self.least or 0.0) <= value <= self.most:
+            raise ConfigError(
+                f"{self.name}: is {value:g}; allowed: {self.least:g} to {self.most:g}"
+            )
+        if self.check is not None:
+            self.check(value)
+
+
+def _scene_file(scene: Any) -> Any:
+    """The path of a scene that may be given by its name, as in the command line."""
+    return str(named_path("scenes", scene)) if isinstance(scene, str) else scene
+
+
+SCENE = Spec(
+    "scene",
+    "tm21_sweep",
+    "scene file (YAML), or a name in config/scenes, that every node takes its numbers from",
+    read=_scene_file,
+)
+
+CHECKPOINT = Spec(
+    "checkpoint",
+    "",
+    "folder of this run where a node saves its state for a successor; empty: none",
+)
+
+#: What a node does when the drive or the player says that the run is over.
+AT_END = Spec(
+    "at_end",
+    END,
+    "at the run's end: end; stay, for another run, as if started anew; wait for a signal to stop",
+    choices=(END, STAY, WAIT),
+)
+
+PROGRESS = Spec(
+    "progress_fd",
+    -1,
+    "open file descriptor that gets a line of JSON for each state; -1: none",
+)
+
+POINTS = Spec(
+    "points_per_turn",
+    0,
+    "instants a turn at which /joint_states and the like show the motion; 0: as the scene says",
+    0,
+    MAX_POINTS_PER_TURN,
+)
+
+#: The consumers that are waited for by default: a run need not be seen.
+ESSENTIAL = tuple(name for name in CONSUMERS if name not in OPTIONAL)
+
+PARAMETERS: dict[str, tuple[Spec, ...]] = {
+    "law_server": (
+        SCENE,
+        CHECKPOINT,
+        AT_END,
+        Spec("cam", "", "a file of config/cams, mounted until the drive asks for another; "
+             "empty: the scene's first", live=True),
+    ),
+    "cam_drive": (
+        SCENE,
+        CHECKPOINT,
+        AT_END,
+        Spec("rpm", 0.0, "set: the speed from the next tick on, rpm, 0 as the scene says; "
+             "read: the speed now", 0.0, 1e5, live=True),
+        Spec("pacing", "free", "rig time beside wall time: free, real_time, or a factor: 20, 20x",
+             live=True, check=factor_of, read=pacing_of),
+        Spec("autostart", True, "turn as soon as every node is ready; false: wait for ~/start"),
+        Spec("consumers", list(ESSENTIAL), "nodes that are waited for", choices=CONSUMERS),
+        Spec("patience", 20.0, "wall time without progress before giving up, s", 0.1, 86400.0),
+        PROGRESS,
+    ),
+    "follower": (
+        SCENE,
+        CHECKPOINT,
+        AT_END,
+        POINTS,
+        Spec("motion_rate", 100.0, "how often /joint_states and the like show the motion of a run "
+             "at real time or a factor, Hz of wall time", 1.0, 1000.0),
+    ),
+    "microphone": (
+        SCENE,
+        CHECKPOINT,
+        AT_END,
+        Spec("frequency_weighting", "Z",
+             "frequency weighting of the level, class 1 up to 20 kHz: A, C or Z",
+             choices=FREQUENCY_WEIGHTINGS, live=True),
+        Spec("time_weighting", "F", "time weighting of the level: F (125 ms) or S (1 s)",
+             choices=tuple(TIME_WEIGHTINGS), live=True),
+    ),
+    "recorder": (
+        SCENE,
+        CHECKPOINT,
+        AT_END,
+        Spec("bag", "", "folder to record into, must not exist; empty: bags/<scene>_<date>"),
+        POINTS,
+        Spec("max_bagfile_size", 0, "bytes after which the bag goes on in another file; 0: no "
+             "limit", check=check_parameter_size),
+        Spec("max_bagfile_duration", 0.0, "rig time after which the bag goes on in another file, "
+             "s; 0: no limit", check=check_parameter_duration),
+    ),
+    "viewer": (
+        SCENE,
+        CHECKPOINT,
+        replace(AT_END, default=WAIT),
+        Spec("address", "", "Rerun's address that the picture goes to, or the folder that a page "
+             "of cam-rig reads it from; empty opens a window"),
+    ),
+    "panel": (
+        SCENE,
+        CHECKPOINT,
+        replace(AT_END, default=WAIT),
+        Spec("socket", "", "socket of cam-rig panel, which starts this node"),
+    ),
+    "player": (
+        CHECKPOINT,
+        replace(AT_END, choices=(END, WAIT)),
+        Spec("bag", "", "bag whose cam states and laws are played"),
+        Spec("patience", 20.0, "wall time without progress before giving up, s", 0.1, 86400.0),
+        PROGRESS,
+    ),
+}  # fmt: skip

@@ -1,0 +1,298 @@
+"""cam-rig panel: drawing board, bench and lab sheet in a browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cam_rig.errors import CamRigError, ConfigError
+from cam_rig.schema.load import cam_path, rig_path
+from cam_rig.show.command import (
+    Csv,
+    Json,
+    check_outputs,
+    console,
+    say,
+    show,
+    user_errors,
+    write_csv,
+    write_json,
+)
+
+if TYPE_CHECKING:
+    from cam_rig.schema import CamConfig, RigConfig
+
+
+# cam-rig panel --mark: the marks of lab sheets.
+
+
+def mark_sheets(
+    sheets: list[Path],
+    cam: str | None,
+    rig: str | None,
+    tolerance: float | None,
+    json_target: str | None,
+    csv: Path | None,
+) -> None:
+    """Mark lab sheets, and print a table and a line of each.
+
+    Parameters
+    ----------
+    cam, rig : files that the sheets are of; None for shipped ones of the names on the sheets
+    tolerance : %, within which a reading is right; None for 1 %
+
+    Raises
+    ------
+    ConfigError : no sheet, or none of this cam and rig
+    OutputError : a result cannot be written
+    """
+    from cam_rig.errors import ConfigError
+    from cam_rig.panel.lab.marking import TOLERANCE_PERCENT, mark_sheet, marks_table, to_json
+    from cam_rig.schema import load_cam, load_rig
+
+    check_outputs(json_target, None, csv)
+    if not sheets:
+        raise ConfigError("--mark: no sheet is named; allowed: .csv files of cam-rig panel --lab")
+
+    def cam_of(name: str) -> CamConfig:
+        _require_name("cam", name)
+        found = load_cam(cam_path(cam or name))
+        _require_same("cam", name, found.name)
+        return found
+
+    def rig_of(name: str) -> RigConfig:
+        _require_name("rig", name)
+        found = load_rig(rig_path(rig or name))
+        _require_same("rig", name, found.name)
+        return found
+
+    within = TOLERANCE_PERCENT if tolerance is None else tolerance
+    marked = [mark_sheet(path, within, cam_of, rig_of) for path in sheets]
+    tables = [marks_table(sheet) for sheet in marked]
+    show(*tables)
+    say(*(sheet.summary for sheet in marked))
+    write_csv(tables, csv)
+    write_json(to_json(marked), json_target)
+
+
+def _require_name(kind: str, name: str) -> None:
+    """Refuse what would be a path to somewhere."""
+    from cam_rig.errors import ConfigError
+    from cam_rig.files import shown
+    from cam_rig.schema.load import NAME
+
+    if not NAME.fullmatch(name):
+        raise ConfigError(f"{kind} is {shown(name)}; allowed: a name as {kind} files have it")
+
+
+def _require_same(kind: str, name: str, found: str) -> None:
+    from cam_rig.errors import ConfigError
+
+    if name != found:
+        option = "--rig FILE" if kind == "rig" else "the cam's file"
+        raise ConfigError(
+            f"is of {kind} {name!r}, marked with {found!r}; allowed: the same, so name {option}"
+        )
+
+
+#: What is drawn and turned if nothing else is named.
+CAM, RIG = "poly345", "paper_table2"
+
+#: A page that leads to an address.
+REDIRECT = """<!doctype html>
+<meta charset="utf-8">
+<meta name="referrer" content="no-referrer">
+<meta http-equiv="refresh" content="0; url={address}">
+<title>cam_rig</title>
+<a href="{address}">cam-rig panel</a>
+"""
+
+Names = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="CAM|SHEETS",
+        help=f"Cam file, or a name in config/cams, by default {CAM}; with --mark lab sheets, files "
+        "that end in .csv.",
+    ),
+]
+
+RigOfPanel = Annotated[
+    str | None, typer.Option(help=f"Rig file, or a name in config/rigs; by default {RIG}.")
+]
+
+Port = Annotated[
+    int, typer.Option(min=0, max=65535, help="Port on this machine; 0 takes a free one.")
+]
+
+Out = Annotated[Path, typer.Option(metavar="FOLDER", help="Where cam files, bags and sheets go.")]
+
+Lang = Annotated[
+    str | None, typer.Option(help="Language of the pages, en or es; the browser's by default.")
+]
+
+NoRerun = Annotated[
+    bool, typer.Option("--no-rerun", help="The bench without Rerun's picture of the rig.")
+]
+
+Open = Annotated[bool, typer.Option("--open", help="Open the browser.")]
+
+LabName = Annotated[
+    str | None, typer.Option(metavar="NAME", help="A lab sheet for a student: jump.")
+]
+
+Seed = Annotated[
+    str | None, typer.Option(metavar="NAME", help="With --lab: measure a rig of hidden numbers.")
+]
+
+ToMark = Annotated[bool, typer.Option("--mark", help="Mark lab sheets instead.")]
+
+Tolerance = Annotated[
+    float | None,
+    typer.Option(
+        metavar="PERCENT", min=0.0, max=100.0, help="With --mark: what a reading may be off, 1."
+    ),
+]
+
+
+def panel(
+    names: Names = None,
+    rig: RigOfPanel = None,
+    port: Port = 0,
+    out: Out = Path("out"),
+    lang: Lang = None,
+    no_rerun: NoRerun = False,
+    open_browser: Open = False,
+    lab: LabName = None,
+    seed: Seed = None,
+    mark: ToMark = False,
+    tolerance: Tolerance = None,
+    json_target: Json = None,
+    csv: Csv = None,
+) -> None:
+    """Turn the rig by hand in a browser, and draw the laws of its cams.
+
+    Prints an address on this machine and serves it until Ctrl-C. On the drawing board the
+    ordinates of a law are handles on its curve; s to s''', contact force, spectrum and jump speeds
+    follow. The bench runs the nodes: knob, level meter, sound, readings, the rig in Rerun. The
+    address has a token: without it no page, user or machine gets anything of the pages, Rerun's
+    among them. The bench's nodes are open to ROS on this machine, as those of every run.
+
+    A lab sheet asks a student for jump speeds of springs, masses and preloads, and keeps the
+    readings as CSV. A seed hides another rig behind it; the marks say how far a reading is off.
+
+    Examples
+    --------
+    cam-rig panel --open
+
+    cam-rig panel bezier15 --rig tm21 --out cams
+
+    cam-rig panel --lab jump --rig tm21 --seed group-3 --out sheets
+
+    cam-rig panel --mark sheets/lab_jump_group-3.csv --json -
+    """
+    with user_errors():
+        cams, sheets = _apart(names or [], mark)
+        _require_together(
+            lab,
+            seed,
+            mark,
+            open_browser,
+            any(given is not None for given in (tolerance, json_target, csv)),
+        )
+        if mark:
+            first_cam = cams[0] if cams else None
+            mark_sheets(sheets, first_cam, rig, tolerance, json_target, csv)
+            return
+        _serve(
+            cams[0] if cams else CAM,
+            rig or RIG,
+            port,
+            out,
+            not no_rerun,
+            open_browser,
+            lab,
+            seed,
+            lang,
+        )
+
+
+def _apart(names: list[str], mark: bool) -> tuple[list[str], list[Path]]:
+    """The cam, if one is named, and the sheets that are to be marked."""
+    sheets = [name for name in names if mark and name.endswith(".csv")]
+    cams = [name for name in names if name not in sheets]
+    if len(cams) > 1:
+        raise ConfigError(f"cam: is {' '.join(cams)}; allowed: one cam")
+    return cams, [Path(name) for name in sheets]
+
+
+def _require_together(
+    lab: str | None, seed: str | None, mark: bool, open_browser: bool, for_marks: bool
+) -> None:
+    """Refuse options that would be passed over."""
+    if seed is not None and lab is None:
+        raise ConfigError("--seed: is of a lab sheet; allowed: with --lab")
+    if mark and (lab is not None or open_browser):
+        raise ConfigError("--mark serves no page; allowed: without --lab, --seed and --open")
+    if for_marks and not mark:
+        raise ConfigError("--tolerance, --json, --csv: are of marks; allowed: with --mark")
+
+
+def _serve(
+    cam: str,
+    rig: str,
+    port: int,
+    out: Path,
+    rerun: bool,
+    open_browser: bool,
+    lab: str | None,
+    seed: str | None,
+    lang: str | None,
+) -> None:
+    """Serve the pages until Ctrl-C.
+
+    Raises
+    ------
+    CamRigError : a file or a name is wrong, a library is missing, or the server ended
+    """
+    from cam_rig.extras import require
+    from cam_rig.files import temporary_folder
+    from cam_rig.panel.board.board import Board
+    from cam_rig.schema import load_cam, load_rig
+
+    for library in ("starlette", "uvicorn", "websockets"):
+        require(library)
+    from cam_rig.panel.bench.pages import BenchPages
+    from cam_rig.panel.bench.runner import BenchRunner
+    from cam_rig.panel.board.pages import BoardPages
+    from cam_rig.panel.lab.pages import LabPages
+    from cam_rig.panel.lab.sheet import LabSheet
+    from cam_rig.panel.server import PanelPages, serve
+    from cam_rig.runner.resources import user_folder
+
+    first, own = load_cam(cam_path(cam)), load_rig(rig_path(rig))
+    with temporary_folder("cam_rig-panel-", user_folder()) as folder:
+        runner = BenchRunner(own, folder, out, rerun)
+        board = Board(first, own, out, rig)
+        pages: list[PanelPages] = [BoardPages(board), BenchPages(runner, first, board)]
+        if lab is not None:
+            pages += [LabPages(LabSheet(lab, first, own, seed), out)]
+        home = "/lab" if lab else "/"
+        with serve(*pages, port=port, language=lang, home=home) as served:
+            print(served.address, flush=True)
+            console.print("Ctrl-C ends the panel")
+            if open_browser:
+                _open(served.address, folder)
+            runner.run(served.alive)
+    raise CamRigError("the panel's server ended")
+
+
+def _open(address: str, folder: Path) -> None:
+    """Open the browser by a file of this user's alone: every user sees a process's arguments."""
+    import webbrowser
+
+    page = folder / "panel.html"
+    page.touch(mode=0o600)
+    page.write_text(REDIRECT.format(address=address), encoding="utf-8")
+    webbrowser.open(page.as_uri())

@@ -1,0 +1,3 @@
+"""Contact of cam and follower: Hertz pressure, sliding, and the base radius that they ask for."""
+
+from __future__ import annotations

@@ -1,0 +1,101 @@
+"""cam-rig contact: Hertz pressure and sliding over the turn, and what base radius they ask for."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cam_rig.show.command import (
+    CamsOrScene,
+    Csv,
+    Json,
+    Plot,
+    RigOfScene,
+    check_outputs,
+    show,
+    user_errors,
+    write_csv,
+    write_json,
+    write_plot,
+)
+from cam_rig.simulation.asked import asked_cams
+
+#: Below every jump speed of the paper's laws.
+SPEED = 300.0
+
+Events = Annotated[
+    Path | None,
+    typer.Option("--events", help="Draw the least base radius over the event angle, law by law."),
+]
+
+Rpm = Annotated[float, typer.Option(min=0.0, max=1e5, help="Speed of the cam.")]
+
+Steepest = Annotated[
+    float, typer.Option(metavar="DEG", min=1.0, max=89.0, help="Most pressure angle of --events.")
+]
+
+Sharpest = Annotated[
+    float,
+    typer.Option(
+        metavar="LIFTS", min=0.0, max=100.0, help="Roller and least radius of --events, in lifts."
+    ),
+]
+
+#: Pressure angle (degrees) of the nomogram, and its roller and least radius in lifts.
+STEEPEST, SHARPEST = 30.0, 2.0
+
+
+def contact(
+    cams: CamsOrScene = None,
+    rig: RigOfScene = None,
+    rpm: Rpm = SPEED,
+    events: Events = None,
+    pressure_angle: Steepest = STEEPEST,
+    sharpest: Sharpest = SHARPEST,
+    json_target: Json = None,
+    csv: Csv = None,
+    plot: Plot = None,
+) -> None:
+    """Find Hertz pressure and sliding speed over the turn, and the bounds on the base radius.
+
+    A rigid follower in contact, without friction. Face width, material, tip radius of a point and
+    what is permissible stand under contact in the cam file; what it does not give is assumed, and
+    is listed. From below the base radius is bounded by pressure, curvature and pressure angle, from
+    above by sliding. --events draws the nomogram: least radii in lifts over the event angle.
+
+    Examples
+    --------
+    cam-rig contact flat oscillating_point --rpm 400
+
+    cam-rig contact --events out/events.png --plot out/contact.png
+    """
+    with user_errors():
+        from cam_rig.errors import ConfigError
+        from cam_rig.paper.contact import tables
+        from cam_rig.paper.contact.comparison import compare_contacts
+
+        check_outputs(json_target, plot, csv)
+        check_outputs(None, events)
+        if events is None and (pressure_angle, sharpest) != (STEEPEST, SHARPEST):
+            raise ConfigError(
+                "--pressure-angle, --sharpest: are of the nomogram; needed: --events PATH"
+            )
+        found = compare_contacts(asked_cams(cams, rig), rpm)
+        most = math.radians(pressure_angle)
+        shown = [*tables.contact_tables(found), tables.parts_table()]
+        if events is not None:
+            shown += tables.event_tables(most)
+        show(*shown)
+        write_csv(shown, csv)
+        if plot is not None:
+            from cam_rig.paper.contact.figures import draw
+
+            write_plot(plot, lambda part: draw(found, part))
+        if events is not None:
+            from cam_rig.paper.contact.figures import draw_events
+
+            write_plot(events, lambda part: draw_events(most, sharpest, part))
+        write_json(tables.to_json(found), json_target)

@@ -1,0 +1,3 @@
+"""What the paper leaves open: does continuity reduce vibration, or lower acceleration."""
+
+from __future__ import annotations

@@ -1,0 +1,281 @@
+"""Fitting the shared acoustic constants to published curves of one cam or more."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from cam_rig.acoustics import RadiationParameters, level_db
+from cam_rig.acoustics.pressure import mean_square_rate
+from cam_rig.acoustics.weighting import weighting_power
+from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics.kinetostatic import force_weights, loss_intervals
+from cam_rig.errors import DynamicsError
+from cam_rig.laws import Law
+from cam_rig.simulation.simulate import Acoustics, Sounding
+from cam_rig.units import TURN, FloatArray, rms, to_rpm
+
+#: Terms of the speed response: with its gain a cubic, like a published regression.
+RESPONSE_TERMS = 3
+
+#: Step of a numerical derivative, relative in a constant, in dB of a response term.
+STEP = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class PublishedCam:
+    """A cam's settled turns and its published level (dB) at the same speeds."""
+
+    cam: str
+    turns: Sounding
+    published: FloatArray
+
+    @property
+    def rpm(self) -> FloatArray:
+        """The speeds in rpm."""
+        return to_rpm(self.turns.speeds)
+
+    def every(self, step: int) -> PublishedCam:
+        """Only each ``step``-th speed."""
+        return PublishedCam(self.cam, self.turns.every(step), self.published[::step])
+
+    def difference(self, acoustics: Acoustics) -> FloatArray:
+        """Simulated less published level, dB."""
+        return acoustics.levels(self.turns) - self.published
+
+    def rms(self, acoustics: Acoustics) -> float:
+        """r.m.s. of that difference, dB."""
+        return rms(self.difference(acoustics))
+
+
+@dataclass(frozen=True, eq=False)
+class SteadyTurns:
+    """A cam that keeps contact at all ``speeds`` (rad/s): its steady sound, without samples."""
+
+    law: Law
+    follower: FollowerParameters
+    speeds: FloatArray
+
+    def every(self, step: int) -> SteadyTurns:
+        """Only each ``step``-th speed."""
+        return SteadyTurns(self.law, self.follower, self.speeds[::step])
+
+    def contact_power(self, corner_rate: float) -> FloatArray:
+        """⟨(ω_c (F − q))²⟩ over a turn, ``(n,)`` in (N/s)²."""
+        power = [mean_square_rate(self.law, self.follower, corner_rate, s) for s in self.speeds]
+        return np.array(power)
+
+    def landing_power(self, _radiation: RadiationParameters) -> FloatArray:
+        """There are no landings."""
+        return np.zeros(self.speeds.size)
+
+
+def calibrate(
+    law: Law,
+    follower: FollowerParameters,
+    start: RadiationParameters,
+    speeds: FloatArray,
+    levels: FloatArray,
+) -> tuple[RadiationParameters, float]:
+    """Fit gain and corner to the levels (dB) of one cam at ``speeds`` (rad/s).
+
+    Two numbers, least squares in dB, on the exact steady response; the background stays as it is.
+    Returns the constants and the r.m.s. difference (dB) that is left.
+
+    Raises
+    ------
+    DynamicsError : the follower loses contact within the speeds
+    """
+    for speed in speeds:
+        if loss_intervals(law, follower, float(speed)):
+            raise DynamicsError(
+                f"cam {law.name!r} loses contact at {to_rpm(float(speed)):.0f} rpm; allowed for a "
+                "calibration: a cam that keeps contact at every published speed"
+            )
+    cam = PublishedCam(law.name, SteadyTurns(law, follower, speeds), levels)
+    found = two_constants([cam], Acoustics(start))
+    return found.radiation, cam.rms(found)
+
+
+def two_constants(cams: Sequence[PublishedCam], start: Acoustics) -> Acoustics:
+    """Gain and corner of least r.m.s. difference over the cams: two numbers."""
+
+    def residual(x: FloatArray) -> FloatArray:
+        return np.concatenate([cam.difference(_at(start, x)) for cam in cams])
+
+    r = start.radiation
+    found = least_squares(residual, np.log([r.gain, r.corner]), x_scale=0.1)
+    return _at(start, found.x)
+
+
+def _at(start: Acoustics, x: FloatArray) -> Acoustics:
+    gain, corner = np.exp(x).tolist()
+    return start.with_constants(gain, corner)
+
+
+def by_substitution(reference: PublishedCam, start: Acoustics) -> Acoustics:
+    """Gain and speed response of the reference cam, the corner as two constants have it.
+
+    Five numbers to one cubic, which has four: the reference's own curve says nothing any more.
+    It is the method of the reference sound source (ISO 3747): what passes between source and
+    microphone is measured with a known source and taken for the same with another.
+    """
+    base = two_constants([reference], start)
+    r = base.radiation
+
+    def at(x: FloatArray) -> Acoustics:
+        return base.with_constants(r.gain * float(np.exp(x[0])), r.corner, tuple(x[1:].tolist()))
+
+    def residual(x: FloatArray) -> FloatArray:
+        return reference.difference(at(x))
+
+    found = least_squares(residual, np.zeros(1 + RESPONSE_TERMS), x_scale=0.1)
+    return at(found.x)
+
+
+def sensitivity(cam: PublishedCam, acoustics: Acoustics) -> FloatArray:
+    """``(n, k)``: how the levels (dB) change with each fitted constant.
+
+    Two constants: log gain and log corner. By substitution: log gain and the response's terms.
+    """
+    r = acoustics.radiation
+    base = acoustics.levels(cam.turns)
+    gain = acoustics.with_constants(r.gain * np.exp(STEP), r.corner, acoustics.response)
+    moved = [gain]
+    if acoustics.response:
+        for i in range(RESPONSE_TERMS):
+            response = np.array(acoustics.response)
+            response[i] += STEP
+            moved.append(acoustics.with_constants(r.gain, r.corner, tuple(response.tolist())))
+    else:
+        moved.append(acoustics.with_constants(r.gain, r.corner * np.exp(STEP)))
+    return np.stack([(a.levels(cam.turns) - base) / STEP for a in moved], axis=1)
+
+
+# Which structure between contact force and sound: candidates fitted on one cam, tried on others.
+
+#: Samples of a turn and harmonics of it: up to 500 Hz at 200 rpm.
+SAMPLES, HARMONICS = 1024, 150
+
+#: Starts of a fit of modes, which may end in more than one place, and their seed.
+STARTS, SEED = 8, 1
+
+#: |pressure per force|² from log constants ``x`` and frequency (Hz).
+Transfer = Callable[[FloatArray, FloatArray], FloatArray]
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A candidate: its transfer function, where its fit starts, and the frequency weighting."""
+
+    name: str
+    transfer: Transfer
+    start: tuple[float, ...]
+    weighting: str = "Z"
+
+
+@dataclass(frozen=True)
+class StructureFit:
+    """r.m.s. difference (dB) on the cam fitted to and on the cams predicted."""
+
+    name: str
+    weighting: str
+    numbers: int
+    fitted_db: float
+    predicted_db: dict[str, float]
+
+
+def _low_pass(x: FloatArray, frequency: FloatArray) -> FloatArray:
+    gain, corner = np.exp(x)
+    rate = 2.0 * np.pi * frequency
+    return np.asarray((gain * rate) ** 2 / (1.0 + (frequency / corner) ** 2))
+
+
+def _double_low_pass(x: FloatArray, frequency: FloatArray) -> FloatArray:
+    gain, corner = np.exp(x)
+    return np.asarray((gain * 2.0 * np.pi * frequency / (1.0 + (frequency / corner) ** 2)) ** 2)
+
+
+def _modes(x: FloatArray, frequency: FloatArray) -> FloatArray:
+    total = np.zeros(frequency.shape, dtype=complex)
+    for gain, natural, damping in np.exp(x).reshape(-1, 3):
+        ratio = frequency / natural
+        total += gain / (1.0 - ratio**2 + 2.0j * damping * ratio)
+    return np.asarray(np.abs(2.0j * np.pi * frequency * total) ** 2)
+
+
+_POLE = (1e-4, 20.0)
+
+_LOW_MODE, _HIGH_MODE = (1e-4, 12.0, 0.4), (1e-4, 50.0, 0.4)
+
+STRUCTURES = (
+    Structure("low-pass", _low_pass, _POLE),
+    Structure("one mode", _modes, _LOW_MODE),
+    Structure("two modes", _modes, _LOW_MODE + _HIGH_MODE),
+    Structure("double low-pass", _double_low_pass, _POLE),
+    Structure("low-pass", _low_pass, _POLE, "C"),
+    Structure("double low-pass", _double_low_pass, (1e-2, 2.0), "C"),
+    Structure("low-pass", _low_pass, (1e-3, 300.0), "A"),
+    Structure("two modes", _modes, (1e-3, 25.0, 0.1, 1e-4, 400.0, 0.4), "A"),
+)
+
+
+def compare_structures(
+    laws: dict[str, Law],
+    follower: FollowerParameters,
+    radiation: RadiationParameters,
+    published: dict[str, FloatArray],
+    speeds: FloatArray,
+    fitted: str,
+) -> list[StructureFit]:
+    """Fit every candidate to the cam ``fitted``, and predict the others.
+
+    Parameters
+    ----------
+    laws : cams that keep contact at all ``speeds`` (rad/s)
+    radiation : for its background
+    published : level in dB at the speeds, by cam
+    """
+    harmonics = {cam: harmonic_power(law, follower, speeds) for cam, law in laws.items()}
+    background = np.array([radiation.background_power(float(speed)) for speed in speeds])
+    frequency = np.arange(1, HARMONICS + 1) * speeds[:, None] / TURN
+    weights = {w: weighting_power(w, frequency) for w in "ZCA"}
+
+    def difference(structure: Structure, cam: str, x: FloatArray) -> FloatArray:
+        passed = structure.transfer(x, frequency) * weights[structure.weighting]
+        power = background + np.sum(passed * harmonics[cam], axis=1)
+        return level_db(np.sqrt(power)) - published[cam]
+
+    found = []
+    for structure in STRUCTURES:
+        x = _best(lambda x, s=structure: difference(s, fitted, x), structure.start)  # type: ignore[misc]
+        errors = {cam: rms(difference(structure, cam, x)) for cam in laws}
+        found.append(
+            StructureFit(structure.name, structure.weighting, x.size, errors.pop(fitted), errors)
+        )
+    return found
+
+
+def _best(residual: Callable[[FloatArray], FloatArray], start: tuple[float, ...]) -> FloatArray:
+    generator = np.random.default_rng(SEED)
+    best, least = np.log(start), np.inf
+    for i in range(1 if len(start) == 2 else STARTS):
+        scatter = generator.normal(size=len(start)) * (0.6 if i else 0.0)
+        found = least_squares(
+            residual, np.log(start) + scatter, bounds=(-30.0, 30.0), max_nfev=120, ftol=1e-5
+        )
+        if found.cost < least:
+            best, least = found.x, float(found.cost)
+    return np.asarray(best)
+
+
+def harmonic_power(law: Law, follower: FollowerParameters, speeds: FloatArray) -> FloatArray:
+    """Mean square of each harmonic of the contact force, ``(len(speeds), HARMONICS)``, N²."""
+    angle = TURN * np.arange(SAMPLES) / SAMPLES
+    motion = np.stack([law(angle, order) for order in range(3)])
+    forces = np.stack([force_weights(follower, float(speed)) @ motion for speed in speeds])
+    ordinates = np.fft.rfft(forces, axis=1)[:, 1 : HARMONICS + 1] / SAMPLES
+    return np.asarray(2.0 * np.abs(ordinates) ** 2)

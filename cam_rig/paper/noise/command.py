@@ -1,0 +1,266 @@
+"""Writing identified numbers back into a YAML file, keeping its comments and layout."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+import typer
+import yaml
+
+from cam_rig.errors import ConfigError
+from cam_rig.schema.load import rig_beside, scene_path
+from cam_rig.schema.quantity import ORIGINS
+from cam_rig.show.command import (
+    DEFAULT_SCENE,
+    Csv,
+    Json,
+    Plot,
+    Scene,
+    SceneOption,
+    check_outputs,
+    console,
+    progress_bar,
+    show,
+    user_errors,
+    write_csv,
+    write_json,
+    write_plot,
+)
+
+#: Where in a text (first and last character) something else is to stand, and what.
+Edit = tuple[int, int, str]
+
+
+def set_identified(
+    path: Path, numbers: dict[tuple[str | int, ...], float], source: str, residual: str
+) -> None:
+    """Put numbers in as ``identified``, with source and residual; the file is replaced whole.
+
+    Nothing else of the text changes: the numbers' own words are replaced where they stand.
+
+    Parameters
+    ----------
+    numbers : key path -> number, in the unit the file already has there
+
+    Raises
+    ------
+    ConfigError : the file cannot be written
+    """
+    text = path.read_bytes().decode("utf-8")
+    root = yaml.compose(text, Loader=yaml.SafeLoader)
+    edits = {
+        edit
+        for keys, number in numbers.items()
+        for edit in _edits(_at(root, keys), text, number, {"source": source, "residual": residual})
+    }
+    for begin, end, words in sorted(edits, reverse=True):
+        text = text[:begin] + words + text[end:]
+    part = path.with_suffix(".yaml.part")
+    try:
+        part.write_bytes(text.encode("utf-8"))
+        os.replace(part, path)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written ({error.strerror})") from None
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _at(node: yaml.Node, keys: tuple[str | int, ...]) -> yaml.MappingNode:
+    """The mapping at a key path."""
+    for key in keys:
+        node = (
+            node.value[key]
+            if isinstance(node, yaml.SequenceNode)
+            else next(value for name, value in node.value if name.value == key)
+        )
+    return node
+
+
+def _edits(
+    node: yaml.MappingNode, text: str, number: float, words: dict[str, str]
+) -> Iterator[Edit]:
+    """What changes in the text of one number's mapping."""
+    pairs = {name.value: (name, value) for name, value in node.value}
+    origin, old = next(pairs[key] for key in ORIGINS if key in pairs)
+    yield *_span(origin), "identified"
+    between = ", " if node.flow_style else "\n" + " " * origin.start_mark.column
+    missing = [key for key in words if key not in pairs]
+    added = "".join(f"{between}{key}: {_quoted(words[key])}" for key in missing)
+    yield *_span(old), f"{number!r}{added}"
+    for key in words.keys() - missing:
+        begin, end = _span(pairs[key][1])
+        after = text[begin:end]
+        yield begin, end, _quoted(words[key]) + after[len(after.rstrip()) :]
+
+
+def _span(node: yaml.Node) -> tuple[int, int]:
+    return node.start_mark.index, node.end_mark.index
+
+
+def _quoted(text: str) -> str:
+    """A text as YAML has it in double quotes, which is as JSON has it."""
+    return json.dumps(text, ensure_ascii=False)
+
+
+# cam-rig calibrate: the acoustic constants, from one cam's published curve alone.
+
+
+def calibrate(
+    scene: Scene = DEFAULT_SCENE,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show, write nothing.")] = False,
+) -> None:
+    """Fit gain and cut-off of the rig's radiation to the published noise of one cam.
+
+    They are ``radiation.gain`` and ``corner`` of the rig file, the cam is its ``calibrated_on``.
+    Two numbers are fitted, by least squares in dB over the scene's speeds, and written into the
+    rig file with the fit error and the follower they hold for: with another one levels are
+    relative. Every other cam's curve is then a prediction.
+
+    Examples
+    --------
+    cam-rig calibrate --dry-run
+
+    cam-rig calibrate tm21_sweep
+    """
+    with user_errors():
+        import numpy as np
+
+        from cam_rig.paper.noise.calibration import calibrate as fit
+        from cam_rig.simulation.scene import FITTED_WITH, MODEL, fitted_with, open_scene
+        from cam_rig.units import to_rpm
+
+        loaded = open_scene(scene_path(scene))
+        cam = loaded.rig.calibrated_on
+        speeds = np.array(loaded.scene.program.speeds.si_list)
+        levels = loaded.published_levels(cam, to_rpm(speeds))
+        found, rmse = fit(loaded.law_of(cam), loaded.follower, loaded.radiation, speeds, levels)
+        console.print(
+            f"{cam}: gain {found.gain:.4g} Pa·s/N, corner {found.corner:.4g} "
+            f"Hz; {rmse:.3f} dB RMS over {speeds.size} speeds (2 numbers fitted)"
+        )
+        if not dry_run:
+            numbers: dict[tuple[str | int, ...], float] = {
+                ("radiation", "gain"): _round(found.gain),
+                ("radiation", "corner"): _round(found.corner),
+            }
+            held = FITTED_WITH + fitted_with(loaded.rig, MODEL)
+            source = f"cam-rig calibrate, published noise of {cam} alone{held}"
+            residual = f"{rmse:.3f} dB RMS over {speeds.size} speeds, 2 numbers fitted"
+            set_identified(loaded.rig_file, numbers, source, residual)
+            console.print(f"written to {loaded.rig_file}")
+
+
+def _round(value: float) -> float:
+    """Five digits: far finer than the residual supports, and a file stays readable."""
+    return float(f"{value:.5g}")
+
+
+# cam-rig identify: the geometry of an arc cam, from its published noise.
+
+
+def identify(
+    cam: Annotated[str, typer.Argument(help="The cam to identify.")] = "tm21",
+    scene: SceneOption = DEFAULT_SCENE,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the global search.")] = 1,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show, write nothing.")] = False,
+) -> None:
+    """Search lift, event and nose angle of a tangent-arc cam that fit its published noise.
+
+    Takes a few minutes. The acoustic constants stay as they were calibrated on another cam.
+    What comes out is identified: a cam that sounds like the published one, not its drawing.
+
+    Examples
+    --------
+    cam-rig identify --dry-run
+
+    cam-rig identify tm21 --seed 7
+    """
+    with user_errors():
+        from cam_rig.errors import ConfigError
+        from cam_rig.paper.noise.arc_cam import identify as search
+        from cam_rig.simulation.scene import open_scene
+
+        loaded = open_scene(scene_path(scene))
+        if cam not in loaded.cams or not loaded.cams[cam].identified_from:
+            raise ConfigError(
+                f"{scene}: {cam!r} cannot be identified; allowed: a tangent-arc cam of the scene "
+                "whose file has identified_from"
+            )
+        with console.status("searching") as status:
+            found = search(loaded, cam, seed, lambda rmse: status.update(f"best {rmse:.2f} dB RMS"))
+        console.print(
+            f"{cam}: lift {found.lift_mm:.3f} mm, event {found.event_deg:.2f}°, nose "
+            f"{found.nose_deg:.2f}°: {found.rmse_db:.2f} dB RMS, {found.evaluations} trials"
+        )
+        if not dry_run:
+            numbers: dict[tuple[str | int, ...], float] = {
+                ("lift",): found.lift_mm,
+                ("segments", 0, "span"): found.dwell_deg,
+                ("segments", 1, "span"): found.event_deg,
+                ("segments", 1, "nose_span"): found.nose_deg,
+                ("segments", 2, "span"): found.dwell_deg,
+            }
+            source = "cam-rig identify, its published noise curve"
+            residual = f"{found.rmse_db:.2f} dB RMS, 3 numbers fitted to one cubic"
+            set_identified(loaded.cam_files[cam], numbers, source, residual)
+            console.print(f"written to {loaded.cam_files[cam]}")
+
+
+# cam-rig noise: the paper's noise regressions, reproduced and taken further.
+
+
+def noise(
+    scene: Scene = DEFAULT_SCENE,
+    rig: Annotated[
+        str, typer.Option(help="Rig identified from jump speeds, beside the scene's: file or name.")
+    ] = "paper_table2",
+    one_rig: Annotated[
+        bool, typer.Option("--one-rig", help="Fit the arc cam on that rig too: takes minutes.")
+    ] = False,
+    json_target: Json = None,
+    csv: Csv = None,
+    plot: Plot = None,
+) -> None:
+    """Calibrate on one cam, predict another, identify the third, with confidence intervals.
+
+    The transfer functions between force and sound; three ways of calibrating, with 95 % bands and
+    the speed at which two cams are equally loud; each cam left out in turn; and the one rig that
+    the jump speeds gave. Some ten seconds.
+
+    Examples
+    --------
+    cam-rig noise --plot out/noise_study.png
+
+    cam-rig noise --json - | jq '.methods["by substitution"].crossing.rpm'
+    """
+    with user_errors():
+        from cam_rig.paper.noise import tables
+        from cam_rig.paper.noise.study import PARTS, study_noise
+        from cam_rig.schema import load_rig
+        from cam_rig.simulation.scene import open_scene
+
+        check_outputs(json_target, plot, csv)
+        path = scene_path(scene)
+        loaded, other = open_scene(path), load_rig(rig_beside(rig, path))
+        with progress_bar() as bar:
+            task = bar.add_task("", total=len(PARTS), completed=-1)
+            found = study_noise(
+                loaded,
+                other,
+                one_rig,
+                lambda part: bar.update(task, advance=1, description=part),
+                lambda best: bar.update(task, description=f"one rig, best {best:.1f} dB"),
+            )
+        assert loaded.published is not None  # the study has its levels
+        shown = tables.tables(found, loaded.published)
+        show(*shown)
+        write_csv(shown, csv)
+        if plot is not None:
+            from cam_rig.paper.noise.figures import draw
+
+            write_plot(plot, lambda part: draw(found, loaded, part))
+        write_json(tables.to_json(found), json_target)

@@ -1,0 +1,166 @@
+"""One rig for all: the follower identified from the jump speeds, its noise on all three cams.
+
+Event angles, preload, mass split and stem come from the jump speeds (Table 2); nothing of them is
+fitted to noise. Gain and corner are fitted to the reference anew. The arc cam, which the jump
+speeds know nothing of, is fitted to its own curve twice: on that rig with a rigid stem, which
+shows what its preload does, and, when asked, on the whole two-mass follower.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import Bounds, differential_evolution
+
+from cam_rig.acoustics import RadiationParameters
+from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.errors import CamRigError
+from cam_rig.laws import Law
+from cam_rig.paper.noise.arc_cam import IMPOSSIBLE, MAX_FLANK, ArcShape, ShapeProblem
+from cam_rig.paper.noise.calibration import PublishedCam, two_constants
+from cam_rig.paper.noise.methods import crossing
+from cam_rig.paper.noise.roles import EVERY, NoiseSetup
+from cam_rig.schema import RigConfig
+from cam_rig.simulation.regression import cubic
+from cam_rig.simulation.simulate import Acoustics, Turns, settled_turns
+from cam_rig.units import FloatArray
+
+#: Lift (m), event (rad) and curvature of the flank (1/m) that the search goes through.
+SEARCHED = Bounds([0.002, 1.2, 1.0 / MAX_FLANK], [0.02, 3.5, 40.0])
+
+#: Generations of the search, shapes a generation for each number, and its seed.
+GENERATIONS, POPULATION, SEED = 12, 7, 2
+
+
+@dataclass(frozen=True)
+class OneRig:
+    """The fit error on each cam's noise with a follower identified from the jump speeds.
+
+    ``rms_db`` of the points to the published regressions; ``shape`` of the arc cam and
+    ``crossing_rpm`` are None when it was left aside.
+    """
+
+    name: str
+    acoustics: Acoustics
+    rms_db: dict[str, float]
+    shape: ArcShape | None
+    crossing_rpm: float | None
+
+
+def with_rigid_stem(study: NoiseSetup, rig: RigConfig) -> OneRig:
+    """The rig's masses, spring and preload on a rigid stem."""
+    follower = FollowerParameters.from_rig(rig)
+    smooth = _smooth(study, lambda law, speeds: settled_turns(law, "one_mass", follower, speeds))
+    acoustics = two_constants([smooth[study.roles.reference]], study.start)
+    arcs = study.cams[study.roles.arcs].every(EVERY)
+
+    def turn(law: Law) -> Turns:
+        return settled_turns(law, "one_mass", follower, arcs.turns.speeds)
+
+    # Lift-off stays at its speed when lift and preload grow together.
+    share = rig.follower.preload.si / study.loaded.rig.follower.preload.si
+    start = study.shape.scaled(share**0.5, 1.0)
+    problem = ShapeProblem(study.loaded.cams[study.roles.arcs], arcs.published, turn)
+    shape = problem.fit(start, acoustics)
+    name = f"{rig.name}, rigid stem"
+    return _result(name, study, acoustics, smooth, shape, problem.cam_of(shape))
+
+
+def with_elastic_stem(
+    study: NoiseSetup,
+    rig: RigConfig,
+    arcs: bool = False,
+    on_best: Callable[[float], None] = lambda _: None,
+) -> OneRig:
+    """The whole two-mass follower of the rig.
+
+    Parameters
+    ----------
+    arcs : also search for the arc cam's shape, which takes minutes
+    on_best : told the r.m.s. difference (dB) of the best shape after each generation
+    """
+    follower = TwoMassParameters.from_rig(rig)
+
+    def turn(law: Law, speeds: FloatArray) -> Turns:
+        return settled_turns(law, "two_mass", follower, speeds)
+
+    smooth = _smooth(study, turn)
+    start = Acoustics(_landing_on_roller(study, follower))
+    acoustics = two_constants([smooth[study.roles.reference]], start)
+    if not arcs:
+        return _result(rig.name, study, acoustics, smooth, None, None)
+    thin = study.cams[study.roles.arcs].every(EVERY)
+    cam = study.loaded.cams[study.roles.arcs]
+    problem = ShapeProblem(cam, thin.published, lambda law: turn(law, thin.turns.speeds))
+    shape = _search(problem, acoustics, on_best)
+    return _result(rig.name, study, acoustics, smooth, shape, problem.cam_of(shape))
+
+
+def _smooth(study: NoiseSetup, turn: Callable[[Law, FloatArray], Turns]) -> dict[str, PublishedCam]:
+    """Reference and predicted cam on another follower, at all speeds."""
+    cams = {cam: study.cams[cam] for cam in (study.roles.reference, study.roles.predicted)}
+    return {
+        cam: PublishedCam(cam, turn(study.loaded.laws[cam], h.turns.speeds), h.published)
+        for cam, h in cams.items()
+    }
+
+
+def _landing_on_roller(study: NoiseSetup, follower: TwoMassParameters) -> RadiationParameters:
+    """The radiation with a landing's pulse as long as the roller's mass takes on the cam.
+
+    The stem's give is in the model; what is left is the contact itself, for which the paper
+    prints nothing, so it is taken as stiff as the rigid rig's stem (its Table 1).
+    """
+    stiffness = study.loaded.follower.stem
+    time = np.pi * np.sqrt(follower.roller_mass / stiffness)
+    return replace(study.loaded.radiation, contact_time=float(time))
+
+
+def _search(
+    problem: ShapeProblem, acoustics: Acoustics, on_best: Callable[[float], None]
+) -> ArcShape:
+    """The shape of least r.m.s. difference; an elastic stem gives no smooth gradient."""
+
+    def cost(x: FloatArray) -> float:
+        try:
+            return problem.cam_of(ArcShape(*x.tolist())).rms(acoustics)
+        except CamRigError:
+            return IMPOSSIBLE
+
+    found = differential_evolution(
+        cost,
+        SEARCHED,
+        seed=SEED,
+        popsize=POPULATION,
+        maxiter=GENERATIONS,
+        polish=False,
+        callback=lambda intermediate_result: on_best(float(intermediate_result.fun)),
+    )
+    return ArcShape(*found.x.tolist())
+
+
+def _result(
+    name: str,
+    study: NoiseSetup,
+    acoustics: Acoustics,
+    smooth: dict[str, PublishedCam],
+    shape: ArcShape | None,
+    arcs: PublishedCam | None,
+) -> OneRig:
+    cams = smooth if arcs is None else smooth | {study.roles.arcs: arcs}
+    left = {cam: h.rms(acoustics) for cam, h in cams.items()}
+    crossed = None if arcs is None else _crossing(study, cams, acoustics)
+    return OneRig(name, acoustics, left, shape, crossed)
+
+
+def _crossing(
+    study: NoiseSetup, cams: dict[str, PublishedCam], acoustics: Acoustics
+) -> float | None:
+    published = study.loaded.published
+    assert published is not None  # the study has its levels
+    rpm = cams[study.roles.arcs].rpm
+    thinned = {cam: h if cam == study.roles.arcs else h.every(EVERY) for cam, h in cams.items()}
+    levels = [cubic(rpm) @ acoustics.levels(thinned[c].turns) for c in published.crossover.between]
+    return crossing(rpm, levels[0], levels[1], published.crossover.rpm)

@@ -1,0 +1,3 @@
+"""Force and sound of a steady turn by orders of the cam, without leakage."""
+
+from __future__ import annotations

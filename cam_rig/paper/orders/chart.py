@@ -1,0 +1,147 @@
+"""Orders over speed as a Rerun recording: Campbell diagrams, and the spectrum of each speed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from cam_rig.paper.orders.spectrum import QUANTITIES, RANGE, CamOrders, loudest
+from cam_rig.show import looks as colours
+from cam_rig.show.chart import (
+    APPLICATION,
+    SPEED,
+    Axes,
+    name_recording,
+    require_free,
+    round_marks,
+    rrd_stream,
+)
+from cam_rig.show.looks import title_of
+from cam_rig.units import FloatArray
+
+#: Radii on the screen, and width of the plane, whose height is 100.
+STROKE, CURSOR, WIDTH = -1.2, -0.8, 160.0
+
+#: What the charts show.
+CHARTS = {"rays": "orders over speed", "lines": "by order, at one speed"}
+
+#: Room for half of the last mark, and for those below it, as shares of the width.
+RIGHT, BELOW = 0.12, 0.1
+
+#: From dark to bright, 0 to 255: a scale that is even in lightness.
+SCALE = np.array(
+    [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]], dtype=np.float64
+)
+
+
+def save_orders(
+    found: Sequence[CamOrders], path: Path, titles: Mapping[str, str] = MappingProxyType({})
+) -> None:
+    """Write the spectra of cams as a ``.rrd`` file that appears when it is whole.
+
+    Parameters
+    ----------
+    titles : what cams are called, where not by their names in words
+
+    Raises
+    ------
+    CamRigError : the file cannot have this name, or cannot be written
+    """
+    require_free(path, overwrite=True)
+    tops = {quantity: loudest(found, quantity) for quantity in QUANTITIES}
+    rows = orders_tabs(found, titles)
+    panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
+    timeline = rrb.TimePanel(state="collapsed", timeline=SPEED)
+    views = rrb.Tabs(*rows) if len(rows) > 1 else rows[0]
+    plan = rrb.Blueprint(views, *panels, timeline, auto_views=False, auto_layout=False)
+    with rrd_stream(path, APPLICATION, plan) as stream:
+        name_recording(stream, f"Orders of {', '.join(str(tab.name) for tab in rows)}")
+        for study in found:
+            for quantity, most in tops.items():
+                _draw_rays(stream, study, quantity, most)
+                _draw_lines(stream, study, quantity, most)
+
+
+def orders_tabs(found: Sequence[CamOrders], titles: Mapping[str, str]) -> list[rrb.Vertical]:
+    """A tab for each cam: its diagrams, and below them the spectra of one speed."""
+    tabs, tops = [], {quantity: loudest(found, quantity) for quantity in QUANTITIES}
+    for study in found:
+        rays = [_chart(study, q, "rays", _ray_axes(study)) for q in QUANTITIES]
+        lines = [_chart(study, q, "lines", _line_axes(study, tops[q])) for q in QUANTITIES]
+        both, title = (rrb.Horizontal(*rays), rrb.Horizontal(*lines)), title_of(titles, study.cam)
+        tabs.append(rrb.Vertical(*both, row_shares=[2, 1], name=title))
+    return tabs
+
+
+def entity(study: CamOrders, quantity: str, chart: str) -> str:
+    """Where a chart of a cam is: "rays" over speed, or "lines" of one speed."""
+    return f"orders/{study.cam}/{quantity}/{chart}"
+
+
+def _chart(study: CamOrders, quantity: str, chart: str, axes: Axes) -> rrb.Spatial2DView:
+    x, y = axes.bounds(RIGHT, BELOW * axes.width / axes.height)
+    return rrb.Spatial2DView(
+        origin=entity(study, quantity, chart),
+        name=f"{QUANTITIES[quantity]}: {CHARTS[chart]}",
+        visual_bounds=rrb.VisualBounds2D(x_range=x, y_range=y),
+    )
+
+
+def _ray_axes(study: CamOrders) -> Axes:
+    low, high = study.edges[[0, -1]]
+    highest = max(float(spectrum.orders[-1]) for spectrum in study.spectra)
+    return Axes((float(low), float(high)), (0.0, highest * float(high) / 60.0), WIDTH, raised=0.05)
+
+
+def _line_axes(study: CamOrders, most: float) -> Axes:
+    highest = max(float(spectrum.orders[-1]) for spectrum in study.spectra)
+    top = 10.0 * np.ceil(most / 10.0)
+    return Axes((0.0, highest), (float(top) - RANGE, float(top)), WIDTH, 0.4 * WIDTH, raised=0.09)
+
+
+def _draw_rays(stream: rr.RecordingStream, study: CamOrders, quantity: str, most: float) -> None:
+    """What is there at every speed; a level line stands at the stem's natural frequency."""
+    axes, view = _ray_axes(study), entity(study, quantity, "rays")
+    axes.draw(stream, f"{view}/axes", round_marks(*axes.x, "rpm"), round_marks(*axes.y, "Hz"))
+    values = study.values(quantity)
+    shown = values > most - RANGE
+    strokes = study.strokes()[shown].reshape(-1, 2)
+    places = axes.place(strokes[:, 0], strokes[:, 1]).reshape(-1, 2, 2)
+    shades = _shades((values[shown] - most) / RANGE + 1.0)
+    strips = rr.LineStrips2D(list(places), colors=shades, radii=STROKE)
+    stream.log(f"{view}/orders", strips, static=True)
+    natural = study.spectra[0].steady.natural_frequency
+    if natural is not None and natural < axes.y[1]:
+        level = axes.place(np.array(axes.x), np.full(2, natural))
+        line = rr.LineStrips2D([level], colors=colours.VERMILION, radii=CURSOR)
+        stream.log(f"{view}/natural_frequency", line, static=True)
+
+
+def _draw_lines(stream: rr.RecordingStream, study: CamOrders, quantity: str, most: float) -> None:
+    """The spectrum of each speed, and in the rays a line at that speed."""
+    axes, rays = _line_axes(study, most), _ray_axes(study)
+    view = entity(study, quantity, "lines")
+    axes.draw(stream, f"{view}/axes", round_marks(*axes.x, ""), round_marks(*axes.y, "dB"))
+    for spectrum in study.spectra:
+        stream.set_time(SPEED, sequence=round(spectrum.rpm))
+        values = np.clip(getattr(spectrum, quantity)[1:], *axes.y)
+        ends = [
+            axes.place(spectrum.orders[1:], v) for v in (np.full_like(values, axes.y[0]), values)
+        ]
+        bars = list(np.stack(ends, axis=1))
+        stream.log(f"{view}/orders", rr.LineStrips2D(bars, colors=colours.BLUE, radii=STROKE))
+        here = rays.place(np.full(2, spectrum.rpm), np.array(rays.y))
+        cursor = rr.LineStrips2D([here], colors=colours.GREY, radii=CURSOR)
+        stream.log(f"{entity(study, quantity, 'rays')}/speed", cursor)
+
+
+def _shades(parts: FloatArray) -> np.ndarray[tuple[int, int], np.dtype[np.uint8]]:
+    """``(n, 3)`` colours of parts from 0 to 1."""
+    at = np.linspace(0.0, 1.0, len(SCALE))
+    channels = [np.interp(parts, at, SCALE[:, i]) for i in range(3)]
+    return np.column_stack(channels).astype(np.uint8)

@@ -1,0 +1,70 @@
+"""The limits of the paper's models: a flywheel of any inertia, a stem of any number of masses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from cam_rig.laws import Law
+from cam_rig.paper.stem.chain import BAR, Stem, stem_turn
+from cam_rig.show.figure import (
+    ACROSS,
+    CAM_SPEED,
+    empty,
+    logarithmic,
+    series,
+    series_marker,
+    styled,
+    wrapped,
+    write,
+)
+from cam_rig.show.tables import printed
+from cam_rig.units import RPM
+
+#: Elements of the stem whose frequencies, and whose least force is shown, and what they are called.
+COUNTS = (1, 2, 3, 5, 9, 17, 33)
+
+SHOWN = {1.0: "two masses", 2.0: "three masses", BAR: "bar"}
+
+#: Speeds of the least force, rpm.
+SPEEDS = np.arange(150.0, 440.0, 2.0)
+
+
+def draw_stem(law: Law, title: str, stem: Stem, path: Path) -> None:
+    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
+    write(stem_figure(law, title, stem), path)
+
+
+@styled
+def stem_figure(law: Law, title: str, stem: Stem) -> Figure:
+    """Error of the natural frequencies over the elements, and least contact force over speed."""
+    out = empty(3.3)
+    left, right = out.subplots(1, 2)
+    follower = stem.follower
+    limits = Stem(follower, BAR).natural_frequencies(3)
+    for mode in range(3):
+        counts = [n for n in COUNTS if n > mode]
+        found = [Stem(follower, float(n)).natural_frequencies(mode + 1)[mode] for n in counts]
+        error = 100.0 * np.abs(np.array(found) / limits[mode] - 1.0)
+        left.loglog(counts, error, label=f"frequency {mode + 1}", **series_marker(mode))
+    left.loglog(COUNTS, 10.0 / np.array(COUNTS) ** 2.0, color="0.4", lw=0.8, ls=":", label="∝ 1/n²")
+    logarithmic(left.xaxis, left.yaxis)
+    left.set(title="Error of the natural frequencies", xlabel="elements n", ylabel="error [%]")
+    for i, (elements, name) in enumerate(SHOWN.items()):
+        least = [
+            stem_turn(law, Stem(follower, elements), speed * RPM).force.min() for speed in SPEEDS
+        ]
+        right.plot(SPEEDS, least, label=name, **series(i))
+    right.axhline(0.0, color="0.3", lw=0.9)
+    right.set(
+        title=wrapped(f"Least contact force, {title}", ACROSS // 2),
+        xlabel=CAM_SPEED,
+        ylabel="force [N]",
+    )
+    right.set_ylim(-15.0, None)
+    for axes in (left, right):
+        axes.legend(frameon=False)
+    out.suptitle(f"Stem of {printed(follower.stem_stiffness, '.3g')} N/m, steady state")
+    return out

@@ -1,0 +1,280 @@
+"""Jump speed, residual vibration and level over the number of masses of the stem, and of a bar."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq, minimize_scalar
+
+from cam_rig.acoustics import RadiationParameters, level_db
+from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
+from cam_rig.dynamics.jump.search import dips
+from cam_rig.dynamics.vibration import low_dwell
+from cam_rig.laws import Law
+from cam_rig.laws.cam import CamSet
+from cam_rig.paper.stem.chain import BAR, Stem, StemTurn, stem_turn
+from cam_rig.schema import RigConfig
+from cam_rig.show.tables import Column, DataTable, number, tabulate
+from cam_rig.units import RPM
+
+#: Elements of the stem; one is the two-mass follower.
+ELEMENTS = (1.0, 2.0, 3.0, 5.0, 9.0, BAR)
+
+#: The jump is sought from this many of the stem's resonances below the rigid follower's on, in
+#: this many steps for each; above it no further than this ratio.
+RESONANCES, STEPS, HIGHEST = 8.0, 8.0, 1.5
+
+#: A jump speed is found to this, relative.
+FOUND = 1e-7
+
+#: Two masses are enough where the least contact force is that of a bar to this part of the
+#: preload; speeds (rpm) at which they are compared.
+TENTH, SLOWEST, STEP = 0.1, 100.0, 5.0
+
+
+@dataclass(frozen=True)
+class StemRow:
+    """A stem of ``elements``: its first natural frequency (Hz), and by cam the rest.
+
+    ``jump`` is the jump speed in steady state (rpm); ``vibration`` (m) peak to peak of the head
+    in the low dwell, about the static share of the lift, and ``level`` (dB) are at one speed.
+    """
+
+    elements: float
+    frequency: float
+    jump: dict[str, float]
+    vibration: dict[str, float]
+    level: dict[str, float]
+
+
+@dataclass(frozen=True)
+class StemStudy:
+    """The rows of one stem, stiffness in N/m, with vibration and level at ``rpm``.
+
+    ``stem_mass`` in kg; ``off_from`` is by cam the lowest speed (rpm) at which two masses are not
+    enough, None where they are up to the jump, and ``level_off`` by how much (dB) their level is
+    off at most up to there. ``matched`` is a bar with the first natural
+    frequency of the two masses, its stiffness ``matched_stiffness``.
+    """
+
+    stiffness: float
+    stem_mass: float
+    rpm: float
+    rows: list[StemRow]
+    off_from: dict[str, float | None]
+    level_off: dict[str, float]
+    matched: StemRow
+    matched_stiffness: float
+
+    @property
+    def two_masses(self) -> StemRow:
+        """The two-mass follower."""
+        return self.rows[0]
+
+    @property
+    def bar(self) -> StemRow:
+        """The limit."""
+        return self.rows[-1]
+
+    @property
+    def off(self) -> tuple[str, float] | None:
+        """The cam on which two masses stop being enough first, and from which speed (rpm) on."""
+        found = {cam: rpm for cam, rpm in self.off_from.items() if rpm is not None}
+        return min(found.items(), key=lambda pair: pair[1]) if found else None
+
+    @property
+    def jump_error(self) -> tuple[str, float]:
+        """The cam whose jump speed two masses miss by most, and by how much of the bar's."""
+        return self._furthest(self.bar)
+
+    @property
+    def matched_error(self) -> tuple[str, float]:
+        """The same against the bar with their own first natural frequency."""
+        return self._furthest(self.matched)
+
+    def _furthest(self, bar: StemRow) -> tuple[str, float]:
+        errors = {cam: self.two_masses.jump[cam] / rpm - 1.0 for cam, rpm in bar.jump.items()}
+        return max(errors.items(), key=lambda pair: abs(pair[1]))
+
+    @property
+    def level_error(self) -> float:
+        """By how much the level of two masses is off at most, dB, of all cams."""
+        return max(self.level_off.values())
+
+
+def study_stem(cam_set: CamSet, stiffness: float, rpm: float) -> StemStudy:
+    """Every cam on a stem of ``stiffness`` (N/m), all else as in the rig.
+
+    Raises
+    ------
+    ConfigError : a rig that does not say how the mass is split
+    """
+    rig = cam_set.rig.with_follower(stem_stiffness=stiffness)
+    follower = TwoMassParameters.from_rig(rig)
+    rows = [_row(cam_set, rig, elements, rpm) for elements in ELEMENTS]
+    radiation = RadiationParameters.from_rig(rig)
+    off_from: dict[str, float | None] = {}
+    level_off = {}
+    for cam, law in cam_set.laws.items():
+        jump = min(rows[0].jump[cam], rows[-1].jump[cam])
+        off_from[cam], level_off[cam] = _off(law, follower, radiation, jump)
+    same = matched_stiffness(follower)
+    matched = _row(cam_set, rig.with_follower(stem_stiffness=same), BAR, rpm)
+    mass = Stem(follower, 1.0).mass
+    return StemStudy(stiffness, mass, rpm, rows, off_from, level_off, matched, same)
+
+
+def _row(cam_set: CamSet, rig: RigConfig, elements: float, rpm: float) -> StemRow:
+    stem, radiation = (
+        Stem(TwoMassParameters.from_rig(rig), elements),
+        RadiationParameters.from_rig(rig),
+    )
+    turns = {cam: stem_turn(law, stem, rpm * RPM) for cam, law in cam_set.laws.items()}
+    return StemRow(
+        elements,
+        float(stem.natural_frequencies(1)[0]) / (2.0 * math.pi),
+        {cam: stem_jump(law, stem, rig) / RPM for cam, law in cam_set.laws.items()},
+        {cam: vibration(cam_set.laws[cam], turn) for cam, turn in turns.items()},
+        {cam: level(turn, radiation) for cam, turn in turns.items()},
+    )
+
+
+def matched_stiffness(follower: TwoMassParameters) -> float:
+    """Stiffness (N/m) of the bar whose first natural frequency is that of the two masses."""
+    wanted = float(Stem(follower, 1.0).natural_frequencies(1)[0])
+
+    def away(stiffness: float) -> float:
+        bar = Stem(replace(follower, stem_stiffness=stiffness), BAR)
+        return float(bar.natural_frequencies(1)[0]) - wanted
+
+    most = follower.stem_stiffness
+    return float(brentq(away, 0.1 * most, 2.0 * most, rtol=1e-12))
+
+
+def vibration(law: Law, turn: StemTurn) -> float:
+    """Residual vibration (m), peak to peak of the head in the low dwell."""
+    return float(np.ptp(turn.head[low_dwell(law).holds(turn.angle)]))
+
+
+def level(turn: StemTurn, radiation: RadiationParameters) -> float:
+    """Sound pressure level (dB) of contact and background."""
+    contact = radiation.gain**2 * turn.power(radiation.corner_rate)
+    return float(level_db(math.sqrt(radiation.background_power(turn.speed) + contact)))
+
+
+def stem_jump(law: Law, stem: Stem, rig: RigConfig) -> float:
+    """The lowest speed (rad/s) at which the least contact force of the steady turn is zero.
+
+    It is sought upwards from `RESONANCES` below the jump speed of a rigid follower on.
+    """
+
+    def least(speed: float) -> float:
+        return float(stem_turn(law, stem, speed).force.min())
+
+    rigid = rigid_jump_speed(law, FollowerParameters.from_rig(rig))
+    apart = rigid / float(stem.natural_frequencies(1)[0])  # two resonances, relative
+    speeds, values = [rigid * max(0.3, 1.0 - RESONANCES * apart)], list[float]()
+    while speeds[-1] < HIGHEST * rigid:
+        values.append(least(speeds[-1]))
+        if len(values) > 2 and dips(np.array(values[-3:])).size:
+            near = minimize_scalar(least, bounds=(speeds[-3], speeds[-1]), method="bounded")
+            if near.fun <= 0.0:
+                return float(brentq(least, speeds[-3], near.x, rtol=FOUND))
+        if values[-1] <= 0.0:
+            break
+        speeds.append(speeds[-1] * (1.0 + apart / STEPS))
+    if len(values) < 2 or values[-1] > 0.0:
+        return 0.0 if values[-1] <= 0.0 else math.inf
+    return float(brentq(least, speeds[-2], speeds[-1], rtol=FOUND))
+
+
+def _off(
+    law: Law, follower: TwoMassParameters, radiation: RadiationParameters, jump: float
+) -> tuple[float | None, float]:
+    """The lowest speed (rpm) at which two masses miss the bar's least force, and its level (dB)."""
+    first, most = None, 0.0
+    for rpm in np.arange(SLOWEST, jump, STEP).tolist():
+        two, bar = (stem_turn(law, Stem(follower, n), rpm * RPM) for n in (1.0, BAR))
+        most = max(most, abs(level(two, radiation) - level(bar, radiation)))
+        if first is None and abs(two.force.min() - bar.force.min()) > TENTH * follower.preload:
+            first = rpm
+    return first, most
+
+
+# All findings of a report, and the jobs that compute them.
+
+#: Speed at which stems are compared, rpm.
+STEM_RPM = 300.0
+
+
+# Stems of more and more masses as tables.
+
+
+def stem_tables(studies: list[StemStudy], titles: Mapping[str, str], cam: str) -> list[DataTable]:
+    """One cam on each stem, and the jump speeds of all cams on each."""
+    return [
+        table
+        for study in studies
+        for table in (_over_masses(study, cam, titles[cam]), _jumps(study, titles))
+    ]
+
+
+def _over_masses(study: StemStudy, cam: str, title: str) -> DataTable:
+    return tabulate(
+        f"A stem of {number(study.stiffness, '.3g')} N/m in more and more masses, {title}",
+        study.rows,
+        (
+            (Column("masses"), _masses),
+            (Column("first natural frequency", "Hz", ".1f"), lambda row: row.frequency),
+            (
+                Column("off", "%", "+.2f"),
+                lambda row: _percent_off(row.frequency, study.bar.frequency),
+            ),
+            (Column("jump speed", "rpm", ".1f"), lambda row: row.jump[cam]),
+            (
+                Column(f"residual vibration at {study.rpm:g} rpm", "µm", ".3g"),
+                lambda row: 1e6 * row.vibration[cam],
+            ),
+            (Column("level", "dB", ".2f"), lambda row: row.level[cam]),
+        ),
+        f"Steady state. {study.stem_mass:.3g} kg of the follower are the stem's (assumed: the most "
+        "that the mass split allows); total mass, stiffness and preload stay.",
+    )
+
+
+def _jumps(study: StemStudy, titles: Mapping[str, str]) -> DataTable:
+    two, bar, matched = study.two_masses.jump, study.bar.jump, study.matched.jump
+    return tabulate(
+        f"Two masses and a bar: jump speeds on a stem of {number(study.stiffness, '.3g')} N/m",
+        two,
+        (
+            (Column("law"), lambda cam: titles[cam]),
+            (Column("two masses", "rpm", ".1f"), lambda cam: two[cam]),
+            (Column("bar", "rpm", ".1f"), lambda cam: bar[cam]),
+            (Column("two masses off", "%", "+.2f"), lambda cam: _percent_off(two[cam], bar[cam])),
+            (
+                Column("force off from", "rpm", ".0f", missing="never"),
+                lambda cam: study.off_from[cam],
+            ),
+            (Column("level off", "dB", ".2f"), lambda cam: study.level_off[cam]),
+            (
+                Column(f"bar of {number(study.matched_stiffness, '.3g')} N/m", "rpm", ".1f"),
+                lambda cam: matched[cam],
+            ),
+        ),
+        "Force off from: the least contact force misses the bar's by a tenth of the preload. "
+        "Level off: at most, from 100 rpm to the jump.",
+        "The last bar has the first natural frequency of the two masses.",
+    )
+
+
+def _masses(row: StemRow) -> str:
+    return f"{row.elements + 1.0:g}" if math.isfinite(row.elements) else "bar"
+
+
+def _percent_off(value: float, limit: float) -> float:
+    return 100.0 * (value / limit - 1.0)

@@ -1,1 +1,0 @@
-"""Pictures on paper: matplotlib figures of laws, contours and studies."""

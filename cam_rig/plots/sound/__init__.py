@@ -1,1 +1,0 @@
-"""Figures of sound: levels over speed, the noise study, orders."""

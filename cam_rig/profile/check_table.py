@@ -1,0 +1,151 @@
+"""All checks of a cam (profile thesis §2.3), and the refusal of one that cannot exist."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from cam_rig.errors import ProfileError, ReachError
+from cam_rig.laws import Law
+from cam_rig.laws.law import VELOCITY_JUMP
+from cam_rig.profile.checks import (
+    Check,
+    corner_check,
+    crossing_check,
+    curvature_checks,
+    least_base_radius,
+    reach_checks,
+)
+from cam_rig.profile.contact import Element, Scan, greatest_between, stroke
+from cam_rig.profile.disc import Disc, discs
+from cam_rig.profile.faces import SwungCentre, SwungFace
+from cam_rig.schema import CamConfig
+from cam_rig.schema.cam import Follower
+from cam_rig.show.tables import Column, DataTable, tabulate
+from cam_rig.units import TURN, FloatArray
+
+# The condition of constant breadth and constant diameter: s(θ) + s(θ + π) = s_max.
+
+#: The sum may differ from s_max by this fraction of the lift.
+TOLERANCE = 1e-9
+
+
+def breadth_check(law: Law) -> Check:
+    """How far the sum of opposite displacements is from what the two elements are apart for."""
+    apart = stroke(law)
+
+    def difference(angle: FloatArray) -> FloatArray:
+        return np.abs(law(angle) + law(angle + 0.5 * TURN) - apart)
+
+    edges = np.concatenate([law.breaks, (law.breaks + 0.5 * TURN) % TURN])
+    worst = greatest_between(difference, np.unique(edges))
+    return Check(
+        "s(θ) + s(θ + 180°) − s_max",
+        worst.value,
+        "at most",
+        TOLERANCE * law.lift,
+        "mm",
+        worst.angle,
+        "let the fall be the rise turned by 180°, or take conjugate cams",
+    )
+
+
+# Pressure angle: from the follower's direction of motion to the common normal.
+
+#: The most when the cam file names none, rad: what handbooks advise for a guide and for a pivot.
+GUIDED, SWUNG = float(np.radians(30.0)), float(np.radians(45.0))
+
+
+def greatest_allowed(follower: Follower, element: Element) -> float:
+    """The most pressure angle, rad: what the cam file asks for, else what handbooks advise."""
+    usual = SWUNG if isinstance(element, SwungCentre | SwungFace) else GUIDED
+    asked = follower.most_pressure_angle
+    return usual if asked is None else asked.si
+
+
+def pressure_check(scan: Scan, follower: Follower) -> Check:
+    """The greatest pressure angle of either sign against what guide or pivot bear."""
+    steepest = scan.greatest(lambda touch: np.abs(touch.pressure))
+    return Check(
+        "pressure angle",
+        steepest.value,
+        "at most",
+        greatest_allowed(follower, scan.element),
+        "°",
+        steepest.angle,
+        "let base_radius be larger, the spans longer, or set most_pressure_angle",
+        vital=False,
+    )
+
+
+def check_cam(cam: CamConfig, law: Law) -> list[Check]:
+    """Every check that the kind of follower asks for, those first that explain the later ones.
+
+    Raises
+    ------
+    ReachError : the follower does not even reach the base circle
+    """
+    follower = cam.follower
+    found = [corner_check(law, VELOCITY_JUMP)]
+    least_base = least_base_radius(follower, law)
+    try:
+        plates = discs(follower, law)
+    except ReachError as error:
+        raise ReachError(f"cam {cam.name!r}: {error}") from None
+    if any(disc.opposite is not None for disc in plates):
+        found.append(breadth_check(law))
+    for disc in plates:
+        checks = list(_disc_checks(disc, follower, law, least_base))
+        found += [replace(check, disc=disc.name) for check in checks]
+    if least_base is not None and least_base > 0.0:
+        base = follower.base_radius.si
+        remedy = "a smaller one is undercut or out of reach"
+        found.append(
+            Check("base radius", base, "more than", least_base, "mm", None, remedy, vital=False)
+        )
+    return found
+
+
+def _disc_checks(
+    disc: Disc, follower: Follower, law: Law, least_base: float | None
+) -> Iterator[Check]:
+    scan = Scan(law, disc.element)
+    yield from reach_checks(scan)
+    curvature = list(curvature_checks(scan, follower, least_base))
+    yield from curvature
+    if all(check.passed or not check.vital for check in curvature):
+        yield crossing_check(disc, law)
+    yield pressure_check(scan, follower)
+
+
+def require_profile(cam: CamConfig, law: Law) -> None:
+    """Refuse a cam that cannot exist.
+
+    Raises
+    ------
+    ProfileError : the first thing that cannot be, with the angle, the value and the limit
+    """
+    for check in check_cam(cam, law):
+        if check.vital and not check.passed:
+            raise ProfileError(f"cam {cam.name!r}: {check}")
+
+
+# A cam's checks as a table.
+
+
+def checks_table(cam: CamConfig, law: Law, checks: list[Check]) -> DataTable:
+    """A row for each check: value, cam angle, limit, result."""
+    kind = cam.follower.type.replace("_", " ")
+    return tabulate(
+        f"{cam.title}: {kind} follower, lift {law.lift * 1e3:.5g} mm",
+        checks,
+        (
+            (Column("check"), lambda check: check.title),
+            (Column("value"), lambda check: check.shown(check.value)),
+            (Column("at", "°", ".1f"), lambda check: check.degrees),
+            (Column("allowed"), lambda check: check.allowed),
+            (Column("result"), lambda check: "ok" if check.passed else "fails"),
+        ),
+    )

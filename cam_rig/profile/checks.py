@@ -1,0 +1,355 @@
+"""Whether a follower gets to every contact that the law asks for."""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+from shapely import LinearRing, Polygon, is_valid_reason
+
+from cam_rig.errors import ReachError
+from cam_rig.laws import Law
+from cam_rig.laws.law import Extreme, extremes
+from cam_rig.profile.contact import Element, Motion, Scan, Touch, greatest_between
+from cam_rig.profile.disc import Contour, Disc, discs
+from cam_rig.profile.faces import SwungCentre, SwungFace
+from cam_rig.schema.cam import ConstantBreadth, Flat, Follower, InclinedFlat
+from cam_rig.units import FloatArray
+
+# One check of a cam: a value, its limit, and the angle where it is.
+
+#: How a value has to be to its limit.
+RELATIONS: dict[str, Callable[[float, float], bool]] = {
+    "more than": operator.gt,
+    "less than": operator.lt,
+    "at most": operator.le,
+}
+
+#: Units that checks are shown in, and their factor from SI.
+FACTORS = {"mm": 1e3, "mm/rad": 1e3, "°": 180.0 / np.pi, "1": 1.0, "crossings": 1.0}
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that is right with a cam, or wrong.
+
+    Parameters
+    ----------
+    name : what is checked
+    value, limit : SI units
+    relation : one of `RELATIONS`
+    unit : one of `FACTORS`, for showing
+    angle : rad, the cam angle where the value is; None for the cam as a whole
+    remedy : what to do when it fails
+    vital : whether a cam that fails cannot exist; else it is bad, but can be made
+    disc : which of conjugate cams; empty otherwise
+    """
+
+    name: str
+    value: float
+    relation: str
+    limit: float
+    unit: str
+    angle: float | None
+    remedy: str
+    vital: bool = True
+    disc: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether the value is as it has to be."""
+        return RELATIONS[self.relation](self.value, self.limit)
+
+    @property
+    def title(self) -> str:
+        """The name, with the disc's where there are two."""
+        return f"{self.disc} cam, {self.name}" if self.disc else self.name
+
+    @property
+    def degrees(self) -> float | None:
+        """The cam angle in degrees."""
+        return None if self.angle is None else float(np.degrees(self.angle)) % 360.0
+
+    def shown(self, value: float) -> str:
+        """A value in the unit for showing."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return f"{value * FACTORS[self.unit]:.5g}{unit}".replace(" °", "°")
+
+    @property
+    def allowed(self) -> str:
+        """Relation and limit, in words."""
+        return f"{self.relation} {self.shown(self.limit)}"
+
+    def __str__(self) -> str:
+        """What is wrong, in one line: angle, value, limit, remedy."""
+        where = "" if self.degrees is None else f" at {self.degrees:.4g}°"
+        return (
+            f"{self.title} is {self.shown(self.value)}{where}; allowed: {self.allowed}; "
+            f"{self.remedy}"
+        )
+
+
+#: Points of the contour that is tried for crossing itself.
+OUTLINE = 3600
+
+
+def reach_checks(scan: Scan) -> Iterator[Check]:
+    """What the kind of follower can reach."""
+    element, law = scan.element, scan.law
+    yield _around_the_axis(element, law)
+    if isinstance(element, SwungCentre | SwungFace):
+        yield from _arm(element, law)
+    yield from pivot_checks(scan)
+    if isinstance(element, SwungFace):
+        yield _turning(element, law)
+
+
+def _around_the_axis(element: Element, law: Law) -> Check:
+    nearest = least_clearance(element, law)
+    return Check(
+        "distance from the axis",
+        nearest.value,
+        "more than",
+        0.0,
+        "mm",
+        nearest.angle,
+        "the cam would not hold its shaft: let base_radius be larger",
+    )
+
+
+def least_clearance(element: Element, law: Law) -> Extreme:
+    """How near (m) roller, point or face come to the cam's axis: at one end of the lift."""
+    ends = extremes(law, 0)
+    found = [Extreme(float(element.clearance(np.array(s.value))), s.angle) for s in ends]
+    return min(found, key=lambda extreme: extreme.value)
+
+
+def _arm(element: SwungCentre | SwungFace, law: Law) -> Iterator[Check]:
+    """An arm past these angles would have to follow the cam backwards."""
+    least, greatest = (0.0, np.pi) if isinstance(element, SwungCentre) else (-np.pi / 2, np.pi / 2)
+    remedy = "out of reach: let pivot_distance or the arm be longer, or the lift less"
+    ends = [(float(element.arm_angle(np.array(s.value))), s) for s in extremes(law, 0)]
+    ends.sort(key=lambda end: end[0])  # a second arm is nearest at the greatest lift
+    for (arm_angle, extreme), relation, limit in zip(
+        ends, ("more than", "less than"), (least, greatest), strict=True
+    ):
+        yield Check("angle of the arm", arm_angle, relation, limit, "°", extreme.angle, remedy)
+
+
+def pivot_checks(scan: Scan) -> Iterator[Check]:
+    """That the cam does not cut the pivot of an arm."""
+    if not isinstance(scan.element, SwungCentre | SwungFace):
+        return
+    farthest = scan.greatest(lambda touch: np.abs(touch.contact))
+    yield Check(
+        "largest radius of the cam",
+        farthest.value,
+        "less than",
+        scan.element.pivot,
+        "mm",
+        farthest.angle,
+        "the cam would cut the pivot: let pivot_distance be longer",
+    )
+
+
+def _turning(element: SwungFace, law: Law) -> Check:
+    """1 + φ' of eq. 2.28: at 0 the contact is at infinity."""
+    back = greatest_between(lambda angle: -law(angle, 1), law.breaks)
+    return Check(
+        "turn of the face per turn",
+        1.0 - back.value / element.arm,
+        "more than",
+        0.0,
+        "1",
+        back.angle,
+        "the face falls faster than the cam turns: let the fall be longer or the lift less",
+    )
+
+
+def crossing_check(disc: Disc, law: Law) -> Check:
+    """Two places of the contour in each other's way: a neck narrower than the roller."""
+    found = _crossing(Contour.of(disc, Motion.uniform(law, OUTLINE)))
+    return Check(
+        "contour across itself",
+        float(found is not None),
+        "at most",
+        0.0,
+        "crossings",
+        found,
+        "let base_radius be larger or the roller smaller",
+    )
+
+
+def _crossing(contour: Contour) -> float | None:
+    """Cam angle (rad) near a crossing."""
+    points = contour.points.T
+    if LinearRing(points).is_simple:
+        return None
+    numbers = re.findall(r"-?\d[\d.]*(?:e-?\d+)?", is_valid_reason(Polygon(points)))
+    place = np.array([float(number) for number in numbers[:2]])
+    nearest = int(np.argmin(np.hypot(*(points - place).T)))
+    return float(contour.angle[nearest])
+
+
+# Radius of curvature: undercut, cusp, and a roller that does not fit (§2.3.1-2.3.2).
+
+#: Radii of curvature below this fraction of the base radius are none: a cusp.
+CUSP = 1e-9
+
+
+def _radius(touch: Touch) -> FloatArray:
+    return touch.radius
+
+
+def _bend(touch: Touch) -> FloatArray:
+    assert touch.pitch_curvature is not None
+    return touch.pitch_curvature
+
+
+def sharpest_convex(scan: Scan) -> Extreme:
+    """Least convex radius of the contour, m; not positive where it is undercut.
+
+    Infinite for a contour without a convex part.
+    """
+    if scan.touch.pitch_curvature is None:
+        return scan.least(_radius)
+    bend = scan.greatest(_bend)
+    radius = 1.0 / bend.value - scan.element.roller if bend.value > 0.0 else np.inf
+    return Extreme(radius, bend.angle)
+
+
+def sharpest_concave(scan: Scan) -> Extreme | None:
+    """Least concave radius of the contour, m, positive; None for a cam without a concave part.
+
+    It is the pitch curve's and the roller's together, so a law without a corner passes.
+    """
+    if scan.touch.pitch_curvature is None:
+        return None
+    bend = scan.least(_bend)
+    if not bend.value < 0.0:
+        return None
+    return Extreme(scan.element.roller - 1.0 / bend.value, bend.angle)
+
+
+def curvature_checks(scan: Scan, follower: Follower, least_base: float | None) -> Iterator[Check]:
+    """Convex parts against undercut and the radius asked for; concave parts against the roller."""
+    base, asked = follower.base_radius.si, follower.least_curvature_radius
+    convex = sharpest_convex(scan)
+    radius = 0.0 if abs(convex.value) <= CUSP * base else convex.value
+    remedy = "no base_radius would do: let the spans be longer, the lift less or the roller smaller"
+    if least_base is not None:
+        remedy = f"let base_radius be more than {least_base * 1e3:.5g} mm"
+    yield Check(
+        "convex radius of curvature",
+        radius,
+        "more than",
+        0.0 if asked is None else asked.si,
+        "mm",
+        convex.angle,
+        remedy,
+        vital=radius <= 0.0,
+    )
+    concave = sharpest_concave(scan)
+    if concave is not None and scan.element.roller > 0.0:
+        yield Check(
+            "concave radius of curvature",
+            concave.value,
+            "more than",
+            scan.element.roller,
+            "mm",
+            concave.angle,
+            "let the roller be smaller or the spans longer",
+        )
+
+
+def corner_check(law: Law, tolerance: float) -> Check:
+    """The contour has a corner where the slope of the law jumps."""
+    jumps = np.abs(law.jumps(1))
+    worst = int(np.argmax(jumps))
+    return Check(
+        "step of the slope s'",
+        float(jumps[worst]),
+        "at most",
+        tolerance * law.lift,
+        "mm/rad",
+        float(law.breaks[worst]),
+        "let the segments join with one slope, for the contour has a corner there",
+    )
+
+
+# The smallest base radius that avoids undercut (eq. 2.42, and its counterpart for rollers).
+
+#: The search goes from the cam's own base radius by these factors, to these ends of it.
+SMALLER, LARGER = 0.5, 2.0
+
+LEAST, MOST = 1e-2, 1e3
+
+#: The base radius is found to this fraction of the cam's own.
+PRECISION = 1e-12
+
+
+def least_base_radius(follower: Follower, law: Law) -> float | None:
+    """The base radius (m) above which no convex part is sharper than the least radius asked for.
+
+    Nor does the follower cross the cam's axis. A face in a guide has both in closed form: radius
+    R_b + (s + s'') cos β, distance from the axis R_b + s cos β. For the others it is the root, next
+    to the cam's own base radius, of the least radius as a function of R_b; the least one that the
+    follower reaches counts as such. 0 where every base radius down to a hundredth of the own does,
+    None where none does, or the cam cuts the pivot of an arm there.
+    """
+    asked, own = follower.least_curvature_radius, follower.base_radius.si
+    sharpest = 0.0 if asked is None else asked.si
+    if isinstance(follower, Flat | InclinedFlat | ConstantBreadth):
+        plates = discs(follower, law)
+        nearest = least_clearance(plates[0].element, law).value
+        return max(0.0, own + sharpest - _sharpest(plates, law), own - nearest)
+
+    def margin(base: float) -> float:
+        found = plates_on(follower, law, base)
+        value = _sharpest(found, law) - sharpest if found else -own
+        return min(max(value, -own), own)  # finite, for the root finder
+
+    least = least_base(margin, own)
+    if least and not _clear_of_the_pivot(follower, law, least * (1.0 + PRECISION)):
+        return None
+    return least
+
+
+def least_base(margin: Callable[[float], float], own: float) -> float | None:
+    """The root next to ``own`` of a finite margin that grows with the base radius (m).
+
+    0 where the margin is positive down to a hundredth of ``own``, None where it nowhere is.
+    """
+    good = margin(own) > 0.0
+    here, factor = own, SMALLER if good else LARGER
+    while LEAST * own < here < MOST * own:
+        there = here * factor
+        if (margin(there) > 0.0) != good:
+            low, high = sorted((here, there))
+            return float(brentq(margin, low, high, xtol=PRECISION * own))
+        here = there
+    return 0.0 if good else None
+
+
+def _clear_of_the_pivot(follower: Follower, law: Law, base: float) -> bool:
+    """Whether the cam on a base radius does not cut the pivot; on larger ones it sooner does."""
+    found = (Scan(law, disc.element) for disc in plates_on(follower, law, base))
+    return all(check.passed for scan in found for check in pivot_checks(scan))
+
+
+def _sharpest(plates: tuple[Disc, ...], law: Law) -> float:
+    return min(sharpest_convex(Scan(law, disc.element)).value for disc in plates)
+
+
+def plates_on(follower: Follower, law: Law, base: float) -> tuple[Disc, ...]:
+    """The discs on another base radius; none where the follower does not reach."""
+    try:
+        plates = discs(follower, law, base)
+    except ReachError:
+        return ()
+    clear = all(least_clearance(disc.element, law).value > 0.0 for disc in plates)
+    return plates if clear else ()

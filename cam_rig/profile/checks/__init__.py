@@ -1,1 +1,0 @@
-"""The checks of a contour: undercut, curvature, pressure angle, reach, breadth."""

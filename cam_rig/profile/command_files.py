@@ -1,0 +1,224 @@
+"""``cam-rig profile --from``: the cam's follower on the contours of a file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cam_rig.errors import ConfigError, OutputError
+from cam_rig.files import writing
+from cam_rig.show.command import check_outputs, console, write_json
+from cam_rig.units import rms
+
+if TYPE_CHECKING:
+    from cam_rig.laws import Law
+    from cam_rig.profile.polyline import ContourPath
+    from cam_rig.schema import CamConfig
+    from cam_rig.units import FloatArray
+
+
+# The files of ``cam-rig profile``: what is asked for, and contours and paths written.
+
+DRAWINGS, TABLES = (".dxf", ".svg"), (".csv",)
+
+READABLE = (".dxf", ".csv")
+
+#: Share of the tolerance that the digits of an SVG may take; a DXF has them all.
+SVG_ROUNDING = 0.1
+
+#: A finer tolerance would ask for millions of points, µm.
+FINEST_UM = 1e-4
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is to be written or read; radius in mm, tolerance in µm."""
+
+    out: Path | None
+    pitch: bool
+    cutter: float | None
+    tolerance: float
+    points: int
+    source: Path | None
+
+    def require(self, cams: int, drawing: bool) -> None:
+        """Refuse, before anything is computed, what does not go together.
+
+        Raises
+        ------
+        ConfigError : several cams for one file, an unknown kind of file, no file at all, a radius
+            or a tolerance that is none
+        OutputError : no file can be written there
+        """
+        files = self.out is not None or self.source is not None or drawing
+        if files and cams != 1:
+            raise ConfigError(f"{cams} cams for one file; allowed: one cam with --out or --plot")
+        if (self.pitch or self.cutter is not None) and self.out is None:
+            raise ConfigError("--pitch and --cutter need --out FILE: they say what is written")
+        if self.pitch and self.cutter is not None:
+            raise ConfigError("--pitch and --cutter are two paths; allowed: one of them")
+        if self.cutter is not None and not 0.0 < self.cutter < 1e5:
+            raise ConfigError(f"--cutter is {self.cutter:g} mm; allowed: more than 0 mm")
+        if not self.tolerance >= FINEST_UM:
+            raise ConfigError(
+                f"--tolerance is {self.tolerance:g} µm; allowed: at least {FINEST_UM:g} µm"
+            )
+        if self.source is not None:
+            if drawing or self.pitch or self.cutter is not None:
+                raise ConfigError("--from measures; allowed with it: --out FILE.csv for the law")
+            _suffix(self.source, READABLE)
+        if self.out is not None:
+            _suffix(self.out, TABLES if self.source is not None else (*DRAWINGS, *TABLES))
+            check_outputs(str(self.out), None)
+
+
+def _suffix(path: Path, allowed: tuple[str, ...]) -> None:
+    if path.suffix.lower() not in allowed:
+        hint = ""
+        if path.suffix.lower() in (".step", ".stp"):
+            hint = " (no STEP: import the DXF into CAD and extrude it)"
+        raise ConfigError(f"{path}: unknown kind of file; allowed: {', '.join(allowed)}{hint}")
+
+
+def write(request: Request, cam: CamConfig, law: Law, force: bool) -> None:
+    """Write the contour, the pitch curve or the cutter's path by the file's suffix."""
+    from cam_rig.profile import drawing_files as contour_csv
+    from cam_rig.profile import drawing_files as dxf
+    from cam_rig.profile import drawing_files as svg
+    from cam_rig.profile.polyline import polyline
+
+    assert request.out is not None
+    curves, tolerance = _curves(request, cam, law, force), request.tolerance * 1e-6
+    kind = request.out.suffix.lower()
+    with writing(request.out) as part:
+        if kind in TABLES:
+            contour_csv.write_contour(part, curves, request.points)
+            words = f"{request.points} points"
+        else:
+            rounding = SVG_ROUNDING * tolerance if kind == ".svg" else 0.0
+            lines = {curve.name: polyline(curve, tolerance - rounding) for curve in curves}
+            if kind == ".svg":
+                svg.write_svg(part, lines, rounding)
+            else:
+                dxf.write_dxf(part, lines)
+            counts = " and ".join(str(line.shape[1]) for line in lines.values())
+            words = f"{counts} points, chord error at most {request.tolerance:g} µm"
+    names = " and ".join(curve.name for curve in curves)
+    console.print(f"{names}: {words}: {request.out}", markup=False, soft_wrap=True)
+
+
+def _curves(request: Request, cam: CamConfig, law: Law, force: bool) -> list[ContourPath]:
+    from cam_rig.profile import polyline as path
+
+    if request.pitch:
+        return path.pitch_paths(cam.follower, law)
+    if request.cutter is None:
+        return path.contour_paths(cam.follower, law)
+    curves = path.cutter_paths(cam.follower, law, request.cutter * 1e-3)
+    if not force:
+        for curve in curves:
+            curve.require_room()
+    return curves
+
+
+#: Cam angles at which a follower is read on the contour of a file.
+READINGS = 720
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A law read from a contour: cam angles (rad), lifts and their error (m); which disc it is."""
+
+    disc: str
+    points: int
+    angle: FloatArray
+    lift: FloatArray
+    error: FloatArray
+
+    def figures(self) -> dict[str, float]:
+        """Lift in mm, the largest error and the RMS of all in µm, where in degrees."""
+        import numpy as np
+
+        worst = int(np.argmax(np.abs(self.error)))
+        return {
+            "points": self.points,
+            "lift_mm": float(np.ptp(self.lift)) * 1e3,
+            "largest_error_um": float(self.error[worst]) * 1e6,
+            "at_deg": float(np.degrees(self.angle[worst])),
+            "rms_error_um": rms(self.error) * 1e6,
+        }
+
+
+def run(request: Request, cam: CamConfig, law: Law, json_target: str | None) -> None:
+    """Measure the contours of a file, say what was found, write what is asked for."""
+    found = measure(request, cam, law)
+    show(request, cam, found)
+    if json_target is not None:
+        discs = [{"disc": one.disc, **one.figures()} for one in found]
+        write_json({cam.name: {"from": str(request.source), "contours": discs}}, json_target)
+
+
+def measure(request: Request, cam: CamConfig, law: Law) -> list[Measured]:
+    """Put the cam's follower on the contours of a file, and compare with the cam's law."""
+    from cam_rig.profile.contact import turn_angles
+    from cam_rig.profile.disc import discs
+    from cam_rig.profile.measure import closed_curve, rest
+
+    assert request.source is not None
+    contours = _read(request.source)
+    for doubt in (doubt for points in contours for doubt in _doubts(request.source, points)):
+        console.print(f"warning: {request.source}: {doubt}", markup=False, soft_wrap=True)
+    plates = discs(cam.follower, law)
+    if len(contours) != len(plates):
+        raise OutputError(
+            f"{request.source}: has {len(contours)} closed curves; allowed: {len(plates)}, one "
+            f"for each contour of a {cam.follower.type} follower"
+        )
+    angle = turn_angles(READINGS)
+    return [
+        Measured(disc.name, points.shape[1], angle, lift, lift - law(angle))
+        for disc, points in zip(plates, contours, strict=True)
+        for lift in [rest(disc.element, closed_curve(points), angle)]
+    ]
+
+
+def show(request: Request, cam: CamConfig, found: list[Measured]) -> None:
+    """Say how far the contours are from the law; write the first one's law if asked to."""
+    from cam_rig.profile import drawing_files as contour_csv
+
+    for one in found:
+        figures = one.figures()
+        name = f"{one.disc} cam: " if one.disc else ""
+        console.print(
+            f"{name}{one.points} points, lift {figures['lift_mm']:.6g} mm; from the law of "
+            f"{cam.name}: {figures['largest_error_um']:+.3g} µm at {figures['at_deg']:g}°, "
+            f"{figures['rms_error_um']:.3g} µm RMS",
+            markup=False,
+            soft_wrap=True,
+        )
+    if request.out is not None:
+        with writing(request.out) as part:
+            contour_csv.write_law(part, found[0].angle, found[0].lift)
+        console.print(f"law: {request.out}", soft_wrap=True)
+
+
+def _doubts(source: Path, points: FloatArray) -> list[str]:
+    """What a contour should not be; the edges of a drawing are meant, of a table they are gaps."""
+    from cam_rig.profile.measure import crossing, gap, sparse
+
+    found = [crossing(points)]
+    if source.suffix.lower() == ".csv":
+        found += [gap(points), sparse(points)]
+    return [doubt for doubt in found if doubt is not None]
+
+
+def _read(source: Path) -> list[FloatArray]:
+    from cam_rig.profile import drawing_files as contour_csv
+    from cam_rig.profile import drawing_files as dxf
+
+    return (
+        dxf.read_dxf(source)
+        if source.suffix.lower() == ".dxf"
+        else contour_csv.read_contour(source)
+    )

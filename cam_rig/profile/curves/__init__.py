@@ -1,1 +1,0 @@
-"""Contours as curves to be drawn, cut and measured."""

@@ -1,0 +1,340 @@
+"""Followers that touch with a circle, or with a point: a circle of no radius."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cam_rig.errors import ReachError
+from cam_rig.profile.contact import Element, Motion, Touch, offset_curve
+from cam_rig.units import ComplexArray, FloatArray
+
+
+@dataclass(frozen=True)
+class GuidedCentre(Element):
+    """A roller or a point in a guide (eq. 2.19-2.25).
+
+    Parameters
+    ----------
+    roller : m
+    eccentricity : m, of the guide, towards +x when seen with the follower above the cam
+    start : m, height of the centre over the cam's axis at s = 0
+    side : 1 above the cam; −1 below it, where the law lowers the height
+    """
+
+    roller: float
+    eccentricity: float
+    start: float
+    side: int = 1
+
+    @classmethod
+    def on_base(cls, base_radius: float, roller: float, eccentricity: float) -> GuidedCentre:
+        """With s = 0 on the base circle (eq. 2.19).
+
+        Raises
+        ------
+        ReachError : the guide passes the base circle by
+        """
+        prime = base_radius + roller
+        if abs(eccentricity) >= prime:
+            raise ReachError(
+                f"eccentricity is {abs(eccentricity) * 1e3:.6g} mm; allowed: less than base and "
+                f"roller radius together, {prime * 1e3:.6g} mm"
+            )
+        return cls(roller, eccentricity, float(np.sqrt(prime**2 - eccentricity**2)))
+
+    def height(self, s: FloatArray) -> FloatArray:
+        """Height of the centre over the cam's axis at displacements s, m."""
+        return self.start + self.side * s
+
+    def touch(self, motion: Motion) -> Touch:
+        """The contact that follows the law."""
+        height = self.height(motion.s)
+        up = self.side * motion.slope - self.eccentricity
+        side = self.side
+        centre = side * (self.eccentricity + 1j * height)
+        tangent = side * (height + 1j * up)
+        second = side * ((up + side * motion.slope) + 1j * (side * motion.bend - height))
+        contact, normal, radius, rate, curvature = offset_curve(
+            centre, tangent, second, self.roller
+        )
+        pressure = np.arctan2(up, height)
+        return Touch(contact, normal, radius, rate, pressure, centre, curvature)
+
+    def place_on(self, points: ComplexArray) -> FloatArray:
+        """Height of the centre at which the follower just touches each point."""
+        under = self.roller**2 - self.beside(points) ** 2
+        height = self.side * points.imag + np.sqrt(np.maximum(under, 0.0))
+        place = np.where(under >= 0.0, height, -np.inf) if self.roller else height
+        return np.asarray(place, dtype=np.float64)
+
+    def lift_at(self, place: FloatArray) -> FloatArray:
+        """Displacement at a height."""
+        return self.side * (place - self.start)
+
+    def beside(self, points: ComplexArray) -> FloatArray:
+        """How far points are to the right of the centre's path, m."""
+        return np.asarray(self.side * points.real - self.eccentricity, dtype=np.float64)
+
+    def clearance(self, s: FloatArray) -> FloatArray:
+        """Distance of roller or point from the cam's axis at s; below the axis it is negative."""
+        distance = np.hypot(self.eccentricity, self.height(s))
+        return np.asarray(np.copysign(distance, self.height(s)) - self.roller)
+
+    def stand(self, s: FloatArray) -> ComplexArray:
+        """The centre at displacements s."""
+        return self.side * (self.eccentricity + 1j * self.height(s))
+
+    def moves(self, points: ComplexArray) -> ComplexArray:
+        """Along the guide, whichever side of the cam it is on."""
+        return np.full_like(points, 1j)
+
+
+@dataclass(frozen=True)
+class SwungCentre(Element):
+    """A roller or a point at the end of an arm (eq. 2.26, 2.30-2.36).
+
+    Parameters
+    ----------
+    roller, arm, pivot : m; ``pivot`` is the distance of the pivot from the cam's axis
+    start : rad, γ: angle at the pivot from the cam's axis to the centre at s = 0
+    side : 1 above the line of pivot and axis; −1 below it, where the law lowers the angle
+    """
+
+    roller: float
+    arm: float
+    pivot: float
+    start: float
+    side: int = 1
+
+    @classmethod
+    def on_base(cls, base_radius: float, roller: float, arm: float, pivot: float) -> SwungCentre:
+        """With s = 0 on the base circle (eq. 2.34).
+
+        Raises
+        ------
+        ReachError : the arm is too short or too long to reach it
+        """
+        prime, shortest, longest = base_radius + roller, abs(pivot - arm), pivot + arm
+        if not shortest < prime < longest:
+            raise ReachError(
+                f"out of reach at the base circle: its centre is {prime * 1e3:.6g} mm from the "
+                f"cam's axis; allowed: between {shortest * 1e3:.6g} and {longest * 1e3:.6g} mm "
+                f"with an arm of {arm * 1e3:.6g} mm on a pivot at {pivot * 1e3:.6g} mm"
+            )
+        cosine = (arm**2 + pivot**2 - prime**2) / (2.0 * arm * pivot)
+        return cls(roller, arm, pivot, float(np.arccos(cosine)))
+
+    def arm_angle(self, s: FloatArray) -> FloatArray:
+        """Angle at the pivot (rad) at displacements s (m); the arm reaches between 0 and π.
+
+        From the line of pivot and axis, on the arm's own side of it.
+        """
+        return self.start + self.side * s / self.arm
+
+    def touch(self, motion: Motion) -> Touch:
+        """The contact that follows the law."""
+        slope, bend = motion.slope / self.arm, motion.bend / self.arm
+        out = self._out(motion.s)
+        centre = self.pivot - out
+        tangent = 1j * ((1.0 + slope) * out - self.pivot)
+        second = (1.0 + slope) ** 2 * out - self.pivot + 1j * bend * out
+        contact, normal, radius, rate, curvature = offset_curve(
+            centre, tangent, second, self.roller
+        )
+        pressure = np.angle(normal * (1j * self.side * out).conj())
+        return Touch(contact, normal, radius, rate, pressure, centre, curvature)
+
+    def place_on(self, points: ComplexArray) -> FloatArray:
+        """Way along the arc at which the follower just touches each point."""
+        arm = self.pivot - points
+        arm_angle = -self.side * np.angle(arm)
+        if self.roller == 0.0:
+            return np.asarray(self.arm * arm_angle)
+        reach = np.abs(arm)
+        cosine = (self.arm**2 + reach**2 - self.roller**2) / (2.0 * self.arm * reach)
+        arm_angle += np.arccos(np.minimum(cosine, 1.0))
+        return np.asarray(self.arm * np.where(cosine <= 1.0, arm_angle, -np.inf), dtype=np.float64)
+
+    def lift_at(self, place: FloatArray) -> FloatArray:
+        """Displacement at a way along the arc."""
+        return self.side * (place - self.arm * self.start)
+
+    def beside(self, points: ComplexArray) -> FloatArray:
+        """How far points are inside the circle that the centre moves on, m."""
+        return np.asarray(self.arm - np.abs(self.pivot - points), dtype=np.float64)
+
+    def clearance(self, s: FloatArray) -> FloatArray:
+        """Distance of roller or point from the cam's axis at displacements s."""
+        return np.asarray(np.abs(self.stand(s)) - self.roller)
+
+    def stand(self, s: FloatArray) -> ComplexArray:
+        """The centre at displacements s."""
+        return np.asarray(self.pivot - self._out(s))
+
+    def _out(self, s: FloatArray) -> ComplexArray:
+        """From the centre to the pivot, at displacements s."""
+        return np.asarray(self.arm * np.exp(-1j * self.side * self.arm_angle(s)))
+
+    def moves(self, points: ComplexArray) -> ComplexArray:
+        """About the pivot, clockwise as the law grows, on both sides."""
+        return np.asarray(1j * (self.pivot - points) / self.arm)
+
+
+# Followers that touch with a straight face: the contour is the envelope of its lines.
+
+
+@dataclass(frozen=True)
+class GuidedFace(Element):
+    """A face in a guide, square to it or inclined (eq. 2.14-2.18, 2.38, 2.40).
+
+    Parameters
+    ----------
+    inclination : rad, of the face, counterclockwise from square to the guide
+    eccentricity : m, of the guide: it moves the guide along the face, not the contour
+    start : m, height at which the face meets the guide at s = 0
+    side : 1 above the cam; −1 below it, where the law lowers the height
+    """
+
+    inclination: float
+    eccentricity: float
+    start: float
+    side: int = 1
+    roller: float = field(default=0.0, init=False)
+
+    @classmethod
+    def on_base(cls, base_radius: float, inclination: float, eccentricity: float) -> GuidedFace:
+        """With s = 0 on the base circle."""
+        start = (base_radius + eccentricity * np.sin(inclination)) / np.cos(inclination)
+        return cls(inclination, eccentricity, float(start))
+
+    @property
+    def base_radius(self) -> float:
+        """Distance of the face from the cam's axis at s = 0, m."""
+        sine, cosine = np.sin(self.inclination), np.cos(self.inclination)
+        return float(self.start * cosine - self.eccentricity * sine)
+
+    def touch(self, motion: Motion) -> Touch:
+        """The contact that follows the law."""
+        cosine = self.side * np.cos(self.inclination)
+        along = self.side * np.exp(1j * self.inclination)
+        distance = self.clearance(motion.s)
+        radius = distance + cosine * motion.bend
+        return Touch(
+            contact=along * (cosine * motion.slope + 1j * distance),
+            normal=np.full(motion.s.shape, 1j * along),
+            radius=radius,
+            rate=radius,
+            pressure=np.full(motion.s.shape, self.inclination),
+        )
+
+    def place_on(self, points: ComplexArray) -> FloatArray:
+        """Height in the guide at which the face goes through each point."""
+        slant = np.tan(self.inclination)
+        height = self.side * (points.imag - slant * points.real) + slant * self.eccentricity
+        return np.asarray(height, dtype=np.float64)
+
+    def lift_at(self, place: FloatArray) -> FloatArray:
+        """Displacement at a height."""
+        return self.side * (place - self.start)
+
+    def clearance(self, s: FloatArray) -> FloatArray:
+        """Distance of the face from the cam's axis at displacements s."""
+        return np.asarray(self.base_radius + self.side * np.cos(self.inclination) * s)
+
+    def stand(self, s: FloatArray) -> ComplexArray:
+        """Where the face meets its guide at displacements s."""
+        return self.side * (self.eccentricity + 1j * (self.start + self.side * s))
+
+    def moves(self, points: ComplexArray) -> ComplexArray:
+        """Along the guide, whichever side of the cam it is on."""
+        return np.full_like(points, 1j)
+
+
+@dataclass(frozen=True)
+class SwungFace(Element):
+    """A face along an arm (eq. 2.26-2.29).
+
+    Parameters
+    ----------
+    arm : m, where the law is measured
+    offset : m, of the face from the pivot, out of the cam
+    pivot : m, distance of the pivot from the cam's axis
+    start : rad, γ: angle of the face to the line of pivot and axis at s = 0
+    """
+
+    arm: float
+    offset: float
+    pivot: float
+    start: float
+    roller: float = field(default=0.0, init=False)
+
+    @classmethod
+    def on_base(cls, base_radius: float, arm: float, offset: float, pivot: float) -> SwungFace:
+        """With s = 0 on the base circle (eq. 2.27).
+
+        Raises
+        ------
+        ReachError : the face cannot reach it
+        """
+        reach = base_radius - offset
+        if abs(reach) >= pivot:
+            raise ReachError(
+                f"out of reach at the base circle: its radius less the face's offset is "
+                f"{reach * 1e3:.6g} mm; allowed: less than the pivot's distance, "
+                f"{pivot * 1e3:.6g} mm"
+            )
+        return cls(arm, offset, pivot, float(np.arcsin(reach / pivot)))
+
+    def arm_angle(self, s: FloatArray) -> FloatArray:
+        """Angle of the face (rad) at displacements s (m); it reaches between −π/2 and π/2."""
+        return self.start + s / self.arm
+
+    def turning(self, motion: Motion) -> FloatArray:
+        """dψ/dθ, how fast the face turns about the cam; it must not stand or turn back."""
+        return 1.0 + motion.slope / self.arm
+
+    def touch(self, motion: Motion) -> Touch:
+        """The contact that follows the law."""
+        arm_angle, turn = self.arm_angle(motion.s), self.turning(motion)
+        slope, bend = turn - 1.0, motion.bend / self.arm
+        along = np.exp(-1j * arm_angle)
+        high, wide = self.pivot * np.sin(arm_angle), self.pivot * np.cos(arm_angle)
+        distance = self.clearance(motion.s)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            contact = along * (wide * slope / turn + 1j * distance)
+            radius = distance + (wide * bend / turn - high * slope**2) / turn**2
+        return Touch(
+            contact=contact,
+            normal=1j * along,
+            radius=radius,
+            rate=radius * turn,
+            pressure=np.arctan2(self.offset * turn, wide),
+        )
+
+    def place_on(self, points: ComplexArray) -> FloatArray:
+        """Way along the arc at which the face goes through each point."""
+        arm = self.pivot - points
+        reach = np.abs(arm)
+        meets = reach >= abs(self.offset)
+        sine = np.where(meets, self.offset / np.where(meets, reach, 1.0), 0.0)
+        arm_angle = -np.angle(arm) - np.arcsin(sine)
+        return np.asarray(self.arm * np.where(meets, arm_angle, -np.inf), dtype=np.float64)
+
+    def lift_at(self, place: FloatArray) -> FloatArray:
+        """Displacement at a way along the arc."""
+        return place - self.arm * self.start
+
+    def clearance(self, s: FloatArray) -> FloatArray:
+        """Distance of the face from the cam's axis at displacements s."""
+        return np.asarray(self.pivot * np.sin(self.arm_angle(s)) + self.offset)
+
+    def stand(self, s: FloatArray) -> ComplexArray:
+        """The point of the face at the end of the arm, at displacements s."""
+        face = (self.arm - 1j * self.offset) * np.exp(-1j * self.arm_angle(s))
+        return np.asarray(self.pivot - face)
+
+    def moves(self, points: ComplexArray) -> ComplexArray:
+        """About the pivot, clockwise as the law grows."""
+        return np.asarray(1j * (self.pivot - points) / self.arm)

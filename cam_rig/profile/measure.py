@@ -1,0 +1,216 @@
+"""A follower put on a finished contour: where does it rest? Nothing of the law is used.
+
+The cam is turned, the follower lowered until it touches. A face or a roller rests on the point
+of the contour that holds it up farthest; a point on the crossing of its path with the contour.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from shapely import LinearRing
+
+from cam_rig.errors import ProfileError
+from cam_rig.laws import Law
+from cam_rig.profile.contact import Element, turn_angles
+from cam_rig.profile.disc import Disc, contours
+from cam_rig.profile.faces import GuidedCentre, SwungCentre
+from cam_rig.schema.cam import Follower
+from cam_rig.units import TURN, ComplexArray, FloatArray
+
+#: A closed curve in the cam's frame: parameters, of period 2π, to points x + iy, m.
+Curve = Callable[[FloatArray], ComplexArray]
+
+#: Points of the contour that are tried before the search is refined ...
+COARSE = 4096
+
+#: ... in rounds with this many points between the neighbours of the best one.
+ROUNDS, FINE = 5, 33
+
+#: Halvings that bring a crossing from 2π/COARSE to rounding.
+HALVINGS = 44
+
+#: Cam angles dealt with at a time.
+BLOCK = 64
+
+
+def closed_curve(points: FloatArray) -> Curve:
+    """The periodic cubic spline through the ``(2, n)`` points of a closed contour, m.
+
+    A last point equal to the first, and points that repeat the one before, are dropped.
+
+    Raises
+    ------
+    ProfileError : fewer than 8 different points
+    """
+    closed = np.append(points, points[:, :1], axis=1)
+    step = np.hypot(closed[0, 1:] - closed[0, :-1], closed[1, 1:] - closed[1, :-1])
+    kept = closed[:, :-1][:, step > 1e-9 * step.max(initial=0.0)]
+    if kept.shape[1] < 8:
+        raise ProfileError(
+            f"contour has {kept.shape[1]} different points; allowed: at least 8, and for a "
+            "measurement some hundreds"
+        )
+    kept = np.append(kept, kept[:, :1], axis=1)
+    way = np.append(0.0, np.cumsum(np.hypot(*np.diff(kept, axis=1))))
+    spline = CubicSpline(way * (TURN / way[-1]), kept.T, bc_type="periodic")
+
+    def curve(at: FloatArray) -> ComplexArray:
+        x, y = np.moveaxis(spline(at), -1, 0)
+        return np.asarray(x + 1j * y)
+
+    return curve
+
+
+def rest(element: Element, curve: Curve, angle: FloatArray) -> FloatArray:
+    """Displacement s (m) at cam angles (rad) of a follower resting on a contour.
+
+    Raises
+    ------
+    ProfileError : the follower passes the contour by
+    """
+    at = turn_angles(COARSE)
+    outline = curve(at)
+    narrow = isinstance(element, GuidedCentre | SwungCentre) and element.roller == 0.0
+    place = np.empty(angle.size)
+    for begin in range(0, angle.size, BLOCK):
+        turn = np.exp(1j * angle[begin : begin + BLOCK])[:, None]
+        if narrow and isinstance(element, GuidedCentre | SwungCentre):
+            found = _crossing(element, curve, outline, turn)
+        else:
+            found = _highest(element, curve, outline, turn)
+        place[begin : begin + BLOCK] = found
+    if not np.isfinite(place).all():
+        where = np.degrees(angle[np.argmin(np.isfinite(place))])
+        raise ProfileError(
+            f"the follower passes the contour by at {where:.4g}°; allowed: a contour that its "
+            "path meets at every angle"
+        )
+    return element.lift_at(place)
+
+
+def _highest(
+    element: Element, curve: Curve, outline: ComplexArray, turn: ComplexArray
+) -> FloatArray:
+    """Place on the point of the contour that holds the follower up farthest, ``(k,)``."""
+    best = np.argmax(element.place_on(outline * turn), axis=1)
+    step = TURN / COARSE
+    middle, rows = best * step, np.arange(turn.size)
+    for _ in range(ROUNDS):
+        at = middle[:, None] + step * np.linspace(-1.0, 1.0, FINE)
+        places = element.place_on(curve(at % TURN) * turn)
+        best = np.argmax(places, axis=1)
+        middle, step = at[rows, best], 2.0 * step / (FINE - 1)
+    return np.asarray(places[rows, best])
+
+
+def _crossing(
+    element: GuidedCentre | SwungCentre, curve: Curve, outline: ComplexArray, turn: ComplexArray
+) -> FloatArray:
+    """Place on the farthest crossing of the point's path with the contour, ``(k,)``."""
+    points = outline * turn
+    right = element.beside(points) >= 0.0
+    crosses = right != np.roll(right, -1, axis=1)
+    best = np.argmax(np.where(crosses, element.place_on(points), -np.inf), axis=1)
+    rows = np.arange(turn.size)
+    low = best * (TURN / COARSE)
+    high, before = low + TURN / COARSE, right[rows, best]
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        same = (element.beside(curve(middle % TURN) * turn[:, 0]) >= 0.0) == before
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    place = element.place_on(curve(low % TURN) * turn[:, 0])
+    return np.where(crosses[rows, best], place, -np.inf)
+
+
+# Whether points are a closed contour in order: what a measurement of them would not show.
+
+#: A step from point to point beyond so many of the usual one is a gap. Contours written at equal
+#: steps of the cam angle stay below 2.
+WIDE = 10.0
+
+#: A contour of fewer points is a guess.
+FEWEST = 36
+
+
+def crossing(points: FloatArray) -> str | None:
+    """What is wrong with the order of ``(2, n)`` points (m), if the line through them crosses."""
+    if LinearRing(points.T).is_simple:
+        return None
+    return "the contour crosses itself; allowed: points in their order around the cam"
+
+
+def sparse(points: FloatArray) -> str | None:
+    """Whether ``(2, n)`` points are too few to tell a cam's shape between them."""
+    if points.shape[1] >= FEWEST:
+        return None
+    return (
+        f"{points.shape[1]} points; between them the contour is guessed, to a part of the lift; "
+        f"allowed: {FEWEST} or more"
+    )
+
+
+def gap(points: FloatArray) -> str | None:
+    """The widest step between ``(2, n)`` points (m), the last one to the first, if it is a gap."""
+    step = np.hypot(*(np.roll(points, -1, axis=1) - points))
+    usual, widest = float(np.median(step)), int(np.argmax(step))
+    if not step[widest] > WIDE * usual:
+        return None
+    follower = (widest + 1) % step.size + 1
+    return (
+        f"points {widest + 1} and {follower} are {step[widest] * 1e3:.4g} mm apart, the others "
+        f"{usual * 1e3:.4g} mm (median); between them the contour is guessed; allowed: a whole "
+        f"contour, no step above {WIDE:g} medians"
+    )
+
+
+# Play of a frame or a rocker that a cam moves both ways: whether both its elements touch.
+
+#: Points of a finished contour, and cam angles at which both elements are put on theirs.
+POINTS, READINGS = 3600, 360
+
+
+def play(
+    elements: tuple[Element, Element], curves: tuple[Curve, Curve], angle: FloatArray
+) -> FloatArray:
+    """How far (m of s) the follower can move between its two contacts at cam angles (rad).
+
+    The first element rests at the least displacement it is let down to, the second at the greatest
+    it is let up to. 0: both touch. Negative: the follower does not go between its cams.
+
+    Raises
+    ------
+    ProfileError : an element passes its contour by
+    """
+    low, high = (rest(one, curve, angle) for one, curve in zip(elements, curves, strict=True))
+    return high - low
+
+
+def pair(plates: tuple[Disc, ...]) -> tuple[Element, Element]:
+    """The two elements of a follower that its cam moves both ways.
+
+    Raises
+    ------
+    ProfileError : it has one
+    """
+    second = plates[0].opposite if len(plates) == 1 else plates[1].element
+    if second is None:
+        raise ProfileError("play of one element; allowed: a follower that its cam moves both ways")
+    return plates[0].element, second
+
+
+def closure(follower: Follower, law: Law) -> FloatArray:
+    """``(360,)`` play (m) over the turn of a follower on its finished contours.
+
+    The contours are splines through 3600 points: nothing of the law is used in the measurement.
+
+    Raises
+    ------
+    ProfileError, ReachError : a follower of one element, or one that does not reach
+    """
+    found = contours(follower, law, POINTS)
+    curves = [closed_curve(contour.points) for contour in found]
+    elements = pair(tuple(contour.disc for contour in found))
+    return play(elements, (curves[0], curves[-1]), turn_angles(READINGS))

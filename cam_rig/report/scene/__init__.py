@@ -1,1 +1,0 @@
-"""The page of one's own scene: its cams, its rig, its speeds."""

@@ -1,1 +1,0 @@
-"""The rig as other programs draw it: URDF, transforms, markers."""

@@ -1,0 +1,335 @@
+"""One run, and one recorder, in each namespace of a ROS domain: two would hear each other."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import re
+import shutil
+import signal
+import stat
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from cam_rig.errors import ConfigError, OutputError, RunError
+from cam_rig.files import MIB, no_room, temporary_place
+
+# Folders that are this user's alone, for locks and checkpoints of runs on one machine.
+
+
+def user_folder() -> Path:
+    """The user's runtime folder; without one, a folder of the user's own in the temporary place.
+
+    Raises
+    ------
+    OutputError : no place for it can be written, or another user was first
+    """
+    found = runtime_folder()
+    if found is not None:
+        return found
+    place = temporary_place()
+    own = place / f"cam_rig-{os.getuid()}"
+    try:
+        own.mkdir(mode=0o700, exist_ok=True)
+        if _is_private(own):
+            return own
+    except FileExistsError:  # not a folder
+        pass
+    except OSError as error:
+        raise no_room(place, error) from None
+    raise OutputError(
+        f"{own}: is not a folder of yours alone; remove it, or name another place in TMPDIR"
+    )
+
+
+def runtime_folder() -> Path | None:
+    """The folder of XDG_RUNTIME_DIR, if that is this user's alone and can be written."""
+    given = os.environ.get("XDG_RUNTIME_DIR", "")
+    path = Path(given)
+    try:
+        usable = path.is_absolute() and _is_private(path) and os.access(path, os.W_OK | os.X_OK)
+    except (OSError, ValueError):  # it is not there; it is not a path
+        return None
+    return path if usable else None
+
+
+def _is_private(folder: Path) -> bool:
+    """Whether it is a folder, not a link, that no other user may access."""
+    about = folder.lstat()
+    mine = about.st_uid == os.getuid() and not about.st_mode & 0o077
+    return mine and stat.S_ISDIR(about.st_mode)
+
+
+#: The greatest ROS domain, by the ports of DDS.
+MAX_DOMAIN = 232
+
+#: A number as ROS reads it: as in C, where a leading 0 makes it octal.
+NUMBER = re.compile(
+    r"\s*\+?(?:0[xX](?P<hex>[0-9a-fA-F]+)|0(?P<oct>[0-7]*)|(?P<dec>[1-9][0-9]*))", re.ASCII
+)
+
+#: Characters of such a number, at most.
+MAX_CHARACTERS = 64
+
+#: A namespace of ROS; a topic's name ends it, and may have 255 characters with it.
+NAMESPACE = re.compile(r"(/(?:_?[A-Za-z]|_[0-9])(?:_?[A-Za-z0-9])*_?)+", re.ASCII)
+
+MAX_NAMESPACE = 200
+
+#: What opening a file raises that is not this user's own: a link, a folder, another user's.
+FOREIGN = (errno.ELOOP, errno.EISDIR, errno.EACCES, errno.EPERM)
+
+
+@contextmanager
+def own_domain(namespace: str = "") -> Iterator[None]:
+    """Hold a namespace of this environment's ROS domain; the kernel releases it with the process.
+
+    Raises
+    ------
+    ConfigError : it is not a domain
+    RunError : another run on this machine holds it
+    OutputError : the lock cannot be written
+    """
+    with _only("domain", domain_number(os.environ.get("ROS_DOMAIN_ID", "")), namespace) as where:
+        if where:
+            raise RunError(
+                f"another run is active in {where}; allowed: one, so give this one a namespace "
+                "(--namespace /rig2), or set ROS_DOMAIN_ID to another number"
+            )
+        yield
+
+
+@contextmanager
+def own_recorder(domain: int, namespace: str) -> Iterator[None]:
+    """Be the one recorder of a rig: the drive waits for what it has written.
+
+    Raises
+    ------
+    ConfigError : the namespace is too long
+    RunError : another recorder on this machine is at work; it is not disturbed
+    OutputError : the lock cannot be written
+    """
+    with _only("recorder", domain, namespace_named(namespace)) as where:
+        if where:
+            raise RunError(
+                f"this rig has a recorder already, in {where}; allowed: one, as the drive waits "
+                "for what it has written; end it first, record the topics with ros2 bag record, or "
+                "set ROS_DOMAIN_ID to another number"
+            )
+        yield
+
+
+@contextmanager
+def _only(what: str, domain: int, namespace: str) -> Iterator[str]:
+    """Hold a lock of a rig; where another process has it, yields the rig's place in words."""
+    name = f"cam_rig-{what}-{domain}{namespace.replace('/', '-')}.lock"
+    with open(_lock(user_folder() / name), "rb") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            where = ""
+        except BlockingIOError:
+            where = f"ROS domain {domain}" + (f", namespace {namespace}" if namespace else "")
+        yield where
+
+
+def namespace_named(text: str) -> str:
+    """The namespace that a text names, with its slash: rig1 and /rig1 alike; empty for the root.
+
+    Raises
+    ------
+    ConfigError : ROS allows no such namespace
+    """
+    namespace = f"/{text.strip('/')}".rstrip("/")
+    if len(namespace) > MAX_NAMESPACE or (namespace and not NAMESPACE.fullmatch(namespace)):
+        raise ConfigError(
+            f"namespace: is {text[:80]!r}, {len(text)} characters; allowed: letters, digits, "
+            f"single _ and /, each part begins with a letter, {MAX_NAMESPACE} characters at most"
+        )
+    return namespace
+
+
+def domain_number(text: str) -> int:
+    """The ROS domain that a value of ROS_DOMAIN_ID stands for: 030 is 24, 0x10 is 16, none is 0.
+
+    Raises
+    ------
+    ConfigError : it is not a domain
+    """
+    found = NUMBER.fullmatch(text or "0") if len(text) <= MAX_CHARACTERS else None
+    if found is not None:
+        digits = [(found["hex"], 16), (found["oct"], 8), (found["dec"], 10)]
+        number = next((int(d or "0", base) for d, base in digits if d is not None), 0)
+        if number <= MAX_DOMAIN:
+            return number
+    raise ConfigError(f"ROS_DOMAIN_ID: is {text[:40]!r}; allowed: 0 to {MAX_DOMAIN}")
+
+
+def _lock(path: Path) -> int:
+    """The file, open: neither through a link nor waiting for the other end of a pipe.
+
+    Raises
+    ------
+    OutputError : it cannot be made, or is not a file of this user's
+    """
+    foreign = OutputError(f"{path}: is not a file of yours; remove it")
+    flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+    try:
+        lock = os.open(path, flags, 0o600)
+        about = os.fstat(lock)
+    except OSError as error:
+        raise (foreign if error.errno in FOREIGN else no_room(path.parent, error)) from None
+    if stat.S_ISREG(about.st_mode) and about.st_uid == os.getuid():
+        return lock
+    os.close(lock)
+    raise foreign
+
+
+# /dev/shm, where Fast DDS keeps its segments: room in it, and what killed nodes leave there.
+
+#: Bytes that must be free: a page for each lock of seven nodes, several times over.
+MIN_FREE = MIB
+
+REMEDY = "remove what fills it, or give a container more (docker run --shm-size=256m)"
+
+FOLDER = Path("/dev/shm")
+
+#: A segment or a port has a lock file beside it, which its owner holds until it ends.
+SEGMENT = re.compile(r"fastdds_(?:[0-9a-f]{16}|port\d{1,5})")
+
+LOCKS = ("_el", "_sl")
+
+#: Age (s) up to which a file may yet get its lock.
+LOCK_GRACE_S = 1.0
+
+
+def require_room(folder: Path = FOLDER) -> None:
+    """To be called before nodes are started; other systems keep shared memory elsewhere.
+
+    Raises
+    ------
+    OutputError : there is less than `MIN_FREE`
+    """
+    free = _free(folder)
+    if free is not None and free < MIN_FREE:
+        raise OutputError(
+            f"{folder}: has {free / 1024:.0f} KiB free; allowed: at least "
+            f"{MIN_FREE // 1024} KiB, so {REMEDY}"
+        )
+
+
+def why_killed(code: int, folder: Path = FOLDER) -> str:
+    """The meaning of the signal that ended a node, for the exit summary; empty where unknown."""
+    free = _free(folder)
+    if code != -signal.SIGBUS or free is None:
+        return ""
+    return f" (SIGBUS: {folder} was full, {free / 1024:.0f} KiB are free now; {REMEDY})"
+
+
+def _free(folder: Path) -> int | None:
+    """Bytes that this user may still write there; None where there is no such folder."""
+    try:
+        about = os.statvfs(folder)
+    except OSError:
+        return None
+    return about.f_bavail * about.f_frsize
+
+
+def clean(since: float, folder: Path = FOLDER) -> list[str]:
+    """Remove what ended processes of this user left since a time (s of the epoch); its names.
+
+    What a running process holds is locked, and stays: the same test as `fastdds shm clean` makes.
+    """
+    removed: list[str] = []
+    names = {path.name for path in folder.glob("fastdds_*")}
+    for name in sorted({name.removesuffix(LOCKS[0]).removesuffix(LOCKS[1]) for name in names}):
+        files = [folder / (name + end) for end in ("", *LOCKS)]
+        if SEGMENT.fullmatch(name) and _are_left([path for path in files if path.exists()], since):
+            for path in (*files, folder / f"sem.{name}_mutex"):
+                with suppress(OSError):
+                    path.unlink()
+                    removed.append(path.name)
+    return removed
+
+
+def _are_left(files: list[Path], since: float) -> bool:
+    """Whether files of this user, the newest made since a time, are not locked."""
+    try:
+        about = [path.stat() for path in files]
+        newest = max(one.st_mtime for one in about)
+        mine = all(one.st_uid == os.getuid() for one in about)
+        if not mine or not since - 1.0 < newest < time.time() - LOCK_GRACE_S:
+            return False
+        return not any(_is_held(path) for path in files if path.name.endswith(LOCKS))
+    except (OSError, ValueError):
+        return False
+
+
+def _is_held(lock: Path) -> bool:
+    with lock.open("rb") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
+
+
+# The folder of a run's checkpoints: in memory, of this user alone, removed with the run.
+
+PREFIX = "cam_rig-checkpoint-"
+
+
+class CheckpointFolder:
+    """A folder that nodes write to every tick.
+
+    The runner holds its lock until it ends, whatever ends it; so the next run recognises a folder
+    that a killed runner left, and removes it.
+
+    Raises
+    ------
+    OutputError : no place for it can be written
+    """
+
+    def __init__(self, place: Path | None = None) -> None:
+        place = place or _place()
+        _clear(place)
+        try:
+            self.path = Path(tempfile.mkdtemp(prefix=PREFIX, dir=place))
+        except OSError as error:
+            raise no_room(place, error) from None
+        self._lock = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY)
+        fcntl.flock(self._lock, fcntl.LOCK_EX)
+
+    def remove(self) -> None:
+        """Remove it."""
+        shutil.rmtree(self.path, ignore_errors=True)
+        os.close(self._lock)
+
+
+def _place() -> Path:
+    """In memory where there is such a place; a folder made there is this user's alone."""
+    shared = FOLDER if os.access(FOLDER, os.W_OK) else None
+    return runtime_folder() or shared or user_folder()
+
+
+def _clear(place: Path) -> None:
+    """Remove the folders of this user whose runner has ended."""
+    for folder in place.glob(f"{PREFIX}*"):
+        with suppress(OSError):  # another user's, or another run removes it now
+            if _is_left(folder):
+                shutil.rmtree(folder, ignore_errors=True)
+
+
+def _is_left(folder: Path) -> bool:
+    about = folder.lstat()
+    if about.st_uid != os.getuid() or about.st_mtime > time.time() - LOCK_GRACE_S:
+        return False  # one that was just made may yet get its lock
+    lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    finally:
+        os.close(lock)
+    return True

@@ -1,1 +1,0 @@
-"""Tables of readings as gauges, spreadsheets and people write them."""

@@ -1,1 +1,0 @@
-"""What a study file may hold: a design, a factorial, a campaign."""

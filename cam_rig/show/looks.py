@@ -1,0 +1,389 @@
+"""What a cam is drawn with: one colour, dash and marker by its name, in every picture.
+
+The look follows from the name alone, whatever else is in the picture. Shipped cams have their
+place in one table, where those that are shown together have different colours; so have the named
+rises, which look like the cam of their name. Any other name is hashed to a look that none of them
+has. Colours are Tol's "bright" scheme without its grey, with dark blue and dark red of his "dark"
+one, which the colour-blind tell apart; in grey, dash and marker do (Tol, Colour schemes, 2021).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+
+from cam_rig.show.tables import printed
+from cam_rig.units import FloatArray
+
+COLOURS = (
+    *(0x4477AAFF, 0xEE6677FF, 0x228833FF, 0xCCBB44FF, 0xAA3377FF, 0x66CCEEFF),
+    *(0x222255FF, 0x663333FF),
+)
+
+#: Offset, and ink and gap in line widths, as matplotlib has them; a marker for each dash.
+DASHES: tuple[Any, ...] = (
+    "-",
+    (0, (6, 2)),
+    (0, (5, 1.5, 1, 1.5)),
+    (0, (2, 1.2)),
+    (0, (9, 2, 1, 2, 1, 2)),
+    (0, (1, 1)),
+    (0, (12, 3)),
+    (0, (4, 1.2, 1, 1.2, 1, 1.2)),
+)
+
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+
+#: Shipped cams, then rises that no cam is named after. New ones go to the end: places are for ever.
+NAMES = (
+    *("bezier15", "poly345", "poly4567", "cycloidal", "tm21", "flat", "oscillating_flat"),
+    *("point", "arcs_convex", "arcs_straight", "arcs_centres", "gunt_gl110", "bezier_segments"),
+    *("b_spline", "measured", "modified_sine", "modified_trapezoid"),
+    *("half_rises", "trigonometric", "conjugate", "constant_breadth", "constant_diameter"),
+    *("eccentric_roller", "inclined_flat", "oscillating_conjugate", "oscillating_point"),
+    *("oscillating_roller", "worked_example_constant_velocity", "worked_example_harmonic"),
+    "worked_example_quintic",
+    *("constant_velocity", "simple_harmonic", "bezier9"),
+    *("bezier4_start", "bezier6_start", "bezier8_start"),
+    *("bezier4_end", "bezier6_end", "bezier8_end"),
+    "designed",
+)
+
+#: Places for shipped names, those to come among them: no look of one's own cam changes with them.
+PLACES = 48
+
+#: Rises that are the same curve as another.
+SAME = {"bezier5": "poly345", "bezier7": "poly4567"}
+
+
+@dataclass(frozen=True)
+class CamLook:
+    """How a cam is drawn.
+
+    Parameters
+    ----------
+    colour : 0xRRGGBBAA
+    dash : of `DASHES`
+    marker : of `MARKERS`, for points
+    marked : a line carries the marker too, for its dash is another cam's as well
+    """
+
+    colour: int
+    dash: Any
+    marker: str
+    marked: bool
+
+
+def cam_look(name: str) -> CamLook:
+    """The look of a cam or a named rise.
+
+    Of a name that is not in `NAMES` the colour is one of eight by its CRC-32, and dash and marker
+    are a pair that no name of the table has.
+
+    Examples
+    --------
+    >>> web(cam_look("bezier15").colour), web(cam_look("poly345").colour)
+    ('#4477aa', '#ee6677')
+    """
+    kinds, name = len(DASHES), SAME.get(name, name)
+    if name in NAMES:
+        place = NAMES.index(name)
+        colour = COLOURS[place % len(COLOURS)]
+    else:
+        free, code = kinds**2 - PLACES, crc32(name.encode())
+        place, colour = PLACES + code % free, COLOURS[code // free % len(COLOURS)]
+    marker = MARKERS[(place + place // kinds) % kinds]
+    return CamLook(colour, DASHES[place % kinds], marker, marked=place >= kinds)
+
+
+def of_cam(name: str) -> int:
+    """The colour of a cam, 0xRRGGBBAA."""
+    return cam_look(name).colour
+
+
+# The one palette of plots and viewer, 0xRRGGBBAA as Rerun has it.
+
+SKY_BLUE, BLUE, GREEN, PURPLE = 0x56B4E9FF, 0x0072B2FF, 0x009E73FF, 0xCC79A7FF
+
+ORANGE, VERMILION, BLACK, LIGHT_GREY = 0xE69F00FF, 0xD55E00FF, 0x000000FF, 0xCCCCCCFF
+
+LIFT, LAW, VELOCITY, ACCELERATION = SKY_BLUE, 0x00426BFF, GREEN, PURPLE
+
+FORCE, LANDING, LIFT_OFF, TWIST = ORANGE, VERMILION, 0x882255FF, 0x332288FF
+
+LEVEL, SPEED, BANDS = 0x117733FF, 0xAA4499FF, 0x44AA99FF
+
+GREY, FOLLOWER, GAP, ZERO = 0x999999FF, 0x8C6D31FF, 0xFF0000FF, 0x661100FF
+
+#: Behind curves, where the follower is off the cam.
+FLIGHT = 0xF2DADAFF
+
+#: On paper: s to s''', the discs of a cam, their pitch curve, and what may not be passed.
+DERIVATIVES = (BLUE, GREEN, VERMILION, BLACK)
+
+DISCS, PITCH_CURVE, LIMIT = (BLUE, VERMILION), GREEN, PURPLE
+
+
+def web(colour: int) -> str:
+    """The colour as ``#rrggbb``, without its opacity.
+
+    Examples
+    --------
+    >>> web(BLUE)
+    '#0072b2'
+    """
+    return f"#{colour >> 8:06x}"
+
+
+def tint(colour: int, share: float = 0.25) -> int:
+    """A colour as it is seen when so much of it lies on white, opaque.
+
+    Examples
+    --------
+    >>> web(tint(BLUE))
+    '#bfdcec'
+    """
+    parts = (colour >> shift & 255 for shift in (24, 16, 8))
+    mixed = bytes(round(255 + share * (part - 255)) for part in parts)
+    return int.from_bytes(mixed + b"\xff", "big")
+
+
+# Outlines in the plane, in mm, as lists of strips: circles, stems, faces, arms, bearings.
+
+#: mm in a metre.
+MM = 1e3
+
+
+def circle(radius: float, points: int = 96) -> FloatArray:
+    """``(points + 1, 2)`` closed circle about the origin; any unit."""
+    angle = np.linspace(0.0, 2.0 * np.pi, points + 1)
+    return radius * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def closed(points: FloatArray) -> FloatArray:
+    """``(n + 1, 2)``: the ``(n, 2)`` points of an outline with the first again at the end."""
+    return np.vstack([points, points[:1]])
+
+
+def stem(half: float, foot: float, top: float) -> FloatArray:
+    """``(5, 2)`` box around the y axis from ``foot`` to ``top``; any unit."""
+    return np.array([[-half, top], [-half, foot], [half, foot], [half, top], [-half, top]])
+
+
+def tip(half: float, height: float) -> FloatArray:
+    """``(3, 2)`` knife edge that ends in the origin; any unit."""
+    return np.array([[-half, height], [0.0, 0.0], [half, height]])
+
+
+def bearing(centre: float, inner: float, outer: float, low: float, high: float) -> list[FloatArray]:
+    """Two boxes on either side of x = ``centre``: a guide; any unit."""
+    right = np.array([[inner, low], [outer, low], [outer, high], [inner, high], [inner, low]])
+    middle = np.array([centre, 0.0])
+    return [middle + right, middle + right * (-1.0, 1.0)]
+
+
+def turned(points: FloatArray, angle: float) -> FloatArray:
+    """``(n, 2)`` points of the cam, turned from its own frame into the rig's at cam angle (rad).
+
+    In its own frame the cam sees its follower towards (sin θ, cos θ); in the rig's it is on +y.
+    """
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.asarray(points @ np.array([[cosine, sine], [-sine, cosine]]))
+
+
+def distances(points: FloatArray, strip: FloatArray) -> FloatArray:
+    """``(n,)`` distances of ``(n, 2)`` points from a strip ``(m, 2)`` of lines.
+
+    Examples
+    --------
+    >>> distances(np.array([[0.5, 2.0], [4.0, 4.0]]), np.array([[0.0, 0.0], [1.0, 0.0]])).tolist()
+    [2.0, 5.0]
+    """
+    begin, along = strip[:-1], np.diff(strip, axis=0)
+    length = np.maximum(np.sum(along**2, axis=1), np.finfo(float).tiny)
+    to = points[:, None] - begin
+    share = (np.sum(to * along, axis=2) / length).clip(0.0, 1.0)
+    away = to - share[:, :, None] * along
+    return np.asarray(np.hypot(away[:, :, 0], away[:, :, 1]).min(axis=1))
+
+
+# A cam as an instrument: a ring of degrees around it, which way it turns, its body filled.
+
+#: Degrees from number to number, and from tick to tick.
+NUMBERED, TICKED = 30, 10
+
+#: Radii as shares of the ring's: ends of a short and a long tick, middle of a number.
+SHORT, LONG, NUMBER = 1.03, 1.07, 1.17
+
+#: The arc that says which way the cam turns, °, and its arrow's head over its radius.
+ARC, BARB = (150.0, 390.0), 0.28
+
+
+def ring(radius: float) -> list[FloatArray]:
+    """Strips of a ring with a tick every 10°, longer every 30°."""
+    ticks = []
+    for degrees in range(0, 360, TICKED):
+        outer = SHORT if degrees % NUMBERED else LONG
+        ticks.append(np.outer([radius, outer * radius], _towards(degrees)))
+    return [circle(radius), *ticks]
+
+
+def ring_numbers(radius: float) -> tuple[FloatArray, list[str]]:
+    """``(11, 2)`` middles of the numbers, and the numbers, but 0, where the follower is."""
+    degrees = range(NUMBERED, 360, NUMBERED)
+    places = np.array([_towards(at) for at in degrees]) * NUMBER * radius
+    return places, [f"{at}" for at in degrees]
+
+
+def rotation(radius: float) -> list[FloatArray]:
+    """Strips of an arrow along an arc: counterclockwise, as the cam turns."""
+    angle = np.radians(np.linspace(*ARC, 49))
+    arc = radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    back, out = arc[-1] - arc[-4], arc[-1] / radius
+    back = -back / math.hypot(*back)
+    barbs = [arc[-1] + BARB * radius * (back + side * 0.6 * out) for side in (1.0, -1.0)]
+    return [arc, np.array([barbs[0], arc[-1], barbs[1]])]
+
+
+def body(outline: FloatArray, shells: int = 6, points: int = 60) -> tuple[list[FloatArray], float]:
+    """Closed strips within an outline around the origin, and the radius that makes them fill it.
+
+    Parameters
+    ----------
+    outline : ``(n, 2)``, closed, seen whole from the origin as a cam is
+    points : of a strip; wide lines are what a browser without a graphics card is slow at
+
+    Returns
+    -------
+    strips ``(n, 2)`` from the inside, and half of their width
+    """
+    outline = outline[np.linspace(0, len(outline) - 1, points + 1).astype(int)]
+    radii = np.hypot(*outline.T)
+    half = float(radii.max()) / (2.0 * shells)
+    inner = outline * ((radii - half) / radii)[:, None]
+    return [inner * (i + 0.5) / (shells - 0.5) for i in range(shells)], 1.08 * half
+
+
+def _towards(degrees: float) -> FloatArray:
+    """Where a degree of the ring is: 0 up, then counterclockwise."""
+    angle = math.radians(degrees)
+    return np.array([-math.sin(angle), math.cos(angle)])
+
+
+# How large a difference is drawn: what only rounding makes is drawn as none, and called so.
+
+#: Differences smaller than this, in µm and N, are of rounding: no bench has such gauges.
+LEAST_DIFFERENCE = 1e-3
+
+#: What is written where there is no other, and how far (µm, N) the axis goes there.
+EQUAL, EQUAL_REACH = "equal to rounding", 1.0
+
+
+def is_rounding(largest: float) -> bool:
+    """Whether a largest difference (µm, N) is only of rounding."""
+    return largest < LEAST_DIFFERENCE
+
+
+def reach(largest: float) -> float:
+    """How far to both sides of zero an axis goes for a largest difference (µm, N).
+
+    Examples
+    --------
+    >>> reach(20.0), reach(5e-9)
+    (23.0, 1.0)
+    """
+    return EQUAL_REACH if is_rounding(largest) else 1.15 * largest
+
+
+# What is written in pictures: names in words, powers of ten typeset, a true minus.
+
+#: Names that are more than words and digits.
+_POLYNOMIAL, _BEZIER = re.compile(r"poly(\d+)"), re.compile(r"bezier(\d+)(.*)")
+
+#: Letters of a cam's title in a legend or over a panel, at most.
+LONGEST_TITLE = 28
+
+#: Powers of ten from and to which a number is written out.
+PLAIN = (-3, 3)
+
+
+def in_words(name: str) -> str:
+    """The name of a cam, rise or rig in words, where its title is not at hand.
+
+    Examples
+    --------
+    >>> [in_words(name) for name in ("poly345", "bezier15", "bezier4_start", "tm21", "my_cam")]
+    ['Polynomial 3-4-5', 'Bézier degree 15', 'Bézier degree 4, start', 'TM21', 'My cam']
+    """
+    if found := _POLYNOMIAL.fullmatch(name):
+        return f"Polynomial {'-'.join(found[1])}"
+    if found := _BEZIER.fullmatch(name):
+        return f"Bézier degree {found[1]}{found[2].replace('_', ', ')}"
+    words = [_word(word) for word in name.split("_")]
+    return " ".join([words[0][:1].upper() + words[0][1:], *words[1:]])
+
+
+def shortened(title: str, longest: int) -> str:
+    """A title of so many letters at the most: of a long one its beginning and its end.
+
+    Examples
+    --------
+    >>> shortened("Polynomial 3-4-5", 16), shortened("Cam of the left inlet valve, v2", 16)
+    ('Polynomial 3-4-5', 'Cam of t…lve, v2')
+    """
+    if len(title) <= longest:
+        return title
+    half = longest // 2
+    return f"{title[:half].rstrip()}…{title[1 - half :].lstrip()}"
+
+
+def title_of(titles: Mapping[str, str], cam: str) -> str:
+    """A cam's title, as `short`; its name in words where there is none."""
+    return short(titles.get(cam) or in_words(cam))
+
+
+def short(title: str) -> str:
+    """A title that a legend has room for."""
+    return shortened(title, LONGEST_TITLE)
+
+
+def four_digits(value: float) -> str:
+    """A number of four significant digits, written out.
+
+    Examples
+    --------
+    >>> four_digits(28706.4), four_digits(117.04), four_digits(-0.25)
+    ('28710', '117', '−0.25')
+    """
+    shown = f"{value:.4g}"
+    return (f"{float(shown):.0f}" if "e+" in shown else shown).replace("-", "−")
+
+
+def log_tick(value: float) -> str:
+    """What a tick of a logarithmic axis is called.
+
+    Examples
+    --------
+    >>> [log_tick(value) for value in (0.03, 300.0, 1e6, 3e-9)]
+    ['0.03', '300', '10⁶', '3·10⁻⁹']
+    """
+    if value <= 0.0:
+        return ""
+    power = math.floor(math.log10(value) + 1e-9)
+    if PLAIN[0] <= power <= PLAIN[1]:
+        return f"{value:g}"
+    return printed(float(f"{value:.0e}"), ".0e")
+
+
+def _word(word: str) -> str:
+    """Short letters with digits are a code, TM21; a word with digits is one with a number."""
+    found = re.fullmatch(r"([a-z]+)(\d+)", word)
+    if found is None:
+        return word
+    return word.upper() if len(found[1]) <= 3 else f"{found[1]} {found[2]}"

@@ -1,0 +1,230 @@
+"""A table as data: headings, units, cells and footnotes stand once; who shows it renders it.
+
+A study builds its tables in its own ``tables.py``; the terminal, the report's pages and CSV take
+headings and cells from there.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+import textwrap
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TypeVar
+
+Item = TypeVar("Item")
+
+#: Characters of a line of Markdown outside a table.
+MARKDOWN_WIDTH = 100
+
+#: Significant digits of a number that was found, on a page.
+DIGITS = 4
+
+#: Text, a number in the unit of its column, or nothing.
+Cell = str | float | None
+
+#: A minus before a number, which is no hyphen of a word; a number with an exponent.
+_MINUS = re.compile(r"(?<![\w)\]-])-(?=\.?\d)")
+
+_POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)(?!\w)")
+
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+@dataclass(frozen=True)
+class Column:
+    """A heading, the unit of the numbers under it, and how they are shown.
+
+    Parameters
+    ----------
+    shown : format of a number, such as ".2f"; empty for a column of text
+    missing : what stands where there is nothing
+
+    Examples
+    --------
+    >>> Column("jump speed", "rpm", ".1f").text(413.4426)
+    '413.4'
+    """
+
+    heading: str
+    unit: str = ""
+    shown: str = ""
+    missing: str = ""
+
+    @property
+    def title(self) -> str:
+        """The heading with its unit: ``time [s]``."""
+        return f"{self.heading} [{self.unit}]" if self.unit else self.heading
+
+    def text(self, cell: Cell) -> str:
+        """A cell as it is shown."""
+        if cell is None:
+            return self.missing
+        return cell if isinstance(cell, str) else number(cell, self.shown)
+
+    def printed(self, cell: Cell) -> str:
+        """A cell as a page has it: typeset, of four digits at most where decimals are asked for.
+
+        A format of significant digits, such as ".6g", stands: it is of what was set, not found.
+
+        Examples
+        --------
+        >>> [Column("force", "N", "+.2f").printed(value) for value in (-413.4426, 28706.4, 0.0)]
+        ['−413.4', '+28710', '+0.00']
+        """
+        text = self.text(cell)
+        if isinstance(cell, float) and math.isfinite(cell) and self.shown.endswith("f"):
+            whole, _, decimals = text.lstrip("+-").partition(".")
+            kept = max(0, DIGITS - len(whole))
+            if whole != "0" and len(decimals) > kept:
+                rounded = float(f"{cell:.{DIGITS}g}")
+                text = f"{rounded:{self.shown[: self.shown.index('.')]}.{kept}f}"
+        return typeset(text)
+
+
+def typeset(text: str) -> str:
+    """A text as it is printed: a true minus, powers of ten raised.
+
+    Examples
+    --------
+    >>> typeset("-0.25 to 3.3e8, 1e-09 on bezier-15")
+    '−0.25 to 3.3·10⁸, 10⁻⁹ on bezier-15'
+    """
+    return _MINUS.sub("−", _POWER.sub(_power, text))
+
+
+def _power(found: re.Match[str]) -> str:
+    factor = "" if found[1] == "1" else f"{found[1]}·"
+    return f"{factor}10{str(int(found[2])).translate(_RAISED)}"
+
+
+def printed(value: float, shown: str = ".6g") -> str:
+    """A number in a sentence or a picture.
+
+    Examples
+    --------
+    >>> printed(-0.25), printed(3.3e8)
+    ('−0.25', '3.3·10⁸')
+    """
+    return typeset(number(value, shown))
+
+
+def number(value: float, shown: str = ".6g") -> str:
+    """A number by a format, with no idle characters in its exponent: 1.26e6, 9.9e-5.
+
+    Examples
+    --------
+    >>> number(3.3e8)
+    '3.3e8'
+    """
+    mantissa, mark, exponent = format(value, shown).partition("e")
+    return f"{mantissa}e{int(exponent)}" if mark else mantissa
+
+
+def counted(count: int, what: str) -> str:
+    """A count and what is counted, in the singular or the plural.
+
+    Examples
+    --------
+    >>> counted(1, "point"), counted(64, "point")
+    ('1 point', '64 points')
+    >>> counted(2, "process")
+    '2 processes'
+    """
+    plural = "es" if what.endswith("s") else "s"
+    return f"{count} {what}{'' if count == 1 else plural}"
+
+
+@dataclass(frozen=True)
+class DataTable:
+    """Caption, columns, rows of cells, and footnotes."""
+
+    caption: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def texts(self) -> list[list[str]]:
+        """The rows as they are shown."""
+        return [
+            [column.text(cell) for column, cell in zip(self.columns, row, strict=True)]
+            for row in self.rows
+        ]
+
+    @property
+    def printed(self) -> list[list[str]]:
+        """The rows as a page has them."""
+        return [
+            [column.printed(cell) for column, cell in zip(self.columns, row, strict=True)]
+            for row in self.rows
+        ]
+
+
+def tabulate(
+    caption: str,
+    items: Iterable[Item],
+    fields: Iterable[tuple[Column, Callable[[Item], Cell]]],
+    *notes: str,
+) -> DataTable:
+    """Build a table of one row per item, each column beside what it takes from an item.
+
+    A column in which nothing stands is left out, and so is an empty note.
+
+    Examples
+    --------
+    >>> fields = ((Column("cam"), str), (Column("letters", "1", "d"), len))
+    >>> tabulate("Names", ["a", "bc"], fields).rows
+    (('a', 1), ('bc', 2))
+    """
+    columns, takes = zip(*fields, strict=True)
+    rows = [[take(item) for take in takes] for item in items]
+    kept = [i for i in range(len(columns)) if any(row[i] not in (None, "") for row in rows)]
+    return DataTable(
+        caption,
+        tuple(columns[i] for i in kept),
+        tuple(tuple(row[i] for i in kept) for row in rows),
+        tuple(note for note in notes if note),
+    )
+
+
+def to_csv(tables: Iterable[DataTable]) -> str:
+    """Tables one under another: caption, headings with units, all digits of the numbers."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    for i, table in enumerate(tables):
+        if i:
+            writer.writerow([])
+        writer.writerow([table.caption])
+        writer.writerow([column.title for column in table.columns])
+        writer.writerows(table.rows)
+    return out.getvalue()
+
+
+def to_markdown(table: DataTable, name: str = "") -> str:
+    """Caption, table and notes, with a blank line between them and none at the end.
+
+    Parameters
+    ----------
+    name : before the caption, as "Table 3. "
+
+    Examples
+    --------
+    >>> columns = (Column("cam"), Column("n", "rpm", "d"))
+    >>> print(to_markdown(DataTable("Speeds", columns, (("a", 9),))))
+    **Speeds**
+    <BLANKLINE>
+    | cam | n [rpm] |
+    | --- | ---: |
+    | a | 9 |
+    """
+    ruler = ["---:" if column.shown else "---" for column in table.columns]
+    lines = [[typeset(column.title) for column in table.columns], ruler, *table.printed]
+    rows = "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    notes = (
+        textwrap.fill(typeset(note), MARKDOWN_WIDTH, break_on_hyphens=False) for note in table.notes
+    )
+    return "\n\n".join((f"**{name}{typeset(table.caption)}**", rows, *notes))

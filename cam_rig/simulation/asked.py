@@ -1,0 +1,93 @@
+"""The cams that a study is asked for, and the rig they turn on: named, or those of a scene."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cam_rig.schema.load import cam_path, one_scene, rig_beside, rig_path, scene_path, tables_path
+from cam_rig.show.command import say
+
+if TYPE_CHECKING:
+    from cam_rig.laws.cam import CamSet
+    from cam_rig.simulation.scene import LoadedScene
+
+#: Rigs that are named, at most.
+MOST_NAMED = 5
+
+#: The rig of cams that are named without one.
+RIG = "paper_table2"
+
+
+def asked_cams(names: list[str] | None, rig: str | None) -> CamSet:
+    """Cams by file or name on a rig, or one scene's cams on its rig.
+
+    Parameters
+    ----------
+    names : of cams, or of one scene; None for the cams of Table 2
+    rig : file or name; None for the scene's, the only one beside the cams, or `RIG`
+
+    Raises
+    ------
+    ConfigError, LawError : one line that names the file and what is wrong in it
+    """
+    from cam_rig.laws.cam import CamSet, open_cam_set
+    from cam_rig.schema import load_tables
+
+    if (scene := one_scene(names)) is not None:
+        loaded = asked_scene(scene, rig)
+        return CamSet(loaded.cams, loaded.laws, loaded.rig)
+    cams = names or list(load_tables(tables_path()).table_2_jump)
+    file = rig_path(rig) if rig else _rig_beside([cam_path(cam) for cam in cams])
+    return open_cam_set(map(cam_path, cams), file)
+
+
+def _rig_beside(cams: list[Path]) -> Path:
+    """The only rig beside cams of one's own, else `RIG`; which one it is, and why, is said."""
+    from cam_rig.schema.load import config_root
+
+    own = [cam for cam in cams if not cam.resolve().is_relative_to(config_root().resolve())]
+    if not own:
+        return rig_path(RIG)
+    folders = sorted({cam.parent.parent / "rigs" for cam in own})
+    found = [file for folder in folders for file in sorted(folder.glob("*.yaml"))]
+    if len(found) == 1:
+        say(f"rig {found[0]}, the only one beside the cam; --rig takes another")
+        return found[0]
+    there = ", ".join(map(str, found[:MOST_NAMED])) or "no rig"
+    say(f"rig {RIG}, the paper's: beside the cam there is {there}; --rig takes another")
+    return rig_path(RIG)
+
+
+def asked_scene(scene: str, rig: str | None) -> LoadedScene:
+    """A scene by file or name, on its rig or on another.
+
+    Parameters
+    ----------
+    rig : file, or name beside the scene or in config; None for the scene's own
+
+    Raises
+    ------
+    ConfigError, LawError : one line that names the file and what is wrong in it
+    """
+    from cam_rig.schema import load_rig
+    from cam_rig.simulation.scene import open_scene
+
+    path = scene_path(scene)
+    loaded = open_scene(path)
+    if rig is None:
+        return loaded
+    file = rig_beside(rig, path)
+    return replace(loaded, rig=load_rig(file), rig_file=file)
+
+
+def scene_speeds(scene: str, most: int) -> list[float]:
+    """So many of a scene's speeds (rpm) at most, the slowest and the fastest among them."""
+    from cam_rig.schema import load_scene
+    from cam_rig.units import to_rpm
+
+    given = load_scene(scene_path(scene)).program.speeds.si_list
+    speeds = sorted({round(to_rpm(speed), 9) for speed in given})
+    step = max(1.0, (len(speeds) - 1) / (most - 1))
+    return [speeds[round(i * step)] for i in range(min(most, len(speeds)))]

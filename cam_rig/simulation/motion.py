@@ -1,0 +1,207 @@
+"""One cam on one rig at one speed: samples of the follower's motion, and its events."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from cam_rig.arguments import checked
+from cam_rig.dynamics import MODELS, Block, Event
+from cam_rig.dynamics.interval import NamedRows
+from cam_rig.errors import ConfigError
+from cam_rig.extras import libraries_named
+from cam_rig.laws import Law
+from cam_rig.schema import RigConfig, SceneConfig
+from cam_rig.schema.explain import explain
+from cam_rig.show.result import shown
+from cam_rig.simulation.schedule import cam_states
+from cam_rig.simulation.simulate import FollowerSimulator
+from cam_rig.units import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+#: Samples of one motion at most: 1 GB.
+MAX_TOTAL_SAMPLES = 20_000_000
+
+#: What the law is called in its scene.
+CAM = "cam"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FollowerMotion(NamedRows):
+    """What the follower did: samples ``(n,)`` by name, read-only, and events.
+
+    ``time`` (s), ``lift`` (m), ``velocity`` (m/s), ``acceleration`` (m/s²), ``force`` (contact
+    force, N), ``impulse`` (of the landings since the sample before, N·s), ``angle`` (rad).
+
+    Parameters
+    ----------
+    law, rig : what was simulated
+    scene : the same as a scene: model, speed, turns, sample rate
+    rows : ``(6, n)`` all samples
+    blocks : the samples of each turn, views of ``rows``, with their intervals and events
+    """
+
+    law: Law
+    rig: RigConfig
+    scene: SceneConfig
+    rows: FloatArray
+    blocks: tuple[Block, ...]
+
+    @cached_property
+    def angle(self) -> FloatArray:
+        """``(n,)`` cam angle with all its turns, rad."""
+        rate = int(self.scene.sample_rate.si)
+        intervals = [block.interval for block in self.blocks]
+        found = np.concatenate([i.unwrapped(i.grid(rate).since_start()) for i in intervals])
+        found.setflags(write=False)
+        return found
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """Lift-offs and landings in order: ``kind``, ``time`` (s), ``angle`` (rad), ``impulse``."""
+        return tuple(event for block in self.blocks for event in block.events)
+
+    @property
+    def rpm(self) -> float:
+        """Cam speed, rpm."""
+        return self.scene.program.speeds.numbers[0]
+
+    def __repr__(self) -> str:
+        what = f"{self.law.name} on {self.rig.name}, {self.scene.model}, {self.rpm:g} rpm"
+        return f"FollowerMotion({what}: {self.time.size} samples, {len(self.events)} events)"
+
+    def to_pandas(self) -> DataFrame:
+        """The samples as a table with a column each, its unit in its name.
+
+        Raises
+        ------
+        MissingLibraryError : pandas is not installed
+        """
+        with libraries_named():
+            from pandas import DataFrame
+        return DataFrame(
+            {
+                "time_s": self.time,
+                "angle_rad": self.angle,
+                "lift_m": self.lift,
+                "velocity_m_s": self.velocity,
+                "acceleration_m_s2": self.acceleration,
+                "force_N": self.force,
+                "impulse_N_s": self.impulse,
+            }
+        )
+
+    def plot(self) -> Figure:
+        """Lift and contact force over time; flights of the follower are shaded.
+
+        Raises
+        ------
+        MissingLibraryError : matplotlib is not installed
+        """
+        with libraries_named():
+            from cam_rig.simulation.figures import motion_figure as figure
+        return shown(figure(self, self.law(self.angle), f"{self.law.name} at {self.rpm:g} rpm"))
+
+
+@checked
+def simulate(
+    law: Law,
+    rig: RigConfig,
+    *,
+    model: str = "one_mass",
+    rpm: float,
+    turns: int = 3,
+    sample_rate: int = 48_000,
+    ramp: float | None = None,
+) -> FollowerMotion:
+    """Turn a cam under a follower at one speed.
+
+    Every model is exact between its events, so ``sample_rate`` only says how often one looks.
+
+    Parameters
+    ----------
+    law : of `build_law`, or one's own `Law`
+    model : ``one_mass`` (rigid; lifts off and lands), ``two_mass`` (eq. 14-19 of the paper),
+        ``elastic_stem`` (eq. 5, always in contact), ``kinetostatic`` (no vibration, no loss of
+        contact), ``torsional`` (eq. 10, elastic shaft)
+    rpm : cam speed, rpm
+    turns : whole turns at that speed
+    sample_rate : Hz
+    ramp : s, in which the cam is first brought to speed evenly from rest; None begins at speed
+
+    Raises
+    ------
+    ConfigError : an argument is out of range, or the rig lacks a number that the model needs
+    DynamicsError : a law that the model cannot take
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> law = cam_rig.build_law(cam_rig.load_cam("poly345"))
+    >>> rig = cam_rig.load_rig("paper_table2")
+    >>> motion = cam_rig.simulate(law, rig, model="two_mass", rpm=450, turns=3, sample_rate=48_000)
+    >>> motion.time.shape, round(float(motion.lift.max()) * 1e3, 2)  # mm
+    ((19200,), 50.0)
+    >>> [event.kind for event in motion.events][:2]
+    ['lift-off', 'landing']
+    """
+    scene = _scene(rig, model, rpm, turns, sample_rate, ramp)
+    _require_room(rpm, turns, sample_rate)
+    chosen = MODELS[scene.model]
+    simulator = FollowerSimulator(chosen, chosen.parameters(rig), sample_rate, {CAM: law})
+    turned = (simulator.turn_to(state) for state in cam_states(scene))
+    blocks = [block for _, block in filter(None, turned)]
+    rows = np.hstack([block.rows for block in blocks])
+    rows.setflags(write=False)
+    ends = np.cumsum([block.rows.shape[1] for block in blocks])
+    views = np.split(rows, ends[:-1], axis=1)
+    kept = (replace(block, rows=view) for block, view in zip(blocks, views, strict=True))
+    return FollowerMotion(law, rig, scene, rows, tuple(kept))
+
+
+def _require_room(rpm: float, turns: int, sample_rate: int) -> None:
+    """Refuse more samples than fit into memory."""
+    count = turns * 60.0 / rpm * sample_rate
+    if count > MAX_TOTAL_SAMPLES:
+        raise ConfigError(
+            f"turns: {turns} at {rpm:g} rpm and {sample_rate} Hz make {count:.3g} samples; "
+            f"allowed: {MAX_TOTAL_SAMPLES:g}, so take fewer turns or a lower sample_rate"
+        )
+
+
+def _scene(
+    rig: RigConfig, model: str, rpm: float, turns: int, sample_rate: int, ramp: float | None
+) -> SceneConfig:
+    """The arguments as a scene of one cam and one speed, checked like a scene's file."""
+    program: dict[str, Any] = {
+        "speeds": _number([rpm], "rpm"),
+        "turns": _number(turns, "turns"),
+        "settle_turns": _number(0, "turns"),
+    }
+    if ramp is not None:
+        program["ramp"] = _number(ramp, "s")
+    data = {
+        "name": CAM,
+        "title": CAM,
+        "cams": [CAM],
+        "rig": rig.name,
+        "model": model,
+        "sample_rate": _number(sample_rate, "Hz"),
+        "program": program,
+    }
+    try:
+        return SceneConfig.model_validate(data)
+    except ValidationError as error:
+        words = explain(error, SceneConfig).replace("program.speeds", "rpm")
+        raise ConfigError(f"simulate: {words.replace('program.', '')}") from None
+
+
+def _number(value: object, unit: str) -> dict[str, object]:
+    return {"assumed": value, "unit": unit, "source": "argument of simulate"}

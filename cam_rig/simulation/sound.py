@@ -1,0 +1,247 @@
+"""The sound level of a simulated motion, by the same microphone as in a scene."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cam_rig.acoustics import RadiationParameters, Reading, SoundLevelMeter, SoundSource, level_db
+from cam_rig.acoustics.pressure import SourceState
+from cam_rig.acoustics.sound_level_meter import MeterState
+from cam_rig.arguments import checked
+from cam_rig.dynamics import MODELS, Samples
+from cam_rig.errors import ConfigError
+from cam_rig.extras import libraries_named
+from cam_rig.schema import SceneConfig
+from cam_rig.show.result import shown
+from cam_rig.simulation.motion import CAM, FollowerMotion
+from cam_rig.simulation.scene import LoadedScene, is_calibrated
+from cam_rig.simulation.schedule import CamState, cam_states
+from cam_rig.simulation.simulate import (
+    FollowerSimulator,
+    MeasuredTick,
+    MicrophoneSimulator,
+    step_levels,
+)
+from cam_rig.units import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+
+@dataclass(frozen=True, eq=False)
+class SoundLevel:
+    """Sound pressure level in dB re 20 µPa, unweighted.
+
+    Parameters
+    ----------
+    rpm : cam speed, rpm
+    level_db : over the settled turns
+    by_turn : ``(n,)`` dB of every turn at that speed, those left out too
+    settle_turns : turns left out at the beginning
+    calibrated_on : the cam to whose measured levels the rig's acoustic constants were fitted;
+        empty when they are assumed, or were fitted with another follower or model: the level is
+        then relative, good for comparisons alone
+    """
+
+    rpm: float
+    level_db: float
+    by_turn: FloatArray
+    settle_turns: int
+    calibrated_on: str
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether the level itself means something, and not only its difference to another."""
+        return bool(self.calibrated_on)
+
+    def __str__(self) -> str:
+        worth = (
+            f"calibrated on {self.calibrated_on}" if self.calibrated else "relative: uncalibrated"
+        )
+        return f"{self.level_db:.1f} dB at {self.rpm:g} rpm ({worth})"
+
+    def to_pandas(self) -> DataFrame:
+        """A row each turn.
+
+        Raises
+        ------
+        MissingLibraryError : pandas is not installed
+        """
+        with libraries_named():
+            from pandas import DataFrame
+        turn = np.arange(1, self.by_turn.size + 1)
+        settled = turn > self.settle_turns
+        return DataFrame({"turn": turn, "level_db": self.by_turn, "settled": settled})
+
+    def plot(self) -> Figure:
+        """The level (dB) turn by turn, and that of the settled ones.
+
+        Raises
+        ------
+        MissingLibraryError : matplotlib is not installed
+        """
+        with libraries_named():
+            from cam_rig.simulation.figures import turn_by_turn
+        return shown(turn_by_turn(self.by_turn, self.settle_turns, self.level_db, str(self)))
+
+
+@checked
+def sound_level(motion: FollowerMotion, *, settle_turns: int = 1) -> SoundLevel:
+    """The level that the rig's microphone measures of a motion, as in a scene of the same speed.
+
+    Parameters
+    ----------
+    motion : of `simulate`
+    settle_turns : turns left out at the beginning, fewer than the motion has
+
+    Raises
+    ------
+    ConfigError : no turn is left
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> law = cam_rig.build_law(cam_rig.load_cam("poly345"))
+    >>> motion = cam_rig.simulate(law, cam_rig.load_rig("tm21"), rpm=300, turns=4)
+    >>> print(cam_rig.sound_level(motion))
+    83.7 dB at 300 rpm (calibrated on poly345)
+    """
+    ticks = [tick for tick in _measured_ticks(motion) if tick.steady]
+    if not 0 <= settle_turns < len(ticks):
+        raise ConfigError(
+            f"settle_turns: {settle_turns!r}; allowed: 0 to {len(ticks) - 1}, fewer than the "
+            f"{len(ticks)} turns of the motion"
+        )
+    found = step_levels(ticks, settle_turns)[CAM]
+    by_turn = level_db(np.array([tick.pressure for tick in ticks]))
+    by_turn.setflags(write=False)
+    level = found[ticks[0].start.speed]
+    return SoundLevel(motion.rpm, level, by_turn, settle_turns, _calibrated_on(motion))
+
+
+def _measured_ticks(motion: FollowerMotion) -> list[MeasuredTick]:
+    """Each turn as the microphone measures it."""
+    radiation = RadiationParameters.from_rig(motion.rig, lands=MODELS[motion.scene.model].lifts_off)
+    microphone = MicrophoneSimulator(radiation, int(motion.scene.sample_rate.si))
+    measured = []
+    for block in motion.blocks:
+        i = block.interval
+        pressure = microphone.listen(block.rows, i.mean_speed)
+        start = CamState(i.start_ns, i.angle, i.speed, CAM, i.turns)
+        count = block.rows.shape[1]
+        measured.append(MeasuredTick(start, i.stop_ns, pressure, count, i.acceleration == 0.0))
+    return measured
+
+
+def _calibrated_on(motion: FollowerMotion) -> str:
+    """The cam that the rig's sound was fitted to; empty where that fit says nothing."""
+    if not MODELS[motion.scene.model].lifts_off and bool((motion.force < 0.0).any()):
+        return ""  # contact would be lost
+    fitted = is_calibrated(motion.rig, motion.scene.model)
+    return (motion.rig.calibrated_on or "measured levels") if fitted else ""
+
+
+# What stands before the follower to listen: blocks of a run in, meter readings or sound out.
+
+
+@dataclass(frozen=True, eq=False)
+class MeterSimulatorState:
+    """The state of sound source and meter, and what is read next, as LZF."""
+
+    source: SourceState
+    meter: MeterState
+    next: str
+
+
+@dataclass
+class MeterSimulator:
+    """The sound of a scene at a sound-level meter. Used by the node too.
+
+    Another weighting begins a new measurement with the next block; the sound goes on. One that was
+    changed and changed back between two blocks changes nothing, as it could not be repeated.
+    """
+
+    source: SoundSource
+    meter: SoundLevelMeter = field(init=False)
+    _next: SoundLevelMeter = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.meter = self._next = SoundLevelMeter(self.source.rate)
+
+    @classmethod
+    def of(cls, loaded: LoadedScene) -> MeterSimulator:
+        """The meter of a scene."""
+        return cls(SoundSource(loaded.radiation, int(loaded.scene.sample_rate.si)))
+
+    @property
+    def quantity(self) -> str:
+        """What is read next, as IEC 61672-1 writes it: LZF, LAS."""
+        return self._next.quantity
+
+    @property
+    def state(self) -> MeterSimulatorState:
+        """Its state, for a node that is started again."""
+        return MeterSimulatorState(self.source.state, self.meter.state, self.quantity)
+
+    @state.setter
+    def state(self, state: MeterSimulatorState) -> None:
+        self.source.state = state.source
+        self.meter = self._next = SoundLevelMeter.from_state(self.source.rate, state.meter)
+        self.weigh(*state.next.removeprefix("L"))
+
+    def weigh(self, frequency: str, time: str) -> None:
+        """Set the weightings; those that are set already change nothing.
+
+        Raises
+        ------
+        ConfigError : a weighting that the standard does not have
+        """
+        wanted = SoundLevelMeter(self.source.rate, frequency, time)
+        self._next = self.meter if wanted.quantity == self.meter.quantity else wanted
+
+    def read(self, block_rows: FloatArray, speed: float) -> Reading:
+        """The reading over a block, ``(6, n)`` rows, at cam speed ``speed`` (rad/s)."""
+        self.meter, block = self._next, Samples(block_rows)
+        return self.meter.read(self.source.pressure(block.force, block.impulse, speed))
+
+
+def audition(
+    loaded: LoadedScene, cam: str | None, rpm: float | None, seconds: float, rate: int
+) -> LoadedScene:
+    """The scene as it is listened to: sampled at ``rate`` Hz, one cam or one speed of it.
+
+    Parameters
+    ----------
+    cam : one cam of the scene, or None for all
+    rpm : one speed, held for whole turns that last at least ``seconds``; None for the program
+
+    Raises
+    ------
+    ConfigError : the scene has no such cam
+    """
+    if cam is not None:
+        loaded = loaded.only(cam, loaded.law_of(cam))
+    data = loaded.scene.model_dump(exclude_none=True)
+    data["sample_rate"] = {"assumed": rate, "unit": "Hz"}
+    if rpm is not None:
+        turns = max(1, math.ceil(seconds * rpm / 60.0))
+        data["program"]["speeds"] = {"assumed": [rpm], "unit": "rpm"}
+        data["program"]["turns"] = {"assumed": turns, "unit": "turns"}
+        data["program"]["settle_turns"] = {"assumed": 0, "unit": "turns"}
+    return replace(loaded, scene=SceneConfig.model_validate(data))
+
+
+def sounds(loaded: LoadedScene, source: SoundSource) -> Iterator[FloatArray]:
+    """Sound pressure (Pa) of each tick of a scene, at the rate of ``source``."""
+    follower = FollowerSimulator.of(loaded)
+    for state in cam_states(loaded.scene):
+        turned = follower.turn_to(state)
+        if turned is not None:
+            block = turned[1]
+            yield source.pressure(block.force, block.impulse, block.interval.mean_speed)

@@ -1,1 +1,0 @@
-"""What an experimenter does with the rig: programs, sweeps, comparisons, identification."""

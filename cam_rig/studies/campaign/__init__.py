@@ -1,1 +1,0 @@
-"""Campaigns: many rigs that differ in some numbers, each measured alike, kept as rows."""

@@ -1,1 +1,0 @@
-"""The best law of a class: convex programs in its ordinates, and the bounds that prove it."""

@@ -1,1 +1,0 @@
-"""Convex programs: rows that are affine in the unknowns, solved and bounded."""

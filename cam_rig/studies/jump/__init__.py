@@ -1,1 +1,0 @@
-"""The paper's jump speeds: the lowest speed at which a follower loses contact."""

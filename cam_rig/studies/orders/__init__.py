@@ -1,1 +1,0 @@
-"""Force and sound of a steady turn by orders of the cam, without leakage."""

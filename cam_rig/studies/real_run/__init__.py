@@ -1,1 +1,0 @@
-"""A recorded run beside the model that was driven with the run's own cam angle."""

@@ -1,1 +1,0 @@
-"""A rig's numbers from what was measured on it."""

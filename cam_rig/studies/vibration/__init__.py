@@ -1,1 +1,0 @@
-"""The paper's vibration experiment: stem and shaft in their steady states."""

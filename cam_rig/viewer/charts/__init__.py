@@ -1,1 +1,0 @@
-"""What the viewer shows beside cam and follower: time series, charts, text."""

@@ -1,0 +1,227 @@
+"""cam-rig view: a recorded run in the Rerun viewer."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Event
+from types import TracebackType
+from typing import TYPE_CHECKING, Annotated, Self
+
+import typer
+from rich.markup import escape
+
+from cam_rig.errors import ConfigError
+from cam_rig.schema.load import scene_path
+from cam_rig.show.command import LINE_EVERY_S, SceneOfBag, console, progress_bar, user_errors
+from cam_rig.viewer.blueprint import Layout, ViewOptions
+
+if TYPE_CHECKING:
+    from cam_rig.viewer.page import PageTime
+
+
+# Where a run is seen while it runs: in a window, in a browser, or nowhere.
+
+
+@dataclass(frozen=True)
+class Screen:
+    """``address`` is where the picture is sent, None for nowhere; ``stay`` waits for its end.
+
+    ``page`` is what a browser shows of it.
+    """
+
+    address: str | None = None
+    stay: Callable[[], None] = lambda: None
+    page: PageTime | None = None
+
+
+class DelayReport:
+    """How far a page is behind the drive, in words; the longest delay is printed at the end.
+
+    Parameters
+    ----------
+    page : what a browser shows; None where there is none
+    clock : wall time, s
+    """
+
+    def __init__(self, page: PageTime | None, clock: Callable[[], float] = time.monotonic) -> None:
+        self._page, self._clock, self._printed = page, clock, clock()
+
+    def driven(self, rig_time: float, words: str) -> str:
+        """The words on what the drive does at a rig time (s), the delay after them."""
+        if self._page is None:
+            return words
+        self._page.driven(rig_time)
+        late = self._page.behind()
+        words += "" if late is None else f", viewer {late:.1f} s behind"
+        now = self._clock()
+        if not console.is_terminal and late is not None and now - self._printed >= LINE_EVERY_S:
+            self._printed = now
+            console.print(escape(words))
+        return words
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._page is not None and self._page.longest is not None:
+            console.print(f"viewer at most {self._page.longest:.1f} s behind")
+
+
+@contextmanager
+def open_screen(view: bool, web: bool, wait_for_it: bool = False) -> Iterator[Screen]:
+    """Open what was asked for; a browser wins over a window, and its page may be waited for.
+
+    Raises
+    ------
+    ConfigError : nothing was asked for that could be waited for
+    CamRigError : no window can be opened here, or the viewer does not start
+    """
+    if wait_for_it and not (view or web):
+        raise ConfigError("--wait: waits for a viewer, and there is none; add --web or --view")
+    if web:
+        from cam_rig.viewer.server import serve
+
+        with serve() as pages:
+            print(pages.address, flush=True)
+            console.print("open this address in a browser, now or after the run")
+            if wait_for_it:
+                pages.page.wait()
+            yield Screen(str(pages.folder), stay_until_interrupted, pages.page)
+    elif view:
+        from cam_rig.viewer.process import require_display, wait, window
+
+        require_display()
+        with window() as (process, address):
+            yield Screen(address, lambda: wait(process))
+    else:
+        yield Screen()
+
+
+def stay_until_interrupted() -> None:
+    """Serve until Ctrl-C, which is how it is meant to end."""
+    console.print("Ctrl-C ends the viewer")
+    Event().wait()
+
+
+def view(
+    bag: Annotated[
+        Path | None, typer.Argument(help="Bag to show; by default the newest in bags/.")
+    ] = None,
+    save: Annotated[
+        Path | None, typer.Option(metavar="FILE.rrd", help="Write a file, open no viewer.")
+    ] = None,
+    web: Annotated[
+        bool, typer.Option("--web", help="Serve it to a browser on this machine, open no window.")
+    ] = False,
+    layout: Annotated[
+        Layout,
+        typer.Option(help="For a run, for cams side by side at one speed, or for a report."),
+    ] = Layout.RUN,
+    rpm: Annotated[
+        float | None,
+        typer.Option(help="Speed at which cams are compared; by default the highest."),
+    ] = None,
+    scene: SceneOfBag = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file.")] = False,
+    all_samples: Annotated[
+        bool,
+        typer.Option(
+            "--all-samples",
+            help="Keep every sample of a long run, not the minimum and maximum of every few.",
+        ),
+    ] = False,
+) -> None:
+    """Show a recorded run: the cam turning, its follower, lift, contact force and sound.
+
+    The viewer stays open until its window is closed, or until Ctrl-C. Nothing leaves this machine.
+
+    Examples
+    --------
+    cam-rig view
+
+    cam-rig view bags/golden --web
+
+    cam-rig view --layout compare --rpm 350
+
+    cam-rig view bags/tm21_sweep_2026-01-31_12-00-00 --save out/sweep.rrd
+    """
+    with user_errors():
+        from cam_rig.errors import ConfigError
+
+        if save is not None and web:
+            raise ConfigError("--save and --web: a file is written or a page served; name one")
+        if save is None and force:
+            raise ConfigError("--force: overwrites the file of --save, and none is named")
+        view_options = ViewOptions(layout, rpm, all_samples)
+        _view(bag, scene_path(scene) if scene else None, save, web, view_options, force)
+
+
+def _view(
+    bag: Path | None,
+    scene: Path | None,
+    save: Path | None,
+    web: bool,
+    view_options: ViewOptions,
+    force: bool,
+) -> None:
+    from cam_rig.bag.command import newest_bag
+    from cam_rig.files import temporary_folder
+    from cam_rig.viewer.process import require_display, show
+
+    if save is not None:
+        convert(bag or newest_bag(), scene, save, view_options, force)
+        return
+    if not web:
+        require_display()
+    found = bag or newest_bag()
+    with temporary_folder() as folder:
+        path = folder / f"{found.resolve().name}.rrd"
+        begin = convert(found, scene, path, view_options, force=False)
+        if web:
+            _serve(path, begin)
+        else:
+            show(path)
+
+
+def convert(
+    bag: Path, scene: Path | None, path: Path, view_options: ViewOptions, force: bool
+) -> float:
+    """Write a bag as a Rerun recording, with its own scene unless another is named.
+
+    Gives the rig time (s) from which it is played.
+    """
+    from cam_rig.bag.reader import read_counts
+    from cam_rig.messages.topics import FOLLOWER_SAMPLES
+    from cam_rig.simulation.scene import open_scene
+    from cam_rig.viewer.recording import save_recording
+
+    loaded = open_scene(scene) if scene else None
+    with progress_bar() as bar:
+        task = bar.add_task(bag.name, total=read_counts(bag).get(FOLLOWER_SAMPLES.name, 0))
+        begin = save_recording(
+            bag,
+            path,
+            view_options,
+            loaded=loaded,
+            overwrite=force,
+            on_tick=lambda: bar.advance(task),
+        )
+    console.print(f"{path}: {path.stat().st_size / 1e6:.1f} MB", soft_wrap=True)
+    return begin
+
+
+def _serve(path: Path, begin: float) -> None:
+    from cam_rig.viewer.server import serve_file
+
+    with serve_file(path, begin) as address:
+        print(address, flush=True)
+        stay_until_interrupted()

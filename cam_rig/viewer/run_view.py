@@ -1,0 +1,331 @@
+"""The run itself: cam and follower, time series, bands and events, on every timeline.
+
+A viewer that follows a run puts its cursor at the newest time it knows of anything. So whatever
+is of a tick waits for the tick's curves, and goes after them.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import rerun as rr
+
+from cam_rig.dynamics import MODELS, Samples
+from cam_rig.laws.sampling import sample
+from cam_rig.schema.quantity import ORIGINS, Quantity
+from cam_rig.show import looks as colours
+from cam_rig.show.looks import four_digits, shortened
+from cam_rig.simulation.scene import RELATIVE_NOTE, LoadedScene
+from cam_rig.simulation.schedule import CamState
+from cam_rig.units import NS, TURN, FloatArray, to_rpm
+from cam_rig.viewer import quantities as series
+from cam_rig.viewer.level_chart import BandChart, third_octaves
+from cam_rig.viewer.quantities import (
+    TORSIONAL,
+    Mark,
+    SceneRanges,
+    SeriesLine,
+    SeriesWriter,
+    ShaftTwist,
+    gap_of,
+)
+from cam_rig.viewer.scene2d import Scene2D, frame_mask
+from cam_rig.viewer.timeline import FramePace, Times, Turn, TurnCollector, lift_offs, time_columns
+from cam_rig.viewer.turn_chart import MAX_TITLE, TurnChart
+
+# The time series of a run, tick by tick.
+
+#: s alone, of s, s', s''.
+LIFT_OF_LAW = np.array([[1.0, 0.0, 0.0]])
+
+
+class TimeSeries:
+    """Writes the curves and the marks on them.
+
+    Parameters
+    ----------
+    bucket : samples of which the minimum and the maximum are kept, 1 for all
+    times : the timelines of the curves
+    """
+
+    def __init__(
+        self,
+        stream: rr.RecordingStream,
+        loaded: LoadedScene,
+        bucket: int,
+        times: Times = time_columns,
+    ) -> None:
+        self._loaded, self._flew = loaded, False
+        thinned = [
+            series.LIFT_LINE,
+            series.LAW,
+            series.VELOCITY_LINE,
+            series.ACCELERATION_LINE,
+            series.FORCE_LINE,
+        ]
+        if MODELS[loaded.scene.model].lifts_off:
+            thinned.append(series.GAP_LINE)
+        if loaded.scene.model == TORSIONAL:
+            thinned.append(series.TWIST_LINE)
+        whole = (series.ZERO, series.SPEED, series.LEVEL, series.LIFT_OFF, series.LANDING)
+        self._writers: dict[SeriesLine | Mark, SeriesWriter] = {}
+        for line in thinned:
+            self._writers[line] = SeriesWriter(stream, line, bucket, times)
+        for curve in whole:
+            self._writers[curve] = SeriesWriter(stream, curve, times=times)
+
+    def tick(self, start: CamState, end: CamState, angle: FloatArray, rows: FloatArray) -> None:
+        """Take one tick: unwrapped cam ``angle`` (rad) and rows at its samples.
+
+        They are the ``(6, n)`` of its block, and the twist (rad) below them where a shaft has it.
+        """
+        time, lift, velocity, acceleration, force, impulse = rows[:6]
+        law = self._law(start, end, angle)
+        for line, values in (
+            (series.LIFT_LINE, lift),
+            (series.LAW, law),
+            (series.VELOCITY_LINE, velocity),
+            (series.ACCELERATION_LINE, acceleration),
+            (series.FORCE_LINE, force),
+        ):
+            self._writers[line].add(time, angle, values)
+        if series.GAP_LINE in self._writers:
+            gap = np.where(force == 0.0, lift - law, 0.0)
+            self._writers[series.GAP_LINE].add(time, angle, gap)
+        if series.TWIST_LINE in self._writers:
+            self._writers[series.TWIST_LINE].add(time, angle, rows[6])
+        ends = (
+            np.array([start.time_ns, end.time_ns]) / NS,
+            np.array([start.unwrapped, end.unwrapped]),
+        )
+        self._writers[series.ZERO].add(*ends, np.zeros(2))
+        self._writers[series.SPEED].add(ends[0][:1], ends[1][:1], np.array([start.speed]))
+        left, met = lift_offs(force, self._flew), impulse > 0.0
+        self._flew = bool(force[-1] == 0.0)
+        self._writers[series.LIFT_OFF].add(time[left], angle[left], lift[left])
+        self._writers[series.LANDING].add(time[met], angle[met], lift[met])
+
+    def level(self, end: CamState, level: float) -> None:
+        """Take the level (dB) of the tick that ended with a state."""
+        self._add(series.LEVEL, end, level)
+
+    def stop(self, end: CamState, speed: float) -> None:
+        """Draw the speed (rad/s) up to the end of the run."""
+        self._add(series.SPEED, end, speed)
+
+    def flush(self) -> None:
+        """Send what was collected."""
+        for writer in self._writers.values():
+            writer.flush()
+
+    def _add(self, line: series.SeriesLine, at: CamState, value: float) -> None:
+        place = np.array([at.time_ns / NS]), np.array([at.unwrapped])
+        self._writers[line].add(*place, np.array([value]))
+
+    def _law(self, start: CamState, end: CamState, angle: FloatArray) -> FloatArray:
+        law, step = self._loaded.laws[start.cam], start.speed / self._loaded.scene.sample_rate.si
+        if not start.holds_until(end):
+            return law(angle)
+        return sample(law, float(angle[0]), step, angle.size, LIFT_OF_LAW, np.zeros(1))[0]
+
+
+EVENTS, BANDS = "events", "bands"
+
+
+class RunView:
+    """Draws a run tick by tick.
+
+    Parameters
+    ----------
+    bucket : samples of which the minimum and the maximum are kept, 1 for all
+    ranges : axis of each quantity that is drawn over the turn
+    times : the timelines of all that is drawn
+    pace : of a live run, how many pictures of cam and follower may be sent
+    """
+
+    def __init__(
+        self,
+        stream: rr.RecordingStream,
+        loaded: LoadedScene,
+        bucket: int,
+        ranges: SceneRanges,
+        times: Times = time_columns,
+        pace: FramePace | None = None,
+    ) -> None:
+        self._stream, self._loaded, self._rate = stream, loaded, loaded.scene.sample_rate.si
+        self._times = times
+        self._time_series = TimeSeries(stream, loaded, bucket, times)
+        self._turns = TurnCollector(loaded.scene.program.ticks_per_turn)
+        self._last: CamState | None = None
+        self._bands = BandChart(stream, BANDS, self._rate, colours.BANDS, times)
+        self._turn_chart = TurnChart(stream, loaded, ranges, times, every=pace is None)
+        self._scene = Scene2D(
+            stream, loaded, times=times, pace=pace, cursor=self._turn_chart.move_cursor
+        )
+        self._twist = ShaftTwist(loaded) if loaded.scene.model == TORSIONAL else None
+        self._heard, self._whole = list[tuple[CamState, Turn]](), pace is None
+        self._events: list[tuple[float, float, str, str]] = []
+
+    def tick(
+        self,
+        start: CamState,
+        end: CamState,
+        angle: FloatArray,
+        rows: FloatArray,
+        profile: FloatArray,
+    ) -> None:
+        """Draw one tick: unwrapped cam ``angle`` (rad), ``(6, n)`` rows, the cam's contour."""
+        self._change(start, profile)
+        block = Samples(rows)
+        time, lift, force, impulse = block.time, block.lift, block.force, block.impulse
+        if self._twist is not None:
+            rows = np.vstack([rows, self._twist.tick(start.cam, start.until(end), time)])
+        self._time_series.tick(start, end, angle, rows)
+        frame = frame_mask(angle, start.until(end).mean_speed / self._rate)
+        if frame.any():
+            self._scene.frames(time[frame], angle[frame], lift[frame], force[frame])
+        landed = impulse > 0.0
+        for row in zip(time[landed], angle[landed], impulse[landed], strict=True):
+            turn, within = divmod(row[1], TURN)
+            words = f"landing at {math.degrees(within):.1f}° of turn {int(turn) + 1}"
+            self._events.append((*row[:2], f"{words}, {row[2]:.3g} N·s", "INFO"))
+        if not start.holds_until(end):
+            return
+        self._turns.add(start, angle, rows)
+        turn = self._turns.turn()
+        if turn is not None:
+            self._heard.append((end, turn))
+            self._turn_chart.add(end, turn)
+
+    def level(self, end: CamState, level: float) -> None:
+        """Draw the level (dB) of the tick that ended with a state."""
+        self._time_series.level(end, level)
+
+    def close(self, end: CamState) -> None:
+        """Draw the last speed up to the end of the run."""
+        if self._last is not None:
+            self._time_series.stop(end, self._last.speed)
+
+    def show(self, until: float) -> None:
+        """Send pictures of cam and follower up to a rig time (s), of which the curves are sent."""
+        self._scene.flush(until)
+
+    def flush(self, until: float = math.inf) -> None:
+        """Send what was collected so far, the curves first; pictures up to a rig time (s)."""
+        self._time_series.flush()
+        self._scene.flush(until)
+        # of a live run only the newest bars are seen
+        for end, turn in self._heard if self._whole else self._heard[-1:]:
+            bands = third_octaves(self._loaded.radiation, turn.force, turn.impulse, self._rate)
+            self._bands.add(end.time_ns / NS, end.unwrapped, bands)
+        self._heard = []
+        self._bands.flush()
+        self._turn_chart.flush()
+        if self._events:
+            time, angle, words, levels = zip(*self._events, strict=True)
+            columns = rr.TextLog.columns(text=words, level=levels)
+            times = self._times(np.array(time), np.array(angle))
+            self._stream.send_columns(EVENTS, times, columns)
+        self._events = []
+
+    def _change(self, state: CamState, profile: FloatArray) -> None:
+        """What changes with the cam or the speed."""
+        last, self._last = self._last, state
+        if last is not None and (state.cam, state.speed) == (last.cam, last.speed):
+            return
+        self.flush()
+        if last is None or state.cam != last.cam:
+            self._scene.mount(state, profile)
+        title = f"{shortened(self._loaded.cams[state.cam].title, MAX_TITLE)}, "
+        self._scene.speed(state, title)
+        if not self._whole:  # of a bag, a turn is there from its beginning
+            self._turn_chart.begin(state)
+        words = f"{title}{to_rpm(state.speed):.0f} rpm"
+        self._events.append((state.time_ns / NS, state.unwrapped, words, "INFO"))
+
+
+# What the viewer shows as text: the scene with every number, and a table of results.
+
+HEAD = (
+    "| cam | rpm | level [dB] | max force [N] | min force [N] | lift-offs | gap [µm] |",
+    "|---|---:|---:|---:|---:|---:|---:|",
+)
+
+
+class ResultTable:
+    """A table that grows: cams in the scene's order, each with its speeds in theirs."""
+
+    def __init__(self, loaded: LoadedScene) -> None:
+        self._loaded = loaded
+        self._motion: dict[tuple[str, float], str] = {}
+        self._levels: dict[tuple[str, float], float] = {}
+
+    def motion(self, turn: Turn) -> None:
+        """Take the newest turn of a cam at a speed."""
+        force, law = turn.force, self._loaded.laws[turn.cam]
+        count = int(lift_offs(force, bool(force[-1] == 0.0)).sum())
+        gap = 1e6 * float(gap_of(law, turn.angle, turn).max()) if count else 0.0
+        most, least = four_digits(float(force.max())), four_digits(float(force.min()))
+        words = f"| {most} | {least} | {count} | {four_digits(gap)} |"
+        self._motion[turn.cam, turn.speed] = words
+
+    def level(self, cam: str, speed: float, level: float) -> None:
+        """Take the level (dB) of a cam at a speed (rad/s), measured so far."""
+        self._levels[cam, speed] = level
+
+    def words(self, state: str = "") -> str:
+        """Markdown; ``state`` of a live run stands in the heading: running, finished."""
+        lines, cams = [], [*self._loaded.cams]
+        for cam in cams:
+            steps = [step for step in self._motion if step[0] == cam]
+            lines += [self._line(*step, first=step is steps[0]) for step in steps]
+        head = (
+            HEAD
+            if self._loaded.calibrated
+            else (HEAD[0].replace("level", "relative level"), HEAD[1])
+        )
+        return "\n".join([f"# Results{f', {state}' if state else ''}", "", *head, *lines]) + "\n"
+
+    def _line(self, cam: str, speed: float, first: bool) -> str:
+        level, rpm = self._levels.get((cam, speed)), to_rpm(speed)
+        shown = "settling" if level is None else f"{level:.4g}"
+        title = shortened(self._loaded.cams[cam].title, MAX_TITLE) if first else ""
+        return f"| {title} | {rpm:.4g} | {shown} {self._motion[cam, speed]}"
+
+
+def about(loaded: LoadedScene, bucket: int) -> str:
+    """Markdown on the scene, its cams and its rig; of ``bucket`` samples two are shown."""
+    scene, rig = loaded.scene, loaded.rig
+    lines = [
+        f"# {scene.title}",
+        f"Model `{scene.model}`, {scene.sample_rate.si:g} samples per second, "
+        f"{scene.program.turns.si:g} turns at each speed.",
+        "The follower is drawn at its simulated lift; contact is lost where the force is zero.",
+    ]
+    if not loaded.calibrated:
+        lines.append(RELATIVE_NOTE)
+    if bucket > 1:
+        lines.append(f"Of every {bucket} samples the curves show the minimum and the maximum.")
+    for name, cam in loaded.cams.items():
+        lines += [f"## {cam.title}", f"`{name}`, {cam.follower.type} follower"]
+        lines += by_origin(cam.numbers())
+    lines += [f"## {rig.title}", f"`{rig.name}`"]
+    parts = [*rig.follower, *(rig.radiation or ())]
+    lines += by_origin({key: value for key, value in parts if isinstance(value, Quantity)})
+    return "\n\n".join(lines) + "\n"
+
+
+def by_origin(numbers: dict[str, Quantity]) -> list[str]:
+    """A paragraph for the given, the assumed and the identified ones of the numbers."""
+    lines = []
+    for origin in ORIGINS:
+        named = [f"{key} {_value(q)}" for key, q in numbers.items() if q.origin == origin]
+        if named:
+            lines.append(f"**{origin}:** " + "; ".join(named))
+    return lines
+
+
+def _value(quantity: Quantity) -> str:
+    values = ", ".join(f"{value:g}" for value in quantity.numbers)
+    return values if quantity.unit == "1" else f"{values} {quantity.unit}"

@@ -1,0 +1,225 @@
+"""Several processes for work that is many alike."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing import active_children, parent_process, resource_tracker
+from multiprocessing.connection import wait
+from multiprocessing.context import SpawnContext, SpawnProcess
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+from cam_rig.errors import ConfigError, RunError
+from cam_rig.extras import libraries_named, require
+from cam_rig.interrupts import STOPPING, interruptible
+
+#: Of a command that was killed outright, Python's own process removes what it left, and says so.
+UNTOLD = "ignore:resource_tracker:UserWarning"
+
+
+class _Worker(SpawnProcess):
+    """A process that no signal to a command reaches, from its first instruction on.
+
+    A terminal signals all processes of a command. A worker would print where it was, in the
+    middle of its imports as likely as not; so the command alone is interrupted, and kills it.
+    """
+
+    def start(self) -> None:
+        _start_tracker()  # it takes signals off the mask when it starts
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, STOPPING)
+        try:
+            super().start()
+        except OSError as error:
+            raise _none_left(error) from None
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
+
+class _Workers(SpawnContext):
+    """Where a pool has such processes from."""
+
+    Process = _Worker
+
+
+def _none_left(error: OSError) -> RunError:
+    return RunError(
+        f"no worker can be started ({error.strerror or error}); allowed: as many processes as "
+        "/dev/shm has room for and the user may have (df /dev/shm, ulimit -u), so make room, or "
+        "fewer --jobs"
+    )
+
+
+def _start_tracker() -> None:
+    """Start Python's own process that removes what a command leaves, deaf to a hang-up too.
+
+    It ignores the other signals that end a command, and inherits the mask for this one. Another
+    that took its place would know nothing of what there is to remove, and print tracebacks of it.
+    """
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
+
+def _end_with_parent() -> None:
+    """End this worker when the command is gone: one that was killed could not end it itself."""
+    parent = parent_process()
+    assert parent is not None  # a worker has one
+
+    def follow() -> None:
+        wait([parent.sentinel])
+        os._exit(1)
+
+    Thread(target=follow, daemon=True).start()
+
+
+@contextmanager
+def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
+    """A pool of processes, as many as there are cores; work not begun is dropped at an error.
+
+    Each computes on one core: the matrices are too small to share. An interrupt ends them at once.
+
+    Raises
+    ------
+    RunError : the system has no process, or no shared memory, left for them
+    """
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    if UNTOLD not in sys.warnoptions:
+        sys.warnoptions.append(UNTOLD)
+    try:
+        _start_tracker()
+        pool = ProcessPoolExecutor(
+            count or os.cpu_count(), mp_context=_Workers(), initializer=_end_with_parent
+        )
+    except OSError as error:
+        raise _none_left(error) from None
+    try:
+        yield pool
+    except KeyboardInterrupt:
+        for child in active_children():
+            if isinstance(child, _Worker):
+                child.kill()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+# A campaign run: batches of points to an executor, their rows to the dataset as they come.
+
+
+@contextmanager
+def broken_named(then: str = "") -> Iterator[None]:
+    """Whatever an executor says when it breaks down, in one line.
+
+    Raises
+    ------
+    RunError : it broke down
+    """
+    try:
+        yield
+    except (BrokenExecutor, CancelledError) as error:
+        name = type(error).__name__
+        raise RunError(
+            f"a worker or the scheduler is gone ({name}){then}; remedy: fewer --jobs where memory "
+            "ran out, else the same again"
+        ) from None
+
+
+# Where work that is many alike is done: this machine's processes, or a Dask cluster.
+
+#: Longest wait for a scheduler, and for its first worker, s.
+WAIT_S = 15.0
+
+
+@dataclass(frozen=True)
+class Workplace:
+    """An executor and how many pieces of work it takes at a time."""
+
+    executor: Executor
+    count: int
+
+
+@contextmanager
+def workplace(jobs: int | None, dask: str | None) -> Iterator[Workplace]:
+    """So many processes (None is one a core), or the cluster at an address.
+
+    Raises
+    ------
+    ConfigError : both are asked for, or no address
+    RunError : no scheduler answers, it has no workers, or a worker is gone in the middle
+    MissingLibraryError : Dask is not installed
+    """
+    if dask is None:
+        with workers(jobs) as pool, broken_named():
+            yield Workplace(pool, jobs or os.cpu_count() or 1)
+        return
+    if jobs is not None:
+        raise ConfigError("--jobs and --dask: the cluster has its own; allowed: one of them")
+    with _cluster(dask) as found, broken_named():
+        yield found
+
+
+def check_workplace(dask: str | None) -> None:
+    """Refuse, before anything runs, a cluster that cannot be asked.
+
+    Raises
+    ------
+    ConfigError : no address, and no scheduler file
+    MissingLibraryError : Dask is not installed
+    """
+    if dask is not None:
+        require("distributed")
+        _where(dask)
+
+
+def _where(dask: str) -> dict[str, str]:
+    if "://" in dask:
+        return {"address": dask}
+    if not Path(dask).is_file():
+        raise ConfigError(
+            f"--dask: is {dask!r}; allowed: an address such as tcp://127.0.0.1:8786, or the file "
+            "that `dask scheduler --scheduler-file` wrote"
+        )
+    return {"scheduler_file": dask}
+
+
+@contextmanager
+def _cluster(dask: str) -> Iterator[Workplace]:
+    with _client(dask) as client:
+        yield Workplace(client.get_executor(pure=False), _count(client, dask))
+
+
+@interruptible
+def _client(dask: str) -> Any:  # Dask's functions are untyped
+    with libraries_named():
+        from distributed import Client
+    connect: Any = Client
+    for name in list(logging.root.manager.loggerDict):  # its errors are ours to tell
+        if name.startswith("distributed"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+    try:
+        return connect(**_where(dask), timeout=WAIT_S, set_as_default=False)
+    except (OSError, ValueError) as error:  # of no connection, and of what is no address
+        raise RunError(f"--dask {dask}: no scheduler answers ({type(error).__name__})") from None
+
+
+@interruptible
+def _count(client: Any, dask: str) -> int:
+    """How many pieces of work a cluster takes at a time."""
+    try:
+        client.wait_for_workers(1, timeout=WAIT_S)
+    except TimeoutError:
+        raise RunError(
+            f"--dask {dask}: the scheduler has no workers; start some with: dask worker"
+        ) from None
+    return sum(client.nthreads().values())

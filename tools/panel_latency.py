@@ -1,0 +1,133 @@
+"""The drawing board under two pages that drag at once: paints, delays and memory.
+
+    .venv/bin/python -m tools.panel_latency [MINUTES]
+
+Each page drags an ordinate of its own up and down by the pointer, in a browser without a screen.
+A delay is from a pointer's event to the end of the first frame with the changed curve. Memory is
+the pages' JavaScript heap after a collection, and the resident set of server and worker.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tools.docs.browser import new_page, open_browser
+
+if TYPE_CHECKING:
+    from playwright.sync_api import CDPSession, Page
+
+HANDLES = (7, 22)
+
+#: Height of the way (px), and its period (s).
+WAY, PERIOD = 12.0, 2.0
+
+#: Seconds between two readings of the memory.
+EVERY = 30.0
+
+MIB = 2**20
+
+LISTEN = """() => {
+  window.delays = [];
+  let first = null;
+  const channel = new MessageChannel();
+  channel.port1.onmessage = ({ data }) => window.delays.push(performance.now() - data);
+  addEventListener("pointermove", (event) => { first ??= event.timeStamp; }, true);
+  new MutationObserver(() => {
+    if (first === null) return;
+    channel.port2.postMessage(first);
+    first = null;
+  }).observe(document.querySelector("#chart0 svg"), { subtree: true, attributeFilter: ["d"] });
+}"""
+
+#: Moves of the pointer that holds a handle, as often as a mouse tells them; a driver outside of the
+#: page would wait for each frame.
+EVERY_MS = 8
+
+MOVE = f"""([handle, y, way, period]) => {{
+  const circle = document.querySelectorAll(".handle")[handle];
+  setInterval(() => {{
+    const clientY = y + way * Math.sin(2 * Math.PI * performance.now() / 1e3 / period);
+    circle.dispatchEvent(new PointerEvent("pointermove", {{ clientY, bubbles: true }}));
+  }}, {EVERY_MS});
+}}"""
+
+
+@contextmanager
+def panel() -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """`cam-rig panel` and its address."""
+    program = Path(sys.executable).with_name("cam-rig")
+    with subprocess.Popen([program, "panel"], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        try:
+            yield process, process.stdout.readline().strip()
+        finally:
+            process.terminate()
+
+
+def resident(pid: int) -> float:
+    """MiB of a process and its children."""
+    status = Path(f"/proc/{pid}/status").read_text(encoding="utf-8")
+    own = int(status.split("VmRSS:")[1].split()[0]) * 1024 / MIB
+    children = Path(f"/proc/{pid}/task").glob("*/children")
+    return own + sum(resident(int(n)) for task in children for n in task.read_text().split())
+
+
+def heap(session: CDPSession) -> float:
+    """MiB of a page's JavaScript, garbage collected."""
+    session.send("HeapProfiler.collectGarbage")
+    return float(session.send("Runtime.getHeapUsage")["usedSize"]) / MIB
+
+
+def drag(page: Page, address: str, handle: int) -> None:
+    """Open the board, take a handle, and let its pointer move from now on."""
+    page.goto(address)
+    page.wait_for_function("() => document.getElementById('jump_rigid').textContent !== '–'")
+    page.evaluate(LISTEN)
+    box = page.locator(".handle").nth(handle).bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.evaluate(MOVE, [handle, y, WAY, PERIOD])
+
+
+def told(pages: list[Page], seconds: float) -> None:
+    """Print paints and delays since the last time."""
+    for number, page in enumerate(pages, start=1):
+        delays = np.array(page.evaluate("() => window.delays.splice(0)"))
+        middle, most = np.percentile(delays, (50, 95))
+        rate = f"{delays.size / seconds:.1f} paints/s"
+        print(f"  page {number}: {rate}, change to paint {middle:.1f} ms, 95 %: {most:.1f} ms")
+
+
+def main() -> None:
+    """Drag for so many minutes, 8 by default."""
+    minutes = float(sys.argv[1]) if len(sys.argv) > 1 else 8.0
+    with panel() as (process, address), open_browser(webgl=False) as browser:
+        pages = [new_page(browser) for _ in HANDLES]
+        for page, handle in zip(pages, HANDLES, strict=True):
+            drag(page, address, handle)
+        sessions = [page.context.new_cdp_session(page) for page in pages]
+        pages[0].wait_for_timeout(5e3)  # code is compiled, axes have their range
+        for page in pages:
+            page.evaluate("() => window.delays.splice(0)")
+        began, at = time.monotonic(), 0.0
+        while at < 60.0 * minutes:
+            heaps = " and ".join(f"{heap(session):.1f}" for session in sessions)
+            print(f"{at:.0f} s: pages {heaps} MiB, server {resident(process.pid):.1f} MiB")
+            pages[0].wait_for_timeout(1e3 * EVERY)
+            before, at = at, time.monotonic() - began
+            told(pages, at - before)
+            sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
