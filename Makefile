@@ -52,7 +52,7 @@ references: setup ## compute the tests' many-digit references anew
 	$(BIN)/python -m pytest --references=write -m ""
 
 bench: setup ## speed against error, against other solvers: writes docs/speed.md (5 minutes)
-	@OMP_NUM_THREADS=1 $(BIN)/python benchmark/work_precision.py
+	@OMP_NUM_THREADS=1 $(BIN)/python -m benchmark.work_precision
 
 lock: | $(BIN)/pip ## resolve requirements.lock anew (remove it first to raise every version)
 	@$(PIP) install uv==0.13.8

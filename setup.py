@@ -50,7 +50,7 @@ ROS_WHEELS = [
     "ros-kilted-trajectory-msgs",
     "ros-kilted-visualization-msgs",
 ]
-# What `cam-rig bench` and `make bench` measure against, beside scipy's solvers.
+# What `make bench` measures against, beside scipy's solvers.
 BENCH = ["joblib", "pymoo", "scikit-sundae"]
 # What `make docs` builds the documents with.
 DOCS = ["mkdocs-material", "mkdocstrings[python]"]
@@ -105,9 +105,8 @@ setup(
     package_data={
         NAME: [
             "py.typed",
-            "bench/reference/*.json",
             "panel/static/*/*",
-            "plots/*.mplstyle",
+            "show/*.mplstyle",
             "report/templates/*",
             "report/templates/scene/*",
         ]

@@ -1,6 +1,6 @@
 """Speed of the profile: contours of 36 000 points, and the checks of every shipped cam.
 
-Usage: python benchmark/contour.py
+Usage: python -m benchmark.contour
 """
 
 import time

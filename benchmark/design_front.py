@@ -6,7 +6,7 @@ that change s'' by equal parts (with the ordinates themselves it does not leave 
 range that all designs need and half as much again on either side; it begins at the start law and
 around it, and the lift is its constraint. Prints the table of docs/design.md, draws both fronts.
 
-Usage: OMP_NUM_THREADS=1 python benchmark/design_front.py [--minutes 10] [--plot docs/front.png]
+Usage: OMP_NUM_THREADS=1 python -m benchmark.design_front [--minutes 10] [--plot docs/front.png]
 """
 
 from __future__ import annotations

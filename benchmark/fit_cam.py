@@ -1,6 +1,6 @@
 """How far a cam fitted to readings is from the one that was read: the table of docs/accuracy.md.
 
-    .venv/bin/python benchmark/fit_cam.py
+    .venv/bin/python -m benchmark.fit_cam
 
 Readings of shipped laws with noise, an unknown zero and one outlier; takes half a minute.
 """

@@ -1,6 +1,6 @@
 """How often the 95 % intervals of ``cam-rig fit rig`` hold the truth, over simulated machines.
 
-    python benchmark/fit_rig.py --trials 200 --model one_mass
+    python -m benchmark.fit_rig --trials 200 --model one_mass
 
 Each trial has a rig, a cam, five speeds and noise of its own: force 1 %, lift 10 µm, an encoder of
 1024 counts, 3° off, and a sensors' clock 200 ppm fast.

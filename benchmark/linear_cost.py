@@ -1,6 +1,6 @@
 """What a run costs: wall time against samples and against stiffness. Writes docs/cost.png.
 
-Run it from the project's root: .venv/bin/python benchmark/linear_cost.py
+Run it from the project's root: .venv/bin/python -m benchmark.linear_cost
 """
 
 from __future__ import annotations

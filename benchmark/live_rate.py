@@ -1,6 +1,6 @@
 """How many times faster than its own time a live run goes, with and without a viewer.
 
-    python benchmark/live_rate.py
+    python -m benchmark.live_rate
 
 From the first tick that the drive reports to the last message in the closed bag, so without the
 start. With a viewer the whole run is sent to a Rerun server that keeps it; no page is open.

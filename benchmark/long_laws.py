@@ -1,6 +1,6 @@
 """What a jump search costs over the pieces of a law: a section of docs/speed.md.
 
-Print it from the project's root: OMP_NUM_THREADS=1 .venv/bin/python benchmark/long_laws.py
+Print it from the project's root: OMP_NUM_THREADS=1 .venv/bin/python -m benchmark.long_laws
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Computes the study's references with 50 digits: cam_rig/bench/reference/*.json.
 
-Run it from the project's root: .venv/bin/python benchmark/make_reference.py [case ...]
+Run it from the project's root: .venv/bin/python -m benchmark.make_reference [case ...]
 """
 
 from __future__ import annotations

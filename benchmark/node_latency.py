@@ -1,6 +1,6 @@
 """Wall time from a state of the cam to each node's answer, at a pace: prints a table.
 
-Run it from the project's root: .venv/bin/python benchmark/node_latency.py [pacing] [scene]
+Run it from the project's root: .venv/bin/python -m benchmark.node_latency [pacing] [scene]
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Order spectra against an FFT of a million points and against 50 digits: docs/accuracy.md.
 
-OMP_NUM_THREADS=1 .venv/bin/python benchmark/orders.py
+OMP_NUM_THREADS=1 .venv/bin/python -m benchmark.orders
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Speed against error of the sweep's sample rate: writes the first section of docs/accuracy.md.
 
-Run it from the project's root: .venv/bin/python benchmark/sample_rate.py
+Run it from the project's root: .venv/bin/python -m benchmark.sample_rate
 """
 
 from __future__ import annotations

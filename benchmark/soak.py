@@ -1,6 +1,6 @@
 """Memory of each node over a long run: a table, and whether it is flat after the first tenth.
 
-Run it from the project's root: .venv/bin/python benchmark/soak.py [ticks] [scene] [pacing]
+Run it from the project's root: .venv/bin/python -m benchmark.soak [ticks] [scene] [pacing]
 Exit code 1 when a node grew by more than `MAX_GROWTH` MB after the first tenth of the ticks. The
 bag of 100 000 ticks of the scene `quick` takes 1 GB of the temporary folder while it runs.
 """

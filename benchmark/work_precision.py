@@ -1,6 +1,6 @@
 """Error against time, the rig beside its peers: writes docs/speed.md and its plot.
 
-Run it from the project's root: OMP_NUM_THREADS=1 .venv/bin/python benchmark/work_precision.py
+Run it from the project's root: OMP_NUM_THREADS=1 .venv/bin/python -m benchmark.work_precision
 """
 
 from __future__ import annotations
@@ -9,9 +9,7 @@ import platform
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import live_rate  # beside this file, and so is the next
-import long_laws
-
+from benchmark import live_rate, long_laws
 from benchmark.speed.campaign import campaign_table
 from benchmark.speed.cases import SPEEDS_RPM, rate_table, sample_rates
 from benchmark.speed.event_cost import event_costs, event_table
@@ -72,7 +70,8 @@ at which contact is lost would take many times as long.
 
 The references are made by `benchmark/make_reference.py`: closed forms of every linear phase with
 60 digits, events as roots of these; the torsional one by Taylor series of order 40 with 45 digits.
-Made by `benchmark/work_precision.py` in {took:.0f} s; `cam-rig bench` measures this machine.
+Made by `benchmark/work_precision.py` in {took:.0f} s; `python -m benchmark.speed` measures this
+machine.
 """
 
 EVENTS = """\

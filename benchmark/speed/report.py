@@ -199,7 +199,7 @@ def _panel(axes: Axes, result: CaseResult) -> None:
     logarithmic(axes.xaxis, axes.yaxis)
 
 
-# cam-rig bench: the rig's speed and error on this machine, beside other solvers.
+# python -m benchmark.speed: the rig's speed and error on this machine, beside other solvers.
 
 
 def bench(
@@ -215,9 +215,9 @@ def bench(
 
     Examples
     --------
-    cam-rig bench --quick
+    python -m benchmark.speed --quick
 
-    cam-rig bench --json out/bench.json --plot out/bench.png
+    python -m benchmark.speed --json out/bench.json --plot out/bench.png
     """
     with user_errors():
         from benchmark.speed.campaign import campaign_table

@@ -129,7 +129,7 @@ def read(case: Case) -> Solution:
     CamRigError : no reference is stored, or it belongs to other numbers
     """
     path = FOLDER / f"{case.name}.json"
-    remedy = "run benchmark/make_reference.py"
+    remedy = "run python -m benchmark.make_reference"
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:

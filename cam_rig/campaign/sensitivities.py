@@ -103,8 +103,8 @@ def contact_force(
     """The contact force (N) of two masses at an angle of a turn, from rest or in steady state.
 
     Any of the numbers, of the law's ordinates ``(p + 1, n)`` (m), and the speed (rad/s) may be
-    complex. As in `cam_rig.dynamics.modal_response`: a polynomial in each piece, and free vibration that
-    makes up for its jumps at joints.
+    complex. As in `cam_rig.dynamics.modal_response`: a polynomial in each piece, and free vibration
+    that makes up for its jumps at joints.
     """
     p, touched = numbers, touch.angle
     stiffness = p["stem_stiffness"] + p["spring_stiffness"]

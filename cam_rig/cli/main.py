@@ -8,41 +8,143 @@ import re
 import sys
 import tempfile
 from contextlib import suppress
+from functools import cache
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, distributions, version
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
-from benchmark.speed.report import bench
-from cam_rig.bag.command import analyze, export, recover
-from cam_rig.campaign.command import campaign
-from cam_rig.cli.laws import law, laws
-from cam_rig.cli.run import replay, run
-from cam_rig.design.command import design
 from cam_rig.errors import ConfigError, OutputError
+from cam_rig.extras import libraries_named
 from cam_rig.interrupts import handle_signals
-from cam_rig.measured.cam_fit.command import new
-from cam_rig.measured.command import fit
-from cam_rig.measured.real_run.command import compare
-from cam_rig.messages.command import urdf
-from cam_rig.panel.command import panel
-from cam_rig.paper.as_cut.command import as_cut
-from cam_rig.paper.contact.command import contact
-from cam_rig.paper.factorial.command import factorial
-from cam_rig.paper.jump.command import jump
-from cam_rig.paper.noise.command import calibrate, identify, noise
-from cam_rig.paper.orders.command import orders
-from cam_rig.paper.readings.command import readings
-from cam_rig.paper.timing.command import timing
-from cam_rig.paper.vibration.command import vibration
-from cam_rig.profile.command import profile
-from cam_rig.report.command import report
 from cam_rig.show.command import Command
-from cam_rig.simulation.command import listen, simulate
-from cam_rig.viewer.command import view
 
+#: Each command: its function, or its group of functions, and its line in the help.
+COMMANDS = {
+    "run": ("cam_rig.cli.run:run", "Run a scene through the node graph and record it."),
+    "simulate": (
+        "cam_rig.simulation.command:simulate",
+        "Run a scene without ROS, on the same core: a row each speed, and its noise compared.",
+    ),
+    "analyze": (
+        "cam_rig.bag.command:analyze",
+        "Read a recorded sweep back: a row each speed, and its noise beside the "
+        "published regressions.",
+    ),
+    "compare": (
+        "cam_rig.measured.real_run.command:compare",
+        "Drive a scene's model with the cam angle of a real run, and show where the two part.",
+    ),
+    "export": (
+        "cam_rig.bag.command:export",
+        "Write every sample of a run with the cam that turned under it.",
+    ),
+    "view": (
+        "cam_rig.viewer.command:view",
+        "Show a recorded run: the cam turning, its follower, lift, contact force and sound.",
+    ),
+    "panel": (
+        "cam_rig.panel.command:panel",
+        "Turn the rig by hand in a browser, and draw the laws of its cams.",
+    ),
+    "recover": (
+        "cam_rig.bag.command:recover",
+        "Copy everything readable of a damaged or unfinished bag into a new, valid one.",
+    ),
+    "replay": (
+        "cam_rig.cli.run:replay",
+        "Feed recorded cam states and laws to live nodes, and compare their messages with the bag.",
+    ),
+    "urdf": (
+        "cam_rig.messages.command:urdf",
+        "Print the rig of a scene as URDF: base, guide, motor, microphone, cam and follower.",
+    ),
+    "laws": (
+        "cam_rig.cli.laws:laws",
+        "List the laws with their peaks per unit rise and unit span, and how smoothly they join.",
+    ),
+    "law": (
+        "cam_rig.cli.laws:law",
+        "Plot lift, velocity, acceleration and jerk over the cam angle; list peaks and joints.",
+    ),
+    "new": (
+        "cam_rig.measured.cam_fit.command:new",
+        "Write cam, rig and scene files from a table of lifts; they run as they are.",
+    ),
+    "profile": (
+        "cam_rig.profile.command:profile",
+        "Check a cam's contour: undercut, curvature, pressure angle, reach. Draw it, or "
+        "measure one.",
+    ),
+    "as-cut": (
+        "cam_rig.paper.as_cut.command:as_cut",
+        "Drive a roller on the contour of a point, as fig. 12 of the paper draws it.",
+    ),
+    "timing": (
+        "cam_rig.paper.timing.command:timing",
+        "List the cam angles of 1, 50 and 99 % of the lift; of one cam, what each ordinate moves.",
+    ),
+    "design": (
+        "cam_rig.design.command:design",
+        "Design the law that is best by a goal, and bound what any law of its class could reach.",
+    ),
+    "contact": (
+        "cam_rig.paper.contact.command:contact",
+        "Find Hertz pressure and sliding speed over the turn, and the bounds on the base radius.",
+    ),
+    "jump": (
+        "cam_rig.paper.jump.command:jump",
+        "Find the jump speed of cams to 0.01 rpm, beside the paper's Table 2.",
+    ),
+    "readings": (
+        "cam_rig.paper.readings.command:readings",
+        "Read Table 2 of the paper in several ways: which rig shows its speeds, and its times.",
+    ),
+    "vibration": (
+        "cam_rig.paper.vibration.command:vibration",
+        "Measure residual vibration in the low dwell, peak acceleration, and twist of the shaft.",
+    ),
+    "factorial": (
+        "cam_rig.paper.factorial.command:factorial",
+        "Give laws of every continuity the same angles, then the same acceleration; "
+        "analyse variance.",
+    ),
+    "campaign": (
+        "cam_rig.campaign.command:campaign",
+        "Measure thousands of rigs that differ in some numbers, and keep a row of each.",
+    ),
+    "noise": (
+        "cam_rig.paper.noise.command:noise",
+        "Calibrate on one cam, predict another, identify the third, with confidence intervals.",
+    ),
+    "orders": (
+        "cam_rig.paper.orders.command:orders",
+        "Find the spectrum of force and sound by orders of the cam: exact, without leakage.",
+    ),
+    "report": (
+        "cam_rig.report.command:report",
+        "Write everything about a scene's cams as one self-contained page.",
+    ),
+    "listen": (
+        "cam_rig.simulation.command:listen",
+        "Write what the microphone hears: 48 kHz, 16 bit, sound pressure in proportion.",
+    ),
+    "calibrate": (
+        "cam_rig.paper.noise.command:calibrate",
+        "Fit gain and cut-off of the rig's radiation to the published noise of one cam.",
+    ),
+    "identify": (
+        "cam_rig.paper.noise.command:identify",
+        "Search lift, event and nose angle of a tangent-arc cam that fit its published noise.",
+    ),
+    "fit": (
+        "cam_rig.measured.command:fit",
+        "Find the numbers of a cam, or of a rig, from what was measured.",
+    ),
+}
 # All commands: a wrong option, and what cannot be written, end them in one line.
 
 #: What pydantic, which typer asks, says of a text that is no number.
@@ -50,7 +152,23 @@ KINDS = {"int_parsing": "a whole number", "float_parsing": "a number"}
 
 
 class Commands(TyperGroup):
-    """As typer's, but for a value it refuses: the project's one line instead of a box."""
+    """As typer's, but that only the command that is called is imported.
+
+    A value that it refuses is the project's one line instead of a box.
+    """
+
+    def list_commands(self, _ctx: Any) -> list[str]:
+        """Names, in the order in which the help lists them."""
+        return list(COMMANDS)
+
+    def get_command(self, _ctx: Any, name: str) -> TyperCommand | None:
+        """A command's name and line, for the help."""
+        return TyperCommand(name, help=COMMANDS[name][1]) if name in COMMANDS else None
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        """The command that the first argument names, imported."""
+        name, found, rest = super().resolve_command(ctx, args)
+        return name, found and command(found.name), rest
 
     def main(self, *arguments: Any, **options: Any) -> Any:
         """Run the command line, to the last byte of its output."""
@@ -165,41 +283,24 @@ def options(
     """A virtual cam test rig: turn a cam, move its follower, listen, record, compare."""
 
 
-for verb in (
-    run,
-    simulate,
-    analyze,
-    compare,
-    export,
-    view,
-    panel,
-    recover,
-    replay,
-    urdf,
-    laws,
-    law,
-    new,
-    profile,
-    as_cut,
-    timing,
-    design,
-    contact,
-    jump,
-    readings,
-    vibration,
-    factorial,
-    campaign,
-    noise,
-    orders,
-    report,
-    listen,
-    calibrate,
-    identify,
-    bench,
-):
-    app.command(cls=Command)(verb)
+@cache
+def command(name: str) -> Any:
+    """A command, or a group of some, as click knows it.
 
-app.add_typer(fit, name="fit")
+    Raises
+    ------
+    MissingLibraryError : it needs a library that is not installed
+    """
+    module, function = COMMANDS[name][0].split(":")
+    with libraries_named():
+        found = getattr(import_module(module), function)
+    if isinstance(found, typer.Typer):
+        return typer.main.get_group(found)
+    alone = typer.Typer(
+        add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="markdown"
+    )
+    alone.command(name, cls=Command)(found)
+    return typer.main.get_command(alone)
 
 
 def main() -> None:

@@ -7,7 +7,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from cam_rig.dynamics import kinetostatic
 from cam_rig.dynamics.events.contact import free_table, jumps_table, law_table, table_of
 from cam_rig.dynamics.events.law_table import (
     END,
@@ -34,7 +33,12 @@ from cam_rig.dynamics.interval import (
     least_bounce,
     show_impulses,
 )
-from cam_rig.dynamics.kinetostatic import force_rounding, loss_intervals, state_at
+from cam_rig.dynamics.kinetostatic import (
+    contact_samples,
+    force_rounding,
+    loss_intervals,
+    state_at,
+)
 from cam_rig.dynamics.linear.exponential import Flight, FreeSystem, Pairs
 from cam_rig.dynamics.parameters import FollowerParameters, require_turning, told
 from cam_rig.dynamics.speed_ramp import with_ramps
@@ -217,7 +221,7 @@ def advance(
     require_turning(interval.speed)
     course = OneMassTrajectory(law, parameters, interval)
     course.run(state, step)
-    rows = kinetostatic.contact_samples(law, parameters, interval, sample_rate)
+    rows = contact_samples(law, parameters, interval, sample_rate)
     grid = interval.grid(sample_rate)
     for phase in course.phases:
         if phase.flight is not None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cam_rig.dynamics import elastic_stem
+from cam_rig.dynamics.elastic_stem import outputs, response
 from cam_rig.dynamics.linear.sampling import sample
 from cam_rig.dynamics.modal_response import ModalResponse
 from cam_rig.dynamics.parameters import FollowerParameters
@@ -211,7 +211,7 @@ def steady_turn(law: Law, follower: FollowerParameters, speed: float) -> SteadyT
     ------
     DynamicsError : no steady state at this speed, or a law whose velocity jumps
     """
-    model, out = elastic_stem.response(law, follower, speed), elastic_stem.outputs(follower)
+    model, out = response(law, follower, speed), outputs(follower)
     rate = math.sqrt(-model.matrix[1, 0])
     count = max(MIN_SAMPLES, math.ceil(PER_PERIOD * rate / speed))
     step = TURN / speed / count
@@ -293,9 +293,7 @@ def residual_vibration(law: Law, follower: FollowerParameters, speeds: FloatArra
     require_speeds(follower, speeds / RPM)
     window = low_dwell(law)
     at = [window.start, *law.breaks[:-1][window.holds(law.breaks[:-1])].tolist()]
-    model = ModalResponse.of(
-        elastic_stem.response(law, follower, float(speeds[0])), elastic_stem.outputs(follower)
-    )
+    model = ModalResponse.of(response(law, follower, float(speeds[0])), outputs(follower))
     found = np.max([model.amplitude_at(speeds, angle) for angle in at], axis=0)
     last = int(np.argmax(speeds))  # the faster, the less of the vibration follows the law
     whole = float(np.abs(steady_turn(law, follower, float(speeds[last])).vibration).max())

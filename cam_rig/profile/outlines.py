@@ -77,7 +77,8 @@ class FollowerShape(ABC):
         arm = points - self.origin(start)
         cosine, sine = np.cos(angle), np.sin(angle)
         x, y = arm.T
-        return self.origin(end) + np.column_stack([x * cosine - y * sine, x * sine + y * cosine])
+        turned: FloatArray = np.column_stack([x * cosine - y * sine, x * sine + y * cosine])
+        return self.origin(end) + turned
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,6 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from cam_rig import __version__
 from cam_rig.show.tables import Cell, DataTable, printed, to_markdown, typeset
 
 #: What makes the numbers of a page, beside the package itself.
@@ -40,7 +39,7 @@ class Made:
     def versions(self) -> str:
         """Of the package, of Python and of what computes."""
         others = (f"{name} {version(name)}" for name in LIBRARIES)
-        return ", ".join((f"cam_rig {__version__}", f"Python {python_version()}", *others))
+        return ", ".join((f"cam_rig {version('cam_rig')}", f"Python {python_version()}", *others))
 
 
 def written_on(seconds: float) -> str:

@@ -23,7 +23,7 @@ from cam_rig.messages.topics import recorded_topic
 from cam_rig.show.chart import SPEED
 
 from ..foreign_bags import joint, number, wrench, write_bag
-from ..studies.real_run.bench import measured
+from ..measured.real_run.bench import measured
 from ..viewer.conftest import Picture
 
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"

@@ -4,7 +4,8 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from cam_rig.cli.main import app
+from cam_rig.cli.main import COMMANDS, app
+from cam_rig.cli.main import command as loaded
 
 
 def leaves(command, path=()):
@@ -18,7 +19,8 @@ def leaves(command, path=()):
 ROOT = typer.main.get_command(app)
 OPTIONS = [
     pytest.param(path, option, id=" ".join((*path, max(option.opts, key=len))))
-    for path, command in leaves(ROOT)
+    for name in COMMANDS
+    for path, command in leaves(loaded(name), (name,))
     for option in command.params
     if option.param_type_name == "option" and not option.multiple and not option.is_eager
 ]

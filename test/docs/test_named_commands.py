@@ -5,14 +5,13 @@ from __future__ import annotations
 import re
 
 import pytest
-import typer
 
-from cam_rig.cli.main import app
+from cam_rig.cli.main import COMMANDS, command
 from tools.docs.commands import PAGE, page
 
 from .pages import PAGES, ROOT, commands, text
 
-VERBS = typer.main.get_command(app).commands
+VERBS = {name: command(name) for name in COMMANDS}
 IDS = [p.name for p in PAGES]
 
 

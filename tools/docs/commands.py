@@ -14,9 +14,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, get_args
 
-import typer
-
-from cam_rig.cli.main import app
+from cam_rig.cli.main import COMMANDS, command
 
 PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
 #: What stands for the value of an option.
@@ -47,8 +45,7 @@ An error is one line: the file or option, its value, what is allowed. A bag is n
 
 def page() -> str:
     """The whole page as Markdown."""
-    group: Any = typer.main.get_command(app)
-    verbs = dict(_verbs(group))
+    verbs = dict(_verbs({name: command(name) for name in COMMANDS}))
     summary = ["| command | does |", "|---|---|"]
     for name, verb in verbs.items():
         first = inspect.cleandoc(verb.help).split("\n\n")[0].replace("\n", " ")
@@ -57,11 +54,11 @@ def page() -> str:
     return "\n\n".join(part.strip() for part in parts) + "\n"
 
 
-def _verbs(group: Any) -> Iterator[tuple[str, Any]]:
+def _verbs(commands: dict[str, Any]) -> Iterator[tuple[str, Any]]:
     """Each command by its words; those of a group, such as ``fit cam``, one by one."""
-    for name, verb in group.commands.items():
+    for name, verb in commands.items():
         if hasattr(verb, "commands"):
-            yield from ((f"{name} {word}", one) for word, one in _verbs(verb))
+            yield from ((f"{name} {word}", one) for word, one in _verbs(verb.commands))
         else:
             yield name, verb
 

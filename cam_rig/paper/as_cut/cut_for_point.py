@@ -146,8 +146,8 @@ def followed_law(law: Law, base_radius: float, roller: float) -> FollowedLaw:
 
     Returns
     -------
-    A law of the one type, fitted to rounding (`cam_rig.laws.sampling`), with the error it was found to
-    have. Its lift is that of s, as the two curves are parallel; a dwell stays one.
+    A law of the one type, fitted to rounding (`cam_rig.laws.sampling`), with the error it was found
+    to have. Its lift is that of s, as the two curves are parallel; a dwell stays one.
 
     Raises
     ------

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 import cam_rig
 from cam_rig.errors import ConfigError
 
-GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
+GOLDEN = Path(__file__).parents[3] / "bags" / "golden"
 
 
 def test_a_comparison_has_rows_sentences_and_a_picture():

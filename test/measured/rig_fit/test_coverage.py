@@ -1,6 +1,6 @@
 """Of intervals of 95 %, how many hold the truth: the property that a standard error states.
 
-``pytest -m long -s test/studies/rig_fit/test_coverage.py`` prints a table of 200 machines.
+``pytest -m long -s test/measured/rig_fit/test_coverage.py`` prints a table of 200 machines.
 """
 
 import itertools

@@ -9,7 +9,7 @@ from cam_rig.campaign.results import CampaignResults
 from cam_rig.campaign.run import InThisProcess, run_campaign
 from cam_rig.schema.load import Library, config_root
 
-from ...figure_faults import faults
+from ..figure_faults import faults
 
 MASS, PRELOAD = "rig.follower.mass", "rig.follower.preload"
 PAIR = [{"inputs": [MASS, PRELOAD], "coefficient": 0.5}]

@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_typestore
 from cam_rig.messages.frames import Robot
 from cam_rig.simulation.scene import LoadedScene, open_scene
 
-CONFIG = Path(__file__).parents[2] / "config"
+CONFIG = Path(__file__).parents[3] / "config"
 #: One cam of each kind of follower that a rig turns.
 KINDS = (
     "poly345",

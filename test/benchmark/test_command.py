@@ -1,10 +1,13 @@
-"""cam-rig bench: what cannot be written is refused before anything is measured."""
+"""python -m benchmark.speed: what cannot be written is refused before anything is measured."""
 
 import pytest
+import typer
 from typer.testing import CliRunner
 
 from benchmark.speed import report as bench
-from cam_rig.cli.main import app
+
+app = typer.Typer()
+app.command()(bench.bench)
 
 
 @pytest.mark.parametrize(
@@ -20,7 +23,7 @@ def test_a_place_is_refused_before_the_study(tmp_path, monkeypatch, arguments, c
     monkeypatch.setattr(bench, "measure", lambda quick: pytest.fail("the study ran"))
     (tmp_path / "file").write_text("", encoding="utf-8")
     (tmp_path / "a.png").mkdir()
-    result = CliRunner().invoke(app, ["bench", *(a.format(tmp=tmp_path) for a in arguments)])
+    result = CliRunner().invoke(app, [a.format(tmp=tmp_path) for a in arguments])
     assert result.exit_code == code
     assert result.stderr.count("\n") == 1
     assert words in result.stderr

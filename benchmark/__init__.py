@@ -1,0 +1,1 @@
+"""What the rig costs, beside other solvers, and how its numbers converge."""

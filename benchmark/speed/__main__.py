@@ -1,0 +1,7 @@
+"""The command ``python -m benchmark.speed``."""
+
+import typer
+
+from benchmark.speed.report import bench
+
+typer.run(bench)
