@@ -26,12 +26,9 @@ from cam_rig.nodes.__main__ import main
 #: What the nodes of every run import, beside rclpy and `cam_rig.nodes`, with all that these import.
 PRELOADED = (
     "cam_rig.bag.recorder",
-    "cam_rig.live.law_server",
     "cam_rig.live.drive",
-    "cam_rig.live.queues",
     "cam_rig.live.law_server",
     "cam_rig.live.playback",
-    "cam_rig.live.queues",
     "cam_rig.live.queues",
     "cam_rig.messages.motion",
     "cam_rig.runner.resources",

@@ -13,13 +13,15 @@ import cam_rig
 ROOT = Path(__file__).parents[2]
 #: Rooms whose public names are documented, in the order of the menu; the face comes first.
 ROOMS = (
-    "api",
     "laws",
     "profile",
     "dynamics",
     "acoustics",
     "simulation",
-    "studies",
+    "design",
+    "campaign",
+    "measured",
+    "paper",
     "bag",
     "messages",
 )
