@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cam_rig.bag.reader import read_bag
-    from cam_rig.campaign.largest_waviness import largest_waviness
-    from cam_rig.campaign.run import campaign
-    from cam_rig.design.design import design
+    from cam_rig.campaigns.largest_waviness import largest_waviness
+    from cam_rig.campaigns.run import campaign
     from cam_rig.dynamics.jump.any_follower import jump_speed
     from cam_rig.errors import CamRigError
+    from cam_rig.law_design.design import design
     from cam_rig.laws import Law
     from cam_rig.measured.real_run.run import compare_run
     from cam_rig.profile.contour import contour
@@ -37,12 +37,12 @@ _HOMES = {
     "CamRigError": "cam_rig.errors",
     "Law": "cam_rig.laws",
     "build_law": "cam_rig.simulation.scene",
-    "campaign": "cam_rig.campaign.run",
+    "campaign": "cam_rig.campaigns.run",
     "compare_run": "cam_rig.measured.real_run.run",
     "contour": "cam_rig.profile.contour",
-    "design": "cam_rig.design.design",
+    "design": "cam_rig.law_design.design",
     "jump_speed": "cam_rig.dynamics.jump.any_follower",
-    "largest_waviness": "cam_rig.campaign.largest_waviness",
+    "largest_waviness": "cam_rig.campaigns.largest_waviness",
     "load_cam": "cam_rig.simulation.scene",
     "load_rig": "cam_rig.simulation.scene",
     "load_scene": "cam_rig.simulation.scene",

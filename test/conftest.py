@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 from xdist.scheduler import LoadFileScheduling
@@ -72,6 +73,8 @@ class ByGroup(LoadFileScheduling):
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Begin with what takes longest, and give it the time that it may take."""
+    for item in _further_variants(items):
+        item.add_marker(pytest.mark.long)
     for item in items:
         if item.get_closest_marker("timeout") is None:
             allowed = [s for name, s in TIMEOUTS.items() if item.get_closest_marker(name)]
@@ -80,6 +83,19 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if config.getoption("references") == "write":
         items[:] = [item for item in items if "many_digits" in getattr(item, "fixturenames", ())]
     items.sort(key=lambda item: (item.get_closest_marker("ros") is None, _is_quick(item)))
+
+
+def _further_variants(items: list[pytest.Item]) -> Iterator[pytest.Item]:
+    """Of each test that is marked ``variants(n)``, all cases but n that are evenly spread."""
+    cases: dict[tuple[str, str], list[pytest.Item]] = {}
+    for item in items:
+        if isinstance(item, pytest.Function) and item.get_closest_marker("variants"):
+            cases.setdefault((item.path.as_posix(), item.originalname), []).append(item)
+    for found in cases.values():
+        mark = found[0].get_closest_marker("variants")
+        assert mark is not None
+        kept = {round(place) for place in np.linspace(0, len(found) - 1, mark.args[0])}
+        yield from (item for place, item in enumerate(found) if place not in kept)
 
 
 def _is_quick(item: pytest.Item) -> bool:

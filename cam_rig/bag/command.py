@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from cam_rig.schema.load import scene_path
 from cam_rig.show.command import (
     Csv,
     Json,
@@ -21,7 +20,6 @@ from cam_rig.show.command import (
     say,
     user_errors,
 )
-from cam_rig.simulation.tables import show
 
 
 def analyze(
@@ -62,6 +60,7 @@ def analyze_bag(
     from cam_rig.bag.partial_reader import recovered_words
     from cam_rig.bag.reader import read_bag
     from cam_rig.simulation.schedule import tick_count
+    from cam_rig.simulation.tables import show
 
     run = read_bag(bag, scene)
     counted = f"{sum(run.counts.values())} messages, {len(run.ticks)} ticks"
@@ -123,6 +122,8 @@ def export(
 
     cam-rig export tm21_sweep --cam tm21 --rpm 380 --to out/tm21_380.csv
     """
+    from cam_rig.schema.load import scene_path
+
     with user_errors():
         from cam_rig.simulation.export import export as write_samples
         from cam_rig.simulation.export import require_format

@@ -15,7 +15,6 @@ import typer
 
 from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.extras import require
-from cam_rig.schema.load import cam_path
 from cam_rig.show.command import (
     Csv,
     Json,
@@ -114,6 +113,7 @@ def law(
 def _show_one(name: str, out: Path | None, as_csv: bool) -> None:
     """One cam with its extremes, joints and segments."""
     from cam_rig.laws.cam import law_of
+    from cam_rig.schema.load import cam_path
     from cam_rig.simulation.scene import load_cam
 
     config = load_cam(name)
@@ -317,6 +317,7 @@ def show_cams(names: Sequence[str], out: Path | None, as_csv: bool) -> None:
     """
     from cam_rig.laws.cam import law_of
     from cam_rig.schema import load_cam
+    from cam_rig.schema.load import cam_path
 
     paths = [cam_path(name) for name in names]
     cams = [load_cam(path) for path in paths]
@@ -349,6 +350,7 @@ def record(names: Sequence[str], rises: bool, path: Path) -> None:
     from cam_rig.laws.cam import law_of
     from cam_rig.laws.catalogue import cam_curves, common_unit, rise_curves
     from cam_rig.laws.chart import save_laws
+    from cam_rig.schema.load import cam_path
     from cam_rig.simulation.scene import load_cam
 
     if rises:
@@ -421,6 +423,8 @@ def _cam_names() -> list[str]:
 
 def _is_cam(name: str, cams: Sequence[str]) -> bool:
     """Whether it is a cam's name, or a path, which is a cam's or an error of its own."""
+    from cam_rig.schema.load import cam_path
+
     return name in cams or cam_path(name) == Path(name)
 
 

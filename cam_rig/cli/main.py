@@ -88,7 +88,7 @@ COMMANDS = {
         "List the cam angles of 1, 50 and 99 % of the lift; of one cam, what each ordinate moves.",
     ),
     "design": (
-        "cam_rig.design.command:design",
+        "cam_rig.law_design.command:design",
         "Design the law that is best by a goal, and bound what any law of its class could reach.",
     ),
     "contact": (
@@ -113,7 +113,7 @@ COMMANDS = {
         "analyse variance.",
     ),
     "campaign": (
-        "cam_rig.campaign.command:campaign",
+        "cam_rig.campaigns.command:campaign",
         "Measure thousands of rigs that differ in some numbers, and keep a row of each.",
     ),
     "noise": (

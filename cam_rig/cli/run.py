@@ -16,7 +16,6 @@ import typer
 from rich.markup import escape
 
 from cam_rig.runner.fork_server import ForkServer
-from cam_rig.schema.load import scene_path
 from cam_rig.show.command import (
     DEFAULT_SCENE,
     Namespace,
@@ -101,6 +100,8 @@ def run(
 
     cam-rig run --split 100MB
     """
+    from cam_rig.schema.load import scene_path
+
     with user_errors(), ForkServer().begin() as server:  # it imports while all is checked here
         from cam_rig.bag.files import require_new_bag
         from cam_rig.bag.split import Split
@@ -231,6 +232,7 @@ def _replay(bag: Path, folder: Path, scene: str | None, output: Path | None) -> 
     from cam_rig.runner.graph import Graph
     from cam_rig.runner.node_process import replayed
     from cam_rig.runner.resources import own_domain
+    from cam_rig.schema.load import scene_path
 
     total = read_counts(bag).get(CAM_STATE.name, 0)
     if total < 2:

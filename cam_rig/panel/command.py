@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cam_rig.errors import CamRigError, ConfigError
-from cam_rig.schema.load import cam_path, rig_path
 from cam_rig.show.command import (
     Csv,
     Json,
@@ -51,6 +50,7 @@ def mark_sheets(
     from cam_rig.errors import ConfigError
     from cam_rig.panel.lab.marking import TOLERANCE_PERCENT, mark_sheet, marks_table, to_json
     from cam_rig.schema import load_cam, load_rig
+    from cam_rig.schema.load import cam_path, rig_path
 
     check_outputs(json_target, None, csv)
     if not sheets:
@@ -260,6 +260,7 @@ def _serve(
     from cam_rig.files import temporary_folder
     from cam_rig.panel.board.board import Board
     from cam_rig.schema import load_cam, load_rig
+    from cam_rig.schema.load import cam_path, rig_path
 
     for library in ("starlette", "uvicorn", "websockets"):
         require(library)

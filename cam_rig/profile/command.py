@@ -11,7 +11,6 @@ import typer
 
 from cam_rig.errors import ProfileError
 from cam_rig.profile.checks import FACTORS
-from cam_rig.schema.load import cam_path, one_scene, scene_path
 from cam_rig.show.command import Json, check_outputs, say, show, user_errors, write_json, write_plot
 
 if TYPE_CHECKING:
@@ -255,7 +254,14 @@ def _draw(
 
 def _paths(cams: list[str], every: bool) -> list[Path]:
     from cam_rig.errors import ConfigError
-    from cam_rig.schema.load import Library, config_root, load_scene
+    from cam_rig.schema.load import (
+        Library,
+        cam_path,
+        config_root,
+        load_scene,
+        one_scene,
+        scene_path,
+    )
 
     if (scene := one_scene(cams)) is not None:
         path = scene_path(scene)

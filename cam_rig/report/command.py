@@ -12,7 +12,6 @@ import typer
 from cam_rig.errors import ConfigError
 from cam_rig.extras import source_date
 from cam_rig.files import writing
-from cam_rig.schema.load import rig_beside, scene_path
 from cam_rig.show.command import (
     DEFAULT_SCENE,
     Dask,
@@ -26,7 +25,6 @@ from cam_rig.show.command import (
     user_errors,
     write_json,
 )
-from cam_rig.simulation.asked import RIG, asked_scene
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -154,6 +152,9 @@ def report(
 
     cam-rig report --out out/report.html --bag bags/tm21_sweep --json out/report.json
     """
+    from cam_rig.schema.load import scene_path
+    from cam_rig.simulation.asked import asked_scene
+
     with user_errors():
         from cam_rig.report.scene import is_papers
         from cam_rig.simulation.scene import open_scene
@@ -192,6 +193,8 @@ def _require_papers(path: Path, options: Mapping[str, object]) -> None:
 def _sources(path: Path, rig: str | None, factorial: str | None, bag: Path | None) -> Sources:
     """What the paper's page is made from."""
     from cam_rig.report.paper import open_sources
+    from cam_rig.schema.load import rig_beside
+    from cam_rig.simulation.asked import RIG
 
     return open_sources(path, rig_beside(rig or RIG, path), factorial or FACTORIAL, bag)
 

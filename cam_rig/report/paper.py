@@ -10,13 +10,13 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from cam_rig.design.pareto_front import paper_designs
-from cam_rig.design.tables import LawDesign
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump import figures as jump_plot
 from cam_rig.dynamics.jump.any_follower import JumpRow
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.files import no_room, temporary_folder
+from cam_rig.law_design.pareto_front import paper_designs
+from cam_rig.law_design.tables import LawDesign
 from cam_rig.laws import Law
 from cam_rig.laws import figures as law_overlay
 from cam_rig.laws import figures as law_plot

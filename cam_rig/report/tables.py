@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from pydantic import BaseModel
 
-from cam_rig.design.pareto_front import designs_table
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
+from cam_rig.law_design.pareto_front import designs_table
 from cam_rig.laws import Law
 from cam_rig.laws.law import continuity_in_words, extremes
 from cam_rig.laws.segments import NAMED_RISES

@@ -24,8 +24,6 @@ from cam_rig.show.command import (
     user_errors,
     write_json,
 )
-from cam_rig.simulation.asked import asked_scene
-from cam_rig.simulation.tables import show
 
 if TYPE_CHECKING:
     from cam_rig.acoustics.sound_level_meter import Measurement
@@ -66,6 +64,8 @@ def listen(
 
     cam-rig listen tm21_sweep --cam tm21 --rpm 380 --out out/tm21_380.wav --json -
     """
+    from cam_rig.simulation.asked import asked_scene
+
     with user_errors():
         import numpy as np
 
@@ -169,6 +169,8 @@ def simulate(
 
     cam-rig simulate config/scenes/tm21_sweep.yaml --plot out/sweep.png --csv out/sweep.csv --json -
     """
+    from cam_rig.simulation.tables import show
+
     with user_errors():
         import time
 

@@ -15,7 +15,6 @@ import typer
 from rich.markup import escape
 
 from cam_rig.errors import ConfigError
-from cam_rig.schema.load import scene_path
 from cam_rig.show.command import LINE_EVERY_S, SceneOfBag, console, progress_bar, user_errors
 from cam_rig.viewer.blueprint import Layout, ViewOptions
 
@@ -154,6 +153,8 @@ def view(
 
     cam-rig view bags/tm21_sweep_2026-01-31_12-00-00 --save out/sweep.rrd
     """
+    from cam_rig.schema.load import scene_path
+
     with user_errors():
         from cam_rig.errors import ConfigError
 

@@ -13,8 +13,8 @@ import pytest
 from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
-from cam_rig.campaign.campaign import open_campaign
-from cam_rig.campaign.dataset import CampaignDataset
+from cam_rig.campaigns.campaign import open_campaign
+from cam_rig.campaigns.dataset import CampaignDataset
 from cam_rig.cli.main import app
 from cam_rig.schema.load import config_root
 

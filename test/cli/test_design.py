@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cam_rig.cli.main import app
-from cam_rig.design import design as study
+from cam_rig.law_design import design as study
 from cam_rig.laws import build_law
 from cam_rig.laws.law import peak
 from cam_rig.schema import load_cam
@@ -61,7 +61,7 @@ def test_ctrl_c_keeps_the_best_law_so_far(tmp_path, monkeypatch):
 
         return solve(cam, rig, request, name, then_stop)
 
-    monkeypatch.setattr(study, "design", interrupted)
+    monkeypatch.setattr(study, "search_design", interrupted)
     asked = "--out", tmp_path / "kept.yaml", "--plot", tmp_path / "kept.png", "--json", "-"
     result = call("poly345", *SMALL, *asked)
     assert result.exit_code == 130
@@ -122,7 +122,7 @@ def test_ctrl_c_keeps_the_best_of_a_search(tmp_path, monkeypatch):
 
         return solve(cam, rig, request, name, then_stop)
 
-    monkeypatch.setattr(study, "design", interrupted)
+    monkeypatch.setattr(study, "search_design", interrupted)
     out = tmp_path / "kept.yaml"
     result = call("poly345", "--minimise", "shaft_torque@300rpm", "--pieces", "6", "--out", out)
     assert result.exit_code == 130

@@ -2,11 +2,11 @@
 
 import pytest
 
-from cam_rig.campaign import command as module
-from cam_rig.campaign.campaign import campaign_from
-from cam_rig.campaign.command import CampaignProgress, in_words, sized
-from cam_rig.campaign.dataset import CampaignDataset
-from cam_rig.campaign.point import measure_batch
+from cam_rig.campaigns import command as module
+from cam_rig.campaigns.campaign import campaign_from
+from cam_rig.campaigns.command import CampaignProgress, in_words, sized
+from cam_rig.campaigns.dataset import CampaignDataset
+from cam_rig.campaigns.point import measure_batch
 from cam_rig.schema.load import Library, config_root
 
 

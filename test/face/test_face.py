@@ -16,11 +16,11 @@ from cam_rig.show.result import shown
 #: Modules whose docstrings have examples of public names.
 WITH_EXAMPLES = (
     "cam_rig",
-    "cam_rig.campaign.run",
+    "cam_rig.campaigns.run",
     "cam_rig.profile.contour",
     "cam_rig.simulation.scene",
     "cam_rig.dynamics.jump.any_follower",
-    "cam_rig.campaign.largest_waviness",
+    "cam_rig.campaigns.largest_waviness",
     "cam_rig.simulation.motion",
     "cam_rig.measured.real_run.run",
     "cam_rig.simulation.scene_run",

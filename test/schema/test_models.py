@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 import cam_rig
 from benchmark.speed.cases import SAMPLED
-from cam_rig.campaign.campaign import campaign_from
+from cam_rig.campaigns.campaign import campaign_from
 from cam_rig.cli.main import app
 from cam_rig.dynamics import MODELS
 from cam_rig.measured.rig_fit.command import FollowerModel

@@ -22,7 +22,6 @@ from cam_rig.measured.options import (
     ShapeOption,
     ToleranceOption,
 )
-from cam_rig.schema.load import rig_path
 from cam_rig.show.command import Rig, say, say_assumed, show, user_errors, write_new
 
 if TYPE_CHECKING:
@@ -259,6 +258,8 @@ def new(
 
     cam-rig new gl110 --from-csv gl110.csv --shape arcs --folder mine
     """
+    from cam_rig.schema.load import rig_path
+
     with user_errors():
         from cam_rig.measured.cam_fit.files import own_rig, own_scene
         from cam_rig.schema.load import load_rig

@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from cam_rig.schema.load import scene_path
 from cam_rig.show.command import (
     Csv,
     Json,
@@ -78,6 +77,8 @@ def compare(
 
     cam-rig compare two_rigs.mcap quick --namespace /rig2 --cam tm21 --save out/compare.rrd
     """
+    from cam_rig.schema.load import scene_path
+
     with user_errors():
         from cam_rig.measured.real_run.run import compare_run
 

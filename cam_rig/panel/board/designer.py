@@ -11,9 +11,9 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from cam_rig.design.design import search_design as design
-from cam_rig.design.request import DesignRequest
 from cam_rig.errors import CamRigError
+from cam_rig.law_design.design import search_design as design
+from cam_rig.law_design.request import DesignRequest
 from cam_rig.panel.board.drawn_law import motion_in_base64
 from cam_rig.panel.board.files import GOAL, LIMIT
 from cam_rig.schema import CamConfig, RigConfig
@@ -29,7 +29,7 @@ def designed(
 
     Raises
     ------
-    CamRigError : as `cam_rig.design.design`; a library of the extra ``design`` is missing
+    CamRigError : as `cam_rig.law_design.design`; a library of the extra ``design`` is missing
     """
     request = DesignRequest.of(maximise=GOAL, limits=[LIMIT])
     found = design(cam, rig, request, name, lambda _, value: told(value / RPM))

@@ -18,13 +18,13 @@ from scipy.interpolate import BSpline as Spline
 
 from cam_rig.acoustics import RadiationParameters, level_db
 from cam_rig.acoustics.pressure import steady_power
-from cam_rig.design.cam_file import spline_cam_data
-from cam_rig.design.space import LawEvent, events
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.any_follower import find_jump, follower_of
 from cam_rig.dynamics.jump.jump_speed import FROM_REST, rigid_jump_speed
 from cam_rig.dynamics.vibration import residual_vibration
 from cam_rig.errors import CamRigError, ConfigError
+from cam_rig.law_design.cam_file import spline_cam_data
+from cam_rig.law_design.space import LawEvent, events
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.law import SMOOTHEST, joints
 from cam_rig.profile import Contour, contours

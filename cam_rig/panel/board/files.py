@@ -7,9 +7,9 @@ import shlex
 from pathlib import Path
 from typing import Any
 
-from cam_rig.design.cam_file import without_empty
 from cam_rig.errors import CamRigError, ConfigError, OutputError, ProfileError
 from cam_rig.extras import require
+from cam_rig.law_design.cam_file import without_empty
 from cam_rig.laws import Law
 from cam_rig.panel.board.drawable import DRAWN
 from cam_rig.profile.check_table import check_cam

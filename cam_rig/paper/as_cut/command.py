@@ -6,7 +6,6 @@ from typing import Annotated
 
 import typer
 
-from cam_rig.schema.load import cam_path, rig_path, scene_path, tables_path
 from cam_rig.show.command import (
     DEFAULT_SCENE,
     Csv,
@@ -51,6 +50,8 @@ def as_cut(
 
     cam-rig as-cut bezier15 --base 80 --roller 20 --plot out/as_cut.png
     """
+    from cam_rig.schema.load import cam_path, rig_path, scene_path, tables_path
+
     with user_errors():
         from cam_rig.errors import ConfigError
         from cam_rig.laws.cam import open_cam_set

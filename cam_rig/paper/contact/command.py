@@ -21,7 +21,6 @@ from cam_rig.show.command import (
     write_json,
     write_plot,
 )
-from cam_rig.simulation.asked import asked_cams
 
 #: Below every jump speed of the paper's laws.
 SPEED = 300.0
@@ -72,6 +71,8 @@ def contact(
 
     cam-rig contact --events out/events.png --plot out/contact.png
     """
+    from cam_rig.simulation.asked import asked_cams
+
     with user_errors():
         from cam_rig.errors import ConfigError
         from cam_rig.paper.contact import tables

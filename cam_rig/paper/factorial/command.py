@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cam_rig.schema.load import cam_path, rig_path, study_path, tables_path
 from cam_rig.show.command import (
     Csv,
     Dask,
@@ -52,6 +51,8 @@ def factorial(
 
     cam-rig factorial --json - | jq .conclusions
     """
+    from cam_rig.schema.load import study_path
+
     with user_errors():
         from cam_rig.paper.factorial import tables
         from cam_rig.paper.factorial.conclusions import conclusions
@@ -83,6 +84,7 @@ def measure(config: FactorialConfig, jobs: int | None, dask: str | None) -> Fact
     from cam_rig.laws.cam import open_cam_set
     from cam_rig.paper.factorial.study import Bench, run_factorial
     from cam_rig.schema import load_rig, load_tables
+    from cam_rig.schema.load import cam_path, rig_path, tables_path
     from cam_rig.workers import workplace
 
     others = [cam for cam in load_tables(tables_path()).table_2_jump if cam != config.proposed]

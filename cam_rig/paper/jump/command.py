@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cam_rig.schema.load import tables_path
 from cam_rig.show.command import (
     CamsOrScene,
     Csv,
@@ -23,7 +22,6 @@ from cam_rig.show.command import (
     write_json,
     write_plot,
 )
-from cam_rig.simulation.asked import asked_cams
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -68,6 +66,9 @@ def jump(
 
     cam-rig jump quick --rig tm21 --ramp 350
     """
+    from cam_rig.schema.load import tables_path
+    from cam_rig.simulation.asked import asked_cams
+
     with user_errors():
         from cam_rig.dynamics.jump.any_follower import described, follower_of
         from cam_rig.dynamics.jump.jump_speed import FROM_REST

@@ -12,7 +12,6 @@ import typer
 import yaml
 
 from cam_rig.errors import ConfigError
-from cam_rig.schema.load import rig_beside, scene_path
 from cam_rig.schema.quantity import ORIGINS
 from cam_rig.show.command import (
     DEFAULT_SCENE,
@@ -126,6 +125,8 @@ def calibrate(
 
     cam-rig calibrate tm21_sweep
     """
+    from cam_rig.schema.load import scene_path
+
     with user_errors():
         import numpy as np
 
@@ -179,6 +180,8 @@ def identify(
 
     cam-rig identify tm21 --seed 7
     """
+    from cam_rig.schema.load import scene_path
+
     with user_errors():
         from cam_rig.errors import ConfigError
         from cam_rig.paper.noise.arc_cam import identify as search
@@ -237,6 +240,8 @@ def noise(
 
     cam-rig noise --json - | jq '.methods["by substitution"].crossing.rpm'
     """
+    from cam_rig.schema.load import rig_beside, scene_path
+
     with user_errors():
         from cam_rig.paper.noise import tables
         from cam_rig.paper.noise.study import PARTS, study_noise

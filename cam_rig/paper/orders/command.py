@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cam_rig.errors import ConfigError, did_you_mean
-from cam_rig.schema.load import cam_path, rig_path, scene_path
 from cam_rig.show.command import (
     Csv,
     Json,
@@ -126,6 +125,7 @@ def _opened(
     """Laws and titles by cam, rig, model, and speeds in rpm, of a scene or of a cam alone."""
     from cam_rig.laws.cam import law_of, require_sprung
     from cam_rig.schema import load_cam, load_rig
+    from cam_rig.schema.load import cam_path, rig_path, scene_path
     from cam_rig.simulation.scene import open_scene
     from cam_rig.units import to_rpm
 
@@ -154,7 +154,7 @@ def _save(found: Sequence[CamOrders], path: Path, titles: dict[str, str]) -> Non
 
 def _is_cam(source: str) -> bool:
     """Whether a file, or a shipped name, is that of a cam."""
-    from cam_rig.schema.load import config_root, read_yaml
+    from cam_rig.schema.load import cam_path, config_root, read_yaml, scene_path
 
     path = scene_path(source)
     if not path.exists():

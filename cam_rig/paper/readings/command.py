@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cam_rig.schema.load import cam_path, readings_path, tables_path
 from cam_rig.show.command import Csv, check_outputs, progress_bar, say, show, user_errors, write_csv
 
 if TYPE_CHECKING:
@@ -47,6 +46,8 @@ def readings(
 
     cam-rig readings --search shipped --generations 20
     """
+    from cam_rig.schema.load import readings_path
+
     with user_errors():
         from cam_rig.errors import ConfigError
         from cam_rig.paper.readings import tables
@@ -74,6 +75,7 @@ def _read(readings: Mapping[str, TableReading], run: float) -> list[Read]:
     """Every reading on every cam of the table, behind a bar."""
     from cam_rig.paper.readings.readings import read
     from cam_rig.schema import load_cam, load_tables
+    from cam_rig.schema.load import cam_path, tables_path
 
     printed = load_tables(tables_path()).table_2_jump
     cams = {cam: load_cam(cam_path(cam)) for cam in printed}
@@ -100,6 +102,7 @@ def _search(
     from cam_rig.paper.readings.search import ReadingSearch
     from cam_rig.paper.readings.tables import with_numbers
     from cam_rig.schema import load_cam, load_tables
+    from cam_rig.schema.load import cam_path, tables_path
 
     if name not in known.readings:
         raise ConfigError(

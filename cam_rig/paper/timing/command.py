@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from cam_rig.schema.load import cam_path, tables_path
 from cam_rig.show.command import (
     Csv,
     Json,
@@ -36,6 +35,8 @@ def timing(
 
     cam-rig timing bezier15 --plot out/timing.png --csv out/timing.csv
     """
+    from cam_rig.schema.load import cam_path, tables_path
+
     with user_errors():
         from cam_rig.errors import ConfigError
         from cam_rig.laws.cam import law_of

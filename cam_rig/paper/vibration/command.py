@@ -6,7 +6,6 @@ from typing import Annotated
 
 import typer
 
-from cam_rig.schema.load import one_scene
 from cam_rig.show.command import (
     CamsOrScene,
     Csv,
@@ -22,7 +21,6 @@ from cam_rig.show.command import (
     write_json,
     write_plot,
 )
-from cam_rig.simulation.asked import asked_cams, scene_speeds
 
 #: The jump speed of the first of the paper's laws is 389 rpm.
 SPEEDS = [200.0, 250.0, 300.0, 350.0]
@@ -52,6 +50,9 @@ def vibration(
 
     cam-rig vibration quick --rig paper_table2
     """
+    from cam_rig.schema.load import one_scene
+    from cam_rig.simulation.asked import asked_cams, scene_speeds
+
     with user_errors():
         from cam_rig.paper.vibration import study as tables
         from cam_rig.paper.vibration.study import vibration_claims, vibration_table

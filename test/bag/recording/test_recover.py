@@ -196,7 +196,7 @@ def test_a_recorder_that_was_killed_at_once_has_a_successor(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr("cam_rig.bag.writer.BagWriter", die)
+        patch.setattr("cam_rig.bag.recorder.BagWriter", die)
         open_bag(checkpoint, bag, loaded, Publishers())
     successor = open_bag(
         Checkpoint(str(tmp_path), "recorder"), tmp_path / "other", loaded, Publishers()

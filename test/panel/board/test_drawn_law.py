@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import cam_rig
-from cam_rig.design.space import events
 from cam_rig.errors import ConfigError
+from cam_rig.law_design.space import events
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.law import joints
 from cam_rig.panel.board.drawable import _nearest, as_b_splines, with_own_ordinates

@@ -1,0 +1,304 @@
+"""cam-rig campaign: thousands of rigs that differ in some numbers, on this machine or a cluster."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Annotated, Self
+
+import typer
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+from cam_rig.errors import ConfigError, DynamicsError, OutputError, RunError
+from cam_rig.show.command import (
+    LINE_EVERY_S,
+    Csv,
+    Dask,
+    Jobs,
+    Json,
+    Plot,
+    check_outputs,
+    console,
+    progress_bar,
+    say,
+    show,
+    user_errors,
+    write_csv,
+    write_json,
+    write_plot,
+)
+
+if TYPE_CHECKING:
+    from cam_rig.campaigns.campaign import Campaign
+    from cam_rig.campaigns.dataset import CampaignDataset
+
+
+# How far a campaign is, how long the rest takes and how large it gets: a bar, or lines.
+
+#: Longest unit of a time in words that is still told in the one below, with its seconds.
+UNITS = (("d", 86400.0), ("h", 3600.0), ("min", 60.0), ("s", 1.0))
+
+SIZES = (("GB", 1e9), ("MB", 1e6), ("kB", 1e3))
+
+
+class CampaignProgress:
+    """Told of points as they are written; in a terminal a bar, elsewhere a line now and then.
+
+    Time left and size are extrapolated from the points of this run, from its first batch on.
+    """
+
+    def __init__(self, dataset: CampaignDataset) -> None:
+        self._dataset, self._total = dataset, dataset.campaign.total
+        self._done = self._total - sum(last - first for first, last in dataset.missing())
+        self._begin: tuple[float, int] | None = None
+        self._told, self._size = time.monotonic(), ""
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(12),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[ahead]}"),
+            console=console,
+            transient=True,
+        )
+        name = dataset.campaign.config.name
+        self._task = self._bar.add_task(name, total=self._total, completed=self._done, ahead="")
+
+    def __enter__(self) -> Self:
+        """Show the bar where there is a terminal."""
+        if console.is_terminal:
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Take the bar away."""
+        if console.is_terminal:
+            self._bar.stop()
+
+    def advance(self, points: int) -> None:
+        """So many more were written."""
+        self._done += points
+        now = time.monotonic()
+        if self._begin is None:  # before it the workers started: no measure of what follows
+            self._begin = now, self._done
+        left, due = self._total - self._done, now - self._told >= LINE_EVERY_S
+        if due:
+            self._told, self._size = now, sized(*self._dataset.size())
+        ahead = estimate(now - self._begin[0], self._done - self._begin[1], left) + self._size
+        if console.is_terminal:
+            self._bar.update(self._task, completed=self._done, ahead=ahead)
+        elif due and left:
+            name = self._dataset.campaign.config.name
+            say(f"{name}: {self._done} of {self._total} points, {ahead}")
+
+
+def estimate(seconds: float, points: int, left: int) -> str:
+    """The rate of points made in so many s, and what time the others take."""
+    if points == 0 or seconds <= 0.0:
+        return ""
+    rate = points / seconds
+    return f"{rate:.3g} points/s, {in_words(left / rate)} left"
+
+
+def in_words(seconds: float) -> str:
+    """A time in the largest unit of which there are two or more."""
+    unit, length = next((one for one in UNITS if seconds >= 2.0 * one[1]), UNITS[-1])
+    return f"{seconds / length:.2g} {unit}" if length > 1.0 else f"{seconds:.0f} s"
+
+
+def sized(now: float, in_all: float) -> str:
+    """Bytes on the disk and at the end."""
+    unit, length = next((one for one in SIZES if in_all >= one[1]), SIZES[-1])
+    return f", {now / length:.3g} of about {in_all / length:.3g} {unit}"
+
+
+# cam-rig campaign --largest-waviness: what waviness each wavelength may have.
+
+
+def show_largest(
+    campaign: Campaign,
+    count: int,
+    jobs: int | None,
+    dask: str | None,
+    plot: Path | None,
+    csv: Path | None,
+    json_target: str | None,
+) -> None:
+    """Search so many wavelengths behind a bar; table, picture and files.
+
+    Raises
+    ------
+    ConfigError : a study without limits or waviness
+    RunError : the workers are gone
+    OutputError : a file cannot be written
+    """
+    from cam_rig.campaigns.largest_waviness import WavinessSearch, find_largest
+    from cam_rig.campaigns.tables import waviness_json, waviness_table
+    from cam_rig.workers import workplace
+
+    search = WavinessSearch(campaign)
+    wavelengths = search.wavelengths(count)
+    with workplace(jobs, dask) as place, progress_bar() as bar:
+        task = bar.add_task(campaign.config.name, total=wavelengths.size)
+        found = find_largest(search, wavelengths, place.executor, lambda: bar.advance(task))
+    table = waviness_table(search, found)
+    show(table)
+    write_csv([table], csv)
+    if plot is not None:
+        from cam_rig.campaigns.figures import draw_waviness as draw
+
+        write_plot(plot, lambda part: draw(search, found, part))
+    write_json(waviness_json(search, found), json_target)
+
+
+Wavelengths = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N",
+        min=1,
+        max=1000,
+        help="Instead: the largest waviness with which 99 % keep the study's limits, for N "
+        "wavelengths. It keeps no rows: refused with --out and with --resume.",
+    ),
+]
+
+
+def campaign(
+    study: Annotated[str, typer.Argument(help="Study file, or a name in config/campaigns.")],
+    out: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Of the dataset; by default out/NAME.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the points that the folder has not.")
+    ] = False,
+    points: Annotated[int | None, typer.Option(help="Points, in place of the study's.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed, in place of the study's.")] = None,
+    largest_waviness: Wavelengths = None,
+    jobs: Jobs = None,
+    dask: Dask = None,
+    plot: Plot = None,
+    csv: Csv = None,
+    json_target: Json = None,
+) -> None:
+    """Measure thousands of rigs that differ in some numbers, and keep a row of each.
+
+    The study says what varies, at which points, and what is measured: jump speeds, vibration,
+    forces, levels. Rows go into a folder of Parquet files, readable while it runs; tables of
+    quantiles, yields and shares follow. Rows are the same on any number of processes, and on a
+    Dask cluster. Ctrl-C keeps what is finished; --resume goes on.
+
+    Examples
+    --------
+    cam-rig campaign tolerance_poly345 --points 256 --plot out/tolerances.png
+
+    cam-rig campaign jump_map --out out/map --resume
+
+    cam-rig campaign tolerance_poly345 --points 64 --largest-waviness 24
+    """
+    from cam_rig.schema.load import campaign_path
+
+    with user_errors():
+        from cam_rig.campaigns.campaign import open_campaign
+        from cam_rig.workers import check_workplace
+
+        check_outputs(json_target, plot, csv)
+        check_workplace(dask)
+        asked = open_campaign(campaign_path(study)).planned(points, seed)
+        if largest_waviness is not None:
+            if out is not None or resume:
+                raise ConfigError(
+                    "--largest-waviness: keeps no rows; allowed: without --out and --resume"
+                )
+            show_largest(asked, largest_waviness, jobs, dask, plot, csv, json_target)
+            return
+        folder = out or Path("out") / asked.config.name
+        again = _command(study, folder, points, seed, jobs, dask)
+        dataset = _measured(folder, asked, resume, jobs, dask, again)
+        _show_results(dataset, plot, csv, json_target)
+
+
+def _show_results(
+    dataset: CampaignDataset, plot: Path | None, csv: Path | None, json_target: str | None
+) -> None:
+    """What the rows come to: tables, a picture, files."""
+    from cam_rig.campaigns.results import CampaignResults
+    from cam_rig.campaigns.tables import result_tables, to_json
+
+    results = CampaignResults(dataset)
+    if results.failed == results.points:
+        raise DynamicsError(
+            f"{dataset.campaign.config.name}: {results.failures}; the rows in {dataset.folder} "
+            "have the reason of each; remedy: other numbers in the study's vary"
+        )
+    shown = result_tables(results)
+    show(*shown)
+    say(f"dataset: {dataset.folder}/*.parquet")
+    write_csv(shown, csv)
+    if plot is not None:
+        from cam_rig.campaigns.figures import draw
+
+        write_plot(plot, lambda part: draw(results, part))
+    write_json(to_json(results), json_target)
+
+
+def _command(
+    study: str,
+    folder: Path,
+    points: int | None,
+    seed: int | None,
+    jobs: int | None,
+    dask: str | None,
+) -> str:
+    """The command that goes on where this one ends."""
+    import shlex
+
+    given = {"--points": points, "--seed": seed, "--jobs": jobs, "--dask": dask}
+    words = ["cam-rig", "campaign", study, "--out", str(folder), "--resume"]
+    for option, value in given.items():
+        words += [] if value is None else [option, str(value)]
+    return shlex.join(words)
+
+
+def _measured(
+    folder: Path, asked: Campaign, resume: bool, jobs: int | None, dask: str | None, again: str
+) -> CampaignDataset:
+    """Make the points that are missing, with their progress; what ends it says how to go on.
+
+    Raises
+    ------
+    CamRigError : the folder is another's, the disk is full, or the workers are gone
+    """
+    from cam_rig.campaigns.dataset import CampaignDataset
+    from cam_rig.campaigns.run import run_campaign
+    from cam_rig.extras import require
+    from cam_rig.workers import workplace
+
+    require("pyarrow")
+    dataset = CampaignDataset(folder, asked)
+    with dataset.opened(resume) as damaged, _going_on(again):
+        if damaged:
+            say(damaged)
+        if not dataset.missing():
+            return dataset
+        with workplace(jobs, dask) as place, CampaignProgress(dataset) as progress:
+            run_campaign(dataset, place.executor, place.count, progress.advance)
+    return dataset
+
+
+@contextmanager
+def _going_on(again: str) -> Iterator[None]:
+    """Ends of a run that leave something to go on with: the command that does is named."""
+    try:
+        yield
+    except KeyboardInterrupt as interrupt:
+        interrupt.args = (f"{interrupt}; what is finished stays, go on with: {again}",)
+        raise
+    except (OutputError, RunError) as error:
+        raise type(error)(f"{error}; go on with: {again}") from None

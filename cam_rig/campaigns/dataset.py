@@ -1,0 +1,383 @@
+"""The dataset of a campaign: a folder of Parquet files, one a batch, whole at every moment.
+
+A file has its name only when all of it is on the disk, so readers take ``folder/*.parquet`` while
+a campaign runs, and after whatever ended it. The one writer holds a lock on the folder.
+
+The name ends in a digest of the points' range and the file's bytes: both come onto the disk in one
+step, and a flipped bit, a cut or another file's name is seen wherever rows are read.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import io
+import json
+import os
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cam_rig.campaigns.campaign import Campaign
+from cam_rig.campaigns.point import FAILED, OK, UNSETTLED, BatchRows
+from cam_rig.errors import ConfigError, OutputError
+from cam_rig.extras import libraries_named
+from cam_rig.show.tables import counted
+from cam_rig.units import FloatArray
+
+LOCK = ".lock"
+
+FILES = "points-*.parquet"
+
+_NAME = re.compile(r"points-(\d+)-(\d+)-([0-9a-f]{16})\.parquet")
+
+#: What is added to the name of a file whose rows are made again.
+DAMAGED = ".damaged"
+
+#: Of such files so many are named.
+NAMED = 3
+
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+
+#: Packages whose versions rows may depend on.
+VERSIONS = ("cam_rig", "numpy", "scipy")
+
+#: Differences between two studies that are named.
+DIFFERENCES = 3
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignDataset:
+    """The rows of a study in a folder.
+
+    Columns: ``point``, ``seed``, ``version`` of cam_rig, the inputs (SI), the measures (their
+    unit is in the schema; null where a point has none), ``status`` and ``reason``. The schema also
+    holds the study as JSON, its fingerprint, and the versions rows may depend on.
+    """
+
+    folder: Path
+    campaign: Campaign
+
+    @cached_property
+    def schema(self) -> Any:
+        """Of every file, a `pyarrow.Schema`."""
+        with libraries_named():
+            import pyarrow as pa
+
+        def field(name: str, kind: Any, unit: str, meaning: str, nullable: bool = False) -> Any:
+            about = {"unit": unit, "meaning": meaning}
+            return pa.field(name, kind, nullable=nullable, metadata=about)
+
+        word = pa.dictionary(pa.int32(), pa.string())
+        fields = [
+            field("point", pa.int64(), "1", "index in the plan"),
+            field("seed", pa.int64(), "1", "of the plan"),
+            field("version", word, "", "of cam_rig"),
+        ]
+        for one in self.campaign.inputs:
+            fields.append(field(one.column, pa.float64(), one.si_unit, one.path))
+        for measure in self.campaign.measures:
+            words = measure.term.words
+            fields.append(field(measure.column, pa.float64(), measure.unit, words, True))
+        fields.append(field("status", word, "", f"{OK}, {UNSETTLED} or {FAILED}"))
+        fields.append(
+            field("reason", pa.string(), "", "what failed and why, or did not settle", True)
+        )
+        about = {"study": self.campaign.text, "fingerprint": self.campaign.fingerprint}
+        return pa.schema(fields, metadata={**about, **versions()})
+
+    def write(self, rows: BatchRows) -> None:
+        """Put a batch onto the disk, whole or not at all.
+
+        Raises
+        ------
+        OutputError : the disk is full, or the folder cannot be written
+        """
+        import pyarrow.parquet as pq
+
+        sink = io.BytesIO()
+        pq.write_table(self._table(rows), sink, write_page_checksum=True)
+        data = sink.getvalue()
+        digest = _digest(rows.first, rows.last, data)
+        target = self.folder / f"points-{rows.first:010d}-{rows.last:010d}-{digest}.parquet"
+        part = target.with_name(f".{target.name}.part")
+        try:
+            try:
+                part.write_bytes(data)
+                _to_disk(part)
+                part.replace(target)
+                _to_disk(self.folder)
+            finally:
+                part.unlink(missing_ok=True)
+        except OSError as error:
+            raise OutputError(
+                f"{target}: cannot be written ({error.strerror or error}); what is finished stays"
+            ) from None
+
+    def _table(self, rows: BatchRows) -> Any:
+        import pyarrow as pa
+
+        count = len(rows.reasons)
+        seed, own = np.full(count, self.campaign.seed), versions()["cam_rig"]
+        columns = [
+            pa.array(np.arange(rows.first, rows.last)),
+            pa.array(seed),
+            pa.array([own] * count).dictionary_encode(),
+            *(pa.array(column) for column in rows.inputs.T),
+            *(pa.array(column, mask=np.isnan(column)) for column in rows.measures.T),
+            pa.array(rows.status).dictionary_encode(),
+            pa.array([text or None for text in rows.reasons], pa.string()),
+        ]
+        return pa.Table.from_arrays(columns, schema=self.schema)
+
+    def batches(self) -> list[tuple[int, int, Path]]:
+        """First point, the point after the last, and the file of each batch, in order."""
+        found = []
+        for path in self.folder.glob(FILES):
+            if match := _NAME.fullmatch(path.name):
+                found.append((int(match[1]), int(match[2]), path))
+        return sorted(found)
+
+    def missing(self) -> list[tuple[int, int]]:
+        """The ranges of points that are in no file, in order."""
+        gaps, at = [], 0
+        for first, last, _ in self.batches():
+            if first > at:
+                gaps.append((at, first))
+            at = max(at, last)
+        if at < self.campaign.total:
+            gaps.append((at, self.campaign.total))
+        return gaps
+
+    def size(self) -> tuple[float, float]:
+        """Bytes of the files there are, and about those of all when every point is made.
+
+        A file has bytes of its own, as many as the smallest, and others for each row; the files
+        to come are as long as the longest.
+        """
+        batches = self.batches()
+        if not batches:
+            return 0.0, 0.0
+        sizes = [path.stat().st_size for _, _, path in batches]
+        counts = [last - first for first, last, _ in batches]
+        own, made = min(sizes), sum(counts)
+        left = max(0, self.campaign.total - made)
+        row = (sum(sizes) - own * len(sizes)) / made
+        return float(sum(sizes)), sum(sizes) + row * left + own * -(-left // max(counts))
+
+    def tables(self, columns: list[str] | None = None) -> Iterator[Any]:
+        """The rows of each batch in the order of the points, a `pyarrow.Table`.
+
+        Raises
+        ------
+        OutputError : a file is not as it was written
+        """
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        for _, _, path in self.batches():
+            yield pq.read_table(
+                pa.BufferReader(_intact(path)), columns=columns, page_checksum_verification=True
+            )
+
+    def column(self, name: str) -> FloatArray:
+        """One column in the order of the points, NaN for null; no other column is kept.
+
+        Raises
+        ------
+        OutputError : a file is not as it was written
+        """
+        parts = [table.column(name).to_numpy() for table in self.tables([name])]
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+    def reasons(self, status: str = FAILED) -> list[tuple[str, int]]:
+        """Why points have a status and how many, the most frequent first.
+
+        Reasons that differ in their numbers alone are one, in the words of the first of them.
+        """
+        import pyarrow.compute as pc
+
+        counts: Counter[str] = Counter()
+        words: dict[str, str] = {}
+        for table in self.tables(["status", "reason"]):
+            given = table.filter(pc.equal(table.column("status"), status)).column("reason")
+            for one in pc.value_counts(given).to_pylist():
+                kind = _NUMBER.sub("#", one["values"])
+                words.setdefault(kind, one["values"])
+                counts[kind] += one["counts"]
+        return [(words[kind], count) for kind, count in counts.most_common()]
+
+    @contextmanager
+    def opened(self, resume: bool) -> Iterator[str]:
+        """Hold the folder for one writer; what a killed one left half written is removed.
+
+        It gives a line that names the files whose points are to be made again, which are kept
+        under another name; empty where all are whole.
+
+        Raises
+        ------
+        ConfigError : it holds rows and is not to be resumed, or rows of another study, or of a
+            file without a digest
+        OutputError : it cannot be written, or another process writes into it
+        """
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            descriptor = os.open(self.folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise OutputError(f"{self.folder}: cannot be written ({error.strerror})") from None
+        with os.fdopen(descriptor, "r+b") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise OutputError(
+                    f"{self.folder}: another campaign writes into it; allowed: to wait for its "
+                    "end, or another folder"
+                ) from None
+            damaged = self._require_own(resume)
+            for path in self.folder.glob(".points-*.part"):
+                path.unlink()
+            for path in damaged:
+                path.rename(path.with_name(path.name + DAMAGED))
+            yield _made_again(damaged)
+
+    def _require_own(self, resume: bool) -> list[Path]:
+        """Refuse a folder of other rows; files that are damaged, or have another file's points."""
+        found = sorted(self.folder.glob(FILES))
+        if found and not resume:
+            raise ConfigError(
+                f"{self.folder}: holds {counted(len(found), 'file')} of points already; "
+                "allowed: --resume to go on with them, or another folder"
+            )
+        for path in found:
+            if not _NAME.fullmatch(path.name):
+                raise ConfigError(
+                    f"{path}: has no digest in its name, so that its rows cannot be checked (it is "
+                    "of an earlier version, or was renamed); allowed: a folder without it"
+                )
+        damaged, at = [], 0
+        for first, last, path in self.batches():
+            try:
+                about = _about(_intact(path))
+            except OutputError:
+                damaged.append(path)
+                continue
+            if about != self._own:
+                raise ConfigError(
+                    f"{path}: is of another study, or of another version: "
+                    f"{differences(about, self._own)}; allowed with --resume: the same, else "
+                    "another folder"
+                )
+            if first < at:
+                damaged.append(path)
+            at = max(at, last)
+        return damaged
+
+    @property
+    def _own(self) -> dict[str, str]:
+        return {"study": self.campaign.text, **versions()}
+
+
+def differences(old: Mapping[str, str], new: Mapping[str, str]) -> str:
+    """What differs between two origins of rows, with the old and the new value of each."""
+    before, after = ({**_leaves(json.loads(one.get("study") or "{}"))} for one in (old, new))
+    for name in VERSIONS:
+        before[name], after[name] = old.get(name), new.get(name)
+    found = [
+        f"{key} is {_shown(after.get(key))}, was {_shown(before.get(key))}"
+        for key in dict.fromkeys([*before, *after])
+        if before.get(key) != after.get(key)
+    ]
+    rest = len(found) - DIFFERENCES
+    return ", ".join(found[:DIFFERENCES]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def _leaves(node: Any, path: str = "") -> dict[str, Any]:
+    """The numbers and words of plain data by their paths; those of the study without a prefix."""
+    if isinstance(node, dict):
+        parts = [(f"{path}.{key}" if path else key, one) for key, one in node.items()]
+    elif isinstance(node, list):
+        parts = [(f"{path}[{i}]", one) for i, one in enumerate(node)]
+    else:
+        return {path.removeprefix("config."): node}
+    return {key: value for name, one in parts for key, value in _leaves(one, name).items()}
+
+
+def _shown(value: object) -> str:
+    return "not there" if value is None else str(value)
+
+
+def _made_again(damaged: list[Path]) -> str:
+    """What is said of files that were set aside; empty for none."""
+    if not damaged:
+        return ""
+    named = ", ".join(path.name for path in damaged[:NAMED])
+    more = f" and {len(damaged) - NAMED} more" if len(damaged) > NAMED else ""
+    return (
+        f"{damaged[0].parent}: {counted(len(damaged), 'file')} not as written, or with another "
+        f"file's points: {named}{more}; their points are made again, the files kept as *{DAMAGED}"
+    )
+
+
+def _digest(first: int, last: int, data: bytes) -> str:
+    """Of a batch's range and its file, as the file's name has it."""
+    return hashlib.sha256(b"%d-%d\n" % (first, last) + data).hexdigest()[:16]
+
+
+def _intact(path: Path) -> bytes:
+    """What a batch's file holds.
+
+    Raises
+    ------
+    OutputError : it cannot be read, or is not what was written under this name
+    """
+    match = _NAME.fullmatch(path.name)
+    assert match is not None  # only such are batches
+    if not path.is_file():  # a pipe would never end
+        raise OutputError(f"{path}: is no file; remedy: --resume makes its points again")
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    if _digest(int(match[1]), int(match[2]), data) != match[3]:
+        raise OutputError(
+            f"{path}: is not as it was written: damaged, cut off or renamed; remedy: --resume "
+            "makes its points again"
+        )
+    return data
+
+
+def _about(data: bytes) -> dict[str, str]:
+    """What an intact file's schema says of its origin."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    found = pq.read_metadata(pa.BufferReader(data)).metadata or {}
+    return {key: found.get(key.encode(), b"").decode() for key in ("study", *VERSIONS)}
+
+
+def versions() -> dict[str, str]:
+    """Versions of what rows may depend on."""
+    found = {}
+    for name in VERSIONS:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def _to_disk(path: Path) -> None:
+    """Wait until a file or a folder's names are on the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

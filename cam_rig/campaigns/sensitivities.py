@@ -1,0 +1,343 @@
+"""Local derivatives of the jump speed, exact, by the implicit function at the touching point.
+
+At the jump speed the least contact force is zero, at one angle of one turn: F(Ω, θ; p) = 0 and
+∂F/∂θ = 0. So dΩ/dp = −(∂F/∂p)/(∂F/∂Ω), both at that angle. F is an analytic function of every
+number, and its derivatives are taken by a step of 1e-30 along the imaginary axis, which no
+cancellation takes digits from (Squire and Trapp 1998).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq, minimize_scalar
+
+from cam_rig.campaigns.inputs import ProfileErrors
+from cam_rig.campaigns.measures import CampaignMeasure, MeasuredPoint
+from cam_rig.campaigns.point import make_point
+from cam_rig.campaigns.results import CampaignResults
+from cam_rig.dynamics import TwoMassParameters
+from cam_rig.dynamics.jump.any_follower import follower_of
+from cam_rig.dynamics.jump.jump_speed import FROM_REST
+from cam_rig.dynamics.jump.search import force_run, sought
+from cam_rig.dynamics.modal_response import taylor_series
+from cam_rig.dynamics.two_mass.masses import contact_response
+from cam_rig.dynamics.two_mass.trajectory import first_lift_off
+from cam_rig.errors import CamRigError, DynamicsError
+from cam_rig.laws import Law, bernstein
+from cam_rig.schema import RigConfig
+from cam_rig.units import RPM, TURN, FloatArray
+
+#: The imaginary step, and to what part of itself the speed is found.
+STEP, FINE = 1e-30, 1e-14
+
+#: So much above the jump speed the follower does leave; the touch is within so many rad of there.
+ABOVE, NEAR = 1e-9, 0.01
+
+#: Numbers of a rig's follower that the two masses are made of.
+FOLLOWER = (
+    "mass",
+    "roller_share",
+    "spring_stiffness",
+    "stem_stiffness",
+    "damping",
+    "stem_damping",
+    "preload",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class ContactTouch:
+    """Where contact is just lost: speed (rad/s), turn from 0, cam angle in it (rad)."""
+
+    speed: float
+    turn: int
+    angle: float
+
+
+def touch_of(law: Law, follower: TwoMassParameters, duration: float | None) -> ContactTouch:
+    """The touch at the jump speed of a run from rest of so many s, or in steady state (None).
+
+    Raises
+    ------
+    DynamicsError : no jump speed, or contact is lost at the very end of the run
+    """
+    found, run = sought(law, follower, duration), force_run(law, follower, duration)
+    speed = float(brentq(run.lowest, found.low, found.high, xtol=1e-300, rtol=FINE))
+    above = speed * (1.0 + ABOVE)
+    start, length = np.zeros(2), duration
+    if length is None:
+        start, length = contact_response(law, follower, above).periodic(), TURN / above
+    time = first_lift_off(law, follower, above, start, length)
+    if time is None or (time * above + NEAR > length * above and duration is not None):
+        raise DynamicsError(
+            "no derivative: contact is lost at the end of the run, not where the force is least"
+        )
+    numbers = _numbers(follower)
+    turn, inside = divmod(time * above, TURN)
+
+    def force(angle: float) -> float:
+        shifted = ContactTouch(speed, int(turn + angle // TURN), angle % TURN)
+        return float(contact_force(law, law.ordinates, numbers, speed, shifted, duration).real)
+
+    near = minimize_scalar(
+        force, bounds=(inside - NEAR, inside + NEAR), method="bounded", options={"xatol": 1e-12}
+    )
+    angle = float(near.x)
+    return ContactTouch(speed, int(turn + angle // TURN), angle % TURN)
+
+
+def contact_force(
+    law: Law,
+    ordinates: NDArray[Any],
+    numbers: Mapping[str, complex],
+    speed: complex,
+    touch: ContactTouch,
+    duration: float | None,
+) -> complex:
+    """The contact force (N) of two masses at an angle of a turn, from rest or in steady state.
+
+    Any of the numbers, of the law's ordinates ``(p + 1, n)`` (m), and the speed (rad/s) may be
+    complex. As in `cam_rig.dynamics.modal_response`: a polynomial in each piece, and free vibration
+    that makes up for its jumps at joints.
+    """
+    p, touched = numbers, touch.angle
+    stiffness = p["stem_stiffness"] + p["spring_stiffness"]
+    damping = p["stem_damping"] + p["damping"]
+    share, end = p["stem_stiffness"] / stiffness, p["end_mass"]
+    top = np.array([0.0, (p["stem_damping"] - damping * share) / end, -share])
+    free = _FreeVibration(stiffness / end, damping / end)
+    s = _derivatives(law, ordinates) * (speed ** np.arange(law.degree + 2))[:, None, None]
+    series = taylor_series(top, np.array([free.stiffness, free.damping, 1.0]), law.degree + 1)
+    forced = np.stack([np.tensordot(series, s[k : k + law.degree + 1], 1) for k in (0, 1)])
+    piece = law.piece(touched)
+    here = _free_state(law, free, forced, speed, touch, duration)
+    u = np.array([(touched - law.breaks[piece]) / law.spans[piece]])
+    basis = bernstein.basis(law.degree, u)[0]
+    place = forced[:, :, piece] @ basis + here
+    left = p["spring_stiffness"] / stiffness
+    force = np.array([p["stem_stiffness"] * left, p["stem_damping"] * left, p["roller_mass"]])
+    own = np.array([p["stem_stiffness"], p["stem_damping"]])
+    return complex(force @ (s[:3, :, piece] @ basis) - own @ place + share * p["preload"])
+
+
+def _derivatives(law: Law, ordinates: NDArray[Any]) -> NDArray[Any]:
+    """``(p + 2, p + 1, n)``: ordinates of s and of all its derivatives in θ."""
+    rows = [ordinates]
+    for _ in range(law.degree + 1):
+        rows.append(bernstein.derivative(rows[-1]) / law.spans)
+    return np.stack([bernstein.elevate(row, law.degree) for row in rows])
+
+
+def _free_state(
+    law: Law,
+    free: _FreeVibration,
+    forced: NDArray[Any],
+    speed: complex,
+    touch: ContactTouch,
+    duration: float | None,
+) -> NDArray[Any]:
+    """(η, η̇) of the free vibration at the touch: what the joints before it have added, faded."""
+    jumps = np.roll(forced[:, -1], 1, axis=1) - forced[:, 0]
+    starts, piece = law.breaks[:-1], law.piece(touch.angle)
+    passed = slice(1, piece + 1)
+    here = free.after((touch.angle - starts[passed]) / speed, jumps[:, passed])
+    if duration is None:
+        turn = free.after((TURN - starts[1:]) / speed, jumps[:, 1:]) + jumps[:, 0]
+        begin = np.linalg.solve(np.eye(2) - free.flow(TURN / speed), turn)
+        return np.asarray(here + free.flow(touch.angle / speed) @ begin)
+    since = TURN * touch.turn + touch.angle
+    here = here - free.flow(since / speed) @ forced[:, 0, 0]  # at rest at θ = 0
+    for ahead in (since - TURN * turn for turn in range(touch.turn)):
+        here = here + free.after((ahead - starts[1:]) / speed, jumps[:, 1:])
+        here = here + free.flow((ahead - TURN) / speed) @ jumps[:, 0]
+    return np.asarray(here)
+
+
+@dataclass(frozen=True)
+class _FreeVibration:
+    """η̈ + damping η̇ + stiffness η = 0, any of it complex."""
+
+    stiffness: complex
+    damping: complex
+
+    def flow(self, time: complex) -> NDArray[Any]:
+        """e^{At}, ``(2, 2)``."""
+        return np.stack([self.after(np.array([time]), x[:, None]) for x in np.eye(2)], axis=1)
+
+    def after(self, times: NDArray[Any], states: NDArray[Any]) -> NDArray[Any]:
+        """What states ``(2, n)`` come to, each after its time, in all, ``(2,)``."""
+        half = 0.5 * self.damping
+        pulse = np.sqrt(self.stiffness - half**2 + 0j)
+        fading, (y, v) = np.exp(-half * times), states
+        sine, cosine = np.sin(pulse * times) / pulse, np.cos(pulse * times)
+        place = fading * (cosine * y + sine * (v + half * y))
+        rate = fading * (cosine * v - sine * (self.stiffness * y + half * v))
+        return np.array([place.sum(), rate.sum()])
+
+
+@dataclass(frozen=True)
+class JumpSensitivity:
+    """dΩ/dp (rad/s per SI unit) of one input at its value (SI); None with the reason beside it."""
+
+    path: str
+    value: float
+    derivative: float | None
+    reason: str = ""
+
+
+def jump_sensitivities(
+    point: MeasuredPoint,
+    errors: ProfileErrors,
+    inputs: Mapping[str, float],
+    duration: float | None = FROM_REST,
+) -> tuple[JumpSensitivity, ...]:
+    """The derivative of the jump speed of two masses in each input, at one point.
+
+    There is one in the numbers of the rig's follower, and in the size, amplitudes and phases of
+    profile errors; the others say why not.
+
+    Raises
+    ------
+    DynamicsError : no jump speed, or one mass
+    """
+    law, follower = point.law, TwoMassParameters.from_rig(point.rig)
+    touch, numbers = touch_of(law, follower, duration), _numbers(follower)
+
+    def slope(changed: Mapping[str, complex], rows: NDArray[Any], speed: complex) -> float:
+        return contact_force(law, rows, changed, speed, touch, duration).imag / STEP
+
+    by_speed = slope(numbers, law.ordinates, complex(touch.speed, STEP))
+    found = []
+    for path, value in inputs.items():
+        root, _, name = path.rpartition(".")
+        by_number = None
+        if root == "rig.follower" and name in FOLLOWER:
+            by_number = slope(_numbers_of(point.rig, name), law.ordinates, touch.speed)
+        elif (ordinates := error_slope(path, errors, law)) is not None:
+            by_number = slope(numbers, law.ordinates + 1j * STEP * ordinates, touch.speed)
+        if by_number is None:
+            reason = "no derivative: it moves joints, or is not the follower's"
+            found.append(JumpSensitivity(path, value, None, reason))
+        else:
+            found.append(JumpSensitivity(path, value, -by_number / by_speed))
+    return tuple(found)
+
+
+def error_slope(path: str, errors: ProfileErrors, law: Law) -> FloatArray | None:
+    """How a law's ordinates ``(p + 1, n)`` move with an error of its profile; None with others."""
+    quarter = 0.5 * math.pi
+    moved = {
+        "profile.size": ProfileErrors(size=1.0),
+        "profile.eccentricity.amplitude": replace(errors.eccentric, eccentricity=1.0),
+        "profile.eccentricity.phase": replace(
+            errors.eccentric, eccentricity_phase=errors.eccentricity_phase + quarter
+        ),
+        "profile.waviness.amplitude": replace(errors.wavy, waviness=1.0),
+        "profile.waviness.phase": replace(
+            errors.wavy, waviness_phase=errors.waviness_phase + quarter
+        ),
+    }
+    return moved[path].ordinates(law.breaks, law.degree) if path in moved else None
+
+
+def _numbers(follower: TwoMassParameters) -> dict[str, complex]:
+    return {one.name: complex(getattr(follower, one.name)) for one in fields(follower)}
+
+
+def _numbers_of(rig: RigConfig, moved: str) -> dict[str, complex]:
+    """The two masses' numbers with one of the rig's moved along the imaginary axis."""
+    own = {name: complex(getattr(rig.follower, name).si) for name in FOLLOWER}
+    own[moved] += 1j * STEP
+    mass, share = own.pop("mass"), own.pop("roller_share")
+    return {**own, "roller_mass": mass * share, "end_mass": mass * (1.0 - share)}
+
+
+# What local derivatives say of a campaign's jump speed, beside what its points say.
+
+#: Measures that have derivatives, and how the follower runs.
+RUNS = {"jump_speed": FROM_REST, "jump_speed_steady": None}
+
+#: First order lies where its spread is so many times the points', or so small a part of it.
+LIES = 1.25
+
+
+@dataclass(frozen=True)
+class FirstOrder:
+    """Derivatives of a jump speed in the middle of every input, and the spread they predict.
+
+    Parameters
+    ----------
+    speed : rad/s, there
+    predicted, found : standard deviations, rad/s: √Σ(dΩ/dp · σ_p)² of independent inputs, with the
+        covariances of ``correlated`` ones; and of the points
+    points : those with a finite jump speed
+    """
+
+    measure: CampaignMeasure
+    inputs: tuple[JumpSensitivity, ...]
+    predicted: float
+    found: float
+    correlated: bool
+    points: int
+
+    @property
+    def lies(self) -> bool:
+        """Whether the points spread otherwise than first order says."""
+        return not self.found / LIES <= self.predicted <= self.found * LIES
+
+
+def first_orders(results: CampaignResults) -> list[FirstOrder]:
+    """One for each jump speed of two masses that the middle of the inputs has."""
+    campaign = results.campaign
+    middle = campaign.draws.middle()
+    try:
+        point = make_point(campaign, middle)
+        if not isinstance(follower_of(point.rig), TwoMassParameters):
+            return []
+        numbers = dict(zip((one.path for one in campaign.inputs), middle.tolist(), strict=True))
+        below = {
+            path.removeprefix("profile."): value
+            for path, value in numbers.items()
+            if path.startswith("profile.")
+        }
+        errors = ProfileErrors.of(below)
+        found = []
+        for measure in campaign.measures:
+            if measure.term.name in RUNS:
+                duration = RUNS[measure.term.name]
+                inputs = jump_sensitivities(point, errors, numbers, duration)
+                found.append(_compared(results, measure, inputs))
+    except CamRigError:  # no such cam or rig, or no jump speed: no derivative either
+        return []
+    return found
+
+
+def _compared(
+    results: CampaignResults, measure: CampaignMeasure, inputs: tuple[JumpSensitivity, ...]
+) -> FirstOrder:
+    values = results.values(measure)
+    values = values[np.isfinite(values)]
+    spread = float(np.std(values)) * RPM
+    correlated = bool(results.campaign.config.correlated)
+    predicted = _predicted(results, inputs, correlated)
+    return FirstOrder(measure, inputs, predicted, spread, correlated, values.size)
+
+
+def _predicted(
+    results: CampaignResults, inputs: tuple[JumpSensitivity, ...], correlated: bool
+) -> float:
+    """The standard deviation (rad/s) that the derivatives and the drawn inputs predict."""
+    parts = [
+        one.derivative * results.input_values(one.path)
+        for one in inputs
+        if one.derivative is not None
+    ]
+    if correlated and parts:
+        return float(np.std(np.sum(parts, axis=0)))
+    return math.sqrt(sum(float(np.var(part)) for part in parts))

@@ -1,0 +1,259 @@
+"""From one law downhill: programs in which what is not convex is linear, each near the last law.
+
+The convex limits stay as they are, so every law on the way keeps them. A step is taken only where
+the exact quantities of the new law keep the other limits too, and the goal is better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from scipy import sparse
+
+from cam_rig.errors import DesignError, DynamicsError
+from cam_rig.law_design.constraints import Asked, DesignProblem, add, force
+from cam_rig.law_design.convex_program import Affine, ProgramSolution, RowBlock
+from cam_rig.law_design.cutting_planes import Cuts, Solver
+from cam_rig.law_design.measure import measured
+from cam_rig.law_design.two_mass_contact import Residual
+from cam_rig.laws import Law
+from cam_rig.units import FloatArray
+
+#: Steps of one descent, at most, and how often the rows of a step are corrected.
+STEPS, CORRECTED = 60, 2
+
+#: How far the ordinates (in lifts) may go in a step: at first, at most, and where it ends.
+FIRST_REACH, MOST_REACH, LEAST_REACH = 0.1, 2.0, 1e-5
+
+#: A step of less than this part of the goal ends it, the second time.
+LITTLE = 2e-5
+
+#: So does the promise of less than this part of the goal within the first reach.
+PROMISED = 1e-5
+
+#: A step that gains less than the first part of what its program promised is too long; one that
+#: gains more than the second may be longer.
+POOR, GOOD = 0.25, 0.7
+
+#: Limits are met with so much of their scale to spare; a law keeps those that it is no more over.
+SPARE, MOST_SPARE, KEPT = 1e-7, 1e-3, 1e-9
+
+#: That is no more than this part of the room that the last law has.
+ROOM = 0.5
+
+#: While limits are broken, a law is sought that keeps them with this to spare, no more.
+INSIDE = 0.02
+
+
+class LocalTerm(Protocol):
+    """A goal or a limit that is not convex, by what is to be small."""
+
+    @property
+    def name(self) -> str:
+        """As a table of active limits says it."""
+
+    @property
+    def allowed(self) -> float | None:
+        """What its value may be; None for a goal."""
+
+    @property
+    def scale(self) -> float:
+        """What its rows are measured by."""
+
+    def worst(self, law: Law) -> float:
+        """Its value for a law."""
+
+    def rows(self, unknowns: FloatArray, tried: list[FloatArray]) -> Affine:
+        """What its value is the greatest of, near a law as functions of the unknowns.
+
+        Of the last of the laws that were tried from there they give the exact values.
+        """
+
+
+class Place(NamedTuple):
+    """A law on the way: ``over`` is by how much it breaks its limits, in parts of their scales.
+
+    ``goal`` is what is to be small, in parts of its scale; ``active`` names the limits that held it
+    in the program that it comes from.
+    """
+
+    unknowns: FloatArray
+    over: float
+    goal: float
+    active: tuple[str, ...] = ()
+
+
+@dataclass(eq=False)
+class _Fixed:
+    """Rows that are all in the program from the beginning."""
+
+    blocks: list[RowBlock]
+
+    def cut(self, _: ProgramSolution) -> bool:
+        """There are no others."""
+        return False
+
+
+@dataclass(eq=False)
+class Descent:
+    """The search of one goal, local or convex, under limits of both kinds.
+
+    ``solver`` has the convex limits, of which ``cuts`` are those whose rows are found in rounds,
+    and kept; ``on_place`` is told each law that keeps all limits.
+    """
+
+    problem: DesignProblem
+    solver: Solver
+    goal: LocalTerm | Asked
+    limits: list[LocalTerm]
+    cuts: list[Cuts]
+    on_place: Callable[[Place], None] = lambda _: None
+    reach: float = field(default=FIRST_REACH, init=False)
+    _residual: list[Cuts] = field(default_factory=list)
+
+    def place(self, unknowns: FloatArray) -> Place:
+        """A law's exact values."""
+        law = self.problem.space.law(unknowns, "design")
+        over = max((self._over(limit, law) for limit in self.limits), default=-np.inf)
+        return Place(unknowns, over, self._goal(law))
+
+    def _over(self, limit: LocalTerm, law: Law) -> float:
+        assert limit.allowed is not None
+        return (limit.worst(law) - limit.allowed) / limit.scale
+
+    def _goal(self, law: Law) -> float:
+        if not isinstance(self.goal, Asked):
+            return self.goal.worst(law) / self.goal.scale
+        sign = 1.0 if self.goal.sense == "<=" else -1.0
+        return sign * measured(self.problem, law, self.goal.term, self.goal.sense) / self.goal.scale
+
+    def run(self, unknowns: FloatArray) -> Place:
+        """Downhill from a law that keeps the convex limits, to where no step is better.
+
+        Raises
+        ------
+        DynamicsError : contact lost at no speed
+        """
+        here, self.reach, idle = self.place(unknowns), FIRST_REACH, 0
+        for _ in range(STEPS):
+            if here.over <= KEPT:
+                self.on_place(here)
+            better = self._step(here)
+            if better is None:
+                self.reach *= 0.25
+                if self.reach < LEAST_REACH:
+                    break
+                continue
+            gain = max(
+                here.goal - better.goal, here.over - better.over if here.over > KEPT else 0.0
+            )
+            idle = idle + 1 if gain < LITTLE * max(abs(better.goal), LITTLE) else 0
+            here = better
+            if idle == 2:
+                break
+        if here.over <= KEPT:
+            self.on_place(here)
+        return here
+
+    def _step(self, here: Place) -> Place | None:
+        """A better law within reach.
+
+        Where a law that a program gives is not better, or breaks its limits, the rows of the next
+        one are put right by what that law exactly comes to, and tighter by what it is over.
+        """
+        tried: list[FloatArray] = []
+        spare = SPARE
+        for _ in range(1 + CORRECTED):
+            try:
+                found = self._solved(here, tried, spare)
+            except DesignError:  # nothing within reach, or the solver fails
+                return None
+            if not tried and self._settled(here, found):
+                self.reach = 0.0
+                return None
+            there = self.place(found.unknowns)._replace(active=found.active)
+            if here.over > KEPT:
+                if there.over < max(0.9 * here.over, KEPT):
+                    return there
+            elif there.over <= KEPT and there.goal < here.goal:
+                self._adapt(here, there, found.level)
+                return there
+            tried.append(found.unknowns)
+            spare += max(0.0, min(there.over, MOST_SPARE))
+        return None
+
+    def _settled(self, here: Place, found: ProgramSolution) -> bool:
+        """Whether a law keeps its limits and a program promises next to nothing for its reach."""
+        promised, part = here.goal + found.level, PROMISED * min(1.0, self.reach / FIRST_REACH)
+        return here.over <= KEPT and not self._speed and promised < part * abs(here.goal)
+
+    def _adapt(self, here: Place, there: Place, level: float) -> None:
+        """How far to go in the next step, by what this one gained of what was promised."""
+        gain, promised = here.goal - there.goal, here.goal + level
+        if self._speed:  # its level is a force
+            promised = gain
+        moved = np.abs(there.unknowns - here.unknowns)[: self._free].max()
+        if gain < POOR * promised:
+            self.reach *= 0.5
+        elif gain > GOOD * promised and moved > 0.9 * self.reach:
+            self.reach = min(2.0 * self.reach, MOST_REACH)
+
+    @property
+    def _free(self) -> int:
+        """How many unknowns are ordinates of s."""
+        space = self.problem.space
+        return space.unknowns - space.link.constant.size
+
+    @property
+    def _speed(self) -> bool:
+        """Whether the goal is the rigid jump speed."""
+        return isinstance(self.goal, Asked) and self.goal.term.name.startswith("jump_speed")
+
+    def _solved(self, here: Place, tried: list[FloatArray], spare: float) -> ProgramSolution:
+        """The best law of the program near a law; while it breaks limits, the goal waits."""
+        program = self.solver.static(True)
+        cuts: list[Cuts] = [_Fixed([self._within(here)]), *self.cuts]
+        for limit in self.limits:
+            assert limit.allowed is not None
+            room = limit.rows(here.unknowns, tried) * (-1.0 / limit.scale)
+            room = room.plus(limit.allowed / limit.scale)
+            # beside a dwell that is at the limit there is next to no room, and always
+            room = room.plus(-np.clip(ROOM * room(here.unknowns), 0.0, spare))
+            program.at_least(limit.name, room, -1.0 if here.over > KEPT else 0.0)
+        if here.over > KEPT:
+            none = sparse.csr_array((1, self.problem.space.unknowns))
+            program.at_least("inside", Affine(np.full(1, INSIDE), none), -1.0)
+        elif not isinstance(self.goal, Asked):
+            rows = self.goal.rows(here.unknowns, tried) * (-1.0 / self.goal.scale)
+            program.at_least(self.goal.name, rows, -1.0)
+        elif self._speed:
+            rows = force(self.problem, self._jump(here), True) * (1.0 / self.problem.force_scale)
+            program.at_least(self.goal.name, rows, -1.0)
+        elif self.goal.term.name == "residual_vibration":
+            self._residual = self._residual or [Residual(self.problem, self.goal, True)]
+            cuts += self._residual
+        else:
+            add(program, self.problem, self.goal, True)
+        return self.solver.settled(program, cuts)
+
+    def _jump(self, here: Place) -> float:
+        """The jump speed of a law: where the level is zero, what is above it jumps later."""
+        assert isinstance(self.goal, Asked)
+        if not np.isfinite(here.goal):
+            raise DynamicsError(
+                "the class has laws that keep contact at every speed; allowed: a limit on what "
+                "lets it, such as peak_acceleration<=start"
+            )
+        return -here.goal * self.goal.scale
+
+    def _within(self, here: Place) -> RowBlock:
+        """The ordinates are within reach."""
+        size, free = self.problem.space.unknowns, self._free
+        eye = sparse.csr_array(sparse.eye(free, size))
+        at = here.unknowns[:free]
+        constant = np.concatenate([self.reach - at, self.reach + at])
+        rows = Affine(constant, sparse.csr_array(sparse.vstack([eye, -eye])))
+        return RowBlock("reach", rows, np.zeros(2 * free), "nonneg")

@@ -1,0 +1,392 @@
+"""Event angles as unknowns: the best law for some spans is a design of its own, and spans are few.
+
+For given spans the design is the one of `design`, convex where it is; the spans are searched by
+simplexes from several places. Dwells keep their lengths and the events share what is left, or
+events keep their middles (one at the turn's start or end keeps that) and the dwells have what
+they leave.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from scipy import sparse
+from scipy.optimize import brentq, minimize
+
+from cam_rig.errors import ConfigError, DesignError
+from cam_rig.law_design.constraints import Asked, DesignProblem, add, one_element
+from cam_rig.law_design.convex_program import Affine, RowBlock
+from cam_rig.law_design.cutting_planes import Cuts, Solver
+from cam_rig.law_design.descent import KEPT, Descent, LocalTerm, Place
+from cam_rig.law_design.measure import measured
+from cam_rig.law_design.pointwise_search import FlightLevel, PointwiseTerm, as_branch, pointwise
+from cam_rig.law_design.request import SAME, Multistart
+from cam_rig.law_design.space import Space, retimed
+from cam_rig.law_design.terms import Limit, Term
+from cam_rig.profile.faces import GuidedCentre, GuidedFace
+from cam_rig.units import TURN, FloatArray
+
+#: A span is at least and at most so many times the start's, where no limit says otherwise.
+SHORTEST, LONGEST = 0.5, 2.0
+
+#: A dwell that gives way keeps so much (rad); a search ends where spans (rad) and goal (in parts
+#: of it) are within so much; spans are whole multiples of the last (degrees).
+LEAST_DWELL, NEAR, LEVEL, STEP_DEG = 1e-3, 5e-4, 1e-5, 1e-4
+
+#: Designs of one descent, at most, for each span that is free.
+DESIGNS = 30
+
+#: Spans without a law are halved so often towards those nearest to the start's.
+NEARER = 4
+
+
+@dataclass(eq=False)
+class EventSpans:
+    """The spans (rad) that the events of a problem may have, and their search.
+
+    Raises
+    ------
+    ConfigError : an event that does not begin and end at rest, limits that leave no spans
+    """
+
+    problem: DesignProblem
+    keep_dwells: bool
+    limits: list[Limit]
+    value: Callable[[DesignProblem], float]
+    _known: dict[tuple[float, ...], float] = field(default_factory=dict)
+    _why: str = "no room for them"
+
+    def __post_init__(self) -> None:
+        events = self.problem.space.events
+        self.start = np.array([event.span for event in events])
+        if self.keep_dwells and len(events) == 1:
+            raise ConfigError(
+                f"keep: {self.problem.cam.name!r} has one event, whose span is what the dwells "
+                "leave; allowed: lift alone, or events,dwells,lift"
+            )
+        for number, event in enumerate(events, 1):
+            if any((*event.first[1:], *event.last[1:])):
+                raise ConfigError(
+                    f"keep: event {number} of {self.problem.cam.name!r} does not begin and end at "
+                    "rest; allowed: events,dwells,lift"
+                )
+        self.low, self.high = SHORTEST * self.start, LONGEST * self.start
+        for limit in self.limits:
+            assert limit.value is not None
+            measured(self.problem, self.problem.start, limit.term, limit.sense)  # there is one
+            own = self.low if limit.sense == ">=" else self.high
+            own[limit.term.event - 1] = limit.value
+        self.base = self._base()
+
+    def _base(self) -> FloatArray:
+        """The spans that limits allow, nearest to the start's."""
+
+        def total(more: float) -> float:
+            return float(np.clip(self.start + more, self.low, self.high).sum() - self.start.sum())
+
+        more, most = 0.0, float(np.abs(self.high - self.low).max() + self.start.max())
+        if self.keep_dwells and total(-most) <= 0.0 <= total(most):
+            more = float(brentq(total, -most, most, xtol=1e-14))
+        found = self._rounded(np.clip(self.start + more, self.low, self.high))
+        if not self.possible(found):
+            raise ConfigError(
+                "limits on event_angle: no spans of events keep them and the dwells; allowed: "
+                "looser limits"
+            )
+        return found
+
+    def _rounded(self, spans: FloatArray) -> FloatArray:
+        """As a file has them; the last one is what the others leave where dwells stay."""
+        step = np.radians(STEP_DEG)
+        found = step * np.rint(spans / step)
+        if self.keep_dwells:
+            found[-1] = self.start.sum() - found[:-1].sum()
+        return np.asarray(found)
+
+    def possible(self, spans: FloatArray) -> bool:
+        """Whether limits and dwells leave these spans (rad)."""
+        slack = np.radians(STEP_DEG)
+        if (spans < self.low - slack).any() or (spans > self.high + slack).any():
+            return False
+        rests = np.diff(self._edges(spans))[::2]
+        return self.keep_dwells or bool((rests >= np.where(self._rests, LEAST_DWELL, 0.0)).all())
+
+    @property
+    def _rests(self) -> FloatArray:
+        """The dwells (rad) before, between and behind the events."""
+        return np.diff(self._edges(self.start))[::2]
+
+    def _edges(self, spans: FloatArray) -> FloatArray:
+        """The turn's start, both ends of each event in turn, and the turn's end (rad)."""
+        events = self.problem.space.events
+        begin = np.array([event.start for event in events])
+        if self.keep_dwells:
+            begin = begin + np.concatenate([[0.0], np.cumsum(spans - self.start)[:-1]])
+        else:
+            begin = begin + self._before * (self.start - spans)
+        ends = np.stack([begin, begin + spans], axis=1).ravel()
+        return np.concatenate([[0.0], ends, [TURN]])
+
+    @cached_property
+    def _before(self) -> FloatArray:
+        """What part of an event's growth is before it: half, and none at the turn's ends."""
+        events = self.problem.space.events
+        before = np.full(len(events), 0.5)
+        if events[0].start == 0.0:
+            before[0] = 0.0
+        if events[-1].start + events[-1].span == TURN:
+            before[-1] = 1.0
+        return before
+
+    def moved(self, spans: FloatArray) -> DesignProblem:
+        """The problem with these spans."""
+        law = retimed(self.problem.start, self.problem.space.events, self._edges(spans))
+        space = Space(law, self.problem.space.law_class)
+        free = ("events",) if self.keep_dwells else ("events", "dwells")
+        return replace(self.problem, start=law, space=space, free=free)
+
+    def _value(self, unknowns: FloatArray) -> float:
+        """What is to be small; infinite where no law was found."""
+        spans = self._rounded(np.append(unknowns, 0.0) if self.keep_dwells else unknowns)
+        key = tuple(spans.tolist())
+        if key not in self._known:
+            self._known[key] = np.inf
+            if self.possible(spans):
+                try:
+                    self._known[key] = self.value(self.moved(spans))
+                except DesignError as error:  # no law at these spans; at others there may be
+                    self._why = str(error)
+                    return np.inf
+        return self._known[key]
+
+    def best(self, asked: Multistart) -> tuple[DesignProblem, Multistart]:
+        """The problem with the best spans, and how many of the searches came to the same.
+
+        Raises
+        ------
+        DesignError : no spans have a law that keeps the limits
+        """
+        size = self._size
+        bounds = list(zip(self.low[:size], self.high[:size], strict=True))
+        found = []
+        for place in self._places(asked):
+            first = self._value(place)
+            if np.isfinite(first):
+                end = minimize(
+                    self._value,
+                    place,
+                    method="Nelder-Mead",
+                    bounds=bounds,
+                    options={
+                        "xatol": NEAR,
+                        "fatol": LEVEL * abs(first),
+                        "maxfev": DESIGNS * size,
+                    },
+                )
+                found.append((float(end.fun), end.x))
+        if not found:
+            raise DesignError(
+                f"no spans of events that were tried have a law; of the last: {self._why}"
+            )
+        value, unknowns = min(found, key=lambda pair: pair[0])
+        near = sum(other <= value + SAME * abs(value) for other, _ in found)
+        spans = self._rounded(np.append(unknowns, 0.0) if self.keep_dwells else unknowns)
+        return self.moved(spans), replace(asked, near=near)
+
+    def _places(self, asked: Multistart) -> Iterator[FloatArray]:
+        """Unknowns to begin from: spans nearest to the start's, and random ones that have a law."""
+        random, size = np.random.default_rng(asked.seed), self._size
+        yield self.base[:size]
+        for _ in range(asked.starts - 1):
+            way = random.uniform(self.low, self.high) - self.base
+            if self.keep_dwells:
+                way -= way.mean()
+            while not self.possible(place := self._rounded(self.base + way)):
+                way *= 0.7
+            for _ in range(NEARER):
+                if np.isfinite(self._value(place[:size])):
+                    break
+                way *= 0.5
+                place = self._rounded(self.base + way)
+            yield place[:size]
+
+    @property
+    def _size(self) -> int:
+        """How many spans are unknown: where dwells stay the last is what the others leave."""
+        return self.start.size - (1 if self.keep_dwells else 0)
+
+
+# Laws to start from: the start's own, optima of convex goals, and seeded random laws of the class.
+
+#: Convex goals whose best laws are started from.
+GOALS = ("rms_acceleration", "peak_velocity")
+
+#: A random law is on the way from the first of these to a random corner of the class: at least so
+#: far, at most so far as s'' grows by so many times its largest.
+LEAST_WAY, BENDS = 0.2, 3.0
+
+
+def starts(solver: Solver, cuts: list[Cuts], asked: Multistart) -> Iterator[FloatArray]:
+    """Unknowns of laws that keep the solver's limits and what is cut, as many as are asked for.
+
+    The same for the same seed.
+
+    Raises
+    ------
+    InfeasibleError : no law of the class keeps the convex limits
+    DesignError : the solver did not end
+    """
+    yield _near_start(solver, cuts)
+    random = np.random.default_rng(asked.seed)
+    best = [_best(solver, cuts, goal) for goal in GOALS[: asked.starts - 1]]
+    yield from best
+    bend = solver.problem.space.derivative(2)
+    for _ in range(asked.starts - 1 - len(best)):
+        way = _corner(solver, cuts, random) - best[0]
+        most = np.abs(bend(best[0])).max() / np.abs(bend.matrix @ way).max()
+        yield best[0] + random.uniform(LEAST_WAY, 1.0) * min(1.0, BENDS * most) * way
+
+
+def _near_start(solver: Solver, cuts: list[Cuts]) -> FloatArray:
+    """The law of the class whose lift is nearest to the start's, in mean square."""
+    problem = solver.problem
+    space, program = problem.space, solver.static(True)
+    u = np.linspace(0.0, 1.0, space.parts + 1)
+    angles = (space.breaks[:-1, None] + u * space.spans[:, None]).ravel()
+    apart = space.points(space.lift).plus(-problem.start(np.minimum(angles, space.breaks[-1])))
+    none = Affine(np.zeros(1), sparse.csr_array((1, space.unknowns)))
+    cone = Affine.stacked([none, apart * (1.0 / problem.start.lift)])
+    weight = np.zeros(cone.constant.size)
+    weight[0] = -1.0
+    program.blocks.append(RowBlock("start", cone, weight, "cone", weight.size))
+    return solver.settled(program, cuts).unknowns
+
+
+def _best(solver: Solver, cuts: list[Cuts], goal: str) -> FloatArray:
+    program = solver.static(True)
+    scale = solver.problem.start.lift
+    add(program, solver.problem, Asked(Term(goal), "<=", None, scale), True)
+    return solver.settled(program, cuts).unknowns
+
+
+def _corner(solver: Solver, cuts: list[Cuts], random: np.random.Generator) -> FloatArray:
+    """The law that is farthest in a random direction of the ordinates."""
+    space, program = solver.problem.space, solver.static(True)
+    direction = np.zeros((1, space.unknowns))
+    free = space.unknowns - space.link.constant.size
+    direction[0, :free] = random.normal(size=free) / np.sqrt(free)
+    program.at_least("direction", Affine(np.zeros(1), sparse.csr_array(direction)), -1.0)
+    return solver.settled(program, cuts).unknowns
+
+
+# The best of several descents: a seeded multistart, the same for the same seed.
+
+
+@dataclass(frozen=True)
+class LocalBest:
+    """The best law of several descents: no bound says how much better another may be.
+
+    ``active`` names the limits that hold it, ``rounds`` is how many programs were solved.
+    """
+
+    unknowns: FloatArray
+    active: tuple[str, ...]
+    rounds: int
+    multistart: Multistart
+
+
+def is_local(problem: DesignProblem, term: Term, goal: bool = False) -> bool:
+    """Whether a goal or a limit is not convex, for the cam's follower."""
+    if term.name == "pressure_angle":
+        return goal or not isinstance(one_element(problem), GuidedCentre)
+    if term.name == "radius_of_curvature":
+        return not isinstance(one_element(problem), GuidedFace)
+    return term.name in ("shaft_torque", "sound_level_with_jumps")
+
+
+@dataclass(eq=False)
+class LocalSearch:
+    """The search of one goal from several laws.
+
+    ``on_best`` is told each law that is better than the ones before: unknowns and value (SI).
+    """
+
+    problem: DesignProblem
+    goal: Asked
+    limits: list[Asked]
+    multistart: Multistart
+    on_best: Callable[[FloatArray, float], None] = lambda _x, _v: None
+
+    def __post_init__(self) -> None:
+        convex = [x for x in self.limits if not is_local(self.problem, x.term)]
+        self.solver = Solver(self.problem, self.goal, convex)
+        own = self._term(self.goal) if is_local(self.problem, self.goal.term, True) else self.goal
+        two_masses = ("jump_speed", "jump_speed_steady") if self.problem.two_masses else ()
+        if isinstance(own, Asked) and own.term.name in two_masses:
+            raise ConfigError(
+                f"goal {own.term.key}: stands beside a limit that is not convex; allowed: it as a "
+                "limit, such as jump_speed>=450rpm, or the goal jump_speed_rigid"
+            )
+        limits = [self._term(x) for x in self.limits if x not in convex]
+        self.cuts = self.solver.cuts(True)
+        self.descent = Descent(self.problem, self.solver, own, limits, self.cuts, self._told)
+        self.best_goal = np.inf
+
+    def _term(self, asked: Asked) -> LocalTerm:
+        if asked.term.name == "sound_level_with_jumps":
+            return FlightLevel(self.problem, asked.name, asked.term, asked.value)
+        if asked.term.name == "pressure_angle" and isinstance(
+            one_element(self.problem), GuidedFace
+        ):
+            raise ConfigError(
+                f"{asked.term.key}: the follower is {self.problem.cam.follower.type}, whose "
+                "pressure angle no law changes; allowed: a roller, a point, or an arm"
+            )
+        allowed = None
+        if asked.value is not None:
+            allowed = as_branch(self.problem, asked.term, asked.value)
+        branches = pointwise(self.problem, asked.term)
+        found = PointwiseTerm(self.problem, asked.name, branches, allowed)
+        if allowed is not None and found.at_rest > allowed + KEPT * found.scale:
+            raise DesignError(
+                f"limit {asked.name}: a dwell of {self.problem.start.name!r} breaks it, whatever "
+                "the law; allowed: a looser limit"
+            )
+        return found
+
+    def _value(self, place: Place) -> float:
+        law = self.problem.space.law(place.unknowns, "design")
+        return measured(self.problem, law, self.goal.term, self.goal.sense)
+
+    def _told(self, place: Place) -> None:
+        if place.goal < self.best_goal:
+            self.best_goal = place.goal
+            self.on_best(place.unknowns, self._value(place))
+
+    def best(self) -> LocalBest:
+        """The best law of all descents.
+
+        Raises
+        ------
+        InfeasibleError : no law of the class keeps the convex limits
+        DesignError : no law was found that keeps all limits; the solver did not end
+        DynamicsError : contact lost at no speed
+        """
+        asked = self.multistart
+        ends = [self.descent.run(x) for x in starts(self.solver, self.cuts, asked)]
+        kept = [end for end in ends if end.over <= KEPT]
+        if not kept:
+            nearest = min(ends, key=lambda end: end.over)
+            names = " and ".join(limit.name for limit in self.descent.limits)
+            raise DesignError(
+                f"no law was found that keeps {names}, from {asked.starts} starts: the nearest is "
+                f"over by {100.0 * nearest.over:.2g} %; allowed: looser limits, more starts or "
+                "more pieces"
+            )
+        best = min(kept, key=lambda end: end.goal)
+        room = SAME * abs(best.goal)
+        near = sum(end.goal <= best.goal + room for end in kept)
+        return LocalBest(best.unknowns, best.active, self.solver.rounds, replace(asked, near=near))

@@ -1,0 +1,337 @@
+"""What a design is asked for: a goal, limits, a class of laws, and how it is searched for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field, model_validator
+from scipy import sparse
+from scipy.interpolate import BSpline
+
+from cam_rig.errors import ConfigError
+from cam_rig.law_design.terms import PEAKS, Limit, Sense, Term, parse_goal, parse_limit
+from cam_rig.laws.spline import bezier_pieces
+from cam_rig.schema.load import load, read_yaml
+from cam_rig.schema.quantity import Strict
+from cam_rig.units import FloatArray
+
+# A design file: a goal, limits and a class of laws, beside the cam and the rig they are for.
+
+
+class ClassConfig(Strict):
+    """B-splines of a degree in equal pieces of each event; ``joints`` such as C3."""
+
+    pieces: int = Field(default=16, strict=True)
+    joints: str = "C3"
+    degree: int | None = Field(default=None, strict=True)
+
+
+class DesignConfig(Strict):
+    """One design file; ``start`` and ``rig`` are files (from where one is), or shipped names."""
+
+    start: str
+    rig: str = "paper_table2"
+    name: str | None = Field(default=None, pattern=r"^[a-z][a-z0-9_]*$")
+    minimise: str | None = None
+    maximise: str | None = None
+    limits: list[str] = Field(default_factory=list)
+    keep: list[str] = Field(default_factory=lambda: ["events", "dwells", "lift"])
+    starts: int = Field(default=8, strict=True)
+    seed: int = Field(default=1, strict=True)
+    class_: ClassConfig = Field(default=ClassConfig(), alias="class")
+
+    @model_validator(mode="after")
+    def _one_goal(self) -> DesignConfig:
+        if (self.minimise is None) == (self.maximise is None):
+            raise ValueError("minimise, maximise: allowed: exactly one of them")
+        return self
+
+
+def load_design(path: Path) -> DesignConfig:
+    """Read a design file.
+
+    Raises
+    ------
+    ConfigError : one line that names file, key, value and what is allowed
+    """
+    return load(path, DesignConfig)
+
+
+def is_design(path: Path) -> bool:
+    """Whether a file is a design and not a cam."""
+    if not path.is_file():
+        return False
+    data = read_yaml(path)
+    return isinstance(data, dict) and "start" in data
+
+
+# A class of laws: B-splines of a degree in equal pieces of each event, and their Bézier pieces.
+
+#: Pieces and degree of a class, and how smooth its joints may be.
+MAX_PIECES, MAX_DEGREE, MAX_JOINTS = 200, 15, 6
+
+#: An event of more ordinates than this is not written to a cam file.
+MAX_ORDINATES = 500
+
+
+@dataclass(frozen=True)
+class LawClass:
+    """B-splines of a degree in equal pieces of each event, Cᵏ where they meet.
+
+    Parameters
+    ----------
+    pieces : of each event
+    joints : k, derivatives that are continuous at joints and at the ends of events
+    degree : of the pieces; by default k + 2
+
+    Raises
+    ------
+    ConfigError : out of the limits, a degree not above ``joints``, or nothing left to choose
+
+    Examples
+    --------
+    >>> LawClass(pieces=16, joints=3).free
+    28
+    """
+
+    pieces: int = 16
+    joints: int = 3
+    degree: int | None = None
+
+    def __post_init__(self) -> None:
+        limits = {"pieces": (1, MAX_PIECES), "joints": (1, MAX_JOINTS), "degree": (2, MAX_DEGREE)}
+        for name, (least, most) in limits.items():
+            value = self.power if name == "degree" else getattr(self, name)
+            if not isinstance(value, int) or not least <= value <= most:
+                raise ConfigError(f"class: {name} is {value}; allowed: {least} to {most}")
+        if self.power <= self.joints:
+            raise ConfigError(
+                f"class: degree is {self.power} with joints C{self.joints}; allowed: a degree "
+                f"above {self.joints}"
+            )
+        if self.free < 1:
+            raise ConfigError(
+                f"class: {self.count} ordinates, of which the ends take {2 * self.joints + 2}; "
+                f"allowed: at least {2 * self.joints + 3}, so more pieces or a higher degree"
+            )
+        if self.count > MAX_ORDINATES:
+            raise ConfigError(
+                f"class: {self.count} ordinates an event; allowed: {MAX_ORDINATES}, so fewer "
+                "pieces, a lower degree or smoother joints"
+            )
+
+    @classmethod
+    def of(cls, pieces: int, joints: str, degree: int | None) -> LawClass:
+        """From words: joints such as C3.
+
+        Raises
+        ------
+        ConfigError : as the class, or joints that are not written so
+        """
+        if not (joints[:1] in ("C", "c") and joints[1:].isdecimal()):
+            raise ConfigError(f"joints: are {joints!r}; allowed: C1 to C{MAX_JOINTS}")
+        return cls(pieces, int(joints[1:]), degree)
+
+    @property
+    def power(self) -> int:
+        """The degree."""
+        return self.joints + 2 if self.degree is None else self.degree
+
+    @property
+    def knots(self) -> FloatArray:
+        """Of one event of unit length, the ends ``degree + 1`` times."""
+        inner = np.repeat(np.arange(1.0, self.pieces) / self.pieces, self.power - self.joints)
+        ends = self.power + 1
+        return np.concatenate([np.zeros(ends), inner, np.ones(ends)])
+
+    @property
+    def count(self) -> int:
+        """Ordinates of one event."""
+        return (self.pieces - 1) * (self.power - self.joints) + self.power + 1
+
+    @property
+    def free(self) -> int:
+        """Those that the ends do not take."""
+        return self.count - 2 * (self.joints + 1)
+
+    @property
+    def words(self) -> str:
+        """The class as a table says it."""
+        if self.pieces == 1:
+            return f"Bézier curves of degree {self.power}"
+        return f"B-splines of degree {self.power} in {self.pieces} pieces, C{self.joints} joints"
+
+
+@lru_cache(maxsize=16)
+def to_bezier(law_class: LawClass, order: int = 0) -> sparse.csr_array:
+    """Ordinates of a derivative over one event to those of its Bézier pieces."""
+    knots, degree = law_class.knots, law_class.power - order
+    knots = knots[order : knots.size - order]
+    _, columns = bezier_pieces(BSpline(knots, np.eye(knots.size - degree - 1), degree))
+    return sparse.csr_array(np.concatenate(columns))
+
+
+@lru_cache(maxsize=8)
+def second_derivative(law_class: LawClass) -> sparse.csr_array:
+    """Ordinates over one event of unit length to those of the second derivative."""
+    knots, degree = law_class.knots, law_class.power
+    found = np.eye(law_class.count)
+    for _ in range(2):
+        apart = (knots[degree + 1 : -1] - knots[1 : -degree - 1]) / degree
+        found = np.diff(found, axis=0) / apart[:, None]
+        knots, degree = knots[1:-1], degree - 1
+    return sparse.csr_array(found)
+
+
+# How often a local search begins, from what seed, and how many of its descents agree.
+
+#: Starts, at most, and by default.
+MOST_STARTS, STARTS = 1000, 8
+
+#: Descents that end within this part of the best came to the same.
+SAME = 1e-3
+
+
+@dataclass(frozen=True)
+class Multistart:
+    """A search from several laws.
+
+    Parameters
+    ----------
+    starts : how many
+    seed : of the random ones among them
+    near : how many ended within 0.1 % of the best; 0 before it ran
+
+    Raises
+    ------
+    ConfigError : out of the limits
+    """
+
+    starts: int = STARTS
+    seed: int = 1
+    near: int = 0
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.starts <= MOST_STARTS:
+            raise ConfigError(f"starts: is {self.starts}; allowed: 1 to {MOST_STARTS}")
+        if self.seed < 0:
+            raise ConfigError(f"seed: is {self.seed}; allowed: 0 and above")
+
+    @property
+    def words(self) -> str:
+        """As a table says it."""
+        starts = "1 start" if self.starts == 1 else f"{self.starts} starts"
+        return f"local ({starts}, {self.near} ended within 0.1 % of the best)"
+
+
+#: What of the start may stay: all of it, or its events have other spans, or its dwells too.
+KEEP = (("events", "dwells", "lift"), ("dwells", "lift"), ("lift",))
+
+
+def _kept(keep: Sequence[str], limits: Sequence[Limit]) -> tuple[str, ...]:
+    """What stays, in order.
+
+    Raises
+    ------
+    ConfigError : none of `KEEP`, or a limit on an event that stays
+    """
+    found = [own for own in KEEP if set(own) == {word.strip() for word in keep}]
+    if not found:
+        allowed = " or ".join(",".join(own) for own in KEEP)
+        raise ConfigError(f"keep: is {','.join(keep)!r}; allowed: {allowed}")
+    if "events" in found[0] and any(limit.term.name == "event_angle" for limit in limits):
+        raise ConfigError("limit event_angle: events stay; allowed: with keep dwells,lift or lift")
+    return found[0]
+
+
+@dataclass(frozen=True)
+class DesignRequest:
+    """What is asked: a goal with its sense, limits, the class of laws, and how it is searched.
+
+    Examples
+    --------
+    >>> request = DesignRequest.of(maximise="jump_speed", limits=["peak_acceleration<=start"])
+    >>> request.words
+    'maximise jump speed from rest'
+    """
+
+    goal: Term
+    sense: Sense
+    limits: tuple[Limit, ...] = ()
+    law_class: LawClass = field(default_factory=LawClass)
+    multistart: Multistart = field(default_factory=Multistart)
+    keep: tuple[str, ...] = KEEP[0]
+
+    @classmethod
+    def of(
+        cls,
+        *,
+        minimise: str | None = None,
+        maximise: str | None = None,
+        limits: Sequence[str] = (),
+        law_class: LawClass | None = None,
+        multistart: Multistart | None = None,
+        keep: Sequence[str] = KEEP[0],
+    ) -> DesignRequest:
+        """From words.
+
+        Raises
+        ------
+        ConfigError : not one goal, one that is not convex that way, or a limit that is none
+        """
+        if (minimise is None) == (maximise is None):
+            raise ConfigError("goal: needed: one, to minimise or to maximise")
+        goal = parse_goal(minimise or maximise or "")
+        sense: Sense = "<=" if minimise is not None else ">="
+        if sense not in goal.quantity.senses:
+            other = "maximise" if sense == "<=" else "minimise"
+            raise ConfigError(f"goal {goal.key}: allowed: {other}; the other way is not convex")
+        asked = tuple(map(parse_limit, limits))
+        found = cls(
+            goal,
+            sense,
+            asked,
+            law_class or LawClass(),
+            multistart or Multistart(),
+            _kept(keep, asked),
+        )
+        for term in (goal, *(limit.term for limit in found.limits)):
+            order = PEAKS.get(term.name, 0)
+            if found.law_class.joints < order - 1:
+                raise ConfigError(
+                    f"{term.key}: has no bound with joints C{found.law_class.joints}, where a "
+                    f"lower derivative may step; allowed: C{order - 1} and above"
+                )
+        return found
+
+    @classmethod
+    def of_config(cls, config: DesignConfig) -> DesignRequest:
+        """From a design file.
+
+        Raises
+        ------
+        ConfigError : as `of`, or a class that is none
+        """
+        own = config.class_
+        return cls.of(
+            minimise=config.minimise,
+            maximise=config.maximise,
+            limits=config.limits,
+            law_class=LawClass.of(own.pieces, own.joints, own.degree),
+            multistart=Multistart(config.starts, config.seed),
+            keep=config.keep,
+        )
+
+    @property
+    def verb(self) -> str:
+        """Minimise or maximise."""
+        return "minimise" if self.sense == "<=" else "maximise"
+
+    @property
+    def words(self) -> str:
+        """As a title says it."""
+        return f"{self.verb} {self.goal.words}"

@@ -1,0 +1,320 @@
+"""The laws of a class: B-splines in each event of a start law, with its dwells and its lift.
+
+Every law of the class is s₀ + Σ xⱼ bⱼ, and so are its derivatives and all that is linear in them:
+`Space` gives their Bernstein ordinates as functions of the unknowns. These are the ordinates of
+each event, in lifts, and beside them those of its s'': what depends on accelerations would cancel
+to a few digits in the former. `Space.link` says that they are of one law.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+
+import numpy as np
+from scipy import sparse
+
+from cam_rig.errors import ConfigError
+from cam_rig.law_design.convex_program import Affine
+from cam_rig.law_design.request import LawClass, second_derivative, to_bezier
+from cam_rig.laws import Law, bernstein
+from cam_rig.laws.law import extremes
+from cam_rig.units import TURN, FloatArray
+
+# The events of a law: what lies between its dwells, and how it begins and ends there.
+
+#: A piece of a law whose ordinates differ by no more than this part of the lift is a dwell.
+FLAT = 1e-12
+
+#: A turn's end meets its start where they differ by no more than this part of a derivative.
+MEETS = 1e-9
+
+
+@dataclass(frozen=True)
+class LawEvent:
+    """A stretch of the turn that a design may change.
+
+    ``start`` and ``span`` in rad; ``first`` and ``last`` are s and its derivatives (m/radᵏ) at
+    both ends, as many as stay.
+    """
+
+    start: float
+    span: float
+    first: tuple[float, ...]
+    last: tuple[float, ...]
+
+
+def dwells(law: Law) -> list[tuple[float, float]]:
+    """Where a law rests, from and to (rad), joined where pieces meet at one level."""
+    flat = np.ptp(law.ordinates, axis=0) <= FLAT * law.lift
+    found: list[tuple[float, float]] = []
+    for i in np.flatnonzero(flat):
+        begin, end = float(law.breaks[i]), float(law.breaks[i + 1])
+        if found and found[-1][1] == begin:
+            begin = found.pop()[0]
+        found.append((begin, end))
+    return found
+
+
+def events(law: Law, joints: int) -> list[LawEvent]:
+    """What lies between the dwells of a law; their ends are those of their neighbours.
+
+    Raises
+    ------
+    ConfigError : the law rests all around, or has no dwell and a turn that does not join itself
+    """
+    edges = [0.0, *(angle for dwell in dwells(law) for angle in dwell), TURN]
+    found = []
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        if end > begin:
+            pieces = np.searchsorted(law.breaks, [begin, end])
+            before, after = (int(pieces[0]) - 1) % law.spans.size, int(pieces[1]) % law.spans.size
+            first, last = _end(law, before, -1, joints), _end(law, after, 0, joints)
+            found.append(LawEvent(begin, end - begin, first, last))
+    if not found:
+        raise ConfigError(f"cam {law.name!r}: it rests all around; allowed: a cam with a lift")
+    if len(edges) == 2:
+        _require_joined(law, joints)
+    return found
+
+
+def retimed(law: Law, found: list[LawEvent], edges: FloatArray) -> Law:
+    """A law whose events begin and end elsewhere, and which is in proportion between these angles.
+
+    Parameters
+    ----------
+    found : its events
+    edges : rad, rising: the turn's start, both new ends of each event in turn, the turn's end
+    """
+    ends = [angle for event in found for angle in (event.start, event.start + event.span)]
+    breaks = np.interp(law.breaks, [0.0, *ends, TURN], edges)
+    breaks[-1] = TURN
+    return Law(law.name, breaks, law.ordinates)
+
+
+def _end(law: Law, piece: int, end: int, joints: int) -> tuple[float, ...]:
+    """S and its derivatives at the start (0) or at the end (−1) of a piece."""
+    return tuple(float(law.derivative_ordinates(k)[end, piece]) for k in range(joints + 1))
+
+
+def _require_joined(law: Law, joints: int) -> None:
+    """Refuse a turn without a dwell whose end and start differ in a derivative that stays."""
+    for order in range(joints + 1):
+        ordinates = law.derivative_ordinates(order)
+        if abs(ordinates[0, 0] - ordinates[-1, -1]) > MEETS * np.abs(ordinates).max():
+            raise ConfigError(
+                f"cam {law.name!r}: it has no dwell, and derivative {order} at the turn's end is "
+                f"not that at its start; allowed: joints up to C{order - 1}"
+            )
+
+
+#: Parts of a piece for the polygon's bound, at least, at most, of a turn, and for each piece of an
+#: event: its ordinates are then near the polynomial. More pieces press harder on their limits.
+PARTS, MOST_PARTS, PARTS_OF_TURN, PARTS_A_PIECE = 24, 48, 256, 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class Space:
+    """All laws of a class that rest where a start law does, and have its ends of events.
+
+    Unknowns are the free ordinates of each event in turn, in lifts.
+    """
+
+    start: Law
+    law_class: LawClass
+    events: list[LawEvent] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        if not self.events:
+            object.__setattr__(self, "events", events(self.start, self.law_class.joints))
+
+    @property
+    def unknowns(self) -> int:
+        """How many there are: the free ordinates of each event, then those of each one's s''."""
+        return self._second(len(self.events))
+
+    def _second(self, index: int) -> int:
+        """Where the ordinates of s'' of an event begin among the unknowns."""
+        own = self.law_class
+        return own.free * len(self.events) + (own.count - 2) * index
+
+    @cached_property
+    def link(self) -> Affine:
+        """What is zero where ordinates of s and of s'' are of one law."""
+        rows = []
+        for index in range(len(self.events)):
+            of_lift = self.coefficients(index).mapped(second_derivative(self.law_class))
+            rows.append((of_lift * (1.0 / self.start.lift)) + self._bend(index) * -1.0)
+        return Affine.stacked(rows)
+
+    def _bend(self, index: int) -> Affine:
+        """The ordinates of s'' of one event, in lifts over its span squared."""
+        count = self.law_class.count - 2
+        columns = self._second(index) + np.arange(count)
+        entries = (np.ones(count), (np.arange(count), columns))
+        matrix = sparse.csr_array(entries, shape=(count, self.unknowns))
+        return Affine(np.zeros(count), matrix)
+
+    @property
+    def degree(self) -> int:
+        """Of all pieces."""
+        return self.law_class.power
+
+    @cached_property
+    def levels(self) -> tuple[float, float]:
+        """Lowest and highest lift (m) of the start law."""
+        low, high = extremes(self.start, 0)
+        return low.value, high.value
+
+    @property
+    def turning_points(self) -> list[tuple[float, float]]:
+        """Highest and lowest lift (m) and where (rad), those that no end of an event has."""
+        ends = {level for event in self.events for level in (event.first[0], event.last[0])}
+        near = FLAT * self.start.lift
+        return [
+            (found.value, found.angle)
+            for found in extremes(self.start, 0)
+            if all(abs(found.value - level) > near for level in ends)
+        ]
+
+    @cached_property
+    def breaks(self) -> FloatArray:
+        """``(n + 1,)`` joints of the laws, rad."""
+        inner = np.arange(self.law_class.pieces) / self.law_class.pieces
+        parts = [[0.0]]
+        for event in self.events:
+            parts.append((event.start + event.span * inner).tolist())
+            parts.append([event.start + event.span])
+        joints = np.array(sorted({angle for part in parts for angle in part} | {TURN}))
+        return joints
+
+    @property
+    def spans(self) -> FloatArray:
+        """``(n,)`` rad."""
+        return np.diff(self.breaks)
+
+    def coefficients(self, index: int) -> Affine:
+        """The ordinates (m) of one event, fixed ones too, ``(count,)``."""
+        event, own = self.events[index], self.law_class
+        fixed = own.joints + 1
+        constant = np.zeros(own.count)
+        constant[:fixed] = self._clamped(event, event.first, 0)
+        constant[own.count - fixed :] = self._clamped(event, event.last, -1)[::-1]
+        rows = np.arange(fixed, own.count - fixed)
+        columns = np.arange(own.free) + own.free * index
+        scale = np.full(own.free, self.start.lift)
+        shape = (own.count, self.unknowns)
+        return Affine(constant, sparse.csr_array((scale, (rows, columns)), shape=shape))
+
+    def _clamped(self, event: LawEvent, derivatives: tuple[float, ...], end: int) -> FloatArray:
+        """The ordinates at one end, from it inwards, that give it its derivatives."""
+        own = self.law_class
+        if not any(derivatives[1:]):
+            return np.full(own.joints + 1, derivatives[0])  # at rest, to the last digit
+        table = to_bezier(own)[: own.power + 1, : own.joints + 1].toarray()
+        span = event.span / own.pieces * (1.0 if end == 0 else -1.0)
+        matrix = np.empty((own.joints + 1, own.joints + 1))
+        rows, scale = table, 1.0
+        for order in range(own.joints + 1):
+            matrix[order] = rows[0] * scale
+            rows, scale = bernstein.derivative(rows), scale / span
+        return np.asarray(np.linalg.solve(matrix, np.array(derivatives)))
+
+    @property
+    def lift(self) -> Affine:
+        """Ordinates of s (m) of every piece in turn, ``(n · (p + 1),)``."""
+        return self.derivative(0)
+
+    def _around(self, order: int) -> Affine:
+        """Ordinates of s or of s'' of every piece, dwells among them."""
+        parts: list[Affine] = []
+        at = 0
+        for index, event in enumerate(self.events):
+            first = int(np.searchsorted(self.breaks, event.start))
+            parts += [self._rest(order, angle) for angle in self.breaks[at:first].tolist()]
+            if order == 0:
+                own = self.coefficients(index)
+            else:
+                own = self._bend(index) * (self.start.lift / event.span**2)
+            parts.append(own.mapped(to_bezier(self.law_class, order)))
+            at = first + self.law_class.pieces
+        parts += [self._rest(order, angle) for angle in self.breaks[at:-1].tolist()]
+        return Affine.stacked(parts)
+
+    def _rest(self, order: int, angle: float) -> Affine:
+        level = self.start.lift_at(angle) if order == 0 else 0.0
+        count = self.degree + 1 - order
+        return Affine(np.full(count, level), sparse.csr_array((count, self.unknowns)))
+
+    @lru_cache(maxsize=16)  # noqa: B019 - a space lives as long as its design
+    def derivative(self, order: int) -> Affine:
+        """Ordinates of d^order s/dθ^order (m/rad^order), of degree p − order, piece by piece."""
+        if order in (0, 2):
+            return self._around(order)
+        below, degree = self.derivative(order - 1), self.degree - order + 1
+        step = bernstein.derivative(np.eye(degree + 1))
+        blocks = sparse.block_diag([step / span for span in self.spans], format="csr")
+        return below.mapped(sparse.csr_array(blocks))
+
+    def joined(self, free: FloatArray) -> FloatArray:
+        """All unknowns where the free ordinates of the events (in lifts) are these."""
+        unknowns = np.zeros(self.unknowns)
+        unknowns[: free.size] = free
+        unknowns[free.size :] = self.link(unknowns)
+        return unknowns
+
+    def law(self, unknowns: FloatArray, name: str) -> Law:
+        """The law of some unknowns."""
+        ordinates = self.lift(unknowns).reshape(-1, self.degree + 1).T
+        return Law(name, self.breaks, ordinates)
+
+    def weighted(self, weights: tuple[float, ...]) -> Affine:
+        """Ordinates of Σ wₖ s⁽ᵏ⁾, of degree p."""
+        total: Affine | None = None
+        for order, weight in enumerate(weights):
+            term = self.elevated(order) * weight
+            total = term if total is None else total + term
+        assert total is not None
+        return total
+
+    @lru_cache(maxsize=16)  # noqa: B019
+    def elevated(self, order: int) -> Affine:
+        """A derivative's ordinates written with degree p."""
+        up = bernstein.elevation_matrix(self.degree - order, self.degree)
+        return self.derivative(order).mapped(self._blocks(up))
+
+    def _blocks(self, matrix: FloatArray) -> sparse.csr_array:
+        """One matrix for the ordinates of every piece."""
+        return sparse.csr_array(sparse.kron(sparse.eye(self.spans.size), matrix, "csr"))
+
+    @property
+    def parts(self) -> int:
+        """Of a piece, for its bounds."""
+        own = min(MOST_PARTS, round(PARTS_A_PIECE * self.law_class.pieces))
+        return max(PARTS, own, round(PARTS_OF_TURN / self.spans.size))
+
+    def hull(self, ordinates: Affine, parts: int | None = None) -> Affine:
+        """Ordinates of all pieces cut in parts: the polynomial lies in their convex hull."""
+        parts = parts or self.parts
+        degree = ordinates.constant.size // self.spans.size - 1
+        cuts = [
+            bernstein.restrict(np.eye(degree + 1), i / parts, (i + 1) / parts) for i in range(parts)
+        ]
+        return ordinates.mapped(self._blocks(np.concatenate(cuts)))
+
+    def points(self, ordinates: Affine) -> Affine:
+        """Values at the ends of the parts of all pieces, at joints on both sides."""
+        degree = ordinates.constant.size // self.spans.size - 1
+        table = bernstein.basis(degree, np.linspace(0.0, 1.0, self.parts + 1))
+        return ordinates.mapped(self._blocks(table))
+
+    def at(self, order: int, angle: FloatArray) -> Affine:
+        """A derivative at angles (rad); at a joint the right limit."""
+        ordinates, degree = self.derivative(order), self.degree - order
+        inside = np.mod(angle, TURN)
+        piece = np.searchsorted(self.breaks[1:-1], inside, side="right")
+        table = bernstein.basis(degree, (inside - self.breaks[piece]) / self.spans[piece])
+        rows = np.repeat(np.arange(angle.size), degree + 1)
+        columns = (piece[:, None] * (degree + 1) + np.arange(degree + 1)).ravel()
+        shape = (angle.size, self.spans.size * (degree + 1))
+        return ordinates.mapped(sparse.csr_array((table.ravel(), (rows, columns)), shape=shape))

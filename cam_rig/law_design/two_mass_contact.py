@@ -1,0 +1,364 @@
+"""The contact force of two masses at every speed up to one, in every turn, as rows of a program.
+
+Resonances are narrower than any grid of speeds one could afford as rows: a program is given what
+is lowest, the law is looked at over the grid, and what it falls below becomes rows, until nothing
+does. What the grid misses, the exact jump search finds: its speed joins the grid.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from cam_rig.dynamics.jump.jump_speed import Jump
+from cam_rig.errors import DynamicsError
+from cam_rig.law_design.constraints import SPARE, Asked, DesignProblem
+from cam_rig.law_design.convex_program import Affine, ProgramSolution, RowBlock
+from cam_rig.law_design.modal_amplitude import Cells, Dense, ForceAtSpeed, Linear
+from cam_rig.units import RPM, TURN, FloatArray, to_rpm
+
+#: The grid goes down to this part of the speed, in steps that turn the phase by this much (rad)
+#: over the time in which vibration decays; and has no more speeds than that.
+DOWN_TO, PHASE_STEP, MAX_SPEEDS = 0.45, 0.5, 400
+
+#: Where contact is lost below the grid, it goes down to this part of that speed; never below one.
+FARTHER_DOWN, LEAST_SPEED = 0.7, 10.0 * RPM
+
+#: Every so many-th speed of the grid is taken in any case, the fastest among them.
+EVERY = 6
+
+#: Rows of a turn at one speed that a law makes, at most: where it is lowest.
+LOWEST = 4
+
+#: Speeds with no more room than this part of the scale are looked at in every round.
+CLOSE = 0.1
+
+#: Rows that a solution is farther above than this part of the scale are left.
+NEAR = 0.15
+
+#: A law is below what the program allowed by more than this part of the scale.
+BELOW = 6e-3
+
+#: Rows of speeds above this part of the fastest are never left: the fastest may fall.
+KEEP_ABOVE = 0.95
+
+#: The level is at most so many times the scale.
+TOP = 100.0
+
+#: Rows are left where the level has fallen by this much since they last were.
+FALLEN = 1e-3
+
+#: Least force, in parts of its scale, that is kept at first: what lies between the places that are
+#: looked at is lower. Where the exact search finds that it is lower by more, so many times more.
+MARGIN, WIDER = 0.01, 1.6
+
+#: Turns of a run from rest that are looked at, as far as it goes, beside the settled one.
+TURNS = (1.0, 2.0, 3.0, 5.0, 8.0, 13.0, 21.0, 34.0)
+
+
+class Below(NamedTuple):
+    """The force (in parts of its scale) less what is wanted, in one turn at a speed."""
+
+    speed: float
+    turn: float
+    values: FloatArray
+
+
+@dataclass(eq=False)
+class ContactKept:
+    """Rows F ≥ t (in parts of the problem's scale of force) at speeds up to one.
+
+    ``duration`` is that of the run from rest, s; None is the steady state. ``margin`` is the least
+    force, in parts of the scale, where no goal asks for more.
+    """
+
+    problem: DesignProblem
+    duration: float | None
+    fastest: float
+    name: str = "contact kept"
+    limit: bool = False
+    margin: float = MARGIN
+    more: dict[float, float] = field(default_factory=dict)
+    _rows: list[tuple[float, Dense, FloatArray]] = field(default_factory=list)
+    _lowest: float = np.inf
+
+    def __post_init__(self) -> None:
+        self._look_down_to(DOWN_TO * self.fastest)
+        rate = self.problem.mode.rate
+        decay = 1.0 / max(-rate.real, 1e-300)
+        decay = decay if self.duration is None else min(decay, self.duration)
+        fine = PHASE_STEP / (abs(rate) * decay)
+        if self.duration is not None and self.fastest * self.duration < 2.0 * TURN:
+            turns = self.fastest * self.duration / TURN
+            raise DynamicsError(
+                f"a run from rest of {self.duration:g} s has {turns:.2g} turns at "
+                f"{to_rpm(self.fastest):.4g} rpm; allowed for a design: 2 and more, or the goal "
+                "jump_speed_steady"
+            )
+        self.step = max(min(0.02, fine), math.log(1.0 / DOWN_TO) / MAX_SPEEDS)
+        self.anchor = self.fastest
+
+    def _look_down_to(self, slowest: float) -> None:
+        """Begin the grid at a speed (rad/s)."""
+        self.slowest = slowest
+        self.cells = Cells(self.problem.space, self.problem.mode, slowest)
+        self._known: dict[float, ForceAtSpeed] = {}
+        self._room: dict[float, float] = {}
+
+    def speeds(self) -> list[float]:
+        """The grid up to the fastest, that itself, and what the exact search has found."""
+        ratio = 1.0 + self.step
+        top = math.floor(self.place + 1e-9)
+        count = math.ceil(math.log(self.fastest / self.slowest) / math.log(ratio))
+        grid = [self.anchor * ratio**k for k in range(top, top - count, -1)]
+        extra = [speed for speed in self.more if speed < self.fastest]
+        found = sorted({self.fastest, *grid, *extra})
+        return [speed for speed in found if self.duration is None or self.turns(speed)[-1] > 0.0]
+
+    @property
+    def place(self) -> float:
+        """Where the fastest stands in the grid."""
+        return math.log(self.fastest / self.anchor) / math.log(1.0 + self.step)
+
+    def move(self, factor: float) -> None:
+        """Change the fastest by a factor, to a speed of the grid where that is a step or more."""
+        before, self.fastest = self.fastest, self.fastest * factor
+        if abs(factor - 1.0) > 0.7 * self.step:
+            on_grid = self.anchor * (1.0 + self.step) ** round(self.place)
+            self.fastest = on_grid if on_grid != before else self.fastest
+        self._lowest = np.inf  # a level may be higher than the lowest so far
+
+    def turns(self, speed: float) -> list[float]:
+        """Which turns are looked at, at a speed: whole ones, the run's end may cut the last."""
+        if self.duration is None:
+            return [math.inf]
+        last = math.floor(speed * self.duration / TURN)
+        seen = self.more.get(speed, 1.0)
+        return sorted({seen, *(turn for turn in TURNS if turn < last), float(last)})
+
+    def refine(self, jump: Jump, solution: ProgramSolution) -> None:
+        """Look closer where and when the exact model loses contact; else widen the margin."""
+        if jump.speed < self.slowest:
+            self._look_down_to(max(FARTHER_DOWN * jump.speed, LEAST_SPEED))
+        turn = 1.0 + math.floor(jump.speed * jump.time / TURN)
+        self.more |= {jump.speed * (1.0 + self.step * k): turn for k in (-0.25, 1e-4, 0.25)}
+        if not self.cut(solution):
+            self.margin *= WIDER
+            self._lowest = np.inf
+
+    def _at(self, speed: float) -> ForceAtSpeed:
+        if speed not in self._known:
+            self._known[speed] = ForceAtSpeed(self.cells, speed)
+        return self._known[speed]
+
+    def look(self, unknowns: FloatArray, level: float) -> int:
+        """Make rows of where the force is below a level; how many there are.
+
+        In dwells, where only vibration lowers it, below the margin. Of neighbouring speeds the
+        worst is taken, and of its turns the worst. Speeds at which it was close when last looked
+        at come first: all are looked at where these make no row.
+        """
+        speeds = self.speeds()
+        close = [speed for speed in speeds if self._room.get(speed, 0.0) < CLOSE]
+        return self._rows_below(close, unknowns, level) or self._rows_below(speeds, unknowns, level)
+
+    def _rows_below(self, speeds: list[float], unknowns: FloatArray, level: float) -> int:
+        found = [self._below(speed, unknowns, level) for speed in speeds]
+        worst = np.pad([below.values.min() for below in found], 1, constant_values=np.inf)
+        dip = (worst[1:-1] <= worst[:-2]) & (worst[1:-1] <= worst[2:])
+        dip[::-EVERY] = True
+        made = 0
+        for here in [below for below, taken in zip(found, dip, strict=True) if taken]:
+            chosen = lowest(here.values)
+            if chosen.size:
+                force = self._at(here.speed)
+                goal = force.first.moving[chosen] & (not self.limit)
+                rows = force.rows(chosen, here.turn)
+                self._rows.append((here.speed, rows, np.where(goal, -1.0, 0.0)))
+                made += chosen.size
+        return made
+
+    def _below(self, speed: float, unknowns: FloatArray, level: float) -> Below:
+        """The force less what is wanted, in parts of the scale, in the worst turn at a speed."""
+        here, turns = self._at(speed), np.array(self.turns(speed))
+        wanted = np.where(here.first.moving, level, self.margin)
+        above = here.values(unknowns, turns) / self.problem.force_scale - wanted
+        worst = int(np.argmin(above.min(axis=1)))
+        self._room[speed] = float(above[worst].min())
+        return Below(speed, float(turns[worst]), above[worst])
+
+    def cut(self, solution: ProgramSolution) -> bool:
+        """Leave the rows far above, add those below; whether there are any."""
+        level = self.margin if self.limit else solution.level
+        if level < self._lowest - FALLEN:  # else rows would come and go for ever
+            self._lowest = level
+            self._thin(solution)
+        return self.look(solution.unknowns, level) > 0
+
+    @property
+    def blocks(self) -> list[RowBlock]:
+        """The rows so far, of speeds up to the fastest."""
+        chosen = [row for row in self._rows if row[0] <= self.fastest]
+        if not self.limit:  # a level is finite before the first rows
+            none = np.zeros((1, self.problem.space.unknowns))
+            top = Dense(np.full(1, TOP * self.problem.force_scale), none)
+            chosen.append((self.fastest, top, np.full(1, -1.0)))
+        if not chosen:
+            return []
+        joined = Dense.joined([rows for _, rows, _ in chosen])
+        weight = np.concatenate([weight for _, _, weight in chosen])
+        scale = self.problem.force_scale
+        constant = joined.constant / scale - np.where(weight < 0.0, 0.0, self.margin)
+        affine = Affine(constant, sparse.csr_array(joined.matrix / scale))
+        necessary = self.margin == 0.0
+        return [RowBlock(self.name, affine, weight, "nonneg", necessary=necessary)]
+
+    def _thin(self, solution: ProgramSolution) -> None:
+        """Leave the rows that the solution is far above."""
+        kept = []
+        for speed, (constant, matrix), weight in self._rows:
+            force = (constant + matrix @ solution.unknowns) / self.problem.force_scale
+            near = force < np.where(weight < 0.0, solution.level, self.margin) + NEAR
+            near |= speed > KEEP_ABOVE * self.fastest
+            if near.any():
+                kept.append((speed, Dense(constant[near], matrix[near]), weight[near]))
+        self._rows = kept
+
+
+def lowest(above: FloatArray) -> NDArray[np.intp]:
+    """Indices of the few lowest local minima below what was wanted."""
+    padded = np.pad(above, 1, constant_values=np.inf)
+    minimum = (above <= padded[:-2]) & (above <= padded[2:]) & (above < -0.5 * BELOW)
+    found = np.flatnonzero(minimum)
+    return np.asarray(found[np.argsort(above[found])[:LOWEST]])
+
+
+# Residual vibration: the amplitude that an event alone leaves, at every speed of a range.
+
+#: Speeds a beat: the largest between two of them is missed by 0.4 % at most.
+A_BEAT, FIRST_EVERY = 32, 8
+
+#: Peaks that are looked at are no farther below what is allowed, on the grid.
+MISSED = 0.01
+
+#: A cut is made where the law exceeds what the program allowed by so much.
+WORSE = 1e-4
+
+#: Speeds of a range, at most, and numbers of a table of phases that is made at once.
+MAX_RESIDUAL_SPEEDS, MAX_TABLE = 4096, 2_000_000
+
+
+def speeds_of(problem: DesignProblem, low: float, high: float) -> FloatArray:
+    """Speeds (rad/s) of a range, falling and even in 1/Ω, so many a beat of the longest event."""
+    if low == high:
+        return np.array([low])
+    longest = max(event.span for event in problem.space.events)
+    beats = longest * problem.mode.rate.imag * (1.0 / low - 1.0 / high) / TURN
+    count = min(MAX_RESIDUAL_SPEEDS, max(8, math.ceil(beats * A_BEAT)))
+    return np.asarray(1.0 / np.linspace(1.0 / high, 1.0 / low, count + 1))
+
+
+def peaks(speeds: FloatArray, amplitudes: FloatArray, above: float) -> FloatArray:
+    """Where a curve ``(n,)`` over speeds even in 1/Ω is highest, at peaks above a value, rad/s.
+
+    Of a parabola through the squares at three speeds; an end that is the highest is one too.
+    """
+    padded = np.pad(amplitudes, 1, constant_values=-np.inf)
+    at = np.flatnonzero(
+        (amplitudes >= padded[:-2]) & (amplitudes >= padded[2:]) & (amplitudes > above)
+    )
+    inner = (at > 0) & (at < amplitudes.size - 1)
+    below, here, beyond = (amplitudes[(at[inner] + k)] ** 2 for k in (-1, 0, 1))
+    bend = 2.0 * here - below - beyond
+    shift = np.divide(0.5 * (beyond - below), bend, out=np.zeros(bend.size), where=bend > 0.0)
+    found = 1.0 / speeds[at]
+    found[inner] += shift * (1.0 / speeds[at[inner] + 1] - found[inner])
+    return np.asarray(1.0 / found)
+
+
+@lru_cache(maxsize=4)
+def left(problem: DesignProblem, low: float, high: float) -> list[Linear]:
+    """What each event leaves at the speeds of a range."""
+    cells, speeds = Cells(problem.space, problem.mode, low), speeds_of(problem, low, high)
+    return [left_by_event(cells, e, speeds) for e in range(len(problem.space.events))]
+
+
+def left_by_event(cells: Cells, event: int, speeds: FloatArray) -> Linear:
+    """What an event alone leaves where it ends, as a function of the unknowns, at speeds (rad/s).
+
+    The amplitude's integral, see `mode`, by Gauss points.
+    """
+    mode, (slope, bend, columns) = cells.mode, cells.driving[event]
+    points, weights = cells.gauss
+    width = cells.width(event)
+    angles = (width * (np.arange(cells.count)[:, None] + points)).ravel()
+    share = np.tile(weights, cells.count) * width / (mode.rate - mode.rate.conjugate())
+    constant = np.zeros(speeds.size, complex)
+    matrix = np.zeros((speeds.size, cells.space.unknowns), complex)
+    step = max(1, MAX_TABLE // angles.size)
+    for first in range(0, speeds.size, step):
+        some = slice(first, first + step)
+        rate = mode.rate / speeds[some, None]
+        fading = np.exp(rate * (cells.space.events[event].span - angles)) * share
+        of_slope, of_bend = fading * mode.drive[0], fading * (mode.drive[1] * speeds[some, None])
+        constant[some] = of_slope @ slope.constant + of_bend @ bend.constant
+        matrix[some, columns] = of_slope @ slope.matrix + of_bend @ bend.matrix
+    return Linear(constant, matrix)
+
+
+@dataclass(eq=False)
+class Residual:
+    """Cones |2a| ≤ limit (or t) of every event at speeds of a range."""
+
+    problem: DesignProblem
+    asked: Asked
+    hull: bool
+    blocks: list[RowBlock] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        term = self.asked.term
+        self.cells = Cells(self.problem.space, self.problem.mode, term.low)
+        self.speeds = speeds_of(self.problem, term.low, term.high)
+        self.left = left(self.problem, term.low, term.high)
+        for linear in self.left:
+            self._add(Linear(linear.constant[::FIRST_EVERY], linear.matrix[::FIRST_EVERY]))
+
+    def cut(self, solution: ProgramSolution) -> bool:
+        """Add the speeds at which the law is worst, if worse than allowed; whether there are."""
+        allowed = self.asked.value
+        if allowed is None:
+            allowed = -solution.level * self.asked.scale
+        elif self.hull:
+            allowed *= 1.0 - WORSE
+        cut = False
+        for event, linear in enumerate(self.left):
+            found = 2.0 * np.abs(linear(solution.unknowns))
+            highest = left_by_event(
+                self.cells, event, peaks(self.speeds, found, allowed * (1.0 - MISSED))
+            )
+            worse = 2.0 * np.abs(highest(solution.unknowns)) > allowed * (1.0 + WORSE)
+            if worse.any():
+                self._add(Linear(highest.constant[worse], highest.matrix[worse]))
+                cut = True
+        return cut
+
+    def _add(self, at: Linear) -> None:
+        count, size, scale = at.constant.size, self.problem.space.unknowns, self.asked.scale
+        constant = np.zeros((count, 3))
+        matrix = np.zeros((count, 3, size))
+        for place, part in ((1, np.real), (2, np.imag)):
+            constant[:, place] = 2.0 * part(at.constant) / scale
+            matrix[:, place] = 2.0 * part(at.matrix) / scale
+        weight = np.zeros((count, 3))
+        weight[:, 0] = self.asked.weight
+        if self.asked.value is not None:
+            spare = 1.0 - WORSE if self.hull else 1.0
+            constant[:, 0] = self.asked.value / scale * spare - (SPARE if self.hull else 0.0)
+        rows = Affine(constant.ravel(), sparse.csr_array(matrix.reshape(-1, size)))
+        self.blocks.append(RowBlock(self.asked.name, rows, weight.ravel(), "cone", 3))
