@@ -14,9 +14,10 @@ from benchmark.speed.campaign import campaign_table
 from benchmark.speed.cases import SPEEDS_RPM, rate_table, sample_rates
 from benchmark.speed.event_cost import event_costs, event_table
 from benchmark.speed.peers import PEERS
-from benchmark.speed.report import draw, measure, notes, table
+from benchmark.speed.report import figure, measure, notes, table
 from benchmark.speed.start_up import command_table, command_times, node_starts, node_table
 from benchmark.speed.study import FULL
+from cam_rig.show.figure import write
 from cam_rig.show.tables import to_markdown
 
 PAGE, PLOT = Path("docs/speed.md"), Path("docs/speed.png")
@@ -164,7 +165,7 @@ def bullets(lines: list[str]) -> str:
 def main() -> None:
     """Measure and write."""
     study = measure(quick=False)
-    draw(study, PLOT)
+    write(figure(study), PLOT)
     left_out = notes(study)
     options = dict.fromkeys(f"{peer.name}: {peer.options}." for peer in PEERS)
     text = TEXT.format(

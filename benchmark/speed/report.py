@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -25,7 +24,7 @@ from cam_rig.show.command import (
     write_json,
     write_plot,
 )
-from cam_rig.show.figure import empty, logarithmic, styled, write
+from cam_rig.show.figure import empty, logarithmic, styled
 from cam_rig.show.looks import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, web
 from cam_rig.show.tables import Column, DataTable
 
@@ -160,12 +159,6 @@ RIG = (web(BLACK), "*")
 MIN_ERROR = 1e-17
 
 
-def draw(study: WorkPrecisionStudy, path: Path) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write(figure(study), path)
-
-
 @styled
 def figure(study: WorkPrecisionStudy) -> Figure:
     """Error against wall time of every solver and of the rig, one panel per case."""
@@ -229,7 +222,7 @@ def bench(
         say(*notes(study))
         write_csv(shown, csv)
         if plot is not None:
-            write_plot(plot, lambda part: draw(study, part))
+            write_plot(plot, lambda: figure(study))
         write_json(to_json(study), json_target)
 
 

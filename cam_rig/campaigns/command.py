@@ -152,9 +152,9 @@ def show_largest(
     show(table)
     write_csv([table], csv)
     if plot is not None:
-        from cam_rig.campaigns.figures import draw_waviness as draw
+        from cam_rig.campaigns.figures import waviness_figure
 
-        write_plot(plot, lambda part: draw(search, found, part))
+        write_plot(plot, lambda: waviness_figure(search, found))
     write_json(waviness_json(search, found), json_target)
 
 
@@ -242,9 +242,9 @@ def _show_results(
     say(f"dataset: {dataset.folder}/*.parquet")
     write_csv(shown, csv)
     if plot is not None:
-        from cam_rig.campaigns.figures import draw
+        from cam_rig.campaigns.figures import figure
 
-        write_plot(plot, lambda part: draw(results, part))
+        write_plot(plot, lambda: figure(results))
     write_json(to_json(results), json_target)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from cam_rig.campaigns.measures import CampaignMeasure
 from cam_rig.campaigns.results import FOR_MEDIAN, CampaignResults
 from cam_rig.campaigns.schema import PERCENT
 from cam_rig.schema.quantity import UNITS
-from cam_rig.show.figure import empty, logarithmic, styled, wrapped, write
+from cam_rig.show.figure import empty, logarithmic, styled, wrapped
 from cam_rig.show.looks import BLUE, GREEN, SKY_BLUE, VERMILION, web
 from cam_rig.show.tables import printed, typeset
 from cam_rig.units import FloatArray
@@ -272,11 +271,6 @@ def _cell_title(grid: list[tuple[CampaignInput, FloatArray]], cell: tuple[int | 
 # Pictures of a campaign: a map of a grid; distributions, and what each input does, of draws.
 
 
-def draw(results: CampaignResults, path: Path) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(figure(results), path)
-
-
 def figure(results: CampaignResults) -> Figure:
     """A map where a grid varies two inputs or more, else distributions."""
     grid = results.campaign.config.plan.kind == "grid"
@@ -296,11 +290,6 @@ ROOM = 1.5
 FOUND: dict[str, Any] = {"color": web(BLUE), "marker": "o", "ms": 4.0}
 
 WHOLE: dict[str, Any] = {"color": web(BLUE), "marker": "o", "ms": 4.0, "mfc": "white", "ls": "none"}
-
-
-def draw_waviness(search: WavinessSearch, found: Sequence[LargestWaviness], path: Path) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(waviness_figure(search, found), path)
 
 
 @styled

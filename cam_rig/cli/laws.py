@@ -30,6 +30,8 @@ from cam_rig.show.command import (
 )
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from cam_rig.laws import Law
     from cam_rig.laws.catalogue import Figures, RiseFamily
     from cam_rig.show.tables import DataTable
@@ -123,10 +125,10 @@ def _show_one(name: str, out: Path | None, as_csv: bool) -> None:
     if as_csv:
         print_csv(CAM_HEADINGS, [((), *cam_rows(built))])
     if out is not None or not as_csv:
-        from cam_rig.laws.figures import draw
+        from cam_rig.laws.figures import figure
 
         target = out or Path("out") / f"law_{config.name}.png"
-        write_plot(target, lambda part: draw(config, built, part))
+        write_plot(target, lambda: figure(config, built))
 
 
 def _peaks(law: Law, unit: str, factor: float) -> DataTable:
@@ -203,10 +205,10 @@ def laws(
         write_json({name: asdict(figures(name)) for name in names}, json_target)
         if plot is not None:
             from cam_rig.laws.catalogue import families
-            from cam_rig.laws.figures import draw_rises
+            from cam_rig.laws.figures import rises_figure
 
             columns = families().values() if shown is None else [shown]
-            write_plot(plot, lambda part: draw_rises(columns, part))
+            write_plot(plot, lambda: rises_figure(columns))
 
 
 def rises_table(names: Iterable[str], with_free: bool = False) -> DataTable:
@@ -302,10 +304,10 @@ def show_rises(names: Sequence[str], out: Path | None, as_csv: bool) -> None:
         blocks = (((name,), u, rise_values(name, u)) for name in names)
         print_csv(("rise", *RISE_HEADINGS), blocks)
     if out is not None or not as_csv:
-        from cam_rig.laws.figures import draw_rises
+        from cam_rig.laws.figures import rises_figure
 
         family = RiseFamily("Rises of h over the span β", tuple(names))
-        _plot(names, "rises_", out, lambda part: draw_rises([family], part))
+        _plot(names, "rises_", out, lambda: rises_figure([family]))
 
 
 def show_cams(names: Sequence[str], out: Path | None, as_csv: bool) -> None:
@@ -327,9 +329,9 @@ def show_cams(names: Sequence[str], out: Path | None, as_csv: bool) -> None:
         blocks = (((cam.name,), *cam_rows(law)) for cam, law in loaded)
         print_csv(("cam", *CAM_HEADINGS), blocks)
     if out is not None or not as_csv:
-        from cam_rig.laws.figures import draw_cams
+        from cam_rig.laws.figures import cams_figure
 
-        _plot([cam.name for cam in cams], "", out, lambda part: draw_cams(loaded, part))
+        _plot([cam.name for cam in cams], "", out, lambda: cams_figure(loaded))
 
 
 def require_recording(path: Path) -> None:
@@ -384,8 +386,8 @@ def print_csv(
             writer.writerow([*first, *(f"{value:.12g}" for value in row)])
 
 
-def _plot(names: Sequence[str], kind: str, out: Path | None, draw: Callable[[Path], None]) -> None:
-    write_plot(out or Path("out") / f"law_{kind}{'_'.join(names)[:MAX_LETTERS]}.png", draw)
+def _plot(names: Sequence[str], kind: str, out: Path | None, figure: Callable[[], Figure]) -> None:
+    write_plot(out or Path("out") / f"law_{kind}{'_'.join(names)[:MAX_LETTERS]}.png", figure)
 
 
 def _cams_table(loaded: Loaded) -> DataTable:

@@ -137,9 +137,9 @@ def _front(
     show(table)
     write_csv([table], csv)
     if plot is not None:
-        from cam_rig.law_design.figures import draw_front
+        from cam_rig.law_design.figures import front_figure
 
-        write_plot(plot, lambda part: draw_front(found, part))
+        write_plot(plot, lambda: front_figure(found))
     if not found.ended:
         say(f"interrupted: {len(found.designs)} of {points} points")
         raise typer.Exit(INTERRUPTED)
@@ -209,9 +209,9 @@ def _write(
             part.write_text(design.text, encoding="utf-8")
         say(f"cam: {out}")
     if plot is not None:
-        from cam_rig.law_design.figures import draw
+        from cam_rig.law_design.figures import figure
 
-        write_plot(plot, lambda part: draw(design, part))
+        write_plot(plot, lambda: figure(design))
     if not design.ended:
         raise typer.Exit(INTERRUPTED)
 

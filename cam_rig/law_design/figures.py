@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from cam_rig.laws import Law
 from cam_rig.laws.catalogue import cam_curves
 from cam_rig.laws.figures import NAMES, PER
 from cam_rig.profile.disc import contours
-from cam_rig.show.figure import CAM_ANGLE, empty, series, styled, turn_axis, write
+from cam_rig.show.figure import CAM_ANGLE, empty, series, styled, turn_axis
 from cam_rig.show.looks import MM, short
 from cam_rig.units import TURN, FloatArray, to_rpm
 
@@ -28,11 +27,6 @@ HEIGHT, POINTS = 8.6, 1441
 START: dict[str, Any] = {"color": "0.45", "ls": "--", "lw": 1.2}
 
 DESIGNED: dict[str, Any] = {"color": series(0)["color"], "lw": 1.4}
-
-
-def draw(design: LawDesign, path: Path) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(figure(design), path)
 
 
 @styled
@@ -56,11 +50,6 @@ def figure(design: LawDesign) -> Figure:
     panels["order 0"].set_title(f"{short(design.cam.title)}: {design.request.words}", wrap=True)
     panels["order 3"].set_xlabel(CAM_ANGLE)
     return out
-
-
-def draw_front(front: Front, path: Path) -> None:
-    """Write the figure of a front to a file."""
-    write(front_figure(front), path)
 
 
 @styled

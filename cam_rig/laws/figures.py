@@ -6,7 +6,6 @@ A law that was fitted is drawn with its readings instead, and what is between th
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,7 @@ from cam_rig.laws.catalogue import (
 from cam_rig.laws.law import SMOOTHEST, Joint, Law, extremes, joints
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segment_base import Table
-from cam_rig.show.figure import CAM_ANGLE, empty, line, styled, turn_axis, wrapped, write
+from cam_rig.show.figure import CAM_ANGLE, empty, line, styled, turn_axis, wrapped
 from cam_rig.show.looks import DERIVATIVES, MM, in_words, short, web
 from cam_rig.show.tables import printed
 
@@ -43,11 +42,6 @@ SAME_DEG = 1e-6
 NAMELESS_DEG, UPRIGHT_DEG = 12.0, 60.0
 
 GREY = "0.45"
-
-
-def draw(cam: CamConfig, law: Law, path: Path) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(figure(cam, law), path)
 
 
 @styled
@@ -190,16 +184,6 @@ LEGEND_COLUMNS = 3
 RISE_UNITS = ("h", "h/β", "h/β²", "h/β³")
 
 Style = dict[str, Any]
-
-
-def draw_cams(cams: Sequence[tuple[CamConfig, Law]], path: Path) -> None:
-    """Write cams over one turn to a file, of any kind that matplotlib knows by the suffix."""
-    write(cams_figure(cams), path)
-
-
-def draw_rises(families: Iterable[RiseFamily], path: Path) -> None:
-    """Write bare rises, one column a family, to a file of any kind that matplotlib knows."""
-    write(rises_figure(families), path)
 
 
 @styled

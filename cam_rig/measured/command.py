@@ -106,9 +106,9 @@ def fit_cam(
         write_csv(found.tables(), csv)
         write_json(found.to_json(), json_target)
         if plot is not None:
-            from cam_rig.measured.cam_fit.figures import draw_fit
+            from cam_rig.measured.cam_fit.figures import fit_figure
 
-            write_plot(plot, lambda part: draw_fit(found.fit, part))
+            write_plot(plot, lambda: fit_figure(found.fit))
         if out is not None:
             files = found.files(out.stem)
             write_new(out.parent, files.texts)

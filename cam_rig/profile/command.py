@@ -247,9 +247,9 @@ def _draw(
     if request.out is not None:
         profile_files.write(request, cam, law, force)
     if plot is not None:
-        from cam_rig.profile.figures import POSITIONS, draw
+        from cam_rig.profile.figures import POSITIONS, figure
 
-        write_plot(plot, lambda part: draw(cam, law, checks, part, positions or POSITIONS))
+        write_plot(plot, lambda: figure(cam, law, checks, positions or POSITIONS))
 
 
 def _paths(cams: list[str], every: bool) -> list[Path]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -17,7 +15,7 @@ from cam_rig.profile.contact import Element, Motion, Scan, turn_angles
 from cam_rig.profile.disc import Contour, contours
 from cam_rig.profile.faces import GuidedFace, SwungCentre, SwungFace
 from cam_rig.schema import CamConfig
-from cam_rig.show.figure import CAM_ANGLE, empty, styled, turn_axis, wrapped, write
+from cam_rig.show.figure import CAM_ANGLE, empty, styled, turn_axis, wrapped
 from cam_rig.show.looks import DISCS, LIMIT, MM, PITCH_CURVE, circle, web
 from cam_rig.show.tables import printed
 from cam_rig.units import ComplexArray, FloatArray
@@ -126,13 +124,6 @@ FLAT = 0.66
 
 #: Slope of a dwell, of the greatest slope; a stage narrower than these (°) has no shade, no name.
 STILL, NARROW, NAMED_STAGE = 1e-6, 5.0, 48.0
-
-
-def draw(
-    cam: CamConfig, law: Law, checks: list[Check], path: Path, follower_positions: int = POSITIONS
-) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(figure(cam, law, checks, follower_positions), path)
 
 
 @styled

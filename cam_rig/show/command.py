@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -26,6 +26,9 @@ from cam_rig.show.tables import DataTable, to_csv
 # What all verbs share: where words and tables go, and how errors end a command.
 
 #: People read stderr, programs read stdout.
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 console = Console(stderr=True, highlight=False)
 
 
@@ -138,15 +141,17 @@ PICTURES = (".png", ".svg", ".pdf", ".jpg")
 STDOUT = Path("-")
 
 
-def write_plot(target: Path, draw: Callable[[Path], None]) -> None:
-    """Have a picture drawn into a file, and say where it is.
+def write_plot(target: Path, figure: Callable[[], Figure]) -> None:
+    """Draw a figure into a file, of any kind that matplotlib knows by the suffix; say where it is.
 
     Raises
     ------
     OutputError : the place cannot be written
     """
+    from cam_rig.show.figure import write
+
     with writing(target) as part:
-        draw(part)
+        write(figure(), part)
     console.print(f"plot: {target}", markup=False, soft_wrap=True)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -22,7 +21,6 @@ from cam_rig.show.figure import (
     styled,
     turn_axis,
     wrapped,
-    write,
 )
 from cam_rig.show.looks import MM, short, web
 from cam_rig.simulation.regression import NoiseResult
@@ -35,11 +33,6 @@ MIN_SPEEDS = 6
 
 #: Room above and below levels turn by turn, dB, so that the rounding of settled ones is not seen.
 MARGIN_DB = 1.0
-
-
-def draw(result: NoiseResult, loaded: LoadedScene, path: Path) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(figure(result, loaded), path)
 
 
 @styled
@@ -122,11 +115,6 @@ def motion_figure(samples: NamedRows, law_lift: FloatArray, title: str) -> Figur
     lift.legend(loc="upper right", ncols=3)
     force.set(xlabel="time [s]", ylabel="contact force [N]")
     return out
-
-
-def draw_over_turn(curves: Mapping[str, Sequence[ForceCurve]], path: Path) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(over_turn(curves), path)
 
 
 @styled

@@ -89,9 +89,9 @@ def show(
         names = " and ".join(loaded.published.crossover.between)
         console.say(f"{names} cross at {found} (published: {loaded.published.crossover.rpm:g} rpm)")
     if plot is not None:
-        from cam_rig.simulation.figures import draw
+        from cam_rig.simulation.figures import figure
 
-        write_plot(plot, lambda part: draw(result, loaded, part))
+        write_plot(plot, lambda: figure(result, loaded))
     speeds = {"speeds": [row.plain() for row in run.by_speed]}
     write_json(to_json(result, run.counts) | speeds, json_target)
     write_csv([by_speed], csv)

@@ -12,8 +12,9 @@ from shapely import LinearRing, LineString
 from cam_rig.laws import Law
 from cam_rig.profile import contours, turn_angles
 from cam_rig.profile.check_table import check_cam
-from cam_rig.profile.figures import draw, figure, positions
+from cam_rig.profile.figures import figure, positions
 from cam_rig.schema import CamConfig
+from cam_rig.show.figure import write
 
 
 def test_positions_touch_the_contour(law: Law, cams: dict[str, CamConfig]) -> None:
@@ -34,7 +35,7 @@ def test_each_kind_is_drawn(
 ) -> None:
     """A picture of some size for faces, arms, pairs and frames."""
     cam, law = cams[name], laws[name]
-    draw(cam, law, check_cam(cam, law), tmp_path / "a.png")
+    write(figure(cam, law, check_cam(cam, law)), tmp_path / "a.png")
     assert (tmp_path / "a.png").stat().st_size > 50_000
 
 

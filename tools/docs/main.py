@@ -13,6 +13,7 @@ from cam_rig.errors import CamRigError
 from cam_rig.files import temporary_folder, writing
 from cam_rig.messages.topics import FOLLOWER_SAMPLES
 from cam_rig.show.command import console, progress_bar, user_errors
+from cam_rig.show.figure import write
 from cam_rig.simulation import figures as noise
 from cam_rig.simulation.regression import NoiseResult, compare
 from cam_rig.simulation.simulate import step_levels
@@ -53,7 +54,7 @@ def _draw(bag: Path, to: Path) -> None:
     archive, result = _read(bag)
     with temporary_folder() as folder:
         drawn = draw_pictures(
-            archive, lambda path: noise.draw(result, archive.loaded, path), folder
+            archive, lambda path: write(noise.figure(result, archive.loaded), path), folder
         )
         for name, photographed in (
             (VIEWER, lambda path: photograph_viewer(bag, path)),

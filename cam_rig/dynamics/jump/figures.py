@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from cam_rig.dynamics.jump.any_follower import (
 )
 from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet
-from cam_rig.show.figure import CAM_SPEED, colour, empty, line, styled, wrapped, write
+from cam_rig.show.figure import CAM_SPEED, colour, empty, line, styled, wrapped
 from cam_rig.show.looks import in_words, title_of
 from cam_rig.units import RPM, FloatArray
 
@@ -32,11 +31,6 @@ BEYOND = 2.0
 
 #: Marker of a published speed, which points at the axis from below.
 PUBLISHED: dict[str, Any] = {"marker": CARETUP, "ls": "", "ms": 5.5, "zorder": 4}
-
-
-def draw(rows: list[JumpRow], cam_set: CamSet, duration: float | None, path: Path) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(figure(rows, cam_set, duration), path)
 
 
 @styled

@@ -5,24 +5,22 @@ A law that was fitted is drawn with its readings instead, and what is between th
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.figure import Figure
 
 from cam_rig.laws.figures import _label
 from cam_rig.measured.cam_fit.arcs_fit import ArcsFit
 from cam_rig.measured.cam_fit.spline_fit import SplineFit
-from cam_rig.show.figure import CAM_ANGLE, empty, series, styled, turn_axis, wrapped, write
+from cam_rig.show.figure import CAM_ANGLE, empty, series, styled, turn_axis, wrapped
 from cam_rig.units import TURN
 
 #: Points of a fitted curve over the turn, and what is behind it.
 FIT_POINTS, SHADE = 3601, "0.8"
 
 
-def draw_fit(fit: SplineFit | ArcsFit, path: Path) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(_arcs_fit(fit) if isinstance(fit, ArcsFit) else _spline_fit(fit), path)
+def fit_figure(fit: SplineFit | ArcsFit) -> Figure:
+    """The fitted law with its readings, and what is between them."""
+    return _arcs_fit(fit) if isinstance(fit, ArcsFit) else _spline_fit(fit)
 
 
 @styled

@@ -90,9 +90,9 @@ def compare(
         show(*found.tables)
         say(*found.notes, *found.conclusions)
         if plot is not None:
-            from cam_rig.measured.real_run.figures import draw
+            from cam_rig.measured.real_run.figures import figure
 
-            write_plot(plot, lambda part: draw(found.speeds, part, found.loaded.titles))
+            write_plot(plot, lambda: figure(found.speeds, found.loaded.titles))
         if save is not None:
             from cam_rig.measured.real_run.chart import save_real_run
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -13,7 +12,7 @@ from matplotlib.figure import Figure
 
 from cam_rig.measured.real_run.comparison import OverTurn, SpeedDeparture
 from cam_rig.show import looks as colours
-from cam_rig.show.figure import CAM_ANGLE, empty, styled, turn_axis, write
+from cam_rig.show.figure import CAM_ANGLE, empty, styled, turn_axis
 from cam_rig.show.looks import EQUAL, is_rounding, reach, title_of, web
 
 #: Name of a quantity, its unit, factor to it, unit and factor of its difference, colour.
@@ -39,13 +38,6 @@ def chosen(rows: Sequence[SpeedDeparture]) -> list[SpeedDeparture]:
         some = {id(row): row for row in (*here[:1], *leaving[:1], *here[-1:])}
         found += sorted(some.values(), key=lambda row: row.rpm)
     return found
-
-
-def draw(
-    rows: Sequence[SpeedDeparture], path: Path, titles: Mapping[str, str] = MappingProxyType({})
-) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(figure(rows, titles), path)
 
 
 @styled

@@ -32,6 +32,8 @@ from cam_rig.show.command import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from matplotlib.figure import Figure
+
     from cam_rig.laws import Law
     from cam_rig.laws.cam import CamSet
     from cam_rig.measured.rig_fit.result import FoundNumber
@@ -50,7 +52,7 @@ class FoundRig:
     sentences: list[str]
     data: dict[str, Any]
     numbers: tuple[FoundNumber, ...]
-    draw: Callable[[Path], None]
+    figure: Callable[[], Figure]
     residual: str
 
 
@@ -170,7 +172,7 @@ def fit_rig(
         write_csv(found.tables, csv)
         write_json(found.data | {"conclusions": found.sentences}, json_target)
         if plot is not None:
-            write_plot(plot, found.draw)
+            write_plot(plot, found.figure)
         if out is not None:
             _write_rig(out, found, cams.rig, source)
 
@@ -186,7 +188,7 @@ def _from_bag(
 ) -> FoundRig:
     from cam_rig.bag.foreign_topics import parse_topics
     from cam_rig.bag.measured_run import read_measured
-    from cam_rig.measured.rig_fit.figures import draw_rig_fit
+    from cam_rig.measured.rig_fit.figures import rig_figure
     from cam_rig.measured.rig_fit.rig_fit import fit_rig as fit
     from cam_rig.measured.rig_fit.tables import (
         correlation_table,
@@ -221,7 +223,7 @@ def _from_bag(
         sentences,
         rig_json(found),
         found.numbers,
-        lambda part: draw_rig_fit(found, part),
+        lambda: rig_figure(found),
         residual,
     )
 
@@ -234,7 +236,7 @@ def _from_table(
     given: dict[str, float],
     tolerance: float | None,
 ) -> FoundRig:
-    from cam_rig.measured.rig_fit.figures import draw_jump_fit
+    from cam_rig.measured.rig_fit.figures import jump_figure
     from cam_rig.measured.rig_fit.jump_fit import fit_jumps
     from cam_rig.measured.rig_fit.jump_table import read_jump_table
     from cam_rig.measured.rig_fit.tables import (
@@ -267,7 +269,7 @@ def _from_table(
         sentences,
         jumps_json(found),
         found.numbers,
-        lambda part: draw_jump_fit(found, part),
+        lambda: jump_figure(found),
         residual,
     )
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,17 +9,12 @@ from matplotlib.figure import Figure
 from cam_rig.measured.rig_fit.jump_fit import JumpFit
 from cam_rig.measured.rig_fit.result import RigFit
 from cam_rig.show import looks as colours
-from cam_rig.show.figure import CAM_ANGLE, empty, styled, turn_axis, write
+from cam_rig.show.figure import CAM_ANGLE, empty, styled, turn_axis
 from cam_rig.show.looks import web
 from cam_rig.units import TURN, to_rpm
 
 #: Speeds that are shown, at most; points of a curve.
 MOST_SPEEDS, POINTS = 3, 1440
-
-
-def draw_rig_fit(fit: RigFit, path: Path) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(rig_figure(fit), path)
 
 
 @styled
@@ -66,11 +59,6 @@ def _hold(above: Axes, below: Axes, fit: RigFit, i: int, force: bool) -> None:
     below.plot(degrees, left * fine, ".", ms=2.0, color=web(colours.LIMIT))
     turn_axis(above)
     turn_axis(below)
-
-
-def draw_jump_fit(fit: JumpFit, path: Path) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(jump_figure(fit), path)
 
 
 @styled

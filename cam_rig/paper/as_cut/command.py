@@ -81,6 +81,6 @@ def as_cut(
         write_csv([table], csv)
         write_json(tables.to_json(found), json_target)
         if plot is not None:
-            from cam_rig.paper.as_cut.figures import draw
+            from cam_rig.paper.as_cut.figures import figure
 
-            write_plot(plot, lambda part: draw(row, cam_set.titles[first], part))
+            write_plot(plot, lambda: figure(row, cam_set.titles[first]))

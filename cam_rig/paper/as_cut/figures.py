@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -14,16 +12,11 @@ from cam_rig.profile import turn_angles
 from cam_rig.profile.contact import Motion
 from cam_rig.profile.disc import Contour, Disc
 from cam_rig.profile.faces import GuidedCentre
-from cam_rig.show.figure import CAM_ANGLE, empty, series, styled, turn_axis, wrapped, write
+from cam_rig.show.figure import CAM_ANGLE, empty, series, styled, turn_axis, wrapped
 from cam_rig.show.looks import MM
 from cam_rig.units import RPM
 
 POINTS = 1440
-
-
-def draw(found: AsCut, title: str, path: Path) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(figure(found, title), path)
 
 
 @styled

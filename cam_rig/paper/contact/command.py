@@ -92,11 +92,11 @@ def contact(
         show(*shown)
         write_csv(shown, csv)
         if plot is not None:
-            from cam_rig.paper.contact.figures import draw
+            from cam_rig.paper.contact.figures import figure
 
-            write_plot(plot, lambda part: draw(found, part))
+            write_plot(plot, lambda: figure(found))
         if events is not None:
-            from cam_rig.paper.contact.figures import draw_events
+            from cam_rig.paper.contact.figures import events_figure
 
-            write_plot(events, lambda part: draw_events(most, sharpest, part))
+            write_plot(events, lambda: events_figure(most, sharpest))
         write_json(tables.to_json(found), json_target)

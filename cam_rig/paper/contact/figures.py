@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,7 +13,7 @@ from cam_rig.paper.contact import comparison as event_angle
 from cam_rig.paper.contact.comparison import ContactRow, ContactTable
 from cam_rig.paper.contact.surfaces import Measure, measured, peak_pressure, peak_sliding
 from cam_rig.profile.contact import turn_angles
-from cam_rig.show.figure import CAM_ANGLE, empty, line, logarithmic, styled, turn_axis, write
+from cam_rig.show.figure import CAM_ANGLE, empty, line, logarithmic, styled, turn_axis
 from cam_rig.show.looks import LIMIT, in_words, short, web
 from cam_rig.units import FloatArray
 
@@ -28,16 +27,6 @@ LETTERS = 32
 
 #: Event angles of the nomogram, degrees.
 EVENTS = np.linspace(30.0, 180.0, 151)
-
-
-def draw(found: ContactTable, path: Path) -> None:
-    """Write pressure and sliding to a file, of any kind that matplotlib knows by the suffix."""
-    write(figure(found), path)
-
-
-def draw_events(most: float, radius: float, path: Path) -> None:
-    """Write the nomogram to a file; see `events_figure`."""
-    write(events_figure(most, radius), path)
 
 
 @styled

@@ -67,9 +67,9 @@ def factorial(
         say(*conclusion_lines(conclusions(found)))
         write_csv(shown, csv)
         if plot is not None:
-            from cam_rig.paper.factorial.figures import draw
+            from cam_rig.paper.factorial.figures import figure
 
-            write_plot(plot, lambda part: draw(found, part))
+            write_plot(plot, lambda: figure(found))
         write_json(tables.to_json(found), json_target)
 
 

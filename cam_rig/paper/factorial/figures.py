@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
@@ -12,7 +10,7 @@ from numpy.typing import NDArray
 
 from cam_rig.paper.factorial.conclusions import contact_lost
 from cam_rig.paper.factorial.study import EFFECTS, Design, Effect, Factorial
-from cam_rig.show.figure import empty, line, logarithmic, marker, styled, write
+from cam_rig.show.figure import empty, line, logarithmic, marker, styled
 from cam_rig.show.looks import BLUE, LIGHT_GREY, ORANGE, SKY_BLUE, in_words, web
 
 #: Effects that have a panel.
@@ -28,11 +26,6 @@ PARTS = (
     ("event angle", ORANGE, ".."),
     ("interaction of law and angle", LIGHT_GREY, "xx"),
 )
-
-
-def draw(found: Factorial, path: Path) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(figure(found), path)
 
 
 @styled

@@ -92,9 +92,9 @@ def jump(
         write_csv([shown], csv)
         write_json(tables.to_json(rows, cam_set.rig.name, follower), json_target)
         if plot is not None:
-            from cam_rig.dynamics.jump.figures import draw
+            from cam_rig.dynamics.jump.figures import figure
 
-            write_plot(plot, lambda part: draw(rows, cam_set, duration, part))
+            write_plot(plot, lambda: figure(rows, cam_set, duration))
 
 
 def conclusion(rows: list[JumpRow]) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -11,17 +9,12 @@ from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.two_mass.model import states
 from cam_rig.dynamics.two_mass.trajectory import Separation
 from cam_rig.laws.cam import CamSet
-from cam_rig.show.figure import CAM_ANGLE, empty, line, styled, turn_axis, write
+from cam_rig.show.figure import CAM_ANGLE, empty, line, styled, turn_axis
 from cam_rig.show.looks import title_of
 from cam_rig.units import RPM, TURN
 
 #: The turn shown, counted from rest, and its samples.
 SHOWN, POINTS = 3, 3000
-
-
-def draw(cam_set: CamSet, rpm: float, path: Path) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(figure(cam_set, rpm), path)
 
 
 @styled

@@ -265,7 +265,7 @@ def noise(
         show(*shown)
         write_csv(shown, csv)
         if plot is not None:
-            from cam_rig.paper.noise.figures import draw
+            from cam_rig.paper.noise.figures import figure
 
-            write_plot(plot, lambda part: draw(found, loaded, part))
+            write_plot(plot, lambda: figure(found, loaded))
         write_json(tables.to_json(found), json_target)

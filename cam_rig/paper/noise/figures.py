@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -12,15 +10,10 @@ from matplotlib.patches import Rectangle
 
 from cam_rig.paper.noise.methods import Method
 from cam_rig.paper.noise.study import NoiseStudy
-from cam_rig.show.figure import CAM_SPEED, LEVEL, empty, marker, styled, write
+from cam_rig.show.figure import CAM_SPEED, LEVEL, empty, marker, styled
 from cam_rig.show.looks import short
 from cam_rig.simulation.figures import MIN_SPEEDS
 from cam_rig.simulation.scene import LoadedScene
-
-
-def draw(study: NoiseStudy, loaded: LoadedScene, path: Path) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(figure(study, loaded), path)
 
 
 @styled

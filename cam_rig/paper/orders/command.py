@@ -111,9 +111,9 @@ def orders(
         show(tables.speed_table(found), *([every] if len(every.rows) <= SHOWN else []))
         write_csv([every], csv)
         if plot is not None:
-            from cam_rig.paper.orders.figures import draw
+            from cam_rig.paper.orders.figures import figure
 
-            write_plot(plot, lambda part: draw(found, part, titles))
+            write_plot(plot, lambda: figure(found, titles))
         if save is not None:
             _save(found, save, titles)
         write_json(tables.to_json(found), json_target)

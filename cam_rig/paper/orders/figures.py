@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
@@ -13,7 +12,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from cam_rig.paper.orders.spectrum import QUANTITIES, RANGE, CamOrders, loudest
-from cam_rig.show.figure import CAM_SPEED, colour, empty, styled, write
+from cam_rig.show.figure import CAM_SPEED, colour, empty, styled
 from cam_rig.show.looks import title_of
 from cam_rig.units import FloatArray
 
@@ -21,13 +20,6 @@ from cam_rig.units import FloatArray
 NAMED = 8
 
 COLOURS, GROUND = "viridis", "0.12"
-
-
-def draw(
-    found: Sequence[CamOrders], path: Path, titles: Mapping[str, str] = MappingProxyType({})
-) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(figure(found, titles), path)
 
 
 @styled

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -18,7 +16,6 @@ from cam_rig.show.figure import (
     series_marker,
     styled,
     wrapped,
-    write,
 )
 from cam_rig.show.tables import printed
 from cam_rig.units import RPM
@@ -30,11 +27,6 @@ SHOWN = {1.0: "two masses", 2.0: "three masses", BAR: "bar"}
 
 #: Speeds of the least force, rpm.
 SPEEDS = np.arange(150.0, 440.0, 2.0)
-
-
-def draw_stem(law: Law, title: str, stem: Stem, path: Path) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(stem_figure(law, title, stem), path)
 
 
 @styled

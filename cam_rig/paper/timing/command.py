@@ -64,7 +64,7 @@ def timing(
         write_csv(shown, csv)
         write_json(tables.to_json(found), json_target)
         if plot is not None:
-            from cam_rig.paper.timing.figures import draw
+            from cam_rig.paper.timing.figures import figure
 
             columns = [control.timing for control in beside] or [first]
-            write_plot(plot, lambda part: draw(columns, part))
+            write_plot(plot, lambda: figure(columns))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,6 @@ from cam_rig.show.figure import (
     styled,
     turn_axis,
     wrapped,
-    write,
 )
 
 POINTS = 720
@@ -33,11 +31,6 @@ FREE: dict[str, Any] = {"color": series(0)["color"], "lw": 1.1}
 HELD: dict[str, Any] = {"color": "0.75", "lw": 1.1}
 
 EVENT: dict[str, Any] = {"color": "0.3", "ls": ":", "lw": 1.0}
-
-
-def draw(columns: Sequence[CamTiming], path: Path) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(figure(columns), path)
 
 
 @styled

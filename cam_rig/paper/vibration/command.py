@@ -74,7 +74,7 @@ def vibration(
             say(f"contact is lost at {lost} of {len(found.rpm)} speeds: no claim is tested there")
         write_csv(shown, csv)
         if plot is not None:
-            from cam_rig.paper.vibration.figures import draw
+            from cam_rig.paper.vibration.figures import figure
 
-            write_plot(plot, lambda part: draw(cam_set, speeds[-1], part))
+            write_plot(plot, lambda: figure(cam_set, speeds[-1]))
         write_json(tables.to_json(found), json_target)

@@ -5,7 +5,6 @@ Small multiples: a column for each cam, in which the other cams are grey.
 
 from __future__ import annotations
 
-from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
@@ -22,7 +21,7 @@ from cam_rig.dynamics.vibration import LowDwell, SteadyTurn, low_dwell, steady_t
 from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet
 from cam_rig.schema import RigConfig
-from cam_rig.show.figure import CAM_ANGLE, colour, empty, line, styled, turn_axis, wrapped, write
+from cam_rig.show.figure import CAM_ANGLE, colour, empty, line, styled, turn_axis, wrapped
 from cam_rig.show.looks import title_of
 from cam_rig.units import RPM, FloatArray
 
@@ -47,11 +46,6 @@ OTHERS: dict[str, Any] = {"color": "0.8", "lw": 0.6, "zorder": 1.5}
 
 #: Abscissa and values of each row.
 Rows = list[tuple[FloatArray, FloatArray]]
-
-
-def draw(cam_set: CamSet, rpm: float, path: Path) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(figure(cam_set, rpm), path)
 
 
 @styled
